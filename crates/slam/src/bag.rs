@@ -1,6 +1,6 @@
-//! Recordings of messages: MCAP files, ours with every byte of a robot's links and others' with
-//! laser scans and poses, JSON by Foxglove's schemas or CDR by ROS 2's; rosbag2 in SQLite; folders
-//! of either.
+//! Recordings of messages: MCAP files and rosbag2 in SQLite, and folders of either. Our own MCAP
+//! files contain every byte of a robot's links; others contain laser scans and poses, as JSON with
+//! Foxglove's schemas or as CDR of ROS 2.
 
 mod cdr;
 pub mod db3;
@@ -24,37 +24,37 @@ use super::{BEAMS_MAX, Log};
 use capture::replay::Arrival;
 use capture::replay::Recorded;
 
-/// A recording that cannot be used at all.
+/// The reason why a recording cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct BagError(String);
 
-/// What a recording holds.
+/// The content of a recording.
 #[derive(Debug, Default)]
 pub struct Contents {
-    /// The bytes of links, as far as they reached the master; times are the file's own.
+    /// The bytes of links that reached the master, with the times in the file.
     pub recorded: Recorded,
-    /// The scenario that they are of.
+    /// The scenario of the recording.
     pub scenario: Option<String>,
-    /// What cannot be used.
+    /// Messages and parts that were skipped.
     pub findings: Findings,
     scans: BTreeMap<String, Vec<Said<Beams>>>,
     poses: BTreeMap<(Trust, String), Vec<Said<Pose>>>,
 }
 
-/// Kinds of poses, from a measurement of motion to an estimate; the first is taken if both exist.
+/// Kinds of poses, from measured motion to an estimate; the first one available is used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Trust {
-    /// The wheels'.
+    /// Wheel odometry.
     Odometry,
-    /// Some program's belief.
+    /// The believed pose of a program.
     Belief,
 }
 
-/// What is understood of a topic.
+/// The interpretation of a topic.
 #[derive(Clone, Copy, Debug)]
 enum Meaning {
-    /// Bytes of a link, by its number.
+    /// Bytes of the link with this index.
     #[cfg(feature = "mcap")]
     Bytes(usize),
     JsonScan,
@@ -65,7 +65,7 @@ enum Meaning {
 }
 
 impl Meaning {
-    /// Of messages with this encoding and schema.
+    /// The interpretation of messages with this encoding and schema.
     fn of(encoding: &str, schema: &str) -> Option<Self> {
         Some(match (encoding, schema) {
             ("json", "foxglove.LaserScan") => Self::JsonScan,
@@ -83,7 +83,7 @@ impl Meaning {
 }
 
 impl Contents {
-    /// Whether there are links whose bytes can be understood, if it is known whose they are.
+    /// Whether the recording contains bytes of links of a known robot.
     pub fn has_bytes(&self) -> bool {
         self.recorded
             .links
@@ -91,7 +91,8 @@ impl Contents {
             .any(|link| !link.arrivals.is_empty())
     }
 
-    /// The log of the messages: the laser that has most of them, and the most trustworthy poses.
+    /// Converts the messages to a log, with the laser that has the most messages and the most
+    /// reliable poses.
     ///
     /// # Errors
     /// If no scan is left.
@@ -128,7 +129,7 @@ impl Contents {
         ))
     }
 
-    /// Messages of a recording may come in any order of time.
+    /// Sorts by time: messages of a recording may be in any order.
     pub fn sort(&mut self) {
         let scans = self.scans.values_mut();
         scans.for_each(|scans| scans.sort_by_key(|said| said.logged));
@@ -139,7 +140,7 @@ impl Contents {
 }
 
 impl Contents {
-    /// Takes a message, or notes why it cannot be used.
+    /// Adds a message, or records why it was skipped.
     fn message(&mut self, topic: &str, meaning: Meaning, logged: Instant, data: &[u8]) {
         if let Err(refusal) = self.understood(topic, meaning, logged, data) {
             let place = format_args!("{topic} at {logged} s");
@@ -155,7 +156,7 @@ impl Contents {
         logged: Instant,
         data: &[u8],
     ) -> Result<(), Refusal> {
-        // A recorder may pack each message: no CDR begins like that.
+        // A recorder may compress single messages: CDR never begins like that.
         let data = if meaning.is_cdr() && data.starts_with(unpack::ZSTD) {
             let unpacked = unpack::zstd(data, unpack::BYTES_MAX).whole();
             Cow::Owned(unpacked.map_err(|what| (Kind::Unreadable, what))?)
@@ -198,10 +199,10 @@ impl Contents {
     }
 }
 
-/// Why a message is left out.
+/// The reason why a message is skipped.
 type Refusal = (Kind, String);
 
-/// What a message says, with its own time if it has one.
+/// A decoded message, with its own time if it has one.
 struct Heard<T> {
     at_s: f64,
     what: T,
@@ -218,10 +219,10 @@ impl<T> Heard<T> {
     }
 }
 
-/// Farther than any robot drives, metres.
+/// Maximum distance from the origin that is plausible, metres.
 const FAR_M: f64 = 1e5;
 
-/// A pose in the plane from a place and a turn as quaternion.
+/// A planar pose from a position and a quaternion.
 fn pose([x, y]: [f64; 2], [qx, qy, qz, qw]: [f64; 4]) -> Result<Pose, Refusal> {
     let theta = libm::atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz));
     if [x, y].iter().all(|part| part.abs() < FAR_M) && theta.is_finite() {
@@ -232,11 +233,11 @@ fn pose([x, y]: [f64; 2], [qx, qy, qz, qw]: [f64; 4]) -> Result<Pose, Refusal> {
     }
 }
 
-/// Beams whose numbers make sense.
+/// Accepts beams with plausible numbers.
 fn checked(beams: Beams) -> Result<Beams, Refusal> {
     let (first, step, beam_s) = (beams.first, beams.step, beams.beam_s);
     let (count, turn) = (beams.ranges.len(), step * beams.ranges.len() as f64);
-    // Not-a-number is on neither side of a bound.
+    // NaN fails both comparisons.
     let is_sound = first.abs() < 7.0 && turn.abs() < 7.0 && (0.0..0.1).contains(&beam_s);
     if !is_sound || count > BEAMS_MAX {
         let words = format!(

@@ -1,10 +1,12 @@
-//! CARMEN logs: one message a line, `name fields.. time host time`.
+//! CARMEN logs: one message per line, `name fields.. time host time`.
 //!
-//! `FLASER n r1..rn x y theta odom_x odom_y odom_theta` has no angles: a half circle from the right
-//! to the left, unless `PARAM laser_front_laser_resolution` says otherwise. `ROBOTLASER1` says its
-//! angles itself. A log that was corrected by a mapper holds the mapper's poses instead of the
-//! wheels': between two scans the poses differ by wheel odometry only, so it is recovered from
-//! there, and the jump to each scan, the mapper's correction, is left out.
+//! `FLASER n r1..rn x y theta odom_x odom_y odom_theta` has no angles: it covers a half circle from
+//! right to left, unless `PARAM laser_front_laser_resolution` defines another resolution.
+//! `ROBOTLASER1` contains its angles.
+//!
+//! A log that was corrected by a mapper contains the mapper's poses instead of the odometry.
+//! Between two scans the poses differ by odometry only, so the odometry is recovered from there.
+//! The jump at each scan is the mapper's correction and is left out.
 
 mod fields;
 mod wheels;
@@ -18,15 +20,16 @@ use super::{FARTHEST_M, Log, Shot, end_points};
 use fields::{Fields, Refusal, refusal};
 use wheels::{Chain, PoseKind};
 
-/// Farthest place of a laser in its robot's frame, metres.
+/// Maximum distance of a laser from the origin of the robot, metres.
 const LASER_FAR_M: f64 = 3.0;
 
-/// A log that cannot be used at all.
+/// The reason why a log cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct CarmenError(String);
 
-/// Reads a log. What cannot be used is left out and counted; an error only if nothing is left.
+/// Reads a log. Unusable messages are skipped and counted; an error is returned only if no scan is
+/// left.
 pub fn read(bytes: &[u8]) -> Result<Log, CarmenError> {
     let mut reader = Reader::default();
     let is_whole = bytes.is_empty() || bytes.ends_with(b"\n");
@@ -44,14 +47,14 @@ pub fn read(bytes: &[u8]) -> Result<Log, CarmenError> {
     reader.log()
 }
 
-/// A scan as the log has it.
+/// A scan in the log.
 struct Laser {
     line: usize,
     ranges: Vec<f64>,
     first: f64,
     step: f64,
     farthest_m: f64,
-    /// The laser, and the robot, in the log's frame.
+    /// The poses of laser and robot in the log's frame.
     laser: Pose,
     robot: Pose,
     stamp: f64,
@@ -62,7 +65,7 @@ enum Message {
     Laser(Laser),
 }
 
-/// What `PARAM` lines say of the front laser.
+/// The `PARAM` lines about the front laser.
 #[derive(Default)]
 struct Params {
     resolution_deg: Option<f64>,
@@ -75,7 +78,7 @@ struct Reader {
     messages: Vec<Message>,
     findings: Findings,
     ignored: u64,
-    /// Whether the log itself says that a mapper wrote its poses.
+    /// Whether the log states that a mapper wrote its poses.
     is_corrected: bool,
 }
 
@@ -100,7 +103,7 @@ impl Reader {
                 let laser = robot_laser(number, &mut fields)?;
                 self.messages.push(Message::Laser(laser));
             }
-            // The number of particles that a mapper still had.
+            // The effective number of particles of a mapper.
             Some("NEFF") => {
                 self.is_corrected = true;
                 self.ignored += 1;
@@ -132,8 +135,8 @@ impl Reader {
             "laser_front_laser_resolution" if value > 0.0 => {
                 self.params.resolution_deg = Some(value);
             }
-            // `robot_front_laser_max` is how far the navigation looks, not how far the laser sees:
-            // in some logs a third of the readings lies beyond.
+            // `robot_front_laser_max` is the maximum range for navigation, not of the laser: in
+            // some logs a third of the readings is beyond it.
             "robot_frontlaser_offset" if value.abs() < LASER_FAR_M => self.params.offset_m = value,
             _ => {}
         }
@@ -152,7 +155,7 @@ impl Reader {
         };
         let half = 180.0 / spread;
         let step = self.params.resolution_deg.unwrap_or(half);
-        // A step that does not make a half circle is laid around straight ahead.
+        // A scan that does not cover a half circle is centred straight ahead.
         let first = if (step / half - 1.0).abs() < 0.05 {
             -90.0
         } else {
@@ -257,8 +260,8 @@ impl Reader {
 }
 
 fn points_of(laser: &Laser, params: &Params) -> (Vec<firmware_core::pose::Point>, u32) {
-    // Where the two poses do not belong to one frame, only PARAM knows where the laser sits. Where
-    // they are the same, they are the laser's: corrected logs have them so.
+    // If the two poses are not in the same frame, only `PARAM` defines the position of the laser.
+    // If they are equal, both are those of the laser, as in corrected logs.
     let apart = between(laser.robot, laser.laser);
     let is_near = libm::hypot(apart.x, apart.y) < LASER_FAR_M;
     let seat = if is_near {
@@ -310,7 +313,7 @@ fn robot_laser(line: usize, fields: &mut Fields<'_>) -> Result<Laser, Refusal> {
     })
 }
 
-/// Times of six digits since 1970 make many scans alike.
+/// Epoch times with six digits give many scans the same time.
 fn stamps_are_useless(messages: &[Message]) -> bool {
     let mut stamps: Vec<u64> = messages
         .iter()

@@ -1,27 +1,27 @@
-//! What of a log could not be used, and where: counted by kind, the first ones told.
+//! Unusable parts of a log with their positions: counted by kind; the first ones are reported.
 
 use core::fmt;
 use std::collections::BTreeMap;
 
-/// Why something of a log is left out.
+/// The reason why a part of a log is skipped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
-    /// A message that cannot be read.
+    /// A message cannot be parsed.
     Unreadable,
-    /// The file ends in the middle of a message.
+    /// The file ends within a message.
     Cut,
-    /// A chunk, a page or a file of a recording that is damaged or missing.
+    /// A chunk, page or file of a recording is damaged or missing.
     Part,
-    /// A scan without a single return.
+    /// A scan has no return.
     Blind,
-    /// A scan older than the one before it.
+    /// A scan is older than the previous one.
     Backwards,
-    /// A scan or pose that is not a number, or farther than any robot drives.
+    /// A scan or pose is NaN, or at an implausible distance.
     Absurd,
 }
 
 impl Kind {
-    /// In words.
+    /// The kind in words.
     pub const fn words(self) -> &'static str {
         match self {
             Self::Unreadable => "unreadable messages",
@@ -34,7 +34,7 @@ impl Kind {
     }
 }
 
-/// Findings that are reported in words; the others are only counted.
+/// Maximum number of findings that are reported in words; the others are only counted.
 const TOLD_MAX: usize = 10;
 
 /// All findings of a log.
@@ -42,12 +42,12 @@ const TOLD_MAX: usize = 10;
 pub struct Findings {
     counts: BTreeMap<Kind, u64>,
     told: Vec<String>,
-    /// Single readings that were not a number or negative.
+    /// Number of single readings that are NaN or negative.
     pub absurd_readings: u64,
 }
 
 impl Findings {
-    /// Notes one; `place` is a line or an offset, e.g. "line 12".
+    /// Records a finding; `place` is a line or an offset, e.g. "line 12".
     pub fn add(&mut self, kind: Kind, place: fmt::Arguments<'_>, what: fmt::Arguments<'_>) {
         *self.counts.entry(kind).or_default() += 1;
         if self.told.len() < TOLD_MAX {
@@ -55,7 +55,7 @@ impl Findings {
         }
     }
 
-    /// Takes over what was found elsewhere.
+    /// Adds the findings of another part.
     pub fn extend(&mut self, other: Self) {
         for (kind, count) in other.counts {
             *self.counts.entry(kind).or_default() += count;
@@ -65,17 +65,17 @@ impl Findings {
         self.absurd_readings += other.absurd_readings;
     }
 
-    /// How often something of this kind was found.
+    /// The number of findings of this kind.
     pub fn count(&self, kind: Kind) -> u64 {
         self.counts.get(&kind).copied().unwrap_or(0)
     }
 
-    /// The first ones, as sentences with their place.
+    /// The first findings, as sentences with their positions.
     pub fn told(&self) -> &[String] {
         &self.told
     }
 
-    /// Kinds and numbers of all.
+    /// The numbers of findings by kind.
     pub fn counts(&self) -> impl Iterator<Item = (Kind, u64)> + '_ {
         self.counts.iter().map(|(kind, count)| (*kind, *count))
     }

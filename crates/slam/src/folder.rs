@@ -1,4 +1,4 @@
-//! What a survey leaves behind: map, way and timing.
+//! The result folder of a survey: map, path and timing.
 
 use std::path::Path;
 
@@ -15,42 +15,42 @@ use super::survey::Survey;
 use engine::picture::Picture;
 use show::folder::{Folder, FolderError};
 
-/// `timing.json`.
+/// The content of `timing.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Timing<'a> {
-    /// `graph`, `core` or `seed`; `map` if the way was found on a map that there was.
+    /// `graph`, `core` or `seed`; `map` if the path was located on an existing map.
     pub mode: &'a str,
-    /// Edge of a cell.
+    /// Edge of a cell, millimetres.
     pub cell_mm: f64,
-    /// Scans mapped.
+    /// Number of mapped scans.
     pub scans: usize,
-    /// Messages left out.
+    /// Number of skipped messages.
     pub skipped: u64,
-    /// Scans with an uncertain pose.
+    /// Number of scans with an uncertain pose.
     pub doubtful: usize,
-    /// Scans that matched several places.
+    /// Number of scans that matched several places.
     pub ambiguous: usize,
-    /// Scans that the mapper put far from where the wheels had.
+    /// Scans for which the mapper's pose is far from the odometry.
     pub jumps: &'a [Jump],
-    /// Places seen again: edges between keyframes that are not neighbours.
+    /// Number of loop closures: edges between keyframes that are not neighbours.
     pub loop_edges: usize,
-    /// Loop closures that were removed because all other data contradicted them.
+    /// Number of loop closures that were removed because all other data contradicted them.
     pub dropped_loops: usize,
-    /// Parts of the map that were not joined to each other, 1 if all is one. `null` of a mapper
-    /// that closes no loops.
+    /// Number of parts of the map that were not joined; 1 if the map is connected. `null` if the
+    /// mapper does not close loops.
     pub parts: Option<usize>,
-    /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
-    /// parts. `null` of a mapper that closes no loops, and of a log without odometry.
+    /// Share of the path that only scan matching confirms, 0 to 1; 1 if the map has several parts.
+    /// `null` if the mapper does not close loops, or the log has no odometry.
     pub doubt: Option<f64>,
-    /// Keyframes that are kept.
+    /// Number of keyframes.
     pub keyframes: usize,
-    /// Scans of which less than half lies on walls known before.
+    /// Number of scans of which less than half lies on known walls.
     pub poor: usize,
     /// Processor time of all scans, seconds.
     pub cpu_s: Option<f64>,
-    /// Time of a scan: median, microseconds.
+    /// Median processing time of a scan, microseconds.
     pub scan_median_us: f64,
-    /// Time of a scan: longest, microseconds.
+    /// Maximum processing time of a scan, microseconds.
     pub scan_longest_us: f64,
 }
 
@@ -59,7 +59,8 @@ pub fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing<'a> {
     let [median, longest, _] = survey.times();
     Timing {
         mode,
-        // Whole micrometres: what was asked for, and no remainder of the metres in between.
+        // Rounded to whole micrometres, to show the requested value without rounding errors of
+        // metres.
         cell_mm: libm::round(1e6 * survey.map.cell_m) / 1000.0,
         scans: survey.way.len(),
         skipped: log.findings.counts().map(|(_, count)| count).sum(),
@@ -78,18 +79,18 @@ pub fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing<'a> {
     }
 }
 
-/// What is new in a survey.
+/// The new results of a survey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum News {
-    /// Map and way.
+    /// Map and path.
     Map,
-    /// The way on a map that there was.
+    /// The path on an existing map.
     Way,
 }
 
-/// Writes `map.png`, `trajectory.tum` and `timing.json` into `dir`, which is made if need be; of a
-/// new map also `map.pgm` and `map.yaml`; of a mapper that closes loops also `scans.csv`, and of
-/// its map `graph.g2o` and `walls.pcd`.
+/// Writes `map.png`, `trajectory.tum` and `timing.json` into `dir`, which is created if necessary.
+/// Also writes `map.pgm` and `map.yaml` of a new map, `scans.csv` if the mapper closes loops, and
+/// `graph.g2o` and `walls.pcd` of its map.
 pub fn write(
     dir: &Path,
     survey: &Survey,
@@ -118,7 +119,8 @@ pub fn write(
     folder.picture("map.png", &picture(survey))
 }
 
-/// The way in TUM form. Times keep nine digits, so that epoch times stay exact to the microsecond.
+/// The path in TUM format. Times have nine decimals, so that epoch times are exact to the
+/// microsecond.
 pub(crate) fn tum(survey: &Survey) -> String {
     let mut out = String::from("# timestamp tx ty tz qx qy qz qw\n");
     for (at_s, place) in &survey.way {
@@ -131,13 +133,13 @@ pub(crate) fn tum(survey: &Survey) -> String {
     out
 }
 
-/// A cell from which on it is wall, and up to which it is free.
+/// Minimum value of a wall cell, and maximum value of a free cell.
 const WALL: u8 = 190;
 const FREE: u8 = 115;
 /// Gray of an unknown cell in a ROS map.
 const ROS_UNKNOWN: u8 = 205;
 
-/// A picture of the map, top row first, from each cell's value.
+/// A picture of the map, top row first; `shade` converts each cell.
 fn image(map: &Sheet, shade: impl Fn(u8) -> u8) -> Picture<u8> {
     Picture::from_fn(map.width, map.height, |x, y| {
         shade(map.cells[(map.height - 1 - y) * map.width + x])
@@ -152,7 +154,7 @@ fn ros_image(map: &Sheet) -> Picture<u8> {
     })
 }
 
-/// The map, dark where it believes walls, with the way in red; small maps are enlarged.
+/// The map with dark walls and the path in red; small maps are enlarged.
 fn picture(survey: &Survey) -> Picture {
     let map = &survey.map;
     let scale = if map.width.max(map.height) < 800 {
@@ -174,9 +176,9 @@ fn picture(survey: &Survey) -> Picture {
     image
 }
 
-/// Poses and edges as g2o writes them: `VERTEX_SE2 number x y heading`, `EDGE_SE2 from to x y
-/// heading` and the upper half of the information; metres and radians. Edges of the wheels are
-/// those that the poses agree with, without what the wheels miss.
+/// Poses and edges in g2o format: `VERTEX_SE2 number x y heading`, `EDGE_SE2 from to x y heading`
+/// and the upper half of the information matrix, in metres and radians. The systematic error of the
+/// odometry is removed from its edges.
 fn g2o(graph: &Graph) -> String {
     let mut out = String::new();
     for (number, pose) in graph.poses.iter().enumerate() {
@@ -196,7 +198,7 @@ fn g2o(graph: &Graph) -> String {
     out
 }
 
-/// How sure each pose is, scan by scan, and the part of the map that it belongs to.
+/// The uncertainty of each scan's pose, and the part of the map that it belongs to.
 fn sureness(survey: &Survey) -> String {
     let head = "at_s,x_m,y_m,heading_rad,quality,sigma_x_m,sigma_y_m,sigma_heading_rad,doubtful,\
                 part\n";
@@ -213,7 +215,7 @@ fn sureness(survey: &Survey) -> String {
     out
 }
 
-/// Why writing into a string does not fail.
+/// Writing to a string never fails.
 const ENDLESS: &str = "a string takes everything";
 
 #[cfg(test)]
@@ -221,8 +223,8 @@ mod tests {
     use super::*;
     use crate::mapping::Edge;
 
-    /// Wheels that went 2 m and miss 0.1 rad per metre turned by 0.2 rad along a chord at 0.1 rad:
-    /// the poses agree with that. Of an unknown motion there is no edge.
+    /// Odometry of 2 m with an error of 0.1 rad per metre: the corrected edge is turned by 0.2 rad
+    /// along a chord at 0.1 rad. An unknown motion has no edge.
     #[test]
     fn edges_are_written_as_the_poses_agree_with_them() {
         for (kind, line) in [
@@ -257,7 +259,7 @@ mod tests {
         }
     }
 
-    /// The lines that g2o's own tutorial names, with the fields in its order.
+    /// The lines in g2o's tutorial, with the fields in its order.
     #[test]
     fn a_graph_is_written_as_g2o_reads_it() {
         let mut graph = Graph::default();

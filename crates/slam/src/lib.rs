@@ -1,6 +1,6 @@
-//! The mapper over a log of scans and odometry from any recorder: CARMEN logs, our captures, MCAP
+//! The mapper for logs of scans and odometry from any recorder: CARMEN logs, our captures, MCAP
 //! files, bags of ROS 2. The settings are the same for every log. The mapper is the robot's own
-//! ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), by
+//! ([`survey`](mod@survey)), or the one for buildings ([`mapping`](mod@mapping), used by
 //! [`tour`](mod@tour)), which closes loops.
 //!
 //! ```text
@@ -31,39 +31,39 @@ pub use finding::Findings;
 /// One scan of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// When it was taken, in seconds of the log's clock; the scan's number if that clock is of no
-    /// use.
+    /// Time of the scan, seconds of the log's clock; the number of the scan if that clock is
+    /// unusable.
     pub at_s: f64,
     /// Odometry since the previous scan: metres and radians, in the frame of the previous pose.
     pub moved: Pose,
-    /// Whether odometry was available; if not, the robot may be anywhere nearby.
+    /// Whether odometry was available; if not, the motion is unknown and small.
     pub is_measured: bool,
-    /// What the beams hit, in the robot's frame.
+    /// End points of the beams in the robot's frame.
     pub points: Vec<Point>,
 }
 
-/// What a file of scans says.
+/// The content of a file of scans.
 #[derive(Clone, Debug, Default)]
 pub struct Log {
-    /// Where the way begins, by the log: metres and radians.
+    /// Start pose of the path in the log: metres and radians.
     pub start: Pose,
-    /// The scans that are good for anything, in their order.
+    /// The usable scans in order.
     pub shots: Vec<Shot>,
-    /// What was not.
+    /// The unusable parts.
     pub findings: Findings,
-    /// What had to be assumed, each as a sentence.
+    /// Assumptions, each as a sentence.
     pub notes: Vec<String>,
 }
 
-/// Nearest and farthest reading that is believed, metres.
+/// Minimum and maximum plausible range, metres.
 pub(crate) const NEAREST_M: f64 = 0.05;
 pub(crate) const FARTHEST_M: f64 = 50.0;
-/// Maximum number of beams of one scan; more are nonsense.
+/// Maximum number of beams of a scan; a larger number is implausible.
 pub(crate) const BEAMS_MAX: usize = 8192;
 
-/// End points of beams of these lengths (m) at these bearings (rad), from a laser that sat at
-/// `laser` in the robot's frame at each beam. Readings that are no returns are left out; more than
-/// the mapper takes are thinned evenly. The number of absurd ones comes second.
+/// End points of beams with these ranges (m) and bearings (rad); `laser` is the pose of the laser
+/// in the robot's frame at each beam. Ranges without a return are left out; if the mapper's limit
+/// is exceeded, points are thinned evenly. The second value is the number of implausible ranges.
 pub(crate) fn end_points(
     ranges: impl Iterator<Item = f64>,
     bearing: impl Fn(usize) -> f64,

@@ -7,60 +7,60 @@ use serde::Serialize;
 use super::Shot;
 use super::mapping::Sheet;
 
-/// What is known after a scan.
+/// The state after a scan.
 #[derive(Clone, Copy)]
 pub struct Look<'a> {
-    /// Scans done.
+    /// Number of processed scans.
     pub done: usize,
-    /// The last of them.
+    /// The last scan.
     pub shot: &'a Shot,
-    /// Where it was put: metres and radians in the log's frame.
+    /// The pose of the last scan: metres and radians in the log's frame.
     pub pose: Pose,
-    /// How sure that is, of a mapper that says.
+    /// The uncertainty of the pose, if the mapper computes it.
     pub sureness: Option<Sureness>,
-    /// How far that is from where the wheels had put it, if it is far.
+    /// The difference from the odometry, if it is large.
     pub jump: Option<Jump>,
-    /// What the mapper has made of all scans so far.
+    /// The result so far.
     pub so_far: &'a dyn SoFar,
 }
 
-/// What a mapper has made of the scans so far.
+/// The result of a mapper so far.
 pub trait SoFar {
-    /// Where each was taken, by what is known now: metres and radians in the log's frame.
+    /// The current estimate of each scan's pose: metres and radians in the log's frame.
     fn way(&self) -> Vec<Pose>;
 
-    /// The map of cells with this edge, metres, or of the edge that the mapper itself has.
+    /// The map with cells of this edge, metres, or of the mapper's own resolution.
     fn map(&self, cell_m: f64) -> Sheet;
 
-    /// Keyframes.
+    /// Number of keyframes.
     fn keyframes(&self) -> usize {
         0
     }
 
-    /// Loop closures: both positions of the robot.
+    /// Loop closures, as pairs of robot poses.
     fn loops(&self) -> Vec<[Pose; 2]> {
         Vec::new()
     }
 }
 
-/// A scan that the mapper put far from where the wheels had: half a metre, or a quarter of a right
-/// angle. Either the wheels slipped, or the mapper is wrong from there on.
+/// A scan for which mapper and odometry differ by half a metre or a quarter of a right angle.
+/// Either the wheels slipped, or the mapper is wrong from there on.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Jump {
     /// Time of the scan, seconds.
     pub at_s: f64,
-    /// How far, metres.
+    /// Distance, metres.
     pub far_m: f64,
-    /// How far turned, degrees.
+    /// Difference in heading, degrees.
     pub turned_deg: f64,
 }
 
-/// Less than this is no jump.
+/// Minimum difference of a jump.
 const JUMP_MM: f32 = 500.0;
 const JUMP_RAD: f32 = core::f32::consts::FRAC_PI_8;
 
 impl Jump {
-    /// From where the wheels put the scan of `at_s` to where the mapper did.
+    /// The difference between the odometry and the mapper for the scan at `at_s`, if it is a jump.
     pub(super) fn between(at_s: f64, wheels: RobotPose, mapper: RobotPose) -> Option<Self> {
         let far_mm = wheels.position().distance_mm(mapper.position());
         let turned_rad = normalised(mapper.heading - wheels.heading);
@@ -72,14 +72,14 @@ impl Jump {
     }
 }
 
-/// How sure the pose of a scan is.
+/// The uncertainty of a scan's pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Sureness {
-    /// Part of the scan that lies on walls known before, 0 to 1.
+    /// Share of the scan that lies on known walls, 0 to 1.
     pub quality: f64,
-    /// Standard deviations against those walls: metres along x and y, radians.
+    /// Standard deviations relative to those walls: x and y in metres, heading in radians.
     pub deviation: [f64; 3],
-    /// Whether the wheels were believed instead.
+    /// Whether the odometry was used instead.
     pub is_doubtful: bool,
 }
 
@@ -94,7 +94,7 @@ mod tests {
         assert!(to(1499.0, 3.0).is_none() && to(1000.0, 3.39).is_none());
         let far = to(1500.0, 3.0).expect("a jump");
         assert!((far.at_s - 7.0).abs() < 1e-9 && (far.far_m - 0.5).abs() < 1e-6);
-        // 0.4 rad, across half a turn: 22.9 degrees.
+        // 0.4 rad across the discontinuity at half a turn: 22.9 degrees.
         let turned = to(1000.0, -2.883_185).expect("a jump");
         assert!((turned.turned_deg - 22.918).abs() < 0.01, "{turned:?}");
     }

@@ -1,4 +1,4 @@
-//! Maps as others keep them, and how two of them differ.
+//! Maps in common file formats, and the comparison of two maps.
 //!
 //! ```text
 //! map.yaml + picture -> RosMap; two of them -> alignment -> overlap, wall error, picture

@@ -1,4 +1,4 @@
-//! A log from messages with stamps: scans of a laser, and poses of odometry or of a mapper.
+//! A log of messages with time stamps: laser scans, and poses of odometry or of a mapper.
 
 use emulators::world::Pose;
 use protocols::Instant;
@@ -8,36 +8,36 @@ use super::motion::{between, moved};
 use super::stamps::LogClock;
 use super::{Log, Shot, end_points};
 
-/// Farther than a robot goes between two scans, metres.
+/// Maximum plausible distance between two scans, metres.
 const STEP_MAX_M: f64 = 20.0;
-/// Poses farther from a scan's time than this say nothing of it, seconds.
+/// Maximum time between a scan and a usable pose, seconds.
 const GAP_MAX_S: f64 = 1.0;
 
-/// A laser's scan.
+/// A scan of a laser.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Beams {
-    /// Bearing of the first beam, and what the next one has more, radians.
+    /// Bearing of the first beam, and step to the next one, radians.
     pub(super) first: f64,
     pub(super) step: f64,
-    /// Time from one beam to the next, seconds; 0 if unknown.
+    /// Time between two beams, seconds; 0 if unknown.
     pub(super) beam_s: f64,
-    /// Farther readings are none, metres.
+    /// Maximum range, metres.
     pub(super) farthest_m: f64,
     pub(super) ranges: Vec<f64>,
-    /// The laser in the robot's frame.
+    /// The pose of the laser in the robot's frame.
     pub(super) seat: Pose,
 }
 
-/// What was said at a time, and where in the file: times are those of the message itself.
+/// A message with its own time and its position in the file.
 #[derive(Clone, Debug)]
 pub(super) struct Said<T> {
     pub(super) at_s: f64,
-    /// When it was written down, for its name in findings.
+    /// Time at which it was recorded, used in findings.
     pub(super) logged: Instant,
     pub(super) what: T,
 }
 
-/// The log; both lists in the order in which they were written down.
+/// Builds the log; both lists are in order of recording.
 pub(super) fn log(scans: Vec<Said<Beams>>, poses: &[Said<Pose>], mut findings: Findings) -> Log {
     let track = Track::new(poses);
     let mut clock = LogClock::default();
@@ -91,8 +91,8 @@ impl Track {
         Self(poses)
     }
 
-    /// The pose at a time: between its neighbours along the way between them; at either end, and in
-    /// a gap, the nearer one, if it is near.
+    /// The pose at a time, interpolated between its neighbours. At either end and in a gap, the
+    /// nearer pose, if it is close enough.
     fn at(&self, at_s: f64) -> Option<Pose> {
         let after = self.0.partition_point(|(time, _)| *time <= at_s);
         let (left, right) = (after.checked_sub(1), self.0.get(after));
@@ -110,8 +110,9 @@ impl Track {
         left.filter(near).or(right.filter(near)).map(pose)
     }
 
-    /// What the beams hit, in the robot's frame at the scan's time, and the number of absurd
-    /// readings. Where the time of each beam is known, so is where the robot was then.
+    /// End points of the beams in the robot's frame at the scan's time, and the number of
+    /// implausible readings. If the time of each beam is known, the motion of the robot during the
+    /// scan is corrected.
     fn end_points(&self, scan: &Said<Beams>) -> (Vec<firmware_core::pose::Point>, u32) {
         let beams = &scan.what;
         let bearing = |index: usize| beams.first + index as f64 * beams.step;
@@ -149,8 +150,8 @@ mod tests {
         }
     }
 
-    /// The robot drives 1 m/s ahead. Its second beam, to the left, is sent 0.1 s after the first:
-    /// 0.1 m farther on.
+    /// The robot drives ahead at 1 m/s. Its second beam, to the left, is 0.1 s later than the first
+    /// one: 0.1 m farther ahead.
     #[test]
     fn each_beam_is_sent_from_where_the_robot_was() {
         let poses = [

@@ -5,7 +5,7 @@ use firmware_core::pose::PoseChange;
 
 pub use crate::mapping::motion::{between, moved};
 
-/// A motion as the robot's program has it.
+/// A motion in the units of the robot's program.
 #[expect(
     clippy::cast_possible_truncation,
     reason = "the program works in single precision"

@@ -1,11 +1,11 @@
-//! Whether the time of a log continues.
+//! A check that the time of a log continues.
 
-/// Scans in a row that are older than an earlier one until the clock is believed to be set back.
+/// Number of consecutive older scans after which the clock counts as set back.
 const SET_BACK_AFTER: u32 = 3;
-/// Scans are written a little out of order now and then: in a public log by up to 0.9 s.
+/// Tolerance for scans in wrong order: up to 0.9 s in a public log.
 const JITTER_S: f64 = 1.0;
 
-/// Whether time continues; it may be set back, which several scans in a row then say.
+/// The newest time of a log. The clock may be set back; several consecutive scans confirm this.
 #[derive(Default)]
 pub(super) struct LogClock {
     newest: Option<f64>,

@@ -1,4 +1,4 @@
-//! Runs a log through the mapper.
+//! Mapping of a log with the robot's own mapper.
 
 use core::time::Duration;
 
@@ -15,28 +15,27 @@ use super::motion::change;
 use super::{Log, Shot};
 use realtime::clock::{Clock, thread_cpu_time};
 
-/// Cells along an edge of a log's map: 102 m at the usual 50 mm.
+/// Number of cells along an edge of a log's map: 102 m at the usual 50 mm.
 pub const CELLS: usize = 2048;
-/// Edge of a cell unless told otherwise.
+/// Default edge of a cell.
 pub const CELL_MM: f32 = 50.0;
 
 /// The map of a log.
 pub type LogGrid = Grid<CELLS, CELLS>;
 type LogMapper = Mapper<CELLS, CELLS>;
 
-/// Time that the seed report's search takes: 14 ms and 0.15 ms a try; its number of tries depends
-/// on it, so it is taken from the model, not from the host.
+/// Time of the search in the seed report: 14 ms plus 0.15 ms per try. Its number of tries depends
+/// on this time, so the model is used instead of the host's clock.
 const SEARCH_BASE_US: u64 = 14_000;
 const SEARCH_TRY_US: u64 = 150;
-/// Largest motion from one scan to the next in a log without odometry: a person carries the lidar
-/// at a slow pace.
+/// Maximum motion between two scans of a log without odometry: a person carries the lidar slowly.
 const UNMEASURED_MM: f32 = 100.0;
 const UNMEASURED_RAD: f32 = 0.1;
-/// Stack of the thread that does the work: a mapper of this size goes over it on its way to the
+/// Stack size of the working thread: a mapper of this size is on the stack before it moves to the
 /// heap.
 const STACK: usize = 64 << 20;
 
-/// The settings for every log: the seed report's algorithm, or ours.
+/// The settings for every log: the algorithm of the seed report, or ours.
 pub fn settings(mode: Mode, cell_mm: f32) -> Settings {
     let settings = match mode {
         Mode::Core => Settings {
@@ -57,42 +56,42 @@ pub fn settings(mode: Mode, cell_mm: f32) -> Settings {
     }
 }
 
-/// A scan of which less lies on walls known before is a poor one.
+/// Share of a scan on known walls below which it counts as poor.
 const POOR: f64 = 0.5;
 
-/// What came of a log.
+/// The result of a log.
 #[derive(Debug)]
 pub struct Survey {
-    /// Time (s) and place of each scan, in metres in the log's frame.
+    /// Time (s) and pose of each scan, in metres in the log's frame.
     pub way: Vec<(f64, Place)>,
-    /// The map, as far as it was drawn, in the log's frame.
+    /// The drawn part of the map, in the log's frame.
     pub map: Sheet,
-    /// Scans with an uncertain pose.
+    /// Number of scans with an uncertain pose.
     pub doubtful: usize,
-    /// Scans that matched several places.
+    /// Number of scans that matched several places.
     pub ambiguous: usize,
-    /// Loops that were closed and opened again; of the mapper that closes loops.
+    /// Number of loops that were removed again; only if the mapper closes loops.
     pub dropped_loops: usize,
-    /// Parts of the map that were not joined to each other. Of the mapper that closes loops.
+    /// Number of parts of the map that were not joined; only if the mapper closes loops.
     pub parts: Option<usize>,
-    /// Of each scan the part that it belongs to, from 1; of the mapper that closes loops.
+    /// The part of each scan, from 1; only if the mapper closes loops.
     pub scan_parts: Vec<usize>,
-    /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
-    /// parts. Of the mapper that closes loops, and a log with odometry.
+    /// Share of the path that only scan matching confirms, 0 to 1; 1 if the map has several parts.
+    /// Only if the mapper closes loops and the log has odometry.
     pub doubt: Option<f64>,
-    /// Scans that lay outside the map.
+    /// Number of scans outside the map.
     pub outside: usize,
-    /// Where the mapper put a scan far from where the wheels had.
+    /// Scans for which the mapper's pose is far from the odometry.
     pub jumps: Vec<Jump>,
-    /// How sure each scan's pose is; of the mapper that closes loops.
+    /// The uncertainty of each scan's pose; only if the mapper closes loops.
     pub sureness: Vec<Sureness>,
-    /// Keyframes and edges of the mapper that closes loops.
+    /// The pose graph; only if the mapper closes loops.
     pub graph: Graph,
-    /// Points of the walls; of the mapper that closes loops.
+    /// Points of the walls; only if the mapper closes loops.
     pub walls: Vec<WallPoint>,
-    /// Time that each scan took.
+    /// Processing time of each scan.
     pub took: Vec<Duration>,
-    /// Processor time of all threads, where the system reports it, including that of the observers.
+    /// Processor time of all threads, including observers, if the system reports it.
     pub cpu: Option<Duration>,
 }
 
@@ -155,7 +154,7 @@ fn run(
     survey
 }
 
-/// What the robot's own mapper has made of the scans so far.
+/// The result of the robot's own mapper so far.
 struct OnGrid<'a> {
     way: &'a [(f64, Place)],
     grid: &'a LogGrid,
@@ -173,7 +172,7 @@ impl SoFar for OnGrid<'_> {
 }
 
 impl Survey {
-    /// Of no scan, with room for so many.
+    /// An empty survey with room for `scans` scans.
     pub(super) fn empty(scans: usize) -> Self {
         Self {
             way: Vec::with_capacity(scans),
@@ -208,7 +207,7 @@ impl Survey {
         middle: [f64; 2],
     ) -> Certainty {
         let scan = Scan::from_points(&shot.points, Instant::ZERO, Instant::ZERO);
-        // The way begins with the first scan, whatever the wheels did before.
+        // The path begins with the first scan, whatever the earlier odometry was.
         if !is_first {
             mapper.predict(change(shot.moved));
         }
@@ -234,24 +233,24 @@ impl Survey {
         outcome.certainty
     }
 
-    /// Edges between keyframes that are not neighbours.
+    /// Number of edges between keyframes that are not neighbours.
     pub fn loop_edges(&self) -> usize {
         let edges = self.graph.edges.iter();
         edges.filter(|edge| edge.kind == Kind::Loop).count()
     }
 
-    /// Loop closures: both positions of the robot.
+    /// Loop closures, as pairs of robot poses.
     pub fn loops(&self) -> Vec<[Place; 2]> {
         self.graph.loops()
     }
 
-    /// Scans of which less than half lies on walls known before.
+    /// Number of scans of which less than half lies on known walls.
     pub fn poor(&self) -> usize {
         let scans = self.sureness.iter();
         scans.filter(|sure| sure.quality < POOR).count()
     }
 
-    /// Median and longest time of a scan, and the sum.
+    /// Median, maximum and sum of the processing times.
     pub fn times(&self) -> [Duration; 3] {
         let mut sorted = self.took.clone();
         sorted.sort_unstable();
@@ -261,7 +260,7 @@ impl Survey {
     }
 }
 
-/// The part of the grid that was drawn, and a margin; the grid's middle lies at `middle`.
+/// The drawn part of the grid with a margin; `middle` is the centre of the grid.
 fn sheet(grid: &LogGrid, middle: [f64; 2]) -> Sheet {
     let cell_m = f64::from(grid.resolution_mm()) / 1000.0;
     let [x0, x1, y0, y1] = drawn(grid).unwrap_or([CELLS / 2, CELLS / 2, CELLS / 2, CELLS / 2]);
@@ -280,10 +279,10 @@ fn sheet(grid: &LogGrid, middle: [f64; 2]) -> Sheet {
     }
 }
 
-/// Cells around what was drawn.
+/// Width of the margin, cells.
 const MARGIN: usize = 8;
 
-/// First and last column and row that were drawn; `None` if nothing was.
+/// First and last drawn column and row; `None` if the grid is empty.
 fn drawn(grid: &LogGrid) -> Option<[usize; 4]> {
     let mut bounds = [usize::MAX, 0, usize::MAX, 0];
     for (y, row) in grid.rows().iter().enumerate() {

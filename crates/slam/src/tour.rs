@@ -1,4 +1,4 @@
-//! Runs a log through the mapper that closes loops, or finds its way on a map that there is.
+//! Mapping of a log with the mapper that closes loops, and localisation on an existing map.
 
 use crate::mapping::{Localiser, Mapper, Outcome, Settings, Sheet, Shot, UNKNOWN, WallPoint};
 use emulators::world::Pose as Place;
@@ -10,14 +10,14 @@ use super::motion::moved;
 use super::survey::Survey;
 use realtime::clock::{Clock, thread_cpu_time};
 
-/// Input of the mapper.
+/// The settings of the mapper.
 #[derive(Clone, Copy, Debug)]
 pub struct Wish {
     /// Edge of a cell of the map, metres.
     pub cell_m: f64,
     /// Whether loop closures are searched.
     pub closes_loops: bool,
-    /// The wheels' errors, as a part of what is usual.
+    /// Errors of the odometry, relative to the usual ones.
     pub noise: f64,
 }
 
@@ -57,7 +57,7 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, look: &mut dyn FnMut(&Loo
     survey
 }
 
-/// Finds each scan of `log` on a map that is known, which stays as it is.
+/// Locates each scan of `log` on a known map, which does not change.
 pub fn locate(
     log: &Log,
     walls: &[WallPoint],
@@ -134,7 +134,7 @@ impl SoFar for OnMap<'_> {
     }
 }
 
-/// What becomes of each scan.
+/// Processes each scan.
 fn each_scan(
     log: &Log,
     clock: &dyn Clock,
@@ -152,7 +152,7 @@ fn each_scan(
             ends: &ends,
         });
         survey.took.push(clock.now() - began);
-        // The way begins with the first scan, whatever the wheels did before.
+        // The path begins with the first scan, whatever the earlier odometry was.
         let wheels = if done == 0 {
             here
         } else {
@@ -177,11 +177,11 @@ fn each_scan(
     survey
 }
 
-/// Maximum number of cells of a picture of walls.
+/// Maximum number of cells in a picture of walls.
 const CELLS_MAX: f64 = 64e6;
 
-/// The walls as cells, of this edge or larger ones if those would be too many; whatever is not a
-/// wall is unknown.
+/// The walls as cells of this edge, or larger cells if there would be too many; all other cells are
+/// unknown.
 fn drawn(walls: &[WallPoint], cell_m: f64) -> Sheet {
     let places = || walls.iter().map(|wall| wall.at.map(f64::from));
     let least = places().fold([f64::MAX; 2], |a, b| [a[0].min(b[0]), a[1].min(b[1])]);

@@ -1,4 +1,4 @@
-//! Corrections of a log by the user: readings to leave out, the position of the laser.
+//! Corrections of a log by the user: excluded readings, and the position of the laser.
 
 use super::{Log, Shot};
 use crate::motion::moved;
@@ -6,16 +6,16 @@ use crate::motion::moved;
 /// Changes to a log before it is mapped.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tuning {
-    /// Farther readings are left out, metres from the robot.
+    /// Maximum distance of readings from the robot, metres.
     pub farthest_m: Option<f64>,
-    /// The laser sits so much farther ahead than the log says, metres.
+    /// Distance by which the laser is farther ahead than in the log, metres.
     pub laser_offset_m: f64,
-    /// Only each so manieth scan is taken; 0 and 1 are every one.
+    /// Use every n-th scan only; 0 and 1 use every scan.
     pub every: usize,
 }
 
 impl Tuning {
-    /// Changes the log.
+    /// Applies the changes to the log.
     pub fn apply(&self, log: &mut Log) {
         #[expect(clippy::cast_possible_truncation, reason = "millimetres of a robot")]
         let ahead_mm = (self.laser_offset_m * 1000.0) as f32;
@@ -34,7 +34,7 @@ impl Tuning {
     }
 }
 
-/// Each so manieth scan, with the motion of those before it.
+/// Every n-th scan, with the motion of the skipped scans.
 fn thinned(shots: Vec<Shot>, every: usize) -> Vec<Shot> {
     let mut kept: Vec<Shot> = Vec::with_capacity(shots.len() / every + 1);
     let mut way = emulators::world::Pose::default();
@@ -68,7 +68,7 @@ mod tests {
         }
     }
 
-    /// Of the scans 1 to 5 every second, with what lies between: 1, 2 + 3, 4 + 5 metres.
+    /// Every second one of the scans 1 to 5, with the motion between them: 1, 2 + 3, 4 + 5 metres.
     #[test]
     fn scans_that_are_left_out_leave_their_motion() {
         let mut log = Log {

@@ -1,8 +1,9 @@
-//! A log from what passed a robot's links: lidar turns and wheel readings as its program took them.
+//! A log from the bytes on a robot's links: lidar turns and encoder readings as its program
+//! received them.
 //!
 //! ```text
 //! lidar's bytes -> packets -> turns --------+
-//!                                           +--> scans without smear, the motion between them
+//!                                           +--> corrected scans, the motion between them
 //! base's bytes -> replies -> odometry ------+
 //! ```
 
@@ -19,20 +20,20 @@ use super::{Log, Shot};
 use capture::replay::{Arrival, Passage, Recorded};
 use engine::robots::Senses;
 
-/// Links that hold nothing to map.
+/// The reason why links give no log.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct WireError(String);
 
-/// Silence on a line after which an unfinished frame will not be finished.
+/// Idle time after which a partial frame is discarded.
 const IDLE: Duration = Duration::from_millis(20);
-/// How long a turn waits for the wheels' reading behind it.
+/// Maximum wait of a turn for the next encoder reading.
 const READING_MAX: Duration = Duration::from_millis(250);
 
-/// What the links say, as a log.
+/// Converts the bytes of links to a log.
 ///
 /// # Errors
-/// If no turn of the lidar is on them.
+/// If the links contain no turn of the lidar.
 pub fn read(recorded: &Recorded, senses: &Senses) -> Result<Log, WireError> {
     let link = |name: &str| recorded.links.iter().find(|one| one.link == name);
     let lidar = link(senses.lidar).ok_or_else(|| {
@@ -80,7 +81,7 @@ fn frames<D: Decode>(passage: &Passage, mut decoder: D) -> Vec<(Instant, D::Fram
     found
 }
 
-/// The bytes of an arrival, each with its time: they came back to back.
+/// The bytes of an arrival with their times, which follow each other without gaps.
 fn bytes(arrival: &Arrival, line: LineConfig) -> impl Iterator<Item = (Instant, u8)> + '_ {
     (1..).zip(&arrival.bytes).map(move |(number, byte)| {
         let behind = (arrival.bytes.len() - number) as u64;
@@ -88,7 +89,7 @@ fn bytes(arrival: &Arrival, line: LineConfig) -> impl Iterator<Item = (Instant, 
     })
 }
 
-/// Both counters, whenever both have been read again.
+/// Both counters, each time both have been read again.
 fn counts(replies: &[(Instant, avr::Frame)], counters: [u8; 2]) -> Vec<(Instant, Event)> {
     let mut fresh = [None; 2];
     let mut found = Vec::new();
@@ -112,9 +113,9 @@ struct Reader {
     senses: Senses,
     assembler: TurnAssembler,
     odometry: Odometry,
-    /// A turn that waits for the wheels' reading behind it.
+    /// A turn that waits for the next encoder reading.
     waiting: Option<Turn>,
-    /// The wheels' pose at the turn before.
+    /// The odometry pose at the previous turn.
     before: Option<Pose>,
     unmeasured: u32,
 }
@@ -161,7 +162,7 @@ impl Reader {
         }
     }
 
-    /// Makes a scan of the turn that waits.
+    /// Converts the waiting turn to a scan.
     fn scan(&mut self) {
         let Some(turn) = self.waiting.take() else {
             return;

@@ -1,5 +1,5 @@
-//! Messages of ROS 2 in its usual encoding, CDR: numbers aligned to their size, counted from behind
-//! the four bytes that tell the byte order.
+//! Messages of ROS 2 in their usual encoding, CDR: numbers are aligned to their size, counted from
+//! behind the four bytes that contain the byte order.
 
 use emulators::world::Pose;
 
@@ -7,7 +7,7 @@ use super::{Beams, Heard, Refusal, checked, pose};
 use crate::finding::Kind;
 use crate::{BEAMS_MAX, FARTHEST_M};
 
-/// `sensor_msgs/msg/LaserScan`. Its stamp is that of the first beam.
+/// `sensor_msgs/msg/LaserScan`. Its stamp is the time of the first beam.
 pub(super) fn scan(data: &[u8]) -> Result<Heard<Beams>, Refusal> {
     let mut fields = Fields::of(data)?;
     let at_s = fields.header()?;
@@ -24,7 +24,7 @@ pub(super) fn scan(data: &[u8]) -> Result<Heard<Beams>, Refusal> {
         return Err((Kind::Absurd, words));
     }
     let ranges: Result<Vec<f64>, Refusal> = (0..count).map(|_| fields.f32("ranges")).collect();
-    // Too near is no reading; not-a-number stays, to be counted.
+    // A range below the minimum is not a reading; NaN is kept and counted later.
     let known = |range: f64| if range < nearest { 0.0 } else { range };
     let what = checked(Beams {
         first,
@@ -54,7 +54,7 @@ pub(super) fn pose_stamped(data: &[u8]) -> Result<Heard<Pose>, Refusal> {
     Ok(Heard { at_s, what })
 }
 
-/// The fields of a message, one after the other.
+/// The fields of a message in order.
 struct Fields<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -73,7 +73,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// The next `N` bytes, aligned to their number.
+    /// The next `N` bytes, aligned to `N`.
     fn number<const N: usize>(&mut self, name: &str) -> Result<[u8; N], Refusal> {
         let at = self.at.next_multiple_of(N);
         let bytes = self
@@ -100,7 +100,7 @@ impl<'a> Fields<'a> {
         self.number(name).map(f64::from_le_bytes)
     }
 
-    /// A string is passed over.
+    /// Skips a string.
     fn string(&mut self, name: &str) -> Result<(), Refusal> {
         let len = self.u32(name)? as usize;
         let end = self

@@ -11,10 +11,10 @@ use crate::finding::{Findings, Kind};
 /// First bytes of every file.
 pub const MAGIC: &[u8] = sqlite::MAGIC;
 
-/// Adds what a file holds, as far as it is sound.
+/// Adds the content of a file, skipping damaged parts.
 ///
 /// # Errors
-/// If it has not the tables of a bag.
+/// If the tables of a bag are missing.
 pub fn read_into(contents: &mut Contents, bytes: &[u8]) -> Result<(), BagError> {
     let Some(mut file) = Database::open(bytes) else {
         return Err(BagError("the header of its SQLite file is damaged".into()));
@@ -52,7 +52,7 @@ pub fn read_into(contents: &mut Contents, bytes: &[u8]) -> Result<(), BagError> 
     Ok(())
 }
 
-/// Names of topics, and what is understood of each.
+/// Topics by id, with name and interpretation.
 type Topics = BTreeMap<i64, (String, Option<Meaning>)>;
 
 fn topics(file: &mut Database<'_>, findings: &mut Findings) -> Option<Topics> {

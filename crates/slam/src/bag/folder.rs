@@ -1,16 +1,16 @@
-//! Folders of rosbag2: `metadata.yaml` names the files, in their order.
+//! Folders of rosbag2: `metadata.yaml` lists the files in order.
 
 use std::path::{Component, Path, PathBuf};
 
-/// Names of files that may be recordings.
+/// Extensions of recordings.
 const ENDINGS: [&str; 2] = ["mcap", "db3"];
-/// What may come behind, if they are compressed.
+/// Additional extensions of compressed recordings.
 const PACKED: [&str; 4] = ["zstd", "zst", "lz4", "gz"];
 
-/// The files of a folder: those that its `metadata.yaml` names, or else the only recording in it.
+/// The files of a folder: those listed in its `metadata.yaml`, or else its only recording.
 ///
 /// # Errors
-/// If the folder cannot be read, has no recording, or several and nothing that says their order.
+/// If the folder cannot be read, has no recording, or has several recordings without an order.
 pub fn files(dir: &Path) -> Result<Vec<PathBuf>, String> {
     let text = std::fs::read_to_string(dir.join("metadata.yaml")).unwrap_or_default();
     let named = named(&text);
@@ -51,13 +51,13 @@ fn named(text: &str) -> Vec<&str> {
         .collect()
 }
 
-/// A word of yaml without its quotes.
+/// A yaml scalar without quotes.
 fn bare(word: &str) -> &str {
     word.trim().trim_matches(['"', '\''])
 }
 
-/// A file in the folder; of a path that leads elsewhere, its name. Old bags name their own folder
-/// too.
+/// The path of a file in the folder. Of a path outside the folder only the file name is used; old
+/// bags prefix the name of their folder.
 fn inside(dir: &Path, name: &str) -> PathBuf {
     let path = Path::new(name);
     let is_plain = path

@@ -1,4 +1,4 @@
-//! Messages by Foxglove's schemas, in JSON.
+//! Messages with Foxglove's schemas in JSON.
 
 use emulators::world::Pose;
 use serde::Deserialize;
@@ -39,7 +39,7 @@ struct LaserScan {
     pose: Placed,
     start_angle: f64,
     end_angle: f64,
-    /// JSON has no infinity and no not-a-number: some write `null`.
+    /// JSON has neither infinity nor NaN; some programs write `null` instead.
     ranges: Vec<Option<f64>>,
 }
 
@@ -67,7 +67,7 @@ fn parsed<'a, T: Deserialize<'a>>(data: &'a [u8]) -> Result<T, Refusal> {
     serde_json::from_slice(data).map_err(|error| (Kind::Unreadable, error.to_string()))
 }
 
-/// `foxglove.LaserScan`: the last range is that at the end angle.
+/// `foxglove.LaserScan`: the last range is at the end angle.
 pub(super) fn scan(data: &[u8]) -> Result<Heard<Beams>, Refusal> {
     let scan: LaserScan = parsed(data)?;
     let gaps = scan.ranges.len().saturating_sub(1).max(1) as f64;

@@ -1,12 +1,12 @@
-//! MCAP files: records of a length each, many of them in chunks, which may be compressed.
+//! MCAP files: records with a length, many of them in chunks, which may be compressed.
 //!
 //! ```text
 //! | magic | opcode u8, length u64, body | .. | footer | magic |           little-endian
 //! chunk: | start u64 | end u64 | size u64 | crc u32 | compression | length u64 | records |
 //! ```
 //!
-//! The frames are ours, so that of a file that is cut or damaged all else is read; the library
-//! reads what is in them.
+//! The framing of records is our own code, so that the intact part of a truncated or damaged file
+//! is read. The library parses the content of records.
 
 mod lengths;
 
@@ -26,15 +26,15 @@ use crate::finding::Kind;
 use capture::replay::Passage;
 use engine::rig::line::Direction;
 
-/// With this every file begins and ends.
+/// First and last bytes of every file.
 pub const MAGIC: &[u8] = b"\x89MCAP0\r\n";
-/// Opcodes of records that are more than their content.
+/// Opcodes of records with a special meaning.
 const FOOTER: u8 = 0x02;
 const CHUNK: u8 = 0x06;
 
 static CRC_32: Crc<u32, Table<16>> = Crc::<u32, Table<16>>::new(&CRC_32_ISO_HDLC);
 
-/// Reads a file, as far as it is sound.
+/// Reads a file, skipping damaged parts.
 pub fn read(bytes: &[u8]) -> Contents {
     let mut contents = Contents::default();
     read_into(&mut contents, bytes);
@@ -42,14 +42,14 @@ pub fn read(bytes: &[u8]) -> Contents {
     contents
 }
 
-/// Adds what a file holds.
+/// Adds the content of a file.
 pub fn read_into(contents: &mut Contents, bytes: &[u8]) {
     let mut reader = Reader {
         contents,
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
     };
-    // The library computes with lengths that a damaged file names, and may run over.
+    // The library computes with lengths from the file and may panic if they are damaged.
     if catch_unwind(AssertUnwindSafe(|| reader.file(bytes))).is_err() {
         let what = format_args!("lengths that make no sense");
         let place = format_args!("the rest");
@@ -58,7 +58,7 @@ pub fn read_into(contents: &mut Contents, bytes: &[u8]) {
 }
 
 impl Contents {
-    /// The link whose bytes towards the master a topic of ours has.
+    /// The link whose bytes towards the master a topic of ours contains.
     fn link(&mut self, topic: &str, baud: Option<&String>) -> Option<usize> {
         let (link, direction) = topic.strip_prefix('/')?.rsplit_once('/')?;
         if direction != Direction::ToMaster.name() {
@@ -77,30 +77,30 @@ impl Contents {
     }
 }
 
-/// What is known so far of a file.
+/// The state of reading a file.
 struct Reader<'a> {
     contents: &'a mut Contents,
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, (String, Meaning)>,
 }
 
-/// Where records stand; there is no chunk in a chunk.
+/// The level of records; chunks do not contain chunks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Level {
     File,
     Chunk,
 }
 
-/// How a row of records ended.
+/// The reason why a sequence of records ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
-    /// Behind its last record.
+    /// After its last record.
     Whole,
-    /// With the footer.
+    /// At the footer.
     Footer,
-    /// In the middle of a record.
+    /// Within a record.
     Cut,
-    /// In a damaged part, which is told.
+    /// At a damaged part, which has been reported.
     Told,
 }
 
@@ -115,7 +115,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Takes record after record; the first begins at byte `at` of the file.
+    /// Reads consecutive records; the first one begins at byte `at` of the file.
     fn records(&mut self, mut rest: &[u8], mut at: usize, level: Level) -> End {
         loop {
             let Some((&[opcode, ref length @ ..], body)) = rest.split_first_chunk::<9>() else {
@@ -160,8 +160,8 @@ impl Reader<'_> {
         findings.add(Kind::Unreadable, place, format_args!("{what}"));
     }
 
-    /// Takes the records of a chunk, which begins at byte `at` and is whole unless the file ends
-    /// in it.
+    /// Reads the records of a chunk that begins at byte `at`. `is_whole` is false if the file ends
+    /// within the chunk.
     fn chunk(&mut self, body: &[u8], at: usize, is_whole: bool) -> End {
         let Some(chunk) = Chunk::of(body) else {
             if is_whole {
@@ -182,7 +182,7 @@ impl Reader<'_> {
             end = End::Told;
         } else if is_whole && chunk.crc != 0 && chunk.crc != CRC_32.checksum(&records.bytes) {
             self.damaged(at, "its checksum is another");
-            // In a compressed one a wrong bit spoils everything behind it.
+            // In a compressed chunk a wrong bit damages all bytes behind it.
             if !chunk.compression.is_empty() {
                 return End::Told;
             }
@@ -237,9 +237,9 @@ impl Reader<'_> {
     }
 }
 
-/// A chunk as it is in the file, perhaps cut.
+/// A chunk of the file, possibly truncated.
 struct Chunk<'a> {
-    /// Length of the records, unpacked, and their checksum, 0 if there is none.
+    /// Uncompressed length of the records, and their checksum; 0: none.
     size: u64,
     crc: u32,
     compression: Cow<'a, str>,
@@ -264,7 +264,7 @@ impl<'a> Chunk<'a> {
         })
     }
 
-    /// The records, as far as they can be unpacked.
+    /// The uncompressed records, up to the first damage.
     fn unpacked(&self) -> Result<Packed<'a>, String> {
         let size = self.size;
         if size > BYTES_MAX {
@@ -295,7 +295,7 @@ impl<'a> Chunk<'a> {
     }
 }
 
-/// Records, and why there are not more.
+/// Records, and the reason why the rest is missing.
 struct Packed<'a> {
     bytes: Cow<'a, [u8]>,
     error: Option<String>,

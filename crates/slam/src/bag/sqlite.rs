@@ -1,13 +1,13 @@
-//! The file format of SQLite 3, as far as the rows of a table are in it; read only, and a file that
-//! is cut or damaged gives the rows that are left.
+//! The file format of SQLite 3, as far as the rows of a table require it. Read-only; a truncated or
+//! damaged file gives its remaining rows.
 //!
 //! ```text
 //! page: | kind u8 | 2 | cells u16 | 3 | right u32, if inner | cells' places u16 .. |   big-endian
 //! leaf's cell: | length varint | row varint | header, values | next page u32, if they continue |
 //! ```
 //!
-//! By hand, since the library in C takes 53 s to compile with optimisation, 9 s without, and gives
-//! up a damaged file as a whole.
+//! The C library is not used: it takes 53 s to compile with optimisation, 9 s without, and rejects
+//! a damaged file as a whole.
 
 use std::borrow::Cow;
 
@@ -15,21 +15,21 @@ use crate::finding::{Findings, Kind};
 
 /// First bytes of every file.
 pub(super) const MAGIC: &[u8] = b"SQLite format 3\0";
-/// The file's header, which is on its first page.
+/// Size of the file header, which is on the first page.
 const HEADER: usize = 100;
-/// Kinds of pages of a table: with the numbers of further pages, and with rows.
+/// Kinds of table pages: with numbers of further pages, and with rows.
 const INNER: u8 = 5;
 const LEAF: u8 = 13;
-/// Pages on the way from a table's first to a row are no more than this.
+/// Maximum number of pages on the path from the first page of a table to a row.
 const DEPTH_MAX: u32 = 20;
 
-/// A file.
+/// An SQLite file.
 pub(super) struct Database<'a> {
     bytes: &'a [u8],
     page_size: usize,
-    /// Bytes of a page that are used.
+    /// Number of used bytes of a page.
     usable: usize,
-    /// Pages that were read: each belongs to one place.
+    /// Pages that have been read: each page belongs to one table.
     is_read: Vec<bool>,
 }
 
@@ -44,7 +44,7 @@ pub(super) enum Value<'a> {
 }
 
 impl<'a> Value<'a> {
-    /// The number; `row` stands for the one that is the row's own.
+    /// The number; `row` replaces the value of a row id column.
     pub(super) const fn integer(self, row: i64) -> Option<i64> {
         match self {
             Self::Integer(number) => Some(number),
@@ -75,14 +75,14 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// The number of a column.
+    /// The index of a column.
     pub(super) fn column(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column == name)
     }
 }
 
 impl<'a> Database<'a> {
-    /// The file, if its header makes sense.
+    /// Opens the file, if its header is valid.
     pub(super) fn open(bytes: &'a [u8]) -> Option<Self> {
         let header = bytes.first_chunk::<HEADER>()?;
         let page_size = match u16::from_be_bytes([header[16], header[17]]) {
@@ -99,7 +99,7 @@ impl<'a> Database<'a> {
         })
     }
 
-    /// A table by its name.
+    /// The table called `name`.
     pub(super) fn table(&mut self, name: &str, findings: &mut Findings) -> Option<Table> {
         let mut found = None;
         // The first table lists the others: type, name, table, first page, definition.
@@ -119,7 +119,7 @@ impl<'a> Database<'a> {
         found
     }
 
-    /// Shows each row of a table, in their order: its number and its values.
+    /// Passes each row of a table, in order, with its number and its values.
     pub(super) fn each_row(
         &mut self,
         table: &Table,
@@ -135,7 +135,7 @@ impl<'a> Database<'a> {
         findings: &mut Findings,
         take: &mut dyn FnMut(i64, &[Value<'_>]),
     ) {
-        // The pages still to be read, the next one last.
+        // A stack of pages to be read.
         let mut pages = vec![(first, 0)];
         while let Some((number, depth)) = pages.pop() {
             let below = self.page_rows(number, findings, take);
@@ -152,7 +152,7 @@ impl<'a> Database<'a> {
         }
     }
 
-    /// Takes the rows of a page, or gives the pages below it.
+    /// Reads the rows of a page, or returns the pages below it.
     fn page_rows(
         &mut self,
         number: u32,
@@ -193,7 +193,7 @@ impl<'a> Database<'a> {
         Ok(Vec::new())
     }
 
-    /// A page that was not read before.
+    /// Returns a page that has not been read yet.
     fn page(&mut self, number: u32) -> Result<&'a [u8], &'static str> {
         let index = (number as usize)
             .checked_sub(1)
@@ -209,7 +209,7 @@ impl<'a> Database<'a> {
         Ok(page)
     }
 
-    /// The number and the whole record of a leaf's cell.
+    /// The row number and the complete record of a leaf cell.
     fn record(&mut self, cell: &'a [u8]) -> Option<(i64, Cow<'a, [u8]>)> {
         let (length, rest) = varint(cell)?;
         let (row, rest) = varint(rest)?;
@@ -267,7 +267,7 @@ fn values(record: &[u8]) -> Option<Vec<Value<'_>>> {
     Some(values)
 }
 
-/// A whole number of one to eight bytes.
+/// An integer of one to eight bytes.
 fn integer(bytes: &[u8]) -> i64 {
     let sign = bytes.first().is_some_and(|first| first & 0x80 != 0);
     let start = if sign { -1 } else { 0 };
@@ -275,7 +275,7 @@ fn integer(bytes: &[u8]) -> i64 {
     bytes.iter().fold(start, more)
 }
 
-/// A number of one to nine bytes, seven bits each, of the ninth all eight.
+/// A number of one to nine bytes: seven bits of each, all eight of the ninth.
 fn varint(bytes: &[u8]) -> Option<(i64, &[u8])> {
     let mut number = 0_i64;
     for (index, byte) in bytes.iter().enumerate().take(9) {
@@ -300,7 +300,7 @@ fn u32_at(bytes: &[u8], at: usize) -> Option<u32> {
     Some(u32::from_be_bytes(*bytes))
 }
 
-/// The columns' names of `CREATE TABLE name (column type .., ..)`.
+/// The names of the columns in `CREATE TABLE name (column type .., ..)`.
 fn columns(sql: &str) -> Vec<String> {
     let (_, inside) = sql.split_once('(').unwrap_or_default();
     let mut depth = 0_i32;
@@ -323,7 +323,7 @@ fn columns(sql: &str) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// The examples of the format's own description, section 1.6 and 2.1.
+    /// The examples in sections 1.6 and 2.1 of the format's documentation.
     #[test]
     fn numbers_are_read_as_the_format_says() {
         assert_eq!(varint(&[0x81, 0x00]), Some((128, &[][..])));

@@ -1,4 +1,4 @@
-//! What is packed by gzip, zstd or lz4, up to a limit; of what is damaged, what is before the
+//! Decompression of gzip, zstd and lz4 up to a limit. Damaged data give the bytes before the
 //! damage.
 
 use std::io::Read;
@@ -6,12 +6,13 @@ use std::io::Read;
 use lz4_flex::frame::FrameDecoder;
 use ruzstd::decoding::StreamingDecoder;
 
-/// Maximum number of bytes that a file or a part of it may unpack to.
+/// Maximum decompressed size of a file or a part of it, bytes.
 pub const BYTES_MAX: u64 = 1 << 30;
 
-/// A packed file may always unpack to this.
+/// Decompressed size that is always allowed, bytes.
 const SMALL: u64 = 64 << 20;
-/// Beyond that, how many times its own length. Logs of sensors, in text too, pack to a tenth or so.
+/// Above `SMALL`, maximum ratio of decompressed to compressed size. Sensor logs, even as text,
+/// compress to a tenth or so.
 const RATIO_MAX: u64 = 100;
 
 /// First bytes of compressed data.
@@ -21,27 +22,27 @@ pub const ZSTD: &[u8] = &[0x28, 0xB5, 0x2F, 0xFD];
 /// First bytes of compressed data.
 pub const LZ4: &[u8] = &[0x04, 0x22, 0x4D, 0x18];
 
-/// What came out, and why not more.
+/// The decompressed bytes, and the reason why the rest is missing.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Unpacked {
-    /// All bytes before the damage; none of what is over the limit.
+    /// All bytes before the damage; empty above the limit.
     pub bytes: Vec<u8>,
     /// The error.
     pub error: Option<String>,
 }
 
 impl Unpacked {
-    /// The bytes, if nothing is wrong.
+    /// The bytes, if there was no error.
     ///
     /// # Errors
-    /// What is wrong.
+    /// The error of the decompression.
     pub fn whole(self) -> Result<Vec<u8>, String> {
         self.error.map_or(Ok(self.bytes), Err)
     }
 }
 
-/// Unpacks whatever begins like something packed, to at most `most` bytes and no more than a log of
-/// this length can hold; `None` for all else.
+/// Decompresses data with a known signature, to at most `most` bytes and within the plausible
+/// ratio; `None` for other data.
 pub fn any(bytes: &[u8], most: u64) -> Option<Unpacked> {
     let likely = (bytes.len() as u64).saturating_mul(RATIO_MAX);
     let most = most.min(likely.max(SMALL));
@@ -54,14 +55,14 @@ pub fn any(bytes: &[u8], most: u64) -> Option<Unpacked> {
     Some(unpack(bytes, most))
 }
 
-/// Unpacks gzip to at most `most` bytes.
+/// Decompresses gzip to at most `most` bytes.
 pub fn gzip(bytes: &[u8], most: u64) -> Unpacked {
     let mut out = Unpacked::default();
     out.read(flate2::read::MultiGzDecoder::new(bytes), most);
     out
 }
 
-/// Unpacks zstd, one frame after the other, to at most `most` bytes.
+/// Decompresses consecutive zstd frames to at most `most` bytes.
 pub fn zstd(bytes: &[u8], most: u64) -> Unpacked {
     frames(bytes, most, |rest, out| match StreamingDecoder::new(rest) {
         Ok(decoder) => out.read(decoder, most),
@@ -69,15 +70,15 @@ pub fn zstd(bytes: &[u8], most: u64) -> Unpacked {
     })
 }
 
-/// Unpacks lz4's frames, one after the other, to at most `most` bytes.
+/// Decompresses consecutive lz4 frames to at most `most` bytes.
 pub fn lz4(bytes: &[u8], most: u64) -> Unpacked {
     frames(bytes, most, |rest, out| {
-        // An empty frame takes its own length and gives nothing.
+        // An empty frame consumes its own length and returns no bytes.
         out.read(FrameDecoder::new(rest), most);
     })
 }
 
-/// Frame after frame, until something is wrong.
+/// Decompresses consecutive frames, up to the first error.
 fn frames(
     mut rest: &[u8],
     most: u64,
@@ -99,7 +100,7 @@ fn frames(
     out
 }
 
-/// What comes behind a frame that holds nothing of the content.
+/// The bytes behind a skippable frame.
 fn behind_skippable(bytes: &[u8]) -> Option<&[u8]> {
     let (magic, rest) = bytes.split_first_chunk::<4>()?;
     let (len, rest) = rest.split_first_chunk::<4>()?;
@@ -109,7 +110,7 @@ fn behind_skippable(bytes: &[u8]) -> Option<&[u8]> {
 }
 
 impl Unpacked {
-    /// Adds what `decoder` gives.
+    /// Adds the output of `decoder`.
     fn read(&mut self, decoder: impl Read, most: u64) {
         let room = most.saturating_add(1) - self.bytes.len() as u64;
         if let Err(error) = decoder.take(room).read_to_end(&mut self.bytes) {
@@ -127,14 +128,14 @@ mod tests {
     use super::*;
     use std::io::Write as _;
 
-    /// 120 times the letters a to j and a line's end, by the library of zstd's authors, level 19,
-    /// with its checksum.
+    /// 120 times the letters a to j and a line end, compressed by the original zstd library at
+    /// level 19, with checksum.
     const ZSTD_OF_OTHERS: &[u8] = &[
         0x28, 0xB5, 0x2F, 0xFD, 0x64, 0x28, 0x04, 0x95, 0x00, 0x00, 0x58, 0x61, 0x62, 0x63, 0x64,
         0x65, 0x66, 0x67, 0x68, 0x69, 0x6A, 0x0A, 0x01, 0x00, 0x1A, 0xF9, 0x2F, 0x5E, 0x28, 0xEE,
         0xE7, 0x8C,
     ];
-    /// The same by the library of lz4's authors, with a checksum of the content.
+    /// The same, compressed by the original lz4 library, with a checksum of the content.
     const LZ4_OF_OTHERS: &[u8] = &[
         0x04, 0x22, 0x4D, 0x18, 0x6C, 0x40, 0x28, 0x05, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x63,
         0x1A, 0x00, 0x00, 0x00, 0xBF, 0x61, 0x62, 0x63, 0x64, 0x65, 0x66, 0x67, 0x68, 0x69, 0x6A,
@@ -167,7 +168,7 @@ mod tests {
         assert_eq!(any(b"PARAM", 2000), None);
     }
 
-    /// Two frames, with one between them that says how long it is and nothing else.
+    /// Two frames, and between them a skippable frame with its length.
     #[test]
     fn frame_after_frame_is_unpacked() {
         let skipped = [0x50, 0x2A, 0x4D, 0x18, 3, 0, 0, 0, 9, 9, 9];
@@ -178,7 +179,7 @@ mod tests {
         }
     }
 
-    /// A mebibyte of zeros in less than 50 kB, where 1000 bytes are wanted.
+    /// A mebibyte of zeros in less than 50 kB, with a limit of 1000 bytes.
     #[test]
     fn what_unpacks_to_more_than_the_limit_is_refused() {
         let zeros = vec![0; 1 << 20];
@@ -193,8 +194,8 @@ mod tests {
         }
     }
 
-    /// Of 400 kB that cannot be made smaller half is there when half of the file is; of zstd less,
-    /// since its decoder keeps back the part that later bytes may refer to.
+    /// Of 400 kB of incompressible data, half of the file gives half of the data. zstd gives less,
+    /// because its decoder keeps the part to which later bytes may refer.
     #[test]
     fn what_is_before_a_cut_is_kept() {
         let mut rng = emulators::rng::Rng::stream(1, "test.unpack");

@@ -1,14 +1,14 @@
-//! The fields of a line, one after the other, each with the name that an error tells.
+//! The fields of a line in order, each with a name for error messages.
 
 use emulators::world::Pose;
 
 use crate::BEAMS_MAX;
 use crate::finding::Kind;
 
-/// Farther than any log's robot drives, metres.
+/// Maximum distance from the origin that is plausible, metres.
 const FAR_M: f64 = 1e5;
 
-/// Why a line is left out.
+/// The reason why a line is skipped.
 pub(super) struct Refusal {
     pub(super) kind: Kind,
     pub(super) words: String,
@@ -18,7 +18,7 @@ pub(super) fn refusal(kind: Kind, words: String) -> Refusal {
     Refusal { kind, words }
 }
 
-/// The fields of a line, one after the other.
+/// The fields of a line in order.
 pub(super) struct Fields<'a> {
     rest: core::str::SplitAsciiWhitespace<'a>,
     taken: usize,
@@ -55,7 +55,7 @@ impl<'a> Fields<'a> {
         }
     }
 
-    /// A number that need not be finite.
+    /// A number that may be infinite or NaN.
     pub(super) fn parsed(&mut self, name: &str) -> Result<f64, Refusal> {
         let Some(field) = self.next() else {
             let words = format!("ends before {name}, field {}", self.taken);

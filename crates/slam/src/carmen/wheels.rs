@@ -1,19 +1,19 @@
-//! The wheels' way through a log.
+//! The odometry in a log.
 
 use emulators::world::Pose;
 
 use super::{Laser, Message};
 use crate::motion::{between, moved};
 
-/// Farther than a robot drives between two messages, metres.
+/// Maximum plausible distance between two messages, metres.
 const STEP_MAX_M: f64 = 20.0;
 
-/// What the poses of a log are.
+/// The meaning of the poses in a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum PoseKind {
-    /// The wheels' all along.
+    /// All poses are odometry.
     Wheels,
-    /// A mapper's at the scans, the wheels' between them.
+    /// Poses at scans are those of a mapper, poses between scans are odometry.
     Corrected,
 }
 
@@ -27,8 +27,8 @@ impl PoseKind {
         }
     }
 
-    /// Behind each scan of a corrected log the odometry begins again at the scan's pose, without a
-    /// time of its own or after a jump at the same time.
+    /// Detects a corrected log: behind each scan its odometry restarts at the pose of the scan,
+    /// without a time of its own or after a jump at the same time.
     pub(super) fn of(messages: &[Message]) -> Self {
         let (mut corrected, mut plain) = (0_u32, 0_u32);
         for three in messages.windows(3) {
@@ -58,12 +58,12 @@ impl PoseKind {
     }
 }
 
-/// The wheels' way, put together from messages.
+/// The odometry, accumulated from messages.
 pub(super) struct Chain {
     kind: PoseKind,
     last: Option<Pose>,
     since_shot: Pose,
-    /// Whether the wheels said anything since the last scan.
+    /// Whether odometry has arrived since the last scan.
     has_measured: bool,
 }
 
@@ -88,7 +88,7 @@ impl Chain {
         }
     }
 
-    /// A step that no robot drives is a new beginning.
+    /// Restarts after an implausibly long step.
     fn advance(&mut self, pose: Pose) {
         if let Some(last) = self.last {
             let step = between(last, pose);
@@ -100,7 +100,7 @@ impl Chain {
         self.last = Some(pose);
     }
 
-    /// The way since the last time, and whether the wheels measured it.
+    /// The motion since the last call, and whether odometry measured it.
     pub(super) fn take(&mut self) -> (Pose, bool) {
         let has_measured = core::mem::take(&mut self.has_measured);
         (core::mem::take(&mut self.since_shot), has_measured)

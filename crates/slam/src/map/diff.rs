@@ -1,5 +1,6 @@
-//! How two maps differ. Every map has its own origin, so the second is first aligned with the
-//! first: a coarse search over all shifts and turns within reach, then ever finer steps.
+//! The comparison of two maps. Every map has its own origin, so the second map is first aligned
+//! with the first: a coarse search over all shifts and rotations within reach, then finer and finer
+//! steps.
 
 use emulators::world::Pose;
 
@@ -7,42 +8,42 @@ use super::distance::Distances;
 use super::{CellState, RosMap};
 use engine::picture::Picture;
 
-/// How far the maps may lie apart.
+/// The range of the alignment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reach {
-    /// Shift to each side, metres; 0 compares the maps as they lie.
+    /// Maximum shift to each side, metres; 0 compares the maps without alignment.
     pub shift_m: f64,
-    /// Turn to each side, radians.
+    /// Maximum rotation to each side, radians.
     pub turn: f64,
 }
 
-/// What two maps have in common.
+/// The result of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Difference {
-    /// The motion, about the middle of its walls, that lays the second map onto the first.
+    /// The motion, about the centre of its walls, that aligns the second map with the first.
     pub shift: Pose,
-    /// Middle of the second map's walls.
+    /// Centre of the second map's walls.
     pub about: [f64; 2],
-    /// Mean distance between the walls that both maps have, either way, mm.
+    /// Mean distance between the walls that both maps contain, in both directions, mm.
     pub wall_error_mm: f64,
-    /// The distance that 95 % of these walls keep, mm.
+    /// 95th percentile of the distances between these walls, mm.
     pub wall_error_95_mm: f64,
-    /// Part of the first map's wall cells that have a wall of the second near.
+    /// Share of the first map's wall cells with a wall of the second map nearby.
     pub first_in_second: f64,
-    /// Part of the second map's wall cells that have a wall of the first near.
+    /// Share of the second map's wall cells with a wall of the first map nearby.
     pub second_in_first: f64,
-    /// Of all cells that both know: the part that both call free or both call wall, where walls
-    /// count as alike within a cell.
+    /// Share of equal cells among all cells that both maps know; walls count as equal within a
+    /// cell.
     pub alike: f64,
 }
 
 impl Difference {
-    /// The worse of the two overlaps of walls.
+    /// The smaller one of the two wall overlaps.
     pub const fn overlap(&self) -> f64 {
         self.first_in_second.min(self.second_in_first)
     }
 
-    /// The second map's place of a place in the first map's frame.
+    /// Transforms a position from the first map's frame to the second map's.
     fn back(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.shift.theta);
         let (dx, dy) = (
@@ -56,11 +57,11 @@ impl Difference {
     }
 }
 
-/// Walls farther apart than this are not the same wall, metres.
+/// Maximum distance between two images of the same wall, metres.
 const SAME_WALL_M: f64 = 0.1;
-/// Beyond this distance a wall is as wrong as it gets in the alignment, metres.
+/// Maximum distance that the alignment counts, metres.
 const CAP_M: f64 = 0.25;
-/// Wall cells that the coarse and the fine alignment look at.
+/// Number of wall cells for the coarse and the fine alignment.
 const COARSE: usize = 300;
 const FINE: usize = 3000;
 
@@ -126,7 +127,7 @@ fn moved([x, y]: [f64; 2], about: [f64; 2], shift: Pose) -> [f64; 2] {
     ]
 }
 
-/// Every so many of `walls`, so that at most `most` are left.
+/// At most `most` of `walls`, evenly selected.
 fn thinned(walls: &[[f64; 2]], most: usize) -> Vec<[f64; 2]> {
     let step = walls.len().div_ceil(most).max(1);
     walls.iter().copied().step_by(step).collect()
@@ -203,8 +204,8 @@ fn alike(first: &RosMap, second: &RosMap, difference: &Difference, near_first: &
     same as f64 / both.max(1) as f64
 }
 
-/// The second map laid over the first: walls of both dark, of the first only blue, of the second
-/// only red, what both know as free white.
+/// The second map overlaid on the first: walls of both dark, of the first only blue, of the second
+/// only red; cells that both know as free are white.
 pub fn picture(first: &RosMap, second: &RosMap, difference: &Difference) -> Picture {
     let (near_first, near_second) = (Distances::new(first), Distances::new(second));
     let near_m = 1.5 * first.cell_m.max(second.cell_m);
@@ -273,8 +274,8 @@ mod tests {
         assert!(same.wall_error_mm < 0.5 && same.overlap() == 1.0 && same.alike == 1.0);
     }
 
-    /// Laid back by what it was moved by, to a quarter of a cell and 0.2 degrees; 20 mm cells of a
-    /// turned wall are up to half a cell off.
+    /// The alignment reverses the shift to a quarter of a cell and 0.2 degrees; cells of 20 mm on a
+    /// rotated wall are up to half a cell off.
     #[test]
     fn a_moved_map_is_laid_back() {
         let shift = Pose::new(0.13, -0.21, 0.1);
@@ -292,7 +293,8 @@ mod tests {
         assert!(as_they_lie.overlap() < 0.6, "{as_they_lie:?}");
     }
 
-    /// Without its stub of 0.7 m of some 7.5 m of walls the second map lacks a tenth of the first.
+    /// Without its stub of 0.7 m of about 7.5 m of walls, the second map lacks a tenth of the
+    /// first.
     #[test]
     fn a_missing_wall_is_seen_from_the_map_that_has_it() {
         let whole = room(Pose::default());

@@ -1,10 +1,10 @@
-//! How far it is from any place to the nearest wall of a map: the exact distance transform, by
+//! The distance from any position to the nearest wall of a map: the exact distance transform, by
 //! lower envelopes of parabolas, first along columns, then along rows (Felzenszwalb and
 //! Huttenlocher 2012).
 
 use super::{CellState, RosMap};
 
-/// Distances from the cells of a map to its nearest wall.
+/// Distances from the cells of a map to the nearest wall.
 pub(super) struct Distances {
     width: usize,
     height: usize,
@@ -13,7 +13,7 @@ pub(super) struct Distances {
     cells: Vec<f32>,
 }
 
-/// Farther than any map is wide, in cells.
+/// More cells than any map has in a row.
 const FAR: f64 = 1e8;
 
 impl Distances {
@@ -55,8 +55,8 @@ impl Distances {
         }
     }
 
-    /// Metres from a place to the nearest wall, at most `cap`; between the middles of cells in
-    /// proportion. Outside the map the way to its edge is added.
+    /// The distance from a position to the nearest wall, metres, at most `cap`; interpolated
+    /// between the centres of cells. Outside the map the distance to its edge is added.
     pub(super) fn at(&self, [x, y]: [f64; 2], cap: f64) -> f64 {
         let place = |metres: f64, origin: f64, size: usize| {
             let cells = (metres - origin) / self.cell_m - 0.5;
@@ -86,13 +86,13 @@ impl Distances {
     }
 }
 
-/// For each place of a line the least of `square + distance squared` over all places.
+/// For each position of a line the minimum of `square + distance squared` over all positions.
 fn envelope(squares: &[f64]) -> Vec<f64> {
     let meet = |a: usize, b: usize| {
         let (x, y) = (a as f64, b as f64);
         ((squares[b] + y * y) - (squares[a] + x * x)) / (2.0 * (y - x))
     };
-    // Parabolas of the envelope, and from where on each is the lowest.
+    // The parabolas of the envelope, and the position from which on each is the lowest.
     let mut lowest: Vec<(usize, f64)> = Vec::new();
     for place in 0..squares.len() {
         let from = loop {

@@ -1,4 +1,4 @@
-//! Clouds of points for PCL and its kin: PCD 0.7 in text, metres, with normals where known.
+//! Point clouds for PCL and similar tools: PCD 0.7 as text, metres, with normals where known.
 
 use core::fmt::Write as _;
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::path::Path;
 use super::MapError;
 use crate::mapping::WallPoint;
 
-/// Farther than any building reaches, metres.
+/// Maximum plausible coordinate, metres.
 const FAR_M: f32 = 1e5;
 
-/// The points as a file.
+/// The text of a file with these points.
 pub fn text(walls: &[WallPoint]) -> String {
     let count = walls.len();
     let mut out = format!(
@@ -30,7 +30,7 @@ pub fn text(walls: &[WallPoint]) -> String {
 /// Reads a file.
 ///
 /// # Errors
-/// If it is none in text, or has no points with x and y.
+/// If the file is not a PCD text file, or has no points with x and y.
 pub fn read(path: &Path) -> Result<Vec<WallPoint>, MapError> {
     let fail = |what: String| MapError {
         path: path.to_owned(),
@@ -83,7 +83,7 @@ fn parse(text: &str) -> Result<Vec<WallPoint>, String> {
     Ok(walls)
 }
 
-/// A normal of length 1, or none.
+/// The vector scaled to length 1; zero stays zero.
 fn unit([x, y]: [f32; 2]) -> [f32; 2] {
     let length = (x * x + y * y).sqrt();
     if length > 0.5 && length < 2.0 {
@@ -107,7 +107,7 @@ mod tests {
         assert_eq!(parse(&text), Ok(walls.to_vec()));
     }
 
-    /// Others write their fields in another order, and no normals.
+    /// Files of other programs have other orders of fields, and no normals.
     #[test]
     fn clouds_of_others_are_read_or_refused_in_words() {
         let wall = WallPoint {

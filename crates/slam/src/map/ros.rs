@@ -1,4 +1,4 @@
-//! Maps in the form of ROS's map server: a picture and a yaml file that says its scale.
+//! Maps in the format of ROS's map server: a picture, and a yaml file with its scale.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +6,7 @@ use firmware_core::map_view::MapView;
 
 use engine::picture::{Picture, PictureError};
 
-/// What a cell is known to be.
+/// The state of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellState {
     /// Unknown space.
@@ -20,9 +20,9 @@ pub enum CellState {
 /// A map in metres, lowest row first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RosMap {
-    /// Cells of a row.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
     /// Edge of a cell, metres.
     pub cell_m: f64,
@@ -31,21 +31,21 @@ pub struct RosMap {
     cells: Vec<CellState>,
 }
 
-/// A map that cannot be read.
+/// The reason why a map cannot be read.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}: {what}", .path.display())]
 pub struct MapError {
     /// The file.
     pub path: PathBuf,
-    /// What is wrong with it, and what was expected.
+    /// The error and the expected content.
     pub what: String,
 }
 
-/// Cells of the largest map that is read.
+/// Maximum number of cells of a map that is read.
 const CELLS_MAX: usize = 64 << 20;
 
 impl RosMap {
-    /// A map of these cells, row after row from the lowest.
+    /// A map of these cells, row by row from the lowest.
     pub fn new(width: usize, cell_m: f64, origin: [f64; 2], cells: Vec<CellState>) -> Self {
         assert!(width > 0 && cells.len().is_multiple_of(width), "whole rows");
         Self {
@@ -57,7 +57,7 @@ impl RosMap {
         }
     }
 
-    /// The robot's map as [`show::render::ros_image`] shows it.
+    /// The robot's map as [`show::render::ros_image`] renders it.
     pub fn of_grid(grid: MapView<'_>) -> Self {
         let cell_m = f64::from(grid.cell_mm()) / 1000.0;
         Self::from_image(
@@ -113,14 +113,14 @@ impl RosMap {
         (x < self.width && y < self.height).then(|| self.cells[y * self.width + x])
     }
 
-    /// Middle of a cell, metres.
+    /// The centre of a cell, metres.
     #[expect(clippy::cast_possible_truncation, reason = "metres of a building")]
     pub(super) fn middle(&self, x: usize, y: usize) -> [f32; 2] {
         let [x0, y0] = self.origin;
         [(x, x0), (y, y0)].map(|(cell, from)| (from + (cell as f64 + 0.5) * self.cell_m) as f32)
     }
 
-    /// The cell under a place in metres; unknown outside the map.
+    /// The cell at a position in metres; unknown outside the map.
     pub fn at(&self, [x, y]: [f64; 2]) -> CellState {
         let index = |metres: f64, origin: f64| ((metres - origin) / self.cell_m).floor();
         let (x, y) = (index(x, self.origin[0]), index(y, self.origin[1]));
@@ -133,7 +133,7 @@ impl RosMap {
         self.cells[y * self.width + x]
     }
 
-    /// Middles of all cells that are `what`, in metres.
+    /// The centres of all cells of the kind `what`, metres.
     pub fn all(&self, what: CellState) -> impl Iterator<Item = [f64; 2]> + '_ {
         let cells = self.cells.iter().enumerate();
         cells
@@ -148,7 +148,7 @@ impl RosMap {
     }
 }
 
-/// What the yaml file says.
+/// The content of the yaml file.
 #[derive(Clone, Debug)]
 struct Header {
     image: String,
@@ -173,7 +173,7 @@ impl Default for Header {
 }
 
 impl Header {
-    /// The map server's files are flat: one `key: value` a line.
+    /// The map server's files are flat: one `key: value` per line.
     fn parse(text: &str) -> Result<Self, String> {
         let mut header = Self::default();
         for (number, line) in (1..).zip(text.lines()) {
@@ -244,7 +244,8 @@ fn origin(value: &str) -> Result<[f64; 2], &'static str> {
 mod tests {
     use super::*;
 
-    /// Grays of the map server's own savers: 0, 254, 205 are wall, free, unknown; 205 is 0.196.
+    /// Gray values of the map server's own tools: 0, 254, 205 are wall, free, unknown; 205 is
+    /// 0.196.
     #[test]
     fn grays_mean_what_the_map_server_means() {
         let header =

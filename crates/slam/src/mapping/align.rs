@@ -1,5 +1,5 @@
-//! A scan laid onto walls: Gauss-Newton steps on the distances of its spots from the walls' lines
-//! (Censi 2008), with the odometry's word for what the walls do not tell.
+//! Alignment of a scan with walls: Gauss-Newton steps on the distances of its spots from the walls'
+//! lines (Censi 2008). The odometry determines the directions that the walls leave open.
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -7,7 +7,7 @@ use crate::mapping::cloud::{Frame, Spot};
 use crate::mapping::matrix::{Matrix, applied, diagonal, inverse, sum, weighed};
 use crate::mapping::surfels::{Near, Surfels, is_unknown};
 
-/// Where a scan should be, by the odometry, and how sure that is.
+/// The pose of a scan predicted by odometry, with its uncertainty.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prior {
     pub(crate) pose: Pose,
@@ -21,7 +21,7 @@ impl Prior {
         diagonal([metres, metres, radians])
     }
 
-    /// Squared standard deviations of `pose`.
+    /// The distance of `pose` from the prediction in squared standard deviations.
     pub(crate) fn off(&self, pose: Pose) -> f64 {
         weighed(&self.information(), difference(pose, self.pose))
     }
@@ -35,28 +35,31 @@ fn difference(a: Pose, b: Pose) -> [f64; 3] {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fit {
     pub(crate) pose: Pose,
-    /// What the walls say of x, y and heading: inverse of the variance, world's axes.
+    /// Information of the walls about x, y and heading: the inverse of the variance, in the axes of
+    /// the world.
     pub(crate) information: Matrix,
-    /// Part of the spots that lie on a wall, 0 to 1.
+    /// Share of the spots that lie on a wall, 0 to 1.
     pub(crate) explained: f64,
-    /// The same, smoothly: 1 for a spot in the middle of a wall.
+    /// A smooth variant of the share: 1 for a spot at the centre of a wall.
     pub(crate) score: f64,
 }
 
 const STEPS_MAX: u32 = 15;
-/// Distances from a wall beyond which a spot is hardly heard, metres: at first and in the end.
+/// Distance from a wall at which a spot has little weight, metres: in the first and in the last
+/// steps.
 const WIDE_M: f64 = 0.12;
 const NARROW_M: f64 = 0.08;
 
-/// Standard deviation of a spot: neighbours err together, so it is wider than the lidar's own.
+/// Standard deviation of a spot, metres. It is larger than the lidar's, because errors of
+/// neighbours are correlated.
 const SPOT_M: f64 = 0.10;
 
-/// A spot at something without a direction.
+/// Weight of a spot at an object without a known normal.
 const UNSURE: f64 = 0.3;
-/// A spot lies on a wall up to this distance, metres.
+/// Maximum distance of a spot that lies on a wall, metres.
 pub(crate) const ON_WALL_M: f64 = 0.08;
 
-/// Lays `spots` onto the walls, from `start` on.
+/// Aligns `spots` with the walls, starting from `start`.
 pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior) -> Fit {
     let held = prior.information();
     let mut pose = start;
@@ -84,7 +87,7 @@ pub(crate) fn align(walls: &Surfels, spots: &[Spot], start: Pose, prior: &Prior)
     judged(walls, spots, pose)
 }
 
-/// What the walls say at `pose`: information and slope.
+/// Information and gradient of the walls at `pose`.
 fn pull(walls: &Surfels, spots: &[Spot], pose: Pose, wide: f64) -> (Matrix, [f64; 3]) {
     let frame = Frame::new(pose);
     let mut sums = Sums::default();
@@ -97,13 +100,13 @@ fn pull(walls: &Surfels, spots: &[Spot], pose: Pose, wide: f64) -> (Matrix, [f64
     sums.whole()
 }
 
-/// `a` as seen from `b`.
+/// `a` relative to `b`.
 #[inline]
 fn apart(a: [f32; 2], b: [f32; 2]) -> [f64; 2] {
     [f64::from(a[0] - b[0]), f64::from(a[1] - b[1])]
 }
 
-/// Sums of the normal equations: one half of the matrix, and the slope.
+/// Sums of the normal equations: one half of the matrix, and the gradient.
 #[derive(Default)]
 struct Sums {
     xx: f64,
@@ -116,7 +119,7 @@ struct Sums {
 }
 
 impl Sums {
-    /// What a wall says of a spot at `at`.
+    /// Adds a wall's constraint on a spot at `at`.
     #[inline]
     fn hear(&mut self, frame: &Frame, at: [f32; 2], near: &Near, wide: f64) {
         let lever = apart(at, frame.at);
@@ -170,7 +173,7 @@ fn off_wall(at: [f32; 2], near: &Near) -> f64 {
     (nx * dx + ny * dy).abs()
 }
 
-/// How `pose` fits, without moving it.
+/// Evaluates the fit of `pose` without moving it.
 pub(crate) fn judged(walls: &Surfels, spots: &[Spot], pose: Pose) -> Fit {
     let frame = Frame::new(pose);
     let (mut explained, mut score, mut sums) = (0.0, 0.0, Sums::default());
@@ -201,8 +204,8 @@ mod tests {
     use super::*;
     use crate::mapping::cloud::Cloud;
 
-    /// What a robot at `from` sees of walls at y = -2 m and y = 2 m, and of one at x = 4 m if the
-    /// corridor has an end; beams a degree apart.
+    /// A scan from the pose `from`: walls at y = -2 m and y = 2 m, and one at x = 4 m if the
+    /// corridor has an end; beams one degree apart.
     fn seen(from: Pose, has_end: bool) -> Cloud {
         let mut ends = Vec::new();
         for degree in -120..=120 {
@@ -235,7 +238,8 @@ mod tests {
         align(&walls, seen(truth, has_end).spots(), prior.pose, &prior)
     }
 
-    /// Started 7 cm and 1.7 degrees off, found to a centimetre and a fifth of a degree.
+    /// Starts 7 cm and 1.7 degrees off; the alignment is accurate to a centimetre and a fifth of a
+    /// degree.
     #[test]
     fn a_scan_finds_its_place_between_walls() {
         let fit = laid(true, Pose::new(0.05, -0.05, 0.03));
@@ -249,7 +253,8 @@ mod tests {
         );
     }
 
-    /// Along a corridor the walls say nothing: there the wheels stand, and the information says so.
+    /// Along a corridor the walls give no information: the odometry determines the position, and
+    /// the information matrix shows this.
     #[test]
     fn along_a_corridor_the_wheels_stand() {
         let fit = laid(false, Pose::new(0.05, -0.05, 0.0));

@@ -1,5 +1,5 @@
-//! Where many spots fit best in a wide window: branch and bound (Hess et al. 2016) with blocks of
-//! four by four cells, whose bounds are computed side by side.
+//! The best pose of many spots in a wide window: branch and bound (Hess et al. 2016) with blocks of
+//! four by four cells, whose bounds are computed in parallel lanes.
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -7,28 +7,28 @@ use crate::mapping::cloud::{Frame, Spot};
 use crate::mapping::correlate::Candidate;
 use crate::mapping::surfels::{CELL_M, Surfels, cell, some_of};
 
-/// Cells along an edge of a block.
+/// Number of cells along the edge of a block.
 const BLOCK: i32 = 4;
-/// Blocks whose bounds are computed side by side.
+/// Number of blocks whose bounds are computed in parallel lanes.
 const LANES: usize = 16;
-/// Cells that they span, and a block more.
+/// Number of cells that they span, plus one block.
 const SPAN: i32 = BLOCK * 17;
-/// Spots that are compared at most.
+/// Maximum number of compared spots.
 const SPOTS_MAX: usize = 240;
-/// Blocks that are looked into at most: more promise something only where everything is alike.
+/// Maximum number of examined blocks: more are promising only if all places are similar.
 const BLOCKS_MAX: usize = 1500;
 
-/// Which poses are tried, around a middle.
+/// The window of poses around a centre.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wide {
     pub(crate) reach_m: f64,
     pub(crate) turn: f64,
-    /// Less than this mean likelihood is of no interest.
+    /// Minimum mean likelihood of a result.
     pub(crate) floor: f64,
 }
 
-/// The greatest likelihood of each cell and the three to its right and above, sorted so that the
-/// blocks of one grid lie side by side.
+/// The maximum likelihood of each cell and the three cells to its right and above, sorted so that
+/// the blocks of one grid are adjacent in memory.
 pub(crate) struct Bounds {
     planes: Vec<Vec<u8>>,
     width: i32,
@@ -64,14 +64,14 @@ impl Bounds {
     }
 }
 
-/// A heading's spots: cells of the window's lower left corner.
+/// The spots at one heading, as cells relative to the lower left corner of the window.
 struct Turned {
     theta: f64,
     starts: Vec<[i32; 2]>,
 }
 
-/// The best poses of blocks, the best first; poses of a block next to a better one are among them.
-/// The flag tells whether there were too many to look at all.
+/// The best pose of each block, the best first; poses next to a better pose are included. The flag
+/// says that there were too many blocks to examine all.
 pub(crate) fn search(
     walls: &Surfels,
     bounds: &Bounds,
@@ -145,7 +145,7 @@ fn floor_of(floor: f64, spots: usize) -> u16 {
     (floor.clamp(0.0, 1.0) * 255.0 * spots as f64) as u16
 }
 
-/// A heading step that moves a spot of mean distance by a cell.
+/// The heading step that moves a spot at the mean distance by one cell.
 pub(crate) fn step_for(spots: &[Spot]) -> f64 {
     let sum: f32 = spots
         .iter()
@@ -173,7 +173,7 @@ fn turned(walls: &Surfels, spots: &[Spot], middle: Pose, theta: f64, reach: i32)
     }
 }
 
-/// Tells the blocks that may hold at least `least`: sum, and cells from the window's corner.
+/// Passes on the blocks that may reach `least`: sum, and cells from the corner of the window.
 fn bound(
     bounds: &Bounds,
     turned: &Turned,
@@ -220,7 +220,7 @@ fn bound(
     }
 }
 
-/// The best pose of a block.
+/// The best pose in a block.
 fn look_into(walls: &Surfels, turned: &Turned, x: i32, y: i32) -> (u16, i32, i32) {
     let side = walls.side();
     let likely = walls.likely();
@@ -255,8 +255,8 @@ mod tests {
     use crate::mapping::cloud::Cloud;
     use emulators::rng::Rng;
 
-    /// Points of no order, and the same points seen from elsewhere: their place is found to a cell
-    /// and a step, metres from where it was looked for, and no other is nearly as good.
+    /// Random points, and the same points seen from another pose metres away. The pose is found to
+    /// a cell and a step, and no other pose is nearly as good.
     #[test]
     fn a_place_is_found_in_a_wide_window_and_nothing_else() {
         let mut rng = Rng::stream(3, "test.branch");
@@ -297,7 +297,7 @@ mod tests {
         );
     }
 
-    /// A bound is never below what its block holds, in every block of random walls.
+    /// A bound is never below the best pose in its block, for every block of random walls.
     #[test]
     fn no_bound_is_below_the_best_of_its_block() {
         let mut rng = Rng::stream(5, "test.bounds");

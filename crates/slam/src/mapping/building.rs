@@ -1,6 +1,6 @@
-//! Buildings that were never built, and a robot's way through them: what a mapper is told, and the
-//! truth. Corridors on a lattice, rooms behind doorways, halls with pillars, niches, glass,
-//! furniture; wheels that lie a little, and some of which slip.
+//! Generated buildings and paths through them: the input of a mapper, and the true poses. Corridors
+//! on a grid, rooms behind doorways, halls with pillars, niches, glass, furniture; odometry with
+//! small errors and occasional slips.
 
 mod plan;
 mod rays;
@@ -15,48 +15,48 @@ use rays::Rays;
 /// A wall, or a pane of glass.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// Its ends, metres.
+    /// First end, metres.
     pub from: [f64; 2],
-    /// Its ends, metres.
+    /// Second end, metres.
     pub to: [f64; 2],
-    /// Most beams go through.
+    /// Whether most beams pass through.
     pub is_glass: bool,
 }
 
-/// One scan of a robot on its way.
+/// One scan on the path of a robot.
 #[derive(Clone, Debug)]
 pub struct Sight {
-    /// Where it was taken.
+    /// True pose.
     pub truth: Pose,
-    /// Motion since the scan before, by wheels that err: metres and radians.
+    /// Motion since the previous scan by odometry with errors: metres and radians.
     pub moved: Pose,
-    /// Ends of the beams, metres in the robot's frame.
+    /// End points of the beams, metres in the robot's frame.
     pub ends: Vec<[f32; 2]>,
 }
 
-/// A building and a way through it.
+/// A building and a path through it.
 #[derive(Clone, Debug)]
 pub struct Building {
     /// All walls.
     pub walls: Vec<Wall>,
-    /// The scans, in their order.
+    /// The scans in order.
     pub sights: Vec<Sight>,
-    /// Length of the way, metres.
+    /// Length of the path, metres.
     pub way_m: f64,
 }
 
-/// Which way through a building.
+/// The pass through a building.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pass {
-    /// The first.
+    /// The first pass.
     First,
-    /// The same way with other noise, so many times later.
+    /// The same path with other noise; the number selects the noise.
     Again(u32),
-    /// The way back, with other noise.
+    /// The path back, with other noise.
     Back,
 }
 
-/// The robot, its lidar and its wheels.
+/// The properties of robot, lidar and odometry.
 struct Robot {
     beams: usize,
     field: f64,
@@ -64,8 +64,8 @@ struct Robot {
     noise_m: f64,
     lost: f64,
     step_m: f64,
-    /// Errors of the wheels: part of the way, part of a turn, radians per metre at random and
-    /// always, and how often they slip.
+    /// Errors of the odometry: share of the distance, share of the rotation, random and systematic
+    /// radians per metre, and the rate of slips.
     scale: f64,
     turn: f64,
     drift: f64,
@@ -94,7 +94,7 @@ impl Robot {
         }
     }
 
-    /// What the wheels say of a motion.
+    /// The odometry of a motion.
     fn wheels(&self, moved: Pose, rng: &mut Rng) -> Pose {
         let way = libm::hypot(moved.x, moved.y);
         let part = 1.0 + self.scale * rng.gauss();
@@ -128,18 +128,18 @@ impl Robot {
     }
 }
 
-/// Wheels that slip turn the robot by up to 30 degrees.
+/// Maximum rotation of a slip: 30 degrees.
 const SLIP_MOST: f64 = 0.52;
-/// Part of the beams that go through glass.
+/// Share of beams that pass through glass.
 const GLASS_PASSES: f64 = 0.8;
 
 impl Building {
-    /// The building of this number, and a way of some hundred metres through it.
+    /// The building with this number, and a path of some hundred metres.
     pub fn generate(seed: u64) -> Self {
         Self::with_way(seed, 0.0)
     }
 
-    /// The same building, and a way of at least so many metres.
+    /// The same building, and a path of at least this length.
     pub fn with_way(seed: u64, least_m: f64) -> Self {
         Self::passed(seed, least_m, Pass::First)
     }
@@ -179,13 +179,13 @@ impl Building {
     }
 }
 
-/// The robot looks so far ahead, metres, and turns by no more per metre.
+/// Look-ahead distance of the robot, metres, and its maximum rotation per metre.
 const AHEAD_M: f64 = 1.0;
 const TURN_MOST: f64 = 0.9;
-/// It goes on by so much at a time.
+/// Step length, metres.
 const STRIDE_M: f64 = 0.1;
 
-/// Poses along a route, a step apart.
+/// Poses along a route, one step apart.
 fn walked(route: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
     let [Some(first), Some(second)] = [route.first(), route.get(1)] else {
         return Vec::new();
@@ -203,7 +203,7 @@ fn walked(route: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
             }
             let off = wrap_angle(towards(pose, target) - pose.theta);
             let turn = off.clamp(-TURN_MOST * 0.3, TURN_MOST * 0.3);
-            // It turns on the spot if the way lies behind.
+            // The robot turns on the spot if the next point is behind it.
             let stride = if off.abs() > 0.8 { 0.0 } else { STRIDE_M };
             pose = moved(pose, Pose::new(stride, 0.0, turn));
             since += stride + 0.5 * turn.abs();

@@ -1,45 +1,45 @@
-//! What one scan saw of the walls: end points of its beams, thinned, with the walls' normals.
+//! The walls in one scan: thinned end points of its beams, with the normals of the walls.
 
 use emulators::world::Pose;
 
 /// A point of a wall.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spot {
-    /// Where, metres.
+    /// Position, metres.
     pub at: [f32; 2],
-    /// Unit vector across the wall, towards the lidar; zero if unknown.
+    /// Unit normal of the wall, towards the lidar; zero if unknown.
     pub normal: [f32; 2],
-    /// Whether the wall continues from the spot before.
+    /// Whether the wall continues from the previous spot.
     pub is_joined: bool,
 }
 
-/// The spots of a scan in the robot's frame, in the order of their bearings.
+/// The spots of a scan in the robot's frame, in order of bearing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Cloud {
     spots: Vec<Spot>,
 }
 
-/// Spots of one scan are at least this far apart, metres: what is near has no more to say than what
-/// is far.
+/// Minimum distance between two spots of a scan, metres: near walls must not outweigh distant ones.
 const APART_M: f32 = 0.04;
-/// Two beams hit one wall if their ends are no farther apart than this part of their length, metres
-/// to metres: a wall seen at 10 degrees by beams a degree apart.
+/// Maximum distance between the ends of two beams on one wall, relative to their length: a wall
+/// seen at 10 degrees by beams one degree apart.
 const GAP_PART: f32 = 0.1;
 
 const GAP_LEAST_M: f32 = 0.1;
 const GAP_MOST_M: f32 = 1.0;
-/// The part of a wall that tells its direction, metres to each side, and least number of points.
+/// The part of a wall that determines its direction, metres to each side, and the minimum number of
+/// points.
 const REACH_M: f32 = 0.25;
 const POINTS_LEAST: usize = 3;
-/// A wall is flat if its points lie this much less across than along, as variances.
+/// Maximum ratio of the variances across and along a flat wall.
 const FLAT: f32 = 0.12;
 
-/// Beams to each side at most.
+/// Maximum number of beams to each side.
 const BEAMS: usize = 12;
 
 impl Cloud {
-    /// Of beam ends, metres in the robot's frame, in the order of their bearings. What is no number
-    /// is left out.
+    /// The cloud of beam ends, metres in the robot's frame, in order of bearing. NaN and infinity
+    /// are left out.
     pub fn new(ends: &[[f32; 2]]) -> Self {
         if ends.as_flattened().iter().any(|metres| !metres.is_finite()) {
             let sound = ends.iter().filter(|[x, y]| x.is_finite() && y.is_finite());
@@ -75,7 +75,7 @@ impl Cloud {
     }
 }
 
-/// A place and a heading for many points at once, single precision.
+/// A pose that transforms many points, in single precision.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Frame {
     pub(crate) at: [f32; 2],
@@ -116,7 +116,7 @@ fn are_joined(a: [f32; 2], b: [f32; 2]) -> bool {
     gap(a, b) <= (GAP_PART * nearest).clamp(GAP_LEAST_M, GAP_MOST_M)
 }
 
-/// Across the wall at this point: the direction in which its neighbours differ least.
+/// The normal of the wall at a point: the direction in which its neighbours differ least.
 fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
     let at = ends[index];
     let range = gap(at, [0.0; 2]);
@@ -152,7 +152,7 @@ fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
     if most <= 0.0 || least > FLAT * most {
         return [0.0; 2];
     }
-    // The eigenvector of the lesser eigenvalue, from whichever row is longer.
+    // The eigenvector of the smaller eigenvalue, from the longer row.
     let [x, y] = if half > 0.0 {
         [-xy, half + apart]
     } else {
@@ -174,7 +174,7 @@ fn normal(ends: &[[f32; 2]], joined: &[bool], index: usize) -> [f32; 2] {
 mod tests {
     use super::*;
 
-    /// A wall 2 m ahead, seen by beams a degree apart: its normal points back at the robot.
+    /// A wall 2 m ahead, seen by beams one degree apart: its normal points back at the robot.
     #[test]
     fn the_normal_of_a_wall_points_at_the_lidar() {
         let ends: Vec<[f32; 2]> = (-20..=20).map(|y| [2.0, y as f32 * 0.035]).collect();
@@ -184,7 +184,7 @@ mod tests {
         assert!(middle.is_joined);
     }
 
-    /// A door's frame 1 m before the wall behind it: two walls, and nothing between them.
+    /// The frame of a door 1 m before the wall behind it: two walls with nothing between them.
     #[test]
     fn walls_one_behind_the_other_are_not_joined() {
         let near = (0..10).map(|y| [2.0, y as f32 * 0.05]);
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!((breaks, joined[10]), (1, false));
     }
 
-    /// Four centimetres of wall are one spot: 41 points a centimetre apart leave 11.
+    /// Four centimetres of wall give one spot: 41 points one centimetre apart give 11 spots.
     #[test]
     fn what_is_near_is_thinned() {
         let ends: Vec<[f32; 2]> = (0..=40).map(|y| [1.0, y as f32 * 0.010_001]).collect();

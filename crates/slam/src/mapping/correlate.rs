@@ -1,5 +1,5 @@
-//! Where a scan fits best, of all poses of a window: every cell and every heading step is tried
-//! (Olson 2009), poses side by side in a row.
+//! The best pose of a scan in a window: every cell and heading step is tried (Olson 2009), with the
+//! poses of a row in parallel lanes.
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -7,28 +7,28 @@ use crate::mapping::align::Prior;
 use crate::mapping::cloud::{Frame, Spot};
 use crate::mapping::surfels::{CELL_M, Surfels, cell};
 
-/// Cells that a row of poses spans at most.
+/// Maximum number of cells in a row of poses.
 const SPAN: i32 = 32;
-/// Cells to each side at most.
+/// Maximum number of cells to each side.
 pub(crate) const REACH_MAX: i32 = 15;
-/// Spots that are compared at most: their sum fits 16 bits.
+/// Maximum number of compared spots: their sum must fit 16 bits.
 const SPOTS_MAX: usize = 120;
-/// Squared standard deviations cost so much of the mean likelihood.
+/// Reduction of the mean likelihood per squared standard deviation from the odometry.
 const COST: f64 = 0.012;
-/// The odometry says no more than that a pose is unlikely.
+/// Maximum reduction: the odometry can only make a pose unlikely.
 const COST_MAX: f64 = 0.25;
 
-/// Which poses are tried.
+/// The window of poses.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window {
-    /// Cells to each side, at most [`REACH_MAX`].
+    /// Number of cells to each side, at most [`REACH_MAX`].
     pub(crate) reach: i32,
-    /// Heading steps to each side, and a step, radians.
+    /// Number of heading steps to each side, and the step in radians.
     pub(crate) turns: i32,
     pub(crate) step: f64,
 }
 
-/// A pose and how well it fits: mean likelihood, 0 to 1, less the odometry's cost.
+/// A pose and its score: mean likelihood, 0 to 1, minus the odometry's reduction.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Candidate {
     pub(crate) pose: Pose,
@@ -83,7 +83,7 @@ fn best_at(
     let turn = wrap_angle(theta - prior.pose.theta);
     let turn_off = turn * turn * per_rad;
     let mut best: Option<Candidate> = None;
-    // A narrow window needs no wide row.
+    // A narrow window uses a narrow row.
     let row_sums = match 2 * reach {
         ..8 => sums::<8>,
         8..16 => sums::<16>,
@@ -116,7 +116,7 @@ fn best_at(
     best
 }
 
-/// Sums of a row of so many poses.
+/// Sums for a row of `LANES` poses.
 fn sums<const LANES: usize>(
     likely: &[u8],
     starts: &[usize],
@@ -132,7 +132,7 @@ fn sums<const LANES: usize>(
         else {
             continue;
         };
-        // A zip is a call here.
+        // An iterator over both would not be inlined here.
         for lane in 0..LANES {
             sums[lane] += u16::from(cells[lane]);
         }
@@ -146,7 +146,7 @@ mod tests {
     use super::*;
     use emulators::rng::Rng;
 
-    /// The best of a window, pose after pose, against the one that is found side by side.
+    /// The result equals that of trying every pose of a window one by one.
     #[test]
     fn the_search_finds_what_trying_every_pose_finds() {
         let mut rng = Rng::stream(7, "test.correlate");
@@ -187,7 +187,8 @@ mod tests {
                     let sum: f64 = spots
                         .iter()
                         .map(|spot| {
-                            // The middle of the spot's cell, so that the shift is by whole cells.
+                            // The centre of the spot's cell, so that the shift is a whole number of
+                            // cells.
                             let at = frame.place(spot.at).map(|m| (cell_of(m) + 0.5) * CELL_M);
                             f64::from(walls.likelihood([at[0] + shift[0], at[1] + shift[1]]))
                         })

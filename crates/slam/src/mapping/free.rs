@@ -1,14 +1,15 @@
-//! What is known to be free near a place: where beams went through.
+//! Free space around a position: cells that beams crossed.
 
 use emulators::world::Pose;
 
 use crate::mapping::cloud::{Cloud, Frame, Spot, gap};
 use crate::mapping::surfels::{CELL_M, Surfels, cell};
 
-/// A beam says nothing of the last part of its way, metres: a wall is rough, and a pose is off.
+/// Length at the end of a beam that gives no evidence of free space, metres: walls are rough, and
+/// poses have errors.
 const LAST_M: f32 = 0.4;
 
-/// Cells that beams went through.
+/// Cells that beams crossed.
 #[derive(Clone, Debug)]
 pub(crate) struct Free {
     corner: [i32; 2],
@@ -17,7 +18,7 @@ pub(crate) struct Free {
 }
 
 impl Free {
-    /// Nothing, in the same cells as `walls`.
+    /// An empty map with the same cells as `walls`.
     pub(crate) fn like(walls: &Surfels) -> Self {
         Self {
             corner: walls.corner(),
@@ -26,7 +27,7 @@ impl Free {
         }
     }
 
-    /// The beams of a scan.
+    /// Adds the beams of a scan.
     pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
         let frame = Frame::new(pose);
         for spot in cloud.spots() {
@@ -56,7 +57,7 @@ impl Free {
         is_inside.then(|| (y * self.side + x).cast_unsigned() as usize)
     }
 
-    /// Part of the spots seen from `pose` that stand where beams went through and no wall is.
+    /// Share of the spots seen from `pose` that lie in crossed cells without a wall.
     pub(crate) fn denied(&self, walls: &Surfels, spots: &[Spot], pose: Pose) -> f64 {
         let frame = Frame::new(pose);
         let stands = |spot: &&Spot| {
@@ -71,8 +72,7 @@ impl Free {
 mod tests {
     use super::*;
 
-    /// A wall 5 m ahead: what stands 2 m ahead is denied, what stands at the wall or beside the
-    /// beams is not.
+    /// A wall 5 m ahead: a spot 2 m ahead is denied, a spot at the wall or beside the beams is not.
     #[test]
     fn nothing_stands_where_beams_went_through() {
         let wall: Vec<[f32; 2]> = (-20..=20).map(|y| [5.0, y as f32 * 0.05]).collect();

@@ -1,5 +1,5 @@
-//! Poses and what is known between them, and the poses that agree with it best: Gauss-Newton steps
-//! (Grisetti et al. 2010), loops with a robust kernel (Agarwal et al. 2013).
+//! A pose graph and its optimisation: Gauss-Newton steps (Grisetti et al. 2010), loops with a
+//! robust kernel (Agarwal et al. 2013).
 
 use core::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
@@ -10,56 +10,55 @@ use crate::mapping::matrix::{Matrix, applied, diagonal, product, scaled, transpo
 use crate::mapping::motion::{between, moved};
 use crate::mapping::sparse::{Plan, System};
 
-/// How an edge is known.
+/// The source of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// From one keyframe to the next.
+    /// Motion from one keyframe to the next.
     Way,
-    /// A place seen again.
+    /// A loop closure.
     Loop,
-    /// From one keyframe to the next by the wheels alone.
+    /// Motion from one keyframe to the next by odometry only.
     Wheels,
-    /// From one part of the map to the next, of which nothing is known.
+    /// Unknown motion from one part of the map to the next.
     Unknown,
 }
 
-/// What is known of one pose as seen from another.
+/// A relative pose between two keyframes.
 #[derive(Clone, Copy, Debug)]
 pub struct Edge {
-    /// The pose from which, and the pose that is seen.
+    /// Index of the first pose.
     pub from: usize,
-    /// The pose that is seen.
+    /// Index of the second pose.
     pub to: usize,
-    /// Where it is seen: metres and radians.
+    /// The second pose relative to the first: metres and radians.
     pub way: Pose,
-    /// Inverse of the variance of that, in the axes of `from`: per square metre, per square
-    /// radian.
+    /// Inverse of the variance, in the axes of `from`: per square metre, per square radian.
     pub information: Matrix,
-    /// How it is known.
+    /// The source of the edge.
     pub kind: Kind,
 }
 
-/// Poses and edges.
+/// A graph of poses and edges.
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     /// The poses: metres and radians.
     pub poses: Vec<Pose>,
-    /// What is known between them.
+    /// The relative poses.
     pub edges: Vec<Edge>,
-    /// Turn that the wheels miss, radians per metre.
+    /// Systematic turn error of the odometry, radians per metre.
     pub(crate) bend: f64,
     /// Edges of each pose.
     around: Vec<Vec<usize>>,
 }
 
-/// Squared deviations from which on a loop is weighted less and less, and wheels that slipped.
+/// Squared deviations above which the weight of loops and of odometry edges decreases.
 const LOOP_FREE: f64 = 12.0;
 const WHEELS_FREE: f64 = 6.0;
-/// The first pose stays.
+/// Information that fixes the first pose.
 const HELD: f64 = 1e12;
 
 impl Graph {
-    /// Adds a pose; its number.
+    /// Adds a pose; returns its index.
     pub fn add_pose(&mut self, pose: Pose) -> usize {
         self.poses.push(pose);
         self.around.push(Vec::new());
@@ -73,7 +72,7 @@ impl Graph {
         self.edges.push(edge);
     }
 
-    /// Poses that a loop says stand near each other.
+    /// The pairs of poses that loops connect.
     pub fn loops(&self) -> Vec<[Pose; 2]> {
         let loops = self.edges.iter().filter(|edge| edge.kind == Kind::Loop);
         loops
@@ -81,13 +80,14 @@ impl Graph {
             .collect()
     }
 
-    /// Moves all poses to where they agree best, at most `steps` times.
+    /// Optimises all poses in at most `steps` steps.
     pub fn optimise(&mut self, steps: u32) {
         let all: Vec<usize> = (0..self.poses.len()).collect();
         self.optimise_part(&all, steps);
     }
 
-    /// The same of the `most` poses nearest to one by way; all others stay. Which ones.
+    /// Optimises the `most` poses nearest to `pose` along edges; all others stay. Returns the
+    /// optimised poses.
     pub fn optimise_near(&mut self, pose: usize, most: usize, steps: u32) -> Vec<usize> {
         let mut near: Vec<usize> = Walk::of(self, pose, f64::INFINITY).take(most).collect();
         near.sort_unstable();
@@ -100,8 +100,8 @@ impl Graph {
         let free = part.edges.iter().filter_map(|edge| part.ends(edge));
         let plan = Plan::new(poses.len(), free);
         for step in 0..steps {
-            // A loop that has just been found is off as far as the way before it was, and must not
-            // be unheard for that.
+            // A new loop contradicts the path by the error accumulated before; the kernel must not
+            // reduce its weight for that.
             let kernel = step >= steps / 2;
             let Some(by) = self.system(&part, &plan, kernel).solve() else {
                 break;
@@ -150,7 +150,7 @@ impl Graph {
         system
     }
 
-    /// How far an edge is off, and how that changes with its poses.
+    /// The error of an edge, and its derivatives by the two poses.
     fn slopes(&self, edge: &Edge) -> ([f64; 3], Matrix, Matrix) {
         let (a, b) = (self.poses[edge.from], self.poses[edge.to]);
         let (sin, cos) = (libm::sin(a.theta), libm::cos(a.theta));
@@ -160,7 +160,8 @@ impl Graph {
         (off(seen, self.told(edge)), from, to)
     }
 
-    /// Of each pose the lowest pose that ways and loops join it to: equal in one part of the map.
+    /// For each pose the lowest pose that motions and loops connect to it; equal within one part of
+    /// the map.
     pub(crate) fn joined(&self) -> Vec<usize> {
         fn lowest(of: &mut [usize], mut pose: usize) -> usize {
             while of[pose] != pose {
@@ -179,7 +180,7 @@ impl Graph {
         (0..of.len()).map(|pose| lowest(&mut of, pose)).collect()
     }
 
-    /// Where an edge has its pose: wheels without what they miss.
+    /// The relative pose of an edge, without the systematic error of odometry.
     pub(crate) fn told(&self, edge: &Edge) -> Pose {
         match edge.kind {
             Kind::Wheels => bent(edge.way, self.bend),
@@ -187,19 +188,19 @@ impl Graph {
         }
     }
 
-    /// Squared deviations by which an edge disagrees with the poses.
+    /// The error of an edge in squared deviations.
     pub fn strain(&self, edge: &Edge) -> f64 {
         let seen = between(self.poses[edge.from], self.poses[edge.to]);
         weighed(&edge.information, off(seen, self.told(edge)))
     }
 
-    /// Takes out the loops that disagree with the poses by more squared deviations; their number.
+    /// Removes the loops with a larger error in squared deviations; returns their number.
     pub fn drop_loops(&mut self, strained: f64) -> usize {
         let all: Vec<usize> = (0..self.poses.len()).collect();
         self.drop_loops_of(&all, strained)
     }
 
-    /// The same of the loops of these poses.
+    /// The same for the loops of these poses.
     pub fn drop_loops_of(&mut self, poses: &[usize], strained: f64) -> usize {
         let around = poses.iter().flat_map(|pose| &self.around[*pose]);
         let is_false = |edge: &&usize| {
@@ -219,18 +220,18 @@ impl Graph {
     }
 }
 
-/// Goes along edges from a pose to others, the nearest first, no farther than it is asked to.
+/// An iterator over poses along edges, nearest first, up to the requested distance.
 pub(crate) struct Walk<'a> {
     graph: &'a Graph,
     most_m: f64,
     ways: Vec<f64>,
     queue: BinaryHeap<Reverse<(u64, usize)>>,
-    /// Way to the pose that was reached last.
+    /// Distance of the last pose along edges.
     reached_m: f64,
 }
 
 impl<'a> Walk<'a> {
-    /// Stands at a pose; what is farther than `most_m` is never reached.
+    /// Starts at a pose; poses farther than `most_m` are not reached.
     pub(crate) fn of(graph: &'a Graph, pose: usize, most_m: f64) -> Self {
         let mut ways = vec![f64::INFINITY; graph.poses.len()];
         ways[pose] = 0.0;
@@ -243,7 +244,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Way to a pose, metres.
+    /// Distance to a pose along edges, metres.
     pub(crate) fn way_to(&mut self, pose: usize) -> f64 {
         while self.reached_m < self.ways[pose] && self.next().is_some() {}
         self.ways[pose]
@@ -253,11 +254,11 @@ impl<'a> Walk<'a> {
 impl Iterator for Walk<'_> {
     type Item = usize;
 
-    /// Goes on to the next pose.
+    /// The next pose.
     fn next(&mut self) -> Option<usize> {
         loop {
             let Reverse((bits, at)) = self.queue.pop()?;
-            // Of numbers that are not negative the bits have the same order.
+            // The bit patterns of non-negative numbers have the same order as the numbers.
             let way = f64::from_bits(bits);
             if way > self.ways[at] {
                 continue;
@@ -277,9 +278,9 @@ impl Iterator for Walk<'_> {
     }
 }
 
-/// The poses that may move, and what is known of them.
+/// The optimised poses and their edges.
 struct Part {
-    /// Of each pose of the graph its number among those that may move.
+    /// The index of each pose of the graph among the optimised poses.
     places: Vec<Option<usize>>,
     edges: Vec<Edge>,
 }
@@ -302,13 +303,13 @@ impl Part {
         self.places[pose]
     }
 
-    /// An edge's ends, if both may move.
+    /// The ends of an edge, if both are optimised.
     fn ends(&self, edge: &Edge) -> Option<(usize, usize)> {
         self.place(edge.from).zip(self.place(edge.to))
     }
 }
 
-/// Way along an edge as far as errors grow with it: of turns, too.
+/// The length of an edge over which errors accumulate, including rotations.
 fn length(edge: &Edge) -> f64 {
     match edge.kind {
         Kind::Way => libm::hypot(edge.way.x, edge.way.y) + 0.3 * edge.way.theta.abs(),
@@ -317,7 +318,7 @@ fn length(edge: &Edge) -> f64 {
     }
 }
 
-/// A motion with so much more turn, radians per metre.
+/// A motion with additional rotation, radians per metre.
 pub(crate) fn bent(way: Pose, bend: f64) -> Pose {
     let turn = bend * libm::hypot(way.x, way.y);
     let half = moved(Pose::new(0.0, 0.0, turn / 2.0), way);
@@ -347,7 +348,7 @@ mod tests {
     use super::*;
     use core::f64::consts::FRAC_PI_2;
 
-    /// Poses 0 and 1, and 2 and 3, are joined by ways; an edge of each kind leads from 1 to 3.
+    /// Motions join poses 0 and 1, and 2 and 3; an edge of each kind leads from 1 to 3.
     #[test]
     fn ways_and_loops_join_poses_and_no_other_edge_does() {
         for (kind, joined) in [
@@ -385,9 +386,8 @@ mod tests {
         }
     }
 
-    /// Around a square of 10 m, each side measured 1 % short and each corner 1 degree wide; the
-    /// robot knows that it is back. The loop closes, and each edge takes at most its part of the
-    /// error.
+    /// A square of 10 m, with each side measured 1 % short and each corner 1 degree wide; a loop
+    /// closes it. Afterwards each edge has at most its share of the error.
     #[test]
     fn a_loop_spreads_the_error_over_the_way() {
         let mut graph = Graph::default();
@@ -411,8 +411,8 @@ mod tests {
         assert!(distance(graph.poses[0], Pose::default()) < 1e-12);
     }
 
-    /// One over the variance is the weight: of two words, 0 and 1 m, the four times surer one
-    /// counts four times: 0.2 m.
+    /// The weight is the inverse of the variance: of two edges, 0 and 1 m, the one with four times
+    /// the information counts four times: 0.2 m.
     #[test]
     fn edges_count_by_their_information() {
         let mut graph = Graph::default();
@@ -430,7 +430,8 @@ mod tests {
         );
     }
 
-    /// A loop that contradicts ten ways is unheard: they stay within a tenth of what it asks for.
+    /// A loop that contradicts ten motions has little weight: they change by less than a tenth of
+    /// the loop's error.
     #[test]
     fn a_loop_that_contradicts_everything_is_unheard() {
         let mut graph = Graph::default();
@@ -449,9 +450,9 @@ mod tests {
         assert!(graph.poses[10].x > 9.0, "{:?}", graph.poses[10]);
     }
 
-    /// Ten poses a metre apart, and a word that the last two are 0.8 m apart: of three that may
-    /// move the last bears it, and those before stay where they are, to the bit; with all of them
-    /// it says the same.
+    /// Ten poses one metre apart, and an edge that says that the last two are 0.8 m apart. With
+    /// three optimised poses the last one moves, and the poses before stay exactly where they are.
+    /// With all poses the result is the same.
     #[test]
     fn what_is_near_moves_and_the_rest_stays() {
         let mut graph = Graph::default();
@@ -468,16 +469,15 @@ mod tests {
         let before = graph.poses.clone();
         graph.optimise_near(9, 3, 10);
         assert_eq!(graph.poses[..7], before[..7]);
-        // Both words count alike: 0.9 m.
+        // Both edges have the same weight: 0.9 m.
         for graph in [&graph, &whole] {
             let last = between(graph.poses[8], graph.poses[9]);
             assert!((last.x - 0.9).abs() < 1e-6, "{last:?}");
         }
     }
 
-    /// Of two loops the one that is 10 m off is dropped and the one that is 0.1 m off (one squared
-    /// deviation) is kept, as is every way, however strained; and no way leads through the one that
-    /// is gone.
+    /// Of two loops the one with an error of 10 m is removed, and the one with 0.1 m (one squared
+    /// deviation) is kept, as is every motion with any error. No path uses the removed loop.
     #[test]
     fn only_loops_are_dropped_and_only_strained_ones() {
         let mut graph = Graph::default();
@@ -498,7 +498,7 @@ mod tests {
         poses.iter().map(|pose| walk.way_to(*pose)).collect()
     }
 
-    /// A metre of way is a metre; a loop is a short one; and beyond the limit nothing is told.
+    /// A metre of motion is a metre; a loop is shorter; beyond the limit no pose is returned.
     #[test]
     fn ways_lead_through_loops() {
         let mut graph = Graph::default();

@@ -1,20 +1,20 @@
-//! Scans that are kept.
+//! Keyframes.
 
 use crate::mapping::cloud::Cloud;
 
-/// A scan that is kept.
+/// A stored scan.
 #[derive(Clone, Debug)]
 pub(crate) struct Keyframe {
     pub(crate) cloud: Cloud,
-    /// Way to it from the first, metres.
+    /// Length of the path from the first keyframe, metres.
     pub(crate) path_m: f64,
-    /// Part of it that lay on walls known before, 0 to 1; a poor one may stand elsewhere.
+    /// Share of the scan that lay on known walls, 0 to 1; the pose of a poor keyframe is uncertain.
     pub(crate) quality: f64,
-    /// Number of its scan.
+    /// Number of the scan.
     pub(crate) scan: usize,
-    /// Turn and length of the way to it by the wheels alone, radians and metres.
+    /// Rotation and length of the path by odometry only, radians and metres.
     pub(crate) turned: f64,
     pub(crate) wheels_m: f64,
-    /// Part of the map that it belongs to: the number of that part's first keyframe.
+    /// Part of the map, as the index of its first keyframe.
     pub(crate) part: usize,
 }

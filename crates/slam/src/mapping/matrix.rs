@@ -3,7 +3,7 @@
 /// Rows of a matrix.
 pub type Matrix = [[f64; 3]; 3];
 
-/// Nothing.
+/// The zero matrix.
 pub(crate) const ZERO: Matrix = [[0.0; 3]; 3];
 
 /// A diagonal matrix.
@@ -50,14 +50,14 @@ pub(crate) fn applied(a: &Matrix, to: [f64; 3]) -> [f64; 3] {
     [row(a[0]), row(a[1]), row(a[2])]
 }
 
-/// `to` weighed by `a`: its squared length.
+/// The squared length of `to`, weighted by `a`.
 #[inline]
 pub(crate) fn weighed(a: &Matrix, to: [f64; 3]) -> f64 {
     let by = applied(a, to);
     by[0] * to[0] + by[1] * to[1] + by[2] * to[2]
 }
 
-/// The inverse; `None` of a matrix that has none.
+/// The inverse; `None` for a singular matrix.
 #[inline]
 pub(crate) fn inverse(a: &Matrix) -> Option<Matrix> {
     let minor = |row: usize, column: usize| {
@@ -80,8 +80,7 @@ pub(crate) fn inverse(a: &Matrix) -> Option<Matrix> {
     })
 }
 
-/// The same matrix in axes turned by the angle with this sine and cosine: of x and y, not of the
-/// heading.
+/// The same matrix in rotated axes of x and y; the heading is not affected.
 pub(crate) fn turned(a: &Matrix, sin: f64, cos: f64) -> Matrix {
     let turn = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]];
     product(&product(&turn, a), &transposed(&turn))
@@ -103,7 +102,7 @@ mod tests {
         assert!(inverse(&[[1.0, 2.0, 3.0], [2.0, 4.0, 6.0], [0.0, 0.0, 1.0]]).is_none());
     }
 
-    /// What is certain along x is certain along y after a quarter of a turn.
+    /// After a quarter of a turn, information along x becomes information along y.
     #[test]
     fn a_turned_matrix_has_its_axes_turned() {
         let found = turned(&diagonal([9.0, 1.0, 4.0]), 1.0, 0.0);

@@ -2,7 +2,7 @@
 
 use emulators::world::{Pose, wrap_angle};
 
-/// `to` as seen from `from`.
+/// `to` relative to `from`.
 pub fn between(from: Pose, to: Pose) -> Pose {
     let (sin, cos) = (libm::sin(from.theta), libm::cos(from.theta));
     let (dx, dy) = (to.x - from.x, to.y - from.y);
@@ -13,7 +13,7 @@ pub fn between(from: Pose, to: Pose) -> Pose {
     )
 }
 
-/// Where the motion `by` leads from `from`.
+/// The pose after the motion `by` from `from`.
 pub fn moved(from: Pose, by: Pose) -> Pose {
     let (sin, cos) = (libm::sin(from.theta), libm::cos(from.theta));
     Pose::new(
@@ -23,7 +23,7 @@ pub fn moved(from: Pose, by: Pose) -> Pose {
     )
 }
 
-/// Length of the way between two poses, metres.
+/// Distance between two poses, metres.
 pub fn distance(a: Pose, b: Pose) -> f64 {
     libm::hypot(a.x - b.x, a.y - b.y)
 }
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
     use core::f64::consts::FRAC_PI_2;
 
-    /// From (1, 2) looking to +y, a place 3 ahead and 1 to the left is (0, 5).
+    /// From (1, 2), facing +y, a position 3 ahead and 1 to the left is (0, 5).
     #[test]
     fn a_motion_leads_where_it_was_seen() {
         let from = Pose::new(1.0, 2.0, FRAC_PI_2);

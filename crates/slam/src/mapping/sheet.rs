@@ -1,4 +1,4 @@
-//! The map as cells: where beams ended and where they went through.
+//! The map as cells, from beam ends and crossed cells.
 
 use emulators::world::Pose;
 
@@ -21,23 +21,23 @@ pub struct Sheet {
     pub cells: Vec<u8>,
 }
 
-/// Value of a cell of which nothing is known.
+/// Value of an unknown cell.
 pub const UNKNOWN: u8 = 127;
 /// Cells along an edge of a tile.
 const TILE: usize = 64;
-/// Maximum number of cells of a sheet: more are drawn coarser.
+/// Maximum number of cells of a sheet; a larger map gets a coarser resolution.
 const CELLS_MAX: f64 = 4e8;
-/// A beam's end says as much as so many beams that went through.
+/// Weight of a beam end relative to a crossing beam.
 const END: u32 = 3;
 
-/// Beams that ended in each cell, and beams that went through.
+/// Numbers of beams that ended in each cell, and of beams that crossed it.
 #[derive(Clone)]
 struct Tile {
     ends: Vec<u8>,
     through: Vec<u8>,
 }
 
-/// Tiles where something was seen, and nowhere else.
+/// Tiles in observed areas only.
 struct Tiles {
     corner: [f32; 2],
     per_m: f32,
@@ -47,8 +47,8 @@ struct Tiles {
 }
 
 impl Sheet {
-    /// What the keyframes saw, with cells of `cell_m`, or of twice that and so on if those would be
-    /// too many.
+    /// The map of the keyframes with cells of `cell_m`, or of a multiple by a power of two if there
+    /// would be too many cells.
     pub(crate) fn of(keyframes: &[Keyframe], poses: &[Pose], cell_m: f64) -> Self {
         let [x0, x1, y0, y1] = bounds(keyframes, poses);
         let mut cell_m = cell_m;
@@ -90,7 +90,7 @@ const fn single(metres: f64) -> f32 {
     metres as f32
 }
 
-/// A number of cells; what is not positive is the first.
+/// Converts to a number of cells; negative values give 0.
 #[expect(clippy::cast_possible_truncation, reason = "saturates")]
 #[expect(clippy::cast_sign_loss, reason = "saturates")]
 #[inline]
@@ -137,7 +137,7 @@ impl Tiles {
         }
     }
 
-    /// A beam through all cells but its last.
+    /// Marks all cells of a beam except the last one as crossed.
     fn pass(&mut self, from: [f32; 2], to: [f32; 2]) {
         let steps = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
         let step = [(to[0] - from[0]) / steps, (to[1] - from[1]) / steps];
@@ -205,7 +205,7 @@ impl Tiles {
     }
 }
 
-/// How likely a wall is.
+/// The likelihood of a wall.
 fn shade(ends: u8, through: u8) -> u8 {
     let (ends, through) = (END * u32::from(ends), u32::from(through));
     if ends + through == 0 {
@@ -220,7 +220,7 @@ mod tests {
     use super::*;
     use crate::mapping::cloud::Cloud;
 
-    /// A wall 1 m ahead, seen by one scan: free on the way there, wall there, unknown behind.
+    /// A wall 1 m ahead in one scan: free before it, wall there, unknown behind.
     #[test]
     fn a_beam_leaves_free_cells_and_ends_in_a_wall() {
         let cloud = Cloud::new(&[[1.0, -0.05], [1.0, 0.0], [1.0, 0.05]]);

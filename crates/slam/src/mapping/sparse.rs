@@ -1,22 +1,22 @@
-//! Symmetric systems of blocks of three by three, few of which are not zero: block Cholesky
-//! (L D L^T) in an order of least degree (George and Liu 1989).
+//! Sparse symmetric systems with blocks of three by three: block Cholesky (L D L^T) with minimum
+//! degree ordering (George and Liu 1989).
 
 use std::collections::BTreeSet;
 
 use crate::mapping::matrix::{Matrix, ZERO, applied, inverse, product, transposed};
 
-/// In which order the nodes of a graph are eliminated, and what that fills.
+/// The elimination order of the nodes of a graph, and the resulting fill-in.
 #[derive(Clone, Debug)]
 pub(crate) struct Plan {
-    /// Nodes in their order, and the place of each node in it.
+    /// Nodes in elimination order, and the position of each node in it.
     order: Vec<usize>,
     place: Vec<usize>,
-    /// Places below the diagonal that are not zero, column by column, ascending.
+    /// Positions of nonzero blocks below the diagonal, column by column, ascending.
     columns: Vec<Vec<usize>>,
 }
 
 impl Plan {
-    /// For nodes 0 to `nodes` and the pairs of them that have an edge.
+    /// The plan for `nodes` nodes and the pairs of nodes with an edge.
     pub(crate) fn new(nodes: usize, pairs: impl Iterator<Item = (usize, usize)>) -> Self {
         let mut near = vec![BTreeSet::new(); nodes];
         for (a, b) in pairs.filter(|(a, b)| a != b) {
@@ -56,7 +56,7 @@ impl Plan {
     }
 }
 
-/// A system: blocks of the matrix and the right side.
+/// A system of equations: blocks of the matrix, and the right side.
 #[derive(Clone, Debug)]
 pub(crate) struct System<'a> {
     plan: &'a Plan,
@@ -66,7 +66,7 @@ pub(crate) struct System<'a> {
 }
 
 impl<'a> System<'a> {
-    /// All zero.
+    /// A system of zeros.
     pub(crate) fn new(plan: &'a Plan) -> Self {
         Self {
             diagonal: vec![ZERO; plan.order.len()],
@@ -80,8 +80,8 @@ impl<'a> System<'a> {
         }
     }
 
-    /// Adds to the block of `row` and `column`; of an edge, both must be planned. Only one of the
-    /// two blocks of an edge is to be told.
+    /// Adds to the block at `row` and `column`; an off-diagonal block must be planned. Add only one
+    /// of the two blocks of an edge.
     pub(crate) fn add(&mut self, row: usize, column: usize, block: &Matrix) {
         let (row, column) = (self.plan.place[row], self.plan.place[column]);
         if row == column {
@@ -101,7 +101,7 @@ impl<'a> System<'a> {
         (0..3).for_each(|axis| right[axis] += by[axis]);
     }
 
-    /// The solution, node by node; `None` if the matrix is not regular.
+    /// The solution, node by node; `None` if the matrix is singular.
     pub(crate) fn solve(mut self) -> Option<Vec<[f64; 3]>> {
         let count = self.diagonal.len();
         for k in 0..count {
@@ -128,13 +128,13 @@ impl<'a> System<'a> {
         Some(place.iter().map(|place| self.right[*place]).collect())
     }
 
-    /// Takes column `k` out of the columns that it has rows in.
+    /// Eliminates column `k` from the columns in which it has rows.
     fn eliminate(&mut self, k: usize, lower: &[Matrix]) {
         let rows = &self.plan.columns[k];
         for (j, column) in rows.iter().enumerate() {
             let across = transposed(&self.below[k][j]);
             subtract(&mut self.diagonal[*column], &product(&lower[j], &across));
-            // The rows below lie among those of that column, in the same order.
+            // Its remaining rows are among the rows of that column, in the same order.
             let planned = &self.plan.columns[*column];
             let mut at = 0;
             for (i, row) in rows.iter().enumerate().skip(j + 1) {
@@ -166,7 +166,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Random graphs with a heavy diagonal: the solution put back gives the right side.
+        /// Random graphs with a dominant diagonal: inserting the solution gives the right side.
         #[test]
         fn the_solution_gives_the_right_side(
             edges in proptest::collection::vec((0_usize..12, 0_usize..12, -1.0_f64..1.0), 0..40),

@@ -1,49 +1,49 @@
-//! Walls near a place, from many scans: mean points and normals in small cells, and how likely a
-//! beam ends near each cell.
+//! Walls around a position, from many scans: mean points and normals in small cells, and the
+//! likelihood of a beam end near each cell.
 
 use crate::mapping::cloud::{Cloud, Frame, Spot, gap};
 use emulators::world::Pose;
 
 /// Edge of a cell, metres.
 pub(crate) const CELL_M: f32 = 0.1;
-/// How likely a beam ends in a wall's cell, beside it and across its corner.
+/// Likelihood of a beam end in the cell of a wall, beside it, and at its corner.
 const KERNEL: [u8; 3] = [255, 150, 90];
-/// Cells that are never drawn, at each edge: what is near a cell can be looked up unasked.
+/// Number of empty cells at each edge: neighbours of a cell can be read without a check.
 const RIM: i32 = 2;
 
-/// What lies in a cell: sums of points and of their normals.
+/// The content of a cell: sums of points and of their normals.
 #[derive(Clone, Copy, Debug, Default)]
 struct Surfel {
     count: f32,
     at: [f32; 2],
     normal: [f32; 2],
-    /// What the sums come to: it is asked for far oftener than it changes.
+    /// The means of the sums, cached because they are read far more often than they change.
     mean: [f32; 2],
     unit: Option<[f32; 2]>,
-    /// The sums have changed since.
+    /// Whether the sums have changed since.
     is_fresh: bool,
 }
 
 /// A square of cells.
 #[derive(Clone, Debug)]
 pub(crate) struct Surfels {
-    /// Lower left corner in cells of the world.
+    /// Lower left corner in cells of the world frame.
     corner: [i32; 2],
     side: i32,
-    /// One more than the number of a cell's surfel; 0 where is none.
+    /// The index of each cell's surfel plus one; 0: none.
     index: Vec<u16>,
     items: Vec<Surfel>,
-    /// Numbers of those whose sums have changed since they were settled.
+    /// Indices of surfels whose sums have changed.
     fresh: Vec<u16>,
     likely: Vec<u8>,
 }
 
-/// What a spot lies near to.
+/// The wall nearest to a spot.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Near {
-    /// A point of the wall, world.
+    /// A point of the wall in the world frame.
     pub(crate) at: [f32; 2],
-    /// Its normal; zero if unknown.
+    /// The normal of the wall; zero if unknown.
     pub(crate) normal: [f32; 2],
 }
 
@@ -52,12 +52,12 @@ pub(crate) fn cell(metres: f32) -> i32 {
     let cells = metres * (1.0 / CELL_M);
     #[expect(clippy::cast_possible_truncation, reason = "saturates, far outside")]
     let towards_zero = cells as i32;
-    // Rounded down, without a call.
+    // Rounds down without a function call.
     towards_zero.saturating_sub(i32::from((towards_zero as f32) > cells))
 }
 
 impl Surfels {
-    /// Nothing, to `reach_m` around `middle`.
+    /// An empty square with `reach_m` around `middle`.
     pub(crate) fn around(middle: [f32; 2], reach_m: f32) -> Self {
         let mut surfels = Self {
             corner: [0; 2],
@@ -78,7 +78,7 @@ impl Surfels {
         middle.map(|m| cell(m) - self.side / 2)
     }
 
-    /// Forgets everything and begins again around another place.
+    /// Clears the square and moves it to another position.
     pub(crate) fn clear(&mut self, middle: [f32; 2]) {
         self.corner = self.corner_for(middle);
         self.index.fill(0);
@@ -86,7 +86,7 @@ impl Surfels {
         self.items.clear();
     }
 
-    /// Middle of the square, metres.
+    /// Centre of the square, metres.
     pub(crate) fn middle(&self) -> [f32; 2] {
         self.corner
             .map(|corner| (corner + self.side / 2) as f32 * CELL_M)
@@ -100,17 +100,17 @@ impl Surfels {
         self.corner
     }
 
-    /// How likely a beam ends in each cell, row by row.
+    /// The likelihood of a beam end in each cell, row by row.
     pub(crate) fn likely(&self) -> &[u8] {
         &self.likely
     }
 
-    /// Draws a scan seen from `pose`.
+    /// Adds a scan seen from `pose`.
     pub(crate) fn draw(&mut self, pose: Pose, cloud: &Cloud) {
         self.draw_all([(pose, cloud)]);
     }
 
-    /// Draws scans seen from these poses.
+    /// Adds scans seen from these poses.
     pub(crate) fn draw_all<'a>(&mut self, scans: impl IntoIterator<Item = (Pose, &'a Cloud)>) {
         for (pose, cloud) in scans {
             self.add(pose, cloud);
@@ -136,7 +136,7 @@ impl Surfels {
         }
     }
 
-    /// A wall between two spots farther apart than a cell.
+    /// Draws the wall between two spots that are farther apart than a cell.
     fn draw_between(&mut self, from: [f32; 2], to: [f32; 2], normal: [f32; 2]) {
         let parts = gap(from, to) / CELL_M;
         let mut part = 1.0;
@@ -188,13 +188,13 @@ impl Surfels {
         }
     }
 
-    /// The cell of a point, possibly outside.
+    /// The cell of a point, possibly outside the square.
     #[inline]
     fn cell(&self, [x, y]: [f32; 2]) -> (i32, i32) {
         (cell(x) - self.corner[0], cell(y) - self.corner[1])
     }
 
-    /// A point as seen from the corner.
+    /// A point relative to the corner.
     #[inline]
     fn inner(&self, [x, y]: [f32; 2]) -> [f32; 2] {
         [
@@ -208,7 +208,7 @@ impl Surfels {
         (y * self.side + x).cast_unsigned() as usize
     }
 
-    /// How likely a beam ends here, 0 to 255.
+    /// The likelihood of a beam end at a position, 0 to 255.
     #[inline]
     pub(crate) fn likelihood(&self, at: [f32; 2]) -> u8 {
         let (x, y) = self.cell(at);
@@ -219,8 +219,8 @@ impl Surfels {
         }
     }
 
-    /// The wall that `spot`, in the world's frame, lies on most likely: of those in the cells
-    /// around it and with a normal alike.
+    /// The most likely wall of `spot` in the world frame: searches the cells around it for a
+    /// similar normal.
     #[inline]
     pub(crate) fn nearest(&self, at: [f32; 2], normal: [f32; 2]) -> Option<Near> {
         let (x, y) = self.cell(at);
@@ -261,8 +261,8 @@ impl Surfels {
     }
 }
 
-/// Walls of neighbouring cells, the nearest most: so that a spot that goes from one cell to the
-/// next does not go from one wall to another.
+/// A blend of the walls in neighbouring cells, the nearest with the highest weight: a spot that
+/// moves to the next cell must not jump from one wall to another.
 #[derive(Default)]
 struct Blend {
     weight: f32,
@@ -270,9 +270,9 @@ struct Blend {
     normal: [f32; 2],
 }
 
-/// Squared metres at which a wall counts a quarter of one right here.
+/// Squared distance at which the weight of a wall falls to a quarter, square metres.
 const BLEND: f32 = 0.001;
-/// A wall that was seen oftener than this counts no more.
+/// Maximum number of observations that count for a wall.
 const COUNT_MAX: f32 = 10.0;
 
 impl Blend {
@@ -307,20 +307,20 @@ pub(crate) fn is_unknown(normal: [f32; 2]) -> bool {
     normal[0] == 0.0 && normal[1] == 0.0
 }
 
-/// Whether the way between two points runs along a wall with this normal.
+/// Whether the line between two points runs along a wall with this normal.
 pub(crate) fn lies_along(a: [f32; 2], b: [f32; 2], normal: [f32; 2]) -> bool {
     let across = (b[0] - a[0]) * normal[0] + (b[1] - a[1]) * normal[1];
     !is_unknown(normal) && across.abs() < ACROSS_MOST * gap(a, b)
 }
 
-/// Sine of the greatest angle between a wall and what is drawn as its part.
+/// Maximum sine of the angle between a wall and its drawn part.
 const ACROSS_MOST: f32 = 0.25;
 
-/// Minimum product of two normals of one wall.
+/// Minimum scalar product of two normals of one wall.
 const ALIKE: f32 = 0.7;
-/// How much a way along a wall counts against one across.
+/// Weight of a distance along a wall relative to one across.
 const ALONG: f32 = 0.1;
-/// Factor for a distance from or to a point whose direction is unknown.
+/// Factor for a distance from or to a point without a known normal.
 const UNSURE: f32 = 1.5;
 
 impl Surfel {
@@ -358,7 +358,7 @@ impl Surfel {
     }
 }
 
-/// About `most` spots of these, evenly.
+/// About `most` of these spots, evenly selected.
 pub(crate) fn some_of(spots: &[Spot], most: usize) -> Vec<Spot> {
     if spots.len() <= most {
         return spots.to_vec();
@@ -392,7 +392,7 @@ mod tests {
         assert!(wall().nearest([2.5, 0.33], [-1.0, 0.0]).is_none());
     }
 
-    /// The wall's own cell, the one beside it, and one farther off.
+    /// The wall's own cell, the one beside it, and one farther away.
     #[test]
     fn beams_end_most_likely_in_the_walls_cells() {
         let walls = wall();
@@ -400,8 +400,8 @@ mod tests {
         assert_eq!(likely, [255, 150, 0]);
     }
 
-    /// Two spots of a wall a metre apart: what is drawn between them lies along it, or is not
-    /// drawn.
+    /// Two spots of a wall one metre apart: a line is drawn between them only if it runs along the
+    /// wall.
     #[test]
     fn only_what_lies_along_a_wall_is_drawn_between_its_spots() {
         assert!(lies_along([0.0, 0.0], [1.0, 0.1], [0.0, 1.0]));

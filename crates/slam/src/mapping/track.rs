@@ -1,4 +1,4 @@
-//! From scan to scan: each is laid onto the walls seen lately.
+//! Tracking: each scan is aligned with the recent walls.
 
 mod closing;
 mod localise;
@@ -28,9 +28,9 @@ use wheels::{Bend, ByWheels};
 pub struct Settings {
     /// Whether loop closures are searched.
     pub closes_loops: bool,
-    /// Where the way begins.
+    /// Start pose of the path.
     pub start: Pose,
-    /// The odometry's errors, as a part of what is usual.
+    /// Errors of the odometry, relative to the usual ones.
     pub noise: f64,
 }
 
@@ -47,17 +47,17 @@ impl Default for Settings {
 /// Result of a scan.
 #[derive(Clone, Copy, Debug)]
 pub struct Outcome {
-    /// Where it was taken, as far as is known by now.
+    /// Pose of the scan, as currently estimated.
     pub pose: Pose,
-    /// Part of it that lies on walls known before, 0 to 1.
+    /// Share of the scan that lies on known walls, 0 to 1.
     pub quality: f64,
-    /// Whether that is too little to say where it was taken: then the wheels are believed.
+    /// Whether that share is too small to determine the pose; then the odometry is used.
     pub is_doubtful: bool,
-    /// Variance of the pose against the walls seen lately: square metres and radians.
+    /// Variance of the pose relative to the recent walls: square metres and radians.
     pub covariance: Matrix,
 }
 
-/// Where a scan was laid, and what the wheels had said.
+/// The aligned pose of a scan, and the prediction of the odometry.
 #[derive(Clone, Copy, Debug)]
 struct Placed {
     fit: Fit,
@@ -66,7 +66,7 @@ struct Placed {
     is_doubtful: bool,
 }
 
-/// Map, pose and everything needed to keep both.
+/// The map, the pose, and all state of the mapper.
 #[derive(Clone, Debug)]
 pub struct Mapper {
     pub(crate) settings: Settings,
@@ -74,68 +74,69 @@ pub struct Mapper {
     pub(crate) graph: Graph,
     pub(crate) closing: Closing,
     pub(crate) lost: Lost,
-    /// Of each scan its keyframe, and its pose from there.
+    /// The keyframe of each scan, and the pose of the scan relative to it.
     scans: Vec<(usize, Pose)>,
     pub(crate) pose: Pose,
-    /// The keyframe that the pose is known from.
+    /// The keyframe to which the pose is relative.
     at: usize,
     path_m: f64,
-    /// Walls seen lately, the keyframes in them, and where their middle is.
+    /// Recent walls, their keyframes, and their centre.
     walls: Surfels,
     drawn: Vec<usize>,
     /// Variance of the odometry since the last keyframe: metres, radians.
     unsure: [f64; 2],
-    /// How wrong the wheels were lately, against what is usual.
+    /// Recent errors of the odometry, relative to the usual ones.
     wheels: [f64; 2],
-    /// The way by the wheels alone, its length, and where it was at the last keyframe.
+    /// The path by odometry only, its length, and its state at the last keyframe.
     by_wheels: ByWheels,
     bend: Bend,
-    /// Part of a scan that lay on walls lately, and how many scans since have been far below.
+    /// Usual share of a scan on known walls, and number of consecutive scans far below it.
     usual: f64,
     below: u32,
 }
 
-/// To each side of the walls' middle, metres.
+/// Size of the wall map to each side of its centre, metres.
 const WALLS_M: f32 = 50.0;
-/// Farther from the middle the walls are drawn again.
+/// Distance from the centre at which the walls are drawn again.
 const OFF_MIDDLE_M: f64 = 8.0;
 
-/// Way back that walls are remembered for, metres, and keyframes in them at most.
+/// Length of the recent path whose walls are drawn, metres, and maximum number of its keyframes.
 const LATELY_M: f64 = 30.0;
 const DRAWN_MAX: usize = 100;
 
-/// A keyframe each so many metres or radians.
+/// Distance and rotation between two keyframes, metres and radians.
 const KEY_M: f64 = 0.3;
 const KEY_RAD: f64 = 0.3;
-/// So much of a scan on walls, seen so long ago, metres of way, by so many keyframes, tells nothing
-/// new.
+/// A scan adds no keyframe if this share of it lies on walls that this number of keyframes saw this
+/// length of path ago.
 const KNOWN: f64 = 0.8;
 const KNOWN_AFTER_M: f64 = 50.0;
 const KNOWN_BY: usize = 3;
-/// Spots of a scan that are compared with the walls.
+/// Number of spots of a scan that are compared with the walls.
 const SPOTS: usize = 180;
 
-/// Errors of wheels that slip, as a part of what is usual, at least.
+/// Minimum error of slipping wheels, relative to the usual one.
 const RARE: f64 = 0.7;
-/// Deviations of wheels that do not, in mean errors: of the way and of turns. A scan's error of
-/// place is one of its neighbours' too, so the wheels are weighted more than their own error says.
+/// Deviations of wheels without slip, in mean errors: distance and rotation. Neighbouring scans
+/// share errors of position, so the odometry has more weight than its own error suggests.
 const USUAL: [f64; 2] = [0.7, 1.0];
-/// Squared deviations up to which wheels have not slipped.
+/// Maximum squared deviation of wheels without slip.
 const SLIPPED: f64 = 12.0;
-/// Less of a scan on walls calls for a wider search, and that much more makes its result believed.
+/// Share of a scan on walls below which a wider search starts, and minimum gain of its result.
 const POOR: f64 = 0.5;
 const GAIN: f64 = 0.2;
-/// A drop by this share of what lay on walls lately has the same effect; each scan counts a part.
+/// A drop of the share by this much starts a wider search too. The usual share is an average with
+/// this weight per scan.
 const DROP: f64 = 0.25;
 const USUAL_PART: f64 = 0.1;
-/// Metres by which the search becomes wider at each scan that is not found, and how often.
+/// Increase of the search radius with each lost scan, metres, and maximum number of increases.
 const BELOW_M: f64 = 0.05;
 const BELOW_MOST: u32 = 8;
-/// Less of a scan on walls says nothing.
+/// Share of a scan on walls below which the scan is ignored.
 const DOUBTFUL: f64 = 0.25;
 
 impl Mapper {
-    /// One that has seen nothing.
+    /// A mapper without scans.
     pub fn new(settings: Settings) -> Self {
         Self {
             settings,
@@ -158,7 +159,7 @@ impl Mapper {
         }
     }
 
-    /// Takes a scan: where it was taken, and what it adds to the map.
+    /// Processes a scan: determines its pose and extends the map.
     pub fn take(&mut self, shot: &Shot<'_>) -> Outcome {
         let cloud = Cloud::new(shot.ends);
         if self.keyframes.is_empty() {
@@ -167,7 +168,7 @@ impl Mapper {
         }
         self.by_wheels.go(shot.moved);
         let wide = self.predicted(shot);
-        // Wheels that were not read miss nothing.
+        // Without odometry there is no odometry error.
         let by = shot.moved;
         let way_m = shot.is_measured.then(|| libm::hypot(by.x, by.y));
         let placed = self.place(&cloud, wide, way_m.unwrap_or(0.0));
@@ -194,7 +195,7 @@ impl Mapper {
         self.told(&placed)
     }
 
-    /// Finds out where a scan was taken, and goes there.
+    /// Determines the pose of a scan and moves the robot there.
     fn place(&mut self, cloud: &Cloud, wide: Prior, way_m: f64) -> Placed {
         let mut prior = wide;
         let mut fit = self.locate(cloud.spots(), &prior);
@@ -243,7 +244,7 @@ impl Mapper {
         }
     }
 
-    /// Where the wheels say the scan was taken, and how sure they can be.
+    /// The pose of a scan predicted by odometry, with its uncertainty.
     fn predicted(&self, shot: &Shot<'_>) -> Prior {
         let way = libm::hypot(shot.moved.x, shot.moved.y);
         let turn = shot.moved.theta.abs();
@@ -264,8 +265,7 @@ impl Mapper {
         }
     }
 
-    /// The same of wheels that have not slipped: wheels are mostly right, and now and then very
-    /// wrong.
+    /// The same for wheels without slip: odometry is usually accurate and sometimes very wrong.
     fn firm(&self, prior: &Prior) -> Prior {
         let part =
             |axis: usize| (USUAL[axis] * self.wheels[axis] / self.wheels[axis].max(RARE)).min(1.0);
@@ -276,7 +276,7 @@ impl Mapper {
         }
     }
 
-    /// Where the spots fit the walls.
+    /// The best alignment of the spots with the walls.
     fn locate(&self, spots: &[Spot], prior: &Prior) -> Fit {
         let spots = some_of(spots, SPOTS);
         let step = crate::mapping::branch::step_for(&spots);
@@ -284,8 +284,8 @@ impl Mapper {
         if best.explained >= self.least() {
             return best;
         }
-        // The wheels may have slipped: then they err by up to 40 degrees, and hardly in the way;
-        // but what is not found at once is farther away at each scan.
+        // If the wheels slipped, the heading is off by up to 40 degrees and the distance is nearly
+        // correct. A pose that is not found at once moves farther away with each scan.
         let below = f64::from(self.below.min(BELOW_MOST));
         let loose = Prior {
             deviation: [
@@ -302,13 +302,13 @@ impl Mapper {
         }
     }
 
-    /// How much of a scan must lie on walls, so that it need not be looked for farther off.
+    /// The minimum share of a scan on walls, below which a wider search starts.
     fn least(&self) -> f64 {
         POOR.max(self.usual - DROP)
     }
 
-    /// The nearest of enough keyframes that saw the same long ago: a robot that stays in a building
-    /// does not fill its memory.
+    /// The nearest of the keyframes that saw the same walls long ago, if there are enough of them:
+    /// it limits the memory of a robot that stays in a building.
     fn known_from(&self, fit: &Fit) -> Option<usize> {
         if fit.explained < KNOWN || !self.settings.closes_loops {
             return None;
@@ -316,7 +316,7 @@ impl Mapper {
         let far = |key: usize| {
             let pose = self.graph.poses[key];
             let [x, y] = [pose.x - self.pose.x, pose.y - self.pose.y];
-            // Most of a building is far away.
+            // Quick check: most keyframes are far away.
             if x.abs() > KEY_M || y.abs() > KEY_M {
                 return None;
             }
@@ -330,7 +330,7 @@ impl Mapper {
             return None;
         }
         near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        // What only seems to stand here may stand elsewhere.
+        // A keyframe that only seems to be nearby may be elsewhere.
         let mut walk = Walk::of(&self.graph, self.at, LATELY_M);
         let near = near.into_iter().map(|(_, key)| key);
         let mut here = near.filter(|key| walk.way_to(*key) < LATELY_M);
@@ -338,7 +338,7 @@ impl Mapper {
         here.nth(KNOWN_BY - 2).map(|_| nearest)
     }
 
-    /// The robot is where an old keyframe stands: it continues from there.
+    /// Continues relative to the old keyframe `old`, at which the robot is.
     fn lean_on(&mut self, old: usize, fit: &Fit) {
         self.at = old;
         let from = between(self.graph.poses[old], self.pose);
@@ -351,7 +351,7 @@ impl Mapper {
         }
     }
 
-    /// Keeps a scan, taken where the robot is now; `fit` is what the walls said.
+    /// Stores a scan at the current pose as a keyframe; `fit` is its alignment with the walls.
     fn keep(&mut self, cloud: Cloud, quality: f64, fit: Option<Fit>) {
         let number = self.graph.add_pose(self.pose);
         self.keyframes.push(Keyframe {
@@ -381,8 +381,8 @@ impl Mapper {
                 self.graph.add_edge(edge(way, &by_wheels, Kind::Way));
                 return self.kept(number);
             };
-            // Half of the wheels' word on turns stands for itself, so that what they miss can be
-            // taken off it once that is known.
+            // Half of the odometry's information about rotation is kept as a separate edge, so that
+            // a systematic error can be removed later.
             let [metres, radians] = [unsure[0], unsure[1] / 2.0];
             let known = sum(&fit.information, &diagonal([metres, metres, radians]));
             self.graph.add_edge(edge(way, &known, Kind::Way));
@@ -393,7 +393,7 @@ impl Mapper {
         self.kept(number);
     }
 
-    /// Goes on from a new keyframe.
+    /// Continues from a new keyframe.
     fn kept(&mut self, number: usize) {
         self.by_wheels.stand(Pose::default());
         self.at = number;
@@ -419,7 +419,7 @@ impl Mapper {
             || libm::hypot(self.pose.x - x, self.pose.y - y) > OFF_MIDDLE_M
     }
 
-    /// Draws the walls again: those that belong to where the robot is, whatever way it came.
+    /// Draws the walls around the current pose again, along all edges of the graph.
     fn redraw(&mut self) {
         let walk = Walk::of(&self.graph, self.at, LATELY_M);
         let near: Vec<usize> = walk.take(DRAWN_MAX / 2).collect();
@@ -432,7 +432,7 @@ impl Mapper {
         self.drawn = near;
     }
 
-    /// Where each scan was taken, as far as is known by now.
+    /// The current estimate of each scan's pose.
     pub fn way(&self) -> Vec<Pose> {
         let poses = &self.graph.poses;
         let scans = self.scans.iter();
@@ -444,12 +444,12 @@ impl Mapper {
         self.closing.ambiguous
     }
 
-    /// Loop closures that were removed because all other data contradicted them.
+    /// Number of loop closures that were removed because all other data contradicted them.
     pub const fn dropped_loops(&self) -> usize {
         self.closing.dropped
     }
 
-    /// Of each keyframe the number of its scan.
+    /// The scan number of each keyframe.
     pub fn scans(&self) -> Vec<usize> {
         self.keyframes
             .iter()
@@ -457,17 +457,17 @@ impl Mapper {
             .collect()
     }
 
-    /// The keyframes and what is known between them.
+    /// The graph of keyframes.
     pub const fn graph(&self) -> &Graph {
         &self.graph
     }
 
-    /// The map, with cells of this edge, metres, or larger ones if those would be too many.
+    /// The map with cells of this edge, metres, or larger cells if there would be too many.
     pub fn sheet(&self, cell_m: f64) -> Sheet {
         Sheet::of(&self.keyframes, &self.graph.poses, cell_m)
     }
 
-    /// A last look at everything.
+    /// Completes the map after the last scan.
     pub fn finish(&mut self) {
         if !self.keyframes.is_empty() {
             self.find_rest();
@@ -476,11 +476,11 @@ impl Mapper {
     }
 }
 
-/// Errors that all spots of a scan have in common: metres, radians.
+/// Errors that all spots of a scan share: metres, radians.
 const COMMON_M: f64 = 0.005;
 const COMMON_RAD: f64 = 0.001;
 
-/// What is known, and not more than errors in common leave.
+/// Limits the information by the common errors.
 pub(crate) fn blurred(information: &Matrix) -> Matrix {
     let common = diagonal([
         COMMON_M * COMMON_M,
@@ -493,7 +493,7 @@ pub(crate) fn blurred(information: &Matrix) -> Matrix {
         .unwrap_or(least)
 }
 
-/// What is known in the world's axes, in those of a pose.
+/// Information in the axes of the world, transformed to the axes of a pose.
 pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
     turned(information, -libm::sin(pose.theta), libm::cos(pose.theta))
 }
@@ -503,7 +503,7 @@ pub(crate) fn seen_from(pose: Pose, information: &Matrix) -> Matrix {
 mod tests {
     use super::*;
 
-    /// What is seen, at `from`, of a hall from (0, 0) to (14, 9), metres, with a pillar's corner.
+    /// A scan at `from` in a hall from (0, 0) to (14, 9), metres, with the corner of a pillar.
     fn seen(from: Pose) -> Vec<[f32; 2]> {
         let beams = (-120..=120).map(|degree| f64::from(degree).to_radians());
         let ends = beams.map(|bearing| {
@@ -533,7 +533,7 @@ mod tests {
         (to, outcome)
     }
 
-    /// A robot 2 m inside the hall that has seen it from 5 places.
+    /// A robot 2 m inside the hall after 5 scans at different poses.
     fn at_home() -> (Mapper, Pose) {
         let mut at = Pose::new(2.0, 2.0, 0.3);
         let mut mapper = Mapper::new(Settings {
@@ -548,7 +548,8 @@ mod tests {
         (mapper, at)
     }
 
-    /// The wheels say straight on while the robot turned by 41 degrees: the walls know better.
+    /// The odometry reports straight motion while the robot turned by 41 degrees: the walls correct
+    /// this.
     #[test]
     fn wheels_that_slip_by_41_degrees_are_found_out() {
         let (mut mapper, at) = at_home();
@@ -559,8 +560,9 @@ mod tests {
         assert!(turn < 0.01 && outcome.quality > 0.8, "{outcome:?} {at:?}");
     }
 
-    /// How far off the mapper is if the wheels say 10 cm on and the robot goes back so far, so much
-    /// of a scan lay on walls lately, and so many scans since lay on far less.
+    /// The error of the mapper if the odometry reports 10 cm forward while the robot moves back by
+    /// `back_m`. `usual` is the usual share of a scan on walls, `below` the number of consecutive
+    /// scans far below it.
     fn off(back_m: f64, usual: f64, below: u32) -> f64 {
         let (mut mapper, at) = at_home();
         (mapper.usual, mapper.below) = (usual, below);
@@ -569,8 +571,8 @@ mod tests {
         distance(outcome.pose, at)
     }
 
-    /// At stake: where the wheels say, 60 % of the scan lie on walls, and the robot is led astray.
-    /// It was 95 % before, so it is looked for farther off.
+    /// At the pose of the odometry 60 % of the scan lie on walls, which could mislead the robot.
+    /// The usual share was 95 %, so a wider search starts.
     #[test]
     fn a_scan_that_fits_much_less_than_those_before_is_looked_for() {
         for back_m in [0.1, 0.2, 0.25] {
@@ -582,16 +584,15 @@ mod tests {
         }
     }
 
-    /// What wheels that continue lying hid for four scans is 0.7 m away: each makes the search
-    /// wider.
+    /// After four scans with wrong odometry the robot is 0.7 m away: each scan widens the search.
     #[test]
     fn what_is_not_found_is_looked_for_farther_off() {
         assert!(off(0.6, 0.95, 0) > 0.5);
         assert!(off(0.6, 0.95, 4) < 0.02);
     }
 
-    /// Twelve scans that lie on walls, and one that does not: what is usual falls by a tenth of the
-    /// difference, and the next that fits ends the count.
+    /// Twelve scans on walls, then one that is not: the usual share falls by a tenth of the
+    /// difference, and the next scan on walls resets the count.
     #[test]
     fn what_is_usual_follows_slowly() {
         let (mut mapper, at) = at_home();
@@ -610,7 +611,7 @@ mod tests {
         assert_eq!(mapper.below, 1);
     }
 
-    /// A scan of somewhere else altogether: the wheels' word stands, and the scan is doubtful.
+    /// A scan of an unknown area: the odometry is used, and the scan is doubtful.
     #[test]
     fn a_scan_that_fits_nowhere_leaves_the_wheels_word() {
         let (mut mapper, at) = at_home();
@@ -635,8 +636,8 @@ mod tests {
         assert!(distance(outcome.pose, moved(at, moved_by)) < 0.05);
     }
 
-    /// Where the mapper is, from where the robot is, if the wheels missed a turn of 0.5 rad and so
-    /// many of three beams see the hall, the others something new.
+    /// The error of the mapper if the odometry misses a rotation of 0.5 rad and `of_three` of three
+    /// beams see the hall, the others unknown objects.
     fn seen_in_part(of_three: usize) -> (f64, Outcome) {
         let (mut mapper, at) = at_home();
         let to = moved(at, Pose::new(0.1, 0.0, 0.5));
@@ -655,8 +656,8 @@ mod tests {
         (wrap_angle(outcome.pose.theta - to.theta).abs(), outcome)
     }
 
-    /// At stake: one scan that fits little, and that far from where the wheels have it, is laid
-    /// skewed, and what sees the place again is tied to it.
+    /// A poor scan far from the odometry would be aligned with a wrong rotation, and later loops
+    /// would refer to it.
     #[test]
     fn who_contradicts_the_wheels_must_lie_on_walls() {
         let (off, outcome) = seen_in_part(2);
@@ -668,15 +669,15 @@ mod tests {
         );
     }
 
-    /// Wheels that say a degree too little each metre: after 20 m half of it is known. Scans
-    /// without odometry tell nothing of the wheels.
+    /// Odometry that misses one degree per metre: after 20 m half of the error is known. Scans
+    /// without odometry give no information.
     #[test]
     fn a_strong_bend_of_the_wheels_is_learned() {
         for (is_measured, least, most) in [(true, 0.00875, 0.0263), (false, 0.0, 0.0)] {
             let (mut mapper, mut at) = at_home();
             mapper.bend = Bend::default();
             for _ in 0..40 {
-                // In circles of 1.6 m, so that the hall is left never.
+                // In circles of 1.6 m, so that the robot stays in the hall.
                 at = moved(at, Pose::new(0.5, 0.0, 0.3));
                 mapper.take(&Shot {
                     moved: Pose::new(0.5, 0.0, 0.3 - 0.5 * 0.0175),
@@ -690,8 +691,8 @@ mod tests {
         }
     }
 
-    /// At stake: a mapper that takes its own error for the wheels' winds itself up. 700 m along a
-    /// corridor without features, seen 4 m far, by wheels that are straight: a mapper that learns
+    /// A mapper that takes its own error for an error of the odometry amplifies it. 700 m along a
+    /// corridor without features, with a range of 4 m and straight odometry: a mapper that learns
     /// from its own matches alone ends metres off.
     #[test]
     fn straight_wheels_in_a_corridor_without_features_stay_straight() {
@@ -722,7 +723,7 @@ mod tests {
         assert!(most < 3.0, "{most} m aside");
     }
 
-    /// Ten rounds in one circle: the keyframes of the first rounds do for the rest.
+    /// Ten rounds in one circle: the keyframes of the first rounds suffice for the rest.
     #[test]
     fn a_robot_that_stays_keeps_no_more_keyframes() {
         let (mut mapper, mut at) = at_home();
@@ -738,7 +739,7 @@ mod tests {
         assert_eq!(mapper.way().len(), 5 + 12 * 21);
     }
 
-    /// Commonly known errors bound what is known: 5 mm and a milliradian.
+    /// Common errors limit the information: 5 mm and one milliradian.
     #[test]
     fn nothing_is_known_better_than_errors_in_common_leave() {
         let known = blurred(&diagonal([1e12; 3]));

@@ -1,9 +1,9 @@
-//! Whether the lengths in a record lie within it. The parser makes room for a text before it reads
-//! it: a damaged length would ask for 4 GiB.
+//! A check that the lengths in a record are within it. The parser allocates memory for a text
+//! before it reads the text: a damaged length would request 4 GiB.
 
-/// What a record holds up to its last text, by its opcode, as the format's specification lists it:
-/// a number skips so many bytes, `s` is a text, `t` a table of texts, `n` a list of numbers. Texts
-/// and the rest begin with their length in bytes, four of them.
+/// The layout of a record up to its last text, by opcode, from the specification of the format. A
+/// digit skips this number of bytes, `s` is a text, `t` a table of texts, `n` a list of numbers.
+/// Texts, tables and lists begin with their length in bytes, as four bytes.
 const fn layout(opcode: u8) -> &'static [u8] {
     match opcode {
         // Header: profile, library.
@@ -12,21 +12,21 @@ const fn layout(opcode: u8) -> &'static [u8] {
         0x03 => b"2sss",
         // Channel: id, schema, topic, encoding, metadata.
         0x04 => b"4sst",
-        // Index of a chunk: two times, offset, length, offsets by channel, length, compression.
+        // Chunk index: two times, offset, length, offsets by channel, length, compression.
         0x08 => b"8888n8s",
         // Attachment: two times, name, media type.
         0x09 => b"88ss",
-        // Its index: offset, length, two times, size, name, media type.
+        // Attachment index: offset, length, two times, size, name, media type.
         0x0A => b"88888ss",
         // Metadata: name, table.
         0x0C => b"st",
-        // Its index: offset, length, name.
+        // Metadata index: offset, length, name.
         0x0D => b"88s",
         _ => b"",
     }
 }
 
-/// Whether all lengths in `body`, the record with this opcode, lie within it.
+/// Whether all lengths in `body`, a record with this opcode, are within it.
 pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     let mut rest = body;
     layout(opcode).iter().all(|part| match part {
@@ -43,7 +43,7 @@ pub(super) fn fit(opcode: u8, body: &[u8]) -> bool {
     })
 }
 
-/// What stands behind a length.
+/// The bytes behind a length.
 fn counted<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let length = skip(rest, 4)?.first_chunk().copied()?;
     skip(rest, usize::try_from(u32::from_le_bytes(length)).ok()?)
@@ -59,7 +59,7 @@ fn skip<'a>(rest: &mut &'a [u8], length: usize) -> Option<&'a [u8]> {
 mod tests {
     use super::*;
 
-    /// A sound record of each kind, and the places of the lengths in it.
+    /// A valid record of each kind, and the offsets of its lengths.
     fn record(opcode: u8) -> (Vec<u8>, Vec<usize>) {
         let (mut body, mut lengths) = (Vec::new(), Vec::new());
         for part in layout(opcode) {

@@ -1,4 +1,4 @@
-//! A floor plan: blocks between corridors, and a route along these.
+//! A floor plan: blocks between corridors, and a route along the corridors.
 
 use emulators::rng::Rng;
 
@@ -10,11 +10,11 @@ pub(super) struct Plan {
     pub(super) route: Vec<[f64; 2]>,
 }
 
-/// Minimum and most metres of a building's longer side.
+/// Minimum and maximum length of a building's longer side, metres.
 const SIZE_M: [f64; 2] = [30.0, 300.0];
 
 impl Plan {
-    /// With a route of at least so many metres.
+    /// Generates a plan with a route of at least `least_m` metres.
     pub(super) fn drawn(rng: &mut Rng, least_m: f64) -> Self {
         // Small buildings are as frequent as large ones.
         let size = SIZE_M[0] * libm::pow(SIZE_M[1] / SIZE_M[0], rng.uniform());
@@ -43,7 +43,7 @@ impl Plan {
         self.walls.push(Wall { from, to, is_glass });
     }
 
-    /// The wall around everything.
+    /// Adds the outer wall.
     fn outer(&mut self, xs: &[f64], ys: &[f64], wide: f64, rng: &mut Rng) {
         let half = wide / 2.0;
         let (x0, x1) = (xs[0] - half, xs[xs.len() - 1] + half);
@@ -54,7 +54,7 @@ impl Plan {
         self.side([x0, y1], [x0, y0], [-1.0, 0.0], rng);
     }
 
-    /// Rooms between corridors, or a hall that they open into.
+    /// Adds rooms between corridors, or an open hall.
     fn block(&mut self, x: [f64; 2], y: [f64; 2], rng: &mut Rng) {
         if x[1] - x[0] < 3.0 || y[1] - y[0] < 3.0 {
             return;
@@ -69,7 +69,7 @@ impl Plan {
         self.side([x[0], y[1]], [x[0], y[0]], [1.0, 0.0], rng);
     }
 
-    /// Pillars and furniture in the open.
+    /// Adds pillars and furniture in an open hall.
     fn hall(&mut self, x: [f64; 2], y: [f64; 2], rng: &mut Rng) {
         let pitch = rng.range(4.0, 9.0);
         let mut px = x[0] + 1.0;
@@ -95,7 +95,7 @@ impl Plan {
         }
     }
 
-    /// A box of this size around a point.
+    /// Adds a rectangular object around a point.
     fn chest(&mut self, at: [f64; 2], size: [f64; 2], turn: f64) {
         let (sin, cos) = (libm::sin(turn), libm::cos(turn));
         let corner = |sx: f64, sy: f64| {
@@ -113,7 +113,7 @@ impl Plan {
         }
     }
 
-    /// One side of a corridor, piece by piece; `away` points from the corridor.
+    /// Adds one side of a corridor; `away` points away from the corridor.
     fn side(&mut self, from: [f64; 2], to: [f64; 2], away: [f64; 2], rng: &mut Rng) {
         let length = libm::hypot(to[0] - from[0], to[1] - from[1]);
         let along = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
@@ -141,7 +141,7 @@ impl Plan {
         }
     }
 
-    /// A door in its frame, or a niche.
+    /// Adds a closed door in its frame, or a niche.
     fn recess(&mut self, piece: &Piece, deep: f64) {
         let (a, b) = (piece.at + 0.25, piece.end - 0.25);
         self.wall(piece.place(piece.at, 0.0), piece.place(a, 0.0), false);
@@ -151,7 +151,7 @@ impl Plan {
         self.wall(piece.place(b, 0.0), piece.place(piece.end, 0.0), false);
     }
 
-    /// An open door, and what is to be seen of the room behind.
+    /// Adds an open door and the visible part of the room.
     fn room(&mut self, piece: &Piece, rng: &mut Rng) {
         let door = rng.range(0.8, 1.1).min(piece.end - piece.at - 0.2);
         let a = piece.at + rng.range(0.1, (piece.end - piece.at - door).max(0.11));
@@ -185,7 +185,7 @@ impl Plan {
         }
     }
 
-    /// Something that stands at the wall.
+    /// Adds an object at the wall.
     fn cupboard(&mut self, piece: &Piece, rng: &mut Rng) {
         self.wall(
             piece.place(piece.at, 0.0),
@@ -201,7 +201,7 @@ impl Plan {
     }
 }
 
-/// A part of a corridor's side.
+/// A part of one side of a corridor.
 struct Piece {
     from: [f64; 2],
     along: [f64; 2],
@@ -219,7 +219,7 @@ impl Piece {
     }
 }
 
-/// Middles of corridors.
+/// The centre lines of corridors.
 fn axis(blocks: u64, size: f64, wide: f64, rng: &mut Rng) -> Vec<f64> {
     let parts: Vec<f64> = (0..blocks).map(|_| rng.range(0.6, 1.6)).collect();
     let sum: f64 = parts.iter().sum();
@@ -232,11 +232,12 @@ fn axis(blocks: u64, size: f64, wide: f64, rng: &mut Rng) -> Vec<f64> {
     all
 }
 
-/// Crossings of a route at most, for its length, and least and most length, metres.
+/// Maximum number of crossings per metre of a route, and minimum and maximum length of a route,
+/// metres.
 const CROSSINGS_PER_M: f64 = 0.3;
 const ROUTE_M: [f64; 2] = [150.0, 700.0];
 
-/// From crossing to crossing, rarely back; first around a block.
+/// A route from crossing to crossing that rarely turns back; it first goes around a block.
 fn route(xs: &[f64], ys: &[f64], least_m: f64, rng: &mut Rng) -> Vec<[f64; 2]> {
     let mut at = [0_usize, 0_usize];
     let place = |at: [usize; 2]| [xs[at[0]], ys[at[1]]];
@@ -265,7 +266,7 @@ fn route(xs: &[f64], ys: &[f64], least_m: f64, rng: &mut Rng) -> Vec<[f64; 2]> {
     route
 }
 
-/// A crossing next to this one, not the one before unless there is no other.
+/// A neighbouring crossing; the previous one only if there is no other.
 fn neighbour(at: [usize; 2], last: [usize; 2], size: [usize; 2], rng: &mut Rng) -> [usize; 2] {
     let [x, y] = at;
     let mut all = Vec::new();

@@ -1,4 +1,4 @@
-//! What a beam meets first, among very many walls: they are sorted into squares.
+//! Ray casting among very many walls, which are sorted into squares.
 
 use emulators::world::Pose;
 
@@ -6,7 +6,7 @@ use super::Wall;
 
 /// Edge of a square, metres.
 const SQUARE_M: f64 = 2.0;
-/// Beams end here, metres.
+/// Maximum length of a beam, metres.
 const FARTHEST_M: f64 = 60.0;
 
 /// Walls by square.
@@ -44,7 +44,7 @@ impl<'a> Rays<'a> {
         rays
     }
 
-    /// Into every square of the wall's box.
+    /// Sorts a wall into every square of its bounding box.
     fn sort(&mut self, number: usize, wall: &Wall) {
         let range = |axis: usize| {
             let [a, b] = [wall.from[axis], wall.to[axis]].map(|m| square(m - self.corner[axis]));
@@ -99,7 +99,7 @@ impl<'a> Rays<'a> {
     }
 }
 
-/// Where a ray meets a wall; far off if it does not.
+/// Distance to the intersection of a ray and a wall; very large if they do not intersect.
 fn meets(from: Pose, way: [f64; 2], wall: &Wall) -> f64 {
     let along = [wall.to[0] - wall.from[0], wall.to[1] - wall.from[1]];
     let to = [wall.from[0] - from.x, wall.from[1] - from.y];

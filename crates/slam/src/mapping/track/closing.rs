@@ -1,6 +1,6 @@
-//! Places seen again. Where the way is short enough that the robot knows where it must be, a
-//! keyframe is laid onto the old walls; where it is not, all that was seen lately is looked for in
-//! the old walls, and believed only if nothing contradicts it and it is seen twice.
+//! Loop closures. If the path since the last visit is short, the pose is nearly known and the
+//! keyframe is aligned with the old walls. If it is long, the recent walls are searched in the old
+//! ones; a match is accepted only if it occurs twice and no beam contradicts it.
 
 use emulators::world::{Pose, wrap_angle};
 
@@ -16,7 +16,7 @@ use crate::mapping::matrix::{Matrix, weighed};
 use crate::mapping::motion::{between, distance, moved};
 use crate::mapping::surfels::{Surfels, some_of};
 
-/// A place that may have been seen before.
+/// A possible loop closure.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Guess {
     pub(super) from: usize,
@@ -25,64 +25,65 @@ pub(super) struct Guess {
     pub(super) information: Matrix,
 }
 
-/// What is kept from one look to the next.
+/// The state between two searches.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Closing {
     pub(super) guesses: Vec<Guess>,
     looked_at_m: f64,
-    /// Edges since the poses were made to agree.
+    /// Number of new edges since the last optimisation.
     fresh: usize,
     /// Number of ambiguous places.
     pub(crate) ambiguous: usize,
-    /// Loops that turned out to be false.
+    /// Number of loops that turned out to be false.
     pub(crate) dropped: usize,
 }
 
-/// Way between two looks, metres.
+/// Length of path between two searches, metres.
 const EACH_M: f64 = 1.0;
 
-/// A place seen longer ago than this is an old one, metres of way.
+/// Minimum length of path since an old place, metres.
 const OLD_M: f64 = 15.0;
-/// Way from which on a place is not simply where it must be.
+/// Length of path above which the pose is not nearly known, metres.
 const FAR_M: f64 = 40.0;
 
-/// A longer way says no more than that the place may be anywhere in reach.
+/// Maximum length of path that counts for the uncertainty, metres.
 const WAY_MAX_M: f64 = 500.0;
-/// Errors of a way: metres and radians at its beginning, and per metre. Three deviations.
+/// Errors of a path: metres and radians at its beginning, per metre, and at most. Three deviations.
 const REACH: [f64; 3] = [0.4, 0.035, 15.0];
 const TURN: [f64; 3] = [0.06, 0.003, 0.5];
-/// Way before and behind a keyframe whose walls stand for a place.
+/// Length of path before and behind a keyframe whose walls represent a place, metres.
 pub(super) const PLACE_M: f64 = 8.0;
-/// Places that are checked.
+/// Maximum number of places that are checked.
 const PLACES: usize = 3;
-/// Part of a keyframe on old walls.
+/// Minimum share of a keyframe on old walls.
 const EXPLAINED: f64 = 0.6;
 
-/// The same for all that was seen lately, at an unexpected place; part of it that beams went
-/// through there; and how much worse every other place must be.
+/// Limits for a match of the recent walls at an unexpected place: minimum share on old walls,
+/// maximum share that beams of the old place contradict, and maximum relative score of any other
+/// pose.
 const EXPLAINED_FAR: f64 = 0.6;
 const DENIED_MOST: f64 = 0.1;
 const RIVAL: f64 = 0.85;
-/// Squared deviations from which on two places are not the same.
+/// Squared deviations above which two poses are different.
 const APART: f64 = 25.0;
-/// Two guesses agree to this, metres and radians.
+/// Maximum difference between two guesses that agree, metres and radians.
 const AGREE_M: f64 = 0.35;
 const AGREE_RAD: f64 = 0.05;
-/// An edge that is off by more squared deviations makes the poses be found again at once, and so
-/// many new ones at last.
+/// Error of a new edge in squared deviations that starts an optimisation at once, and number of new
+/// edges that starts one in any case.
 const STRAINED: f64 = 12.0;
 const FRESH_MAX: usize = 40;
-/// Poses that such an edge may move, the nearest by way: it says nothing new of those far off, and
-/// a building of any size costs the same.
+/// Number of poses nearest along edges that the optimisation moves: distant poses hardly change,
+/// and the cost does not grow with the building.
 const NEAR: usize = 400;
-/// Steps to where the poses agree.
+/// Number of optimisation steps.
 const STEPS: u32 = 6;
-/// A loop that is still off by more squared deviations when all others have been weighted is false:
-/// then it counts a tenth or less, and is dropped.
+/// Error in squared deviations above which a loop is false after all others have been weighted: its
+/// weight is a tenth or less, and it is removed.
 const HOPELESS: f64 = 64.0;
 
-/// Whether another place is as good as the best, and is none that this one leaves open: along a
-/// corridor all places are alike, and nothing is claimed of them.
+/// Whether another pose is as good as the best one and not within its uncertainty. Along a corridor
+/// all poses are similar, so that none of them is accepted.
 fn is_rival(other: &Fit, best: &Fit) -> bool {
     let turn = wrap_angle(other.pose.theta - best.pose.theta);
     let off = [other.pose.x - best.pose.x, other.pose.y - best.pose.y, turn];
@@ -94,7 +95,7 @@ fn grown(by: [f64; 3], way_m: f64) -> f64 {
 }
 
 impl Mapper {
-    /// Looks whether the newest keyframe stands where another stood; whether poses have moved.
+    /// Searches for loop closures of the newest keyframe; returns whether poses have moved.
     pub(crate) fn close(&mut self, number: usize) -> bool {
         if self.lost.is_open && self.find_part(number) {
             return true;
@@ -122,7 +123,7 @@ impl Mapper {
         false
     }
 
-    /// Old keyframes that the newest may stand at, one a place, the nearest first.
+    /// Old keyframes near the newest one, one per place, the nearest first.
     fn places(&self, number: usize) -> Vec<(usize, f64)> {
         let here = self.graph.poses[number];
         let path_m = self.keyframes[number].path_m;
@@ -130,7 +131,7 @@ impl Mapper {
         let mut near: Vec<(f64, usize)> = Vec::new();
         for (key, (keyframe, pose)) in self.keyframes.iter().zip(&self.graph.poses).enumerate() {
             let is_old = path_m - keyframe.path_m > OLD_M && keyframe.quality >= POOR;
-            // Most of a building is far away.
+            // Quick check: most keyframes are far away.
             let is_near = (pose.x - here.x).abs() < most_m && (pose.y - here.y).abs() < most_m;
             let is_joined = keyframe.part == self.keyframes[number].part;
             if is_old && is_near && is_joined {
@@ -160,7 +161,7 @@ impl Mapper {
         places
     }
 
-    /// Keyframes up to so much of the way before and behind this one.
+    /// The keyframes within the given lengths of path before and behind this one.
     pub(super) fn chain(
         &self,
         key: usize,
@@ -189,7 +190,8 @@ impl Mapper {
         walls
     }
 
-    /// Lays the newest keyframe onto the walls around an old one; whether that strains the graph.
+    /// Aligns the newest keyframe with the walls around an old one; returns whether the new edge
+    /// has a large error.
     fn lay(&mut self, key: usize, number: usize, way_m: f64) -> bool {
         let old = self.chain(key, PLACE_M, PLACE_M);
         let walls = self.walls_of(old, self.graph.poses[key], 25.0);
@@ -226,7 +228,7 @@ impl Mapper {
         }
     }
 
-    /// Looks for all that was seen lately at an old place, and closes the loop if it is there.
+    /// Searches for the recent walls at an old place and closes the loop if they match.
     fn seek(&mut self, key: usize, number: usize, way_m: f64) -> bool {
         let here = self.graph.poses[number];
         let lately = self.chain(number, PLACE_M, 0.0);
@@ -259,7 +261,7 @@ impl Mapper {
         }
     }
 
-    /// The one place of the window; `None` if there is none or several.
+    /// The only matching pose in the window; `None` if there is none or several.
     pub(super) fn found(
         &mut self,
         walls: &Surfels,
@@ -300,7 +302,7 @@ impl Mapper {
         Some(best)
     }
 
-    /// What the keyframes saw, from `here`.
+    /// The spots of the keyframes, relative to `here`.
     pub(super) fn seen_from(&self, keys: core::ops::Range<usize>, here: Pose) -> Vec<Spot> {
         let mut spots = Vec::new();
         let mut taken = std::collections::BTreeSet::new();
@@ -320,7 +322,7 @@ impl Mapper {
         some_of(&spots, 500)
     }
 
-    /// Whether one place's beams went through the other's walls.
+    /// Whether beams of one place cross walls of the other.
     pub(super) fn is_denied(
         &self,
         walls: &Surfels,
@@ -336,7 +338,7 @@ impl Mapper {
         if free.denied(walls, spots, fit.pose) > DENIED_MOST {
             return true;
         }
-        // And the other way round.
+        // The same in the other direction.
         let last = self.graph.poses[lately.end - 1];
         let mut seen = walls.clone();
         seen.clear(Frame::new(fit.pose).at);
@@ -377,7 +379,7 @@ impl Mapper {
         true
     }
 
-    /// Closes loops, and makes the poses agree with them.
+    /// Adds loops and optimises the poses.
     pub(super) fn closed(&mut self, loops: impl IntoIterator<Item = Guess>) {
         for guess in loops {
             self.graph.add_edge(Edge {
@@ -404,7 +406,7 @@ impl Mapper {
             && wrap_angle(by_walls.theta - by_way.theta).abs() < AGREE_RAD
     }
 
-    /// The poses that agree best at last, without the loops that do not.
+    /// Optimises all poses at the end, and removes contradicting loops.
     pub(crate) fn settle(&mut self) {
         self.graph.bend = self.bend.told();
         self.graph.optimise(10);
@@ -419,8 +421,8 @@ impl Mapper {
         self.relabel();
     }
 
-    /// The poses have been made to agree, but for some loops that were dropped: the robot is where
-    /// they say.
+    /// Updates the state after an optimisation that removed `dropped` loops, and moves the robot to
+    /// its new pose.
     fn agreed(&mut self, dropped: usize) {
         self.closing.fresh = 0;
         self.closing.dropped += dropped;
@@ -436,8 +438,8 @@ mod tests {
     use super::*;
     use crate::mapping::Settings;
 
-    /// What a lidar at the origin sees of a room from (-2, -1.5) to (3, 2), metres, that has a
-    /// niche to the north: there is no other place in it from which it looks the same.
+    /// A scan at the origin of a room from (-2, -1.5) to (3, 2), metres, with a niche in the north:
+    /// no other pose in the room gives the same scan.
     fn room() -> Cloud {
         let ends = (-180..180).map(|degree| {
             let (sin, cos) = libm::sincos((f64::from(degree) + 0.5).to_radians());
@@ -450,7 +452,7 @@ mod tests {
         Cloud::new(&ends.collect::<Vec<_>>())
     }
 
-    /// The room is looked for from here, up to 7 m away, where rooms stand at these places.
+    /// Searches for the room from here, up to 7 m away, with rooms at these poses.
     fn looked_for(rooms: &[Pose]) -> (Option<Fit>, usize) {
         let mut walls = Surfels::around([0.0; 2], 25.0);
         rooms.iter().for_each(|place| walls.draw(*place, &room()));
@@ -476,7 +478,7 @@ mod tests {
         assert_eq!(ambiguous, 0);
     }
 
-    /// At stake: a robot in the second of two rooms alike is not told that it is in the first.
+    /// A robot in the second of two similar rooms must not be placed in the first one.
     #[test]
     fn of_two_places_alike_neither_is_believed() {
         let rooms = [Pose::new(-3.0, 2.0, -0.1), Pose::new(4.0, -2.0, 0.0)];
@@ -484,8 +486,8 @@ mod tests {
         assert!(found.is_none() && ambiguous == 1, "{found:?}");
     }
 
-    /// A place known to 1 cm along x and 1 m along y: another 0.6 m off along x, as good, is a
-    /// rival; along y it is left open, and one that is much worse is none.
+    /// A pose known to 1 cm along x and 1 m along y. An equally good pose 0.6 m away along x is a
+    /// rival; along y it is within the uncertainty. A much worse pose is no rival.
     #[test]
     fn a_rival_is_as_good_and_elsewhere() {
         let fit = |x: f64, y: f64, score: f64| Fit {
@@ -501,8 +503,8 @@ mod tests {
         assert!(!is_rival(&fit(0.04, 0.0, 0.9), &best));
     }
 
-    /// The nearest old keyframe stands for a place, except for one that hardly lay on walls: its
-    /// position is uncertain.
+    /// The nearest old keyframe represents a place, unless it lay hardly on walls: its pose is
+    /// uncertain.
     #[test]
     fn a_poor_keyframe_stands_for_no_place() {
         let nearest = |quality: f64| {
@@ -537,8 +539,8 @@ mod tests {
         assert_eq!([nearest(1.0), nearest(0.4)], [Some(0), Some(1)]);
     }
 
-    /// Two keyframes 1 m apart that are both seen 5 m to the north agree; one that is seen 1 m
-    /// farther does not; and a single one closes nothing.
+    /// Two keyframes 1 m apart, both matched 5 m to the north, agree. A keyframe matched 1 m
+    /// farther does not. A single match closes no loop.
     #[test]
     fn a_place_seen_once_is_not_believed() {
         let mut mapper = Mapper::new(Settings::default());

@@ -1,4 +1,4 @@
-//! Localisation only: each scan is laid onto a map that is known, and the map stays as it is.
+//! Localisation only: each scan is aligned with a known map, which does not change.
 
 use emulators::world::Pose;
 
@@ -6,12 +6,12 @@ use super::{Mapper, OFF_MIDDLE_M, Outcome, Settings, WALLS_M};
 use crate::mapping::Shot;
 use crate::mapping::cloud::{Cloud, Frame, Spot};
 
-/// A point of a map's wall.
+/// A point of a wall on a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WallPoint {
-    /// Where, metres.
+    /// Position, metres.
     pub at: [f32; 2],
-    /// Unit vector across the wall, towards the side from which it was seen; zero if unknown.
+    /// Unit normal of the wall, towards the side from which it was seen; zero if unknown.
     pub normal: [f32; 2],
 }
 
@@ -38,20 +38,21 @@ pub struct Localiser {
     map: Vec<Spot>,
     has_walls: bool,
     way: Vec<Pose>,
-    /// Variance of the pose before the wheels moved it: square metres, square radians.
+    /// Variance of the pose before the last motion: square metres, square radians.
     unsure: [f64; 2],
 }
 
-/// Standard deviations of a start pose that the user gave: metres, radians.
+/// Standard deviations of a start pose from the user: metres, radians.
 const START: [f64; 2] = [0.5, 0.15];
-/// The wheels count less than where a map is made: that is a little bent, and a robot that hears
-/// them too much is pulled off it. Freiburg's log is lost on its own map with 1 and 2.
+/// Factor for the uncertainty of the odometry, higher than during mapping: a map is slightly bent,
+/// and precise odometry would pull the robot off the map. With factors 1 and 2, Freiburg's log is
+/// lost on its own map.
 const SLACK: f64 = 4.0;
-/// Most of a pose that the wheels alone carried on.
+/// Maximum standard deviations of a pose that odometry alone continues: metres, radians.
 const LOST: [f64; 2] = [1.0, 0.35];
 
 impl Localiser {
-    /// One that begins where the settings say, on the map of these walls.
+    /// A localiser at the start pose of `settings`, on the map of these walls.
     pub fn new(settings: Settings, walls: &[WallPoint]) -> Self {
         let spot = |wall: &WallPoint| Spot {
             at: wall.at,
@@ -71,13 +72,13 @@ impl Localiser {
         }
     }
 
-    /// Takes a scan: where on the map it was taken.
+    /// Processes a scan: determines its pose on the map.
     pub fn take(&mut self, shot: &Shot<'_>) -> Outcome {
         let cloud = Cloud::new(shot.ends);
         let is_first = self.way.is_empty();
         let mut wide = self.mapper.predicted(shot);
         if is_first {
-            // The way begins with the first scan, whatever the wheels did before.
+            // The path begins with the first scan, whatever the earlier odometry was.
             wide.pose = self.mapper.settings.start;
         }
         for axis in [0, 1] {
@@ -101,7 +102,7 @@ impl Localiser {
         outcome
     }
 
-    /// Draws the walls around a place, unless they are.
+    /// Draws the walls around a position, unless they are drawn.
     fn look_around(&mut self, pose: Pose) {
         let [x, y] = self.mapper.walls.middle().map(f64::from);
         let is_near = libm::hypot(pose.x - x, pose.y - y) < OFF_MIDDLE_M;
@@ -120,7 +121,7 @@ impl Localiser {
         self.has_walls = true;
     }
 
-    /// Where each scan was taken.
+    /// The pose of each scan.
     pub fn way(&self) -> &[Pose] {
         &self.way
     }

@@ -82,9 +82,9 @@ impl Mapper {
         stands + passes
     }
 
-    /// Takes a scan that contradicts the walls; whether it did. One such scan may be a hand before
-    /// the lidar, so that the next one decides: it lies on the walls where the wheels have it, or
-    /// the robot is elsewhere.
+    /// Examines a scan for a contradiction to the walls; returns whether there was one. A single
+    /// such scan may be a hand in front of the lidar, so the next one decides: it lies on the walls
+    /// at the pose of the odometry, or the robot is elsewhere.
     pub(super) fn has_lost(&mut self, cloud: &Cloud, placed: &Placed) -> bool {
         let limit = if placed.fit.explained < POOR {
             CONTRADICTED[0]
@@ -118,7 +118,7 @@ impl Mapper {
         self.lost.part = number;
         self.lost.is_open = true;
         (self.lost.tour, self.lost.seen) = (None, None);
-        // The scans that were held have been taken behind the unknown motion, too.
+        // The held scans were taken after the unknown motion too.
         let way = self.way();
         for scan in core::mem::take(&mut self.lost.held) {
             if let Some(held) = self.scans.get_mut(scan) {
@@ -369,7 +369,8 @@ mod tests {
     use crate::mapping::{Settings, Shot};
 
     fn take(mapper: &mut Mapper, sight: &Sight, turn: f64, is_straight: bool) {
-        // A robot that was turned sees everything turned back, and goes on crabwise.
+        // A robot that was turned sees everything turned in the opposite direction, and continues
+        // sideways.
         let back = Frame::new(Pose::new(0.0, 0.0, -turn));
         let ends: Vec<[f32; 2]> = sight.ends.iter().map(|end| back.turned(*end)).collect();
         let (sin, cos) = (libm::sin(-turn), libm::cos(-turn));
@@ -431,7 +432,7 @@ mod tests {
         }
     }
 
-    /// A scan that is held back moves the robot on by the wheels, whose errors are not forgotten.
+    /// A held scan moves the robot by odometry; the errors of the odometry are added.
     #[test]
     fn a_held_scan_is_as_unsure_as_its_wheels() {
         let building = Building::generate(1);
@@ -484,8 +485,8 @@ mod tests {
         }
     }
 
-    /// A robot is carried from its way to a later place of it, and a second time. It is recognised
-    /// in the second part at once, and in the first when it comes by on its wheels.
+    /// A robot is carried from its path to a later part of it, and a second time. It is recognised
+    /// at once in the second part, and in the first part when it returns there.
     #[test]
     fn a_part_is_joined_after_another_was() {
         let first = Building::generate(1);
@@ -502,8 +503,8 @@ mod tests {
         assert_eq!((most, observed(&mapper).0), (3, 1));
     }
 
-    /// A tour of the old places that takes 500 m of way longer, most of it through empty space: the
-    /// first sight is old when the second comes, and holds. Runs with `HILRIG_TESTS=all`.
+    /// A search of the old places that takes 500 m of path, mostly through empty space: the first
+    /// sight is old when the second one comes, and is still valid. Runs with `HILRIG_TESTS=all`.
     #[test]
     fn a_part_is_joined_to_a_large_map() {
         if !is_thorough() {

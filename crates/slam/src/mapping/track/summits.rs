@@ -1,4 +1,4 @@
-//! Where spots fit walls best, of all places in a window.
+//! The best alignments of spots with walls in a window.
 
 use emulators::world::wrap_angle;
 
@@ -8,13 +8,13 @@ use crate::mapping::correlate::{Candidate, REACH_MAX, Window, search};
 use crate::mapping::motion::distance;
 use crate::mapping::surfels::{CELL_M, Surfels};
 
-/// Poses that are laid onto the walls in detail.
+/// Number of poses that are aligned in detail.
 const TRIES: usize = 4;
 
-/// What a squared standard deviation from the odometry costs of the score.
+/// Reduction of the score per squared standard deviation from the odometry.
 const COST: f64 = 0.01;
 
-/// The window of so many standard deviations.
+/// The window of `sigmas` standard deviations.
 pub(super) fn window(prior: &Prior, step: f64, sigmas: f64) -> Window {
     let [metres, radians] = prior.deviation;
     let count = |of: f64, most: f64| {
@@ -29,12 +29,12 @@ pub(super) fn window(prior: &Prior, step: f64, sigmas: f64) -> Window {
     }
 }
 
-/// The best of the window's summits, laid onto the walls.
+/// The best alignment in the window.
 pub(super) fn best_fit(walls: &Surfels, spots: &[Spot], window: &Window, prior: &Prior) -> Fit {
     best_and_others(walls, spots, window, prior).0
 }
 
-/// The best of the window's summits, laid onto the walls, and the others.
+/// The best alignment in the window, and the others.
 pub(super) fn best_and_others(
     walls: &Surfels,
     spots: &[Spot],

@@ -26,13 +26,13 @@ impl ByWheels {
         self.way_m += libm::hypot(by.x, by.y);
     }
 
-    /// The robot stands at `from` as seen from a keyframe.
+    /// Sets the pose of the robot to `from`, relative to a keyframe.
     pub(super) const fn stand(&mut self, from: Pose) {
         self.stood = self.pose;
         self.from = from;
     }
 
-    /// Where it is now, as seen from that keyframe.
+    /// The current pose by odometry, relative to that keyframe.
     pub(super) fn since_stand(&self) -> Pose {
         moved(self.from, between(self.stood, self.pose))
     }
