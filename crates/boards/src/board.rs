@@ -1,4 +1,4 @@
-//! Boards as data: the files of the folder `boards`, and files of one's own.
+//! Boards as data: the files of the folder `boards`, and user-defined files.
 
 use core::fmt;
 use std::collections::BTreeMap;
@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use toml::Spanned;
 
-/// Names and texts of the boards that come with the tool.
+/// Names and texts of the shipped boards.
 const SHIPPED: [(&str, &str); 4] = [
     ("arduino-uno", include_str!("../boards/arduino-uno.toml")),
     ("arduino-mega", include_str!("../boards/arduino-mega.toml")),
@@ -16,7 +16,7 @@ const SHIPPED: [(&str, &str); 4] = [
     ("mighty-1284p", include_str!("../boards/mighty-1284p.toml")),
 ];
 
-/// Chips that boards may have: those of Debian's simavr 1.6 with a UART.
+/// Supported chips: those of Debian's simavr 1.6 with a UART.
 const MCUS: [&str; 12] = [
     "atmega328p",
     "atmega2560",
@@ -32,13 +32,14 @@ const MCUS: [&str; 12] = [
     "atmega8",
 ];
 
-/// Maximum length of a name of a pin, a UART, a bus or a part: the node program keeps so much.
+/// Maximum length of the name of a pin, a UART, a bus or a part: the size of the node program's
+/// buffer.
 const NAME_MAX: usize = 60;
 
 /// Checks the name of a pin, a UART, a bus or a part of a board.
 ///
 /// # Errors
-/// A sentence, if it is empty, too long or has other characters.
+/// If the name is empty, too long or has other characters.
 pub fn check_name(name: &str) -> Result<(), String> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
     match name.len() {
@@ -50,7 +51,7 @@ pub fn check_name(name: &str) -> Result<(), String> {
     }
 }
 
-/// Names of the boards that come with the tool.
+/// Names of the shipped boards.
 pub fn names() -> impl Iterator<Item = &'static str> {
     SHIPPED.iter().map(|(name, _)| *name)
 }
@@ -60,44 +61,44 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 pub struct Board {
     /// Its name.
     pub name: String,
-    /// What it is, for people.
+    /// Description, for display.
     pub about: String,
-    /// Its chip, as the compiler calls it.
+    /// The chip, with the name that the compiler uses.
     pub mcu: String,
-    /// Its clock.
+    /// Clock frequency.
     pub clock_hz: u32,
-    /// Supply of the chip.
+    /// Supply voltage of the chip.
     pub vcc_volts: f64,
-    /// Reference of the converter.
+    /// Reference voltage of the A/D converter.
     pub aref_volts: f64,
     /// Name of the two-wire bus.
     pub i2c: Option<String>,
     /// Name of the SPI bus.
     pub spi: Option<String>,
-    /// UARTs: their names and numbers.
+    /// UARTs: names and numbers.
     pub uarts: BTreeMap<String, u8>,
-    /// Pins by their names.
+    /// Pins by name.
     pub pins: BTreeMap<String, Pin>,
 }
 
-/// Where a pin of a board is.
+/// The position of a pin of a board.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pin {
     /// Port and bit of the chip, e.g. `B5`.
     pub at: String,
-    /// Channel of the converter.
+    /// Channel of the A/D converter.
     pub adc: Option<u8>,
 }
 
-/// A board's file as it is read.
+/// The content of a board's file.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct BoardText {
     name: Spanned<String>,
     #[serde(default)]
     about: String,
-    /// What the board was written from.
+    /// Documents on which the file is based.
     #[serde(default, rename = "documents")]
     _documents: Vec<String>,
     mcu: Spanned<String>,
@@ -112,14 +113,14 @@ struct BoardText {
     pins: BTreeMap<String, Spanned<Pin>>,
 }
 
-/// Why a file is no board.
+/// An error in a board's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BoardError {
-    /// File, and line if one is in question.
+    /// File, and line if the error has one.
     pub place: String,
-    /// The key in question; empty if there is none.
+    /// The key with the error; empty if there is none.
     pub key: String,
-    /// What is wrong and what was expected.
+    /// The error and the expected value.
     pub message: String,
 }
 
@@ -137,7 +138,7 @@ impl fmt::Display for BoardError {
 
 impl core::error::Error for BoardError {}
 
-/// A file's text, to tell where something is wrong.
+/// The text of a file, to find the line of an error.
 struct Source<'a> {
     file: &'a str,
     text: &'a str,
@@ -160,11 +161,11 @@ impl Source<'_> {
 }
 
 impl Board {
-    /// The board called `name`, one that comes with the tool, or the file `name`, which ends with
-    /// `.toml`, from the folder `base` on.
+    /// The shipped board `name`, or the board in the file `name`, which ends with `.toml` and is
+    /// relative to the folder `base`.
     ///
     /// # Errors
-    /// If there is no such board, or its file is wrong.
+    /// If the board does not exist, or its file has an error.
     pub fn load(name: &str, base: &Path) -> Result<Self, BoardError> {
         if let Some((_, text)) = SHIPPED.iter().find(|(known, _)| *known == name) {
             return Self::parse(text, &format!("boards/{name}.toml"));
@@ -188,10 +189,10 @@ impl Board {
         Self::parse(&text, &path.display().to_string())
     }
 
-    /// Reads the text of `file`.
+    /// Parses the text of `file`.
     ///
     /// # Errors
-    /// If it is wrong: file, line, key and what was expected.
+    /// If the text has an error: file, line, key and the expected value.
     pub fn parse(text: &str, file: &str) -> Result<Self, BoardError> {
         let source = Source { file, text };
         let read: BoardText = toml::from_str(text).map_err(|error| {
@@ -218,7 +219,7 @@ impl Board {
         })
     }
 
-    /// What the node program is told of the board.
+    /// The settings of the board for the node program.
     pub fn settings(&self) -> Value {
         let pin = |(name, pin): (&String, &Pin)| {
             let mut told = Map::new();
@@ -348,7 +349,7 @@ mod tests {
         Board::parse(text, "b.toml").expect_err("wrong").to_string()
     }
 
-    /// Figures of the boards' schematics: pin 13 is B5 of the Uno, B7 of the Mega, C7 of the
+    /// Values from the schematics of the boards: pin 13 is B5 of the Uno, B7 of the Mega, C7 of the
     /// Leonardo; analog input 0 of the Leonardo is channel 7.
     #[test]
     fn shipped_boards_are_sound() {
@@ -405,7 +406,7 @@ mod tests {
         assert!(error("").starts_with("b.toml:1: missing field `name`"));
     }
 
-    /// What a name may hold goes into texts of other processes, and is compared there.
+    /// Names are passed to other processes as text and compared there.
     #[test]
     fn names_are_plain_and_short() {
         let long = "x".repeat(NAME_MAX + 1);
@@ -424,7 +425,7 @@ mod tests {
         }
     }
 
-    /// The chips that a board may name are those that the node program lists.
+    /// The chips for boards are the chips that the node program lists.
     #[test]
     fn the_node_program_knows_the_same_chips() {
         let main = include_str!("../simavr/main.c");

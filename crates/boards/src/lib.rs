@@ -4,9 +4,9 @@
 //! boards/NAME.toml --> Board --settings--> node program hilrig-simavr <-- nodes/simavr, built once
 //! ```
 //!
-//! A board is data: its chip and clock, the names of its UARTs and buses, where its pins are. The
-//! node program knows chips alone and is told all of that in its greeting. It links simavr, whose
-//! licence is the GPL, and is a process of its own.
+//! A board is data: its chip and clock, the names of its UARTs and buses, and the positions of its
+//! pins. The node program only knows chips; its greeting contains the board. It links simavr, whose
+//! licence is the GPL, and is a separate process.
 
 mod board;
 mod program;

@@ -1,4 +1,4 @@
-//! The node program: found, or built from the sources that come with the tool.
+//! The node program: an existing one, or built from the shipped sources.
 
 use core::fmt;
 use core::sync::atomic::{AtomicU64, Ordering};
@@ -10,9 +10,9 @@ use std::process::Command;
 
 use safefs::Dir;
 
-/// Its name.
+/// Name of the program.
 const NAME: &str = "hilrig-simavr";
-/// Names a program that was built by hand.
+/// Environment variable with the path of a program that was built by hand.
 const VARIABLE: &str = "HILRIG_SIMAVR_NODE";
 
 /// Declares the files of `nodes/simavr`.
@@ -40,7 +40,7 @@ sources! {
     "wire.c",
 }
 
-/// Why there is no node program.
+/// The reason why the node program is not available.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BuildError(String);
 
@@ -52,11 +52,11 @@ impl fmt::Display for BuildError {
 
 impl core::error::Error for BuildError {}
 
-/// Path of the node program. If it is missing, it is built, once for each version of its sources,
-/// in the user's folder for caches; the variable `HILRIG_SIMAVR_NODE` names another one.
+/// The path of the node program. A missing program is built in the user's cache folder, once for
+/// each version of its sources. The variable `HILRIG_SIMAVR_NODE` overrides the path.
 ///
 /// # Errors
-/// If it cannot be built: which package is missing.
+/// If the build fails; the message names a missing package.
 pub fn program() -> Result<PathBuf, BuildError> {
     if let Some(path) = env::var_os(VARIABLE).map(PathBuf::from) {
         return match path.is_file() {
@@ -75,7 +75,7 @@ pub fn program() -> Result<PathBuf, BuildError> {
     build(&folder).map(|()| path)
 }
 
-/// The user's folder for what can be made again.
+/// The user's cache folder.
 fn cache() -> PathBuf {
     let named = |name| env::var_os(name).filter(|value: &OsString| !value.is_empty());
     let base = match (named("XDG_CACHE_HOME"), named("HOME")) {
@@ -104,7 +104,7 @@ fn build(folder: &Path) -> Result<(), BuildError> {
         ))
     };
     let dir = Dir::create(folder).map_err(|error| failed(&error))?;
-    // Another run or thread may build at the same time: each has a folder of its own.
+    // Another run or thread may build at the same time, so each build has its own folder.
     static BUILDS: AtomicU64 = AtomicU64::new(0);
     let number = BUILDS.fetch_add(1, Ordering::Relaxed);
     let own = format!("build-{}-{number}", std::process::id());
@@ -141,7 +141,7 @@ fn build_in(dir: &Dir, own: &str) -> Result<(), String> {
     dir.rename(format!("{own}/{NAME}"), NAME).map_err(said)
 }
 
-/// What the compiler's words come to.
+/// The cause of the compiler's messages.
 fn reason(words: &str) -> String {
     let is_missing = ["sim_avr.h", "avr_", "-lsimavr", "-lelf"]
         .iter()
@@ -163,7 +163,7 @@ fn reason(words: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Words of gcc 12 without the package, and without the library alone.
+    /// Messages of gcc 12 without the package, and without the library only.
     #[test]
     fn a_missing_simulator_names_the_package() {
         for words in [

@@ -1,4 +1,4 @@
-//! Which port of a rig is connected to what of a board.
+//! The connections between the ports of a rig and the units of a board.
 
 use core::fmt;
 use std::collections::{BTreeMap, BTreeSet};
@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use crate::Board;
 
-/// What a port of a rig carries.
+/// The content of a rig's port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
     /// Bytes of a UART.
@@ -17,8 +17,8 @@ pub enum PortKind {
 }
 
 impl PortKind {
-    /// Whether a port of this kind may be connected to this unit of a board. A byte of SPI travels
-    /// as a byte of a UART does.
+    /// Whether a port of this kind can be connected to this unit of a board. A byte on SPI is
+    /// transferred like a byte on a UART.
     const fn fits(self, unit: Unit) -> bool {
         match unit {
             Unit::Uart(_) | Unit::Spi => matches!(self, Self::Uart),
@@ -27,10 +27,10 @@ impl PortKind {
     }
 }
 
-/// What of a board a port is connected to.
+/// A unit of a board that can be connected to a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
-    /// The UART of this number.
+    /// The UART with this number.
     Uart(u8),
     /// The two-wire bus.
     Twi,
@@ -38,7 +38,7 @@ pub enum Unit {
     Spi,
 }
 
-/// Why ports cannot be connected.
+/// The reason why ports cannot be connected.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WiringError(String);
 
@@ -51,7 +51,7 @@ impl fmt::Display for WiringError {
 impl core::error::Error for WiringError {}
 
 impl Board {
-    /// The port of the board that is called `name`.
+    /// The unit of the board called `name`.
     pub fn unit(&self, name: &str) -> Option<Unit> {
         if self.i2c.as_deref() == Some(name) {
             return Some(Unit::Twi);
@@ -62,19 +62,19 @@ impl Board {
         self.uarts.get(name).copied().map(Unit::Uart)
     }
 
-    /// Names of its ports.
+    /// The names of the board's units.
     pub fn port_names(&self) -> Vec<&str> {
         let uarts = self.uarts.keys();
         let buses = self.i2c.iter().chain(&self.spi);
         uarts.chain(buses).map(String::as_str).collect()
     }
 
-    /// Connects `ports` of a rig: by `wires` (a port of the rig and one of the board), else to the
-    /// port of the board with the same name, else to the only one of its kind that is free if it is
-    /// the only port of the rig that is left for it. A two-wire bus takes all chips.
+    /// Connects `ports` of a rig. The unit of a port is the one in `wires` (pairs of a port of the
+    /// rig and a unit), else the unit with the same name, else the only free unit of its kind, if
+    /// no other port can use it. A two-wire bus accepts all chips.
     ///
     /// # Errors
-    /// If a wire leads nowhere, or a port is left and the choice is not clear.
+    /// If a wire names an unknown end, or the unit of a port is ambiguous.
     pub fn wire(
         &self,
         ports: &[(String, PortKind)],

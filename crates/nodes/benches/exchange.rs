@@ -1,7 +1,7 @@
-//! How many exchanges a second does a node program in C and in Python take?
+//! Benchmark: the number of exchanges per second with a node program in C and in Python.
 //!
-//! Each iteration is one exchange with a byte: a request written to the program's pipe, an answer
-//! read. `cargo bench -p hilrig-nodes`
+//! Each iteration is one exchange with a byte: a request is written to the program's pipe, and its
+//! answer is read. Run it with `cargo bench -p hilrig-nodes`.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

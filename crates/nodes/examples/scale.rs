@@ -1,5 +1,5 @@
-//! The device of `nodes/examples/scale.py` in Rust: a balance that speaks MT-SICS, drifts, and is
-//! busy for a second when it zeroes.
+//! The device of `nodes/examples/scale.py` in Rust: a balance with the protocol MT-SICS. Its weight
+//! drifts, and zeroing takes a second.
 
 use nodes::message::{Greeting, Hello, Note, Reply};
 use nodes::program::{Node, serve};
@@ -7,10 +7,10 @@ use nodes::{Input, Item, Output};
 use protocols::Instant;
 
 const SECOND: u64 = 1_000_000_000;
-/// From a request to its answer.
+/// Time from a request to its answer.
 const LATENCY: u64 = 30_000_000;
 
-/// Longest line with its end.
+/// Maximum length of a line with its end.
 const LINE_MAX: usize = 63;
 
 struct Scale {
@@ -78,7 +78,7 @@ impl Node for Scale {
             match item.what {
                 Input::Bytes(bytes) => {
                     for byte in bytes {
-                        // Of a line that is too long the end is kept.
+                        // Of a line that is too long, the last bytes are kept.
                         if self.line.len() == LINE_MAX {
                             self.line.remove(0);
                         }

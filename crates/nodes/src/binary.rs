@@ -12,31 +12,31 @@ use serde_json::Value;
 
 use crate::message::{Answer, CODING, Input, Item, LINE_EVENTS, Note, Output, Reply, Request};
 
-/// What a stream of the rig begins with.
+/// First bytes of the rig's stream.
 pub const MAGIC: [u8; 4] = *b"HRN1";
-/// Longest message.
+/// Maximum length of a message.
 pub const MESSAGE_MAX: usize = 16 << 20;
-/// Longest payload of an item.
+/// Maximum length of an item's payload.
 pub const ITEM_MAX: usize = 0xFFFF;
 
 const NEVER: u64 = u64::MAX;
 
-/// What an item carries, as bytes.
+/// The payload of an item as bytes.
 pub trait Payload: Sized {
-    /// Number of its kind.
+    /// The number of the payload's kind.
     fn kind(&self) -> u8;
-    /// Writes it.
+    /// Appends the payload.
     fn write(&self, to: &mut Vec<u8>);
-    /// It in parts that fit into items, if it is too long for one and can be cut.
+    /// Splits the payload into items, if it is too long for one and can be split.
     fn parts(&self) -> Option<Vec<Self>>;
-    /// Reads it.
+    /// Parses a payload.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// A description of the error.
     fn read(kind: u8, from: &[u8]) -> Result<Self, String>;
 }
 
-/// Writes a message: its length, its type, what `body` writes; nothing if that fails.
+/// Writes a message: length, type, and the output of `body`. Writes nothing if `body` fails.
 fn frame(
     to: &mut Vec<u8>,
     kind: u8,
@@ -99,7 +99,7 @@ fn cut<T>(bytes: &[u8], part: impl Fn(Vec<u8>) -> T) -> Option<Vec<T>> {
 /// Writes a request.
 ///
 /// # Errors
-/// What of it is too long.
+/// The part that is too long.
 pub fn write_request(to: &mut Vec<u8>, request: &Request) -> Result<(), String> {
     match request {
         Request::Hello(hello) => frame(to, b'H', |to| {
@@ -116,7 +116,7 @@ pub fn write_request(to: &mut Vec<u8>, request: &Request) -> Result<(), String> 
 /// Writes the request of an exchange.
 ///
 /// # Errors
-/// Which item is too long.
+/// The item that is too long.
 pub fn write_exchange(to: &mut Vec<u8>, now: Instant, items: &[Item<Input>]) -> Result<(), String> {
     frame(to, b'X', |to| {
         to.extend_from_slice(&now.as_nanos().to_le_bytes());
@@ -127,7 +127,7 @@ pub fn write_exchange(to: &mut Vec<u8>, now: Instant, items: &[Item<Input>]) -> 
 /// Writes an answer.
 ///
 /// # Errors
-/// Which item is too long.
+/// The item that is too long.
 pub fn write_answer(to: &mut Vec<u8>, answer: &Answer) -> Result<(), String> {
     match answer {
         Answer::Hello(text) => frame(to, b'h', |to| put(to, text.to_string().as_bytes())),
@@ -146,21 +146,21 @@ fn put(to: &mut Vec<u8>, bytes: &[u8]) -> Result<(), String> {
     Ok(())
 }
 
-/// A message without its length.
+/// A message without its length field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Framed<'a> {
-    /// Its type.
+    /// Type of the message.
     pub kind: u8,
-    /// What follows.
+    /// Bytes behind the type.
     pub body: &'a [u8],
-    /// How long all of it is, with its length.
+    /// Total length, including the length field.
     pub len: usize,
 }
 
-/// The message at the front of `bytes`. `None`: there is more to come.
+/// The message at the beginning of `bytes`; `None` if it is incomplete.
 ///
 /// # Errors
-/// If its length cannot be.
+/// If the length field is invalid.
 pub fn split(bytes: &[u8]) -> Result<Option<Framed<'_>>, String> {
     let Some((head, rest)) = bytes.split_first_chunk::<4>() else {
         return Ok(None);
@@ -180,10 +180,10 @@ pub fn split(bytes: &[u8]) -> Result<Option<Framed<'_>>, String> {
     Ok(framed)
 }
 
-/// Reads an answer.
+/// Parses an answer.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A description of the error.
 pub fn read_answer(kind: u8, body: &[u8]) -> Result<Answer, String> {
     match kind {
         b'h' => {
@@ -209,10 +209,10 @@ pub fn read_answer(kind: u8, body: &[u8]) -> Result<Answer, String> {
     }
 }
 
-/// Reads a request.
+/// Parses a request.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A description of the error.
 pub fn read_request(kind: u8, body: &[u8]) -> Result<Request, String> {
     match kind {
         b'H' => {
@@ -472,7 +472,7 @@ fn note_of(is_violation: bool, from: &[u8]) -> Result<Note, String> {
 mod tests {
     use super::*;
 
-    /// An item carries at most 64 KiB: longer bytes come in several, and none is lost.
+    /// An item has at most 64 KiB: longer data are split into several items without loss.
     #[test]
     fn bytes_that_are_too_long_for_an_item_come_in_several() {
         let bytes: Vec<u8> = (0..=255).cycle().take(ITEM_MAX + 100).collect();
@@ -500,7 +500,7 @@ mod tests {
         assert_eq!(parts.collect::<Vec<_>>().concat(), bytes);
     }
 
-    /// What cannot be cut and is too long is said, not shortened; nothing of it is written.
+    /// A payload that is too long and cannot be split is an error; nothing of it is written.
     #[test]
     fn an_item_that_is_too_long_is_an_error() {
         let message = |len: usize| Item {
@@ -508,7 +508,7 @@ mod tests {
             at: Instant::ZERO,
             what: Input::Message(Value::String("x".repeat(len))),
         };
-        // With its two quotation marks.
+        // The length includes its two quotation marks.
         let mut written = Vec::new();
         let most = [message(0), message(ITEM_MAX - 2)];
         write_exchange(&mut written, Instant::ZERO, &most).expect("it fits");

@@ -1,4 +1,4 @@
-//! The conformance test of a node program: whether it keeps the contract.
+//! The conformance test of a node program.
 
 use core::time::Duration;
 
@@ -11,14 +11,14 @@ use crate::message::{Form, Greeting, Input, Item, Output, Reply};
 use crate::process::last_words;
 use crate::spec::NodeSpec;
 
-/// How one part of the test ended.
+/// The result of one part of the test.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// The program keeps this part of the contract.
     Pass,
-    /// It does not.
+    /// The program breaks this part of the contract.
     Fail,
-    /// It does not offer what is tested.
+    /// The program does not offer this feature.
     NotOffered,
 }
 
@@ -27,38 +27,39 @@ pub enum Mark {
 pub struct Finding {
     /// Its name in kebab case.
     pub name: &'static str,
-    /// How it ended.
+    /// The result.
     pub mark: Mark,
-    /// A sentence.
+    /// An explanation.
     pub detail: String,
 }
 
-/// What became of a script of exchanges.
+/// The answers to a script of exchanges.
 type Answers = Vec<Reply>;
 
-/// One part of the test: why it failed, or what was seen, or that it is not offered.
+/// The result of one part of the test: the reason for a failure, an observation, or that the
+/// feature is not offered.
 type Tried = Result<Result<String, String>, String>;
 
-/// What a whole run of the script showed.
+/// The results of a whole run of the script.
 struct Seen {
     greeting: Greeting,
-    /// Why it broke off, else the answers.
+    /// The answers, or the reason why the run stopped.
     answers: Result<Answers, String>,
-    /// Whether the program ended well, and how many bytes followed its last answer.
+    /// Whether the program ended without an error, and the number of bytes behind its last answer.
     end: Result<usize, String>,
 }
 
-/// Tests the program of `spec`; `sent` are bytes that its other end may say, for each port.
+/// Tests the program of `spec`; `sent` holds input from the other end, for each port.
 pub fn findings(spec: &NodeSpec, sent: &[Vec<u8>]) -> Vec<Finding> {
     let script = script(spec, sent);
     let seen = match see(spec, &script) {
         Ok(seen) => seen,
-        // A program that cannot be greeted fails in all else by that alone.
+        // A program without a valid greeting fails all other parts.
         Err(detail) => return vec![finding("greeting", Err(detail))],
     };
     let expected = seen.answers.as_ref().map_err(String::clone);
     let with = |part: &dyn Fn(&Answers) -> Tried| match expected {
-        // Silent runs are alike, whatever the program does.
+        // Runs without any output are equal for every program.
         Ok(answers) if answers.iter().all(|reply| reply.items.is_empty()) => {
             part(answers).map(|seen| seen.and_then(|_| Err(SILENT.to_owned())))
         }
@@ -94,10 +95,10 @@ fn finding(name: &'static str, tried: Tried) -> Finding {
     Finding { name, mark, detail }
 }
 
-/// Why parts of the test show nothing.
+/// The reason why parts of the test prove nothing.
 const SILENT: &str = "the program said nothing; give it something with --send";
 
-/// Plays the script once, to its end.
+/// Executes the script once, to its end.
 fn see(spec: &NodeSpec, script: &[Step]) -> Result<Seen, String> {
     let mut host = start(spec)?;
     let greeting = host.greeting().clone();
@@ -119,15 +120,15 @@ fn see(spec: &NodeSpec, script: &[Step]) -> Result<Seen, String> {
     })
 }
 
-/// An exchange: when, and what has happened.
+/// An exchange: its time and its inputs.
 type Step = (Instant, Vec<Item<Input>>);
 
 const SECOND: Duration = Duration::from_secs(1);
-/// Most exchanges that a program asks for by itself between two steps.
+/// Maximum number of exchanges that a program requests between two steps.
 const OWN_MAX: usize = 1_000;
 
-/// What a driver may do: opens each port, says something, byte by byte and at once, is silent,
-/// closes.
+/// The actions of a driver: opens each port, sends data byte by byte and at once, is silent, closes
+/// the port.
 fn script(spec: &NodeSpec, sent: &[Vec<u8>]) -> Vec<Step> {
     let mut now = Instant::ZERO;
     let mut steps: Vec<Step> = vec![(now, Vec::new())];
@@ -166,7 +167,7 @@ fn script(spec: &NodeSpec, sent: &[Vec<u8>]) -> Vec<Step> {
     steps
 }
 
-/// Plays `steps`, and what the program asks for between them.
+/// Executes `steps`, and the exchanges that the program requests between them.
 fn play(host: &mut Host, steps: &[Step]) -> Result<Answers, NodeError> {
     let mut answers = Answers::new();
     let mut next = None;
@@ -176,7 +177,8 @@ fn play(host: &mut Host, steps: &[Step]) -> Result<Answers, NodeError> {
                 break;
             };
             let reply = host.exchange(at, &[])?;
-            // One that asks for this very moment again is asked a nanosecond later.
+            // If the program requests the current time again, the next exchange is a nanosecond
+            // later.
             next = reply
                 .next
                 .map(|next| next.max(at + Duration::from_nanos(1)));
@@ -200,7 +202,7 @@ fn with_words(what: &str, said: &str) -> String {
     format!("{what}{}", words.unwrap_or_default())
 }
 
-/// A failure with the program's last words.
+/// A failure with the program's last output.
 fn told(error: &NodeError, said: &str) -> String {
     with_words(&format!("it {error}"), said)
 }
@@ -212,7 +214,7 @@ fn played(spec: &NodeSpec, steps: &[Step]) -> Result<(Host, Answers), String> {
     Ok((host, answers))
 }
 
-/// A program that a signal ended has crashed, whatever it was to do.
+/// A program that was ended by a signal has crashed, whatever the test expected.
 fn by_itself(how: Ending, said: &str) -> Result<(), String> {
     match how.signal() {
         None => Ok(()),
@@ -366,7 +368,7 @@ fn end(seen: &Seen) -> Tried {
     }
 }
 
-/// A rig that is killed says no end; its programs are to exit all the same.
+/// A rig that is killed sends no end message; its programs must exit nevertheless.
 fn end_of_input(spec: &NodeSpec) -> Tried {
     let mut host = start(spec)?;
     match host.hang_up() {

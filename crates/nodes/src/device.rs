@@ -1,11 +1,11 @@
 //! A node program as a device of a rig.
 //!
-//! What arrives is kept until the rig polls the device; then one exchange covers all of it. What
-//! the program sends is kept until its time has come and the line takes it. A program that asks not
-//! to be called costs nothing.
+//! Input is kept until the rig polls the device; one exchange then passes all of it on. Output is
+//! kept until its time has come and the line accepts it. A program that requests no calls costs
+//! nothing.
 //!
-//! The process is started when the node is first needed. A copy of the device begins as the saved
-//! state of its program, and starts a process of its own when it is first needed.
+//! The process is started when the node is first needed. A copy of the device holds the saved state
+//! of its program, and starts its own process when it is first needed.
 
 mod frames;
 mod port;
@@ -31,33 +31,33 @@ pub use crate::slowness::{SLOW, Slowness, Stopwatch};
 pub struct NodeDevice {
     spec: Arc<NodeSpec>,
     life: RefCell<Life>,
-    /// Exchanges of the device that this one is a copy of.
+    /// Number of exchanges of the original, if this device is a copy.
     exchanges_before: u64,
     now: Instant,
     has_greeted: bool,
-    /// The log says that the program is gone.
+    /// Whether the failure of the program has been logged.
     has_failed: bool,
     inbox: Vec<Item<Input>>,
     ports: Vec<PortState>,
     next: Option<Instant>,
     events: Vec<Event>,
-    /// Names and values of what the program gives.
+    /// Names and values of the program's outputs.
     outputs: Vec<(String, Option<f64>)>,
-    /// What the program was last told of each quantity.
+    /// The value of each quantity that the program received last.
     told: Vec<Option<f64>>,
-    /// Reads frames of the description, if the program wants messages.
+    /// Decodes frames of the description, if the program uses messages.
     listener: Option<Listener>,
     stopwatch: Option<Stopwatch>,
     slowness: Slowness,
 }
 
-/// How the process is.
+/// The state of the process.
 enum Life {
-    /// Not needed so far; begins with this state, if there is one.
+    /// Not started yet; begins with this state, if there is one.
     Waiting(Option<Arc<[u8]>>),
-    /// Runs.
+    /// Running.
     Running(Box<Host>),
-    /// Ended: why, unless it was told to, what it said last, and how often it was asked.
+    /// Ended: the error if there was one, the last output, and the number of exchanges.
     Over {
         error: Option<NodeError>,
         said: String,
@@ -66,7 +66,7 @@ enum Life {
 }
 
 impl NodeDevice {
-    /// The node that `spec` describes; its process is started when it is first needed.
+    /// The node of `spec`; its process is started when it is first needed.
     pub fn new(spec: NodeSpec) -> Self {
         Self {
             life: RefCell::new(Life::Waiting(None)),
@@ -87,12 +87,12 @@ impl NodeDevice {
         }
     }
 
-    /// What it was made from.
+    /// The specification of the node.
     pub fn spec(&self) -> &NodeSpec {
         &self.spec
     }
 
-    /// Why the program cannot go on, if so.
+    /// The reason why the program cannot continue, if it has failed.
     pub fn error(&self) -> Option<NodeError> {
         match &*self.life.borrow() {
             Life::Over { error, .. } => error.clone(),
@@ -100,7 +100,7 @@ impl NodeDevice {
         }
     }
 
-    /// How often it answered.
+    /// Number of exchanges.
     pub fn exchanges(&self) -> u64 {
         let own = match &*self.life.borrow() {
             Life::Waiting(_) => 0,
@@ -110,7 +110,7 @@ impl NodeDevice {
         self.exchanges_before + own
     }
 
-    /// What it said on standard error so far, the end of it.
+    /// The end of the program's standard error output so far.
     pub fn said(&self) -> String {
         match &*self.life.borrow() {
             Life::Waiting(_) => String::new(),
@@ -119,18 +119,18 @@ impl NodeDevice {
         }
     }
 
-    /// Values that the program gives, by their names.
+    /// The program's outputs by name.
     pub fn outputs(&self) -> impl Iterator<Item = (&str, f64)> {
         let known = self.outputs.iter();
         known.filter_map(|(name, value)| Some((name.as_str(), (*value)?)))
     }
 
-    /// Whether a copy of it could go on as it does. Starts the program if need be.
+    /// Whether a copy of the device could continue like it. Starts the program if necessary.
     pub fn can_save(&self) -> bool {
         self.host().is_some_and(|host| host.greeting().save)
     }
 
-    /// From now on, how long its answers take is measured by `stopwatch`.
+    /// Measures the time of the program's answers with `stopwatch` from now on.
     pub fn measure_by(&mut self, stopwatch: Stopwatch) {
         self.stopwatch = Some(stopwatch);
         if let Life::Running(host) = self.life.get_mut() {
@@ -138,12 +138,12 @@ impl NodeDevice {
         }
     }
 
-    /// How long its answers took, as far as that was measured.
+    /// The measured times of the program's answers.
     pub const fn slowness(&self) -> Slowness {
         self.slowness
     }
 
-    /// Tells the program to exit, if it runs, and waits for it.
+    /// Ends the program, if it is running, and waits for its exit.
     pub fn end(&mut self) {
         let life = self.life.get_mut();
         if let Life::Running(host) = life {
@@ -152,7 +152,7 @@ impl NodeDevice {
         }
     }
 
-    /// The program; starts it if need be. `None`: it has ended.
+    /// The program, which is started if necessary; `None` if it has ended.
     fn host(&self) -> Option<Ref<'_, Host>> {
         if matches!(&*self.life.borrow(), Life::Waiting(_)) {
             let life = &mut *self.life.borrow_mut();
@@ -174,7 +174,7 @@ impl NodeDevice {
         .ok()
     }
 
-    /// Takes over what the program said of itself.
+    /// Applies the program's greeting.
     fn greet(&mut self) -> bool {
         let Some(host) = self.host() else {
             return false;
@@ -211,7 +211,7 @@ impl NodeDevice {
         self.note_failure();
     }
 
-    /// The program has ended: says so in the log, once.
+    /// Logs once that the program has ended.
     fn note_failure(&mut self) {
         self.inbox.clear();
         self.next = None;
@@ -231,7 +231,7 @@ impl NodeDevice {
         }
     }
 
-    /// One exchange with all that has happened.
+    /// Executes one exchange with all inputs since the last one.
     fn exchange(&mut self, world: &mut World) {
         let now = self.now;
         for (number, quantity) in self.spec.quantities.iter().enumerate() {
@@ -296,7 +296,7 @@ impl NodeDevice {
         }
     }
 
-    /// The program gives a value; actuators follow it.
+    /// Sets an output of the program, and the actuators that follow it.
     fn give(&mut self, number: usize, value: f64, world: &mut World) {
         let Some((name, known)) = self.outputs.get_mut(number) else {
             return;
@@ -322,7 +322,7 @@ impl NodeDevice {
     }
 }
 
-/// Name of the entry of the log that says why a node program is gone.
+/// Name of the log entry with the failure of a node program.
 pub const FAILED: &str = "node-failed";
 
 fn begin(spec: &NodeSpec, state: Option<&[u8]>) -> Life {
@@ -362,7 +362,7 @@ fn event_of(at: Instant, note: Note) -> Event {
 }
 
 impl Clone for NodeDevice {
-    /// The copy begins with what its program has saved; if that fails, with the reason.
+    /// The copy begins with the saved state of the program, or with the error of saving.
     fn clone(&self) -> Self {
         let exchanges_before = match &*self.life.borrow() {
             Life::Over { .. } => self.exchanges_before,

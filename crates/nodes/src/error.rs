@@ -1,4 +1,4 @@
-//! What node programs do wrong.
+//! Errors of node programs.
 
 use core::fmt;
 use core::time::Duration;
@@ -7,18 +7,18 @@ use std::process::ExitStatus;
 
 use protocols::Instant;
 
-/// How a program ended.
+/// The end of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// By itself, with this exit code.
+    /// Exit with this code.
     Code(i32),
-    /// By this signal.
+    /// Killed by this signal.
     Signal(i32),
 }
 
-/// The exit code of a shell whose program could not be found.
+/// Exit code of a shell that cannot find the program.
 const NOT_FOUND: i32 = 127;
-/// Exit codes of a shell whose program was ended by a signal: 128 and its number.
+/// Exit codes of a shell whose program was killed by a signal: 128 plus its number.
 const SHELL_SIGNALS: core::ops::RangeInclusive<i32> = 129..=192;
 
 impl Ending {
@@ -29,7 +29,7 @@ impl Ending {
         }
     }
 
-    /// The signal that ended it, also if a shell reports it.
+    /// The signal that ended the program, also if a shell reports it.
     pub fn signal(self) -> Option<i32> {
         match self {
             Self::Signal(signal) => Some(signal),
@@ -59,14 +59,15 @@ impl fmt::Display for Ending {
     }
 }
 
-/// Why a node program cannot go on. Each is a sentence whose subject is the program.
+/// The reason why a node program cannot continue. Each message is a sentence whose subject is the
+/// program.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NodeError {
-    /// The system refused to start it.
+    /// The operating system refused to start the program.
     #[error("cannot be started: {0}")]
     NotStarted(String),
-    /// It ended while it was needed.
+    /// The program ended while it was needed.
     #[error("exited ({how}) before it answered {to}, expected an answer to each request")]
     Exited {
         /// Exit code or signal.
@@ -74,81 +75,81 @@ pub enum NodeError {
         /// Name of the request.
         to: &'static str,
     },
-    /// It runs, and has closed its standard output or input.
+    /// The program is running, but has closed its standard output or input.
     #[error("closed its standard {stream} before it answered {to}, expected it to stay open")]
     Closed {
-        /// Which stream.
+        /// The closed stream.
         stream: &'static str,
         /// Name of the request.
         to: &'static str,
     },
-    /// It is silent.
+    /// The program does not answer.
     #[error("gave no answer to {to} within {} of wall time: it hangs", seconds(*.limit))]
     Hung {
         /// Name of the request.
         to: &'static str,
-        /// How long the rig waited.
+        /// The timeout.
         limit: Duration,
     },
-    /// It was silent when the rig was stopped.
+    /// The program did not answer before the rig was stopped.
     #[error("had not answered {to} when the run was stopped")]
     Stopped {
         /// Name of the request.
         to: &'static str,
     },
-    /// It speaks another version.
+    /// The program uses another version of the contract.
     #[error("speaks version {found} of the node protocol, expected version 1")]
     Version {
-        /// What it said.
+        /// The version in its greeting.
         found: String,
     },
-    /// What it sent is no message.
+    /// The program sent an invalid message.
     #[error("sent an answer to {to} that cannot be read: {what}")]
     Unreadable {
         /// Name of the request.
         to: &'static str,
-        /// What is wrong, and what was expected.
+        /// The error, and the expected content.
         what: String,
     },
-    /// What happened cannot be said in the binary form.
+    /// An input cannot be expressed in the binary form.
     #[error("could not be sent {to}: {what}")]
     Untold {
         /// Name of the request.
         to: &'static str,
-        /// What is too long.
+        /// The part that is too long.
         what: String,
     },
-    /// It speaks of the past.
+    /// The program gave a time in the past.
     #[error("moved time backwards: {what} is at {at} s, expected {now} s or later")]
     Backwards {
-        /// What is in the past.
+        /// The item with that time.
         what: &'static str,
-        /// When.
+        /// The given time.
         at: Instant,
-        /// The present.
+        /// The current time.
         now: Instant,
     },
-    /// It sent too much.
+    /// The program sent too much data.
     #[error("flooded the rig: {0}")]
     Flood(String),
-    /// Time does not pass.
+    /// The program stops virtual time.
     #[error(
         "asked to be called again {count} times within one microsecond at {now} s, expected a \
          later moment"
     )]
     Restless {
-        /// How often.
+        /// Number of calls.
         count: u32,
-        /// The present.
+        /// The current time.
         now: Instant,
     },
-    /// It cannot be copied.
+    /// The program cannot save its state.
     #[error("cannot save its state, expected \"save\": true in its answer to hello")]
     NoSave,
-    /// It was told to end and goes on.
+    /// The program did not exit on request.
     #[error("did not exit within {} of the end message, and was killed", seconds(*.0))]
     NotEnded(Duration),
-    /// It ended badly.
+    /// The program ended with an error.
     #[error("ended with {0} after the end message, expected exit code 0")]
     EndedWith(Ending),
 }

@@ -1,4 +1,4 @@
-//! A node program behind the contract: greeted, asked, its answers checked.
+//! A running node program: greeting, requests, and checks of its answers.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -16,23 +16,23 @@ use crate::spec::{NUMBERS_MAX, NodeSpec, format_of, line_of};
 use crate::typed::table_of;
 use crate::{VERSION, binary, json};
 
-/// Wall time within which a program must exit once it was told to.
+/// Wall time within which a program must exit on request.
 pub const END_MAX: Duration = Duration::from_secs(2);
-/// Most bytes for one port that a program may have waiting for the line.
+/// Maximum number of bytes of a program that wait for the line of one port.
 pub const BYTES_MAX: usize = 64 << 10;
-/// Most entries of the log in one answer.
+/// Maximum number of log entries in one answer.
 pub const NOTES_MAX: usize = 1_000;
-/// Most exchanges within one microsecond.
+/// Maximum number of exchanges within one microsecond.
 const RESTLESS: u32 = 10_000;
 
 static JSON: AtomicBool = AtomicBool::new(false);
 
-/// Chooses the form of messages to node programs that are started from now on.
+/// Selects the form of messages for node programs that are started later.
 pub fn set_form(form: Form) {
     JSON.store(form == Form::Json, Ordering::Relaxed);
 }
 
-/// The form of messages to node programs that are started now.
+/// The form of messages for node programs that are started now.
 pub fn form() -> Form {
     match JSON.load(Ordering::Relaxed) {
         true => Form::Json,
@@ -40,7 +40,7 @@ pub fn form() -> Form {
     }
 }
 
-/// A node program that runs.
+/// A running node program.
 #[derive(Debug)]
 pub struct Host {
     process: Process,
@@ -49,28 +49,28 @@ pub struct Host {
     limit: Duration,
     ports: usize,
     exchanges: u64,
-    /// The last moment of which it was asked, and how often around it.
+    /// The time of the last exchange, and the number of exchanges around it.
     asked: (Instant, u32),
     buf: Vec<u8>,
     in_pieces: bool,
-    /// From the first exchange to the program's end.
+    /// Set from the first exchange to the program's end.
     together: Option<SameProcessor>,
     parts: bool,
 }
 
 impl Host {
-    /// Starts the program and greets it.
+    /// Starts the program and exchanges greetings.
     ///
     /// # Errors
-    /// If it does not answer, or speaks another version; with what it said on standard error.
+    /// If the program does not answer, or uses another version; with its standard error output.
     pub fn start(spec: &NodeSpec) -> Result<Self, (NodeError, String)> {
         Self::start_as(spec, form(), VERSION)
     }
 
-    /// The same in this form, as if the rig spoke this version.
+    /// Like [`start`](Self::start), with the given form and version.
     ///
     /// # Errors
-    /// As [`start`](Self::start).
+    /// Those of [`start`](Self::start).
     pub fn start_as(
         spec: &NodeSpec,
         form: Form,
@@ -128,24 +128,24 @@ impl Host {
         Ok(())
     }
 
-    /// Lets the rig's thread and the program run on any processors: in real time others wait for
-    /// the rig.
+    /// Allows the rig's thread and the program to run on different processors: in real time other
+    /// threads wait for the rig.
     pub fn part(&mut self) {
         self.together = None;
         self.parts = true;
     }
 
-    /// What the program said of itself.
+    /// The greeting of the program.
     pub const fn greeting(&self) -> &Greeting {
         &self.greeting
     }
 
-    /// Exchanges so far.
+    /// Number of exchanges so far.
     pub const fn exchanges(&self) -> u64 {
         self.exchanges
     }
 
-    /// Time has come to `now`, and `items` have happened since the last exchange.
+    /// Advances the program to `now`, with the inputs `items` since the last exchange.
     ///
     /// # Errors
     /// If the program fails, or its answer breaks the contract.
@@ -236,10 +236,10 @@ impl Host {
         Ok(())
     }
 
-    /// All state of the program, as bytes.
+    /// The complete state of the program as bytes.
     ///
     /// # Errors
-    /// If it cannot save, or fails.
+    /// If the program cannot save its state, or fails.
     pub fn save(&mut self) -> Result<Vec<u8>, NodeError> {
         if !self.greeting.save {
             return Err(NodeError::NoSave);
@@ -250,10 +250,10 @@ impl Host {
         }
     }
 
-    /// Gives the program the state that it, or another one of its kind, once saved.
+    /// Loads a state that this program, or another instance of it, has saved.
     ///
     /// # Errors
-    /// If it cannot load, or fails.
+    /// If the program cannot load a state, or fails.
     pub fn load(&mut self, state: &[u8]) -> Result<(), NodeError> {
         if !self.greeting.save {
             return Err(NodeError::NoSave);
@@ -264,10 +264,10 @@ impl Host {
         }
     }
 
-    /// Tells the program to exit and waits for it; kills it if it does not.
+    /// Requests the program's exit and waits for it; kills the program after a timeout.
     ///
     /// # Errors
-    /// If it did not exit, or with another exit code than 0.
+    /// If the program did not exit, or its exit code is not 0.
     pub fn end(&mut self) -> Result<(), NodeError> {
         self.together = None;
         self.write(&Request::End, "end")?;
@@ -280,29 +280,29 @@ impl Host {
         }
     }
 
-    /// Closes the program's standard input, as a rig that is killed does; how it ended, if it did
-    /// within [`END_MAX`].
+    /// Closes the program's standard input, like a rig that is killed. Returns the end of the
+    /// program, if it exits within [`END_MAX`].
     pub fn hang_up(&mut self) -> Option<Ending> {
         self.together = None;
         self.process.end(END_MAX)
     }
 
-    /// Bytes that came and belong to no answer.
+    /// Number of received bytes that belong to no answer.
     pub fn excess(&self) -> usize {
         self.process.excess()
     }
 
-    /// From now on requests are written byte by byte, as a slow pipe would bring them.
+    /// Writes later requests byte by byte, as a slow pipe would deliver them.
     pub const fn write_in_pieces(&mut self) {
         self.in_pieces = true;
     }
 
-    /// What it said on standard error so far, the end of it.
+    /// The end of the program's standard error output so far.
     pub fn said(&self) -> String {
         self.process.said()
     }
 
-    /// Kills it if it still runs; what it said on standard error, the end of it.
+    /// Kills the program if it is running; returns the end of its standard error output.
     pub fn last_words(&mut self) -> String {
         self.together = None;
         self.process.end(Duration::ZERO);
@@ -371,7 +371,7 @@ fn unexpected(to: &'static str, answer: &Answer) -> NodeError {
     NodeError::Unreadable { to, what }
 }
 
-/// The greeting of a program whose version is the right one.
+/// Parses a greeting, if its version is supported.
 fn greeting_of(text: Value, spec: &NodeSpec) -> Result<Greeting, NodeError> {
     if text["hilrig_node"].as_u64() != Some(VERSION) {
         let found = text["hilrig_node"].to_string();

@@ -1,15 +1,15 @@
-//! Names that a node program chooses, kept for as long as the process lives: rules of a device's
-//! log and names of faults are `'static` everywhere.
+//! Names from node programs with a static lifetime, because rules in logs and names of faults are
+//! `'static` everywhere.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
 
 static NAMES: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
 
-/// Most names of all node programs together.
+/// Maximum number of names of all node programs.
 const NAMES_MAX: usize = 4_096;
 
-/// `name` for ever; one name for all further ones if there are too many.
+/// `name` with a static lifetime. If there are too many names, all further ones share one name.
 pub fn forever(name: &str) -> &'static str {
     let mut names = NAMES.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = names.get(name) {
@@ -25,7 +25,7 @@ pub fn forever(name: &str) -> &'static str {
 
 static LISTS: Mutex<BTreeSet<&'static [&'static str]>> = Mutex::new(BTreeSet::new());
 
-/// A list of such names for ever.
+/// A list of such names with a static lifetime.
 pub(crate) fn list_forever(list: Vec<&'static str>) -> &'static [&'static str] {
     let mut lists = LISTS.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(known) = lists.get(&list[..]) {

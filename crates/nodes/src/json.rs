@@ -1,4 +1,4 @@
-//! Messages in their form for people: one JSON object a line, bytes as hexadecimal text.
+//! Messages in readable form: one JSON object per line, bytes as hexadecimal text.
 
 use protocols::{Instant, LineEvent};
 use serde_json::{Map, Value, json};
@@ -76,11 +76,11 @@ fn output(item: &Item<Output>) -> Value {
     }
 }
 
-/// The line at the front of `bytes` and how long it is with its end. `None`: there is more to
-/// come.
+/// The line at the beginning of `bytes`, and its length with the line end; `None` if it is
+/// incomplete.
 ///
 /// # Errors
-/// If it is too long.
+/// If the line is too long.
 pub fn split(bytes: &[u8]) -> Result<Option<(&[u8], usize)>, String> {
     match bytes.iter().position(|byte| *byte == b'\n') {
         Some(end) => Ok(Some((&bytes[..end], end + 1))),
@@ -102,10 +102,10 @@ fn object(text: &[u8]) -> Result<(String, Value), String> {
     }
 }
 
-/// Reads an answer.
+/// Parses an answer.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A description of the error.
 pub fn read_answer(text: &[u8]) -> Result<Answer, String> {
     let (key, value) = object(text)?;
     match key.as_str() {
@@ -131,10 +131,10 @@ pub fn read_answer(text: &[u8]) -> Result<Answer, String> {
     }
 }
 
-/// Reads a request.
+/// Parses a request.
 ///
 /// # Errors
-/// What is wrong with it.
+/// A description of the error.
 pub fn read_request(text: &[u8]) -> Result<Request, String> {
     let (key, value) = object(text)?;
     match key.as_str() {
@@ -158,7 +158,7 @@ pub fn read_request(text: &[u8]) -> Result<Request, String> {
     }
 }
 
-/// Keys of an item besides `time`, by the key that says of which kind it is.
+/// Allowed keys of an item in addition to `time`, by the key that defines its kind.
 type Kind = (&'static str, &'static [&'static str]);
 
 const INPUTS: &[Kind] = &[
@@ -179,7 +179,7 @@ const OUTPUTS: &[Kind] = &[
     ("bytes", &["port"]),
 ];
 
-/// The kind of an item, whose keys all belong to that kind.
+/// The kind of an item; rejects keys of other kinds.
 fn kind_of(item: &Value, kinds: &[Kind]) -> Result<&'static str, String> {
     let kind = kinds.iter().find(|(kind, _)| item.get(kind).is_some());
     let Some((kind, more)) = kind else {
@@ -346,7 +346,7 @@ mod tests {
         r#""message":{"name":"go"},"port":0"#,
     ];
 
-    /// A key that is misspelt, of another kind or of a second kind is no silent loss.
+    /// A misspelt key, or a key of another kind, is an error and not silently ignored.
     #[test]
     fn an_item_has_the_keys_of_its_kind_and_no_other() {
         let known = [

@@ -1,23 +1,23 @@
-//! Node programs: processes in any language that play one node of a rig.
+//! Node programs: processes in any language that act as one node of a rig.
 //!
 //! ```text
 //!   rig, virtual time                          process of any language
-//!   NodeDevice --- Host --- request, answer --- four verbs: receive, poll, transmit, poll_at
-//!                  one exchange covers all that arrived at one moment
+//!   NodeDevice --- Host --- request, answer --- four functions: receive, poll, transmit, poll_at
+//!                  one exchange passes on all input of one moment
 //! ```
 //!
-//! The rig waits for each answer, so virtual time is exact and every run gives the same bytes.
-//! `docs/nodes.md` is the contract.
+//! The rig waits for each answer, so virtual time is exact and every run gives the same bytes. The
+//! contract is in `docs/nodes.md`.
 //!
 //! | module | is |
 //! |---|---|
 //! | [`message`] | requests, answers and their items |
 //! | [`binary`], [`json`] | the two forms of a message |
-//! | [`process`] | a process with pipes: started, written to, read, ended with all that it started |
-//! | [`host`] | a node program behind the contract: greeting, exchanges, checks of each answer |
+//! | [`process`] | a process with pipes: start, write, read, and end with all its children |
+//! | [`host`] | a running node program: greeting, exchanges, checks of each answer |
 //! | [`device`] | a node program as a device of a rig |
 //! | [`program`] | the other end, for node programs in Rust |
-//! | [`conform`] | whether a program keeps the contract |
+//! | [`conform`] | the conformance test of a program |
 
 pub mod binary;
 pub mod conform;
@@ -44,5 +44,5 @@ pub use spec::{
     Drive, NUMBERS_MAX, NodePort, NodeSpec, PATIENCE, Quantity, Role, format_of, line_of,
 };
 
-/// The version of the contract that this crate speaks.
+/// The version of the contract that this crate implements.
 pub const VERSION: u64 = 1;

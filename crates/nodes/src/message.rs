@@ -1,106 +1,106 @@
-//! Requests of the rig, answers of a node program, and what they carry.
+//! Requests of the rig, answers of a node program, and their items.
 
 use protocols::{Instant, LineConfig, LineEvent};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-/// How messages are written.
+/// The form of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
     /// `HRN1`, then messages with their lengths.
     #[default]
     Binary,
-    /// One object a line, to be read by people.
+    /// One readable object per line.
     Json,
 }
 
-/// What the rig asks.
+/// A request of the rig.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
     /// The first message.
     Hello(Hello),
-    /// Time has come to a moment.
+    /// Virtual time has reached a moment.
     Exchange {
         /// The moment.
         now: Instant,
-        /// What has happened since the last one.
+        /// Inputs since the last exchange.
         items: Vec<Item<Input>>,
     },
-    /// All state is to be given.
+    /// The program must return its complete state.
     Save,
-    /// The state is to be what was given once.
+    /// The program must load this state.
     Load(Vec<u8>),
-    /// The program is to exit.
+    /// The program must exit.
     End,
 }
 
-/// What a node program answers.
+/// An answer of a node program.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Answer {
-    /// To the first message: the text of its greeting.
+    /// The answer to the first message: the text of the greeting.
     Hello(Value),
-    /// To an exchange.
+    /// The answer to an exchange.
     Exchange(Reply),
-    /// The state.
+    /// The saved state.
     Saved(Vec<u8>),
-    /// The state was taken over.
+    /// The state was loaded.
     Loaded,
 }
 
 /// The answer to an exchange.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reply {
-    /// When to be asked again; `None`: only after input.
+    /// Time of the next requested exchange; `None`: only after input.
     pub next: Option<Instant>,
-    /// What the program does.
+    /// The outputs of the program.
     pub items: Vec<Item<Output>>,
 }
 
-/// Something that happens at a moment.
+/// An input or output with its time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Item<T> {
-    /// Port, or number of a quantity.
+    /// Index of the port, or of a quantity.
     pub port: u8,
-    /// When.
+    /// Time.
     pub at: Instant,
-    /// What.
+    /// Content.
     pub what: T,
 }
 
-/// What a rig tells.
+/// An input from the rig.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Input {
     /// Bytes arrived; the last one ended at the item's time.
     Bytes(Vec<u8>),
-    /// Something besides bytes happened on the line.
+    /// A line event other than bytes.
     Line(LineEvent),
     /// A fault begins or ends.
     Fault {
-        /// Its name.
+        /// Name of the fault.
         name: String,
-        /// Whether it begins.
+        /// Whether the fault begins.
         begins: bool,
-        /// How bad it is.
+        /// Figure of the fault.
         figure: Option<f64>,
     },
-    /// A value that the rig gives.
+    /// A value from the rig.
     Quantity(f64),
     /// A message of the description: its name and its fields.
     Message(Value),
 }
 
-/// What a node program tells.
+/// An output of a node program.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Output {
     /// Bytes to be sent, not before the item's time.
     Bytes(Vec<u8>),
-    /// Something that the far end of the line sees.
+    /// A line event for the other end of the line.
     Line(LineEvent),
-    /// Another coding of the line.
+    /// A new coding of the line.
     Coding(LineConfig),
     /// An entry of the log.
     Note(Note),
-    /// A value that the program gives.
+    /// An output value of the program.
     Quantity(f64),
     /// A message of the description to be sent, not before the item's time.
     Message(Value),
@@ -113,9 +113,9 @@ pub struct Note {
     pub is_violation: bool,
     /// Short name in kebab case.
     pub rule: String,
-    /// A sentence.
+    /// A sentence that explains the entry.
     pub detail: String,
-    /// The bytes in question.
+    /// The bytes concerned.
     pub bytes: Vec<u8>,
 }
 
@@ -130,13 +130,13 @@ pub struct Hello {
     pub role: String,
     /// Seed of the run.
     pub seed: u64,
-    /// Its ports.
+    /// Ports of the node.
     pub ports: Vec<PortText>,
-    /// Names of the quantities that the rig gives.
+    /// Names of the quantities that the rig provides.
     pub quantities: Vec<String>,
-    /// Whatever the scenario says to it.
+    /// Settings from the scenario.
     pub settings: Map<String, Value>,
-    /// The messages of its description.
+    /// Messages of the node's description.
     #[serde(default)]
     pub messages: Value,
 }
@@ -145,11 +145,11 @@ pub struct Hello {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PortText {
-    /// Its name.
+    /// Name of the port.
     pub name: String,
     /// Bits per second.
     pub rate: u32,
-    /// `8N1` and its like.
+    /// Format such as `8N1`.
     #[serde(default = "usual_format")]
     pub format: String,
 }
@@ -164,19 +164,19 @@ fn usual_format() -> String {
 pub struct Greeting {
     /// Version of the contract.
     pub hilrig_node: u64,
-    /// Whether it can save and load its state.
+    /// Whether the program can save and load its state.
     #[serde(default)]
     pub save: bool,
-    /// Faults that it knows.
+    /// Faults that the program supports.
     #[serde(default)]
     pub faults: Vec<String>,
-    /// Names of the values that it gives.
+    /// Names of the program's outputs.
     #[serde(default)]
     pub outputs: Vec<String>,
-    /// Other codings of its lines.
+    /// Line codings that differ from the scenario's.
     #[serde(default)]
     pub ports: Vec<PortText>,
-    /// Whether it wants messages of its description in place of bytes.
+    /// Whether the program uses messages of its description instead of bytes.
     #[serde(default)]
     pub messages: bool,
 }
@@ -191,5 +191,5 @@ pub const LINE_EVENTS: [(u8, LineEvent, &str); 6] = [
     (5, LineEvent::Overrun, "overrun"),
 ];
 
-/// Number of a new line coding among line events.
+/// The number of a new line coding, in the range of line events.
 pub const CODING: u8 = 16;

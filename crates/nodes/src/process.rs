@@ -1,7 +1,8 @@
-//! A process with pipes: started in a process group of its own, written to and read from with a
-//! limit of wall time, ended with all that it started.
+//! A process with pipes: started in its own process group, written to and read from with a
+//! wall-time limit, ended with all its children.
 //!
-//! What leaves its group (a daemon that begins a session of its own) is out of reach and goes on.
+//! A child that leaves the group (a daemon that starts its own session) cannot be ended and keeps
+//! running.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -23,25 +24,25 @@ use rustix::time::{
 
 use crate::error::{Ending, NodeError};
 
-/// As much of standard error as is kept, from its end.
+/// Number of bytes of standard error that are kept, from its end.
 const WORDS_MAX: usize = 64 << 10;
-/// How long its last words may be on their way.
+/// Maximum wait for the last output.
 const LAST_WORDS: Duration = Duration::from_millis(500);
-/// Looks at whether all of a killed group have ended, 2 ms apart.
+/// Maximum number of checks, 2 ms apart, whether all processes of a killed group have ended.
 const GROUP_ENDS: usize = 250;
-/// Time between two looks at whether a silent program has exited, or the rig is to stop.
+/// Interval between two checks whether a silent program has exited, or the rig must stop.
 const SLICE: Duration = Duration::from_millis(100);
 
 /// Whether the rig no longer waits for silent programs.
 static STOPPED: AtomicBool = AtomicBool::new(false);
 
-/// Ends the wait for every silent program, now and from now on, as soon as it is noticed (100 ms).
-/// A program that answers at once is not affected.
+/// Ends current and later waits for silent programs within 100 ms. A program that answers at once
+/// is not affected.
 pub fn stop_waiting() {
     STOPPED.store(true, Ordering::Relaxed);
 }
 
-/// What became of waiting for a program.
+/// The result of waiting for a program.
 enum Waited {
     /// The stream is ready.
     Ready,
@@ -64,21 +65,21 @@ pub struct Process {
     group: Option<Pid>,
     stdin: Option<ChildStdin>,
     stdout: ChildStdout,
-    /// What came and was not taken: bytes, and where the rest begins.
+    /// Received bytes, and the offset of those that have not been consumed.
     came: (Vec<u8>, usize),
     words: Arc<Mutex<Vec<u8>>>,
     listener: Option<JoinHandle<()>>,
     limit: Duration,
-    /// Readable when the time for one request and its answer is over, however many pieces both come
-    /// in.
+    /// Becomes readable when the time for one request and its answer is over, independent of the
+    /// number of chunks.
     alarm: OwnedFd,
-    /// Waits for this request and its answer so far.
+    /// Number of waits for the current request and answer.
     waits: u32,
 }
 
 impl Process {
-    /// Starts `command` by the shell in `folder`, with `env` added to its environment. `limit` is
-    /// the wall time for which it may be silent.
+    /// Starts `command` with the shell in `folder`, with `env` added to its environment. `limit` is
+    /// the timeout in wall time.
     ///
     /// # Errors
     /// If the system refuses.
@@ -139,10 +140,10 @@ impl Process {
         Ok(process)
     }
 
-    /// Writes `bytes`, a part of the request called `to`.
+    /// Writes `bytes`, a part of the request `to`.
     ///
     /// # Errors
-    /// If it does not take them.
+    /// If the program does not accept the bytes.
     pub fn write(&mut self, bytes: &[u8], to: &'static str) -> Result<(), NodeError> {
         let mut rest = bytes;
         while !rest.is_empty() {
@@ -164,11 +165,11 @@ impl Process {
         Ok(())
     }
 
-    /// Reads until `message` finds one at the front of what came: what it makes of it, and how long
-    /// it was.
+    /// Reads until `message` finds a message at the beginning of the received bytes; returns its
+    /// result and the length.
     ///
     /// # Errors
-    /// If it is silent or gone, or if what came cannot be a message.
+    /// If the program is silent or has ended, or if the bytes are not a message.
     pub fn read<T>(
         &mut self,
         to: &'static str,
@@ -195,8 +196,8 @@ impl Process {
         }
     }
 
-    /// Waits until a stream is ready. A program that has exited is noticed although another one
-    /// that it started holds its standard output open.
+    /// Waits until a stream is ready. Also detects that the program has exited while one of its
+    /// children holds its standard output open.
     fn wait_for(&mut self, stream: Stream) -> Waited {
         let mut is_last_look = false;
         loop {
@@ -213,22 +214,22 @@ impl Process {
             if STOPPED.load(Ordering::Relaxed) {
                 return Waited::Stopped;
             }
-            // The last answer of a program that has exited may have come meanwhile.
+            // The last answer may have arrived between the check and the exit.
             let child = self.child.as_mut();
             is_last_look =
                 child.is_none_or(|child| child.try_wait().is_ok_and(|ended| ended.is_some()));
         }
     }
 
-    /// Whether a stream is ready within `slice`; `Some(false)`: the time for the answer is over.
+    /// Whether a stream is ready within `slice`; `Some(false)` after the timeout of the answer.
     fn ready(&mut self, stream: Stream, slice: Duration) -> Option<bool> {
-        // Most answers need one wait, and no alarm.
+        // Most answers require one wait and no alarm.
         if self.waits == 1 {
             let time = Itimerspec {
                 it_interval: Timespec::default(),
                 it_value: Timespec::try_from(self.limit).unwrap_or_default(),
             };
-            // It cannot fail: the descriptor is a timer and the time is sound.
+            // Cannot fail: the descriptor is a timer and the time is valid.
             let _ = timerfd_settime(&self.alarm, TimerfdTimerFlags::empty(), &time);
         }
         self.waits = self.waits.saturating_add(1);
@@ -246,7 +247,7 @@ impl Process {
         (stream || alarm).then_some(stream)
     }
 
-    /// Why a wait was in vain.
+    /// The error for an unsuccessful wait.
     fn vain(&mut self, waited: Waited, stream: &'static str, to: &'static str) -> NodeError {
         let limit = self.limit;
         match waited {
@@ -256,7 +257,7 @@ impl Process {
         }
     }
 
-    /// Takes what came; whether its standard output is open.
+    /// Reads the available bytes; returns whether standard output is still open.
     fn fill(&mut self) -> bool {
         let mut buf = [0; 4096];
         loop {
@@ -275,17 +276,17 @@ impl Process {
         }
     }
 
-    /// Its number; `None`: it has ended.
+    /// The process id; `None` if the process has ended.
     pub(crate) fn pid(&self) -> Option<Pid> {
         self.group.filter(|_| self.child.is_some())
     }
 
-    /// Bytes that came and belong to no answer.
+    /// Number of received bytes that belong to no answer.
     pub fn excess(&self) -> usize {
         self.came.0.len() - self.came.1
     }
 
-    /// Why one of its streams is closed.
+    /// The error for a closed stream.
     fn gone(&mut self, stream: &'static str, to: &'static str) -> NodeError {
         match self.wait_for_end(LAST_WORDS) {
             Some(status) => NodeError::Exited {
@@ -296,14 +297,14 @@ impl Process {
         }
     }
 
-    /// Closes its standard input and waits until it has ended; kills it after `patience`. How it
-    /// ended, if it ended by itself.
+    /// Closes standard input and waits for the process; kills it after `patience`. Returns its end,
+    /// if it ended by itself.
     pub fn end(&mut self, patience: Duration) -> Option<Ending> {
         self.stdin = None;
         self.wait_for_end(patience).map(Ending::of)
     }
 
-    /// Waits for the end of the program; no process of its group is left when this returns.
+    /// Waits for the end of the program; afterwards no process of its group is left.
     fn wait_for_end(&mut self, patience: Duration) -> Option<ExitStatus> {
         let mut child = self.child.take()?;
         let (tell, told) = mpsc::channel();
@@ -315,7 +316,7 @@ impl Process {
             let _ = kill_process_group(group, Signal::KILL);
         }
         let _ = waiter.join();
-        // What it had started ends a little later.
+        // Its children end a little later.
         let (_still, never) = mpsc::channel::<()>();
         let is_there = |group| test_kill_process_group(group).is_ok();
         for _ in 0..GROUP_ENDS {
@@ -327,13 +328,13 @@ impl Process {
         status
     }
 
-    /// What it said on standard error, the end of it.
+    /// The end of its standard error output.
     pub fn said(&self) -> String {
         let words = self.words.lock().unwrap_or_else(PoisonError::into_inner);
         String::from_utf8_lossy(&words).into_owned()
     }
 
-    /// The same once it has ended: waits for its last words.
+    /// The same after its end: waits for the last output.
     pub fn said_at_last(&mut self) -> String {
         if let Some(listener) = self.listener.take() {
             let (tell, told) = mpsc::channel();
@@ -352,13 +353,13 @@ impl Drop for Process {
     }
 }
 
-/// Waits until something can be done.
+/// Waits until one of the descriptors is ready.
 fn wait(all: &mut [PollFd<'_>], limit: Duration) {
     let limit = Timespec::try_from(limit).ok();
     while poll(all, limit.as_ref()) == Err(Errno::INTR) {}
 }
 
-/// The last line of what a program said that is not empty.
+/// The last non-empty line of a program's output.
 pub fn last_words(said: &str) -> Option<&str> {
     said.lines().map(str::trim).rfind(|line| !line.is_empty())
 }

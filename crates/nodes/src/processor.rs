@@ -1,7 +1,7 @@
 //! One processor for a rig and its node programs.
 //!
-//! Rig and program take turns, so a second processor gains nothing, and waking a process on another
-//! one takes ten times as long as the exchange itself.
+//! Rig and program alternate, so a second processor gains nothing. Waking a process on another
+//! processor takes ten times as long as the exchange itself.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,23 +10,23 @@ use std::sync::{Mutex, PoisonError};
 use rustix::process::Pid;
 use rustix::thread::{CpuSet, gettid, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
-/// Maximum number of processes of one program that are moved.
+/// Maximum number of moved processes of one program.
 const FAMILY_MAX: usize = 64;
 
-/// Threads of this process that are kept on one processor, by their numbers.
+/// Threads of this process that are bound to one processor, by thread id.
 static KEPT: Mutex<BTreeMap<i32, Here>> = Mutex::new(BTreeMap::new());
 
-/// The processor that a thread is kept on.
+/// The binding of a thread.
 struct Here {
-    /// Processors before that.
+    /// The processors allowed before.
     before: CpuSet,
     kept: usize,
-    /// Programs that share it.
+    /// Number of programs that share the processor.
     programs: u32,
 }
 
-/// Keeps the thread that made it and one node program on one processor until it is dropped, by
-/// whichever thread. All node programs of a thread share one.
+/// Binds the current thread and one node program to one processor until it is dropped, by any
+/// thread. All node programs of a thread share one processor.
 #[derive(Debug)]
 pub(crate) struct SameProcessor {
     program: Option<Pid>,
@@ -34,7 +34,7 @@ pub(crate) struct SameProcessor {
 }
 
 impl SameProcessor {
-    /// `None`: the system refuses, or this thread may run on one processor only.
+    /// `None` if the system refuses, or if this thread may run on one processor only.
     pub(crate) fn keep(program: Option<Pid>) -> Option<Self> {
         let mut all = KEPT.lock().unwrap_or_else(PoisonError::into_inner);
         let thread = gettid();
@@ -51,8 +51,8 @@ impl SameProcessor {
 }
 
 impl Here {
-    /// Moves this thread to the processor that fewest others are kept on, so that the workers of a
-    /// campaign keep apart.
+    /// Moves this thread to the processor with the fewest bound threads, so that the workers of a
+    /// campaign are separate.
     fn choose(all: &BTreeMap<i32, Self>) -> Option<Self> {
         let before = sched_getaffinity(None).ok()?;
         if before.count() < 2 {
@@ -95,8 +95,8 @@ fn only(cpu: usize) -> CpuSet {
     set
 }
 
-/// Moves a program with the processes that it has started: a shell may stand before it. One that
-/// has ended meanwhile is left out.
+/// Moves a program and its children, because a shell may be the parent. Processes that have ended
+/// are ignored.
 fn move_all(program: Option<Pid>, to: &CpuSet) {
     let mut family: Vec<Pid> = program.into_iter().collect();
     let mut next = 0;
@@ -131,8 +131,8 @@ mod tests {
         (child, pid.expect("a number"))
     }
 
-    /// A thread is on one processor with its programs as long as one of them is kept there. Both
-    /// may run anywhere before and afterwards.
+    /// A thread shares one processor with its programs while one of them is bound. Before and
+    /// afterwards both may run on any processor.
     #[test]
     fn a_thread_and_its_programs_are_kept_and_released() {
         let before = allowed(None);

@@ -5,7 +5,7 @@
 //! use nodes::program::{Node, serve};
 //! use protocols::Instant;
 //!
-//! /// Sends back what it hears.
+//! /// Sends back the received bytes.
 //! struct Echo;
 //!
 //! impl Node for Echo {
@@ -37,39 +37,38 @@ use serde_json::json;
 use crate::message::{Answer, Form, Greeting, Hello, Input, Item, Reply, Request};
 use crate::{VERSION, binary, json};
 
-/// A node that a program plays.
+/// A node that a program implements.
 pub trait Node {
-    /// What the node says of itself: faults, outputs, whether it can save. Its version is filled
-    /// in.
+    /// The greeting of the node: faults, outputs, whether it can save. The version is filled in.
     fn greeting(&self) -> Greeting {
         Greeting::default()
     }
 
-    /// Time has come to `now`, and `items` have happened since the last call.
+    /// Advances the node to `now`, with the inputs `items` since the last call.
     fn exchange(&mut self, now: Instant, items: Vec<Item<Input>>) -> Reply;
 
-    /// All state, as bytes.
+    /// The complete state as bytes.
     fn save(&self) -> Vec<u8> {
         Vec::new()
     }
 
-    /// Takes over a state that [`save`](Self::save) once gave.
+    /// Loads a state that [`save`](Self::save) returned.
     fn load(&mut self, _state: &[u8]) {}
 }
 
-/// Plays the node that `make` makes of the rig's greeting, on standard input and output, until the
-/// rig ends it.
+/// Runs the node that `make` creates from the rig's greeting, on standard input and output, until
+/// the rig ends it.
 ///
 /// # Errors
-/// If a stream is closed, or the rig sends what cannot be read.
+/// If a stream is closed, or the rig sends an invalid message.
 pub fn serve<N: Node>(make: impl FnOnce(&Hello) -> N) -> io::Result<()> {
     serve_on(io::stdin().lock(), io::stdout().lock(), make)
 }
 
-/// The same on other streams.
+/// Like [`serve`], on other streams.
 ///
 /// # Errors
-/// As [`serve`].
+/// Those of [`serve`].
 pub fn serve_on<N: Node>(
     mut from: impl Read,
     mut to: impl Write,
@@ -101,7 +100,7 @@ pub fn serve_on<N: Node>(
             (_, None) => return wrong("the rig did not greet".to_owned()),
             (Request::Exchange { now, items }, Some(node)) => {
                 let mut reply = node.exchange(now, items);
-                // Bytes ended a little before the rig speaks of them; nothing is done in the past.
+                // Bytes ended shortly before the rig passed them on; no output may be in the past.
                 let items = reply.items.iter_mut();
                 items.for_each(|item| item.at = item.at.max(now));
                 Answer::Exchange(reply)
@@ -134,7 +133,7 @@ fn write(form: Form, out: &mut Vec<u8>, answer: &Answer) -> io::Result<()> {
     }
 }
 
-/// What came from the rig.
+/// The bytes from the rig.
 #[derive(Default)]
 struct Stream {
     form: Form,

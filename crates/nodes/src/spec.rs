@@ -1,4 +1,4 @@
-//! What a node program is started from.
+//! The specification of a node program.
 
 use core::time::Duration;
 use std::path::PathBuf;
@@ -9,7 +9,7 @@ use emulators::quantity::{Sink, ValueSource};
 use protocols::{LineConfig, Parity};
 use serde_json::{Map, Value};
 
-/// Which part a node program plays.
+/// The role of a node program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Role {
     /// A device.
@@ -20,7 +20,7 @@ pub enum Role {
 }
 
 impl Role {
-    /// Name as in the greeting.
+    /// The name of the role in the greeting.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Device => "device",
@@ -32,11 +32,11 @@ impl Role {
 /// A port of a node program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodePort {
-    /// Its name, e.g. `uart`.
+    /// Name of the port, e.g. `uart`.
     pub name: String,
     /// Coding of its line.
     pub line: LineConfig,
-    /// Whether its link carries whole messages: then each item of bytes is one.
+    /// Whether the link carries whole messages: each item of bytes is then one message.
     pub carries_messages: bool,
 }
 
@@ -51,12 +51,12 @@ impl NodePort {
     }
 }
 
-/// A value that the rig gives to a node program.
+/// A value that the rig provides to a node program.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quantity {
-    /// Its name.
+    /// Name of the value.
     pub name: String,
-    /// Where it comes from.
+    /// Source of the value.
     pub source: ValueSource,
 }
 
@@ -65,43 +65,43 @@ pub struct Quantity {
 pub struct Drive {
     /// Name of the output.
     pub output: String,
-    /// What it does.
+    /// The actuator.
     pub sink: Sink,
 }
 
-/// A node program: how it is started, and what it is told.
+/// A node program: its command and the content of its greeting.
 #[derive(Clone, Debug)]
 pub struct NodeSpec {
     /// Name of the node.
     pub name: String,
-    /// For the shell.
+    /// The shell command.
     pub command: String,
-    /// Where it is started; `None`: where the rig is.
+    /// The working directory; `None`: that of the rig.
     pub folder: Option<PathBuf>,
-    /// Variables added to its environment.
+    /// Additional environment variables.
     pub env: Vec<(String, String)>,
-    /// Which part it plays.
+    /// The role of the program.
     pub role: Role,
     /// Seed of the run.
     pub seed: u64,
-    /// Its ports; their numbers are their places.
+    /// The ports; the index in the list is the number of the port.
     pub ports: Vec<NodePort>,
-    /// Values that the rig gives.
+    /// Values that the rig provides.
     pub quantities: Vec<Quantity>,
     /// Actuators that follow its outputs.
     pub drives: Vec<Drive>,
-    /// Whatever the scenario says to it.
+    /// Settings from the scenario.
     pub settings: Map<String, Value>,
-    /// What is spoken on its first port; then it may have messages in place of bytes.
+    /// The protocol of its first port; the program may then use messages instead of bytes.
     pub description: Option<Arc<Description>>,
-    /// Wall time for which the rig waits for an answer.
+    /// Timeout for an answer, wall time.
     pub patience: Duration,
 }
 
 /// Maximum number of quantities, and of outputs: an item has one byte for the number.
 pub const NUMBERS_MAX: usize = 256;
 
-/// Wall time for which the rig waits for an answer.
+/// Default timeout for an answer, wall time.
 pub const PATIENCE: Duration = Duration::from_secs(10);
 
 impl NodeSpec {
@@ -124,7 +124,7 @@ impl NodeSpec {
     }
 }
 
-/// `8N1` of a line coding.
+/// The format such as `8N1` of a line coding.
 pub fn format_of(line: LineConfig) -> String {
     let parity = match line.parity {
         Parity::None => 'N',
@@ -134,7 +134,7 @@ pub fn format_of(line: LineConfig) -> String {
     format!("{}{parity}{}", line.data_bits, line.stop_bits)
 }
 
-/// The line coding of a rate and `8N1` and its like; `None`: no such coding.
+/// The line coding with this rate and a format such as `8N1`; `None` if it is invalid.
 pub fn line_of(rate: u32, format: &str) -> Option<LineConfig> {
     let &[data @ b'5'..=b'8', parity, stop @ (b'1' | b'2')] = format.as_bytes() else {
         return None;

@@ -1,4 +1,4 @@
-//! Messages of a description in place of bytes: the rig reads and writes the frames.
+//! Messages of a description instead of bytes: the rig decodes and encodes the frames.
 
 use std::sync::Arc;
 
@@ -6,21 +6,21 @@ use description::{Cutter, Description, Frame, From, Message, Record, Value};
 use protocols::{Decode as _, FrameError, Instant, LineConfig};
 use serde_json::{Map, Number, Value as Json, json};
 
-/// Longest frame that a silence ends.
+/// Maximum length of a frame that a silence ends.
 const SILENT_MAX: usize = 4_096;
 
-/// What came out of bytes.
+/// The result of decoding.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Heard {
     /// A message: name and fields.
     Message(Json),
-    /// A frame that is no message.
+    /// A frame without a matching message.
     Unknown(Vec<u8>),
-    /// Bytes that are no frame: the rule that they break, and how.
+    /// Bytes outside frames: the broken rule, and a description.
     Bad(&'static str, String),
 }
 
-/// Reads the frames of a driver.
+/// Decodes the frames of a driver.
 #[derive(Clone)]
 pub(crate) struct Listener {
     description: Arc<Description>,
@@ -40,12 +40,12 @@ impl Listener {
         }
     }
 
-    /// When the line has been quiet for so long that a frame ends.
+    /// When the silence is long enough to end a frame.
     pub(crate) const fn quiet_at(&self) -> Option<Instant> {
         self.quiet_at
     }
 
-    /// The line was quiet until `now`, if the last byte is so old.
+    /// Ends a frame if the line was silent for long enough before `now`.
     pub(crate) fn pass(&mut self, now: Instant, to: &mut dyn FnMut(Instant, Heard)) {
         let Some(at) = self.quiet_at.filter(|at| *at <= now) else {
             return;
@@ -65,7 +65,7 @@ impl Listener {
         }
     }
 
-    /// Bytes came, the last one of them complete at `end`.
+    /// Decodes received bytes; the last one ended at `end`.
     pub(crate) fn hear(
         &mut self,
         line: LineConfig,
@@ -95,7 +95,8 @@ impl Listener {
                     let heard = self.heard(&frame);
                     to(at, heard);
                 }
-                // The rest of a damaged frame makes errors of its own; the first one says why.
+                // The rest of a damaged frame causes further errors; the first error gives the
+                // reason.
                 Err(error) => first_error = first_error.or(Some(error)),
             }
         }
@@ -115,7 +116,7 @@ impl Listener {
     }
 }
 
-/// The rules are those of described devices.
+/// The rules are the same as for described devices.
 fn bad(error: FrameError) -> Heard {
     let rule = match error {
         FrameError::Checksum { .. } => "bad-checksum",

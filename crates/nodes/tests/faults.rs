@@ -1,8 +1,7 @@
-//! Each way in which a node program breaks the contract ends in its sentence, and leaves no
-//! process behind.
+//! Each way to break the contract causes its own error message, and leaves no process behind.
 //!
-//! A program here is a shell that has all its answers ready: what it says does not depend on what
-//! it is asked.
+//! The programs in these tests are shells with prepared answers: the output does not depend on the
+//! requests.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 use core::time::Duration;
@@ -45,7 +44,7 @@ fn sends(nanos: u64, port: u8, len: usize) -> Item<Output> {
     }
 }
 
-/// A shell command that says all of that, then does `rest`.
+/// A shell command that outputs all parts, then runs `rest`.
 fn says(parts: &[&[u8]], rest: &str) -> String {
     static FILES: AtomicUsize = AtomicUsize::new(0);
     let number = FILES.fetch_add(1, Ordering::Relaxed);
@@ -53,11 +52,11 @@ fn says(parts: &[&[u8]], rest: &str) -> String {
     let path = std::env::temp_dir().join(name);
     std::fs::write(&path, parts.concat()).expect("a folder for temporary files");
     let path = path.display();
-    // Only after the rig's first bytes: an earlier answer has no receiver.
+    // The output starts only after the rig's first bytes: an earlier answer would have no receiver.
     format!("head -c 4 >/dev/null; cat {path}; rm -f {path}; {rest}")
 }
 
-/// Programs that hang are given up after 2 s, all others have the time that a busy machine needs.
+/// Programs that hang have a timeout of 2 s; all others have enough time for a busy machine.
 fn spec(command: &str) -> NodeSpec {
     let hangs = command.contains("sleep 60");
     NodeSpec {
@@ -67,7 +66,7 @@ fn spec(command: &str) -> NodeSpec {
     }
 }
 
-/// What becomes of one exchange at 5 us with the program.
+/// The result of one exchange at 5 us with the program.
 fn outcome(command: &str) -> Result<Reply, NodeError> {
     let mut host = Host::start(&spec(command)).map_err(|(error, _)| error)?;
     host.exchange(at(5_000), &[])
@@ -81,7 +80,7 @@ fn sentence(command: &str) -> String {
 
 const HEARS: &str = "exec cat >/dev/null";
 
-/// What is asserted here of wrong programs would be worth nothing if right ones failed as well.
+/// The tests of wrong programs prove something only if correct programs pass.
 #[test]
 fn a_program_that_keeps_the_contract_goes_on() {
     let sound = says(&[&hello(), &reply(5_000, vec![sends(5_000, 0, 3)])], HEARS);
@@ -148,7 +147,7 @@ fn each_fault_of_a_program_has_its_sentence() {
             "gave no answer to an exchange within 2 s of wall time: it hangs",
         ),
         (
-            // One limit for the whole answer, however often a byte of it comes.
+            // The timeout applies to the whole answer, even if its bytes arrive one by one.
             says(
                 &[&hello, &long],
                 "while printf x; do sleep 0.05; done; : sleep 60",
@@ -206,12 +205,12 @@ fn each_fault_of_a_program_has_its_sentence() {
     assert_eq!(BYTES_MAX, 65_536, "the figure in a sentence above");
 }
 
-/// A program that stays at one moment would keep the rig there for ever.
+/// A program that never advances the time would stop the rig forever.
 #[test]
 fn a_program_that_lets_no_time_pass_is_stopped() {
     let stay = reply(5_000, vec![]);
     let answers = says(&[&hello(), &stay.repeat(10_100)], "true");
-    // It goes on reading meanwhile, or both would wait for each other.
+    // The program reads its input meanwhile; otherwise both sides would wait for each other.
     let answers = answers.replace("head -c 4 >/dev/null; ", "");
     let command = format!("exec 3<&0; {{ {answers}; }} & {HEARS} <&3");
     let mut host = Host::start(&spec(&command)).expect("a greeting");
@@ -224,7 +223,7 @@ fn a_program_that_lets_no_time_pass_is_stopped() {
     );
 }
 
-/// The end message is the last one; what a program does then is judged.
+/// The end message is the last one; the program's exit is judged.
 #[test]
 fn a_program_has_to_exit_well_when_it_is_told_to() {
     let rows = [
@@ -244,7 +243,7 @@ fn a_program_has_to_exit_well_when_it_is_told_to() {
     }
 }
 
-/// Whether a process whose command holds `mark` is there.
+/// Whether a process with `mark` in its command line exists.
 fn is_running(mark: &str) -> bool {
     let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
     let mut commands = entries.map(|entry| std::fs::read(entry.path().join("cmdline")));
@@ -254,14 +253,13 @@ fn is_running(mark: &str) -> bool {
     })
 }
 
-/// The program has started another one, both ignore a request to end, and neither looks at its
-/// input.
+/// The program has started a child; both ignore the request to end and do not read their input.
 #[test]
 fn nothing_is_left_behind() {
     let mark = format!("hilrig-nodes-left-{}", std::process::id());
     let stubborn =
         format!("trap '' TERM HUP; sh -c 'trap \"\" TERM HUP; sleep 60; : {mark}' & wait");
-    // A command removes its answers: each one is good for one start.
+    // The command removes its prepared answers, so each command starts one program.
     let command = || says(&[&hello()], &stubborn);
     let host = Host::start(&spec(&command())).expect("a greeting");
     assert!(is_running(&mark), "it is there while the host is");
@@ -275,7 +273,7 @@ fn nothing_is_left_behind() {
     assert!(!is_running(&mark));
 }
 
-/// The pipe stays open as long as the child lives: that must not look like a program that thinks.
+/// The pipe stays open while the child lives: this must not be mistaken for a slow answer.
 #[test]
 fn a_program_that_exits_is_noticed_although_its_child_holds_the_pipe() {
     let command = says(&[&hello()], "(sleep 50) & exit 4");
@@ -283,7 +281,7 @@ fn a_program_that_exits_is_noticed_although_its_child_holds_the_pipe() {
     assert!(error.starts_with("exited (exit code 4)"), "{error}");
 }
 
-/// A copy begins with the state that its program saved, in a process of its own.
+/// A copy begins with the saved state of its program, in its own process.
 #[test]
 fn a_copy_goes_on_from_the_saved_state_and_counts_on() {
     let saved = answer(&Answer::Saved(b"state".to_vec()));
@@ -314,7 +312,7 @@ fn a_copy_goes_on_from_the_saved_state_and_counts_on() {
     assert_eq!((copy.exchanges(), copy.error()), (2, None));
 }
 
-/// What a program says on standard error is kept and told, also if it never answered.
+/// The standard error output of a program is kept and reported, even if the program never answered.
 #[test]
 fn the_last_words_of_a_program_are_kept() {
     let failed = Host::start(&spec("echo 'no module named meter' >&2; exit 1"));

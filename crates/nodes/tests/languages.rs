@@ -47,7 +47,7 @@ fn python(name: &str) -> Command {
     python
 }
 
-/// Weighs, zeroes, is asked while it is busy, weighs again in a draught: all that the device does.
+/// Uses all functions: weighing, zeroing, a request during zeroing, and weighing in a draught.
 fn requests() -> Vec<Request> {
     let mut requests = vec![Request::Hello(Hello {
         hilrig_node: 1,
@@ -89,7 +89,7 @@ fn requests() -> Vec<Request> {
     ask(4_700, text("SI\r\n"));
     ask(4_800, draught(false));
     ask(9_900, text("SI\r\nWHO\r\n"));
-    // Longer than any line: the device hears the one behind it.
+    // Longer than any line: the device accepts the line behind it.
     ask(9_950, text(&"x".repeat(200)));
     ask(9_960, text("\r\nSI\r\n"));
     requests.push(Request::End);
@@ -131,7 +131,7 @@ fn answers_of(mut command: Command) -> Vec<Reply> {
     replies(&output.stdout)
 }
 
-/// What a reader of the wire sees, and what the log says.
+/// The bytes on the wire, and the log entries.
 fn told(replies: &[Reply]) -> Vec<String> {
     let items = replies.iter().flat_map(|reply| &reply.items);
     let words = items.map(|item| {
@@ -146,7 +146,7 @@ fn told(replies: &[Reply]) -> Vec<String> {
     words.collect()
 }
 
-/// 0.01 g each half second on 100.25 g; zeroed at 3 s, with 100.31 g on it.
+/// The weight of 100.25 g drifts by 0.01 g each half second; it is zeroed at 3 s, at 100.31 g.
 #[test]
 fn the_same_scale_in_three_languages_gives_the_same_answers() {
     let mut out = Vec::new();
@@ -208,7 +208,7 @@ fn the_examples_keep_the_contract() {
     assert_eq!(failed(&compiled.display().to_string(), false), none);
 }
 
-/// A crash is no refusal of a version, and no end, also behind a shell that reports it.
+/// A crash is neither a rejected version nor a regular end, also behind a shell that reports it.
 #[test]
 fn a_program_that_a_signal_ends_is_found_out() {
     let crash = r"
@@ -237,7 +237,7 @@ finally:
     }
 }
 
-/// What no answer shows is not observed.
+/// Behaviour without any output is not observed.
 #[test]
 fn a_program_that_says_nothing_proves_little() {
     let silent = r"
@@ -271,8 +271,8 @@ main(Silent)
     );
 }
 
-/// A program that looks at the clock, cannot save what it offers to save, and outlives its rig: the
-/// test sees each of them.
+/// A program that reads the clock, cannot save although it offers to, and outlives its rig: the
+/// test detects each of these errors.
 #[test]
 fn a_program_that_breaks_the_contract_is_found_out() {
     let liar = r#"

@@ -1,4 +1,4 @@
-//! Messages of a description between a node program and its line.
+//! Conversion between messages of a node program and frames on its line.
 
 use emulators::device::{Event, EventKind};
 use serde_json::Value;
@@ -21,7 +21,7 @@ impl NodeDevice {
         })
     }
 
-    /// Reads frames in what has arrived, and puts messages in the place of bytes.
+    /// Decodes frames in the input, and replaces bytes by messages.
     pub(super) fn read_frames(&mut self) {
         let Some(listener) = &mut self.listener else {
             return;

@@ -1,4 +1,4 @@
-//! What a node program sends, until the line takes it.
+//! The output of a node program until the line accepts it.
 
 use std::collections::VecDeque;
 
@@ -6,18 +6,18 @@ use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::spec::NodePort;
 
-/// A port, and what it is to send.
+/// A port with its output.
 #[derive(Clone)]
 pub(super) struct PortState {
     pub(super) line: LineConfig,
     carries_messages: bool,
-    /// In the order of their times.
+    /// Output in order of time.
     out: VecDeque<(Instant, Out)>,
-    /// Bytes in `out`.
+    /// Number of bytes in `out`.
     pub(super) waiting: usize,
 }
 
-/// Something that a port is to send.
+/// A piece of output.
 #[derive(Clone)]
 pub(super) enum Out {
     Bytes(VecDeque<u8>),
@@ -26,7 +26,7 @@ pub(super) enum Out {
 }
 
 impl PortState {
-    /// The port as the scenario has it.
+    /// A port with the settings of the scenario.
     pub(super) fn new(port: &NodePort) -> Self {
         Self {
             line: port.line,
@@ -36,18 +36,18 @@ impl PortState {
         }
     }
 
-    /// Forgets what it was to send.
+    /// Discards the output.
     pub(super) fn clear(&mut self) {
         self.out.clear();
         self.waiting = 0;
     }
 
-    /// Whether it has something to send at `now`.
+    /// Whether output is due at `now`.
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.due(now).is_some()
     }
 
-    /// What the far end is told before the next bytes.
+    /// The line event or coding before the next bytes.
     pub(super) fn line_change(&mut self, now: Instant) -> Option<LineEvent> {
         loop {
             match self.due(now)? {
@@ -74,7 +74,7 @@ impl PortState {
         self.out.insert(place, (at, out));
     }
 
-    /// What is first, if its time has come.
+    /// The first piece of output, if it is due.
     fn due(&self, now: Instant) -> Option<&Out> {
         let (_, out) = self.out.front().filter(|(at, _)| *at <= now)?;
         Some(out)
@@ -87,7 +87,7 @@ impl PortState {
             && *at <= now
         {
             len += emulators::device::take(bytes, &mut buf[len..]);
-            // A message for which there is no room is lost with its end.
+            // A message that does not fit is lost beyond the available space.
             if bytes.is_empty() || self.carries_messages {
                 self.waiting -= bytes.len();
                 self.out.pop_front();
@@ -100,7 +100,7 @@ impl PortState {
         len
     }
 
-    /// When something becomes due that is not yet; at once if something waits that is no bytes.
+    /// When the next output becomes due; at once if the first piece is not bytes.
     pub(super) fn poll_at(&self, now: Instant) -> Option<Instant> {
         match self.out.front() {
             Some((at, Out::Bytes(_))) => Some(*at).filter(|at| *at > now),
