@@ -14,7 +14,7 @@ use protocols::Instant;
 use crate::Bench;
 use crate::turns::{NEVER, Until};
 
-/// Notes that a future was woken.
+/// Records that a future was woken.
 struct Flag(Arc<AtomicBool>);
 
 impl Wake for Flag {
@@ -23,7 +23,7 @@ impl Wake for Flag {
     }
 }
 
-/// The thread runs futures until this is dropped.
+/// Runs futures on the current thread until it is dropped.
 pub(crate) struct Executor<'a> {
     bench: &'a Bench,
     pub(crate) woken: Arc<AtomicBool>,
@@ -54,11 +54,11 @@ impl Drop for Executor<'_> {
 }
 
 impl Bench {
-    /// Runs a future in virtual time. Time continues while it waits for a port or a
+    /// Runs a future in virtual time. Time continues while the future waits for a port or a
     /// [timer](Self::timer) of the bench.
     ///
     /// # Panics
-    /// If the future waits for something else, so that it would wait forever.
+    /// If the future waits for anything else: it would wait forever.
     pub fn block_on<F: Future>(&self, future: F) -> F::Output {
         let executor = Executor::of(self);
         let waker = Waker::from(Arc::new(Flag(Arc::clone(&executor.woken))));
@@ -75,7 +75,7 @@ impl Bench {
         }
     }
 
-    /// A future that is over after `span` of virtual time, or when the run is over.
+    /// A future that completes after `span` of virtual time, or when the run is over.
     pub fn timer(&self, span: Duration) -> Timer {
         Timer {
             bench: self.clone(),
@@ -92,7 +92,7 @@ pub struct Timer {
     bench: Bench,
     span: Duration,
     until: Option<Instant>,
-    /// From the first poll on.
+    /// Number of the timer, set at the first poll.
     number: u64,
 }
 

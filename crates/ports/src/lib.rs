@@ -1,11 +1,10 @@
-//! The ports of a rig in virtual time, for a driver of any style that is to be tested in this
-//! process.
+//! The ports of a rig in virtual time, for tests of a driver of any style within this process.
 //!
 //! ```text
 //! driver under test --> port --> line --> device     no clock: time continues while a call waits
 //! ```
 //!
-//! | style of the driver | begin with | feature |
+//! | style of the driver | start with | feature |
 //! |---|---|---|
 //! | [`Read`](std::io::Read) and [`Write`](std::io::Write) | [`Bench::port`] | |
 //! | `Box<dyn SerialPort>` | `Bench::serial` | `serialport` |
@@ -15,11 +14,11 @@
 //! | `embedded-io`, `embedded-io-async` 0.6 and 0.7 | [`Bench::port`] | `embedded` |
 //! | `embedded-hal` 1.0, also async | `Bench::i2c`, `Bench::pin`, `Bench::delay` | `embedded` |
 //!
-//! A read that finds nothing lets the rig run until a byte arrives or the port's timeout is over; a
-//! write is taken at once as by an operating system, [`flush`](std::io::Write::flush) waits until
-//! the last bit is on the wire. Between calls no time passes: computing costs nothing, and a
-//! program that waits for something else calls [`Bench::sleep`]. The same calls give the same
-//! bytes, always.
+//! A read without available bytes lets the rig run until a byte arrives or the port's timeout is
+//! over. A write returns at once, as with an operating system; [`flush`](std::io::Write::flush)
+//! waits until the last bit is on the wire. No time passes between calls: computation costs
+//! nothing, and a program that waits for something else calls [`Bench::sleep`]. The same calls
+//! always give the same bytes.
 //!
 //! ```
 //! use std::io::Read as _;
@@ -47,13 +46,13 @@
 //!
 //! # Threads
 //!
-//! One thread runs at a time. The others wait for their turn; when none can go on, the rig runs. A
-//! thread hands its turn over whenever it calls the bench or one of its ports, never elsewhere. So
-//! the order depends on virtual time alone, and the trace is the same in each run.
+//! One thread runs at a time. The others wait for their turn; if none can continue, the rig runs. A
+//! thread hands over its turn only when it calls the bench or one of its ports. Therefore the order
+//! depends on virtual time alone, and the trace is the same in each run.
 //!
 //! A thread that blocks elsewhere, e.g. in `Receiver::recv`, holds the turn forever. After ten
-//! seconds of wall time all calls of the bench are an error that names the thread. Wait with
-//! [`Bench::wait_until`] in its place.
+//! seconds of wall time all calls of the bench return an error that names the thread. Use
+//! [`Bench::wait_until`] instead.
 
 mod executor;
 mod port;
@@ -86,18 +85,18 @@ use turns::{Core, NEVER, State, Until};
 
 /// A run whose program is the test itself.
 ///
-/// Clones, and all their ports, are of the same run.
+/// Clones and all their ports belong to the same run.
 #[derive(Clone)]
 pub struct Bench {
     core: Arc<Core>,
 }
 
 impl Bench {
-    /// Wires `scenario` with the program's ends of all links open, and the PC's if its robot has
-    /// one without a player.
+    /// Wires `scenario` with open ends for the program on all links, and for the PC if its robot
+    /// has a PC without a player.
     ///
     /// # Errors
-    /// If the scenario sets the robot up in a way that it cannot be.
+    /// If the scenario cannot be wired.
     pub fn new(scenario: Scenario, source: &Source) -> Result<Self, ScenarioError> {
         let wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
         let Wired {
@@ -114,19 +113,19 @@ impl Bench {
         Ok(Self { core })
     }
 
-    /// The bench of a scenario's text.
+    /// The bench for the text of a scenario.
     ///
     /// # Errors
-    /// If it is no sound scenario.
+    /// If the text is not a valid scenario.
     pub fn from_text(toml: &str) -> Result<Self, ScenarioError> {
         let (scenario, source) = Scenario::from_text(toml)?;
         Self::new(scenario, &source)
     }
 
-    /// The bench of a scenario's file.
+    /// The bench for the file of a scenario.
     ///
     /// # Errors
-    /// If it cannot be read, or is no sound scenario.
+    /// If the file cannot be read, or is not a valid scenario.
     pub fn from_file(path: impl AsRef<Path>) -> Result<Self, ScenarioError> {
         let (scenario, source) = Scenario::read(path.as_ref())?;
         Self::new(scenario, &source)
@@ -135,8 +134,8 @@ impl Bench {
     /// Opens the end of the link `name`, e.g. `lidar`.
     ///
     /// # Errors
-    /// [`ErrorKind::NotFound`] with the known names, [`ErrorKind::InvalidInput`] if it is no serial
-    /// port, [`ErrorKind::BrokenPipe`] after the run was judged.
+    /// [`ErrorKind::NotFound`] with the known names, [`ErrorKind::InvalidInput`] if the link is not
+    /// a serial port, [`ErrorKind::BrokenPipe`] after the verdict.
     pub fn port(&self, name: &str) -> io::Result<VirtualPort> {
         let index = self.open(name, &[LinkKind::Uart, LinkKind::Datagram])?;
         Ok(VirtualPort::new(self.clone(), index, name))
@@ -146,13 +145,13 @@ impl Bench {
     /// written to a pin is its level.
     ///
     /// # Errors
-    /// As [`Bench::port`], but for the kind.
+    /// Those of [`Bench::port`], except for the kind.
     pub fn raw(&self, name: &str) -> io::Result<VirtualPort> {
         let index = self.open(name, &LinkKind::ALL)?;
         Ok(VirtualPort::new(self.clone(), index, name))
     }
 
-    /// Opens a port of one of these kinds; its number.
+    /// Opens a port of one of these kinds; returns its index.
     fn open(&self, name: &str, kinds: &[LinkKind]) -> io::Result<usize> {
         let mut turn = self.core.enter()?;
         let Some(index) = turn.find(name) else {
@@ -180,15 +179,15 @@ impl Bench {
         self.core.lock().names()
     }
 
-    /// Virtual time; the end of the run after it was judged.
+    /// Virtual time; after the verdict the end of the run.
     pub fn now(&self) -> Instant {
         self.core.lock().now()
     }
 
-    /// Lets `span` of virtual time pass, no further than to the end of the scenario.
+    /// Lets `span` of virtual time pass, at most to the end of the scenario.
     ///
     /// # Panics
-    /// If a thread of the bench blocks outside of it.
+    /// If a thread of the bench blocks outside the bench.
     pub fn sleep(&self, span: Duration) {
         let slept = self.core.enter().and_then(|turn| {
             let until = (turn.now() + span).min(turn.end());
@@ -197,11 +196,11 @@ impl Bench {
         expect_turn(slept);
     }
 
-    /// Lets time pass and other threads work until `found` gives a value, at most for `timeout` of
-    /// virtual time: in place of a wait for a channel, a lock or a variable.
+    /// Lets time pass and other threads run until `found` returns a value, at most for `timeout` of
+    /// virtual time. Replaces waiting for a channel, a lock or a variable.
     ///
     /// # Panics
-    /// If a thread of the bench blocks outside of it.
+    /// If a thread of the bench blocks outside the bench.
     pub fn wait_until<T>(
         &self,
         timeout: Duration,
@@ -209,7 +208,7 @@ impl Bench {
     ) -> Option<T> {
         let deadline = (self.now() + timeout).min(self.core.lock().end());
         if let Ok(mut turn) = self.core.enter() {
-            // What this thread did since its last call may be what another waits for.
+            // Another thread may wait for an action of this thread since its last call.
             turn.act();
         }
         loop {
@@ -234,7 +233,7 @@ impl Bench {
     /// Starts a thread of the bench. It begins when the caller first waits.
     ///
     /// # Panics
-    /// If the operating system starts no thread.
+    /// If the operating system cannot start a thread.
     pub fn spawn<T: Send + 'static>(
         &self,
         name: &str,
@@ -245,7 +244,7 @@ impl Bench {
         let builder = thread::Builder::new().name(name.to_owned());
         let handle = builder.spawn(move || {
             let _part = core.join_as(index);
-            // An error is that of the first call in `body`.
+            // The first call in `body` reports the error.
             drop(core.enter());
             body()
         });
@@ -256,23 +255,24 @@ impl Bench {
         }
     }
 
-    /// Announces a thread that a driver will start by itself. Time does not pass until this thread
-    /// has called the bench or one of its ports. A thread takes the place of its own name, else the
-    /// only free one; several free places and a thread of another name are an error.
+    /// Announces a thread that a driver will start. Time does not pass until that thread has called
+    /// the bench or one of its ports. The thread is recognised by its name, else as the only
+    /// announced thread. Several announced threads and a thread with another name are an error.
     pub fn expect_thread(&self, name: &str) {
         self.core.announce(name, false);
     }
 
-    /// Sets the wall time after which a thread that blocks outside of the bench is an error; see
+    /// Sets the wall time after which a thread that blocks outside the bench is an error; see
     /// [`PATIENCE`].
     pub fn set_patience(&self, patience: Duration) {
         self.core.set_patience(patience);
     }
 
-    /// The run: its rig, world, instruments.
+    /// The run: its rig, world, instruments. While the result is borrowed, this thread cannot use
+    /// the bench.
     ///
     /// # Panics
-    /// If it was judged. While the result is borrowed, this thread cannot use the bench.
+    /// After the verdict.
     pub fn run(&self) -> RunRef<'_> {
         drop(self.core.enter().unwrap_or_else(|error| panic!("{error}")));
         let core = &self.core;
@@ -280,10 +280,10 @@ impl Bench {
         RunRef { core, state }
     }
 
-    /// Ends the run here and judges it; its ports are hung up, and threads that wait go on.
+    /// Ends the run and judges it; its ports hang up, and waiting threads continue.
     ///
     /// # Panics
-    /// If it was judged already, or if a thread of the bench blocked outside of it.
+    /// If the run was judged before, or if a thread of the bench blocked outside the bench.
     pub fn judge(&self) -> Outcome {
         expect_turn(self.core.enter().map(drop));
         self.core.end().expect("judged once").judge()
@@ -296,7 +296,7 @@ impl fmt::Debug for Bench {
     }
 }
 
-/// A run that is over is not an error here; a bench that is stuck is.
+/// A finished run is not an error here, a stuck bench is.
 fn expect_turn(outcome: io::Result<()>) {
     if let Err(error) = outcome {
         assert!(error.kind() == ErrorKind::BrokenPipe, "{error}");
@@ -312,10 +312,10 @@ pub struct BenchThread<T> {
 }
 
 impl<T> BenchThread<T> {
-    /// Lets time pass until the thread is over, and returns its result.
+    /// Lets time pass until the thread has ended, and returns its result.
     ///
     /// # Panics
-    /// If the thread panicked: with its message.
+    /// With the message of the thread, if it panicked.
     pub fn join(self) -> T {
         let waited = self.bench.core.enter().and_then(|turn| {
             let over = Until::Over(self.index);

@@ -17,20 +17,20 @@ pub const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// An end of a link as a serial port, in virtual time.
 ///
-/// | call | does |
+/// | call | effect |
 /// |---|---|
-/// | `read` | gives what is there; else waits for a byte, at most for the timeout: `TimedOut` |
-/// | `write` | takes bytes as long as the driver's buffer of 4096 bytes has room; else waits |
-/// | `flush` | waits until the last bit has left |
+/// | `read` | returns available bytes; otherwise waits for a byte, at most for the timeout: `TimedOut` |
+/// | `write` | accepts bytes while the driver's buffer of 4096 bytes has room; otherwise waits |
+/// | `flush` | waits until the last bit has been sent |
 ///
-/// When the scenario's time is up the port is hung up: `read` gives what is left, then 0 bytes;
-/// `write`, `flush` and questions such as [`available`](Self::available) are a `BrokenPipe`; so a
-/// program that serves its ports forever ends all the same. As with a real driver, unread bytes
-/// beyond 4096 are lost. On a link that carries messages one read gives one message, whose rest is
-/// lost if `buf` is too short, and one write is one.
+/// When the scenario's time is over, the port hangs up: `read` returns the remaining bytes, then 0
+/// bytes; `write`, `flush` and queries such as [`available`](Self::available) return `BrokenPipe`.
+/// Therefore a program that serves its ports forever ends too. As with a real driver, unread bytes
+/// beyond 4096 are lost. On a link with messages, one read returns one message, whose rest is lost
+/// if `buf` is too short, and one write sends one message.
 ///
-/// Clones are handles of the same port: they share its bytes and settings; each has its timeout.
-/// Async reads have no timeout.
+/// Clones are handles of the same port: they share its bytes and settings; each has its own
+/// timeout. Async reads have no timeout.
 #[derive(Clone, Debug)]
 pub struct VirtualPort {
     pub(crate) bench: Bench,
@@ -64,12 +64,12 @@ impl VirtualPort {
         self.timeout
     }
 
-    /// Sets baud rate and format; initially those that the device expects. Another rate than the
-    /// device's gives garbage, as in life.
+    /// Sets baud rate and format; initially they match the device. A different baud rate gives
+    /// garbage, as on real hardware.
     ///
     /// # Errors
-    /// [`ErrorKind::InvalidInput`] if no UART can be set so, [`ErrorKind::BrokenPipe`] after the
-    /// run was judged.
+    /// [`ErrorKind::InvalidInput`] if no UART supports the setting, [`ErrorKind::BrokenPipe`] after
+    /// the verdict.
     pub fn set_line(&mut self, line: LineConfig) -> io::Result<()> {
         check(line)?;
         let mut turn = self.bench.core.enter()?;
@@ -82,13 +82,14 @@ impl VirtualPort {
     /// Baud rate and format.
     ///
     /// # Errors
-    /// [`ErrorKind::BrokenPipe`] after the run was judged.
+    /// [`ErrorKind::BrokenPipe`] after the verdict.
     pub fn line(&self) -> io::Result<LineConfig> {
         let mut turn = self.bench.core.enter()?;
         Ok(turn.port(self.index)?.1.line)
     }
 
-    /// Bytes that can be read without waiting; of the next message, if it carries messages.
+    /// Number of bytes that can be read without waiting; on a link with messages, those of the next
+    /// message.
     ///
     /// # Errors
     /// [`ErrorKind::BrokenPipe`] when the run is over.
@@ -102,7 +103,7 @@ impl VirtualPort {
     }
 }
 
-/// An error if a UART cannot be set so.
+/// Rejects a setting that no UART supports.
 fn check(line: LineConfig) -> io::Result<()> {
     let message = match line {
         LineConfig { baud: 0, .. } => "a baud rate of 0, expected 1 or more".to_owned(),

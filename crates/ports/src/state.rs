@@ -11,10 +11,10 @@ use engine::robots::OpenEnd;
 use engine::run::Run;
 use protocols::{Instant, LineConfig};
 
-/// Bytes written that may wait for the line before a write waits too, as in a UART's driver.
+/// Maximum number of written bytes before a write waits, as in the driver of a UART.
 const BACKLOG_MAX: usize = 4096;
 
-/// Bytes that wait to be read before further ones are lost, as in a UART's driver.
+/// Maximum number of unread bytes; further bytes are lost, as in the driver of a UART.
 const UNREAD_MAX: usize = 4096;
 
 /// A port of the rig.
@@ -26,7 +26,7 @@ pub(crate) struct PortState {
     pub(crate) line: LineConfig,
     received: VecDeque<u8>,
     messages: VecDeque<Bytes>,
-    /// Requests on a bus whose answers did not arrive yet.
+    /// Number of requests on a bus whose answers have not arrived.
     unanswered: usize,
 }
 
@@ -43,13 +43,13 @@ impl PortState {
         }
     }
 
-    /// Takes the arrived bytes; whether there are any.
+    /// Receives the arrived bytes; returns whether there were any.
     pub(crate) fn collect(&mut self, run: &mut Run) -> bool {
         let (rig, node) = (&mut run.rig, self.end.node);
         match self.kind.carries_messages() {
             true => {
                 for message in rig.take_messages(node) {
-                    // An answer that came too late is not that of the last request.
+                    // A late answer does not belong to the last request.
                     self.unanswered = self.unanswered.saturating_sub(1);
                     if self.unanswered == 0 {
                         self.messages.push_back(message);
@@ -64,13 +64,13 @@ impl PortState {
         self.len() > 0
     }
 
-    /// Bytes that can be read now; of the next message, if it carries messages.
+    /// Number of bytes that can be read now; on a link with messages, those of the next message.
     pub(crate) fn len(&self) -> usize {
         let message = self.messages.front().map(Bytes::len);
         message.unwrap_or(self.received.len())
     }
 
-    /// Moves the available bytes into `buf`. What does not fit of a message is lost.
+    /// Moves the available bytes into `buf`. The rest of a message is lost.
     pub(crate) fn take(&mut self, buf: &mut [u8]) -> usize {
         let Some(message) = self.messages.pop_front() else {
             return self.received.read(buf).unwrap_or(0);
@@ -80,7 +80,7 @@ impl PortState {
         len
     }
 
-    /// Sends a request, which gets one answer.
+    /// Sends a request that gets one answer.
     #[cfg(feature = "embedded")]
     pub(crate) fn request(&mut self, run: &mut Run, frame: &[u8]) {
         self.clear(run);
@@ -88,7 +88,8 @@ impl PortState {
         self.put(run, frame);
     }
 
-    /// The answer of the last request, if it came. What was lost on the way is not waited for.
+    /// The answer to the last request, if it has arrived. A request that was lost on the line gets
+    /// none.
     #[cfg(feature = "embedded")]
     pub(crate) fn take_answer(&mut self, run: &mut Run) -> Option<Bytes> {
         self.collect(run);
@@ -102,7 +103,7 @@ impl PortState {
         answer
     }
 
-    /// Discards what arrived.
+    /// Discards the arrived bytes.
     #[cfg(any(feature = "embedded", feature = "serialport"))]
     pub(crate) fn clear(&mut self, run: &mut Run) {
         self.collect(run);
@@ -110,7 +111,7 @@ impl PortState {
         self.messages.clear();
     }
 
-    /// Writes as much of `bytes` as has room; returns how much. A message is written whole.
+    /// Writes as many of `bytes` as fit; returns their number. A message is written as a whole.
     pub(crate) fn give(&self, run: &mut Run, bytes: &[u8]) -> io::Result<usize> {
         if self.kind.carries_messages() && bytes.len() > MESSAGE_MAX {
             let (len, name) = (bytes.len(), &self.end.name);
@@ -135,14 +136,14 @@ impl PortState {
         }
     }
 
-    /// Writes bytes, for which there is room, or one message.
+    /// Writes bytes that fit, or one message.
     pub(crate) fn put(&self, run: &mut Run, bytes: &[u8]) {
         run.rig.inject(self.end.node, bytes);
         // The line takes the first byte now, not at the next wait.
         run.go_on_until(run.rig.now());
     }
 
-    /// Whether all that was written has left.
+    /// Whether all written bytes have been sent.
     pub(crate) fn is_sent(&self, run: &Run) -> bool {
         let node = self.end.node;
         let link = run.rig.link(&self.end.link);

@@ -1,4 +1,4 @@
-//! The traits of drivers, one file per style.
+//! The traits for drivers, one file per style.
 
 #[cfg(feature = "embedded")]
 mod embedded_hal;

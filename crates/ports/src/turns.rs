@@ -1,9 +1,10 @@
-//! Threads of a bench take turns: one runs at a time, and the order depends on virtual time alone.
+//! Turns of a bench's threads: one thread runs at a time, and the order depends on virtual time
+//! alone.
 //!
 //! ```text
-//! thread   call -> its turn? -> does its work -> cannot go on: waits for a byte, a time, a thread
-//!                     ^                                 |
-//!                     +--- the one that waited longest of those that can go on; if none can,
+//! thread   call -> its turn? -> runs -> cannot continue: waits for a byte, a time, a thread
+//!                     ^                                |
+//!                     +--- the one that waited longest of those that can continue; if none can,
 //!                          the rig runs to its next event
 //! ```
 
@@ -24,35 +25,35 @@ use crate::state::{PortState, end_of, hung_up, step};
 
 pub(crate) use turn::Turn;
 
-/// Wall time for which a thread that has the turn may do without a call of the bench.
+/// Maximum wall time of a turn without a call of the bench.
 pub const PATIENCE: Duration = Duration::from_secs(10);
-/// A deadline that never comes.
+/// A deadline in the infinite future.
 pub(crate) const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
-/// What a thread or a task waits for.
+/// The event that a thread or task waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
-    /// Its turn.
+    /// The turn of the thread.
     Turn,
-    /// The deadline alone.
+    /// The deadline only.
     Time,
-    /// The deadline alone, of the timer with this number.
+    /// The deadline only, of the timer with this number.
     Timer(u64),
     /// Bytes or a message at this port.
     Readable(usize),
     /// Room in this port's buffer.
     Room(usize),
-    /// The last bit has left this port.
+    /// The last bit has been sent from this port.
     Sent(usize),
-    /// This thread is over.
+    /// The end of this thread.
     Over(usize),
-    /// Another thread did something since the count was this.
+    /// An action of another thread after this number of actions.
     Act(u64),
-    /// One of the thread's tasks can go on.
+    /// A task of the thread that can continue.
     Task,
 }
 
-/// Something to wait for, at most until a deadline.
+/// An event with a deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Wait {
     pub(crate) until: Until,
@@ -62,35 +63,35 @@ pub(crate) struct Wait {
 /// A thread of the bench.
 struct Member {
     name: String,
-    /// `None`: announced, not seen yet.
+    /// `None`: announced, but not seen yet.
     thread: Option<ThreadId>,
-    /// With its number in the order of waiting.
+    /// The wait, with its number in the order of waiting.
     wait: Option<(u64, Wait)>,
     is_over: bool,
-    /// Only [`Core::join_as`] makes a thread this one.
+    /// Only [`Core::join_as`] assigns a thread to this member.
     is_reserved: bool,
-    /// Whether it runs tasks, and whether one of them was woken.
+    /// Set if the thread runs tasks; the flag says that one of them was woken.
     executor: Option<Arc<AtomicBool>>,
 }
 
-/// A future that waits.
+/// A waiting future.
 struct Task {
     member: usize,
     wait: Wait,
     waker: Waker,
 }
 
-/// All that the threads of a bench share.
+/// The state that all threads of a bench share.
 pub(crate) struct Core {
     state: Mutex<State>,
     turn: Condvar,
-    /// The thread that looks at the run, see [`Core::look`].
+    /// The thread that has borrowed the run, see [`Core::look`].
     viewer: Mutex<Option<ThreadId>>,
 }
 
-/// What the lock protects.
+/// The state behind the lock.
 pub(crate) struct State {
-    /// `None` once it was judged.
+    /// `None` after the verdict.
     pub(crate) run: Option<Run>,
     /// Time of the verdict.
     pub(crate) ended: Instant,
@@ -103,11 +104,11 @@ pub(crate) struct State {
     acts: u64,
     spins: (Instant, u32),
     patience: Duration,
-    /// Why nothing goes on any more.
+    /// The reason why no thread can continue.
     stuck: Option<String>,
 }
 
-/// Ends a thread's part in a bench when the thread ends.
+/// Removes a thread from a bench when the thread ends.
 pub(crate) struct Membership {
     core: Weak<Core>,
     index: usize,
@@ -155,10 +156,10 @@ impl Core {
         core
     }
 
-    /// The state, also without the turn.
+    /// Locks the state, independent of the turn.
     ///
     /// # Panics
-    /// If this thread is looking at the run.
+    /// If this thread has borrowed the run.
     pub(crate) fn lock(&self) -> MutexGuard<'_, State> {
         let viewer = *self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
         let is_viewed = viewer == Some(thread::current().id());
@@ -169,7 +170,7 @@ impl Core {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The state, to be looked at until [`looked`](Self::looked).
+    /// Locks the state and borrows the run until [`looked`](Self::looked).
     pub(crate) fn look(&self) -> MutexGuard<'_, State> {
         let state = self.lock();
         let mut viewer = self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
@@ -177,7 +178,7 @@ impl Core {
         state
     }
 
-    /// The look is over.
+    /// Ends the borrow of the run.
     pub(crate) fn looked(&self) {
         let mut viewer = self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
         *viewer = None;
@@ -192,7 +193,7 @@ impl Core {
         let me = state.member_of_this_thread(self)?;
         state.calls += 1;
         let mut state = self.await_turn(state, me)?;
-        // The first turn: what the thread did before its next wait is news to the others.
+        // The first turn: other threads may wait for actions of this thread before its next wait.
         if state.members[me].wait.take().is_some() {
             state.acts += 1;
         }
@@ -230,12 +231,13 @@ impl Core {
         }
     }
 
-    /// Announces a thread; its number. If it is not reserved, it may be one that a driver starts.
+    /// Announces a thread; returns its index. A thread that is not reserved may be started by a
+    /// driver.
     pub(crate) fn announce(&self, name: &str, is_reserved: bool) -> usize {
         self.lock().add_member(name.to_owned(), is_reserved)
     }
 
-    /// Makes this thread the announced one `index`, until what this returns is dropped.
+    /// Assigns this thread to the announced member `index`, until the returned value is dropped.
     pub(crate) fn join_as(self: &Arc<Self>, index: usize) -> Membership {
         self.lock().members[index].thread = Some(thread::current().id());
         Membership {
@@ -258,11 +260,11 @@ impl Core {
         self.turn.notify_all();
     }
 
-    /// Forgets a timer that was dropped.
+    /// Removes a timer that was dropped.
     pub(crate) fn forget(&self, timer: u64) {
         let viewer = *self.viewer.lock().unwrap_or_else(PoisonError::into_inner);
         if viewer == Some(thread::current().id()) {
-            // It wakes its future once more, which does no harm.
+            // The timer wakes its future once more, without effect.
             return;
         }
         let mut state = self.lock();
@@ -274,7 +276,7 @@ impl Core {
         drop(task);
     }
 
-    /// Ends the run: all that wait are told.
+    /// Ends the run and wakes all waiting threads.
     pub(crate) fn end(&self) -> Option<Run> {
         let mut state = self.lock();
         let run = state.run.take()?;
@@ -304,13 +306,13 @@ impl State {
         self.run.as_ref().map_or(self.ended, |run| run.rig.now())
     }
 
-    /// Whether virtual time stands.
+    /// Whether virtual time has reached the end.
     #[cfg(feature = "tokio")]
     pub(crate) fn is_at_end(&self) -> bool {
         self.now() >= self.end()
     }
 
-    /// When the run is over.
+    /// The end of the run.
     pub(crate) fn end(&self) -> Instant {
         self.run.as_ref().map_or(self.ended, end_of)
     }
@@ -330,8 +332,8 @@ impl State {
         self.members.len() - 1
     }
 
-    /// The number of this thread. An announced thread is recognised by its name, else as the only
-    /// one that was not seen yet.
+    /// The index of this thread. An announced thread is recognised by its name, else as the only
+    /// one not seen yet.
     fn member_of_this_thread(&mut self, core: &Arc<Core>) -> io::Result<usize> {
         let this = thread::current();
         let known = |member: &Member| member.thread == Some(this.id()) && !member.is_over;
@@ -388,7 +390,7 @@ impl State {
         match self.choose() {
             Some(next) => self.current = next,
             None if self.members.iter().all(|member| member.is_over) => {}
-            // The others run already.
+            // All other threads are running.
             None if self.members.iter().all(|one| one.wait.is_none()) => {}
             None => {
                 let waiting = self.members.iter().filter(|member| member.wait.is_some());
@@ -401,7 +403,7 @@ impl State {
         }
     }
 
-    /// The thread that goes on next; the rig runs until there is one.
+    /// The next thread to run; the rig runs until there is one.
     fn choose(&mut self) -> Option<usize> {
         loop {
             let mut best: Option<(u64, usize)> = None;

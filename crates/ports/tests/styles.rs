@@ -1,4 +1,4 @@
-//! Drivers of each style on a bench, and what the traits promise.
+//! Drivers of each style on a bench, and the guarantees of the traits.
 
 use core::future::poll_fn;
 use core::pin::Pin;
@@ -12,7 +12,7 @@ use embedded_io::{ReadReady as _, WriteReady as _};
 use hilrig_ports::Bench;
 use serialport::SerialPort;
 
-/// A sonar that says `mm=700` and a newline each second from 1 s on, and answers `ping`.
+/// A sonar that sends `mm=700` and a newline each second from 1 s on, and answers `ping`.
 const SONAR: &str = r#"
 schema = 1
 name = "sonar"
@@ -52,7 +52,7 @@ async fn line_async<E>(
 
 type Style = (&'static str, fn(&Bench) -> io::Result<String>);
 
-/// Each asks and gives the answer.
+/// Each style sends a request and returns the answer.
 const STYLES: [Style; 8] = [
     ("std", |bench| {
         let mut port = bench.port("sonar")?;
@@ -111,8 +111,8 @@ const STYLES: [Style; 8] = [
     }),
 ];
 
-/// Five bytes there and five back are ten bytes of ten bits at 9600 baud: 10.417 ms. The wire does
-/// not show how the driver is written.
+/// Five bytes in each direction are ten bytes of ten bits at 9600 baud: 10.417 ms. The traffic does
+/// not depend on the style of the driver.
 #[test]
 fn every_style_sees_the_same_wire() {
     let mut traces = Vec::new();
@@ -130,7 +130,7 @@ fn every_style_sees_the_same_wire() {
 
 type Poll = (&'static str, fn(&Bench));
 
-/// Each polls until the run is over; the devices are a sonar that says nothing, a bus, a pin.
+/// Each style polls until the run is over; the devices are a silent sonar, a bus, a pin.
 const POLLS: [Poll; 11] = [
     ("available", |bench| {
         let port = bench.port("sonar").expect("a port");
@@ -192,7 +192,7 @@ const POLLS: [Poll; 11] = [
     }),
 ];
 
-/// A program that polls forever ends with the run, whatever it asks.
+/// A program that polls forever ends with the run, whatever it queries.
 #[test]
 fn every_style_of_polling_ends_with_the_run() {
     let devices = "duration = \"20ms\"\ndevice.eye.srf08 = {}\n\

@@ -1,4 +1,4 @@
-//! What the traits of the styles promise, in virtual time.
+//! Guarantees of the traits of each style, in virtual time.
 
 use core::time::Duration;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -12,7 +12,7 @@ use serialport::ClearBuffer;
 
 const MS: Duration = Duration::from_millis(1);
 
-/// A bench that has these devices, and a world around them if they have a wall.
+/// A bench with these devices, and a world around them if they have a wall.
 fn bench(devices: &str) -> Bench {
     let robot = if devices.contains("wall") {
         "custom"
@@ -33,7 +33,7 @@ latency = "0s"
 command = [{ request = "ping", reply = "pong" }]
 periodic = { line = "mm=700", period = "1s" }
 "#;
-/// Two that say a line each 100 ms, at different rates.
+/// Two devices that send a line every 100 ms, at different baud rates.
 const TWO: &str = r#"
 [device.a.text]
 baud = 9600
@@ -49,7 +49,7 @@ command = []
 periodic = { line = "b", period = "100ms" }
 "#;
 
-/// A port is opened as what it is; the message names port, kind and call.
+/// A port is opened with the call for its kind; the error names port, kind and call.
 #[test]
 fn a_port_of_another_kind_is_an_error() {
     let bench = bench(
@@ -74,8 +74,8 @@ fn a_port_of_another_kind_is_an_error() {
     assert_eq!(said, expected);
 }
 
-/// Every 100 ms, b comes after 0.521 ms, a and the end of b's line after 1.042 ms, the end of a's
-/// line after 2.083 ms: in this order each time.
+/// Every 100 ms the order is: b after 0.521 ms, a and the end of b's line after 1.042 ms, the end
+/// of a's line after 2.083 ms.
 #[test]
 fn threads_take_turns_in_the_order_of_virtual_time() {
     let told = || {
@@ -106,7 +106,7 @@ fn threads_take_turns_in_the_order_of_virtual_time() {
     assert!((0..19).all(|_| told() == (letters.clone(), now, trace.clone())));
 }
 
-/// A driver that starts its thread by itself is announced; time waits for the thread.
+/// A thread that a driver starts is announced; time waits for that thread.
 #[test]
 fn an_expected_thread_of_a_driver_takes_part() {
     let bench = bench(SONAR);
@@ -127,7 +127,7 @@ fn an_expected_thread_of_a_driver_takes_part() {
     assert!(error.contains("start it with `Bench::spawn`"), "{error}");
 }
 
-/// The main thread waits for a channel outside of the bench, so that the reader never has its turn.
+/// The main thread waits for a channel outside the bench, so that the reader never gets its turn.
 #[test]
 fn a_thread_that_blocks_outside_is_named() {
     let bench = bench(SONAR);
@@ -149,7 +149,7 @@ fn a_thread_that_blocks_outside_is_named() {
     );
 }
 
-/// At another rate than the device's the bytes are garbage; at the right one they are the line.
+/// With another baud rate the bytes are garbage; with the device's rate they are the line.
 #[test]
 fn settings_of_a_serial_port_act() {
     let bench = bench(SONAR);
@@ -169,7 +169,7 @@ fn settings_of_a_serial_port_act() {
         Err(kind)
     });
 
-    // Five bytes back from 2.007291 s on, one every 1.042 ms; the loop asks again and again.
+    // Five bytes come back from 2.007291 s on, one every 1.042 ms; the loop polls continuously.
     port.write_all(b"ping\n").expect("taken");
     assert_eq!(port.bytes_to_write().expect("known"), 4);
     let mut other = port.try_clone().expect("the same port");
@@ -185,7 +185,7 @@ fn settings_of_a_serial_port_act() {
     assert_eq!(error.map_err(|error| error.kind()), Ok(()));
 }
 
-/// DTR of the port is the pin that the text device restarts on.
+/// DTR of the port is the pin that restarts the text device.
 #[test]
 fn modem_lines_reach_the_device() {
     let devices = r#"
@@ -210,8 +210,8 @@ fn modem_lines_reach_the_device() {
     assert_eq!(lines.map(|level| level.ok()), [Some(true), Some(false)]);
 }
 
-/// tokio's timers follow the rig: a byte of 1001.042 ms comes between the timers of 1001 ms and of
-/// 1002 ms, and 500 ms later it is 500 ms later.
+/// tokio's timers follow the rig: a byte at 1001.042 ms comes between the timers of 1001 ms and
+/// 1002 ms, and 500 ms later the same holds.
 #[test]
 fn timers_of_tokio_follow_the_rig() {
     use tokio::io::AsyncReadExt;
@@ -236,8 +236,8 @@ fn timers_of_tokio_follow_the_rig() {
     });
 }
 
-/// A range by a public sequence: 51 to register 0, 65 ms, two bytes from register 2. Another
-/// address is not acknowledged.
+/// A range measurement by a public sequence: 51 to register 0, 65 ms, two bytes from register 2.
+/// Another address is not acknowledged.
 #[test]
 fn an_i2c_bus_has_its_chip() {
     let bench = bench(
@@ -276,7 +276,7 @@ fn a_pin_drives_the_device() {
     assert_eq!(levels.sum::<u64>(), 1);
 }
 
-/// A future that waits for nothing of the bench, and one of a foreign executor.
+/// A future that does not wait for the bench, and a future on a foreign executor.
 #[test]
 fn a_future_that_nothing_wakes_is_an_error() {
     let bench = bench(SONAR);
@@ -305,7 +305,7 @@ fn a_port_is_not_used_while_the_run_is_borrowed() {
     let _ = port.read(&mut [0]);
 }
 
-/// Two threads that meet over channels alone: an answer comes in the instant of its request.
+/// Two threads that communicate only over channels: an answer takes no virtual time.
 #[test]
 fn threads_that_wait_for_each_other_lose_no_time() {
     let bench = bench(SONAR);
@@ -324,7 +324,7 @@ fn threads_that_wait_for_each_other_lose_no_time() {
     }
     worker.join();
 
-    // What a thread does in its first turn, before it waits for a byte.
+    // Actions of a thread in its first turn, before it waits for a byte.
     let mut port = bench.port("sonar").expect("a port");
     let (tell, told) = channel();
     let begin = bench.now();
@@ -341,7 +341,8 @@ fn threads_that_wait_for_each_other_lose_no_time() {
     assert!(first.join().is_ok());
 }
 
-/// Which of two threads comes first is up to the operating system, so their places are by name.
+/// The operating system determines which of two threads comes first, so threads are assigned by
+/// name.
 #[test]
 fn expected_threads_are_told_apart_by_their_names() {
     let bench = bench(SONAR);
@@ -354,7 +355,7 @@ fn expected_threads_are_told_apart_by_their_names() {
     assert!(error.contains("expected threads a, b"), "{error}");
 }
 
-/// The earlier of two timers in one future wakes it, and one that was dropped wakes nothing.
+/// The earlier of two timers in one future wakes it; a dropped timer wakes nothing.
 #[test]
 fn timers_of_one_future_are_apart() {
     use core::pin::Pin;
@@ -377,8 +378,8 @@ fn timers_of_one_future_are_apart() {
     assert_eq!((bench.now().as_micros(), polls), (10_000, 2));
 }
 
-/// The answer of a transfer that was given up comes in the next one, or never; then the bus works
-/// again. Register 0 is the revision, register 1 the light.
+/// The answer to an abandoned transfer arrives during the next one, or never; afterwards the bus
+/// works again. Register 0 is the revision, register 1 the light.
 #[test]
 fn a_late_answer_is_not_that_of_the_next_transfer() {
     for (kind, pause) in [("stall", 450), ("cut", 600)] {
@@ -400,7 +401,7 @@ fn a_late_answer_is_not_that_of_the_next_transfer() {
     }
     let bench = bench("device.eye.srf08 = {}\n");
     let mut bus = bench.i2c("eye").expect("a bus");
-    // The address as data sheets with the read bit have it.
+    // The address with the read bit, as some data sheets print it.
     let error = bus.read(0xE0, &mut [0]).expect_err("eight bits");
     assert!(error.to_string().contains("more than 7 bits"), "{error}");
     let mut raw = bench.raw("eye").expect("a bus");
@@ -408,7 +409,7 @@ fn a_late_answer_is_not_that_of_the_next_transfer() {
     assert_eq!(written, Err(ErrorKind::InvalidInput));
 }
 
-/// 11520 bytes a second for a second; a driver's buffer has 4096.
+/// 11520 bytes per second for a second; the driver's buffer has 4096 bytes.
 #[test]
 fn unread_bytes_beyond_the_buffer_are_lost() {
     let bench = bench(

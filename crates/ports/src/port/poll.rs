@@ -1,4 +1,4 @@
-//! A port of asynchronous drivers, polled.
+//! Polling of a port, for asynchronous drivers.
 
 use core::task::{Context, Poll, ready};
 use std::io;

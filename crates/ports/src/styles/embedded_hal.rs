@@ -17,9 +17,9 @@ use crate::turns::Until;
 
 /// First byte of a frame with a transaction, see `docs/pty.md`.
 const FRAME: u8 = 0x01;
-/// Time within which a bus answers.
+/// Timeout for the answer of a bus.
 const ANSWER: Duration = Duration::from_secs(1);
-/// Highest address of 7 bits.
+/// Highest 7-bit address.
 const ADDRESS_MAX: u8 = 0x7F;
 /// Maximum number of bytes in one transfer, without the address.
 const TRANSFER_MAX: usize = 254;
@@ -28,7 +28,7 @@ impl Bench {
     /// Opens the I2C bus `name` as its master.
     ///
     /// # Errors
-    /// As [`Bench::port`], if it is no I2C bus.
+    /// Those of [`Bench::port`], also if the link is not an I2C bus.
     pub fn i2c(&self, name: &str) -> io::Result<I2cPort> {
         let index = self.open(name, &[LinkKind::I2c])?;
         let bench = self.clone();
@@ -38,7 +38,7 @@ impl Bench {
     /// Opens the pin `name`, e.g. `lidar-dtr`.
     ///
     /// # Errors
-    /// As [`Bench::port`], if it is no pin.
+    /// Those of [`Bench::port`], also if the link is not a pin.
     pub fn pin(&self, name: &str) -> io::Result<PinPort> {
         let index = self.open(name, &[LinkKind::Pin])?;
         let bench = self.clone();
@@ -55,7 +55,7 @@ impl Bench {
     }
 }
 
-/// Why a transaction failed.
+/// The reason why a transaction failed.
 #[derive(Debug)]
 pub struct I2cError {
     kind: ErrorKind,
@@ -92,7 +92,7 @@ pub struct I2cPort {
     index: usize,
 }
 
-/// Neighbouring operations of the same direction, which are one transfer.
+/// Adjacent operations of the same direction, which form one transfer.
 enum Transfer {
     Write(Vec<u8>),
     Read(usize),
@@ -111,7 +111,7 @@ fn transfers(operations: &[Operation<'_>]) -> Vec<Transfer> {
     transfers
 }
 
-/// Puts what was read into the buffers of the reads.
+/// Distributes the bytes read over the buffers of the read operations.
 fn distribute(read: &[u8], operations: &mut [Operation<'_>]) {
     let mut left = read;
     for operation in operations {
@@ -157,7 +157,7 @@ impl I2cPort {
         Ok(())
     }
 
-    /// The answer of a transfer, which has come or will not come.
+    /// The answer to a transfer, if it has arrived.
     fn answer(&self, address: u8, transfer: &Transfer) -> Result<Vec<u8>, I2cError> {
         let mut turn = self.bench.core.enter()?;
         let (run, port) = turn.port(self.index)?;
@@ -256,7 +256,7 @@ impl PinPort {
     }
 }
 
-/// Why a pin cannot be used.
+/// The reason why a pin cannot be used.
 #[derive(Debug)]
 pub struct PinError(io::Error);
 

@@ -1,5 +1,4 @@
-//! `embedded-io` and `embedded-io-async`, both versions that drivers use. Errors are those of
-//! [`std::io`].
+//! `embedded-io` and `embedded-io-async` in both common versions. Errors are those of [`std::io`].
 
 use core::future::poll_fn;
 use std::io;

@@ -14,19 +14,19 @@ use protocols::{LineConfig, LineEvent, line};
 use crate::state::PortState;
 use crate::{Bench, VirtualPort};
 
-/// Order of [`engine::rig::Rig::forced_lines`].
+/// Indices in [`engine::rig::Rig::forced_lines`].
 const CTS: usize = 0;
 const DSR: usize = 1;
 const RI: usize = 2;
 const DCD: usize = 3;
 
 impl Bench {
-    /// Opens the port `name` as `serialport::new(name, baud).open()` does: 8 data bits, no parity,
-    /// one stop bit, no flow control; DTR and RTS are raised. Reads have the timeout
+    /// Opens the port `name` like `serialport::new(name, baud).open()`: 8 data bits, no parity, one
+    /// stop bit, no flow control; DTR and RTS are raised. Reads have the timeout
     /// [`TIMEOUT`](crate::TIMEOUT).
     ///
     /// # Errors
-    /// As [`Bench::port`].
+    /// Those of [`Bench::port`].
     pub fn serial(&self, name: &str, baud: u32) -> io::Result<Box<dyn SerialPort>> {
         let mut port = self.port(name)?;
         port.set_line(LineConfig::new_8n1(baud))?;
@@ -49,14 +49,14 @@ impl VirtualPort {
         Ok(port.set_line(line)?)
     }
 
-    /// Does something with the port and its rig.
+    /// Calls `act` with the port and its run.
     fn with<T>(&self, act: impl FnOnce(&mut Run, &mut PortState) -> T) -> Result<T> {
         let mut turn = self.bench.core.enter().map_err(Error::from)?;
         let (run, port) = turn.port(self.index).map_err(Error::from)?;
         Ok(act(run, port))
     }
 
-    /// The node of the pin beside this port that is its line `what`, if its device has one.
+    /// The node of the pin for this port's modem line `what`, if its device has one.
     fn pin(&self, what: &str) -> Option<usize> {
         let name = format!("{}-{what}", self.name());
         let mut turn = self.bench.core.enter().ok()?;
@@ -67,7 +67,7 @@ impl VirtualPort {
 
     fn drive(&self, what: &str, level: bool) -> Result<()> {
         let Some(node) = self.pin(what) else {
-            // As on an adapter whose line is not connected.
+            // As on an adapter with an unconnected line.
             return self.with(|_, _| ());
         };
         self.with(|run, _| {
@@ -76,7 +76,8 @@ impl VirtualPort {
         })
     }
 
-    /// A modem line as set by hand, else as the device's pin has it, else as a plain cable has it.
+    /// The level of a modem line: forced, else that of the device's pin, else that of a plain
+    /// cable.
     fn sense(&self, what: &str, index: usize, usual: bool) -> Result<bool> {
         let pin = self.pin(what);
         let level = self.with(|run, port| {
@@ -199,7 +200,7 @@ impl SerialPort for VirtualPort {
         let (run, port) = turn.port(self.index).map_err(Error::from)?;
         let waiting = run.rig.backlog(port.end.node);
         turn.asked().map_err(Error::from)?;
-        // The character that the UART shifts out has left the buffer.
+        // The character in the shift register of the UART has left the buffer.
         Ok(u32::try_from(waiting).unwrap_or(u32::MAX))
     }
 

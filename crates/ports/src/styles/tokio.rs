@@ -1,14 +1,14 @@
 //! `AsyncRead` and `AsyncWrite` of tokio, and a runtime in virtual time.
 //!
-//! tokio's own paused clock jumps to its next timer as soon as all tasks wait. A byte that arrives
-//! before that would be late. So this runtime never lets it jump: when all tasks wait, the rig runs
-//! to its next byte for one of them, at most to the next millisecond, which is the step of tokio's
-//! timers; then tokio's clock follows.
+//! tokio's own paused clock jumps to its next timer when all tasks wait; a byte that arrives before
+//! that time would be late. Therefore this runtime controls the clock: when all tasks wait, the rig
+//! runs to its next byte for one of them, at most for a millisecond, which is the resolution of
+//! tokio's timers. tokio's clock follows.
 //!
 //! ```text
-//! tasks wait -> on_thread_park wakes the root -> the rig goes on -> tokio::time::advance
-//!     ^                                                                   |
-//!     +--------------------- tasks whose byte or timer came <-------------+
+//! tasks wait -> on_thread_park wakes the root -> the rig runs -> tokio::time::advance
+//!     ^                                                                 |
+//!     +---------------- tasks whose byte or timer has arrived <---------+
 //! ```
 
 use core::future::{Future, poll_fn};
@@ -26,15 +26,16 @@ use tokio::runtime::Builder;
 use crate::executor::Executor;
 use crate::{Bench, VirtualPort};
 
-/// Step of tokio's timers.
+/// Resolution of tokio's timers.
 const TICK: Duration = Duration::from_millis(1);
-/// Parks without a task in between that show that all wait: in the first one tokio looks at its
-/// timers.
+/// Number of parks without a task in between after which all tasks wait: after the first one tokio
+/// checks its timers.
 const PARKS: u32 = 2;
-/// Steps of tokio's clock after the end of the run: a future that waits longer waits forever.
+/// Maximum number of clock steps after the end of the run: a future that waits longer would wait
+/// forever.
 const STEPS_AFTER_END: u32 = 600_000;
 
-/// What the runtime says when it parks.
+/// The state that the runtime reports when it parks.
 #[derive(Default)]
 struct Parking {
     parks: AtomicU32,
@@ -57,7 +58,7 @@ impl Parking {
         }
     }
 
-    /// Whether all tasks wait; asked once.
+    /// Whether all tasks wait; resets the state.
     fn is_idle(&self) -> bool {
         let is_idle = self.parks.load(Ordering::Relaxed) >= PARKS;
         if is_idle {
@@ -67,23 +68,23 @@ impl Parking {
     }
 }
 
-/// Time of the rig and of tokio side by side.
+/// The clocks of the rig and of tokio.
 struct Clocks<'a> {
     bench: &'a Bench,
-    /// Where both began.
+    /// The start of both clocks.
     rig: Instant,
     tokio: tokio::time::Instant,
     after_end: u32,
 }
 
 impl Clocks<'_> {
-    /// Goes on until a task can, at most to tokio's next tick.
+    /// Runs until a task can continue, at most to tokio's next tick.
     fn step(&mut self, cx: &mut Context<'_>) {
         let passed = self.tokio.elapsed();
         let ticks = u32::try_from(passed.as_millis()).unwrap_or(u32::MAX);
         let tick = TICK * ticks.saturating_add(1);
         let turn = self.bench.core.enter();
-        // After the verdict the rig stands; tokio's timers go on.
+        // After the verdict virtual time stands still; tokio's timers continue.
         let waited = turn.and_then(|turn| turn.wait_for_tasks(self.rig + tick));
         crate::expect_turn(waited);
         let mut reached = self.bench.now() - self.rig;
@@ -96,19 +97,19 @@ impl Clocks<'_> {
             reached = tick;
         }
         let advance = pin!(tokio::time::advance(reached.saturating_sub(passed)));
-        // Its second half only lets other tasks work.
+        // The second half of `advance` only lets other tasks run.
         let _ = advance.poll(cx);
     }
 }
 
 impl Bench {
-    /// Runs a future on a tokio runtime of this thread, whose timers follow the rig's clock:
+    /// Runs a future on a tokio runtime of this thread, whose timers follow virtual time:
     /// `tokio::time::sleep`, `timeout`, `interval` and `spawn` work as usual. Timers have tokio's
-    /// resolution of 1 ms; bytes arrive at their nanosecond. `spawn_blocking` and `tokio::fs`
-    /// are not supported: virtual time does not wait for their threads.
+    /// resolution of 1 ms; bytes arrive with nanosecond resolution. `spawn_blocking` and
+    /// `tokio::fs` are not supported: virtual time does not wait for their threads.
     ///
     /// # Panics
-    /// If the future waits for something that never comes, or inside of another runtime.
+    /// If the future waits for an event that never occurs, or if it runs inside another runtime.
     pub fn tokio<F: Future>(&self, future: F) -> F::Output {
         let parking = Arc::new(Parking::default());
         let parks = Arc::clone(&parking);
@@ -121,7 +122,7 @@ impl Bench {
             let mut clocks = Clocks {
                 bench: self,
                 rig: self.now(),
-                // The present of tokio's paused clock.
+                // The current time of tokio's paused clock.
                 tokio: tokio::time::sleep(Duration::ZERO).deadline(),
                 after_end: 0,
             };
@@ -136,7 +137,7 @@ impl Bench {
             })
             .await
         });
-        // Tasks that are left are dropped while their bench is still there.
+        // Remaining tasks are dropped before their bench.
         drop(runtime);
         drop(executor);
         output

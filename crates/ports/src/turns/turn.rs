@@ -1,4 +1,4 @@
-//! The turn of a thread: what it may do with the rig, and how it waits.
+//! The turn of a thread: its access to the rig, and its waits.
 
 use core::sync::atomic::AtomicBool;
 use core::task::{Context, Poll, Waker};
@@ -12,9 +12,9 @@ use protocols::Instant;
 use super::{Core, NEVER, State, Task, Until, Wait};
 use crate::state::{PortState, hung_up};
 
-/// Questions in one instant before further ones take time.
+/// Number of queries at one instant after which further queries take time.
 const SPINS: u32 = 100;
-/// Time that such a question takes.
+/// Virtual time of such a query.
 const SPIN: Duration = Duration::from_micros(10);
 
 /// The turn of one thread.
@@ -37,12 +37,12 @@ impl<'a> Turn<'a> {
         self.state.now()
     }
 
-    /// When the run is over.
+    /// The end of the run.
     pub(crate) fn end(&self) -> Instant {
         self.state.end()
     }
 
-    /// The number of the port `name`.
+    /// The index of the port `name`.
     pub(crate) fn find(&self, name: &str) -> Option<usize> {
         self.state
             .ports
@@ -55,7 +55,7 @@ impl<'a> Turn<'a> {
         self.state.names()
     }
 
-    /// Lets others go on until `wait` is over.
+    /// Hands over the turn until `wait` is over.
     pub(crate) fn wait(self, until: Until, deadline: Instant) -> io::Result<Self> {
         let Self {
             core,
@@ -63,7 +63,7 @@ impl<'a> Turn<'a> {
             me,
         } = self;
         let deadline = match until {
-            // At the end virtual time stands.
+            // Virtual time stops at the end of the run.
             Until::Time | Until::Task if deadline != NEVER => deadline.min(state.end()),
             _ => deadline,
         };
@@ -82,12 +82,12 @@ impl<'a> Turn<'a> {
         Ok(Self { core, state, me })
     }
 
-    /// What other threads did so far.
+    /// Number of actions of other threads so far.
     pub(crate) fn acts(&self) -> u64 {
         self.state.acts
     }
 
-    /// This thread does something for which another may wait.
+    /// Records an action that another thread may wait for.
     pub(crate) fn act(&mut self) {
         self.state.acts += 1;
     }
@@ -106,8 +106,8 @@ impl<'a> Turn<'a> {
         }
     }
 
-    /// A call that asked for a state: one of very many in the same instant takes time, so that a
-    /// loop that asks again and again ends.
+    /// Ends a query. After very many queries at one instant, a query takes time, so that a polling
+    /// loop ends.
     ///
     /// # Errors
     /// If the run is over.
@@ -123,10 +123,11 @@ impl<'a> Turn<'a> {
         Ok(())
     }
 
-    /// The same as [`wait`](Self::wait) for a future: whether it can go on; else `cx` is woken.
+    /// Like [`wait`](Self::wait), for a future: returns whether it can continue; otherwise `cx` is
+    /// woken later.
     ///
     /// # Errors
-    /// If no executor of the bench polls it: nothing would ever wake it.
+    /// If the executor of the future does not belong to the bench: the future would never be woken.
     pub(crate) fn poll(
         &mut self,
         cx: &Context<'_>,
@@ -156,8 +157,8 @@ impl<'a> Turn<'a> {
         Poll::Pending
     }
 
-    /// Waits until a task of this thread can go on, at most until `deadline`, and wakes all that
-    /// can.
+    /// Waits until a task of this thread can continue, at most until `deadline`, and wakes all
+    /// tasks that can.
     pub(crate) fn wait_for_tasks(self, deadline: Instant) -> io::Result<()> {
         let mut turn = self.wait(Until::Task, deadline)?;
         let me = turn.me;
@@ -175,7 +176,7 @@ impl<'a> Turn<'a> {
         Ok(())
     }
 
-    /// Sets or removes the executor of this thread; the one before.
+    /// Sets or removes the executor of this thread; returns the previous one.
     pub(crate) fn set_executor(
         &mut self,
         executor: Option<Arc<AtomicBool>>,
