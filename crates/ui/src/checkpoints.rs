@@ -1,5 +1,5 @@
-//! Moments of a run from which it can continue in another way. Bounded: the longer the run, the
-//! fewer of its time.
+//! Checkpoints of a run from which it can branch. Their number is limited: in a longer run they are
+//! farther apart.
 
 use core::time::Duration;
 
@@ -8,19 +8,19 @@ use protocols::Instant;
 use super::wire::Counted;
 use engine::run::{Checkpoint, Run};
 
-/// Maximum number of checkpoints; when they are reached, every second one is dropped.
+/// Maximum number of checkpoints; when it is reached, every second one is dropped.
 const MOST: usize = 24;
-/// Virtual time between two of them, as long as there are few.
+/// Virtual time between two checkpoints while there are few.
 const PERIOD: Duration = Duration::from_secs(4);
 
-/// A moment, with what the page had counted by then.
+/// A checkpoint with the page's counters.
 #[derive(Debug)]
 pub(super) struct Kept {
     pub(super) run: Checkpoint,
     pub(super) counted: Counted,
 }
 
-/// All that are kept, in the order of time.
+/// All checkpoints in order of time.
 #[derive(Debug)]
 pub(super) struct Checkpoints {
     all: Vec<Kept>,
@@ -37,7 +37,7 @@ impl Default for Checkpoints {
 }
 
 impl Checkpoints {
-    /// Keeps `run` as it is now, if it is time and if it can be copied.
+    /// Stores a checkpoint of `run`, if it is due and the run can be copied.
     pub(super) fn offer(&mut self, run: &Run, counted: impl FnOnce() -> Counted) {
         let last = self.all.last().map(|kept| kept.run.at());
         if last.is_some_and(|last| run.rig.now() - last < self.period) {
@@ -47,7 +47,7 @@ impl Checkpoints {
             return;
         };
         if self.all.len() >= MOST {
-            // The first one stays: before it there is none.
+            // The first checkpoint stays, because there is none before it.
             let mut index = 0;
             self.all.retain(|_| {
                 index += 1;
@@ -61,15 +61,15 @@ impl Checkpoints {
         });
     }
 
-    /// When the first one was taken.
+    /// Time of the first checkpoint.
     pub(super) fn first(&self) -> Option<Instant> {
         Some(self.all.first()?.run.at())
     }
 
-    /// The last one that is not after `at`; those after it are forgotten.
+    /// The last checkpoint not after `at`; later ones are removed.
     pub(super) fn back_to(&mut self, at: Instant) -> Option<&Kept> {
         let kept = self.all.partition_point(|kept| kept.run.at() <= at);
-        // Without any, nothing changes.
+        // Without such a checkpoint nothing changes.
         if kept > 0 {
             self.all.truncate(kept);
             return self.all.last();

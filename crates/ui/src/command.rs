@@ -1,4 +1,4 @@
-//! What a page wants, as JSON: `{"do": "add", "at": [1200, 800]}`.
+//! Commands of a page, as JSON: `{"do": "add", "at": [1200, 800]}`.
 
 use serde::Deserialize;
 use tokio::sync::mpsc;
@@ -6,26 +6,26 @@ use tokio::sync::mpsc;
 use engine::robots::Gesture;
 use engine::scenario::{FaultSpec, SetPoint};
 
-/// Longest command, bytes.
+/// Maximum length of a command, bytes.
 pub(super) const COMMAND_MAX: usize = 2048;
 
-/// What a page wants.
+/// A command of a page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) enum Command {
-    /// Virtual time stands still.
+    /// Pauses virtual time.
     Pause,
-    /// It continues.
+    /// Resumes virtual time.
     Play,
-    /// It continues this far and then stands still.
+    /// Advances virtual time by this much, then pauses.
     Step { ms: u32 },
-    /// Virtual seconds per second.
+    /// Sets the speed, virtual seconds per second.
     Speed { x: f64 },
-    /// The run begins again, with another seed if one is given.
+    /// Restarts the run, with another seed if given.
     Restart { seed: Option<u64> },
-    /// The run continues from an earlier time, nanoseconds, and stands still there.
+    /// Branches the run from an earlier time, nanoseconds, and pauses there.
     Branch { at_ns: u64 },
-    /// A waypoint, millimetres of the map.
+    /// Adds a waypoint, millimetres of the map.
     Add { at: [i32; 2] },
     /// Moves a waypoint.
     Move {
@@ -33,34 +33,34 @@ pub(super) enum Command {
         from: [i32; 2],
         to: [i32; 2],
     },
-    /// A waypoint goes away.
+    /// Deletes a waypoint.
     Delete { index: usize, at: [i32; 2] },
-    /// All waypoints go away.
+    /// Deletes all waypoints.
     Clear,
-    /// The robot's order.
+    /// Sends an order to the robot.
     Mode { mode: String },
-    /// Set-points of the axes by hand.
+    /// Sets the axes by hand.
     Drive { axes: Vec<SetPoint> },
-    /// A finger on the robot's display, column and row.
+    /// Touches the robot's display, column and row.
     Tap { place: [u16; 2] },
     /// The PC opens its port.
     Connect,
     /// The PC closes its port.
     Disconnect,
-    /// Something goes wrong from now on, for so long if a time is given.
+    /// Begins a fault, for a time if one is given.
     Fault {
         fault: Box<FaultSpec>,
         for_ms: Option<u32>,
     },
-    /// A fault ends.
+    /// Ends a fault.
     EndFault { id: usize },
-    /// The run so far as a scenario. Only asked for by the server itself.
+    /// Saves the run so far as a scenario. Sent only by the server itself.
     #[serde(skip)]
     Save,
 }
 
 impl Command {
-    /// Reads a command; an error says what was expected.
+    /// Parses a command; the error names the expected input.
     pub(super) fn parse(text: &str) -> Result<Self, String> {
         if text.len() > COMMAND_MAX {
             return Err(format!("a command has at most {COMMAND_MAX} bytes"));
@@ -68,7 +68,7 @@ impl Command {
         serde_json::from_str(text).map_err(|error| format!("not a command: {error}"))
     }
 
-    /// What it wants of the robot, if that is what it is about.
+    /// The action of the command on the robot, if it has one.
     pub(super) fn gesture(&self) -> Option<Gesture> {
         Some(match self {
             &Self::Add { at } => Gesture::Add { at },
@@ -91,19 +91,19 @@ pub(super) struct Envelope {
 }
 
 impl Envelope {
-    /// Tells the page; one that does not listen misses it.
+    /// Sends an answer to the page; a page that does not read misses it.
     pub(super) fn answer(&self, answer: Answer) {
-        // A full or closed queue is the page's own loss.
+        // A full or closed queue affects only this page.
         drop(self.reply.try_send(answer));
     }
 }
 
-/// Data sent to the page.
+/// An answer to a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Answer {
-    /// Nothing was done, and why.
+    /// The command was refused, with the reason.
     Refused(String),
-    /// The scenario that was asked for.
+    /// The requested scenario.
     Case(String),
 }
 

@@ -1,4 +1,4 @@
-//! Connections: so many at once, each for so long. One that sends half a header is closed.
+//! Limits on the number and duration of connections. A connection with a partial header is closed.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -14,25 +14,25 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::task::AbortHandle;
 use tokio::time::{sleep, timeout};
 
-/// Maximum number of connections at once that are no page: with the pages they stay below the
-/// descriptors of a process that may have 256.
+/// Maximum number of simultaneous connections other than pages: together with the pages they stay
+/// below the limit of 256 descriptors of some systems.
 const CONNECTIONS_MAX: usize = 64;
-/// Time for the header of a request.
+/// Timeout for the header of a request.
 const HEADER_MAX: Duration = Duration::from_secs(5);
-/// Time for a request and its answer, which is at most some megabytes on loopback.
+/// Timeout for a request and its answer, which is at most some megabytes on loopback.
 const EXCHANGE_MAX: Duration = Duration::from_secs(30);
-/// Pause after the system had no descriptor left.
+/// Pause after the system had no free descriptor.
 const PAUSE: Duration = Duration::from_millis(50);
-/// Bytes of a header.
+/// Maximum size of a header.
 const HEADER_BYTES_MAX: usize = 16 << 10;
 
-/// A connection under way.
+/// An open connection.
 struct Open {
     task: AbortHandle,
     has_asked: Arc<AtomicBool>,
 }
 
-/// Serves `app` to all that connect, forever.
+/// Serves `app` to all clients, forever.
 pub(super) async fn serve(listener: TcpListener, app: Router) {
     let mut open = VecDeque::new();
     loop {
@@ -43,7 +43,7 @@ pub(super) async fn serve(listener: TcpListener, app: Router) {
                 }
             }
             Err(_) => {
-                // No descriptor left, most likely: the oldest that has said nothing gives its own.
+                // Probably no free descriptor: the oldest connection without a request is closed.
                 close_silent(&mut open);
                 sleep(PAUSE).await;
             }
@@ -51,13 +51,14 @@ pub(super) async fn serve(listener: TcpListener, app: Router) {
     }
 }
 
-/// Whether there is room for one more, if need be in place of one that has not asked yet.
+/// Makes room for one more connection, if necessary by closing one without a request; returns
+/// whether there is room.
 fn make_room(open: &mut VecDeque<Open>) -> bool {
     open.retain(|one| !one.task.is_finished());
     open.len() < CONNECTIONS_MAX || close_silent(open)
 }
 
-/// Closes the oldest connection that has not asked for anything; whether there was one.
+/// Closes the oldest connection without a request; returns whether there was one.
 fn close_silent(open: &mut VecDeque<Open>) -> bool {
     let is_silent = |one: &Open| !one.has_asked.load(Ordering::Relaxed);
     let silent = open.iter().position(is_silent);
@@ -74,8 +75,8 @@ fn start(stream: TcpStream, app: Router) -> Open {
         app.call(request)
     });
     let task = tokio::spawn(async move {
-        // One request a connection, so that none of them idles. A page continues as a WebSocket, in
-        // a task of its own.
+        // One request per connection, so that no connection is idle. A page continues as a
+        // WebSocket in its own task.
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(HEADER_MAX)

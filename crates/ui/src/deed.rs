@@ -1,5 +1,5 @@
-//! Actions of an operator at a page, kept so that they can be repeated: a run that continues from
-//! an earlier time must first reach that time in the same way.
+//! Actions of an operator at a page, recorded so that they can be repeated: a branched run must
+//! first reach its time in the same way.
 
 use protocols::Instant;
 
@@ -8,21 +8,21 @@ use engine::robots::Gesture;
 use engine::run::Run;
 use engine::scenario::FaultSpec;
 
-/// Something that was done.
+/// An action.
 #[derive(Clone, Debug)]
 pub(super) enum Deed {
-    /// By the robot's station.
+    /// An action of the robot's station.
     Gesture(Gesture),
-    /// Something went wrong from then on.
+    /// The begin of a fault.
     Fault(Box<FaultSpec>),
-    /// A fault ended.
+    /// The end of a fault.
     EndFault(FaultId),
-    /// A finger touched the display.
+    /// A touch on the display.
     Tap([u16; 2]),
 }
 
 impl Deed {
-    /// Does it now.
+    /// Executes the action now.
     pub(super) fn perform(&self, run: &mut Run) -> Result<(), String> {
         match self {
             Self::Gesture(gesture) => {
@@ -42,20 +42,20 @@ impl Deed {
     }
 }
 
-/// All that was done, in the order of time.
+/// All actions in order of time.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Deeds(Vec<(Instant, Deed)>);
 
 impl Deeds {
-    /// Does `deed` now and keeps it, if it could be done.
+    /// Executes `deed` now, and records it if it succeeded.
     pub(super) fn perform(&mut self, run: &mut Run, deed: Deed) -> Result<(), String> {
         deed.perform(run)?;
         self.0.push((run.rig.now(), deed));
         Ok(())
     }
 
-    /// Takes out what was done at `until` or later, and copies what was done between `since` and
-    /// then, to be done again.
+    /// Removes the actions at `until` or later, and copies those between `since` and `until`, to be
+    /// repeated.
     pub(super) fn split(&mut self, since: Instant, until: Instant) -> Vec<(Instant, Deed)> {
         self.0
             .truncate(self.0.partition_point(|(at, _)| *at < until));

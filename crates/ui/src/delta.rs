@@ -1,4 +1,5 @@
-//! What a page has seen, and what it has to be told next. No I/O: values in, messages out.
+//! The data that a page has received, and the data to be sent next. No I/O: values in, messages
+//! out.
 
 use axum::extract::ws::Utf8Bytes;
 use bytes::Bytes;
@@ -10,13 +11,13 @@ use super::timeline::Timeline;
 /// A message to a page.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Message {
-    /// JSON; those that go to every page are one text for all of them.
+    /// JSON; pages share the text of common messages.
     Text(Utf8Bytes),
     /// Rows of maps.
     Rows(Bytes),
 }
 
-/// What one page has seen.
+/// The data that one page has received.
 #[derive(Clone, Debug, Default)]
 pub(super) struct SentSoFar {
     run: Option<u64>,
@@ -32,8 +33,8 @@ pub(super) struct SentSoFar {
 }
 
 impl SentSoFar {
-    /// What is news in `snapshot` and `timeline`. The snapshot itself comes last, so that a page
-    /// that shows a time has everything that belongs to it.
+    /// The new data in `snapshot` and `timeline`. The snapshot itself comes last, so that a page
+    /// that shows a time has all data of that time.
     pub(super) fn news(&mut self, snapshot: &Snapshot, timeline: &Timeline) -> Vec<Message> {
         let mut news = Vec::new();
         if self.run != Some(snapshot.run) {
@@ -125,8 +126,8 @@ mod tests {
         messages.iter().map(kind).collect()
     }
 
-    /// A page that missed snapshots gets what is new in the newest, once; a page of another run
-    /// begins again.
+    /// A page that missed snapshots gets the new data of the latest one, once; a page of another
+    /// run starts from the beginning.
     #[test]
     fn a_page_gets_what_it_has_not_seen() {
         let (mut seen, timeline) = (SentSoFar::default(), Timeline::default());

@@ -1,4 +1,5 @@
-//! Between a run and the pages: executes the pages' commands and shows them the run's state.
+//! The connection between a run and the pages: executes the pages' commands and shows the run's
+//! state.
 
 use core::time::Duration;
 use std::sync::{Arc, PoisonError};
@@ -26,23 +27,23 @@ use engine::run::Run;
 use engine::scenario::Span;
 use show::view;
 
-/// Wall time between two snapshots: what an eye takes for motion.
+/// Wall time between two snapshots: short enough for smooth motion.
 pub(super) const SHOW_EVERY: Duration = Duration::from_millis(50);
-/// Wall time between two looks at what is large or changes slowly.
+/// Wall time between two updates of large or slowly changing data.
 const LOOK_EVERY: Duration = Duration::from_millis(200);
-/// Virtual time after which a run that is done again is recorded.
+/// Virtual time between two samples of a repeated run.
 const REDO_SLICE: Duration = Duration::from_millis(100);
-/// Wall time between two looks at the verdicts: some of them compare the whole map.
+/// Wall time between two updates of the verdicts: some compare the whole map.
 const JUDGE_EVERY: Duration = Duration::from_millis(500);
-/// Maximum number of commands that are done between two steps.
+/// Maximum number of commands between two steps.
 const COMMANDS_AT_ONCE: usize = 64;
 
-/// What a command asks for that is not the desk's to do.
+/// The part of a command that the desk does not execute.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Effect {
-    /// It is done.
+    /// Nothing is left to do.
     Done,
-    /// Something about the clock.
+    /// A command to the clock.
     Pause,
     Play,
     Step(u32),
@@ -51,17 +52,17 @@ pub(super) enum Effect {
     Branch(Instant),
 }
 
-/// One run on show.
+/// One displayed run.
 pub struct Desk {
     hub: Arc<Hub>,
     number: u64,
     wire: Shared<Wire>,
     stage: Utf8Bytes,
-    /// Where it continued from an earlier run.
+    /// The time at which it branched from an earlier run.
     branched: Option<Instant>,
     hand: Hand,
     deeds: Deeds,
-    /// The robot's map and display, and what else it has of maps.
+    /// The robot's map and display, and its other maps.
     layers: Vec<MapLayer>,
     slow: Numbered,
     scan: Numbered,
@@ -71,14 +72,14 @@ pub struct Desk {
     shown: Option<(Instant, Shown)>,
     looked: Option<(Instant, Instant)>,
     judged: Option<(Instant, Instant)>,
-    /// What was counted at the last look, and at the one before it, when time had not stood still.
+    /// Counters at the last two updates between which virtual time advanced.
     tallies: [Vec<[Tally; 2]>; 2],
     counted_at: [Instant; 2],
     events: usize,
     changes: u64,
 }
 
-/// What makes two snapshots the same.
+/// Values that are equal in equal snapshots.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shown {
     now: Instant,
@@ -87,7 +88,7 @@ struct Shown {
 }
 
 impl Desk {
-    /// Puts `run` on show; `number` tells it from those before it.
+    /// Displays `run`; `number` distinguishes it from earlier runs.
     pub fn new(run: &mut Run, hub: Arc<Hub>, number: u64) -> Self {
         let wire = Wire::listen(run, &hub.log);
         let mut timeline = hub.timeline.write().unwrap_or_else(PoisonError::into_inner);
@@ -96,8 +97,8 @@ impl Desk {
         Self::with(wire, hub, number)
     }
 
-    /// Puts a run on show that continues from an earlier time of the one that was, when `counted`
-    /// was so; what was done by `at` is still to be [done again](Self::redo).
+    /// Displays a run that branched from an earlier time of the current one, with the counters
+    /// `counted`. Actions before `at` must still be [repeated](Self::redo).
     pub(super) fn branch(
         &self,
         run: &mut Run,
@@ -146,9 +147,9 @@ impl Desk {
         }
     }
 
-    /// Goes on until `until` as the run did before, `wall` being the time of the wall clock.
+    /// Repeats the run's actions until `until`; `wall` is the time of the wall clock.
     pub(super) fn redo(&mut self, run: &mut Run, until: Instant, wall: Instant) {
-        // Only a clock of one's own can be turned back; it stands still in the end.
+        // Only a session with its own clock can go back; it is paused afterwards.
         let tempo = Tempo {
             is_paused: true,
             speed: 1.0,
@@ -163,7 +164,7 @@ impl Desk {
             let now = run.rig.now();
             let slice = (now + REDO_SLICE).min(until);
             while let Some((_, deed)) = deeds.next_if(|(at, _)| *at <= now) {
-                // It could be done before, in the same state.
+                // The action succeeded before, in the same state.
                 drop(deed.perform(run));
             }
             self.record(run, wall, tempo);
@@ -175,7 +176,7 @@ impl Desk {
         }
     }
 
-    /// The counts so far.
+    /// The counters so far.
     pub(super) fn counted(&self) -> Counted {
         self.wire.lock().counted()
     }
@@ -194,7 +195,7 @@ impl Desk {
         self.show(run, wall, None);
     }
 
-    /// Does what waits in the queue; `other` does what is not the desk's.
+    /// Executes the queued commands; `other` executes the parts that the desk does not.
     pub(super) fn obey_all(
         &mut self,
         run: &mut Run,
@@ -219,7 +220,8 @@ impl Desk {
             }
         }
         if let Some(gesture) = self.hand.tick(wall) {
-            // The operator who drove is gone; if the robot is gone as well, nothing is left to do.
+            // The operator has disconnected while driving; if the robot has gone too, the action
+            // has no effect.
             drop(self.deeds.perform(run, Deed::Gesture(gesture)));
         }
     }
@@ -315,7 +317,7 @@ impl Desk {
         }
     }
 
-    /// Keeps the timeline up.
+    /// Updates the timeline.
     pub(super) fn record(&mut self, run: &Run, wall: Instant, tempo: Tempo) {
         let now = run.rig.now();
         let hub = Arc::clone(&self.hub);
@@ -340,7 +342,7 @@ impl Desk {
         }
     }
 
-    /// Looks at the verdicts.
+    /// Updates the verdicts.
     fn judge(&mut self, run: &Run, wall: Instant) {
         let checks = told::checks(run).to_string();
         if *self.checks.text != checks {
@@ -349,11 +351,11 @@ impl Desk {
         self.judged = Some((wall, run.rig.now()));
     }
 
-    /// Looks at what is large or changes slowly.
+    /// Updates large or slowly changing data.
     fn look(&mut self, run: &Run, wall: Instant) {
         self.look_at_maps(run);
         let now = run.rig.now();
-        // A look at a run that stands still tells the load that it had.
+        // A paused run keeps showing its last load.
         if now > self.counted_at[1] {
             self.tallies.swap(0, 1);
             self.tallies[1] = self.wire.lock().tallies();
@@ -370,7 +372,7 @@ impl Desk {
         self.look_at_scan(run);
     }
 
-    /// The scan as the program took it, or else the last turn that passed the wire.
+    /// The scan as the program received it, or else the last turn on the wire.
     fn look_at_scan(&mut self, run: &Run) {
         let own = run.instruments().scan(&run.rig);
         let turn = self.wire.lock().scan().clone();
@@ -403,7 +405,7 @@ impl Desk {
         }
     }
 
-    /// The book called `name`, a new one if there is none.
+    /// The layer called `name`, which is created if necessary.
     fn layer(&mut self, name: &'static str) -> &mut MapLayer {
         let known = self.layers.iter().position(|book| book.name() == name);
         let index = known.unwrap_or_else(|| {
@@ -442,7 +444,7 @@ fn believed(run: &Run) -> Option<Pose> {
     run.estimate().map(|(_, pose)| pose)
 }
 
-/// A map into its book.
+/// Updates the layer of a map.
 pub(super) fn look_at_map(book: &mut MapLayer, map: MapView<'_>) {
     let resolution_m = f64::from(map.cell_mm()) / 1000.0;
     let origin_m = map.origin_mm().map(|mm| f64::from(mm) / 1000.0);
@@ -450,8 +452,8 @@ pub(super) fn look_at_map(book: &mut MapLayer, map: MapView<'_>) {
     book.look(size, resolution_m, origin_m, |y| map.row(y));
 }
 
-/// The robot's display into its book. A row is the upper bytes of its pixels, then the lower ones:
-/// both have longer runs than the pixels.
+/// Updates the layer of the robot's display. A row has the upper bytes of its pixels, then the
+/// lower ones: both have longer runs than the pixels.
 fn look_at_display(book: &mut MapLayer, display: Display<'_>) {
     let rows = display.pixels.chunks(display.width);
     let bytes = rows.flat_map(|row| {

@@ -1,15 +1,14 @@
-//! What can be plotted of a run: errors of the pose, axes, and whatever the robot's panels say in
-//! numbers.
+//! Figures for plots: errors of the pose, axes, and numbers in the robot's panels.
 
 use serde::Serialize;
 
 use engine::robots::{Axis, Panel};
 use engine::run::Run;
 
-/// What a figure is of.
+/// The identity of a figure.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(super) struct Series {
-    /// What belongs together, e.g. a panel.
+    /// The group, e.g. a panel.
     group: String,
     name: String,
     unit: String,
@@ -33,7 +32,7 @@ pub(super) struct Figure {
 }
 
 impl Figure {
-    /// Three places are enough for the eye.
+    /// Three decimals suffice for a plot.
     fn new(group: &str, name: &str, unit: &str, value: f64) -> Self {
         Self {
             series: Series::new(group, name, unit),
@@ -42,27 +41,27 @@ impl Figure {
     }
 }
 
-/// What the difference between the true and the believed pose is made of.
+/// The parts of the difference between the true and the believed pose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Gap {
-    /// When the belief held, nanoseconds.
+    /// Time of the believed pose, nanoseconds.
     pub(super) at_ns: u64,
-    /// Where the robot truly was at that time.
+    /// True pose of the robot at that time.
     pub(super) truth: [f64; 3],
-    /// How far apart the two were at that time, mm.
+    /// Distance between the two poses at that time, mm.
     pub(super) error_mm: f64,
-    /// And by how much they looked another way, degrees.
+    /// Difference between the two headings at that time, degrees.
     pub(super) error_deg: f64,
-    /// How old the belief is, ms.
+    /// Age of the believed pose, ms.
     pub(super) lag_ms: f64,
-    /// How far the robot went since, mm.
+    /// Distance that the robot has moved since, mm.
     pub(super) went_mm: f64,
 }
 
-/// The world knows where the robot was so long ago, ms; an older belief is not compared.
+/// Time for which the world stores true poses, ms; an older believed pose is not compared.
 const TRAIL_MS: f64 = 250.0;
 
-/// The gap now; `None` without a belief, or if that is too old to be compared.
+/// The current difference; `None` without a believed pose, or if it is too old.
 pub(super) fn gap(run: &Run) -> Option<Gap> {
     let (at, believed) = run.estimate()?;
     let (now, world) = (run.rig.now(), &run.rig.world);
@@ -83,7 +82,7 @@ pub(super) fn gap(run: &Run) -> Option<Gap> {
     })
 }
 
-/// All figures of `run` now.
+/// All current figures of `run`.
 pub(super) fn all(run: &Run) -> Vec<Figure> {
     let mut all = Vec::new();
     if let Some(gap) = gap(run) {
@@ -102,7 +101,7 @@ pub(super) fn all(run: &Run) -> Vec<Figure> {
     all
 }
 
-/// What panels say in numbers.
+/// The numbers in panels.
 pub(super) fn of_panels(panels: &[Panel]) -> Vec<Figure> {
     panels.iter().flat_map(of_panel).collect()
 }
@@ -120,7 +119,7 @@ fn of_axis(axis: &Axis) -> impl Iterator<Item = Figure> + use<> {
     [told].into_iter().chain(does)
 }
 
-/// What is no number is no figure.
+/// Values other than numbers are skipped.
 fn of_panel(panel: &Panel) -> impl Iterator<Item = Figure> + '_ {
     panel.rows.iter().filter_map(|row| {
         let value: f64 = row.value.parse().ok()?;
@@ -130,7 +129,7 @@ fn of_panel(panel: &Panel) -> impl Iterator<Item = Figure> + '_ {
     })
 }
 
-/// A number with as many digits as can be seen: millimetres, and about a twentieth of a degree.
+/// A pose with the visible digits: millimetres, and about a twentieth of a degree.
 pub(super) fn short_pose(pose: emulators::world::Pose) -> [f64; 3] {
     [pose.x, pose.y, pose.theta].map(show::view::millimetres)
 }

@@ -1,11 +1,11 @@
 //! Access control of the server. A foreign page in the same browser must not reach it: neither with
-//! a request of its own (checked by the origin), nor with a host name that it points here (checked
-//! by the host).
+//! its own request (checked by the origin), nor with a host name that resolves to this machine
+//! (checked by the host).
 
 use core::net::{IpAddr, SocketAddr};
 
-/// Whether a request with this `host` and `origin` is for the server at `listen` and from its own
-/// page, or from a program that is no browser and names no origin.
+/// Whether a request with this `host` and `origin` is for the server at `listen`, and comes from
+/// its own page or from a program without an origin.
 pub(super) fn admits(listen: SocketAddr, host: Option<&str>, origin: Option<&str>) -> bool {
     let Some(host) = host.filter(|host| is_ours(listen, host)) else {
         return false;
@@ -13,7 +13,7 @@ pub(super) fn admits(listen: SocketAddr, host: Option<&str>, origin: Option<&str
     origin.is_none_or(|origin| origin.strip_prefix("http://") == Some(host))
 }
 
-/// Whether `host` is an address of ours; a name is none, except the machine's own.
+/// Whether `host` is an address of this server. Names are rejected, except `localhost`.
 fn is_ours(listen: SocketAddr, host: &str) -> bool {
     let (name, port) = match host.rsplit_once(':') {
         Some((name, port)) if !port.ends_with(']') => (name, port.parse::<u16>().ok()),
@@ -25,8 +25,7 @@ fn is_ours(listen: SocketAddr, host: &str) -> bool {
     let address = name.trim_start_matches('[').trim_end_matches(']');
     let is_local = |ip: IpAddr| ip.is_loopback();
     match address.parse::<IpAddr>() {
-        // On all addresses of the machine any of them may be meant; a name made up for an attack
-        // is no address.
+        // A server on all addresses accepts any numeric address: an attack needs a host name.
         Ok(ip) => ip == listen.ip() || is_local(ip) || listen.ip().is_unspecified(),
         Err(_) => address == "localhost",
     }

@@ -1,4 +1,4 @@
-//! Where the run's thread and the pages meet.
+//! The shared state of the run's thread and the pages.
 
 use core::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -10,7 +10,7 @@ use super::snapshot::Snapshot;
 use super::timeline::Timeline;
 use super::wire_log::WireLog;
 
-/// Maximum number of commands that wait; further ones are refused.
+/// Maximum number of queued commands; further ones are refused.
 const COMMANDS_MAX: usize = 256;
 
 /// The newest snapshot, the timeline, and a queue of commands.
@@ -44,19 +44,19 @@ impl Hub {
         Arc::default()
     }
 
-    /// Pages that are connected.
+    /// Number of connected pages.
     pub(crate) fn clients(&self) -> usize {
         self.clients.load(Ordering::Relaxed)
     }
 
-    /// A page wants to connect; `false` if there are `most` already.
+    /// Admits a page; returns `false` if there are already `most` pages.
     pub(super) fn enter(&self, most: usize) -> bool {
         let enter = |clients: usize| (clients < most).then_some(clients + 1);
         let order = Ordering::Relaxed;
         self.clients.fetch_update(order, order, enter).is_ok()
     }
 
-    /// A page is gone.
+    /// Removes a page.
     pub(super) fn leave(&self) {
         self.clients.fetch_sub(1, Ordering::Relaxed);
     }
@@ -66,12 +66,12 @@ impl Hub {
         self.snapshots.send_replace(Some(Arc::new(snapshot)));
     }
 
-    /// For a page: the newest snapshot whenever there is another one.
+    /// A receiver of snapshots, for a page.
     pub(super) fn snapshots(&self) -> watch::Receiver<Option<Arc<Snapshot>>> {
         self.snapshots.subscribe()
     }
 
-    /// Puts a command into the queue; if there is no room, `reply` hears of it.
+    /// Queues a command; if the queue is full, refuses it over `reply`.
     pub(super) fn ask(&self, command: Command, reply: &mpsc::Sender<Answer>) {
         let reply = reply.clone();
         if let Err(error) = self.commands.try_send(Envelope { command, reply }) {
@@ -80,7 +80,7 @@ impl Hub {
         }
     }
 
-    /// For the run: the next command, if there is one.
+    /// The next command for the run, if there is one.
     pub(super) fn next_command(&self) -> Option<Envelope> {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.try_recv().ok()

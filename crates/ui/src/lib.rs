@@ -1,16 +1,15 @@
-//! The page: a run to be seen and steered in a browser.
+//! The page: displays and controls a run in a browser.
 //!
 //! ```text
-//!  run (one plain thread) --> Desk --> Hub: newest snapshot, timeline --> a task per page -->
-//! browser
-//!                               ^                                        |
-//!                               +------- bounded queue of commands <-----+
+//!  run (one thread) --> Desk --> Hub: newest snapshot, timeline --> a task per page --> browser
+//!                                 ^                                        |
+//!                                 +------- bounded queue of commands <-----+
 //! ```
 //!
-//! The run never waits for a page. It leaves immutable snapshots and each page
-//! takes the newest when it can: a page that does not read misses some. What a page wants comes
-//! through a queue that refuses what does not fit, is done between two steps of virtual time, and
-//! becomes part of the scenario, so that the session can be repeated byte by byte.
+//! The run never waits for a page. It publishes immutable snapshots, and each page fetches the
+//! newest one when it can: a slow page misses some. Commands of a page pass through a queue with
+//! limited size, are executed between two steps of virtual time, and become part of the scenario,
+//! so that the session can be repeated byte by byte.
 
 mod checkpoints;
 mod command;

@@ -1,4 +1,4 @@
-//! Maps as rows that know when they changed, so that a page gets only the new ones.
+//! Maps as rows with version numbers, so that a page gets only changed rows.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub(super) struct Layer {
     rows: Vec<Row>,
 }
 
-/// What a page has to know of a map before its rows.
+/// Properties of a map that a page needs before its rows.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub(super) struct Head {
     /// The owner of the map.
@@ -31,15 +31,15 @@ pub(super) struct Head {
     pub(super) height: usize,
     /// Edge of a cell.
     pub(super) resolution_m: f64,
-    /// Corner of least x and y.
+    /// Corner with minimum x and y.
     pub(super) origin_m: [f64; 2],
 }
 
-/// First byte of a message of rows.
+/// First byte of a message with rows.
 const ROWS: u8 = 1;
 
 impl Layer {
-    /// Appends the rows newer than `seen` as a page reads them; the newest version.
+    /// Appends the rows newer than `seen` in the format for pages; returns the newest version.
     ///
     /// ```text
     /// | layer u8 | row u16 | length u16 | code |      little-endian, after one byte 1 for them all
@@ -73,7 +73,7 @@ impl Layer {
     }
 }
 
-/// A map as it was seen last.
+/// The latest state of a map.
 #[derive(Debug)]
 pub(super) struct MapLayer {
     cells: Vec<u8>,
@@ -82,7 +82,7 @@ pub(super) struct MapLayer {
 }
 
 impl MapLayer {
-    /// Nothing seen yet.
+    /// An empty map.
     pub(super) fn new(name: &'static str) -> Self {
         let head = Head {
             name,
@@ -104,12 +104,12 @@ impl MapLayer {
         self.last.head.name
     }
 
-    /// The map as it was seen last.
+    /// The latest state of the map.
     pub(super) fn last(&self) -> Arc<Layer> {
         Arc::clone(&self.last)
     }
 
-    /// Looks at a map of this size, row by row.
+    /// Updates the map row by row.
     pub(super) fn look<'a>(
         &mut self,
         [width, height]: [usize; 2],
@@ -156,7 +156,7 @@ impl MapLayer {
 mod tests {
     use super::*;
 
-    /// 300 cells of one value are 255 and 45 of it; a row that did not change is not sent again.
+    /// 300 cells of one value are runs of 255 and 45; an unchanged row is not sent again.
     #[test]
     fn a_page_gets_each_change_once() {
         let mut book = MapLayer::new("map");

@@ -1,5 +1,5 @@
-//! A mapper at work on the page: no rig and no robot's program, only scans of a log, at the pace
-//! that the page asks for.
+//! A mapper on the page: no rig and no robot's program, only scans of a log, at the speed that the
+//! page sets.
 
 use core::time::Duration;
 use std::sync::{Arc, PoisonError};
@@ -23,26 +23,25 @@ use engine::robots::{Overlay, Panel};
 use realtime::clock::Clock;
 use show::view::Outline;
 
-/// Radius that the robot is drawn with: the log does not say how large it was.
+/// Radius of the drawn robot: the log does not contain its size.
 const RADIUS_M: f64 = 0.2;
-/// Longest time that a page waits for the next scan: while a robot stands there is nothing new to
-/// see.
+/// Maximum wait for the next scan: while the robot stands still, nothing changes.
 const WAIT_MAX: Duration = Duration::from_secs(1);
-/// Time between two looks at what a page asks for.
+/// Interval at which commands of a page are read.
 const TURN: Duration = Duration::from_millis(5);
-/// Drawing the map takes at most this part of the time: one of so many parts.
+/// Drawing the map takes at most this fraction of the time, as a divisor.
 const DRAWING: u32 = 3;
 
-/// What a mapper knows by now.
+/// The current state of a mapper.
 #[derive(Debug)]
 pub struct Known {
-    /// What it does, in words.
+    /// The activity, in words.
     pub state: String,
-    /// Where the newest scan was taken, metres and radians.
+    /// Pose of the newest scan, metres and radians.
     pub pose: Pose,
-    /// What it hit: x and y in turn, metres.
+    /// End points of its beams: x and y alternately, metres.
     pub scan: Vec<f64>,
-    /// The way, places seen again.
+    /// The path, and loop closures.
     pub overlays: Vec<Overlay>,
     /// Figures.
     pub panels: Vec<Panel>,
@@ -50,23 +49,23 @@ pub struct Known {
     pub size: [usize; 2],
     /// Edge of a cell, metres.
     pub cell_m: f64,
-    /// Its corner of least x and y, metres.
+    /// Corner with minimum x and y, metres.
     pub corner_m: [f64; 2],
-    /// From free (0) over unknown to wall (255), row by row from the corner on.
+    /// Cells from free (0) over unknown to wall (255), row by row from the corner on.
     pub cells: Vec<u8>,
 }
 
-/// Shows a mapper at work.
+/// Displays a running mapper.
 #[derive(Debug)]
 pub struct MapperDesk {
     hub: Arc<Hub>,
     name: String,
     pace: PagePace,
-    /// Time of the newest scan, of the log.
+    /// Time of the newest scan in the log.
     at: Instant,
-    /// Up to here a page has let it continue by steps.
+    /// Time up to which a page has allowed steps.
     step: Instant,
-    /// A step goes to the next scan at least, however long that is away.
+    /// A step extends at least to the next scan.
     is_stepped: bool,
     layer: MapLayer,
     slow: Numbered,
@@ -75,12 +74,13 @@ pub struct MapperDesk {
     believed: Option<[f64; 3]>,
     state: String,
     is_over: bool,
-    /// Wall clock from which on the map may be drawn again.
+    /// Wall clock time after which the map may be drawn again.
     draws_at: Instant,
 }
 
 impl MapperDesk {
-    /// A mapper of the log called `name`, at the wall clock's `wall`, as fast as pages may go.
+    /// A desk for the log `name`; starts at the wall clock time `wall` with the maximum speed of
+    /// pages.
     pub fn new(hub: Arc<Hub>, name: &str, wall: Instant) -> Self {
         Self {
             hub,
@@ -100,8 +100,8 @@ impl MapperDesk {
         }
     }
 
-    /// Waits until the scan of `at` is due, and does meanwhile what pages ask; not longer than
-    /// `is_done` says.
+    /// Waits until the scan at `at` is due and executes commands of pages meanwhile; returns early
+    /// when `is_done` returns true.
     pub fn wait(&mut self, at: Instant, clock: &dyn Clock, is_done: &dyn Fn() -> bool) {
         let began = clock.now();
         loop {
@@ -119,20 +119,20 @@ impl MapperDesk {
             self.at = at;
             let wall = clock.now();
             let (speed, is_paused) = (self.pace.speed(), self.pace.is_paused());
-            // What was not waited for is not owed either.
+            // Time that was skipped need not be caught up.
             if !is_paused && wall - began >= WAIT_MAX {
                 self.pace.set_speed(speed, wall, at);
             }
         }
     }
 
-    /// Whether pages should see what is known at the wall clock's `wall`: each scan of a mapper
-    /// that goes by steps.
+    /// Whether the state should be shown at the wall clock time `wall`; a mapper in single steps
+    /// shows each scan.
     pub fn is_due(&self, wall: Instant) -> bool {
         self.pace.is_paused() || wall >= self.draws_at
     }
 
-    /// Something happened at the newest scan.
+    /// Records an event at the newest scan.
     pub fn tell(&self, rule: &'static str, detail: String) {
         let event = Event {
             at: self.at,
@@ -150,7 +150,7 @@ impl MapperDesk {
         timeline.event(&Logged { source, event });
     }
 
-    /// Shows what is known. Drawing began at the wall clock's `began`.
+    /// Shows the state. `began` is the wall clock time at which drawing began.
     pub fn show(&mut self, known: &Known, began: Instant, clock: &dyn Clock) {
         let row = |y: usize| known.cells.get(y * known.size[0]..(y + 1) * known.size[0]);
         self.layer
@@ -169,21 +169,21 @@ impl MapperDesk {
         self.draws_at = (now + (now - began) * (DRAWING - 1)).max(began + SHOW_EVERY);
     }
 
-    /// The log is over: what is shown stays.
+    /// Ends the log; the display stays.
     pub fn end(&mut self) {
         self.is_over = true;
         self.pace.pause();
         self.hub.show(self.snapshot());
     }
 
-    /// One turn of a page that stays when all is done.
+    /// One turn of a page after the end of the log.
     pub fn stay(&mut self, clock: &dyn Clock) {
         let wall = clock.now();
         self.obey(wall);
         clock.sleep_until(wall + TURN);
     }
 
-    /// Does what pages ask.
+    /// Executes the commands of pages.
     fn obey(&mut self, wall: Instant) {
         let mut was_asked = false;
         while let Some(envelope) = self.hub.next_command() {
@@ -210,7 +210,7 @@ impl MapperDesk {
         }
     }
 
-    /// Puts all that is known on the pages and into the record.
+    /// Publishes the state to the pages and to the record.
     fn publish(&self, figures: &[figures::Figure]) {
         let mut timeline = self
             .hub
@@ -283,8 +283,8 @@ mod tests {
     use super::*;
     use realtime::clock::SimClock;
 
-    /// A scan each 3 s and steps of 10 ms: each step shows the next scan, and without one a page
-    /// that is paused stays where it is.
+    /// A scan every 3 s and steps of 10 ms: each step shows the next scan; without a step a paused
+    /// page does not change.
     #[test]
     fn a_step_goes_to_the_next_scan() {
         let (hub, clock) = (Hub::new(), SimClock::default());
@@ -311,7 +311,7 @@ mod tests {
         assert_eq!(clock.now() - began, Duration::from_secs(60));
     }
 
-    /// At a hundred times the log's pace 3 s take 30 ms; a gap of an hour is waited for a second.
+    /// At a hundred times the speed of the log 3 s take 30 ms; a gap of an hour takes a second.
     #[test]
     fn a_gap_is_not_waited_for() {
         let clock = SimClock::default();

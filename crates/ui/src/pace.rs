@@ -1,27 +1,28 @@
-//! How virtual time follows the wall clock: at a speed, paused, or step by step.
+//! The relation of virtual time to the wall clock: a speed, a pause, or single steps.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// Greatest speed.
+/// Maximum speed.
 pub const SPEED_MAX: f64 = 100.0;
-/// Most virtual time that is owed. A run that cannot keep up is slower, not unstoppable.
+/// Maximum virtual time that a run catches up. A run that cannot keep up becomes slower, but stays
+/// responsive.
 const DEBT_MAX: Duration = Duration::from_millis(200);
-/// Longest step.
+/// Maximum length of a step.
 const STEP_MAX: Duration = Duration::from_secs(60);
 
-/// Tells how far a run should be.
+/// Computes the virtual time that a run should have reached.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PagePace {
     speed: f64,
     is_paused: bool,
-    /// A pair of snapshots that belong together: of the wall clock, of the run.
+    /// A wall clock time and the corresponding virtual time.
     anchor: [Instant; 2],
 }
 
 impl PagePace {
-    /// Goes on from `virtual_now` at `speed`.
+    /// Starts at `virtual_now` with `speed`.
     pub(crate) fn new(speed: f64, wall: Instant, virtual_now: Instant) -> Self {
         Self {
             speed: clamp(speed),
@@ -35,12 +36,12 @@ impl PagePace {
         self.speed
     }
 
-    /// Whether the run stands still.
+    /// Whether the run is paused.
     pub(crate) const fn is_paused(&self) -> bool {
         self.is_paused
     }
 
-    /// How far a run that is at `virtual_now` should be.
+    /// The virtual time that a run at `virtual_now` should reach.
     pub(crate) fn target(&mut self, wall: Instant, virtual_now: Instant) -> Instant {
         if self.is_paused {
             return virtual_now;
@@ -55,31 +56,31 @@ impl PagePace {
         target.max(virtual_now)
     }
 
-    /// Stands still.
+    /// Pauses.
     pub(crate) const fn pause(&mut self) {
         self.is_paused = true;
     }
 
-    /// Goes on.
+    /// Resumes.
     pub(crate) const fn play(&mut self, wall: Instant, virtual_now: Instant) {
         self.is_paused = false;
         self.anchor = [wall, virtual_now];
     }
 
-    /// Goes on at another speed, or will once it plays again.
+    /// Sets the speed, now or after a pause.
     pub(crate) fn set_speed(&mut self, speed: f64, wall: Instant, virtual_now: Instant) {
         self.speed = clamp(speed);
         self.anchor = [wall, virtual_now];
     }
 
-    /// Stands still after a step of `millis`; where the step ends.
+    /// Pauses after a step of `millis`; returns the end of the step.
     pub(crate) fn step(&mut self, millis: u32, virtual_now: Instant) -> Instant {
         self.is_paused = true;
         virtual_now + Duration::from_millis(u64::from(millis)).min(STEP_MAX)
     }
 }
 
-/// What the pages have to know of the clock.
+/// The state of the clock for pages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Tempo {
     pub(super) is_paused: bool,
@@ -88,7 +89,7 @@ pub(super) struct Tempo {
 }
 
 impl Tempo {
-    /// That of `pace`, if the clock can be set.
+    /// The state of `pace`, if the clock can be set.
     pub(super) fn of(pace: Option<&PagePace>) -> Self {
         Self {
             is_paused: pace.is_some_and(PagePace::is_paused),
@@ -98,7 +99,7 @@ impl Tempo {
     }
 }
 
-/// A speed that makes sense, whatever is asked for.
+/// Limits a requested speed to the valid range.
 fn clamp(speed: f64) -> f64 {
     if speed.is_finite() {
         speed.clamp(0.01, SPEED_MAX)
@@ -133,7 +134,7 @@ mod tests {
         assert_eq!(pace.target(at(60_100), at(60)), at(160));
     }
 
-    /// A laptop that was asleep for an hour: the run continues 200 ms later, not an hour.
+    /// After an hour of suspend the run continues 200 ms later, not an hour later.
     #[test]
     fn what_cannot_be_made_up_for_is_given_up() {
         let mut pace = PagePace::new(1.0, at(0), at(0));

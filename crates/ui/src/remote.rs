@@ -1,5 +1,5 @@
-//! The page's PC program on a port, against a robot that is not ours: no rig, no world, only what
-//! the robot tells.
+//! The page's PC program on a port, for an external robot: no rig, no world, only the messages of
+//! the robot.
 
 use core::time::Duration;
 use std::path::{Path, PathBuf};
@@ -19,9 +19,9 @@ use engine::robots::{Gesture, Hand, RemoteStation, StationView};
 use realtime::transport::{Serial, Transport};
 use show::view::Outline;
 
-/// Time after which a port that cannot be had is tried again.
+/// Interval between two attempts to open a port.
 const RETRY: Duration = Duration::from_millis(500);
-/// Maximum number of commands and pieces that are done at once.
+/// Maximum number of commands and chunks per turn.
 const AT_ONCE: usize = 64;
 
 /// A PC on a port.
@@ -40,7 +40,7 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// A PC that opens the port at `path` as soon as it can, and again whenever it was lost.
+    /// A PC that opens the port at `path` as soon as possible, and again after each disconnection.
     pub fn new(
         station: Box<dyn RemoteStation>,
         path: &Path,
@@ -62,12 +62,13 @@ impl Remote {
         }
     }
 
-    /// What the station knows at `now`.
+    /// The station's knowledge at `now`.
     pub fn view(&self, now: Instant) -> StationView {
         self.station.view(now)
     }
 
-    /// One turn at `now`: does what pages ask, talks to the robot, shows what it tells.
+    /// One turn at `now`: executes commands of pages, communicates with the robot, shows its
+    /// messages.
     pub fn turn(&mut self, now: Instant) {
         for _ in 0..AT_ONCE {
             let Some(envelope) = self.hub.next_command() else {
@@ -105,7 +106,7 @@ impl Remote {
         self.station.perform(now, &action)
     }
 
-    /// Opens and closes the port as the PC wants it.
+    /// Opens and closes the port as the PC requests.
     fn open(&mut self, now: Instant) {
         while let Some(change) = self.station.line_change(self.station.port()) {
             self.wants_port = change == LineEvent::Opened;
@@ -126,7 +127,7 @@ impl Remote {
         }
     }
 
-    /// Carries bytes both ways. The robot is connected once it is heard.
+    /// Transfers bytes in both directions. The robot counts as connected after its first bytes.
     fn carry(&mut self, now: Instant) {
         let mut buf = [0; 1024];
         let end = self.station.port();

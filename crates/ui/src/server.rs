@@ -1,7 +1,7 @@
-//! The HTTP server: four files, moments of the past, frames, the case, and a WebSocket per page.
+//! The HTTP server: four files, past moments, frames, the case, and a WebSocket per page.
 //!
-//! Every request names the token of the page's address (`token`); connections are limited in number
-//! and time (`connections`).
+//! Every request contains the token of the page's address (`token`); the number and duration of
+//! connections are limited (`connections`).
 
 use core::future::{Future, poll_fn};
 use core::net::SocketAddr;
@@ -35,16 +35,16 @@ use super::token::Token;
 use super::wire_log;
 use show::view;
 
-/// Maximum number of pages at once.
+/// Maximum number of simultaneous pages.
 pub(crate) const CLIENTS_MAX: usize = 50;
-/// Time for a page to take a message; one that takes longer is given up.
+/// Timeout for sending a message to a page; after it the page is disconnected.
 const SEND_MAX: Duration = Duration::from_secs(20);
-/// Time for the run to answer a request.
+/// Timeout for an answer of the run.
 const ANSWER_MAX: Duration = Duration::from_secs(5);
-/// Refusals that wait for a page; further ones are lost.
+/// Maximum number of queued answers for a page; further ones are lost.
 const ANSWERS_MAX: usize = 16;
 
-/// The page's script: its parts in the order in which they need each other, one scope for all.
+/// The page's script: its parts in order of dependency, in one scope.
 const SCRIPT: &str = concat!(
     include_str!("assets/page.js"),
     include_str!("assets/stage.js"),
@@ -56,13 +56,13 @@ const SCRIPT: &str = concat!(
     include_str!("assets/controls.js"),
 );
 
-/// Scripts, styles and pictures only from this server, none inline, and no other page may put this
-/// one into a frame.
+/// Scripts, styles and pictures only from this server, none inline; no other page may embed this
+/// page in a frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; \
                       connect-src 'self'; img-src 'self' data: blob:; base-uri 'none'; \
                       form-action 'none'; frame-ancestors 'none'";
 
-/// A server under way; it ends when it is dropped.
+/// A running server; it ends when it is dropped.
 #[derive(Debug)]
 pub struct Server {
     runtime: Option<Runtime>,
@@ -71,10 +71,10 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens at `listen`, port 0 for any free one.
+    /// Starts a server at `listen`; port 0 selects a free one.
     ///
     /// # Errors
-    /// If the address cannot be had, or the system has no random numbers.
+    /// If the address is not available, or the system has no random numbers.
     pub fn start(listen: SocketAddr, hub: Arc<Hub>) -> io::Result<Self> {
         let runtime = Builder::new_multi_thread()
             .worker_threads(1)
@@ -98,12 +98,12 @@ impl Server {
         })
     }
 
-    /// Where it listens.
+    /// The address of the server.
     pub const fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// The address of the page, with the token that each of its requests must name.
+    /// The address of the page with the token, which each of its requests must contain.
     pub fn url(&self) -> String {
         format!("http://{}/?{}", self.address, self.token.query())
     }
@@ -122,7 +122,7 @@ fn router(hub: Arc<Hub>, address: SocketAddr, token: &Token) -> Router {
         get(move || async move { ([(header::CONTENT_TYPE, kind)], text) })
     };
     let (script, style) = ("text/javascript; charset=utf-8", "text/css; charset=utf-8");
-    // What the page loads by itself names the token as well.
+    // Files that the page loads need the token too.
     let index = include_str!("assets/index.html").replace("?token", &format!("?{}", token.query()));
     let html = (header::CONTENT_TYPE, "text/html; charset=utf-8");
     let index = get(move || async move { ([html], index) });
@@ -140,7 +140,7 @@ fn router(hub: Arc<Hub>, address: SocketAddr, token: &Token) -> Router {
         .layer(from_fn_with_state((address, token.clone()), guarded))
 }
 
-/// Lets only our own page in, and says what the browser may do with the answer.
+/// Rejects foreign requests, and adds security headers to answers.
 async fn guarded(
     State((listen, token)): State<(SocketAddr, Token)>,
     request: Request,
@@ -167,8 +167,8 @@ async fn guarded(
     response
 }
 
-/// An unreadable origin is a foreign one. No browser sends a header twice, and a proxy between may
-/// use the other one.
+/// An unreadable origin counts as foreign. Browsers never send a header twice; a proxy could use
+/// the second one.
 fn is_admitted(listen: SocketAddr, headers: &HeaderMap) -> bool {
     let is_doubled = |name: HeaderName| headers.get_all(name).iter().nth(1).is_some();
     if is_doubled(header::HOST) || is_doubled(header::ORIGIN) {
@@ -178,7 +178,7 @@ fn is_admitted(listen: SocketAddr, headers: &HeaderMap) -> bool {
     guard::admits(listen, text(header::HOST), text(header::ORIGIN))
 }
 
-/// The number that a query gives for `key`.
+/// The number for `key` in a query.
 fn number(uri: &Uri, key: &str) -> Option<u64> {
     let mut pairs = uri
         .query()?
@@ -192,7 +192,7 @@ fn expected(what: &'static str) -> Response {
     (StatusCode::BAD_REQUEST, what).into_response()
 }
 
-/// All that a page showed at `/moment?at_ns=..`.
+/// The complete state of the page for `/moment?at_ns=..`.
 async fn moment(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     let Some(at) = number(&uri, "at_ns").map(Instant::from_nanos) else {
         return expected("expected /moment?at_ns=NUMBER\n");
@@ -204,7 +204,7 @@ async fn moment(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     }
 }
 
-/// The newest frames up to `/frames?at_ns=..`, of one direction of a link with `&lane=..`.
+/// The newest frames up to `/frames?at_ns=..`; `&lane=..` selects one direction of a link.
 async fn frames(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     let Some(at) = number(&uri, "at_ns").map(Instant::from_nanos) else {
         return expected("expected /frames?at_ns=NUMBER or /frames?at_ns=NUMBER&lane=NUMBER\n");
@@ -212,14 +212,14 @@ async fn frames(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     let lane = number(&uri, "lane").and_then(|lane| usize::try_from(lane).ok());
     let log = hub.log.lock().unwrap_or_else(PoisonError::into_inner);
     let tails = log.tails(at, lane);
-    // The run has not to wait for the decoders.
+    // The run must not wait for the decoders.
     drop(log);
     let kind = (header::CONTENT_TYPE, "application/json");
     let text = serde_json::json!({"frames": wire_log::frames(&tails)});
     ([kind], text.to_string()).into_response()
 }
 
-/// The run so far as a scenario.
+/// The run so far, as a scenario.
 async fn case(State(hub): State<Arc<Hub>>) -> Response {
     let (reply, mut answers) = mpsc::channel(1);
     hub.ask(Command::Save, &reply);
@@ -235,7 +235,7 @@ async fn case(State(hub): State<Arc<Hub>>) -> Response {
     }
 }
 
-/// A page connects.
+/// Connects a page.
 async fn page(State(hub): State<Arc<Hub>>, upgrade: WebSocketUpgrade) -> Response {
     if !hub.enter(CLIENTS_MAX) {
         let full = format!("{CLIENTS_MAX} pages are connected already\n");
@@ -248,7 +248,7 @@ async fn page(State(hub): State<Arc<Hub>>, upgrade: WebSocketUpgrade) -> Respons
         .on_upgrade(move |socket| async move { serve(socket, place).await })
 }
 
-/// A page's place, given back when it is gone, however that comes about.
+/// A connected page, removed from the hub when it is dropped.
 struct Visitor(Arc<Hub>);
 
 impl Drop for Visitor {
@@ -257,7 +257,7 @@ impl Drop for Visitor {
     }
 }
 
-/// What wakes a page's task.
+/// The event that wakes the task of a page.
 enum Wake {
     Heard(Option<Result<Frame, axum::Error>>),
     Snapshot(Result<(), watch::error::RecvError>),
@@ -292,7 +292,7 @@ async fn serve(mut socket: WebSocket, place: Visitor) {
             Wake::Answer(Some(Answer::Case(_))) => continue,
         };
         for frame in frames {
-            // A page that does not read delays only itself, and only up to a time limit.
+            // A page that does not read delays only itself, and only up to a timeout.
             if !matches!(timeout(SEND_MAX, socket.send(frame)).await, Ok(Ok(()))) {
                 return;
             }
@@ -312,7 +312,7 @@ fn news(hub: &Hub, seen: &mut SentSoFar, snapshot: &Snapshot) -> Vec<Frame> {
         .collect()
 }
 
-/// Waits for whatever comes first. All three can be waited for again when another one came.
+/// Waits for the first of three events. All three are cancel-safe.
 async fn wake(
     socket: &mut WebSocket,
     snapshots: &mut watch::Receiver<Option<Arc<Snapshot>>>,

@@ -1,4 +1,4 @@
-//! A run of its own for the page: paced, paused, stepped, begun again.
+//! A run with its own clock for the page: speed, pause, steps, restart.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -14,14 +14,14 @@ use engine::run::Run;
 use engine::scenario::{Scenario, ScenarioError, Source};
 use realtime::clock::Clock;
 
-/// Virtual time that passes at once: after each the wall clock is checked.
+/// Virtual time between two checks of the wall clock.
 const SLICE: Duration = Duration::from_millis(10);
-/// Wall time after which the pages have their turn, even if the run is late.
+/// Wall time after which the pages get their turn, even if the run is late.
 const BUSY_MAX: Duration = Duration::from_millis(20);
 /// Wall time between two turns.
 const TURN: Duration = Duration::from_millis(5);
 
-/// A run on show, and the clock that moves it.
+/// A displayed run, and its clock.
 pub struct Session<C> {
     scenario: Scenario,
     source: Source,
@@ -32,12 +32,12 @@ pub struct Session<C> {
     pace: PagePace,
     number: u64,
     checkpoints: Checkpoints,
-    /// The run has come to its end and stopped there once.
+    /// Whether the run has reached its end and paused there once.
     has_ended: bool,
 }
 
 impl<C: Clock> Session<C> {
-    /// Wires `scenario` and shows it at `hub`; `speed` is that of virtual time.
+    /// Wires `scenario` and shows it at `hub`; `speed` is the speed of virtual time.
     ///
     /// # Errors
     /// If the scenario cannot be wired.
@@ -66,7 +66,7 @@ impl<C: Clock> Session<C> {
         })
     }
 
-    /// Stands still until the operator resumes it.
+    /// Pauses until the operator resumes.
     pub const fn pause(&mut self) {
         self.pace.pause();
     }
@@ -81,7 +81,7 @@ impl<C: Clock> Session<C> {
         &self.clock
     }
 
-    /// One turn: does what pages ask, brings the run up to where it should be, shows it, waits.
+    /// One turn: executes commands of pages, advances the run to its target, shows it, waits.
     pub fn turn(&mut self) {
         let wall = self.clock.now();
         let (mut restart, mut branch, mut step) = (None, None, None);
@@ -135,9 +135,9 @@ impl<C: Clock> Session<C> {
         }
     }
 
-    /// Goes on a little, at most to `target`; whether the run has just come to its end.
+    /// Advances the run a little, at most to `target`; returns whether it has just ended.
     fn slice(&mut self, target: Instant, wall: Instant) -> bool {
-        // A busy machine makes fewer turns, not a coarser record.
+        // On a busy machine there are fewer turns, but the record is not coarser.
         let tempo = Tempo::of(Some(&self.pace));
         self.desk.record(&self.run, wall, tempo);
         let next = (self.run.rig.now() + SLICE).min(target);
@@ -150,7 +150,7 @@ impl<C: Clock> Session<C> {
         ends
     }
 
-    /// Begins again. The scenario could be wired before, and a seed changes nothing about that.
+    /// Restarts the run. The scenario could be wired before, independent of the seed.
     fn restart(&mut self, seed: Option<u64>) {
         let seed = seed.map_or(self.run.scenario().seed, |seed| seed & (u64::MAX >> 1));
         let run = Run::new(self.scenario.clone(), &self.source, Some(seed));
@@ -162,7 +162,7 @@ impl<C: Clock> Session<C> {
         self.pace.play(self.clock.now(), self.run.rig.now());
     }
 
-    /// Goes back to `at` and stands still there, to continue in another way.
+    /// Goes back to `at` and pauses there, to branch.
     fn branch(&mut self, at: Instant) {
         let Some(kept) = self.checkpoints.back_to(at) else {
             return;
@@ -178,7 +178,7 @@ impl<C: Clock> Session<C> {
     }
 }
 
-/// Goes on to the end of the scenario; from there on unjudged.
+/// Advances to the end of the scenario; afterwards the run continues without being judged.
 fn forward(run: &mut Run, until: Instant) {
     if run.is_over() {
         run.go_on_until(until);

@@ -1,4 +1,4 @@
-//! A run as it is at one snapshot, written out once for all pages.
+//! The state of a run at one time, serialised once for all pages.
 
 use std::sync::Arc;
 
@@ -6,20 +6,20 @@ use axum::extract::ws::Utf8Bytes;
 
 use super::map_layers::Layer;
 
-/// What every page may get. Nothing in it ever changes.
+/// The immutable data for all pages.
 #[derive(Debug, Default)]
 pub(super) struct Snapshot {
-    /// Which run: another one after each restart.
+    /// Number of the run: a restart gets another one.
     pub(super) run: u64,
-    /// What stays the same through a run, as JSON.
+    /// Constant data of a run, as JSON.
     pub(super) stage: Utf8Bytes,
-    /// What is worth telling often, as JSON.
+    /// Frequently updated data, as JSON.
     pub(super) fast: Utf8Bytes,
-    /// What is worth telling now and then, as JSON.
+    /// Occasionally updated data, as JSON.
     pub(super) slow: Numbered,
     /// The last scan, as JSON.
     pub(super) scan: Numbered,
-    /// What the robot has to show besides, as JSON.
+    /// Additional drawings of the robot, as JSON.
     pub(super) overlays: Numbered,
     /// The verdicts so far, as JSON.
     pub(super) checks: Numbered,
@@ -28,7 +28,7 @@ pub(super) struct Snapshot {
 }
 
 impl Snapshot {
-    /// All of it in one piece, for a page that goes back in time.
+    /// All data in one message, for a page that goes back in time.
     ///
     /// ```text
     /// | length of the JSON u32 | {now, slow, scan, overlays, checks} | rows as in a message |
@@ -46,7 +46,7 @@ impl Snapshot {
     }
 }
 
-/// A text and which one of its kind it is.
+/// A text with its version number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Numbered {
     pub(super) number: u64,
@@ -54,7 +54,7 @@ pub(super) struct Numbered {
 }
 
 impl Numbered {
-    /// The first one.
+    /// The first version.
     pub(super) fn new(text: &str) -> Self {
         Self {
             number: 0,
@@ -62,7 +62,7 @@ impl Numbered {
         }
     }
 
-    /// Another one.
+    /// Replaces the text with a new version.
     pub(super) fn renew(&mut self, text: String) {
         self.number += 1;
         self.text = text.into();

@@ -1,6 +1,6 @@
-//! What was recorded of a run, to go back to: where the robot was, what the wires carried, figures
-//! to be plotted, what happened, and now and then all that a page shows. Bounded: the longer the
-//! run, the coarser.
+//! The record of a run, for going back in time: poses of the robot, traffic, figures for plots,
+//! events, and occasionally the complete state of the page. Its size is limited: a longer run has a
+//! coarser record.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -13,22 +13,22 @@ use super::snapshot::Snapshot;
 use super::wire::Tally;
 use engine::rig::Logged;
 
-/// Maximum number of samples; when they are reached, every second one is dropped.
+/// Maximum number of samples; when it is reached, every second one is dropped.
 const SAMPLES_MAX: usize = 3000;
-/// Maximum number of moments kept, likewise.
+/// Maximum number of moments; when it is reached, every second one is dropped.
 const MOMENTS_MAX: usize = 400;
-/// Maximum number of figures that are recorded.
+/// Maximum number of recorded figures.
 const SERIES_MAX: usize = 400;
-/// Maximum number of events of one message to a page.
+/// Maximum number of events in one message to a page.
 const EVENTS_AT_ONCE: usize = 200;
-/// Maximum number of bytes of an event that are reported.
+/// Maximum length of an event's text, bytes.
 const DETAIL_MAX: usize = 300;
 
-/// What was recorded.
+/// The record.
 #[derive(Debug)]
 pub(super) struct Timeline {
-    /// Counts how often samples were dropped or the run began again: a page that has seen another
-    /// generation gets all of them again.
+    /// Number of times that samples were dropped or the run was restarted: a page with another
+    /// generation gets all samples again.
     pub(super) generation: u64,
     samples: Vec<String>,
     sample_times: Vec<Instant>,
@@ -39,7 +39,7 @@ pub(super) struct Timeline {
     series: Vec<Series>,
 }
 
-/// One line of the record.
+/// One sample.
 #[derive(Debug)]
 pub(super) struct Sample<'a> {
     pub(super) at: Instant,
@@ -56,7 +56,7 @@ impl Default for Timeline {
 }
 
 impl Timeline {
-    /// Nothing recorded yet.
+    /// An empty record.
     pub(super) const fn new(generation: u64) -> Self {
         Self {
             generation,
@@ -70,19 +70,19 @@ impl Timeline {
         }
     }
 
-    /// Whether it is time for another sample.
+    /// Whether a sample is due.
     pub(super) fn wants_sample(&self, now: Instant) -> bool {
         let last = self.sample_times.last();
         last.is_none_or(|&last| now - last >= self.period)
     }
 
-    /// Whether it is time for all that a page shows.
+    /// Whether a moment is due.
     pub(super) fn wants_moment(&self, now: Instant) -> bool {
         let last = self.moments.last();
         last.is_none_or(|(last, _)| now - *last >= self.moments_period)
     }
 
-    /// Takes a sample.
+    /// Adds a sample.
     pub(super) fn sample(&mut self, sample: &Sample<'_>) {
         if self.samples.len() >= SAMPLES_MAX {
             halve(&mut self.samples);
@@ -101,11 +101,11 @@ impl Timeline {
         self.sample_times.push(sample.at);
     }
 
-    /// The figures in the order of the series, which grow by those that are new.
+    /// The figures in the order of the series; new series are appended.
     fn values(&mut self, figures: &[Figure]) -> Vec<Option<f64>> {
         let mut values = vec![None; self.series.len()];
         for (index, figure) in figures.iter().enumerate() {
-            // Most often they are the same as before.
+            // Usually the series are the same as before.
             let is_same = self.series.get(index) == Some(&figure.series);
             let mut all = self.series.iter();
             let known = match is_same {
@@ -124,7 +124,7 @@ impl Timeline {
         values
     }
 
-    /// Takes all that a page shows at `now`.
+    /// Adds the complete state of the page at `now`.
     pub(super) fn moment(&mut self, now: Instant, snapshot: Snapshot) {
         if self.moments.len() >= MOMENTS_MAX {
             halve(&mut self.moments);
@@ -133,8 +133,8 @@ impl Timeline {
         self.moments.push((now, Arc::new(snapshot)));
     }
 
-    /// Forgets what came after `until`, and all but the first `events`: the run continues from
-    /// there in another way.
+    /// Removes everything after `until`, and all but the first `events` events: the run branches
+    /// there.
     pub(super) fn cut(&mut self, until: Instant, events: usize) {
         let kept = self.sample_times.partition_point(|&at| at <= until);
         self.sample_times.truncate(kept);
@@ -145,7 +145,7 @@ impl Timeline {
         self.generation += 1;
     }
 
-    /// Takes an event.
+    /// Adds an event.
     pub(super) fn event(&mut self, logged: &Logged) {
         let event = &logged.event;
         let detail: String = event.detail.chars().take(DETAIL_MAX).collect();
@@ -159,7 +159,7 @@ impl Timeline {
         self.events.push(value.to_string());
     }
 
-    /// What a page showed at `at` at the latest.
+    /// The latest moment not after `at`.
     pub(super) fn moment_at(&self, at: Instant) -> Option<Arc<Snapshot>> {
         let after = self.moments.partition_point(|(time, _)| *time <= at);
         let (_, snapshot) = self.moments.get(after.saturating_sub(1))?;
@@ -173,7 +173,7 @@ impl Timeline {
         (count > seen).then(|| (message(), count))
     }
 
-    /// The samples from number `from` on, as a message; `None` if there are none.
+    /// The samples from index `from` on, as a message; `None` if there are none.
     pub(super) fn samples_since(&self, from: usize) -> Option<(String, usize)> {
         let new = self.samples.get(from..).filter(|new| !new.is_empty())?;
         let text = format!(
@@ -183,7 +183,7 @@ impl Timeline {
         Some((text, self.samples.len()))
     }
 
-    /// Some of the events from number `from` on, as a message; `None` if there are none.
+    /// Some of the events from index `from` on, as a message; `None` if there are none.
     pub(super) fn events_since(&self, from: usize) -> Option<(String, usize)> {
         let new = self.events.get(from..).filter(|new| !new.is_empty())?;
         let new = &new[..new.len().min(EVENTS_AT_ONCE)];
@@ -195,7 +195,7 @@ impl Timeline {
     }
 }
 
-/// Drops every second one, the last one not.
+/// Drops every second element, but keeps the last one.
 fn halve<T>(list: &mut Vec<T>) {
     let mut index = list.len();
     list.retain(|_| {
@@ -208,8 +208,8 @@ fn halve<T>(list: &mut Vec<T>) {
 mod tests {
     use super::*;
 
-    /// Two hours at 200 ms would be 36,000 samples: the record never holds more than 3000, covers
-    /// the whole time, and its newest sample is always there.
+    /// Two hours at 200 ms would be 36,000 samples: the record never has more than 3000, covers the
+    /// whole time, and always contains the newest sample.
     #[test]
     fn the_record_gets_coarser_not_longer() {
         let mut timeline = Timeline::new(0);
@@ -237,7 +237,7 @@ mod tests {
         assert!(longest <= Some(Duration::from_secs(7)), "{longest:?}");
     }
 
-    /// A figure that comes later is a new column; one that is gone leaves a gap.
+    /// A new figure gets a new column; a missing figure leaves a gap.
     #[test]
     fn figures_keep_their_columns() {
         let mut timeline = Timeline::new(0);
@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(timeline.series_since(2), None);
     }
 
-    /// A run that continues from 2 s in another way has no samples, moments and events after it.
+    /// A run that branches at 2 s has no later samples, moments and events.
     #[test]
     fn what_came_after_a_branch_is_forgotten() {
         let mut timeline = Timeline::new(0);

@@ -1,29 +1,30 @@
-//! The secret in the page's address: any browser that has it may see and steer the run.
+//! The secret in the page's address: a browser with the token may see and control the run.
 //!
-//! Other users of the machine reach its loopback address as well, and a browser sends cookies to
-//! every port of a host. So each request names the token in its query.
+//! Other users of the machine can reach its loopback address too, and a browser sends cookies to
+//! every port of a host. Therefore each request contains the token in its query.
 
 use core::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::sync::Arc;
 
-/// Random bytes of a token.
+/// Number of random bytes in a token.
 const LEN: usize = 16;
-/// What gives them.
+/// Source of random bytes.
 const SOURCE: &str = "/dev/urandom";
 const KEY: &str = "token";
-/// Environment variable with a token of the user's own, which outlives a restart of the server.
+/// Environment variable with a user-defined token, which stays the same after a restart of the
+/// server.
 const VARIABLE: &str = "HILRIG_TOKEN";
-/// Minimum length of such a token.
+/// Minimum length of a user-defined token.
 const LEN_MIN: usize = 16;
 
-/// A token: the user's own, or new for each server.
+/// A token: user-defined, or new for each server.
 #[derive(Clone, Debug)]
 pub(super) struct Token(Arc<str>);
 
 impl Token {
-    /// The one in `HILRIG_TOKEN`; without that, a random one.
+    /// The token in `HILRIG_TOKEN`; otherwise a random one.
     pub(super) fn new() -> io::Result<Self> {
         if let Some(own) = std::env::var_os(VARIABLE) {
             let own = own.to_str().filter(|own| is_usable(own));
@@ -44,22 +45,22 @@ impl Token {
         Ok(Self(text.into()))
     }
 
-    /// As the query of an address names it.
+    /// The token as the query of an address.
     pub(super) fn query(&self) -> String {
         format!("{KEY}={}", self.0)
     }
 
-    /// Whether `query` names it.
+    /// Whether `query` contains the token.
     pub(super) fn is_in(&self, query: Option<&str>) -> bool {
         let pairs = query.unwrap_or_default().split('&');
         let mut named = pairs
             .filter_map(|pair| pair.split_once('='))
             .filter(|(key, _)| *key == KEY);
-        // A proxy between may check the second one.
+        // A proxy could check the second token.
         matches!((named.next(), named.next()), (Some((_, token)), None) if self.is(token))
     }
 
-    /// Takes as long wherever the first difference is.
+    /// Compares in constant time.
     fn is(&self, token: &str) -> bool {
         let pairs = self.0.bytes().zip(token.bytes());
         let differences = pairs.fold(0, |all, (a, b)| all | (a ^ b));

@@ -15,12 +15,12 @@ use engine::scenario::fault_catalogue;
 use show::meaning::meaning;
 use show::view;
 
-/// What the robot has to show besides.
+/// Additional drawings of the robot.
 pub(super) fn overlays(overlays: &[Overlay]) -> String {
     json!({"type": "overlays", "overlays": overlays}).to_string()
 }
 
-/// What stays the same.
+/// Constant data.
 pub(super) fn stage(run: &Run, number: u64, tempo: Tempo, branched: Option<Instant>) -> Value {
     let scenario = run.scenario();
     let links = run.rig.links().iter().map(|link| {
@@ -55,7 +55,7 @@ pub(super) fn stage(run: &Run, number: u64, tempo: Tempo, branched: Option<Insta
     })
 }
 
-/// What changes slowly: wires, registers, counters, faults.
+/// Slowly changing data: wires, registers, counters, faults.
 pub(super) fn slow(
     run: &Run,
     before: &[[Tally; 2]],
@@ -96,7 +96,7 @@ pub(super) fn slow(
     })
 }
 
-/// The verdicts so far. What can still come true has not failed yet.
+/// The verdicts so far. A check that can still pass has not failed yet.
 pub(super) fn checks(run: &Run) -> Value {
     let is_over = run.is_over() || run.rig.now() >= run.scenario().duration.instant();
     let told = |check: Check| {

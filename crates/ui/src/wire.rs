@@ -1,4 +1,4 @@
-//! What passes the wires, counted while the run continues, and the last scan among it.
+//! Counters of the traffic on all links while the run continues, and the last scan.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -16,7 +16,7 @@ use engine::robots::{Beam, ScanDecoder};
 use engine::run::Run;
 use show::view::millimetres;
 
-/// What came out of one direction of a link so far.
+/// Counters of one direction of a link.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub(super) struct Tally {
     /// Bytes.
@@ -25,7 +25,7 @@ pub(super) struct Tally {
     pub(super) frames: u64,
     /// Rejected candidates for a frame.
     pub(super) errors: u64,
-    /// Bytes that faults hit, and pieces that a cut swallowed.
+    /// Number of bytes hit by faults, and of chunks lost in a cut.
     pub(super) faults: u64,
 }
 
@@ -44,18 +44,18 @@ struct Lane {
     heard: Instant,
 }
 
-/// A turn of the lidar.
+/// One turn of the lidar.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Scan {
-    /// Number of turns that were complete by then.
+    /// Number of complete turns.
     pub(super) turn: u64,
-    /// When its last packet came.
+    /// Time of its last packet.
     pub(super) at: Instant,
     beams: Vec<Beam>,
 }
 
 impl Scan {
-    /// Where the beams ended, x and y in turn, if they were cast at `pose`.
+    /// End points of the beams, x and y alternately, if they were cast at `pose`.
     pub(super) fn points(&self, pose: Pose) -> Vec<f64> {
         let point = |beam: &Beam| {
             let angle = pose.theta + beam.bearing;
@@ -76,22 +76,21 @@ pub(super) struct Wire {
     log: Arc<Mutex<WireLog>>,
 }
 
-/// What was counted by some time, to continue from there.
+/// The counters at some time, to continue from there.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Counted {
     tallies: Vec<[Tally; 2]>,
     scan: Scan,
 }
 
-/// Bytes that tell a decoder where it is in a stream: a turn of a lidar and a frame of any format.
+/// Number of bytes that synchronise a decoder: a turn of a lidar and a frame of any format.
 const PRIMER: usize = 4_096;
 
-/// What puts the wire's bytes where the desk finds them.
+/// Passes the traffic on to the desk.
 struct Ear(Shared<Wire>);
 
 impl Wire {
-    /// Listens to all links of `run` from now on, which is its beginning, and keeps what they carry
-    /// in `log`.
+    /// Observes all links of `run` from its beginning, and records the traffic in `log`.
     pub(super) fn listen(run: &mut Run, log: &Arc<Mutex<WireLog>>) -> Shared<Self> {
         let wire = Self::of(run, log);
         let mut kept = log.lock().unwrap_or_else(PoisonError::into_inner);
@@ -107,7 +106,7 @@ impl Wire {
         wire.tapped(run)
     }
 
-    /// The same for a run that continues from `now`, when `counted` was so.
+    /// The same for a run that continues from `now` with the counters `counted`.
     pub(super) fn go_on(
         run: &mut Run,
         log: &Arc<Mutex<WireLog>>,
@@ -160,7 +159,7 @@ impl Wire {
         wire
     }
 
-    /// The counts so far.
+    /// The counters so far.
     pub(super) fn counted(&self) -> Counted {
         Counted {
             tallies: self.tallies(),
@@ -172,7 +171,7 @@ impl Wire {
         act(&mut self.log.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// The last whole turn.
+    /// The last complete turn.
     pub(super) const fn scan(&self) -> &Scan {
         &self.scan
     }
@@ -187,7 +186,7 @@ impl Wire {
         }
     }
 
-    /// Each link's two directions, to the master first.
+    /// The counters of each link, to the master first.
     pub(super) fn tallies(&self) -> Vec<[Tally; 2]> {
         let both = |lanes: &[Lane; 2]| [lanes[0].tally, lanes[1].tally];
         self.lanes.iter().map(both).collect()

@@ -1,4 +1,4 @@
-//! What the receivers got lately, byte by byte, and the frames in it: for the frame inspector.
+//! Recently received bytes and their frames, for the frame inspector.
 
 use std::collections::VecDeque;
 
@@ -9,16 +9,16 @@ use engine::codec::{Codec, Stream, Stretch, What, words};
 use engine::hex::digits;
 use engine::rig::line::Direction;
 
-/// Maximum number of bytes kept of one direction of a link: some six minutes of a lidar.
+/// Maximum number of stored bytes per direction of a link: some six minutes of a lidar.
 const BYTES_MAX: usize = 4 << 20;
-/// Maximum number of pieces kept of it.
+/// Maximum number of stored chunks per direction.
 const PIECES_MAX: usize = 1 << 19;
-/// Bytes looked through for frames, of each lane if all of them are asked for.
+/// Number of bytes searched for frames: per lane if all lanes are requested, and for a single lane.
 const LOOK_BACK: [usize; 2] = [6_000, 40_000];
-/// Maximum number of frames told at once.
+/// Maximum number of frames in one answer.
 const FRAMES_MAX: usize = 400;
 
-/// All that was received lately.
+/// All recently received bytes.
 #[derive(Debug, Default)]
 pub(super) struct WireLog {
     lanes: Vec<LoggedLane>,
@@ -31,40 +31,40 @@ struct LoggedLane {
     way: Direction,
     codec: Option<&'static Codec>,
     bytes: VecDeque<u8>,
-    /// Place of the byte behind the last one, counted from the first that ever came.
+    /// Offset behind the last byte, counted from the first byte ever received.
     end: u64,
     pieces: VecDeque<Piece>,
     is_hit: bool,
 }
 
-/// Bytes that came at once.
+/// A chunk.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
-    /// Place of the byte behind its last one.
+    /// Offset behind its last byte.
     end: u64,
-    /// When that came.
+    /// Time of its last byte.
     at: Instant,
-    /// Whether a fault struck it, or what should have come before it.
+    /// Whether a fault hit the chunk, or lost the chunk before it.
     is_hit: bool,
 }
 
-/// A frame, or bytes that are none.
+/// A frame, or bytes outside frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Frame {
-    /// When its last byte came, nanoseconds.
+    /// Time of the last byte, nanoseconds.
     at_ns: u64,
     link: String,
     way: &'static str,
-    /// In words; why it is none if it is bad.
+    /// The frame in words; for invalid bytes, the reason.
     words: String,
-    /// Hexadecimal digits.
+    /// Bytes as hexadecimal digits.
     bytes: String,
     is_bad: bool,
     is_hit: bool,
 }
 
 impl WireLog {
-    /// Forgets everything; `lanes` are link, direction and format of each.
+    /// Clears the log; `lanes` are link, direction and format of each lane.
     pub(super) fn begin<'a>(
         &mut self,
         lanes: impl Iterator<Item = (&'a str, Direction, Option<&'static Codec>)>,
@@ -81,14 +81,14 @@ impl WireLog {
         self.lanes = lanes.map(lane).collect();
     }
 
-    /// The next bytes of a lane were, or will be, struck.
+    /// Marks the next bytes of a lane as hit.
     pub(super) fn hit(&mut self, lane: usize) {
         if let Some(lane) = self.lanes.get_mut(lane) {
             lane.is_hit = true;
         }
     }
 
-    /// Takes bytes that came at `at`.
+    /// Adds bytes that arrived at `at`.
     pub(super) fn push(&mut self, lane: usize, at: Instant, bytes: &[u8]) {
         let Some(lane) = self.lanes.get_mut(lane).filter(|_| !bytes.is_empty()) else {
             return;
@@ -107,7 +107,7 @@ impl WireLog {
         }
     }
 
-    /// Forgets what came after `until`: the run continues from there in another way.
+    /// Removes bytes after `until`: the run branches there.
     pub(super) fn cut(&mut self, until: Instant) {
         for lane in &mut self.lanes {
             let kept = lane.pieces.partition_point(|piece| piece.at <= until);
@@ -122,14 +122,14 @@ impl WireLog {
         }
     }
 
-    /// The last bytes of a lane: what a decoder needs to know where it is.
+    /// The last bytes of a lane, to synchronise a decoder.
     pub(super) fn last_bytes(&self, lane: usize, most: usize) -> Vec<u8> {
         let bytes = self.lanes.get(lane).map(|lane| &lane.bytes);
         let skipped = bytes.map_or(0, |bytes| bytes.len().saturating_sub(most));
         bytes.into_iter().flatten().skip(skipped).copied().collect()
     }
 
-    /// The end of what came up to `until`, of one lane or of all, to be looked through.
+    /// The bytes before `until`, of one lane or of all lanes, to be searched.
     pub(super) fn tails(&self, until: Instant, lane: Option<usize>) -> Vec<Tail> {
         let most = LOOK_BACK[usize::from(lane.is_some())];
         let lanes = self.lanes.iter().enumerate();
@@ -163,13 +163,13 @@ impl LoggedLane {
     }
 }
 
-/// Bytes of a lane without those before and after.
+/// A section of a lane.
 #[derive(Clone, Debug)]
 pub(super) struct Tail {
     link: String,
     way: Direction,
     codec: Option<&'static Codec>,
-    /// Whether nothing came before.
+    /// Whether the section begins with the first byte ever received.
     is_whole: bool,
     from: u64,
     bytes: Vec<u8>,
@@ -177,7 +177,7 @@ pub(super) struct Tail {
 }
 
 impl Tail {
-    /// The frames in it, and what is none.
+    /// The frames in the section, and the bytes outside frames.
     fn frames(&self) -> Vec<Frame> {
         let Some(codec) = self.codec else {
             return self.as_text();
@@ -192,7 +192,7 @@ impl Tail {
             found.extend(stream.push(&self.bytes[part]));
             (from, before) = (piece.end, Some(piece.at));
         }
-        // A frame that was cut off in front is no error of the line.
+        // A frame that is truncated at the beginning of the section is not a line error.
         let is_cut = |one: &Stretch| !one.is_frame() && one.bytes.start == 0 && !self.is_whole;
         let found = found.iter().filter(|one| !is_cut(one));
         found.map(|one| self.frame(one)).collect()
@@ -227,7 +227,7 @@ impl Tail {
         }
     }
 
-    /// The pieces as they came, because the protocol is unknown.
+    /// The chunks as they arrived, because the protocol is unknown.
     fn as_text(&self) -> Vec<Frame> {
         let mut from = self.from;
         let piece = |piece: &Piece| {
@@ -240,7 +240,7 @@ impl Tail {
     }
 }
 
-/// The newest frames of all `tails` in the order of time.
+/// The newest frames of all `tails` in order of time.
 pub(super) fn frames(tails: &[Tail]) -> Vec<Frame> {
     let mut all: Vec<Frame> = tails.iter().flat_map(Tail::frames).collect();
     all.sort_by_key(|frame| frame.at_ns);
@@ -248,7 +248,7 @@ pub(super) fn frames(tails: &[Tail]) -> Vec<Frame> {
     all
 }
 
-/// A place within what is kept, which fits into memory.
+/// Converts an offset within the stored bytes.
 fn as_index(place: u64) -> usize {
     usize::try_from(place).expect("within what is kept")
 }
@@ -263,8 +263,8 @@ mod tests {
         Instant::from_millis(millis)
     }
 
-    /// The read of ten registers from 36 as the field's firmware sends it, in two pieces, the
-    /// second one struck; then a stray byte.
+    /// A read of ten registers from 36, as the field firmware sends it, in two chunks; the second
+    /// one was hit. Then a stray byte.
     fn log() -> WireLog {
         let mut log = WireLog::default();
         log.begin([("base", Direction::ToDevice, Some(&BUS_HIGH_FIRST))].into_iter());
@@ -293,7 +293,7 @@ mod tests {
         assert!(all[0].words.contains("36"), "{}", all[0].words);
     }
 
-    /// Up to 2 ms there is one frame; after a branch there nothing else ever was.
+    /// There is one frame up to 2 ms; after a branch at this time later bytes are gone.
     #[test]
     fn only_what_had_come_is_told() {
         let mut log = log();
