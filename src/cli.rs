@@ -129,7 +129,7 @@ enum Command {
     Man(man::ManArgs),
 }
 
-/// The end of a command.
+/// The result of a command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// All expectations hold.
@@ -243,7 +243,7 @@ fn read(path: &Path) -> Result<Vec<u8>, CliError> {
 
 /// Runs the command line of this process.
 pub fn main() -> ExitCode {
-    // The words as the system gave them: others' arguments need not be text.
+    // The raw arguments of the system: arguments for other programs need not be text.
     let mut words = std::env::args_os().skip(1);
     let first = words.next().unwrap_or_default();
     if first == guest::VERB {
@@ -274,7 +274,7 @@ pub fn main() -> ExitCode {
         eprintln!("error: {error}");
     }
     let exit_code = match &result {
-        // The verdict holds, but not all of it was read.
+        // The verdict is valid, but its output is incomplete.
         Ok(Verdict::Pass) if out::is_incomplete() => 2,
         Ok(Verdict::Pass) => 0,
         Ok(Verdict::Fail) => 1,

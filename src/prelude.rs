@@ -1,10 +1,9 @@
-//! What a test or a tool in another crate needs, from this one dependency:
-//! `use hilrig::prelude::*`.
+//! All items that a test or a tool in another crate needs, from this single dependency: `use
+//! hilrig::prelude::*`.
 //!
-//! The crates below this one are here too, as [`emulators`],
-//! [`firmware_core`] and [`protocols`], and so are `serde`,
-//! `schemars` and `toml`, which the settings of a [`DeviceKind`] need. Derives must be told where
-//! they find them:
+//! The crates below this one are here too, as [`emulators`], [`firmware_core`] and [`protocols`],
+//! and also `serde`, `schemars` and `toml`, which the settings of a [`DeviceKind`] need. Derive
+//! macros need the paths of these crates:
 //!
 //! ```
 //! use hilrig::prelude::*;
@@ -21,7 +20,7 @@
 //! assert!(verdict.is_err_and(|error| error.to_string().contains("schema is 2, expected 1")));
 //! ```
 //!
-//! | to | begin with |
+//! | to | start with |
 //! |---|---|
 //! | judge a scenario | [`judge`], [`Run`], [`Outcome::assert_passed`] |
 //! | test a driver that reads and writes a serial port | [`Bench`] |
@@ -29,7 +28,7 @@
 //! | add a robot | [`Robot`], [`Instruments`], [`register_robot`] |
 //! | run a program in this process | [`Master`], [`Inspect`] |
 //! | add a wire format | [`Format`], [`Wire`], [`Codec`], [`register_codec`] |
-//! | judge something else | [`Checker`] |
+//! | add a check | [`Checker`] |
 
 pub use core::time::Duration;
 

@@ -38,7 +38,7 @@ enum End {
     Fail,
     /// An expectation failed, but the rig was too late to know the cause.
     NotJudged,
-    /// A signal ended it.
+    /// A signal ended the command.
     Interrupted,
     /// The command could not do its work; `error` holds the reason.
     Error,

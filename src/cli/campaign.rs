@@ -149,7 +149,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         print!("{text}");
         return Ok(Verdict::Pass);
     }
-    // Before the first run, so that the error does not come after a night.
+    // Checked before the first run, so that the error does not appear after a night.
     let profile = profile(args.profile.as_deref(), args.mutants)?;
     let has_profile = args.profile.is_some() || args.mutants;
     let vary = args.vary.unwrap_or(match has_profile {
@@ -206,7 +206,7 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
     } else {
         report_shard(&store, left, &args.out)?
     };
-    // A queue must not take for done what has runs left because the user ended it.
+    // If the user stopped a campaign with missing runs, a queue must not regard it as finished.
     Ok(ended_by.map_or(verdict, Verdict::Interrupted))
 }
 
@@ -387,7 +387,7 @@ impl Worker<'_> {
             },
             None => {
                 let (record, outcome) = campaign::run(scenario, source)?;
-                // A run that panicked has no end; its scenario says as much.
+                // A run that panicked has no expanded case; its scenario is used instead.
                 let case = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
                 (record, case)
             }
@@ -416,7 +416,7 @@ impl Worker<'_> {
             .as_ref()
             .is_none_or(|(record, _)| record.cause.is_none())
         {
-            // The output of a sound program is not kept.
+            // The output of a passed run is not kept.
             let _ = safefs::remove_file(&log);
         }
         Ok(judged)

@@ -187,7 +187,7 @@ fn from(args: &From) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// A case of the user's own program.
+/// Creates a case of the user's own program.
 fn foreign_case(
     args: &From,
     stem: &str,

@@ -76,7 +76,7 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
     for place in &found.unproved {
         eprintln!("{place}: not compared, the emulated device does not answer it either");
     }
-    // A device of which nothing was compared was not observed.
+    // Without a comparison the device was not observed.
     let is_void = found.is_void();
     let is_silent = replies == 0 && requests > 0 && !found.heard_by_itself;
     match (found.differences.len(), is_void) {

@@ -68,7 +68,7 @@ pub(super) struct DecodeArgs {
     duration: Option<Span>,
 }
 
-/// A protocol by its name; the help lists all.
+/// The parser of protocol names; the help lists all names.
 fn codec_parser() -> impl TypedValueParser<Value = &'static Codec> {
     let rows = codec::all().into_iter();
     let values = rows.map(|row| PossibleValue::new(row.name()).help(row.about()));
@@ -98,7 +98,7 @@ pub(super) fn run(mut args: DecodeArgs) -> Result<Verdict, CliError> {
         Err(Failure::Other(error)) => return Err(error),
         Ok(()) => {}
     }
-    // What is left of it must not be written when the writer goes: the reader may be gone.
+    // The remaining buffer must not be written on drop: the reader may be gone.
     drop(out.into_parts());
     Ok(Verdict::Pass)
 }

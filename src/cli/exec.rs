@@ -136,7 +136,7 @@ impl ExecArgs {
         self.how.foreign(command.to_owned())
     }
 
-    /// Whether the program is to be in virtual time.
+    /// Whether the program runs in virtual time.
     pub(super) const fn is_virtual(&self) -> bool {
         self.how.is_virtual
     }

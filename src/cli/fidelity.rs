@@ -75,7 +75,7 @@ pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
     }
 }
 
-/// The ledger, of the device that `words` names.
+/// Prints the ledger, limited to the device in `words` if given.
 fn print_ledger(words: Option<&[String]>, is_markdown: bool) -> Result<Verdict, CliError> {
     let device = words.map(|words| words[0].as_str());
     if let Some(more) = words.and_then(|words| words.get(1)) {
@@ -163,7 +163,7 @@ fn lidar_bytes(path: &Path) -> Result<Vec<u8>, CliError> {
     Ok(best.map(|lane| lane.bytes).unwrap_or_default())
 }
 
-/// The figures of the capture in `path`. A file without a single packet or turn is none.
+/// The figures of the capture in `path`. A file without any packet or turn is rejected.
 fn read(path: &Path) -> Result<Column, CliError> {
     let bytes = lidar_bytes(path)?;
     let column = Column::of(&bytes);

@@ -171,7 +171,7 @@ fn unknown(name: &str, all: &Subjects) -> CliError {
 
 fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliError> {
     let (scenario, source) = Scenario::read(path)?;
-    // What cannot be wired is told once, not with every case.
+    // A scenario that cannot be wired is reported once, not for every case.
     let run = Run::new(scenario.clone(), &source, None)?;
     let Some(link) = &args.link else {
         let profile = Profile::find(&args.profile)?;
@@ -281,7 +281,8 @@ fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
     })
 }
 
-/// What the folder keeps of the profile: nothing of the gentle one, as before there were others.
+/// The folder does not store the gentle profile, for compatibility with folders from before
+/// profiles existed.
 fn kept_profile(name: &str) -> Result<Option<String>, CliError> {
     let profile = Profile::find(name)?;
     Ok((!profile.is_gentle()).then_some(profile.kept))

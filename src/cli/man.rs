@@ -19,7 +19,7 @@ pub(super) struct ManArgs {
 
 pub(super) fn run(args: &ManArgs) -> Result<Verdict, CliError> {
     let mut command = Cli::command();
-    // What `--help` knows of all commands, a page must know too.
+    // Adds the global options to all commands, as for `--help`.
     command.build();
     let Some(dir) = &args.dir else {
         return out::write_text("the page", &page(command)?);
@@ -40,7 +40,7 @@ fn put(folder: &Folder, command: clap::Command, files: &mut Vec<String>) -> Resu
             put(folder, below.clone(), files)?;
         }
     }
-    // Of a built command this is the whole name, with hyphens: hilrig-map-diff.
+    // In a built command this is the full name with hyphens: hilrig-map-diff.
     let name = command.get_display_name().unwrap_or(command.get_name());
     let file = format!("{name}.1");
     folder.put(&file, page(command)?)?;

@@ -64,7 +64,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     let text = text
         .replace("NAME", &name)
         .replace("FILE", &path.display().to_string());
-    // A name that no scenario can have is told before there is a file of it.
+    // An invalid scenario name is reported before the file is created.
     Scenario::parse(&path, text.clone())?;
     make(&path, &text)?;
     let shown = path.display();
@@ -114,7 +114,7 @@ fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Whether it contains a program that can be judged.
+/// The command for the created file: `run` if it contains a program that can be judged.
 const fn verb(args: &NewArgs) -> &'static str {
     match args.robot || args.devices {
         true => "up",

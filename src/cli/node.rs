@@ -104,8 +104,8 @@ fn spec_of(args: &CheckArgs) -> Result<NodeSpec, CliError> {
     Ok(spec)
 }
 
-/// Whether the argument is the path of a scenario. A command may end with the name of such a file,
-/// e.g. `python3 meter.py meter.toml`.
+/// Whether the argument is the path of a scenario. The last word of a command may be the name of
+/// such a file, e.g. `python3 meter.py meter.toml`.
 fn is_scenario(command: &str) -> bool {
     let is_one_word = !command.contains(char::is_whitespace);
     command.ends_with(".toml") && (is_one_word || Path::new(command).is_file())

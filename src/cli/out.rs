@@ -58,7 +58,7 @@ pub(super) fn take_answer() -> Option<Value> {
 /// Writes to standard output. A reader that closes early is no error.
 ///
 /// # Errors
-/// What the system says.
+/// Errors of the operating system.
 pub(super) fn write_all(text: &[u8]) -> io::Result<()> {
     let mut out = io::stdout().lock();
     match out.write_all(text).and_then(|()| out.flush()) {
@@ -98,7 +98,7 @@ pub(super) fn write(text: Arguments<'_>) {
     if let Some(error) = failed
         && !TOLD.swap(true, Ordering::Relaxed)
     {
-        // The library's own macro would panic if standard error is as full.
+        // The macro of the standard library would panic if standard error is full too.
         write_err(format_args!("cannot write to standard output: {error}\n"));
     }
 }

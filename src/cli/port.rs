@@ -48,7 +48,7 @@ impl Peer for PortPeer {
                 .map_err(|error| error.to_string())?;
             let now = self.clock.now();
             if len > 0 {
-                // The last byte has just come.
+                // The last byte has just arrived.
                 let took = self.line.bytes_time(len as u64);
                 let began = Instant::ZERO + (now - Instant::ZERO).saturating_sub(took);
                 return Ok(Some((began, buf[..len].to_vec())));

@@ -66,7 +66,7 @@ impl core::str::FromStr for Baud {
 const BAUD: u32 = 115_200;
 
 pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
-    // A pipe or a device is no file that could be lost.
+    // Only plain files can be overwritten, not pipes and devices.
     if args.out.is_file() {
         let out = args.out.display();
         let error = format!(

@@ -99,8 +99,8 @@ pub(super) struct RunArgs {
 }
 
 pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
-    // All files are read before the first run, so that a typing error in the last one is not
-    // found out after an hour.
+    // All files are read before the first run, so that an error in the last one is not found after
+    // an hour.
     let files = args
         .scenarios
         .iter()

@@ -148,7 +148,7 @@ fn shrink_case(
         },
         None => Branches::begin(source, &scenario)?,
     };
-    // As the bytes that they hit, random faults can be left out one by one.
+    // Written as the bytes that they hit, random faults can be removed one by one.
     let expanded = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
     let cause = record.cause.unwrap_or_default();
     let path = args.out.join("case.toml");
@@ -171,7 +171,7 @@ fn shrink_case(
         let text = small.to_toml();
         let (pace, talk, stop) = (Clocking::Virtual, Talk::Verdict, Stop::new(None)?);
         judged_run(small, source, None, &args.out, pace, talk, &stop)?;
-        // The run left a case of its own, with its origin.
+        // The run wrote its own case, with its origin.
         put(&path, text.as_bytes())?;
     }
     let tries = effort.spent();

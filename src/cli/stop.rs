@@ -1,4 +1,4 @@
-//! End of a command without an end of its own: a signal, or its time is up.
+//! The end of a command without a fixed end: a signal or a time limit.
 
 use core::sync::atomic::{AtomicU8, Ordering};
 use core::time::Duration;
@@ -44,7 +44,7 @@ impl Stop {
     pub(super) fn at_end_of_input(&self) {
         let signal = Arc::clone(&self.signal);
         thread::spawn(move || {
-            // Nothing more can come after an error either.
+            // No input follows an error either.
             let _ = io::copy(&mut io::stdin().lock(), &mut io::sink());
             signal.store(SIGTERM, Ordering::Relaxed);
             stop_waiting();
@@ -65,7 +65,7 @@ impl Stop {
 /// Waits for signals on a separate thread. The handlers are installed before this returns, so that
 /// no later signal ends the process without removing its ports.
 fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
-    // The runtime panics if it finds no descriptors for itself; an error tells that better.
+    // The runtime panics without free descriptors; this check returns an error instead.
     let spare: Vec<_> = (0..SPARE_PAIRS)
         .map(|_| UnixStream::pair())
         .collect::<io::Result<_>>()?;

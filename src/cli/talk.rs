@@ -48,7 +48,7 @@ pub(super) fn run(args: &TalkArgs) -> Result<Verdict, CliError> {
         None => Path::new(&args.port).to_owned(),
     };
     let words: Vec<&str> = args.request.iter().map(String::as_str).collect();
-    // A wrong request is told before the port is opened.
+    // A wrong request is reported before the port is opened.
     let requests = match words.is_empty() {
         true => Vec::new(),
         false => read_request(&description, &words)?,
@@ -132,7 +132,7 @@ impl Talk<'_> {
         let mut is_last = |frame: &_| description.reply(request, frame).is_asked;
         let time = match request.is_answered() {
             true => self.timeout.0,
-            // Whatever comes is told, but nothing is waited for.
+            // Received messages are printed without waiting.
             false => self.timeout.0.min(description.idle()),
         };
         let peer: &mut dyn Peer = &mut self.peer;

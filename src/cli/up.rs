@@ -124,7 +124,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let capture = record(&args, &mut going.run)?;
     let mut show = args.show.start()?;
     show.begin(&mut going.run);
-    // The clock starts last: setting up takes no time of the run.
+    // The clock starts last, so that the setup does not use time of the run.
     let mut realtime = Realtime::new(Held::at(Instant::ZERO));
     for seat in seats {
         realtime.serve(seat.end, seat.transport);
@@ -200,7 +200,8 @@ fn go(
     let mut log = Log::default();
     while !stop.is_due(realtime.clock().now()) && !going.is_over() && !control.has_quit() {
         realtime.turn(going)?;
-        // A client that reads the modem lines right after opening finds them raised.
+        // A client that reads the modem lines immediately after opening the port must find them
+        // raised.
         if control.hear() {
             realtime.carry(going)?;
         }
@@ -211,7 +212,7 @@ fn go(
         }
         let clock = realtime.clock();
         control.serve(&mut going.run, Some(clock), clock.now());
-        // A page continues when rig time stands.
+        // The page works even while virtual time stands still.
         show.turn(&mut going.run, Instant::ZERO + clock.waited());
         exec::log_contacts(&mut going.run);
         log.follow(&going.run);
@@ -270,7 +271,7 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
         return Ok(None);
     };
     if let Some(out) = &args.out {
-        // Before the run: a folder that cannot be written must not cost a whole run.
+        // Created before the run, so that an unwritable folder does not waste a run.
         Dir::create(out).map_err(|source| FolderError {
             path: out.clone(),
             source,
@@ -279,7 +280,7 @@ fn record(args: &Up, run: &mut Run) -> Result<Option<PathBuf>, CliError> {
     let limits = Limits {
         file_bytes: args.capture_max_mb << 20,
         files: args.capture_files,
-        // A result folder is written again as a whole.
+        // A result folder is overwritten as a whole.
         existing: match args.capture {
             Some(_) => Existing::SetAside,
             None => Existing::Replaced,
@@ -331,7 +332,7 @@ fn print_report(realtime: &Realtime<Held>, run: &Run) {
         let count = run.rig.excused();
         println!("  {count} broken rules not charged: the rig was late");
     }
-    // A robot without a player is not to blame for what the scenario's PC misses.
+    // A robot without a client is not responsible for missing messages to the scenario's PC.
     let used = reports.iter().filter(|report| is_used(report));
     let used: Vec<&str> = used.map(|report| &*report.name).collect();
     let of_clients =

@@ -65,7 +65,7 @@ pub(in crate::cli) struct DifferenceTold {
     pub(in crate::cli) kind: String,
     /// The request, message, field or register.
     pub(in crate::cli) place: String,
-    /// What the description says.
+    /// The value or behaviour in the description.
     pub(in crate::cli) expected: String,
     /// The device's behaviour.
     pub(in crate::cli) found: String,
@@ -81,11 +81,11 @@ pub(in crate::cli) struct NodeChecked {
 /// A part of the contract.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct NodePart {
-    /// Its name.
+    /// The name of the part.
     pub(in crate::cli) name: String,
-    /// Whether the program keeps it; not observed if it does not offer it.
+    /// Whether the program keeps the part; not observed if the program does not offer the feature.
     pub(in crate::cli) status: Status,
-    /// A sentence.
+    /// An explanation.
     pub(in crate::cli) detail: String,
 }
 
@@ -104,7 +104,7 @@ pub(in crate::cli) struct Learned {
 /// A claim.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct ClaimTold {
-    /// Its subject: `framing`, `checksum`, `messages`, `replies`.
+    /// Topic: `framing`, `checksum`, `messages`, `replies`.
     pub(in crate::cli) topic: String,
     pub(in crate::cli) words: String,
     pub(in crate::cli) evidence: String,

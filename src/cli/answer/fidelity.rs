@@ -9,7 +9,7 @@ use crate::cli::fidelity::ledger::Row;
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Figures {
     pub(in crate::cli) figures: Vec<FigureCompared>,
-    /// What judges the device, and what cannot be judged.
+    /// The sources that judge the device, and the properties that cannot be checked.
     pub(in crate::cli) ledger: Vec<Row>,
 }
 

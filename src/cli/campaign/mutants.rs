@@ -1,4 +1,4 @@
-//! `campaign --mutants`: the share of planted defects that the checkers find.
+//! `campaign --mutants`: the share of planted defects that the checks detect.
 
 use std::collections::BTreeMap;
 
@@ -14,7 +14,7 @@ use crate::scenario::{Scenario, Source};
 use crate::search::generate::{Profile, Vary};
 use crate::search::mutants::{Mutant, Mutants};
 
-/// Runs all seeds, or until the budget ends, and prints what was found.
+/// Runs all seeds, or until the budget is used up, and prints the result.
 pub(super) fn run(
     args: &CampaignArgs,
     read: &BTreeMap<String, (Scenario, Source)>,
@@ -42,7 +42,8 @@ pub(super) fn run(
     let is_over = || stop.is_due(now(&clock));
     let mut rounds = 0;
     for seed in args.seeds.clone() {
-        // Also if all are found: a later failure without a defect may take one back.
+        // Continues even if all defects are detected: a later failure without a defect may revoke a
+        // detection.
         if !mutants.round(seed, jobs(args, false), &is_over)? {
             break;
         }

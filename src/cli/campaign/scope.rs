@@ -1,4 +1,4 @@
-//! What a campaign draws, and how much of it is done.
+//! The fault profile of a campaign, and its coverage.
 
 use std::collections::BTreeMap;
 
@@ -6,13 +6,13 @@ use super::super::CliError;
 use crate::search::campaign::{CampaignPlan, Shard, Store};
 use crate::search::generate::{Profile, Vary};
 
-/// The profile of this name or file; of `--mutants` harsh if none is given.
+/// The profile with this name or file. The default is gentle, with `--mutants` harsh.
 pub(super) fn profile(name: Option<&str>, is_for_mutants: bool) -> Result<Profile, CliError> {
     let usual = if is_for_mutants { "harsh" } else { "gentle" };
     Ok(Profile::find(name.unwrap_or(usual))?)
 }
 
-/// Refuses a profile that would not be used.
+/// Rejects a profile that would not be used.
 pub(in crate::cli) fn needs_faults(profile: Option<&str>, vary: Vary) -> Result<(), CliError> {
     match profile {
         Some(_) if !vary.faults => {
@@ -25,7 +25,7 @@ pub(in crate::cli) fn needs_faults(profile: Option<&str>, vary: Vary) -> Result<
     }
 }
 
-/// What a campaign that was stopped has covered: how many seeds of each scenario.
+/// The coverage of a stopped campaign: the number of seeds of each scenario.
 pub(super) fn covered(plan: &CampaignPlan, store: &Store, shard: Shard) -> String {
     let mut counts: BTreeMap<&str, [usize; 2]> = BTreeMap::new();
     for (_, name, seed) in plan.runs().filter(|(number, ..)| shard.has(*number)) {

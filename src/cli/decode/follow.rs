@@ -80,7 +80,8 @@ impl Followed {
         })
     }
 
-    /// Whether the name now belongs to another file, as when a recording starts the next file.
+    /// Whether the name now belongs to another file, e.g. because a recording has started its next
+    /// file.
     fn was_replaced(&self, args: &DecodeArgs) -> bool {
         let (Ok(own), Ok(named)) = (self.file.metadata(), std::fs::metadata(&args.file)) else {
             return false;
@@ -129,7 +130,7 @@ impl Followed {
         Ok(())
     }
 
-    /// Flushes the pending bytes: no more follow, or not soon.
+    /// Flushes the pending bytes if no more bytes follow soon.
     fn finish(&mut self, out: &mut dyn Write) -> Result<(), Failure> {
         let names: Vec<&str> = self.links.iter().map(|link| &*link.name).collect();
         let start = (self.is_capture == Some(true)).then_some(self.start);

@@ -36,7 +36,7 @@ impl Source {
             return Self::of_dump(bytes, path, format);
         }
         let capture = Capture::of(&bytes);
-        // Packets of another tool's link type are imported, or refused with a word.
+        // Packets with the link type of another tool are imported, or rejected with a message.
         if capture.links.iter().any(|link| !link.is_serial()) {
             return Self::of_dump(bytes, path, Some(Format::Pcap));
         }
@@ -63,7 +63,7 @@ impl Source {
         };
         let certain = opened.format.filter(|_| opened.is_certain);
         let Some(format) = format.or(certain) else {
-            // The line's bytes as they are, also where they look like a text's encoding.
+            // The bytes of the line are kept unchanged, even if they look like encoded text.
             let content = match opened.notes.is_empty() {
                 true => bytes.clone(),
                 false => opened.bytes.into_owned(),
@@ -237,7 +237,7 @@ pub(in crate::cli) fn lanes(capture: &Capture, wanted: impl Fn(&str) -> bool) ->
         match record.kind {
             Kind::Data => lane.bytes.extend_from_slice(&record.bytes),
             Kind::Line(LineEvent::FramingError) => {
-                // One record may stand for several characters, and says for how many.
+                // One record may represent several characters; its comment contains their number.
                 let count = record.comment.split(' ').next();
                 let count = count.and_then(|count| count.parse().ok());
                 lane.framing_errors += count.unwrap_or(1_u64).min(1 << 16);

@@ -1,16 +1,16 @@
-//! The ledger of fidelity: for every kind of device the source that judges it, what agrees with
-//! that source and how closely, the tests that hold it, and what cannot be checked.
+//! The ledger of fidelity: for every kind of device the source that judges it, the properties that
+//! agree with the source and their accuracy, the tests, and the properties that cannot be checked.
 
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// What judges a device.
+/// The kind of source that judges a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(in crate::cli) enum Oracle {
     /// A data sheet, a protocol's document, the report of a robot.
     Document,
-    /// Bytes that a real device sent.
+    /// Bytes from a real device.
     Capture,
     /// A public program that works with the real device.
     Client,
@@ -37,15 +37,15 @@ impl Oracle {
 pub(in crate::cli) struct Row {
     /// Kind of device, as scenarios name it; `line` and `pc` are parts of every rig.
     pub(in crate::cli) device: &'static str,
-    /// What judges it.
+    /// The kind of source.
     pub(in crate::cli) oracle: Oracle,
     /// Name of the source.
     pub(in crate::cli) source: &'static str,
-    /// What agrees with the source, and how closely.
+    /// The properties that agree with the source, and their accuracy.
     pub(in crate::cli) agrees: &'static str,
-    /// What this source cannot tell.
+    /// The properties that this source cannot judge.
     pub(in crate::cli) unknown: &'static str,
-    /// Tests that hold the row, or the script with them.
+    /// The tests of this row, or the script that runs them.
     pub(in crate::cli) tests: &'static [&'static str],
 }
 

@@ -178,7 +178,7 @@ fn harness<'a>(
     harness.is_strict = args.exec.strict || args.exec.is_virtual;
     harness.supervision = args.exec.is_virtual.then_some(Supervision {
         call_cost: CALL_COST,
-        // No virtual time passes while it computes.
+        // Virtual time stands still while the program computes.
         spin_max: args.exec.alive.0.max(SPIN_MIN),
     });
     Ok(harness)
@@ -307,7 +307,7 @@ fn descriptions(
     let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
     let mut all = Vec::new();
     for (link, device) in &scenario.device {
-        // Several devices on one wire have no format in common.
+        // Several devices on one wire have no common format.
         let Some(DescriptionSpec(units)) = device.settings() else {
             continue;
         };

@@ -124,7 +124,7 @@ pub(in crate::cli) fn try_case(
     stop: &Stop,
 ) -> Result<CaseTried, CliError> {
     let mut foreign = foreign.clone();
-    // How it is to end is said by the rule.
+    // The rule of the case defines the expected end.
     foreign.may_end |= case.expect.exits.is_some();
     let tried = play_case((case, source), &foreign, out, stop)?;
     let printed = printed(out);
@@ -184,7 +184,8 @@ pub(in crate::cli) fn sound_of(
     stop: &Stop,
 ) -> Result<Sound, CliError> {
     let tried = play_case((&case.0, &case.1), foreign, out, stop)?;
-    // With devices the world goes another way with each program; only its words are compared.
+    // With devices, the world develops differently for each program, so only the output is
+    // compared.
     let links = match case.0.play {
         Some(Play::Devices) => &[],
         _ => &tried.links[..],

@@ -1,4 +1,4 @@
-//! `--firmware`: an ELF file on a simulated board in the place of the robot's program.
+//! `--firmware`: an ELF file on a simulated board instead of the robot's program.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -17,9 +17,9 @@ use crate::run::Run;
 use crate::scenario::device::firmware::node_of;
 use crate::scenario::{Scenario, Source};
 
-/// Name of the node; its words are in `node-program.log`.
+/// Name of the node; its output is in `node-program.log`.
 const NODE: &str = "program";
-/// gdb may hold the program for as long as it likes.
+/// Timeout while gdb may stop the program.
 const HELD_MAX: Duration = Duration::from_secs(30 * 24 * 3_600);
 
 /// Firmware as the program under test.
@@ -41,12 +41,12 @@ pub(super) struct FirmwareArgs {
 }
 
 impl FirmwareArgs {
-    /// Whether firmware takes the part of the program.
+    /// Whether firmware replaces the program.
     pub(super) const fn is_given(&self) -> bool {
         self.firmware.is_some()
     }
 
-    /// These options as they stand on a command line.
+    /// The same options as text, for a command line.
     pub(super) fn repeat(&self) -> String {
         let (Some(elf), Some(board)) = (&self.firmware, &self.board) else {
             return String::new();
@@ -75,7 +75,7 @@ impl FirmwareArgs {
         let wires = self.wires()?;
         let mut wanted = Vec::new();
         for end in &ends {
-            // A port that a robot can do without stays open unless it is named.
+            // An optional port stays open unless it is named.
             let is_wired = wires.contains_key(&end.name);
             let is_named = is_wired || board.unit(&end.name).is_some();
             match kind(end) {

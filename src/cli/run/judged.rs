@@ -203,7 +203,7 @@ impl Progress {
             let (now, visits, all) = (run.rig.now(), self.visits, mission.waypoints());
             let done = now - Instant::ZERO;
             let share = done.as_secs_f64() / run.scenario().duration.0.as_secs_f64();
-            // Of its whole time: it may be over earlier.
+            // The share refers to the maximum time; the run may end earlier.
             let left = match is_watched {
                 true => progress::left(elapsed, share).replace("about", "at most about"),
                 false => String::new(),
@@ -256,7 +256,7 @@ pub(super) fn finish_capture(
 /// Writes the result folder of a run and prints its verdicts.
 pub(in crate::cli) fn write_results(ran: Ran, out: &Path) -> Result<Ran, FolderError> {
     let written = folder::write(out, &ran.outcome, ran.wall);
-    // Also if the disk is full: what came of the run is known.
+    // Printed even if the disk is full, because the result is known.
     print_summary(&ran.outcome, ran.wall, out);
     let words = ran.outcome.node_words.iter();
     if let Some(slow) = &ran.outcome.slow_node {

@@ -1,4 +1,4 @@
-//! `--node`: a node program in the place of the robot's program.
+//! `--node`: a node program instead of the robot's program.
 
 use nodes::{NodeDevice, NodePort, NodeSpec, Role};
 
@@ -11,7 +11,7 @@ use crate::scenario::{Scenario, Source};
 /// Name of the node of a program under test.
 const NODE: &str = "program";
 
-/// A run of `scenario` with the node program that `command` starts at all its open ends.
+/// A run of `scenario` with the node program of `command` at all open ends.
 pub(super) fn run(scenario: Scenario, source: &Source, command: &str) -> Result<Run, CliError> {
     let pc = pc_end(&scenario);
     let mut wired = robots::wire(&scenario, source, Dut::External, pc)?;

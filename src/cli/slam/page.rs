@@ -105,7 +105,7 @@ impl Page {
         }
     }
 
-    /// The log is over: the page shows the result until the user ends it.
+    /// Shows the result of a finished log until the user ends the page.
     pub(super) fn stay(&mut self, survey: &Survey) {
         let Some(open) = &mut self.0 else {
             return;
@@ -159,7 +159,7 @@ impl Open {
         }
     }
 
-    /// All scans are processed: the last optimisation may have moved the poses.
+    /// Shows the final state: the last optimisation may have moved the poses.
     fn show_last(&mut self, survey: &Survey) {
         let Some(mut known) = self.last.take() else {
             return;
