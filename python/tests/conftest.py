@@ -13,7 +13,7 @@ SOURCE = Path(__file__).parent.parent / "src"
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    """A robot of data: two wheels, a lidar, a room; for 20 s."""
+    """A scenario of 20 s with a robot defined by data: two wheels, a lidar, a room."""
     path = tmp_path / "robot.toml"
     subprocess.run([find_binary(), "new", str(path), "--robot"], check=True, capture_output=True)
     return path
@@ -21,7 +21,7 @@ def scenario(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def inner(pytester: pytest.Pytester, scenario: Path, monkeypatch: pytest.MonkeyPatch):
-    """Runs pytest with the plugin over a file of tests beside the scenario."""
+    """Runs pytest with the plugin on a test file next to the scenario."""
     (pytester.path / "robot.toml").write_text(scenario.read_text())
     monkeypatch.setenv("PYTHONPATH", str(SOURCE))
 

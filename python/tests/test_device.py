@@ -1,4 +1,4 @@
-"""Devices in Python without a rig: requests in, answers out."""
+"""Devices in Python without a rig: only requests and answers."""
 
 import io
 import json
@@ -19,7 +19,7 @@ def exchange(now, *items):
 
 
 def played(device, *requests):
-    """The answers of ``device`` in the form for people."""
+    """The answers of ``device`` in readable form."""
     source = io.BytesIO(b"".join(json.dumps(one).encode() + b"\n" for one in requests))
     sink = io.BytesIO()
     main(device, source, sink)
@@ -65,7 +65,7 @@ def test_a_fresh_device_goes_on_from_a_saved_state():
 
 class Foreign(Meter):
     def hear(self, line, now):
-        # The first has the name of a method, the second none, the third is another device's.
+        # The first has a method name, the second has none, the third is of another device.
         others = {b"f": sorted, b"l": lambda: b"x", b"d": Meter(hello()["hello"]).later}
         self.after(0.5, others[line])
 

@@ -1,4 +1,4 @@
-"""The programs of docs/connect.md and docs/python.md, as they stand there."""
+"""The programs in docs/connect.md and docs/python.md, unchanged."""
 
 import re
 import shutil
@@ -32,7 +32,7 @@ def test_the_judged_robot_in_c(tmp_path: Path) -> None:
 
 
 def test_a_robot_that_does_not_look_fails(tmp_path: Path) -> None:
-    """The mutant: 750 mm become 75."""
+    """The mutant: 75 mm instead of 750 mm."""
     program = tmp_path / "robot.py"
     text = (DOCS / "connect" / "robot.py").read_text()
     program.write_text(text.replace("> 750", "> 75"))

@@ -1,4 +1,4 @@
-"""The plugin as a user meets it: pytest is run over tests with the fixture."""
+"""The plugin as a user sees it: runs pytest on tests with the fixture."""
 
 import os
 import re
@@ -31,7 +31,7 @@ def test_one(rig, number):
 
 @pytest.fixture
 def places(monkeypatch):
-    """Where rigs have their folders; short, as a socket's name must be."""
+    """The parent folder of rigs; a short path, because the name of a socket is limited."""
     with tempfile.TemporaryDirectory(prefix="h-") as folder:
         monkeypatch.setenv("TMPDIR", folder)
         yield Path(folder)
@@ -71,7 +71,7 @@ def test_a_failing_test_keeps_its_folder_and_says_how_to_repeat_it(inner, pytest
     names = {path.name for path in folder.iterdir()}
     assert {"report.html", "capture.pcapng", "result.json", "hilrig.log"} <= names
     assert [path.name for path in folder.parent.iterdir()] == [folder.name]
-    # The one command does it again, from anywhere.
+    # The command repeats the test from any directory.
     command = re.search(r"^repeat with: (.*)$", said, re.M)
     assert command and "--hilrig-seed 5" in command[1], said
     again = command[1].replace("python -m pytest", f"{sys.executable} -m pytest -p hilrig.plugin")
@@ -159,7 +159,7 @@ def test_a_killed_pytest_leaves_no_process_and_no_port(inner, pytester) -> None:
         ports = [Path(path.read_text()) for path in pids.iterdir()]
         assert all((path / "lidar").exists() for path in ports)
     finally:
-        # All of pytest, its workers too, at once: no process has time to clean up.
+        # Kills pytest and its workers at once, so that no process can clean up.
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
     rigs = [Path("/proc", path.name) for path in pids.iterdir()]

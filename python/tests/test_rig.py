@@ -1,4 +1,4 @@
-"""What a rig can be asked, with a client on its ports."""
+"""Requests to a rig with a client on its ports."""
 
 import os
 import struct
@@ -12,7 +12,7 @@ import hilrig
 
 
 def drive(wheels: serial.Serial, left: int, right: int) -> bytes:
-    """Writes the two registers of the wheels; the slave's answer of 5 bytes."""
+    """Writes the two registers of the wheels; returns the slave's answer of 5 bytes."""
     frame = bytes([0xAB, 1, 0x82]) + struct.pack("bb", left, right)
     wheels.write(frame + struct.pack("<H", sum(frame)))
     return wheels.read(5)
@@ -23,11 +23,11 @@ def test_a_program_drives_waits_and_is_judged(scenario: Path) -> None:
         assert rig.seed == 7
         assert set(rig.ports) == {"lidar", "lidar-motor", "wheels"}
         with serial.Serial(rig.port("wheels"), 115200, timeout=60) as wheels:
-            # 0.2 m/s from x = 1. The wheels stop half a second after the last order, which a slow
-            # program repeats.
+            # 0.2 m/s from x = 1. The wheels stop half a second after the last order, so a slow
+            # program must repeat it.
             turns = {"axis": {"name": "left", "op": ">", "value": 0}}
             for _ in range(100):
-                # The empty frame of register 1, and its sum 0xAB + 0x01 = 0x00AC.
+                # The empty frame of register 1 with its sum 0xAB + 0x01 = 0x00AC.
                 assert drive(wheels, 20, 20) == bytes([0xAB, 1, 0, 0xAC, 0])
                 if rig.wait(turns, "100ms"):
                     break
@@ -40,7 +40,7 @@ def test_a_program_drives_waits_and_is_judged(scenario: Path) -> None:
             assert live.folder is None and live.checks
         result = rig.finish()
         # The waypoint is far away, and the robot did not drive there.
-        # On a busy machine that is not judged: the rig may have been too late for the program.
+        # On a busy machine the run is not judged: the rig may have been too late for the program.
         assert not result and result.verdict in ("fail", "not-judged")
         assert [check.name for check in result.failures] == ["waypoints-visited"]
         assert (rig.out / "report.html").exists()
@@ -65,7 +65,7 @@ def test_faults_come_and_go(scenario: Path) -> None:
 
 
 def standing(rig: hilrig.Rig) -> int:
-    """The time at which it stands: a rig that was late catches up with its clock first."""
+    """The virtual time while paused: a late rig first catches up with its clock."""
     seen = -1
     while True:
         now = int(rig.state()["time_ns"])
@@ -107,7 +107,7 @@ def test_the_binary_is_the_one_that_is_named(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_rig_ends_with_its_process(scenario: Path) -> None:
-    """A child starts a rig, says where it is, and is killed."""
+    """A child process starts a rig, prints its directory, and is killed."""
     import signal
     import subprocess
     import sys

@@ -1,4 +1,4 @@
-"""Strategies made from descriptions."""
+"""Strategies for descriptions."""
 
 import struct
 from pathlib import Path
@@ -23,7 +23,7 @@ METER = hilrig.strategies(DEVICES / "modbus-meter.toml")
 @given(write=METER.writes())
 def test_writes_stay_within_type_and_limits(write) -> None:
     register, value = write
-    # The rows of the description that a driver may write.
+    # The registers of the description that a driver may write.
     limits = {"node": (1, 247), "alarm_voltage": (100, 300), "pulse_ms": (60, 1000)}
     if register.name == "relay":
         assert value in (True, False)
@@ -32,7 +32,7 @@ def test_writes_stay_within_type_and_limits(write) -> None:
     else:
         low, high = limits[register.name]
         assert low - 1e-6 <= value <= high + 1e-6
-        # A count of the alarm is worth 0.1 V.
+        # One count of the alarm is 0.1 V.
         assert round(value * 10) == pytest.approx(value * 10)
 
 
@@ -53,7 +53,7 @@ def test_extremes_are_those_of_type_and_limits(tmp_path) -> None:
         ('type = "i16", limits = [-2, 3], scale = -0.5', -2, 3),
         # 100 million counts of 0.01, whose limits are rounded.
         ('type = "u32", limits = [0.07, 1000000.07], scale = 0.01', 7 * 0.01, 100000007 * 0.01),
-        # The floats of 32 bits that are next to 0.1 and 0.3, inside: 3DCCCCCD is 0.100000001,
+        # The 32-bit floats just inside 0.1 and 0.3: 3DCCCCCD is 0.100000001,
         # 3E99999A is 0.300000012.
         ('type = "f32be", limits = [0.1, 0.3]', single("3dcccccd"), single("3e999999")),
         ('type = "f64", limits = [0.1, 0.3]', 0.1, 0.3),

@@ -1,7 +1,7 @@
 """A hardware-in-the-loop rig for small serial robots.
 
-``Rig`` starts ``hilrig up``: the robot's devices appear as serial ports, faults come and go, and
-the run is judged in the end. With pytest the fixture ``rig`` does that (see ``hilrig.plugin``).
+``Rig`` starts ``hilrig up``: the robot's devices appear as serial ports, faults can be added and
+ended, and the run is judged at its end. In pytest use the fixture ``rig`` (see ``hilrig.plugin``).
 """
 
 from .binary import BinaryNotFound, find_binary

@@ -1,4 +1,4 @@
-"""Where the command ``hilrig`` is."""
+"""The location of the command ``hilrig``."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 
 
 class BinaryNotFound(RuntimeError):
-    """There is no command ``hilrig``."""
+    """The command ``hilrig`` was not found."""
 
 
 def find_binary() -> str:
-    """The command: that of ``$HILRIG``, the one that this package brought, or that of ``PATH``."""
+    """The command in ``$HILRIG``, else the one of this package, else the one in ``PATH``."""
     named = os.environ.get("HILRIG")
     if named:
         return named
@@ -41,7 +41,7 @@ def _user_scheme() -> str:
 
 @functools.lru_cache(maxsize=None)
 def knows(binary: str, verb: str, option: str) -> bool:
-    """Whether this command's ``verb`` has ``option``; an older one may not."""
+    """Whether ``verb`` has ``option``; an older command may not have it."""
     shown = subprocess.run(
         [binary, verb, "--help"], capture_output=True, text=True, check=False
     )
@@ -50,6 +50,6 @@ def knows(binary: str, verb: str, option: str) -> bool:
 
 @functools.lru_cache(maxsize=None)
 def version(binary: str) -> str:
-    """What ``--version`` says."""
+    """The output of ``--version``."""
     shown = subprocess.run([binary, "--version"], capture_output=True, text=True, check=False)
     return shown.stdout.strip() or "of an unknown version"

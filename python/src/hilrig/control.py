@@ -1,4 +1,4 @@
-"""The control socket of a running rig: one JSON object a line each way (docs/control.md)."""
+"""The control socket of a running rig: one JSON object per line in each way (docs/control.md)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ import socket
 from pathlib import Path
 from typing import Any, Dict, Union
 
-#: Version of the interface that this client speaks.
+#: Version of the protocol that this client supports.
 PROTOCOL = 1
 
 
 class Refused(ValueError):
-    """The rig refused a request: which key, and what was expected. Nothing has changed."""
+    """The rig refused a request; it names the key and the expected value. Nothing has changed."""
 
     def __init__(self, key: str, message: str) -> None:
         super().__init__(f"{key}: {message}")
@@ -24,7 +24,7 @@ class Control:
     """A connection to a running rig."""
 
     def __init__(self, directory: Union[str, Path]) -> None:
-        """Connects to the rig whose ports are in ``directory``."""
+        """Connects to the rig with its ports in ``directory``."""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             self._socket.connect(str(Path(directory) / "control"))
@@ -39,7 +39,7 @@ class Control:
             raise ConnectionError(f"the rig speaks protocol {spoken}, expected {PROTOCOL}")
 
     def ask(self, do: str, **keys: Any) -> Dict[str, Any]:
-        """Sends a request and returns its answer; ``Refused`` if it was refused."""
+        """Sends a request and returns its answer; raises ``Refused`` if the rig refuses it."""
         request = {"do": do, **keys}
         self._file.write(json.dumps(request) + "\n")
         self._file.flush()
@@ -52,9 +52,9 @@ class Control:
         return answer
 
     def close(self) -> None:
-        """Hangs up; the rig goes on."""
+        """Disconnects; the rig continues."""
         for end in (self._file, self._socket):
             try:
                 end.close()
             except OSError:
-                pass  # Bytes that were not sent are lost.
+                pass  # Unsent bytes are lost.

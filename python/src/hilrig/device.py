@@ -1,4 +1,4 @@
-"""Devices in Python: a program that plays a device of a rig, or the robot's program.
+"""Devices in Python: a program that implements a device of a rig, or the robot's program.
 
 ::
 
@@ -14,9 +14,9 @@
     main(Thermometer)
 
 A scenario names the program: ``[device.meter.program]`` with ``exec = "python3 thermometer.py"``.
-The rig asks, the program answers, and time passes in the rig alone: ``now`` is the rig's time in
-seconds. A program must not look at the clock of the computer, sleep, or draw other random numbers
-than those of ``self.random``: then every run gives the same bytes. What it prints goes to its log.
+The rig sends requests and the program answers. Only the rig controls time: ``now`` is virtual time
+in seconds. Every run gives the same bytes if the program does not read the computer's clock, does
+not sleep, and uses only the random numbers of ``self.random``. Printed text goes to its log.
 
 The protocol is described in ``docs/nodes.md``.
 """
@@ -64,26 +64,26 @@ class Message:
 
 
 class Device:
-    """A device. Override what it is interested in; call the rest.
+    """A device. Override the methods for events; call the others.
 
-    Whatever happens calls one method, and what a method returns is sent: bytes, a message, or a
-    list of them.
+    Each event calls one method. The return value of the method is sent: bytes, a message, or a list
+    of them.
     """
 
-    #: What ends a line of text; then ``hear`` gets whole lines without it.
+    #: Line terminator; if set, ``hear`` gets whole lines without it.
     ends: Optional[bytes] = None
-    #: Longest line; what is longer is forgotten.
+    #: Maximum length of a line; of a longer line only the last bytes are kept.
     line_max = 4096
-    #: Names of faults that ``fault`` knows.
+    #: Names of the faults that ``fault`` handles.
     faults: Tuple[str, ...] = ()
-    #: Names of values that ``show`` gives.
+    #: Names of the values that ``show`` sets.
     outputs: Tuple[str, ...] = ()
-    #: Whether all state is in plain attributes, so that a run may be branched and shrunk faster.
+    #: Whether attributes hold the complete state: then runs can branch and are minimised faster.
     saves = False
-    #: Whether the description's frames are read and written by the rig: ``on_NAME`` for each.
+    #: Whether the rig decodes and encodes frames of the description: ``on_NAME`` for each message.
     typed = False
 
-    #: From the scenario and the rig; set before ``start``.
+    #: Values from the scenario and the rig, set before ``start``.
     name = ""
     seed = 0
     settings: Dict[str, Any] = {}
@@ -100,13 +100,13 @@ class Device:
 
     _description: Optional[str] = None
 
-    # What happens.
+    # Events.
 
     def start(self) -> None:
-        """The run begins; time is 0."""
+        """Called when the run begins; the time is 0."""
 
     def receive(self, data: bytes, now: float, port: int = 0) -> Any:
-        """Bytes arrived, the last one complete at ``now``."""
+        """Called for received bytes; the last byte ended at ``now``."""
         if self.ends is None:
             return self.hear(data, now)
         heard = self._heard.get(port, b"") + data
@@ -117,27 +117,27 @@ class Device:
         return None
 
     def hear(self, line: bytes, now: float) -> Any:
-        """A line of text arrived, or bytes if the device has no ``ends``."""
+        """Called for a received line of text, or for bytes if the device has no ``ends``."""
 
     def unknown(self, data: bytes, now: float) -> Any:
-        """Bytes arrived that are no message of the description."""
+        """Called for received bytes that are not a message of the description."""
         self.violation("unknown-message", f"{len(data)} bytes are no message of the description", data)
 
     def line(self, event: str, now: float, port: int = 0) -> Any:
-        """The far end opened or closed its port, or held the line low: ``break``."""
+        """Called when the other end opens or closes its port, or sends a ``break``."""
 
     def fault(self, name: str, begins: bool, figure: Optional[float], now: float) -> Any:
-        """A fault begins or ends."""
+        """Called when a fault begins or ends."""
 
-    # What it does.
+    # Actions.
 
     @property
     def now(self) -> float:
-        """The rig's time in seconds."""
+        """Virtual time in seconds."""
         return self._now / 1e9
 
     def port(self, name: str) -> int:
-        """The number of the port called so, for ``send``."""
+        """The number of the port ``name``, for ``send``."""
         return [port["name"] for port in self.ports].index(name)
 
     def send(self, data: Union[bytes, Message], after: float = 0.0, port: int = 0) -> None:
@@ -151,7 +151,7 @@ class Device:
             self._put(1, port, at, bytes(data[start : start + 0xFFFF]))
 
     def reply(self, message: Optional[str] = None, **fields: Any) -> Message:
-        """A message of the description; without a name the one that has just these fields."""
+        """A message of the description; without a name, the one with exactly these fields."""
         if message is not None:
             return Message(message, **fields)
         fitting = [
@@ -167,9 +167,9 @@ class Device:
         return Message(fitting[0], **fields)
 
     def after(self, seconds: float, method: Callable[..., Any], *arguments: Any) -> None:
-        """Calls a method of this device that much later.
+        """Calls a method of this device after ``seconds``.
 
-        Another function is refused: a saved state holds the name of a method, and no function.
+        Other functions are rejected, because a saved state can only contain names of methods.
         """
         name = getattr(method, "__name__", "")
         if getattr(self, name, None) != method:
@@ -179,16 +179,16 @@ class Device:
         heappush(self._timers, (at, self._timers_made, name, arguments))
 
     def note(self, rule: str, sentence: str) -> None:
-        """Something happened: an entry of the run's log."""
+        """Adds a note to the log of the run."""
         self._put(3, 0, self._now, rule.encode() + b"\0" + sentence.encode())
 
     def violation(self, rule: str, sentence: str, data: bytes = b"") -> None:
-        """The driver broke a rule of the device: the run fails if it expects none."""
+        """Reports that the driver broke a rule: the run fails if it allows no violation."""
         body = rule.encode() + b"\0" + sentence.encode()
         self._put(4, 0, self._now, body + (b"\0" + data if data else b""))
 
     def show(self, name: str, value: float) -> None:
-        """Gives a value of ``outputs``."""
+        """Sets a value of ``outputs``."""
         self._put(5, self.outputs.index(name), self._now, _VALUE.pack(value))
 
     def set_line(self, rate: int, form: str = "8N1", port: int = 0) -> None:
@@ -197,10 +197,10 @@ class Device:
         self._put(2, port, self._now, _CODING.pack(16, rate, int(form[0]), parity, int(form[2])))
 
     def set_open(self, is_open: bool, port: int = 0) -> None:
-        """Opens or closes its end of the line."""
+        """Opens or closes the device's end of the line."""
         self._put(2, port, self._now, bytes([0 if is_open else 1]))
 
-    # What the rig sees.
+    # Interface to the rig.
 
     def __init__(self, hello: Dict[str, Any]) -> None:
         self.name = hello["name"]
@@ -229,7 +229,7 @@ class Device:
             self.send(one, port=port)
 
     def _happen(self, kind: int, port: int, at: int, body: bytes) -> None:
-        # In the order of time: what was planned for earlier comes first.
+        # In order of time: earlier timers run first.
         self._run_timers(at)
         self._now = at
         now = at / 1e9
@@ -271,7 +271,7 @@ class Device:
 
     def _take(self, now: int) -> List[Tuple[int, int, int, bytes]]:
         out, self._out = self._out, []
-        # Bytes end a little before the rig speaks of them; nothing is sent in the past.
+        # Bytes ended shortly before the rig passed them on; no output may be in the past.
         return [(kind, port, max(at, now), body) for kind, port, at, body in out]
 
     def _greeting(self) -> Dict[str, Any]:
@@ -286,11 +286,11 @@ class Device:
         return greeting
 
     def save(self) -> bytes:
-        """All state, as bytes."""
+        """The complete state as bytes."""
         return pickle.dumps(self.__dict__, protocol=4)
 
     def load(self, state: bytes) -> None:
-        """Takes over a state that ``save`` once gave."""
+        """Loads a state that ``save`` returned."""
         self.__dict__.update(pickle.loads(state))
 
 
@@ -364,7 +364,7 @@ class _Binary:
 
 
 class _Json:
-    """Messages in their form for people: one object a line."""
+    """Messages in readable form: one JSON object per line."""
 
     def __init__(self, source: BinaryIO, sink: BinaryIO, begun: bytes) -> None:
         self._source = source
@@ -445,10 +445,10 @@ def main(
     source: Optional[BinaryIO] = None,
     sink: Optional[BinaryIO] = None,
 ) -> None:
-    """Plays ``device`` on standard input and output until the rig ends it."""
+    """Runs ``device`` on standard input and output until the rig ends it."""
     source = sys.stdin.buffer if source is None else source
     if sink is None:
-        # What a device prints must not get between the answers.
+        # Printed text must not mix with the answers.
         sink, sys.stdout = sys.stdout.buffer, sys.stderr
     begun = source.read(1)
     stream: Union[_Binary, _Json]

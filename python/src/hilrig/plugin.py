@@ -10,8 +10,8 @@
         assert r.wait({"pose": {"near_m": [2.2, 1.0], "within_m": 0.2}}, "30s")
         r.finish().assert_passed()
 
-Each rig has a directory of its own, so tests may run in parallel. The result folder of a test that
-fails is kept, and the report says where and how to repeat it.
+Each rig has its own directory, so tests may run in parallel. The result folder of a failed test is
+kept; the report contains its path and the command that repeats the test.
 """
 
 from __future__ import annotations
@@ -68,12 +68,12 @@ class RigFactory:
         self._request = request
         self._rigs: List[Rig] = []
         self._seeds: List[int] = []
-        #: Result folders, gone after a test that passes.
+        #: Result folders; removed after a passed test.
         self._folders: List[Path] = []
 
     def __call__(self, scenario: Optional[PathLike] = None, **settings: Any) -> Rig:
-        """Starts a rig: of the scenario, or that of the marker. ``settings`` are those of ``Rig``."""
-        # A test that is the program runs in real time, so its rig does, whatever the option says.
+        """Starts a rig for ``scenario``, or for that of the marker; ``settings`` as for ``Rig``."""
+        # A test that is the program itself runs in real time, so the rig must too.
         path, settings = self._settings(scenario, settings, is_virtual=False)
         rig = Rig(path, out=self._folder(), **settings)
         self._rigs.append(rig)
@@ -81,7 +81,7 @@ class RigFactory:
         return rig
 
     def run(self, program: str, scenario: Optional[PathLike] = None, **settings: Any) -> Result:
-        """Runs and judges a program, see ``hilrig.run``; in the folder of the test's file."""
+        """Runs and judges a program in the folder of the test's file, see ``hilrig.run``."""
         is_virtual = bool(self._request.config.getoption("--hilrig-virtual"))
         path, settings = self._settings(scenario, settings, is_virtual)
         settings.setdefault("cwd", Path(self._request.node.path).parent)
@@ -109,16 +109,16 @@ class RigFactory:
         if config.getoption("--hilrig-seed") is not None:
             settings["seed"] = config.getoption("--hilrig-seed")
         settings.setdefault("virtual", is_virtual)
-        # As a path in the test's own file would be read by a person: from the file, else from
-        # where pytest was started.
+        # A relative path starts at the test's file, else at the folder in which pytest was
+        # started.
         beside = Path(self._request.node.path).parent / path
         return (beside if beside.exists() else Path(path)), settings
 
     def _folder(self) -> Path:
-        """The next result folder of this test: named as the test, empty."""
+        """The next result folder of this test: empty, with the name of the test."""
         node = self._request.node.nodeid
         name = re.sub(r"[^A-Za-z0-9_.-]+", "-", node.rsplit("/", 1)[-1]).strip("-")[:80]
-        # Names of parameters may be the same without their signs.
+        # Without special characters two parametrised tests may have the same name.
         name += "-" + hashlib.sha256(node.encode()).hexdigest()[:6]
         name += f"-{len(self._folders)}" if self._folders else ""
         config = self._request.config
@@ -128,7 +128,7 @@ class RigFactory:
         return folder
 
     def story(self) -> str:
-        """What a failed test's report says: results, and the one command that repeats it."""
+        """The report of a failed test: result folders, and the command that repeats the test."""
         lines = [f"results: {folder}" for folder in self._folders]
         config = self._request.config
         words = ["python", "-m", "pytest", self._request.node.nodeid]
@@ -145,7 +145,7 @@ class RigFactory:
         return bool(self._folders)
 
     def close(self, failed: bool) -> None:
-        """Ends all rigs; what they leave stays if the test failed."""
+        """Ends all rigs; keeps their results if the test failed."""
         errors: List[str] = []
         for rig in self._rigs:
             try:
@@ -162,7 +162,7 @@ class RigFactory:
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
-    """Removes the folder of results if it is empty, when no worker writes there any more."""
+    """Removes the folder of results if it is empty, after the last worker has ended."""
     if hasattr(config, "workerinput"):
         return
     keep = Path(config.rootpath) / str(config.getoption("--hilrig-keep"))
@@ -170,7 +170,7 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         try:
             folder.rmdir()
         except OSError:
-            break  # Something else is in it.
+            break  # The folder is not empty.
 
 
 _FACTORY = pytest.StashKey[RigFactory]()
@@ -179,7 +179,7 @@ _FAILED = pytest.StashKey[bool]()
 
 @pytest.fixture
 def rig(request: pytest.FixtureRequest) -> Generator[RigFactory, None, None]:
-    """Starts rigs, each in a directory of its own; they end with the test."""
+    """Starts rigs, each in its own directory; they end with the test."""
     factory = RigFactory(request)
     request.node.stash[_FACTORY] = factory
     yield factory

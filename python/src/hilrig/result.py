@@ -1,4 +1,4 @@
-"""What a run came to."""
+"""The result of a run."""
 
 from __future__ import annotations
 
@@ -7,18 +7,18 @@ from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional
 
 
-#: Lines of a program's words that are shown.
+#: Number of shown lines of a program's output.
 LINES = 10
 
 
 @dataclass(frozen=True)
 class Check:
-    """One verdict."""
+    """One check with its status."""
 
     name: str
-    #: ``pass``, ``fail`` or ``not-observed``: there was nothing to watch.
+    #: ``pass``, ``fail`` or ``not-observed``: the property was not observed.
     status: str
-    #: A sentence with the figures.
+    #: A sentence with figures.
     detail: str
 
     def __str__(self) -> str:
@@ -33,17 +33,17 @@ class Check:
 class Result:
     """A judged run."""
 
-    #: ``pass``, ``fail`` or ``not-judged``: the rig itself was too late to tell.
+    #: ``pass``, ``fail`` or ``not-judged``: the rig itself was too late.
     verdict: str
     checks: List[Check]
-    #: Result folder: report.html, capture.pcapng and so on; none while the run goes on.
+    #: Result folder: report.html, capture.pcapng and so on; none during the run.
     folder: Optional[Path]
-    #: Everything that the command said, as in ``hilrig schema --output``.
+    #: The complete output of the command, see ``hilrig schema --output``.
     raw: Dict[str, Any]
 
     @property
     def probable_cause(self) -> Optional[str]:
-        """Why a program failed, in a sentence; ``None`` if it passed, or was not started by hilrig."""
+        """The reason why a program failed; ``None`` if it passed, or hilrig did not start it."""
         result = self.raw.get("result") or {}
         runs = result.get("runs") or [result.get("judged") or {}]
         cause = runs[0].get("probable_cause")
@@ -58,7 +58,7 @@ class Result:
         return [check for check in self.checks if check.status == "fail"]
 
     def assert_passed(self) -> None:
-        """Fails with the checks that did, and where the report is."""
+        """Raises an error with the failed checks and the path of the report."""
         if not self.passed:
             raise AssertionError(str(self))
 

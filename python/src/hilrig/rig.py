@@ -1,4 +1,4 @@
-"""A rig that runs: its ports, faults, conditions and verdict."""
+"""A running rig: its ports, faults, conditions and verdict."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from .result import Check, Result
 
 #: A path.
 PathLike = Union[str, "os.PathLike[str]"]
-#: How long a rig may take to start and to end, seconds of the wall clock.
+#: Timeout for the start and the end of a rig, wall time in seconds.
 PATIENCE = 30.0
 
 
 class RigError(RuntimeError):
-    """The rig did not start or did not end as it should; says why."""
+    """The rig did not start, or did not end correctly; contains the reason."""
 
 
 class Fault:
-    """A fault that acts; ends when it is told to, or at the end of a ``with``."""
+    """An active fault; ``end`` or the end of a ``with`` block ends it."""
 
     def __init__(self, control: Control, number: int) -> None:
         self._control = control
-        #: Its number, as in ``hilrig fault list``.
+        #: Number of the fault, as in ``hilrig fault list``.
         self.number = number
         self._is_over = False
 
     def end(self) -> None:
-        """Ends it now."""
+        """Ends the fault now."""
         if not self._is_over:
             self._is_over = True
             self._control.ask("end", id=self.number)
@@ -50,9 +50,9 @@ class Fault:
 
 
 class Rig:
-    """``hilrig up`` with a scenario, in a directory of its own.
+    """``hilrig up`` with a scenario, in its own directory.
 
-    The rig ends with this process, whatever ends it: it watches a pipe whose other end is here.
+    The rig ends together with this process, even after a kill: it watches a pipe to this process.
     """
 
     def __init__(
@@ -65,9 +65,9 @@ class Rig:
         options: Sequence[str] = (),
         binary: Optional[str] = None,
     ) -> None:
-        """Starts it; ``out`` is the result folder, ``options`` are further ones of ``hilrig up``."""
+        """Starts the rig; ``out`` is the result folder, ``options`` are added to ``hilrig up``."""
         self._binary = binary or find_binary()
-        # Short: the name of a unix socket has at most 107 bytes.
+        # A short path: the name of a Unix socket has at most 107 bytes.
         self._work = Path(tempfile.mkdtemp(prefix="hilrig-"))
         #: Directory of the ports.
         self.dir = self._work / "ports"
@@ -75,7 +75,7 @@ class Rig:
         self.out = Path(out) if out is not None else self._work / "out"
         self._result: Optional[Result] = None
         words = [self._binary, "up", os.fspath(scenario), "--dir", str(self.dir)]
-        # The result folder has the case; no other copy is needed where all tests run.
+        # The result folder contains the case; another copy in the working directory is not needed.
         words += ["--out", str(self.out), "--case", str(self._work / "up.toml")]
         words += ["--until-eof", "--json", *options]
         words += [] if seed is None else ["--seed", str(seed)]
@@ -84,8 +84,8 @@ class Rig:
         self.command = words
         self._log = (self._work / "hilrig.log").open("w+", encoding="utf-8")
         try:
-            # In a session of its own: a signal to all of pytest's group must not keep it from
-            # removing its ports.
+            # In its own session: after a signal to pytest's process group the rig must still
+            # remove its ports.
             self._process = subprocess.Popen(
                 words,
                 stdin=subprocess.PIPE,
@@ -103,7 +103,7 @@ class Rig:
             self._kill()
             self._clean()
             raise
-        #: Paths of the ports by their names.
+        #: Paths of the ports by name.
         self.ports: Dict[str, str] = {
             str(port["name"]): str(port["path"]) for port in self._control.greeting["ports"]
         }
@@ -123,21 +123,21 @@ class Rig:
             time.sleep(0.01)
 
     def port(self, name: str) -> str:
-        """Path of a port, to be opened as any serial port."""
+        """The path of a port, to be opened like any serial port."""
         if name not in self.ports:
             known = ", ".join(self.ports)
             raise KeyError(f"there is no port {name!r}, expected one of {known}")
         return self.ports[name]
 
     def log(self) -> str:
-        """What the rig said until now."""
+        """The output of the rig so far."""
         self._log.flush()
         return (self._work / "hilrig.log").read_text(encoding="utf-8", errors="replace")
 
     def fault(self, link: Optional[str] = None, **keys: Any) -> Fault:
         """Adds a fault as in a scenario: ``fault("base", direction="to-device", kind="cut")``.
 
-        A key that is a word of Python gets a ``_`` behind it: ``from_``.
+        Append ``_`` to a key that is a Python keyword: ``from_``.
         """
         fault = {key.rstrip("_"): value for key, value in keys.items()}
         if link is not None:
@@ -145,16 +145,16 @@ class Rig:
         return Fault(self._control, int(self._control.ask("add", fault=fault)["id"]))
 
     def wait(self, condition: Mapping[str, Any], timeout: str = "10s") -> bool:
-        """Waits until ``condition`` holds (docs/control.md); ``timeout`` is rig time."""
+        """Waits until ``condition`` holds (docs/control.md); ``timeout`` is virtual time."""
         answer = self._control.ask("wait", **{"for": dict(condition)}, timeout=timeout)
         return bool(answer["held"])
 
     def state(self) -> Dict[str, Any]:
-        """What the robot is and does now."""
+        """The current state of the robot."""
         return self._control.ask("state")
 
     def mission(self, action: Union[str, Mapping[str, Any]]) -> None:
-        """An order as in ``[[mission.step]]``: ``{"waypoints-m": [[1.5, 1.9]]}``."""
+        """Gives an order as in ``[[mission.step]]``: ``{"waypoints-m": [[1.5, 1.9]]}``."""
         self._control.ask("mission", action=action)
 
     def press(self, column: int, row: int) -> None:
@@ -162,19 +162,19 @@ class Rig:
         self._control.ask("press", display=[column, row])
 
     def pause(self) -> None:
-        """Lets rig time stand."""
+        """Pauses virtual time."""
         self._control.ask("pause")
 
     def resume(self) -> None:
-        """Lets rig time go on."""
+        """Resumes virtual time."""
         self._control.ask("resume")
 
     def step(self, by: str) -> None:
-        """Goes on by so much rig time, and waits for it; needs ``pause`` before."""
+        """Advances virtual time by ``by`` and waits for it; call ``pause`` before."""
         self._control.ask("step", by=by)
 
     def verdict(self) -> Result:
-        """The verdict on what there was until now; the run goes on."""
+        """The verdict so far; the run continues."""
         if self._result is not None:
             return self._result
         answer = self._control.ask("verdict")
@@ -182,7 +182,7 @@ class Rig:
         return Result(str(answer["verdict"]), checks, None, answer)
 
     def finish(self) -> Result:
-        """Ends the run and returns the verdict on all of it; the result folder is written."""
+        """Ends the run, writes the result folder, and returns the verdict."""
         if self._result is None:
             self._result = self._finish()
         return self._result
@@ -191,7 +191,7 @@ class Rig:
         try:
             self._control.ask("quit")
         except (OSError, ValueError):
-            pass  # It is over already; what it came to is read below.
+            pass  # The run has already ended; its result is read below.
         self._control.close()
         try:
             said, _ = self._process.communicate(timeout=PATIENCE)
@@ -201,12 +201,12 @@ class Rig:
         return _result(said, self.log())
 
     def keep_log(self) -> None:
-        """Puts what the rig said into the result folder."""
+        """Copies the output of the rig to the result folder."""
         self.finish()
         shutil.copyfile(self._work / "hilrig.log", self.out / "hilrig.log")
 
     def close(self) -> None:
-        """Ends the run if it goes on, and removes its directory; a folder of one's own stays."""
+        """Ends a running run, and removes its directory; a folder given as ``out`` stays."""
         try:
             if self._process.poll() is None and self._result is None:
                 self.finish()
@@ -251,11 +251,11 @@ def run(
     cwd: Optional[PathLike] = None,
     binary: Optional[str] = None,
 ) -> Result:
-    """Starts the shell command ``program`` on the rig's ports and judges it, as ``hilrig run
-    --exec`` does. Its environment has ``HILRIG_DIR`` and ``HILRIG_PORT_<NAME>``; it runs in the
-    folder ``cwd``."""
+    """Starts the shell command ``program`` on the rig's ports and judges it, like ``hilrig run
+    --exec``. Its environment contains ``HILRIG_DIR`` and ``HILRIG_PORT_<NAME>``; its working
+    directory is ``cwd``."""
     command = binary or find_binary()
-    # A socket's name is short, a result folder's need not be.
+    # The ports need a short path, because the name of a socket is limited.
     work, ports = _ports()
     paths = [os.path.abspath(path) for path in (scenario, out)]
     words = [command, "run", paths[0], "--exec", program, "--out", paths[1]]
@@ -263,7 +263,7 @@ def run(
     words += [] if seed is None else ["--seed", str(seed)]
     words += ["--exec-may-end"] if may_end else []
     words += _virtual(command, "run") if virtual else []
-    # Its input stays open as long as this process lives, and nothing comes through it.
+    # The input stays open, without data, while this process is running.
     with subprocess.Popen(
         words,
         stdin=subprocess.PIPE,
@@ -289,7 +289,7 @@ def _ports() -> Tuple[Path, Path]:
 
 
 def _read_both(process: "subprocess.Popen[str]") -> Tuple[str, str]:
-    """Both outputs to their ends. ``communicate`` would close the input first."""
+    """Reads both outputs to their ends. ``communicate`` would close the input first."""
     told: List[str] = []
     errors = process.stderr
     assert errors is not None and process.stdout is not None

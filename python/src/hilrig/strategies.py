@@ -1,4 +1,4 @@
-"""Hypothesis strategies made from the description of a device.
+"""Hypothesis strategies for the description of a device.
 
 ::
 
@@ -8,7 +8,7 @@
     def test_what_is_written_is_read(write):
         ...
 
-Needs the package ``hypothesis``, and Python 3.11 for its reader of TOML.
+Requires the package ``hypothesis``, and Python 3.11 for its TOML parser.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple, Union
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy
 
-#: Counts that a type can have, by its name.
+#: Range of counts by type name.
 COUNTS: Dict[str, Tuple[int, int]] = {
     f"{sign}{bits}": (
         (0, 2**bits - 1) if sign == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
@@ -33,11 +33,11 @@ COUNTS: Dict[str, Tuple[int, int]] = {
 }
 #: Widths of floats, bits.
 FLOATS = {"f32": 32, "f64": 64}
-#: The greatest float of 32 bits.
+#: The greatest 32-bit float.
 F32_MAX = (2 - 2**-23) * 2.0**127
 #: Faults that every described device has.
 FAULTS = ("off", "restart", "stuck", "garbage", "wrong", "slow")
-#: Part of a count by which a limit may miss it.
+#: Tolerance for a limit that is a count apart from rounding, in counts.
 SLACK = 1e-6
 #: Tables that a driver may write.
 WRITABLE = ("coils", "holding")
@@ -53,7 +53,7 @@ class Register:
     kind: str
     #: Whether the driver may write it.
     is_writable: bool
-    #: Value of a count, and of count 0.
+    #: Value of one count, and value of count 0.
     scale: Optional[float]
     offset: float
     limits: Optional[Tuple[float, float]]
@@ -63,7 +63,7 @@ class Register:
     file: str = ""
 
     def values(self) -> "SearchStrategy[Any]":
-        """Values within its type and limits, in its unit."""
+        """Values within the type and limits of the register, in its unit."""
         import hypothesis.strategies as st
 
         if self.table in ("coils", "discrete"):
@@ -72,7 +72,7 @@ class Register:
             return st.text("abcdefghijklmnopqrstuvwxyz 0123456789", max_size=self.size)
         kind = self.kind
         if kind[-2:] in ("le", "be"):
-            # The order of its bytes.
+            # Remove the byte order.
             kind = kind[:-2]
         if kind in FLOATS:
             return self._floats(FLOATS[kind])
@@ -86,7 +86,7 @@ class Register:
         if self.limits is not None:
             step = self.scale or 1.0
             bounds = sorted((limit - self.offset) / step for limit in self.limits)
-            # A bound that is a count but for rounding is that count.
+            # A bound that is a count apart from rounding is that count.
             low_count = max(low_count, math.ceil(bounds[0] - SLACK))
             high_count = min(high_count, math.floor(bounds[1] + SLACK))
         if low_count > high_count:
@@ -128,7 +128,7 @@ class Register:
 
 
 def _inward(low: float, high: float) -> Tuple[float, float]:
-    """The least and the greatest float of 32 bits between the bounds."""
+    """The smallest and the greatest 32-bit float between the bounds."""
 
     def near(bound: float, step: int) -> float:
         if math.isinf(bound) or abs(bound) > F32_MAX:
@@ -136,7 +136,7 @@ def _inward(low: float, high: float) -> Tuple[float, float]:
         single = float(struct.unpack("<f", struct.pack("<f", bound))[0])
         if (single - bound) * step >= 0:
             return single
-        # The next one in the direction of the step.
+        # The next float in the direction of the step.
         (bits,) = struct.unpack("<i", struct.pack("<f", single))
         if single == 0:
             bits = 1 if step > 0 else -0x7FFFFFFF
@@ -158,26 +158,26 @@ class Strategies:
             described = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise ValueError(f"{os.fspath(path)}: {error}") from error
-        #: Registers by their names.
+        #: Registers by name.
         self.registers: Dict[str, Register] = {}
         for table, rows in described.get("registers", {}).items():
             for row in rows if isinstance(rows, list) else []:
                 if isinstance(row, dict):
                     register = _register(os.fspath(path), table, row)
                     self.registers[register.name] = register
-        #: Names of the faults: those that all described devices have, then its own.
+        #: Names of the faults: common faults of all devices, then those of the description.
         self.fault_names: List[str] = [*FAULTS, *described.get("faults", {})]
         self._path = os.fspath(path)
 
     def values(self, name: str) -> "SearchStrategy[Any]":
-        """Values that the register ``name`` takes, in its unit."""
+        """Values that the register ``name`` accepts, in its unit."""
         if name not in self.registers:
             known = ", ".join(self.registers) or "none"
             raise KeyError(f"{self._path} has no register {name!r}, expected one of {known}")
         return self.registers[name].values()
 
     def writes(self) -> "SearchStrategy[Tuple[Register, Any]]":
-        """A register that the driver may write, and a value that the register takes."""
+        """A register that the driver may write, and a value that the register accepts."""
         import hypothesis.strategies as st
 
         writable = [one for one in self.registers.values() if one.is_writable]
@@ -214,5 +214,5 @@ def _register(file: str, table: str, row: Dict[str, Any]) -> Register:
 
 
 def strategies(path: Union[str, "os.PathLike[str]"]) -> Strategies:
-    """Strategies made from the description in the file ``path``."""
+    """Strategies for the description in the file ``path``."""
     return Strategies(path)
