@@ -43,10 +43,10 @@ struct CheckArgs {
     /// [default: uart:9600:8N1]
     #[arg(long, value_name = "NAME:RATE[:8N1]")]
     port: Vec<String>,
-    /// Bytes that the other end says, with \r, \n, \t, \0, \\ and \xNN; may be given several times
+    /// Bytes that the other end sends, with \r, \n, \t, \0, \\ and \xNN; may be given several times
     #[arg(long, value_name = "TEXT")]
     send: Vec<String>,
-    /// What the program is told, as a scenario's settings
+    /// Settings for the program, as in a scenario
     #[arg(long, value_name = "JSON")]
     settings: Option<String>,
 }

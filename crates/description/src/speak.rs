@@ -26,16 +26,16 @@ pub struct Request {
     pub words: String,
     /// The frame.
     pub bytes: Vec<u8>,
-    /// What the reply is.
+    /// The expected reply.
     pub(crate) asks: Asks,
 }
 
-/// What a reply to a request is.
+/// The expected reply to a request.
 #[derive(Clone, Debug)]
 pub(crate) enum Asks {
-    /// One of these messages; none if nothing is answered.
+    /// One of these messages; empty if the device does not reply.
     Messages(Vec<usize>),
-    /// A response of Modbus from this address.
+    /// A Modbus response from this address.
     Modbus { address: u8, read: Option<Read> },
 }
 
@@ -48,12 +48,12 @@ pub struct Reply {
     pub values: Vec<(String, Value, String)>,
     /// Whether the device refused the request.
     pub is_refusal: bool,
-    /// Whether it answers the request; otherwise it came by itself.
+    /// Whether the frame answers the request; otherwise it is unsolicited.
     pub is_asked: bool,
 }
 
 impl Description {
-    /// What the device can be asked, each as an example of words.
+    /// Examples of requests in words.
     pub fn phrases(&self) -> Vec<String> {
         if self.protocol.is_some() {
             return modbus::phrases(self);
@@ -66,11 +66,11 @@ impl Description {
         asked.map(phrase).collect()
     }
 
-    /// The requests that `words` ask for: the name of a message and `key=value` for its fields, or
-    /// `read` and `write` of registers.
+    /// Parses requests: the name of a message and `key=value` for its fields, or `read` and `write`
+    /// of registers.
     ///
     /// # Errors
-    /// If there is no such message, field or value; with what was expected.
+    /// If the message, field or value does not exist; with the expected ones.
     pub fn requests(&self, words: &[&str]) -> Result<Vec<Request>, String> {
         if self.protocol.is_some() {
             return modbus::requests(self, words);
@@ -102,7 +102,7 @@ impl Description {
         Ok(vec![request])
     }
 
-    /// The request that `message` with these values is.
+    /// The request with the message `message` and these values.
     ///
     /// # Errors
     /// If a value does not fit its field.
@@ -124,7 +124,7 @@ impl Description {
         Ok(Request { words, bytes, asks })
     }
 
-    /// The messages that may answer `message`.
+    /// The messages that can answer `message`.
     pub(crate) fn answers(&self, message: &Message) -> Vec<usize> {
         let index = self
             .messages
@@ -145,7 +145,7 @@ impl Description {
         answers
     }
 
-    /// A frame that came after a request, in words.
+    /// Describes in words a frame that arrived after a request.
     pub fn reply(&self, request: &Request, frame: &Frame) -> Reply {
         if let Asks::Modbus { address, read } = &request.asks {
             let body = self.body(frame).unwrap_or_default();
@@ -176,7 +176,7 @@ impl Description {
 }
 
 impl Request {
-    /// Whether the device answers it.
+    /// Whether the device answers the request.
     pub fn is_answered(&self) -> bool {
         match &self.asks {
             Asks::Messages(asked) => !asked.is_empty(),
@@ -196,7 +196,7 @@ impl Reply {
     }
 }
 
-/// A message with its fields, as it is asked for.
+/// The words of a request: a message with its fields.
 fn phrase(message: &Message) -> String {
     let mut words = vec![message.name().to_owned()];
     let known = message.fields();
@@ -214,7 +214,7 @@ fn phrase(message: &Message) -> String {
     words.join(" ")
 }
 
-/// The value that `text` is for the field `key` of a message.
+/// Parses `text` as the value of the field `key`.
 fn value_of(message: &Message, key: &str, text: &str) -> Result<Value, String> {
     let names = message.names();
     if !names.contains(&key) {
@@ -296,7 +296,7 @@ fn one(field: &Field, key: &str, text: &str) -> Result<Value, String> {
     }
 }
 
-/// A number as people write it.
+/// Parses a number as a user writes it.
 fn number(text: &str) -> Option<Value> {
     if let Some(int) = crate::compile::whole(text) {
         return Some(Value::Int(int));

@@ -6,7 +6,7 @@ use bytes::Bytes;
 use protocols::rle::{self, Dialect};
 use serde::Serialize;
 
-/// One row: run-length pairs of count and value.
+/// One row as run-length pairs of count and value.
 #[derive(Clone, Debug)]
 pub(super) struct Row {
     version: u64,

@@ -89,7 +89,7 @@ pub(in crate::cli) struct NodePart {
     pub(in crate::cli) detail: String,
 }
 
-/// What was learned from captured bytes.
+/// The knowledge learned from captured bytes.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Learned {
     pub(in crate::cli) claims: Vec<ClaimTold>,

@@ -1,7 +1,7 @@
 //! The shard of a queue task, from the environment variables that the queue sets.
 //!
-//! The number of shards cannot be read reliably: a task that is resubmitted alone is told that it
-//! is the only one of its array.
+//! The number of shards cannot be read reliably: for a task that is resubmitted alone, the queue
+//! sets the size of its array to one.
 
 use core::num::NonZeroUsize;
 

@@ -1,4 +1,4 @@
-//! What the report's script draws, as JSON.
+//! Data for the report's script, as JSON.
 //!
 //! ```text
 //! {end, footprint, scene, waypoints,

@@ -26,7 +26,7 @@ use realtime::clock::{Clock as _, WallClock};
 pub struct TrialOutcome {
     /// Causes of the failure.
     pub causes: Vec<Cause>,
-    /// What the program said on its standard error.
+    /// The standard error output of the program.
     pub said: String,
     /// The scenario as it ran; random faults are replaced by the bytes that they hit.
     pub ran: Scenario,

@@ -44,7 +44,7 @@ struct Tour {
 /// cross. The first limit is for scans of which less than half lies on walls, the second for scans
 /// that fit much less than usual.
 const CONTRADICTED: [f64; 2] = [0.25, 0.4];
-/// Path length that stands for an unknown motion, metres: all keyframes before it count as old.
+/// Path length that replaces an unknown motion, metres: all keyframes before it count as old.
 const UNKNOWN_M: f64 = 40.0;
 /// Information of an unknown motion.
 const UNKNOWN: f64 = 1e-6;

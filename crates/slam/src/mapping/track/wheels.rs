@@ -40,9 +40,9 @@ impl ByWheels {
 
 /// Systematic turn error of the odometry (bend), radians per metre.
 ///
-/// On a path without loops, a weak bend cannot be told from the systematic error of the scan
-/// matcher: a mapper that corrects it integrates its own error (windup). A strong bend shows in
-/// the walls of a single view, so it is corrected at once. A weak bend is learned from loop
+/// On a path without loops, a weak bend cannot be distinguished from the systematic error of the
+/// scan matcher: a mapper that corrects it integrates its own error (windup). A strong bend shows
+/// in the walls of a single view, so it is corrected at once. A weak bend is learned from loop
 /// closures only.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Bend {
