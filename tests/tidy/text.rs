@@ -407,6 +407,81 @@ fn sentences_name_their_subject() {
     judge(&files, open_subjects);
 }
 
+/// Rooms whose comments are in the words of the field; others follow.
+const PLAIN_ROOMS: [&str; 10] = [
+    "crates/boards/",
+    "crates/description/",
+    "crates/nodes/",
+    "crates/ports/",
+    "crates/safefs/",
+    "crates/search/",
+    "crates/show/",
+    "crates/slam/",
+    "crates/ui/",
+    "src/",
+];
+
+/// Phrases in place of a noun or of a word of the glossary.
+const HARD_PHRASES: [&str; 20] = [
+    "are heard",
+    "are told",
+    "askew",
+    "befallen",
+    "came about",
+    "came to",
+    "come about",
+    "comes about",
+    "far end",
+    "for ever",
+    "goes on",
+    "in the way",
+    "is heard",
+    "is told",
+    "of one's own",
+    "was heard",
+    "was told",
+    "what is",
+    "what it is",
+    "what it was",
+];
+
+/// Comments with phrases that a reader has to decode.
+fn hard_phrases(file: &File) -> Findings {
+    let is_plain = PLAIN_ROOMS.iter().any(|room| file.path.starts_with(room));
+    let is_wrong = |line: &str| {
+        let text = line.trim_start().to_lowercase();
+        let has = |phrase: &str| {
+            text.match_indices(phrase).any(|(at, _)| {
+                let (before, behind) = (&text[..at], &text[at + phrase.len()..]);
+                !before.ends_with(is_word) && !behind.starts_with(is_word)
+            })
+        };
+        is_plain && text.starts_with("//") && HARD_PHRASES.iter().any(|phrase| has(phrase))
+    };
+    let what = "write the noun of the field, see docs/glossary.md";
+    lines_that(file, numbered(file), is_wrong, what)
+}
+
+#[test]
+fn comments_use_the_words_of_the_field() {
+    for sample in [
+        "    // What is in the way is told.",
+        "/// How it comes about.",
+        "//! The far end of the line.",
+    ] {
+        assert_eq!(found_in(hard_phrases, "src/a.rs", sample), 1, "{sample}");
+        assert_eq!(found_in(hard_phrases, "tests/a.rs", sample), 0, "{sample}");
+    }
+    for sample in [
+        "/// The obstacle is logged.",
+        "/// Hardware, in the wayside.",
+        "let what = \"what is in the way\";",
+    ] {
+        assert_eq!(found_in(hard_phrases, "src/a.rs", sample), 0, "{sample}");
+    }
+    judge(&all(&[".rs"]), hard_phrases);
+}
+
 fn robot_names(file: &File) -> Findings {
     let shared = (file.path.starts_with("firmware_core/src/")
         && !file.path.starts_with("firmware_core/src/robots")
