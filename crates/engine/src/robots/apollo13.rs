@@ -8,7 +8,7 @@
 //! | `markers` | camera, markers | program, messages |
 //! | `remote` | phone | program, packets of Open Sound Control |
 //!
-//! The program is given a floor plan: what of the world is higher than the camera and not unmapped.
+//! The program gets a floor plan: the mapped objects of the world that are higher than the camera.
 
 mod defects;
 mod floor;
@@ -40,20 +40,21 @@ use script::script;
 const PHONE: &str = "phone";
 const REMOTE: &str = "remote";
 const LINKS: [&str; 5] = ["car", "odometer", "scan", "markers", REMOTE];
-/// Devices, each with its kind.
+/// Devices with their kinds.
 const DEVICES: [(&str, &str); 3] = [
     ("car", "car-board"),
     ("odometer", "odometer"),
     ("camera", "camera"),
 ];
 
-/// The camera sits 0.18 m ahead of the car's middle, that is of half of the wheelbase, and 0.34 m
+/// Position of the camera: 0.18 m plus half of the wheelbase ahead of the car's centre, and 0.34 m
 /// above the floor (the car's own transforms).
 const CAMERA_AHEAD_M: f64 = 0.18 + 0.129;
 const CAMERA_HEIGHT_M: f64 = 0.34;
-/// Distance from a wall that is followed (seed 003).
+/// Distance from the followed wall (seed 003).
 const WALL_M: f64 = 0.40;
-/// Walls that are followed in autonomous driving without a goal, by the name of the start mode.
+/// The side of the followed wall when driving autonomously without a goal, by the name of the start
+/// mode.
 const WALLS: [(&str, Side); 2] = [("wall-left", Side::Left), ("wall-right", Side::Right)];
 
 /// Situations that a campaign must cause: possible events on each link.
@@ -148,7 +149,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// The devices at their links, each port with the program's or an open end.
+/// Connects the devices to their links, with the program or an open end at the other end.
 fn connect_devices(wired: &mut Wired, devices: [(&'static str, Built); 3], program: Option<usize>) {
     let ports = [Apollo13::CAR, Apollo13::ODOMETER, Apollo13::SCAN];
     let mut links = LINKS.into_iter();
@@ -175,7 +176,7 @@ fn connect_devices(wired: &mut Wired, devices: [(&'static str, Built); 3], progr
     }
 }
 
-/// The phone at its link: the mission's script, or a foreign program.
+/// Connects the phone: the mission's script, or a foreign program.
 fn connect_phone(
     wired: &mut Wired,
     pc: PcEnd,
@@ -213,7 +214,7 @@ fn connect_phone(
     Ok(())
 }
 
-/// The program by itself.
+/// The program alone.
 fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     check_names(scenario, source)?;
     let program = Apollo13::new(config(scenario, source)?);
@@ -237,7 +238,7 @@ fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     })
 }
 
-/// The camera where the car has it, unless the scenario says otherwise, and how it was set.
+/// The camera with its usual mounting and settings, unless the scenario changes them.
 fn camera(scenario: &Scenario, source: &Source) -> Result<(Built, DeviceSpec), ScenarioError> {
     let plain = || {
         let plain = DeviceSpec::plain(CAMERA);
@@ -282,7 +283,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     Ok(())
 }
 
-/// What the car is told once: its start, its floor plan, what its odometer prints.
+/// Fixed settings of the car: start pose, floor plan, format of the odometer.
 fn config(scenario: &Scenario, source: &Source) -> Result<Config, ScenarioError> {
     let start = scenario.world.start_pose();
     let wall = match &scenario.program.start_mode {

@@ -1,20 +1,20 @@
-//! What a robot moves.
+//! The axes of a robot.
 
 use std::borrow::Cow;
 
 use serde::Serialize;
 
-/// Something that the robot is told to do and does: a wheel, a steering, a gripper.
+/// An axis with its command and its motion: a wheel, a steering, a gripper.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Axis {
     /// Its name.
     pub name: Cow<'static, str>,
-    /// Unit of the figures, empty if they have none.
+    /// Unit of the values, empty if they have none.
     pub unit: &'static str,
-    /// What it was told to do, as the device that moves it took it.
+    /// Set-point, as accepted by the device that drives the axis.
     pub set_point: f64,
-    /// Largest sound set-point, either way.
+    /// Greatest valid set-point in both directions.
     pub limit: Option<f64>,
-    /// What it does, if that can be told.
+    /// Actual value, if it is known.
     pub actual: Option<f64>,
 }

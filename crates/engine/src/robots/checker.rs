@@ -1,4 +1,4 @@
-//! What watches a run: the contract of every checker, and the verdict that it comes to.
+//! Checks of a run: the interface of checkers, and their verdicts.
 
 use emulators::world::Contact;
 use schemars::JsonSchema;
@@ -7,20 +7,20 @@ use serde::Serialize;
 use super::axis::Axis;
 use crate::rig::Rig;
 
-/// How a check ended.
+/// The status of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Status {
-    /// What was demanded held.
+    /// The required property holds.
     Pass,
-    /// It did not.
+    /// The required property does not hold.
     Fail,
-    /// There was nothing to watch: nothing is known.
+    /// The property was not observed, so nothing is known.
     NotObserved,
 }
 
 impl Status {
-    /// Whether something held.
+    /// The status for a property that holds or not.
     pub const fn of(holds: bool) -> Self {
         match holds {
             true => Self::Pass,
@@ -38,19 +38,19 @@ impl Status {
     }
 }
 
-/// One verdict.
+/// A check with its verdict.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Check {
     /// Stable name in kebab case.
     pub name: String,
-    /// How it ended.
+    /// The verdict.
     pub status: Status,
-    /// A sentence with the figures.
+    /// A sentence with figures.
     pub detail: String,
 }
 
 impl Check {
-    /// A verdict: `pass` or not.
+    /// A check that passes or fails.
     pub fn new(name: &str, pass: bool, detail: impl Into<String>) -> Self {
         Self {
             name: name.to_owned(),
@@ -59,7 +59,7 @@ impl Check {
         }
     }
 
-    /// A verdict about nothing; `detail` says what was missing.
+    /// A check that observed nothing; `detail` names the missing observation.
     pub fn not_observed(name: &str, detail: impl Into<String>) -> Self {
         Self {
             status: Status::NotObserved,
@@ -67,7 +67,7 @@ impl Check {
         }
     }
 
-    /// The same verdict, if there was something to watch.
+    /// The same check, or not observed if `observed` is false.
     #[must_use]
     pub fn if_observed(self, observed: bool) -> Self {
         match self.status {
@@ -92,28 +92,27 @@ impl core::fmt::Display for Check {
     }
 }
 
-/// What a checker sees at one moment.
+/// The view of a checker at one moment.
 #[derive(Clone, Copy)]
 pub struct Look<'a> {
     /// The rig.
     pub rig: &'a Rig,
-    /// What the robot was told to do; empty if it is not known.
+    /// The robot's axes; empty if they are not known.
     pub axes: &'a [Axis],
-    /// Contacts since the last look.
+    /// Contacts since the last call.
     pub contacts: &'a [Contact],
 }
 
-/// An invariant that is watched during the run.
+/// A property that is checked during the run.
 pub trait Checker: Send {
     /// Checks the rig; called every few milliseconds of virtual time.
     fn observe(&mut self, look: &Look<'_>);
 
-    /// The verdict so far. One that had nothing to watch says so.
+    /// The verdict so far; not observed if there was nothing to check.
     fn verdict(&self) -> Check;
 
-    /// The same checker in the same state, for a copy of the rig it looks at; what it listens with
-    /// it adds to `rig`, that copy. `None`: it cannot be copied, and a run that it watches has no
-    /// checkpoints.
+    /// The same checker in the same state, for a copy of the rig. Adds its observers to that copy,
+    /// `rig`. `None` if the checker cannot be copied: a run with it has no checkpoints.
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
         None
     }

@@ -1,7 +1,7 @@
-//! Robots that a scenario describes itself: a chassis, devices of the catalogue with their places
-//! on it, slaves as data whose values drive the chassis. The program is always a foreign one.
+//! Robots that a scenario defines: a chassis, mounted devices of the catalogue, and slaves as data
+//! whose values drive the chassis. The program is always a foreign one.
 //!
-//! And devices without a robot, on their wires alone.
+//! Also devices without a robot, on their links only.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -16,7 +16,7 @@ use crate::codec::Codec;
 use crate::rig::Rig;
 use crate::scenario::{DeviceSpec, NO_ROBOT, ProgramSpec, Scenario, ScenarioError, Source};
 
-/// A robot as data.
+/// A robot defined by data.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CustomRobot;
 
@@ -52,7 +52,7 @@ impl Robot for CustomRobot {
     }
 }
 
-/// No robot: devices on wires.
+/// No robot, only devices on links.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bare;
 
@@ -81,7 +81,7 @@ impl Robot for Bare {
     }
 }
 
-/// Orders for waypoints or modes are refused: the program has no station.
+/// Rejects orders for waypoints or modes: the program has no station.
 fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
     if plan.scenario.mission.step.is_empty() {
         return Ok(());
@@ -91,8 +91,8 @@ fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
     Err(plan.source.invalid(span, "mission.step", message))
 }
 
-/// What can never come true, and settings of a program that there is not: the program is one
-/// else's and says nothing of its pose, map and findings.
+/// Rejects impossible expectations and settings of the program: a foreign program does not report
+/// pose, map and findings.
 fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), ScenarioError> {
     let (scenario, source) = (plan.scenario, plan.source);
     let expect = &scenario.expect;
@@ -155,7 +155,7 @@ fn wire(plan: WirePlan<'_>, has_body: bool) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// The largest set-point of each actuator whose device limits it.
+/// The greatest set-point of each actuator with a limit.
 fn limits(devices: &BTreeMap<String, DeviceSpec>) -> BTreeMap<String, f64> {
     let driven = devices.values().filter_map(DeviceSpec::drives);
     let actuators = driven.flat_map(|drives| drives.actuators);
@@ -163,10 +163,11 @@ fn limits(devices: &BTreeMap<String, DeviceSpec>) -> BTreeMap<String, f64> {
     limits.collect()
 }
 
-/// A device needs this long to notice that its time is up; far below what a robot's way shows.
+/// Time within which a device detects its watchdog timeout; too short to matter for the robot's
+/// path.
 const STOPS_WITHIN: Duration = Duration::from_millis(50);
 
-/// Stands in until the links are known.
+/// A placeholder until the links are known.
 struct Unwired;
 
 impl Instruments for Unwired {}
@@ -175,7 +176,7 @@ struct CustomInstruments {
     has_body: bool,
     devices: BTreeMap<String, DeviceSpec>,
     codecs: BTreeMap<String, &'static Codec>,
-    /// Largest set-points that the devices take, by the actuator's name.
+    /// Greatest accepted set-points, by the name of the actuator.
     limits: BTreeMap<String, f64>,
 }
 
@@ -224,7 +225,7 @@ impl Instruments for CustomInstruments {
         self.has_body
     }
 
-    /// The lidars, unless the scenario names others.
+    /// The lidars, unless the scenario names other devices.
     fn needs(&self) -> Vec<Need> {
         let devices = self.devices.iter().filter(|_| self.has_body);
         let lidars = devices.filter(|(_, spec)| spec.scanner().is_some());

@@ -1,5 +1,4 @@
-//! What an observer may ask of a robot in a rig: page, report, history, score and checkers use
-//! nothing else.
+//! The interface through which page, report, history, score and checkers observe a robot in a rig.
 
 use core::time::Duration;
 use std::borrow::Cow;
@@ -19,38 +18,38 @@ use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::scenario::device::scan::ScanDecoder;
 
-/// How the axes are commanded.
+/// The protocol of commands to the axes.
 #[derive(Clone, Copy)]
 pub struct Dialect {
-    /// Link on which commands travel.
+    /// Link that carries the commands.
     pub link: &'static str,
-    /// The longest frame, bytes.
+    /// Maximum length of a frame, bytes.
     pub frame_max: usize,
-    /// What the valid frame with which these bytes end commands, if they end with one that
-    /// commands: for each axis the set-point as the axis can follow it.
+    /// The command of the valid frame at the end of the bytes, if there is one: for each axis the
+    /// set-point, limited to the range of the axis.
     pub command: fn(&[u8]) -> Option<Command>,
 }
 
-/// What a frame commands: a set-point for each axis that it names, in the order of the axes.
+/// The command of a frame: a set-point for each axis that it contains, in the order of the axes.
 pub type Command = Vec<Option<f64>>;
 
-/// When a device must have stopped its axes by itself.
+/// The watchdog of a device that drives axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Silence {
-    /// Link on which commands travel.
+    /// Link that carries the commands.
     pub link: &'static str,
     /// Silence of the master after which set-points must be zero.
     pub silence_max: Duration,
 }
 
-/// A device that drives axes, and when it stops them by itself.
+/// A device that drives axes, with its watchdog.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stops {
-    /// Link on which commands travel.
+    /// Link that carries the commands.
     pub link: String,
-    /// Silence of the master after which set-points must be zero; `None`: it has no watchdog.
+    /// Silence of the master after which set-points must be zero; `None` without a watchdog.
     pub silence_max: Option<Duration>,
-    /// The axes, by name; none: all of the robot.
+    /// Names of the axes; empty: all axes of the robot.
     pub axes: Vec<String>,
 }
 
@@ -64,21 +63,21 @@ impl From<Silence> for Stops {
     }
 }
 
-/// A link from which the robot must receive bytes in order to drive.
+/// A link from which the robot must receive bytes to drive.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Need {
-    /// Its name.
+    /// Name of the link.
     pub link: Cow<'static, str>,
-    /// Modes of the robot in which it needs the link; empty: all but those in `except`.
+    /// Modes of the robot that need the link; empty: all modes except those in `except`.
     pub only: &'static [&'static str],
-    /// Modes in which it does not.
+    /// Modes that do not need the link.
     pub except: &'static [&'static str],
-    /// Documented silence after which the robot stops, if it is longer than expected of others.
+    /// Documented silence after which the robot stops, if it is longer than usual.
     pub stops_after: Duration,
 }
 
 impl Need {
-    /// A link that is needed in all modes.
+    /// A link that all modes need.
     pub fn always(link: impl Into<Cow<'static, str>>) -> Self {
         Self {
             link: link.into(),
@@ -88,22 +87,22 @@ impl Need {
         }
     }
 
-    /// The same, in these modes only.
+    /// The same, for these modes only.
     #[must_use]
     pub const fn only(mut self, modes: &'static [&'static str]) -> Self {
         self.only = modes;
         self
     }
 
-    /// The same, but not in these modes.
+    /// The same, except for these modes.
     #[must_use]
     pub const fn except(mut self, modes: &'static [&'static str]) -> Self {
         self.except = modes;
         self
     }
 
-    /// Whether the link is needed in `mode`. Of a program whose mode is unknown only what is needed
-    /// in all modes is known.
+    /// Whether `mode` needs the link. If the mode is unknown, returns true only if all modes need
+    /// it.
     pub fn is_needed(&self, mode: Option<&str>) -> bool {
         let Some(mode) = mode else {
             return self.only.is_empty() && self.except.is_empty();
@@ -112,7 +111,7 @@ impl Need {
     }
 }
 
-/// A counter of the program that grows when the program notices that a link is silent.
+/// A counter of the program that grows when the program detects a silent link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Alarm {
     /// Name of the link.
@@ -121,23 +120,23 @@ pub struct Alarm {
     pub counter: &'static str,
 }
 
-/// A figure that the robot reported to its station.
+/// A value that the robot reported to its station.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
-    /// Its name, with its unit.
+    /// Name with unit.
     pub name: &'static str,
-    /// When the station received it.
+    /// Time of reception.
     pub at: Instant,
     /// The reported value.
     pub told: f64,
-    /// The value now, as the robot's own devices or its program have it.
+    /// The current value according to the robot's own devices or its program.
     pub truth: f64,
-    /// Permitted difference, beside the change since.
+    /// Permitted difference, in addition to the change since the report.
     pub tolerance: f64,
 }
 
 impl Figure {
-    /// The figures of a pose that was reported `at`: place and heading.
+    /// The values of a pose that was reported `at`: position and heading.
     pub fn of_pose(at: Instant, told: Pose, truth: Pose) -> [Self; 3] {
         let place = |name, told: f64, truth: f64| Self {
             name,
@@ -146,7 +145,7 @@ impl Figure {
             truth: truth * 1000.0,
             tolerance: 30.0,
         };
-        // The nearer of both turns.
+        // The smaller of the two rotations.
         let turned = emulators::world::wrap_angle(told.theta - truth.theta);
         [
             place("the x of the pose, mm", told.x, truth.x),
@@ -162,10 +161,10 @@ impl Figure {
     }
 }
 
-/// Values that belong together, for page and report.
+/// A group of values for page and report.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Panel {
-    /// What they are of, e.g. `base registers`.
+    /// Name of the group, e.g. `base registers`.
     pub name: String,
     /// The values.
     pub rows: Vec<PanelRow>,
@@ -174,48 +173,48 @@ pub struct Panel {
 /// A value of a panel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PanelRow {
-    /// Its name.
+    /// Name of the value.
     pub name: Cow<'static, str>,
-    /// Where it lies in its device, if it has an address.
+    /// Address in the device, if it has one.
     pub address: Option<u32>,
-    /// What it is now, as text.
+    /// Current value as text.
     pub value: String,
     /// Unit of the value, empty if it has none.
     pub unit: Cow<'static, str>,
 }
 
-/// People that the robot reports as found.
+/// Victims that the robot reports as found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Found {
-    /// Where, in the frame of the world, metres.
+    /// Positions in the frame of the world, metres.
     pub places: Vec<[f64; 2]>,
-    /// Rescue kits that its devices have dropped, if they are known.
+    /// Number of rescue kits that its devices have dropped, if known.
     pub kits: Option<usize>,
 }
 
 /// The robot's own display.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Display<'a> {
-    /// Pixels in a row.
+    /// Width in pixels.
     pub width: usize,
     /// All pixels, top row first: five bits red, six green, five blue.
     pub pixels: &'a [u16],
-    /// Whether it is lit.
+    /// Whether the display is on.
     pub is_on: bool,
 }
 
 impl Display<'_> {
-    /// Rows of pixels.
+    /// Height in pixels.
     pub const fn height(&self) -> usize {
         self.pixels.len() / self.width
     }
 
-    /// What is on it; black if it is dark.
+    /// The displayed picture; black if the display is off.
     pub fn picture(&self) -> Picture {
         Picture::from_fn(self.width, self.height(), |x, y| {
             let pixel = self.pixels[y * self.width + x];
             let [high, low] = pixel.to_be_bytes();
-            // Five or six bits become eight so that the largest value stays the largest.
+            // Expands five or six bits to eight so that the greatest value stays the greatest.
             let five = |bits: u8| bits << 3 | bits >> 2;
             let green = (high & 0x07) << 3 | low >> 5;
             if self.is_on {
@@ -227,34 +226,34 @@ impl Display<'_> {
     }
 }
 
-/// A link on which a device can be told to do something else for good, and the device: nothing but
-/// its switch brings it back.
+/// A link over which a device can be switched permanently to a console, and the device: only a
+/// power cycle restores it.
 pub type Console = (&'static str, &'static str);
 
-/// What may be asked of a robot in its rig. Everything is optional; what is not answered is not
-/// shown and not judged. Looking changes nothing.
+/// The observable state of a robot in its rig. All methods are optional; a value that is not
+/// provided is neither shown nor judged. Observation has no side effects.
 pub trait Instruments: Send + Sync {
-    /// Set-points of the robot, as its devices accepted them: always the same axes.
+    /// The robot's axes with their accepted set-points; always the same axes.
     fn axes(&self, _rig: &Rig) -> Vec<Axis> {
         Vec::new()
     }
 
-    /// How the axes are commanded on the wire.
+    /// The protocol of commands to the axes.
     fn dialect(&self, _rig: &Rig) -> Option<Dialect> {
         None
     }
 
-    /// When the axes must have been stopped.
+    /// The watchdog that stops the axes.
     fn silence(&self) -> Option<Silence> {
         None
     }
 
-    /// The devices that drive axes, and when each stops by itself.
+    /// The devices that drive axes, with their watchdogs.
     fn stops(&self) -> Vec<Stops> {
         self.silence().map(Stops::from).into_iter().collect()
     }
 
-    /// Links from which the robot must receive bytes in order to drive.
+    /// Links from which the robot must receive bytes to drive.
     fn needs(&self) -> Vec<Need> {
         Vec::new()
     }
@@ -269,36 +268,35 @@ pub trait Instruments: Send + Sync {
         None
     }
 
-    /// Links of the station: they carry bytes when a person wants something.
+    /// Links of the station: they only carry bytes when an operator acts.
     fn station_links(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// Counters that tell which links the program found silent.
+    /// Counters that grow when the program detects a silent link.
     fn alarms(&self) -> &'static [Alarm] {
         &[]
     }
 
-    /// Figures that the robot reported to its station, with the true ones.
+    /// Values that the robot reported to its station, with the true ones.
     fn figures(&self, _rig: &Rig) -> Vec<Figure> {
         Vec::new()
     }
 
-    /// Whether there is a robot that moves; else there are devices on their wires alone.
+    /// Whether there is a moving robot; otherwise there are only devices on links.
     fn has_body(&self) -> bool {
         true
     }
 
-    /// Where the robot believes to be, in the frame of the world, metres and radians, and when that
-    /// was: from the program in this process if nothing else is said.
+    /// The believed pose of the robot in the frame of the world, metres and radians, with its time;
+    /// by default that of the program in this process.
     fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
         let (at, pose) = rig.program()?.estimate()?;
         Some((at, in_metres(pose)))
     }
 
-    /// How much older than its time an [`estimate`](Self::estimate) may be: of one that came over a
-    /// radio it is unknown when it held. It is judged by the nearest true pose of that span, at
-    /// most 250 ms.
+    /// Maximum age of an [`estimate`](Self::estimate): a pose that was received over a radio has an
+    /// unknown time. It is compared with the nearest true pose of this span, at most 250 ms.
     fn estimate_age(&self, _rig: &Rig) -> Duration {
         Duration::ZERO
     }
@@ -308,12 +306,12 @@ pub trait Instruments: Send + Sync {
         rig.program()?.map()
     }
 
-    /// Maps besides [`map`](Self::map) by name: heat, plans, what a station received.
+    /// Further maps by name: heat, plans, maps received by a station.
     fn layers<'a>(&'a self, _rig: &'a Rig) -> Vec<(&'static str, MapView<'a>)> {
         Vec::new()
     }
 
-    /// Where the beams of the newest scan ended that the robot used, in the frame of the world,
+    /// End points of the beams in the newest scan that the robot used, in the frame of the world,
     /// metres.
     fn scan(&self, rig: &Rig) -> Vec<[f64; 2]> {
         let Some((program, (_, pose))) = rig
@@ -329,33 +327,33 @@ pub trait Instruments: Send + Sync {
             .collect()
     }
 
-    /// What else is drawn over the world: walls of a scan, roadmaps, plans, guesses. An overlay
-    /// that is empty now is left out.
+    /// Further drawings over the world: walls of a scan, roadmaps, plans, hypotheses. Empty
+    /// overlays are left out.
     fn overlays(&self, _rig: &Rig) -> Vec<Overlay> {
         Vec::new()
     }
 
-    /// The link on which a lidar sends, and what reads its turns.
+    /// The link on which a lidar sends, and the decoder of its turns.
     fn scanner(&self, _rig: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
         None
     }
 
-    /// What the robot is doing, in one or two words.
+    /// The robot's activity in one or two words.
     fn mode(&self, rig: &Rig) -> Option<&'static str> {
         Some(rig.program()?.mode())
     }
 
-    /// Whether a search that the robot does by itself has come to its end; `None` if there is none.
+    /// Whether the robot's autonomous search has ended; `None` without a search.
     fn is_done(&self, rig: &Rig) -> Option<bool> {
         rig.program()?.is_done()
     }
 
-    /// The people that the robot has found; `None` if it does not search.
+    /// The victims that the robot has found; `None` if it does not search.
     fn found(&self, _rig: &Rig) -> Option<Found> {
         None
     }
 
-    /// Values to be shown, always the same panels.
+    /// Values for display; always the same panels.
     fn panels(&self, _rig: &Rig) -> Vec<Panel> {
         Vec::new()
     }
@@ -365,7 +363,7 @@ pub trait Instruments: Send + Sync {
         None
     }
 
-    /// A finger touches the display at `place`, column and row, at `at`; whether there is one.
+    /// Touches the display at `place`, column and row, at `at`; returns whether there is a display.
     fn tap(&self, _rig: &mut Rig, _at: Instant, _place: [u16; 2]) -> bool {
         false
     }
@@ -375,17 +373,17 @@ pub trait Instruments: Send + Sync {
         None
     }
 
-    /// The same, to plan what it does later.
+    /// The same, mutable, to plan its later actions.
     fn station_mut<'a>(&'a self, _rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         None
     }
 
-    /// What a link speaks, if it is known.
+    /// The protocol of a link, if it is known.
     fn codec(&self, _rig: &Rig, _link: &str) -> Option<&'static Codec> {
         None
     }
 
-    /// The same for one way of a link whose ways speak differently.
+    /// The protocol of one direction of a link whose directions use different protocols.
     fn codec_towards(
         &self,
         rig: &Rig,
@@ -395,30 +393,30 @@ pub trait Instruments: Send + Sync {
         self.codec(rig, link)
     }
 
-    /// Checkers that only this robot needs. They may listen to the rig.
+    /// Checks for this robot only. They may observe the rig.
     fn checkers(&self, _rig: &mut Rig) -> Vec<Box<dyn Checker>> {
         Vec::new()
     }
 
-    /// Links that carry something only when there is something to tell, e.g. of what a camera
-    /// recognises: that they are silent says nothing.
+    /// Links that only carry occasional messages, e.g. recognised markers: their silence is not a
+    /// fault.
     fn sporadic_links(&self) -> &'static [&'static str] {
         &[]
     }
 
-    /// Links that reach a console, for faults that are made by chance.
+    /// Links with a console, for randomly generated faults.
     fn consoles(&self) -> &'static [Console] {
         &[]
     }
 }
 
-/// A robot of which nothing is known but its rig.
+/// A robot of which only the rig is known.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unknown;
 
 impl Instruments for Unknown {}
 
-/// A program's pose in the world's units: map and world share their frame.
+/// A pose of the program in the units of the world: map and world share their frame.
 pub fn in_metres(pose: firmware_core::pose::Pose) -> Pose {
     let [x, y, theta] = [pose.x_mm, pose.y_mm, pose.heading].map(f64::from);
     Pose::new(x / 1000.0, y / 1000.0, theta)

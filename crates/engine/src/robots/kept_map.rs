@@ -1,8 +1,8 @@
-//! A robot's map kept for later.
+//! A stored map of a robot.
 
 use firmware_core::map_view::MapView;
 
-/// A map as it was at one moment.
+/// A map at one moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KeptMap {
     width: usize,

@@ -1,46 +1,47 @@
-//! What a robot has to show besides maps, ways and scans: drawn over the world by page and report.
+//! Drawings of a robot in addition to maps, paths and scans, shown over the world by page and
+//! report.
 
 use serde::Serialize;
 
-/// Maximum number of coordinates of an overlay, so that it stays small on its way to a page.
+/// Maximum number of coordinates in an overlay, to limit its size.
 const NUMBERS_MAX: usize = 4_000;
 
-/// Lines and points of one meaning, in the frame of the world, metres.
+/// Lines and points with one meaning, in the frame of the world, metres.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Overlay {
-    /// What it is, e.g. `roadmap`: people switch it on and off by this name.
+    /// Name, e.g. `roadmap`: users show and hide the overlay by this name.
     pub name: &'static str,
-    /// What it means, by which it has its colour.
+    /// Meaning, which determines the colour.
     pub role: OverlayRole,
-    /// Polylines: x and y of each corner in turn.
+    /// Polylines: x and y of each corner alternately.
     lines: Vec<Vec<f64>>,
-    /// Single places: x and y in turn.
+    /// Points: x and y alternately.
     points: Vec<f64>,
-    /// Lines and points beyond the most that are shown.
+    /// Number of lines and points beyond the limit.
     left_out: usize,
-    /// Coordinates so far.
+    /// Number of coordinates so far.
     #[serde(skip)]
     numbers: usize,
 }
 
-/// What an overlay means.
+/// The meaning of an overlay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OverlayRole {
-    /// The robot has measured it: walls of a scan, ranges.
+    /// Measurements: walls of a scan, ranges.
     Sensed,
-    /// It could be driven: roadmaps, primitives.
+    /// Possible paths: roadmaps, primitives.
     Possible,
-    /// It is to be driven: plans, via points.
+    /// Planned paths: plans, via points.
     Planned,
-    /// Where something may be: particles, second best places.
+    /// Hypotheses: particles, second best poses.
     Guess,
-    /// It stands out in the world: markers, gates, goals.
+    /// Landmarks: markers, gates, goals.
     Mark,
 }
 
 impl Overlay {
-    /// Nothing yet.
+    /// An empty overlay.
     pub const fn new(name: &'static str, role: OverlayRole) -> Self {
         Self {
             name,
@@ -52,8 +53,8 @@ impl Overlay {
         }
     }
 
-    /// With a line from place to place. One with a place that is not finite, or beyond the most
-    /// that are shown, is counted only.
+    /// Adds a line through positions. A line beyond the limit, or with a position that is not
+    /// finite, is only counted.
     #[must_use]
     pub fn line(mut self, places: impl IntoIterator<Item = [f64; 2]>) -> Self {
         let line: Vec<f64> = places.into_iter().flatten().map(millimetres).collect();
@@ -65,7 +66,7 @@ impl Overlay {
         self
     }
 
-    /// With a single place, likewise.
+    /// Adds a point, with the same rules.
     #[must_use]
     pub fn point(mut self, place: [f64; 2]) -> Self {
         let place = place.map(millimetres);
@@ -77,22 +78,22 @@ impl Overlay {
         self
     }
 
-    /// Polylines: x and y of each corner in turn.
+    /// Polylines: x and y of each corner alternately.
     pub fn lines(&self) -> &[Vec<f64>] {
         &self.lines
     }
 
-    /// Single places: x and y in turn.
+    /// Points: x and y alternately.
     pub fn points(&self) -> &[f64] {
         &self.points
     }
 
-    /// Whether there is nothing to draw.
+    /// Whether the overlay is empty.
     pub const fn is_empty(&self) -> bool {
         self.lines.is_empty() && self.points.is_empty()
     }
 
-    /// Lines and points that are not shown.
+    /// Number of lines and points that were left out.
     pub const fn left_out(&self) -> usize {
         self.left_out
     }
@@ -105,9 +106,9 @@ impl Overlay {
     }
 }
 
-/// Metres in whole millimetres: what can be seen, in few digits.
+/// Rounds metres to whole millimetres.
 pub fn millimetres(metres: f64) -> f64 {
-    // No -0: a page would not tell it from 0.
+    // Avoids -0, which a page would print differently from 0.
     (metres * 1000.0).round() / 1000.0 + 0.0
 }
 
@@ -115,7 +116,7 @@ pub fn millimetres(metres: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// 1000 lines of four numbers fill it; a place that is none is no place.
+    /// 1000 lines of four numbers fill the overlay; NaN is not a position.
     #[test]
     fn an_overlay_is_bounded_and_says_what_it_leaves_out() {
         let full = (0..1_001).fold(Overlay::new("many", OverlayRole::Possible), |all, _| {

@@ -1,10 +1,10 @@
-//! The operator's script: a mission's steps in the words of its station.
+//! The operator's script: the steps of a mission as wishes to its station.
 
 use protocols::Instant;
 
 use crate::scenario::{Action, Mission, ScenarioError, Source, Step};
 
-/// Wishes in the order of their times.
+/// Wishes in order of time.
 #[derive(Clone, Debug)]
 pub(super) struct Script<W> {
     steps: Vec<(Instant, W)>,
@@ -12,10 +12,10 @@ pub(super) struct Script<W> {
 }
 
 impl<W: Clone> Script<W> {
-    /// What comes `first`, and then the steps of `mission`, of which `wish` says what they mean.
+    /// A script with the wishes `first`, then the steps of `mission`, which `wish` converts.
     ///
     /// # Errors
-    /// If a step is none for this robot.
+    /// If the robot does not support a step.
     pub(super) fn of(
         mission: &Mission,
         source: &Source,
@@ -29,7 +29,7 @@ impl<W: Clone> Script<W> {
             })?;
         }
         let mut steps = first;
-        // Steps with a condition are handed over when it has come true.
+        // Steps with a condition are added when the condition holds.
         let mut timed: Vec<&Step> = mission.step.iter().filter(|it| it.at.is_some()).collect();
         timed.sort_by_key(|step| step.at);
         let timed = timed
@@ -39,15 +39,15 @@ impl<W: Clone> Script<W> {
         Ok(Self { steps, next: 0 })
     }
 
-    /// Puts `step`, which means `wish`, at `index` among the `mission` steps of the scenario, but
-    /// behind what was done.
+    /// Inserts `step`, converted to `wish`, at `index` among the `mission` steps of the scenario,
+    /// but behind executed steps.
     pub(super) fn insert(&mut self, mission: usize, index: usize, step: &Step, wish: W) {
         let others = self.steps.len().saturating_sub(mission);
         let index = (others + index).clamp(self.next, self.steps.len());
         self.steps.insert(index, (time(step), wish));
     }
 
-    /// Puts `wish` behind all steps up to the last one that is due by `at`.
+    /// Inserts `wish` behind all steps up to the last one that is due by `at`.
     pub(super) fn put(&mut self, at: Instant, wish: W) {
         let due = self.steps.iter().rposition(|(time, _)| *time <= at);
         let index = due.map_or(0, |last| last + 1).max(self.next);
@@ -56,7 +56,7 @@ impl<W: Clone> Script<W> {
 
     /// When the next step is due.
     pub(super) fn due(&self) -> Option<Instant> {
-        // A step does not overtake the one before it.
+        // A step does not overtake its predecessor.
         self.steps.get(self.next).map(|(at, _)| *at)
     }
 

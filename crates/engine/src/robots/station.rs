@@ -1,5 +1,5 @@
-//! The operator's station of a robot: the other end of its radio or telemetry link, and the hand at
-//! the page that uses it.
+//! The operator's station of a robot: the other end of its radio or telemetry link, and manual
+//! control from the page.
 
 use core::time::Duration;
 
@@ -10,12 +10,12 @@ use serde::Serialize;
 
 use crate::scenario::{Action, SetPoint, Step};
 
-/// Silence of the driver by hand after which the robot is stopped: a page that hangs or was
-/// closed must not continue driving.
+/// Time without manual input after which the robot is stopped: a page that hangs or was closed must
+/// not keep driving.
 pub const HAND_OFF: Duration = Duration::from_millis(1000);
 
-/// A mode with a place and a heading behind its name, metres and degrees: its name and the figures,
-/// as [`PlaceAct`] has it.
+/// Splits a mode with a position and a heading behind its name, metres and degrees; see
+/// [`PlaceAct`].
 pub fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
     let mut words = mode.split_whitespace();
     let name = words.next()?;
@@ -25,47 +25,47 @@ pub fn with_pose(mode: &str) -> Option<(&str, [f32; 3])> {
     are_finite.then_some((name, figures))
 }
 
-/// Orders. Places are in millimetres of the robot's map.
+/// Orders. Positions are in millimetres of the robot's map.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Gesture {
-    /// Another waypoint at the end of the list.
+    /// Adds a waypoint at the end of the list.
     Add {
         /// The position.
         at: [i32; 2],
     },
     /// Moves a waypoint.
     Move {
-        /// Its place in the list, from 0.
+        /// Index in the list.
         index: usize,
         /// Its position, as displayed to the operator.
         from: [i32; 2],
         /// Its destination.
         to: [i32; 2],
     },
-    /// A waypoint is taken out of the list.
+    /// Removes a waypoint from the list.
     Delete {
-        /// Its place in the list, from 0.
+        /// Index in the list.
         index: usize,
         /// Its position, as displayed to the operator.
         at: [i32; 2],
     },
-    /// All waypoints are taken out.
+    /// Removes all waypoints.
     Clear,
     /// The robot's order: one of the station's [modes](Station::modes).
     Mode(String),
-    /// The axes' set-points by hand, in their order and unit.
+    /// Sets the axes by hand, in their order and unit.
     Drive(Vec<SetPoint>),
     /// Opens the port.
     Connect,
-    /// Closes it.
+    /// Closes the port.
     Disconnect,
 }
 
 impl Gesture {
-    /// The reaction of a station that only has a list of `places`, metres.
+    /// The action of a station that only has a list of `places`, metres.
     ///
     /// # Errors
-    /// A sentence, if there is no such place.
+    /// A message, if the position is not in the list.
     pub fn on(self, places: &[[f64; 2]]) -> Result<Action, String> {
         let mut places = places.to_vec();
         let metres = |at: [i32; 2]| at.map(|mm| f64::from(mm) / 1_000.0);
@@ -102,15 +102,15 @@ pub struct StationView {
     pub size_mm: Option<[u16; 2]>,
     /// The waypoints, millimetres of the robot's map: the last sent ones until they are confirmed.
     pub waypoints: Vec<[i16; 2]>,
-    /// Whether the robot has them all.
+    /// Whether the robot has received all waypoints.
     pub confirmed: bool,
-    /// Rows of the map that have not come yet.
+    /// Number of rows of the map that have not arrived.
     pub rows_missing: Option<usize>,
     /// The last order: mode and set-points.
     pub order: Option<(&'static str, Vec<SetPoint>)>,
     /// Received bytes.
     pub bytes: u64,
-    /// Frames, messages and rows that were damaged.
+    /// Number of damaged frames, messages and rows.
     pub bad: u64,
 }
 
@@ -121,7 +121,7 @@ pub struct StationState {
     pub mode: &'static str,
     /// Speeds of its wheels or axes, mm/s.
     pub speed: Vec<SetPoint>,
-    /// Set-points in force.
+    /// Current set-points.
     pub to: Vec<SetPoint>,
 }
 
@@ -132,44 +132,44 @@ pub struct DriveKeys {
     pub ahead: Vec<SetPoint>,
     /// Change by the left key; the right key subtracts it.
     pub left: Vec<SetPoint>,
-    /// Greatest set-point either way, of each axis.
+    /// Greatest set-point of each axis in both directions.
     pub limit: Vec<SetPoint>,
 }
 
-/// Something that a station can do with a place: a mode with figures behind its name, the place in
-/// metres of the robot's map, and the heading in degrees if there is one, as in `go-to 0.5 1.2 90`.
+/// A station's action with a position: a mode with values behind its name, the position in metres
+/// of the robot's map, and the heading in degrees if there is one, as in `go-to 0.5 1.2 90`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct PlaceAct {
     /// Name of the mode.
     pub mode: &'static str,
-    /// Its effect, in a sentence.
+    /// Effect in one sentence.
     pub about: &'static str,
-    /// Whether a heading follows the place.
+    /// Whether a heading follows the position.
     pub heading: bool,
 }
 
-/// The other end of a robot's link, steered by a mission's steps and by gestures.
+/// The other end of a robot's link, controlled by the steps of a mission and by gestures.
 pub trait Station {
-    /// The modes that it can order.
+    /// The supported modes.
     fn modes(&self) -> &'static [&'static str];
 
-    /// Its actions with a position on the map.
+    /// Actions with a position on the map.
     fn place_acts(&self) -> &'static [PlaceAct] {
         &[]
     }
 
-    /// Manual control by keys; `None` if it has none.
+    /// Manual control by keys; `None` if not supported.
     fn keys(&self) -> Option<DriveKeys> {
         None
     }
 
-    /// Its knowledge at `now`.
+    /// The station's knowledge at `now`.
     fn view(&self, now: Instant) -> StationView;
 
-    /// The map that it received.
+    /// The received map.
     fn map(&self) -> Option<MapView<'_>>;
 
-    /// Whether it has all of the robot's map, if robots like this one send it.
+    /// Whether the station has received the whole map, if such robots send it.
     fn has_whole_map(&self) -> Option<bool> {
         None
     }
@@ -177,28 +177,28 @@ pub trait Station {
     /// The reported pose of the robot, metres and radians of its map.
     fn stated_pose(&self) -> Option<emulators::world::Pose>;
 
-    /// Its reaction to `gesture`.
+    /// The action for `gesture`.
     ///
     /// # Errors
-    /// A sentence, if the gesture makes no sense now.
+    /// A message, if the gesture is not valid now.
     fn answer(&self, gesture: Gesture) -> Result<Action, String>;
 
-    /// Puts a step into its script, at `index` among the `mission` steps of the scenario.
+    /// Inserts a step into the script, at `index` among the `mission` steps of the scenario.
     ///
     /// # Errors
-    /// A sentence, if the step is beyond the limits of the protocol.
+    /// A message, if the step exceeds the limits of the protocol.
     fn insert_step(&mut self, mission: usize, index: usize, step: &Step) -> Result<(), String>;
 }
 
-/// A station by itself, for a real robot on a port.
+/// A station without a rig, for a real robot on a port.
 pub trait RemoteStation: Station + Device {
-    /// The port that the robot is on.
+    /// The port of the robot.
     fn port(&self) -> Port;
 
-    /// Does `action` now.
+    /// Executes `action` now.
     ///
     /// # Errors
-    /// A sentence, if it is beyond the limits of the protocol.
+    /// A message, if the action exceeds the limits of the protocol.
     fn perform(&mut self, now: Instant, action: &Action) -> Result<(), String>;
 
     /// Performs actions that are due at `now`; a station has no world.
@@ -208,27 +208,28 @@ pub trait RemoteStation: Station + Device {
     fn radius_m(&self) -> f64;
 }
 
-/// The operator's hand on the axes. Says what to order when the hand moves, and lets go by itself.
+/// Manual control of the axes. Returns the order when the set-points change, and releases the axes
+/// after a timeout.
 #[derive(Clone, Debug, Default)]
 pub struct Hand {
     held: Option<(Vec<SetPoint>, Instant)>,
 }
 
 impl Hand {
-    /// The hand asks for `set_point` at `now`, of a clock that also runs while the run is paused;
-    /// what to order, if it is news.
+    /// Sets `set_point` at `now`, on a clock that also runs while the run is paused; returns the
+    /// order, if it is new.
     pub fn hold(&mut self, now: Instant, set_points: &[SetPoint]) -> Option<Gesture> {
         let before = self.held.replace((set_points.to_owned(), now));
         let is_news = before.is_none_or(|(before, _)| before != set_points);
         is_news.then(|| Gesture::Drive(set_points.to_owned()))
     }
 
-    /// Another order came.
+    /// Ends manual control, because another order came.
     pub fn let_go(&mut self) {
         self.held = None;
     }
 
-    /// What to order because the hand has not been felt for [`HAND_OFF`].
+    /// The order after [`HAND_OFF`] without manual input.
     pub fn tick(&mut self, now: Instant) -> Option<Gesture> {
         let (mut set_points, _) = self.held.take_if(|(_, since)| now - *since >= HAND_OFF)?;
         let is_rest = set_points.iter().all(|one| *one == SetPoint::default());

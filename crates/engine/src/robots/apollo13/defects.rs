@@ -1,8 +1,8 @@
-//! Ways of the fielded program, each behind its own number.
+//! Defects of the fielded program by number.
 
 use firmware_core::robots::apollo13::Defects;
 
-/// Enables one.
+/// Enables a defect.
 type Switch = fn(&mut Defects);
 
 /// All defects of the program.
@@ -17,12 +17,12 @@ const SWITCHES: [(&str, Switch); 8] = [
     ("AF-08", |it| it.gates_as_fielded = true),
 ];
 
-/// All numbers.
+/// The numbers of all defects.
 pub(super) fn ids() -> impl Iterator<Item = &'static str> {
     SWITCHES.iter().map(|(id, _)| *id)
 }
 
-/// Switches `id` on; whether there is one.
+/// Enables the defect `id`; returns whether it exists.
 pub(super) fn switch_on(defects: &mut Defects, id: &str) -> bool {
     let found = SWITCHES.iter().find(|(known, _)| *known == id);
     if let Some((_, switch)) = found {

@@ -1,21 +1,21 @@
-//! The floor plan that the program is given: cells that a wall runs through.
+//! The floor plan for the program: cells that a wall crosses.
 
 use emulators::world::{Bounds, Point, Shape};
 use firmware_core::robots::apollo13::floor::FloorPlan;
 
 use crate::scenario::{ScenarioError, Source, WorldSpec};
 
-/// Edge of a cell, metres: that of the fielded maps.
+/// Edge of a cell, metres, as in the fielded maps.
 const CELL_M: f64 = 0.05;
 /// Free floor around all walls, metres.
 const MARGIN_M: f64 = 0.5;
-/// Cells of a plan at most: 100 m by 100 m.
+/// Maximum number of cells in a plan: 100 m by 100 m.
 const CELLS_MAX: f64 = 4e6;
 
-/// What of `world` is higher than `height_m` and on the map.
+/// The plan of the mapped objects of `world` that are higher than `height_m`.
 ///
 /// # Errors
-/// If it is larger than a map can be.
+/// If the plan is larger than a map can be.
 pub(super) fn plan(
     world: &WorldSpec,
     height_m: f64,
@@ -90,7 +90,7 @@ impl Canvas {
         }
     }
 
-    /// All cells that the line runs through, corners aside.
+    /// Marks all cells that the line crosses, except at corners.
     fn draw(&mut self, from: Point, to: Point) {
         let steps = (from.distance(to) / (CELL_M / 8.0)).ceil().max(1.0);
         let mut step = 0.0;
@@ -122,8 +122,8 @@ mod tests {
     use super::*;
     use crate::scenario::Scenario;
 
-    /// A wall of 1 m from (0, 0), and three boxes of which one is low, one is unmapped and one is
-    /// on the plan: from (-0.5, -0.5), cell (10 + 2, 10) is wall, and so on.
+    /// A wall of 1 m from (0, 0), and three boxes: one is low, one is unmapped, one is on the plan.
+    /// The plan starts at (-0.5, -0.5), so cell (10 + 2, 10) is wall, and so on.
     #[test]
     fn what_is_low_or_unmapped_is_not_on_the_plan() {
         let square = |x: f64| {

@@ -21,7 +21,8 @@ pub(super) struct ApolloInstruments {
 }
 
 impl ApolloInstruments {
-    /// `camera`: how it sits. A car that follows a wall sees it with the sensors of its board.
+    /// Instruments for a car with this camera mounting. A car that follows a wall uses the sensors
+    /// of its board.
     pub(super) const fn new(camera: DeviceSpec, follows_wall: bool) -> Self {
         Self {
             camera,
@@ -39,8 +40,8 @@ fn program(rig: &Rig) -> Option<&Apollo13> {
 }
 
 impl Instruments for ApolloInstruments {
-    /// As the board took them: a motor level, and a steering value whose actual figure is the
-    /// nearest one of the angle that the wheels have.
+    /// The commands that the board accepted: a motor level, and a steering value. The actual
+    /// steering value is the nearest one to the angle of the wheels.
     fn axes(&self, rig: &Rig) -> Vec<Axis> {
         let Some(board) = board(rig) else {
             return Vec::new();
@@ -100,12 +101,12 @@ impl Instruments for ApolloInstruments {
         Some(("scan".to_owned(), self.camera.scanner()?))
     }
 
-    /// Markers are seen now and then.
+    /// Markers are only seen occasionally.
     fn sporadic_links(&self) -> &'static [&'static str] {
         &["markers"]
     }
 
-    /// By hand the phone; along a wall the board; otherwise the camera that looks ahead.
+    /// Driven by hand: the phone. Along a wall: the board. Otherwise: the front camera.
     fn needs(&self) -> Vec<Need> {
         let eyes = if self.follows_wall { "car" } else { "scan" };
         vec![
@@ -136,7 +137,7 @@ impl Instruments for ApolloInstruments {
         }
     }
 
-    /// What the board is told shares no frame with what it tells.
+    /// Commands to the board and reports from it have different frames.
     fn codec_towards(&self, rig: &Rig, link: &str, direction: Direction) -> Option<&'static Codec> {
         match (link, direction) {
             ("car", Direction::ToDevice) => Some(&codec::CAR_COMMAND),
@@ -154,7 +155,7 @@ fn row(name: &'static str, value: impl ToString, unit: &'static str) -> PanelRow
     }
 }
 
-/// What the program heard of the board.
+/// The board's reports that the program received.
 fn board_rows(program: &Apollo13) -> Vec<PanelRow> {
     let names = ["ultrasound ahead", "ultrasound right", "ultrasound left"];
     let ranges = names.into_iter().zip(program.ultrasound_m());

@@ -1,14 +1,14 @@
-//! What the car sees and plans, over the world: its plan, its guesses of where it is, the gates,
-//! and what is in the way besides its map.
+//! The car's perception and plans, drawn over the world: its path, pose hypotheses, gates, and
+//! obstacles that are not on its map.
 
 use firmware_core::robots::apollo13::Apollo13;
 
 use crate::robots::{Overlay, OverlayRole};
 
-/// Guesses that are shown: enough to see how they lie.
+/// Maximum number of shown pose hypotheses.
 const GUESSES_MAX: usize = 200;
 
-/// All that `program` has to show.
+/// All overlays of `program`.
 pub(super) fn of(program: &Apollo13) -> Vec<Overlay> {
     [
         plan(program),
@@ -39,7 +39,7 @@ fn guesses(program: &Apollo13) -> Overlay {
     shown.fold(guesses, |overlay, pose| overlay.point([pose.x_m, pose.y_m]))
 }
 
-/// Markers as places, gates as lines between two of them.
+/// Markers as points, gates as lines between two of them.
 fn gates(program: &Apollo13) -> Overlay {
     let gates = Overlay::new("gates", OverlayRole::Mark);
     let markers = program.gates().markers();
@@ -60,8 +60,8 @@ mod tests {
     use firmware_core::robots::apollo13::Config;
     use firmware_core::robots::apollo13::floor::FloorPlan;
 
-    /// A floor of 1 m by 1 m without anything: 2000 guesses, of which each tenth is shown, and a
-    /// goal to which there is no plan yet.
+    /// An empty floor of 1 m by 1 m: 2000 hypotheses, of which every tenth is shown, and a goal
+    /// without a plan.
     #[test]
     fn plan_goal_and_guesses_are_shown() {
         let floor = FloorPlan {

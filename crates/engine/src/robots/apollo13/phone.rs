@@ -1,12 +1,13 @@
-//! The phone: an app with faders and toggles, and the person who holds it and watches the car.
+//! The phone: an app with faders and toggles, and the operator who holds it and watches the car.
 //!
 //! Addresses are those of the car's layout: `/1/speed`, `/1/direction`, `/1/kill`,
-//! `/modes/toggle4`, `/modes/follow_aruco`, and ours `/modes/mapping`. Goals, which in the seed are
-//! set by mouse on the PC, go as `/goal` with x, y and heading. Packets are lost and no end
-//! confirms them, so the app says again and again where its controls stand, and a new goal for some
-//! seconds. The person sends the next goal when the car has come to rest near the last one. When it
-//! rests elsewhere, they say where it is, as with the mouse of the seed, `/pose`, and order the
-//! same once more.
+//! `/modes/toggle4`, `/modes/follow_aruco`, and our own `/modes/mapping`. Goals, which are set by
+//! mouse on the PC in the seed, are sent as `/goal` with x, y and heading.
+//!
+//! Packets are lost and not confirmed, so the app repeats the positions of its controls, and a new
+//! goal for some seconds. The operator sends the next goal when the car has stopped near the last
+//! one. If it stops elsewhere, the operator sends its pose, as with the mouse in the seed
+//! (`/pose`), and orders the same goal again.
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -23,19 +24,20 @@ use crate::robots::station::{DriveKeys, PlaceAct};
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
-/// The app tells that it is there, and where its controls stand.
+/// Interval at which the app reports its presence and the positions of its controls.
 const PING: Duration = Duration::from_millis(250);
-/// So long a new goal is said again.
+/// Time for which a new goal is repeated.
 const GOAL_SAID: Duration = Duration::from_secs(2);
-/// Between two looks at the car.
+/// Interval between two checks of the car.
 const LOOK: Duration = Duration::from_millis(100);
-/// So near a goal the car is there, metres: what its follower is content with.
+/// Distance from a goal at which the car has arrived, metres: the tolerance of its path follower.
 const NEAR_M: f64 = 0.30;
-/// It has come to rest.
+/// Standstill after which the car has stopped.
 const RESTED: Duration = Duration::from_millis(1_500);
-/// A phone that orders the same goals just after the last one was reached has not seen it yet.
+/// Time after an arrival in which repeated goals are ignored, because the phone may not have seen
+/// the arrival.
 const JUST_NOW: Duration = Duration::from_secs(5);
-/// It has given up.
+/// Standstill after which the car has given up.
 const GAVE_UP: Duration = Duration::from_secs(12);
 /// Precision of a click on a map: to 10 cm, to 10 degrees.
 const CLICK_M: f32 = 0.1;
@@ -49,19 +51,20 @@ pub(super) struct Phone {
     script: Script<Wish>,
     connected: bool,
     mode: Option<Mode>,
-    /// Whether it orders goals: otherwise the mission's waypoints are where the car must come by.
+    /// Whether the phone orders goals; otherwise the waypoints are positions that the car must
+    /// pass.
     has_goals: bool,
     by_hand: [i8; 2],
     goals: Vec<[f64; 2]>,
-    /// Heading at the only goal, radians, if given.
+    /// Heading at a single goal, radians, if given.
     heading: Option<f32>,
-    /// The goal on the way, of `goals`.
+    /// Index of the current goal in `goals`.
     goal: usize,
-    /// The goal is to be sent.
+    /// Whether the goal must be sent.
     is_news: bool,
-    /// The goal that was sent last, and when.
+    /// The goal sent last, and the time.
     sent: Option<([f32; 3], Instant)>,
-    /// When a goal was reached last.
+    /// Time of the last arrival.
     arrived: Option<Instant>,
     rests_since: Option<Instant>,
     look_at: Option<Instant>,
@@ -73,7 +76,7 @@ pub(super) struct Phone {
 impl Phone {
     /// The wireless network.
     pub(super) const NETWORK: Port = Port(0);
-    /// 54 Mbit/s at best.
+    /// At most 54 Mbit/s.
     pub(super) const LINE: LineConfig = LineConfig::new_8n1(20_000_000);
 
     pub(super) fn new(script: Script<Wish>, has_goals: bool) -> Self {
@@ -97,12 +100,12 @@ impl Phone {
         }
     }
 
-    /// The goals, and which of them is on the way.
+    /// The goals, and the index of the current one.
     pub(super) fn goals(&self) -> (&[[f64; 2]], usize) {
         (&self.goals, self.goal)
     }
 
-    /// Whether the goals need not be ordered once more.
+    /// Whether the goals need not be ordered again.
     fn is_at_them(&self, now: Instant) -> bool {
         let is_new = |at: Instant| now - at <= JUST_NOW;
         self.goal < self.goals.len() || self.arrived.is_some_and(is_new)
@@ -140,7 +143,7 @@ impl Phone {
                 self.connected = false;
                 self.ping_at = None;
             }
-            // They are being driven to, or the car has just arrived.
+            // The car is driving to the goals, or has just arrived.
             Wish::Goals(goals) if goals == self.goals && self.is_at_them(now) => {}
             Wish::Goals(goals) if self.has_goals => {
                 (self.goals, self.goal, self.heading) = (goals, 0, None);
@@ -148,7 +151,7 @@ impl Phone {
             }
             Wish::Goals(_) => {}
             Wish::Mode(mode) => self.order(mode),
-            // Said once: a moment later it would be another one.
+            // Sent once: later the pose would be different.
             Wish::Pose(pose) => self.say("/pose", &pose),
             Wish::GoTo([x, y, heading]) => {
                 (self.goals, self.goal) = (vec![[x, y].map(f64::from)], 0);
@@ -186,7 +189,7 @@ impl Phone {
             Mode::Gates => [0.0, 1.0, 0.0],
             Mode::Mapping => [0.0, 0.0, 1.0],
         };
-        // Never two at once: what is switched off comes first.
+        // Never two at once: toggles are switched off first.
         let mut toggles = [
             ("/modes/toggle4", auto),
             ("/modes/follow_aruco", gates),
@@ -205,7 +208,7 @@ impl Phone {
         self.say("/1/speed", &[level]);
     }
 
-    /// Where all controls stand.
+    /// Sends the positions of all controls.
     fn say_again(&mut self, now: Instant) {
         if let Some(mode) = self.mode {
             self.say_toggles(mode);
@@ -218,7 +221,7 @@ impl Phone {
         }
     }
 
-    /// The car does not know where it is: the operator clicks on the place that they see.
+    /// Corrects the car's believed pose: the operator clicks on the position that they see.
     fn say_pose(&mut self, world: &World) {
         let car = world.pose();
         #[expect(clippy::cast_possible_truncation, reason = "metres fit an f32")]
@@ -232,7 +235,7 @@ impl Phone {
         self.say("/pose", &values);
     }
 
-    /// Looks at the car: whether it has arrived, or stands elsewhere.
+    /// Checks the car: whether it has arrived, or has stopped elsewhere.
     fn watch(&mut self, now: Instant, world: &World) {
         let goal = self.goals.get(self.goal).copied();
         let goal = goal.filter(|_| self.mode == Some(Mode::Autonomous));
@@ -241,7 +244,7 @@ impl Phone {
         };
         let car = world.pose();
         if core::mem::take(&mut self.is_news) {
-            // Ahead is where one comes from.
+            // The heading points away from the previous goal.
             let before = self.goal.checked_sub(1).and_then(|it| self.goals.get(it));
             let [from_x, from_y] = before.copied().unwrap_or([car.x, car.y]);
             let ahead = libm::atan2(y - from_y, x - from_x);
@@ -273,7 +276,7 @@ impl Phone {
         }
     }
 
-    /// A car that stands may not have heard what it was ordered: orders are not confirmed.
+    /// Repeats orders to a standing car, because it may have missed them: orders are not confirmed.
     fn watch_without_goal(&mut self, now: Instant, world: &World) {
         if world.is_moving() {
             self.rests_since = None;
@@ -292,7 +295,7 @@ impl Phone {
 }
 
 impl Device for Phone {
-    /// The car tells it nothing.
+    /// Ignores bytes: the car sends nothing to the phone.
     fn receive(&mut self, _port: Port, _now: Instant, _bytes: &[u8]) {}
 
     fn poll(&mut self, now: Instant, world: &mut World) {
@@ -315,7 +318,7 @@ impl Device for Phone {
         }
     }
 
-    /// One packet at a time.
+    /// Sends one packet at a time.
     fn transmit(&mut self, _port: Port, buf: &mut [u8]) -> usize {
         let Some(packet) = self.out.pop_front() else {
             return 0;
@@ -349,7 +352,7 @@ impl Station for Phone {
         &PLACE_ACTS
     }
 
-    /// Level 2 is 0.22 m/s; half of the steering either way. Straight ahead is 8, not 0.
+    /// Level 2 is 0.22 m/s; half of the steering range to each side. Straight ahead is 8, not 0.
     fn keys(&self) -> Option<DriveKeys> {
         Some(DriveKeys {
             ahead: SetPoint::list([2, 8]),

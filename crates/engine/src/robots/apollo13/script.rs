@@ -6,26 +6,26 @@ use crate::robots::script::Script;
 use crate::robots::station::{PlaceAct, with_pose};
 use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
 
-/// What the phone's person asks for.
+/// A wish of the operator.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Wish {
     /// Opens the app.
     Connect,
-    /// Closes it.
+    /// Closes the app.
     Disconnect,
-    /// Other goals, metres.
+    /// Sets other goals, metres.
     Goals(Vec<[f64; 2]>),
-    /// A mode.
+    /// Selects a mode.
     Mode(Mode),
-    /// By hand: motor level and steering value.
+    /// Drives by hand: motor level and steering value.
     Drive([i8; 2]),
-    /// The car stands here: x, y, metres, and heading, radians.
+    /// Sets the believed pose: x, y, metres, and heading, radians.
     Pose([f32; 3]),
-    /// To this pose: x, y, metres, and heading, radians.
+    /// Drives to this pose: x, y, metres, and heading, radians.
     GoTo([f32; 3]),
 }
 
-/// What the phone's toggles make of the car.
+/// The car's mode, set by the toggles of the phone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Mode {
     Remote,
@@ -44,11 +44,11 @@ pub(super) const MODES: [(&str, Mode); 5] = [
     ("mapping", Mode::Mapping),
 ];
 
-/// The mode of telling the car its pose, which follows.
+/// Name of the mode that sets the believed pose; the pose follows.
 const SET_POSE: &str = "set-pose";
-/// The mode of driving to one pose, which follows.
+/// Name of the mode that drives to a pose; the pose follows.
 const GO_TO: &str = "go-to";
-/// What the phone's person does with a pose.
+/// The operator's actions with a pose.
 pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
     PlaceAct {
         mode: SET_POSE,
@@ -63,7 +63,7 @@ pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
 ];
 
 impl Mode {
-    /// Its name.
+    /// The name of the mode.
     pub(super) fn name(self) -> &'static str {
         let found = MODES.iter().find(|(_, mode)| *mode == self);
         found.map_or("", |(name, _)| name)
@@ -74,7 +74,7 @@ impl Wish {
     /// The meaning of `action` for this robot.
     ///
     /// # Errors
-    /// What was expected, if the robot has no such mode or axes.
+    /// The expected action, if the robot does not support this mode or these axes.
     pub(super) fn of(action: &Action) -> Result<Self, String> {
         Ok(match action {
             Action::Connect => Self::Connect,
@@ -122,17 +122,17 @@ fn by_hand(set_points: &[SetPoint]) -> Result<[i8; 2], String> {
     ))
 }
 
-/// The script of `mission`. Its waypoints are goals; if no step orders a mode or drives, they are
-/// driven to.
+/// The script of `mission`. Its waypoints are goals; the car drives to them if no step orders a
+/// mode or drives by hand.
 ///
 /// # Errors
-/// If a step is none for this robot.
+/// If the robot does not support a step.
 pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>, ScenarioError> {
     let connect = mission.connect.instant();
     let mut first = vec![(connect, Wish::Connect)];
     if !mission.waypoints_m.is_empty() {
         first.push((connect, Wish::Goals(mission.waypoints_m.clone())));
-        // To tell the car where it is orders nothing.
+        // Setting the believed pose is not an order.
         let is_order = |step: &Step| match &step.action {
             Action::Mode(name) => !name.starts_with(SET_POSE),
             other => matches!(other, Action::Drive(_)),
@@ -165,7 +165,7 @@ mod tests {
         }
     }
 
-    /// A pose tells the car where it is; it drives all the same.
+    /// After setting a pose the car still drives.
     #[test]
     fn a_pose_does_not_cancel_the_mission() {
         let step = "[[step]]\nat = \"0s\"\ndo = { mode = \"set-pose 0.5 1.2 90\" }";

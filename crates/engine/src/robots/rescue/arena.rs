@@ -1,9 +1,9 @@
-//! What suits the robot in worlds and missions that are made by chance.
+//! The properties of generated worlds and missions that suit the robot.
 
 use crate::robots::Arena;
 
-/// Its map is 3 m wide. It keeps 4.5 cm between its body and what it sees, and its planner goes by
-/// cells of 3 cm. A third of its speed of 227 mm/s leaves time for turns and second thoughts.
+/// Its map is 3 m wide. It keeps a distance of 4.5 cm to obstacles, and its planner uses cells of 3
+/// cm. A third of its speed of 227 mm/s leaves time for turns and new plans.
 pub(super) const ARENA: Arena = Arena {
     side_m: 3.0,
     margin_m: 0.13,

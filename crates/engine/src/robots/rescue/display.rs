@@ -1,4 +1,4 @@
-//! The robot's own touch display, which a scenario may give it.
+//! The robot's own touch display, which is optional in a scenario.
 
 use firmware_core::robots::rescue::{Display, Rescue};
 
@@ -10,12 +10,12 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 /// Name of the device, and of its link.
 pub(super) const NAME: &str = "display";
 
-/// Whether the robot has one.
+/// Whether the robot has a display.
 pub(super) fn has_one(scenario: &Scenario) -> bool {
     scenario.device.contains_key(NAME)
 }
 
-/// What the program has to draw on.
+/// The display of the program.
 pub(super) fn fitted(scenario: &Scenario) -> Display {
     if has_one(scenario) {
         Display::Touch

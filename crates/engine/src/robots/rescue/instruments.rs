@@ -1,4 +1,4 @@
-//! What may be asked of the rescue robot.
+//! The interface of the rescue robot.
 
 use core::time::Duration;
 
@@ -20,8 +20,8 @@ use crate::robots::{
 };
 use crate::scenario::device::xv11_scans::Xv11Scans;
 
-/// A pose that the robot tells is that of its last scan, which it has searched for up to 150 ms,
-/// and has crossed the radio.
+/// Maximum age of a reported pose: it belongs to the last scan, whose search takes up to 150 ms,
+/// and is transmitted by radio.
 const TOLD_AGE: Duration = Duration::from_millis(250);
 
 /// Speed of a wheel with one tick per 40 ms (seed report).
@@ -38,7 +38,7 @@ const ALARMS: [Alarm; 2] = [
     },
 ];
 
-/// The robot's instruments: all that it shows lies in its rig.
+/// The robot's instruments: the rig contains all their data.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RescueInstruments;
 
@@ -72,7 +72,7 @@ impl Instruments for RescueInstruments {
         Some(SILENCE)
     }
 
-    /// The program's pose if it runs in this process and has found one, else what it tells the PC.
+    /// The pose of a program in this process, if it has one; otherwise the pose reported to the PC.
     fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
         match rig.program() {
             Some(program) => program.estimate().map(|(at, pose)| (at, in_metres(pose))),
@@ -91,7 +91,7 @@ impl Instruments for RescueInstruments {
         }
     }
 
-    /// The program's own, or of one elsewhere what the PC received.
+    /// The map of a program in this process; otherwise the map that the PC received.
     fn map<'a>(&'a self, rig: &'a Rig) -> Option<MapView<'a>> {
         match rig.program() {
             Some(program) => program.map(),
@@ -109,7 +109,7 @@ impl Instruments for RescueInstruments {
         Some((view::SCAN_LINK.to_owned(), Box::new(scans)))
     }
 
-    /// The victims, as the program in this process has marked them, else as the PC was told.
+    /// The victims marked by a program in this process; otherwise those reported to the PC.
     fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
         let own = self.found(rig).map(|found| found.places);
         let told = || pc(rig).map(view::told_victims);
@@ -122,7 +122,7 @@ impl Instruments for RescueInstruments {
             .collect()
     }
 
-    /// What the program in this process has marked.
+    /// The victims marked by a program in this process.
     fn found(&self, rig: &Rig) -> Option<Found> {
         let mut places = Vec::new();
         rig.program()?.victims(&mut |place| {
@@ -168,7 +168,7 @@ impl Instruments for RescueInstruments {
         view::protocol(rig, link)
     }
 
-    /// The lidar but by hand, and the PC by hand.
+    /// The lidar except when driven by hand; the PC when driven by hand.
     fn needs(&self) -> Vec<Need> {
         let by_hand: &[&str] = &["manual"];
         vec![
@@ -189,7 +189,8 @@ impl Instruments for RescueInstruments {
         &ALARMS
     }
 
-    /// The pose beside that of the program, the speeds beside those that the base measures.
+    /// The reported pose with that of the program, the reported speeds with those that the base
+    /// measures.
     fn figures(&self, rig: &Rig) -> Vec<Figure> {
         let mut figures = Vec::new();
         let Some(record) = pc(rig).map(Pc::record) else {

@@ -1,14 +1,14 @@
 //! The PC program: orders from the page, turned into frames of the PC.
 //!
 //! ```text
-//! gesture -> answer (what the robot told so far) -> action -> PC -> PCUI bytes -> radio
+//! gesture -> answer (based on the robot's reports) -> action -> PC -> PCUI bytes -> radio
 //! ```
 //!
-//! The protocol itself, with its patience and its repetitions, is [`emulators::pc::Pc`]; this
-//! module knows the waypoints as a list that a person edits. The robot's numbers of waypoints are
-//! not used: a list is always sent whole, numbered and chained again, so that nothing can refer to
-//! a waypoint that is gone (the fielded program sent the numbers it had, and robots crashed of
-//! it). A gesture that does not make sense is refused with a sentence, and nothing is sent.
+//! The protocol with its timeouts and repetitions is in [`emulators::pc::Pc`]; this module edits
+//! the list of waypoints. It does not use the robot's waypoint numbers: it always sends a complete
+//! list with new numbers and links, so that no entry can refer to a removed waypoint (the fielded
+//! program sent the old numbers, which crashed robots). An invalid gesture is refused with a
+//! message, and nothing is sent.
 
 pub mod fielded;
 
@@ -18,7 +18,7 @@ use protocols::pcui::message::WAYPOINTS_MAX;
 pub use crate::robots::station::{Gesture, HAND_OFF, Hand};
 use crate::scenario::Action;
 
-/// Reason why a gesture has no effect.
+/// The reason why a gesture has no effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Refusal {
@@ -28,16 +28,16 @@ pub enum Refusal {
     /// The robot has not reported the size of its map yet, so no position is valid.
     #[error("the robot has not told the size of its map yet")]
     NoMap,
-    /// The place is not on the map.
+    /// The position is outside the map.
     #[error("not on the map, which is {} mm x {} mm", .size_mm[0], .size_mm[1])]
     Outside {
         /// Size of the map.
         size_mm: [u16; 2],
     },
-    /// One frame holds no more waypoints.
+    /// A frame cannot contain more waypoints.
     #[error("{WAYPOINTS_MAX} waypoints are all that one message holds")]
     Full,
-    /// The waypoint is not where the gesture saw it: the list has changed meanwhile.
+    /// The waypoint is not where the operator saw it: the list has changed.
     #[error("the list of waypoints has changed meanwhile")]
     Changed,
 }
@@ -51,10 +51,10 @@ pub fn waypoints(pc: &Pc) -> Vec<[i16; 2]> {
     }
 }
 
-/// The PC's reaction to `gesture`.
+/// The PC's action for `gesture`.
 ///
 /// # Errors
-/// If the gesture makes no sense now.
+/// If the gesture is not valid now.
 pub fn answer(pc: &Pc, gesture: Gesture) -> Result<Action, Refusal> {
     let action = match gesture {
         Gesture::Connect => return Ok(Action::Connect),
@@ -95,7 +95,7 @@ fn edited(pc: &Pc, gesture: Gesture) -> Result<Vec<[i16; 2]>, Refusal> {
     Ok(list)
 }
 
-/// The waypoint `index`, if it is where the gesture saw it.
+/// The waypoint `index`, if it is where the operator saw it.
 fn seen(list: &mut [[i16; 2]], index: usize, at: [i32; 2]) -> Result<&mut [i16; 2], Refusal> {
     let waypoint = list.get_mut(index).ok_or(Refusal::Changed)?;
     if waypoint.map(i32::from) == at {
@@ -105,7 +105,7 @@ fn seen(list: &mut [[i16; 2]], index: usize, at: [i32; 2]) -> Result<&mut [i16; 
     }
 }
 
-/// The place, if it is on the map.
+/// The position, if it is on the map.
 fn on_map(pc: &Pc, at: [i32; 2]) -> Result<[i16; 2], Refusal> {
     let (_, properties) = pc.record().map_properties.ok_or(Refusal::NoMap)?;
     if pc.map().is_none() {

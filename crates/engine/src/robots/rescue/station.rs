@@ -14,7 +14,7 @@ use crate::robots::station::{DriveKeys, StationState};
 use crate::robots::{Gesture, RemoteStation, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
-/// A PC that opens its port as soon as it is asked.
+/// A PC that opens its port on request.
 pub(super) fn alone() -> Pc {
     let script = Script::new(Vec::new()).expect("no steps are within the limits");
     let mut pc = Pc::new(script);

@@ -1,4 +1,4 @@
-//! Figures of a scenario in place of the program's own.
+//! Values of a scenario that replace the program's own.
 
 use firmware_core::navigation::{WallFollowing, WallLaw};
 use firmware_core::robots::rescue::{Config, Infrared, Smear};
@@ -6,7 +6,7 @@ use firmware_core::slam::{Budget, Fading};
 
 use crate::scenario::tuning::{FadingSpec, TuningSpec, WallsSpec};
 
-/// Puts them in.
+/// Applies the values.
 pub(super) fn tune(config: &mut Config, tuning: &TuningSpec) {
     let mapping = &mut config.mapping;
     if let Some(points) = tuning.points {

@@ -1,4 +1,4 @@
-//! Where page and mapper find the robot's senses and devices.
+//! The robot's sensors and devices for page and mapper.
 
 use emulators::avr_base::AvrBase;
 use emulators::pc::Pc;
@@ -14,7 +14,7 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 
 /// Link on which the lidar sends.
 pub(super) const SCAN_LINK: &str = "lidar";
-/// Bearing of the lidar's first reading: sensor angle 90 looks ahead.
+/// Bearing of the lidar's first reading: sensor angle 90 points ahead.
 pub(super) const FIRST_BEARING: f64 = -core::f64::consts::FRAC_PI_2;
 
 pub(super) fn senses(scenario: &Scenario, source: &Source) -> Result<Senses, ScenarioError> {
@@ -70,7 +70,7 @@ pub(super) fn registers(rig: &Rig) -> Option<Panel> {
     })
 }
 
-/// What the robot told the PC of itself, if it does.
+/// The robot's own reports to the PC, if there are any.
 pub(super) fn diagnosis(pc: &Pc) -> Option<Panel> {
     let (_, told) = pc.record().diagnosis?;
     let row = |name: &str, value: String, unit: &'static str| PanelRow {
@@ -101,7 +101,7 @@ pub(super) fn diagnosis(pc: &Pc) -> Option<Panel> {
     })
 }
 
-/// Where the robot told the PC that victims are, metres.
+/// The positions of victims reported to the PC, metres.
 pub(super) fn told_victims(pc: &Pc) -> Vec<[f64; 2]> {
     let metres = |mm: [i16; 2]| mm.map(|mm| f64::from(mm) / 1000.0);
     pc.record().victims.iter().copied().map(metres).collect()

@@ -6,21 +6,21 @@ use crate::robots::refuse_chassis;
 use crate::scenario::world::BodySpec;
 use crate::scenario::{Scenario, ScenarioError, Source};
 
-/// The published code's wheels, 37.5 mm and 180 mm apart, 1200 counts a turn; 60 ms of lag and the
-/// radius of the deck are guesses.
+/// Wheel radius 37.5 mm, track 180 mm and 1200 counts per turn come from the published code; 60 ms
+/// of lag and the radius of the deck are guesses.
 pub(super) const RADIUS_M: f64 = 0.12;
 const WHEEL_RADIUS_M: f64 = 0.0375;
 const AXLE_M: f64 = 0.18;
 const COUNTS_PER_TURN: u32 = 1_200;
 const LAG_S: f64 = 0.060;
-/// Above what the fastest motor does on a full battery: 504 rpm are 1.98 m/s.
+/// Above the speed of the fastest motor on a full battery: 504 rpm are 1.98 m/s.
 const FULL_SPEED_M_S: f64 = 2.0;
-/// Floor noise that keeps the odometry within 1 % of the way, as the course's acceptance list takes
-/// for granted: wheels closer together turn the robot more for the same difference.
+/// Floor noise that keeps the odometry within 1 % of the path, as the course's acceptance list
+/// assumes: the smaller the track, the more the same difference turns the robot.
 const SCALE_NOISE: f64 = 0.0003;
 const HEADING_NOISE_RAD: f64 = 0.002;
 
-/// The chassis; figures of `[world.body]` that differ from what a scenario has without it count.
+/// The chassis; values of `[world.body]` override it if they differ from the defaults.
 pub(super) fn chassis(
     scenario: &Scenario,
     source: &Source,

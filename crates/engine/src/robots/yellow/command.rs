@@ -8,7 +8,7 @@ use protocols::{Candidate, Format as _};
 
 use crate::robots::{Command, Dialect};
 
-/// Any outputs, by which boards that make other speeds of them are distinguished.
+/// Arbitrary outputs that detect boards with other motors, which give other speeds.
 const PROBE: Outputs = Outputs {
     duty: [6_000, 7_000],
     channel: 0,
@@ -18,7 +18,8 @@ const PROBE: Outputs = Outputs {
 /// The board with the robot's own motors.
 static OWN: LazyLock<Config> = LazyLock::new(Config::default);
 
-/// Set-points follow from the frames alone where the board has the robot's own motors.
+/// The protocol of commands; `None` if the board does not have the robot's own motors, because
+/// frames alone then do not determine the speeds.
 pub(super) fn dialect(board: &WheelBoard) -> Option<Dialect> {
     let [own, found] = [&OWN, board.config()].map(|it| it.set_points(PROBE));
     let is_own = own.map(f64::to_bits) == found.map(f64::to_bits);
@@ -42,8 +43,8 @@ fn command(bytes: &[u8]) -> Option<Command> {
 mod tests {
     use super::*;
 
-    /// 0.6 is 2.4 V of 12, 40 rpm/V make 96 rpm, 0.377 m/s; the right motor is mounted the other
-    /// way round. Bridges that are off ask for nothing; half a frame says nothing.
+    /// 0.6 is 2.4 V of 12 V; 40 rpm/V give 96 rpm, 0.377 m/s; the right motor is mounted in
+    /// reverse. Disabled bridges command nothing; a partial frame is ignored.
     #[test]
     fn a_frame_commands_both_wheels() {
         let outputs = Outputs {

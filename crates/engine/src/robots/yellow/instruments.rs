@@ -29,7 +29,7 @@ pub(super) struct YellowInstruments {
 }
 
 impl YellowInstruments {
-    /// `lidar`: how it sits.
+    /// Instruments for a robot with this lidar mounting.
     pub(super) const fn new(lidar: Option<DeviceSpec>) -> Self {
         Self { lidar }
     }
@@ -48,7 +48,7 @@ fn board(rig: &Rig) -> Option<&WheelBoard> {
 }
 
 impl Instruments for YellowInstruments {
-    /// Speeds of the rims, as the duties ask for by the motors' nominal figures.
+    /// Speeds of the wheel rims for the current duties, by the nominal values of the motors.
     fn axes(&self, rig: &Rig) -> Vec<Axis> {
         let Some(board) = board(rig) else {
             return Vec::new();
@@ -71,7 +71,7 @@ impl Instruments for YellowInstruments {
         command::dialect(board(rig)?)
     }
 
-    /// The program's pose if it runs in this process, else what it tells the PC.
+    /// The pose of a program in this process; otherwise the pose reported to the PC.
     fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
         if let Some(program) = rig.program() {
             let (at, pose) = program.estimate()?;
@@ -82,7 +82,7 @@ impl Instruments for YellowInstruments {
         Some((at, in_metres(pc.believed_pose()?)))
     }
 
-    /// The PC makes the map.
+    /// The PC builds the map.
     fn map<'a>(&'a self, rig: &'a Rig) -> Option<MapView<'a>> {
         pc(rig)?.global_map()
     }
@@ -129,7 +129,7 @@ impl Instruments for YellowInstruments {
         Some(pc)
     }
 
-    /// By hand the PC; its silence ends that after 2 s, as the fielded program declares.
+    /// The PC, if driven by hand; its silence ends that after 2 s, as the fielded program declares.
     fn needs(&self) -> Vec<Need> {
         vec![Need {
             stops_after: Duration::from_secs(2),
@@ -156,7 +156,7 @@ impl Instruments for YellowInstruments {
         }]
     }
 
-    /// The pose beside the robot's odometry.
+    /// The reported pose with the robot's odometry.
     fn figures(&self, rig: &Rig) -> Vec<Figure> {
         let told = pc(rig).and_then(PcProgram::telemetry);
         let own = rig.program().and_then(|program| program.estimate());
@@ -181,7 +181,7 @@ impl Instruments for YellowInstruments {
     }
 }
 
-/// The bridge is driven to 0.98 at most: 0.96 of 12 V and 40 rpm/V, a little more for rounding.
+/// The maximum duty is 0.98: 0.96 of 12 V and 40 rpm/V, with a margin for rounding.
 const LIMIT_M_S: f64 = WHEEL_MAX_M_S + 0.02;
 
 fn row(name: impl Into<String>, value: impl ToString, unit: &'static str) -> PanelRow {
@@ -214,7 +214,7 @@ fn board_rows(rig: &Rig) -> Vec<PanelRow> {
     rows
 }
 
-/// What the program makes of the sensors that it reads.
+/// The program's interpretation of its infrared sensors.
 fn infrared_rows(rig: &Rig) -> Vec<PanelRow> {
     let program = rig.program_as::<Yellow>();
     let names = ["ahead", "right front", "left front"];

@@ -1,5 +1,5 @@
-//! What the robot sees and plans, over the world: IR beams, walls that its lidar has found, the
-//! roadmap with the way through it, the places where it may be.
+//! The robot's perception and plans, drawn over the world: infrared beams, walls found by its
+//! lidar, the roadmap with the path through it, pose hypotheses.
 
 use core::f64::consts::FRAC_PI_3;
 
@@ -10,11 +10,11 @@ use firmware_core::robots::yellow::pc::PcProgram;
 
 use crate::robots::{Overlay, OverlayRole};
 
-/// Where the sensors sit, and where those that are read look: ahead, right front, left front.
+/// Positions of the sensors, and directions of those in use: ahead, right front, left front.
 const RING_M: f64 = 0.09;
 const BEARINGS: [f64; 3] = [0.0, -FRAC_PI_3, FRAC_PI_3];
 
-/// From sensor to what it reads, of a program that believes to be at `pose`.
+/// Lines from the sensors to their readings, for a program with the believed pose `pose`.
 pub(super) fn infrared(program: &Yellow, pose: Pose) -> Overlay {
     let beams = BEARINGS.into_iter().zip(program.infrared_m());
     let empty = Overlay::new("infrared", OverlayRole::Sensed);
@@ -25,7 +25,7 @@ pub(super) fn infrared(program: &Yellow, pose: Pose) -> Overlay {
     })
 }
 
-/// What the PC knows.
+/// The overlays of the PC.
 pub(super) fn of_pc(program: &PcProgram) -> [Overlay; 4] {
     let (vertices, edges, way) = program.roadmap();
     let lines = Overlay::new("lidar lines", OverlayRole::Sensed);

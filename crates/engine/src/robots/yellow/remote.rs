@@ -1,4 +1,4 @@
-//! The PC by itself, for a real robot on a port.
+//! The PC without a rig, for a real robot on a port.
 
 use std::collections::VecDeque;
 use std::path::Path;
@@ -21,10 +21,10 @@ use crate::scenario::{Action, Scenario, Span, Step};
 const IDLE: &str = "schema = 1\nname = \"remote\"\nrobot = \"yellow\"\nduration = \"1s\"\n\
     [world]\nstart = { x_m = 0, y_m = 0, heading_deg = 0 }\n";
 
-/// The PC, and what it wants of its port.
+/// The PC, and its requests for the port.
 struct Remote {
     station: PcStation,
-    /// The station is a device of a rig, which has a world; it never looks at it.
+    /// A world for the interface of devices; the station never uses it.
     nowhere: World,
     changes: VecDeque<LineEvent>,
 }
@@ -51,7 +51,7 @@ impl Device for Remote {
         self.station.receive(port, now, bytes);
     }
 
-    /// A port that was lost is wanted again.
+    /// A lost port is requested again.
     fn line_event(&mut self, port: Port, now: Instant, event: LineEvent) {
         self.station.line_event(port, now, event);
         if event == LineEvent::Closed {
@@ -130,7 +130,7 @@ impl RemoteStation for Remote {
             _ => {}
         }
         let at = Span(now - Instant::ZERO);
-        // Behind all that was done: no step of the script is a mission's.
+        // Inserted behind all executed steps: the script has no steps of a mission.
         self.station
             .insert_step(0, 0, &Step::at(at, action.clone()))?;
         self.tick(now);

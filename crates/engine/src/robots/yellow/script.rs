@@ -1,4 +1,4 @@
-//! What the PC's person does: the mission's steps, in the units of the program.
+//! Actions of the operator at the PC: the steps of the mission in the units of the program.
 
 use core::time::Duration;
 
@@ -10,33 +10,33 @@ use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
 
 /// Nominal speed of the reactive drive, m/s.
 const REACTIVE_M_S: f32 = 0.3;
-/// Distance of the wheels, metres.
+/// Track, metres.
 const AXLE_M: f64 = 0.18;
-/// Beyond this no wheel turns, m/s.
+/// Maximum speed of a wheel, m/s.
 pub(super) const WHEEL_MAX_M_S: f64 = 1.8;
-/// After connecting, before a mission's waypoints are driven to.
+/// Delay between connecting and driving to a mission's waypoints.
 const ORDER_AFTER: Duration = Duration::from_millis(200);
-/// A pose that is told within this time of the first order is told before it.
+/// A pose that is set within this time after the first order is sent before that order.
 const EARLY: Duration = Duration::from_secs(1);
 
-/// What the person asks for.
+/// A wish of the operator.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Wish {
     /// Opens the connection to the robot.
     Connect,
-    /// Closes it.
+    /// Closes the connection.
     Disconnect,
     /// A command of the program.
     Do(&'static str, PcCommand),
-    /// To all targets, one after the other; the map is made first if there is none.
+    /// Drives to all targets in order; builds a map first if there is none.
     Navigate,
-    /// Other targets, metres.
+    /// Sets other targets, metres.
     Targets(Vec<[f64; 2]>),
-    /// By hand: speeds of the wheels, m/s, and what comes of them.
+    /// Drives by hand: speeds of the wheels, m/s, and the resulting command.
     Drive(Vec<SetPoint>, PcCommand),
 }
 
-/// Modes that are one command.
+/// Modes that are single commands.
 pub(super) const MODES: [(&str, PcCommand); 5] = [
     ("stop", PcCommand::Stop),
     (
@@ -49,13 +49,13 @@ pub(super) const MODES: [(&str, PcCommand); 5] = [
     ("new-map", PcCommand::MapReset),
     ("localise", PcCommand::Localise),
 ];
-/// The mode of driving to the targets.
+/// Name of the mode that drives to the targets.
 pub(super) const NAVIGATE: &str = "navigate";
-/// The mode of telling the robot its pose, which follows.
+/// Name of the mode that sets the believed pose; the pose follows.
 const SET_POSE: &str = "set-pose";
-/// The mode of driving to one pose, which follows.
+/// Name of the mode that drives to a pose; the pose follows.
 const GO_TO: &str = "go-to";
-/// What the program does with a pose.
+/// The actions of the program with a pose.
 pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
     PlaceAct {
         mode: SET_POSE,
@@ -73,7 +73,7 @@ impl Wish {
     /// The meaning of `action` for this robot.
     ///
     /// # Errors
-    /// What was expected, if the robot has no such mode or axes.
+    /// The expected action, if the robot does not support this mode or these axes.
     pub(super) fn of(action: &Action) -> Result<Self, String> {
         Ok(match action {
             Action::Connect => Self::Connect,
@@ -91,8 +91,8 @@ impl Wish {
     }
 }
 
-/// A mode with a pose behind it, metres and degrees: `set-pose 0.5 1.2 90` tells the robot where it
-/// stands, `go-to 0.5 1.2 90` drives it there and turns it.
+/// Parses a mode with a pose, metres and degrees: `set-pose 0.5 1.2 90` sets the believed pose,
+/// `go-to 0.5 1.2 90` drives to the pose.
 fn of_a_pose(text: &str) -> Option<(&'static str, PcCommand)> {
     let (name, [x_m, y_m, degrees]) = with_pose(text)?;
     let heading_rad = degrees.to_radians();
@@ -149,17 +149,19 @@ fn by_hand(set_points: &[SetPoint]) -> Result<PcCommand, String> {
     })
 }
 
-/// The script of `mission`. Its waypoints are targets; they are driven to if no step orders a mode.
+/// The script of `mission`. Its waypoints are targets; the robot drives to them if no step orders a
+/// mode.
 ///
 /// # Errors
-/// If a step is none for this robot.
+/// If the robot does not support a step.
 pub(super) fn script(mission: &Mission, source: &Source) -> Result<Script<Wish>, ScenarioError> {
     let connect = mission.connect.instant();
     let mut first = vec![(connect, Wish::Connect)];
     let mut first_order = None;
     if !mission.waypoints_m.is_empty() {
         first.push((connect, Wish::Targets(mission.waypoints_m.clone())));
-        // To tell the robot where it is orders nothing. A pose told before the tour comes first.
+        // Setting the believed pose is not an order. A pose that is set before the tour is sent
+        // first.
         let is_pose =
             |step: &&Step| matches!(&step.action, Action::Mode(name) if name.starts_with(SET_POSE));
         let is_order = |step: &Step| matches!(step.action, Action::Mode(_)) && !is_pose(&step);
@@ -214,7 +216,7 @@ mod tests {
         }
     }
 
-    /// A pose at the start of the run tells the robot where it is, and then it drives.
+    /// A pose that is set at the start of the run does not prevent the tour.
     #[test]
     fn a_pose_told_before_the_tour_does_not_cancel_it() {
         let step = "[[step]]\nat = \"0s\"\ndo = { mode = \"set-pose 0.5 1.2 90\" }";

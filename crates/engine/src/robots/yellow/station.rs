@@ -1,5 +1,4 @@
-//! The PC as a device at the other end of the telemetry link: the program, and the person before
-//! it.
+//! The PC as a device at the other end of the telemetry link: the program and its operator.
 
 use core::time::Duration;
 
@@ -19,9 +18,9 @@ use crate::robots::station::{DriveKeys, PlaceAct, StationState};
 use crate::robots::{Gesture, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
-/// Between two looks at a task that continues.
+/// Interval between two checks of a running task.
 const LOOK: Duration = Duration::from_millis(50);
-/// A target that was not reached is tried so often, as is what a person ordered and failed.
+/// Maximum number of tries for a target, and for an order of the operator that failed.
 const TRIES: u32 = 3;
 
 /// The PC.
@@ -30,14 +29,14 @@ pub(super) struct PcStation {
     program: PcProgram,
     script: Script<Wish>,
     connected: bool,
-    /// What waits until the program can take it.
+    /// The command that waits until the program can accept it.
     wanted: Option<PcCommand>,
     targets: Vec<[f64; 2]>,
     tour: Option<Tour>,
-    /// The last command of a person, and how often it was tried.
+    /// The last command of the operator, and the number of tries.
     tried: Option<(PcCommand, u32)>,
     order: Option<(&'static str, Vec<SetPoint>)>,
-    /// The task whose end was not told yet.
+    /// The task whose end has not been reported.
     told: Option<(Task, TaskState)>,
     alike: u64,
     bytes: u64,
@@ -45,7 +44,7 @@ pub(super) struct PcStation {
     events: VecDeque<Event>,
 }
 
-/// On the way from target to target.
+/// A tour from target to target.
 #[derive(Clone, Copy, Debug)]
 struct Tour {
     next: usize,
@@ -75,7 +74,7 @@ impl PcStation {
         &self.program
     }
 
-    /// What the program was last told to do.
+    /// The task that the program was given last.
     pub(super) fn task_name(&self) -> Option<&'static str> {
         self.program.task().map(name_of)
     }
@@ -105,8 +104,8 @@ impl PcStation {
         self.look_at = Some(now);
     }
 
-    /// Other targets for a tour, also for one that has ended. The same ones do not begin it again,
-    /// and the map that it waits for is made all the same.
+    /// Sets other targets for a tour, also after its end. The same targets do not restart the tour;
+    /// the required map is built in any case.
     fn aim(&mut self, targets: Vec<[f64; 2]>) {
         let is_new = self.targets != targets;
         self.targets = targets;
@@ -151,7 +150,7 @@ impl PcStation {
         })
     }
 
-    /// Hands over what waits; a task that is in the way is stopped first.
+    /// Passes on the waiting command; a running task that blocks it is stopped first.
     fn press_on(&mut self, now: Instant) {
         let Some(command) = self.wanted else {
             return;
@@ -171,7 +170,7 @@ impl PcStation {
                     self.refuse(now, refused);
                 }
             }
-            // A destination needs a map.
+            // A destination requires a map.
             Err(Refused::NoMap) if self.tour.is_some() => {
                 self.wanted = Some(PcCommand::MapStart);
             }
@@ -184,7 +183,7 @@ impl PcStation {
         self.note(now, "command-refused", refused.to_string());
     }
 
-    /// Tells what ended, and continues with a tour.
+    /// Reports the end of a task, and continues a tour.
     fn follow(&mut self, now: Instant) {
         let alike = self.alike();
         if alike > self.alike {
@@ -221,7 +220,8 @@ impl PcStation {
         }
     }
 
-    /// To the next target; a robot that did not come there finds itself before it tries again.
+    /// Starts the next target; after a missed target the robot localises itself before the next
+    /// try.
     fn go_on(&mut self, task: Task, is_done: bool, tour: Tour) {
         let (next, tries) = match (task, is_done) {
             (Task::Navigating, true) => (tour.next + 1, 0),
@@ -261,7 +261,7 @@ impl PcStation {
     }
 }
 
-/// Name of a task as of the mode that begins it.
+/// The name of a task: that of the mode that starts it.
 const fn name_of(task: Task) -> &'static str {
     match task {
         Task::Reactive => "reactive",
@@ -321,7 +321,7 @@ impl Device for PcStation {
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
         let len = self.program.transmit(port, buf);
-        // Bytes written to a closed connection are lost.
+        // Bytes that are written to a closed connection are lost.
         if self.connected { len } else { 0 }
     }
 
@@ -351,7 +351,7 @@ impl Station for PcStation {
         &PLACE_ACTS
     }
 
-    /// 0.3 m/s ahead, 1.1 rad/s to turn.
+    /// 0.3 m/s forward, 1.1 rad/s rotation.
     fn keys(&self) -> Option<DriveKeys> {
         Some(DriveKeys {
             ahead: SetPoint::list([0.3, 0.3]),

@@ -1,10 +1,9 @@
-//! The fielded PC program, as far as its faults go: what it makes of the robot's bytes, and what it
-//! sends at a click. It is the other side of the comparison only; nothing here is used
-//! by the rig's own PC.
+//! The fielded PC program with its defects: its interpretation of the robot's bytes, and the frames
+//! that it sends after a click. It exists for comparison only; the rig's own PC does not use it.
 //!
 //! ```text
-//! bytes -> start word, length, sum -> payload read without bounds -> what is shown
-//! click -> list of waypoints as it stands, with the numbers that it has -> frame
+//! bytes -> start word, length, sum -> payload read without bounds -> displayed map and pose
+//! click -> list of waypoints with their old numbers -> frame
 //! ```
 
 use emulators::pc::CELLS_MAX;
@@ -23,14 +22,14 @@ pub struct Held {
 }
 
 impl Held {
-    /// Index of a cell; `None` is the exception of a column, a row or a layer that is not there.
+    /// Index of a cell; `None` stands for the exception of a missing column, row or layer.
     fn index(&self, layer: usize, x: usize, y: usize) -> Option<usize> {
         let at = (layer * self.height + y) * self.width + x;
         (x < self.width && y < self.height && at < self.cells.len()).then_some(at)
     }
 }
 
-/// The program at its desk.
+/// The program.
 #[derive(Clone, Debug, Default)]
 pub struct Client {
     pending: Vec<u8>,
@@ -46,7 +45,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// Whether an exception has ended its serial handler: it receives nothing any more (UI-02).
+    /// Whether an exception has ended its serial handler: it no longer receives bytes (UI-02).
     pub const fn is_deaf(&self) -> bool {
         self.is_deaf
     }
@@ -61,9 +60,9 @@ impl Client {
         self.held.as_ref()
     }
 
-    /// The picture of the map, as many pixels as the size told last has cells. Rows are painted
-    /// from the top of the screen, which is the map's last row, each as many pixels behind the one
-    /// above as there are rows (UI-09).
+    /// The picture of the map, with as many pixels as the last reported size has cells. Rows are
+    /// painted from the top of the screen, which is the last row of the map; the offset between
+    /// rows is the number of rows (UI-09).
     pub fn painting(&self) -> Vec<u8> {
         let [width, height] = self.size;
         let mut pixels = vec![0; width * height];
@@ -81,8 +80,8 @@ impl Client {
         pixels
     }
 
-    /// The other end has closed the port: it was opened when the program began, and nothing opens
-    /// it again (F-12).
+    /// The other end has closed the port: the program opened it at its start and never opens it
+    /// again (F-12).
     pub const fn closed_by_far_end(&mut self) {
         self.is_left_alone = true;
     }
@@ -92,14 +91,14 @@ impl Client {
         &self.waypoints
     }
 
-    /// The waypoints' places as they are shown: those of the robot without sign (UI-04).
+    /// The displayed positions of the waypoints: those of the robot without sign (UI-04).
     pub fn places(&self) -> Vec<[i32; 2]> {
         let shown =
             |waypoint: &Waypoint| waypoint.position_mm.map(|mm| i32::from(mm.cast_unsigned()));
         self.waypoints.iter().map(shown).collect()
     }
 
-    /// Takes bytes of the robot.
+    /// Processes bytes from the robot.
     pub fn receive(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             if self.is_deaf || self.is_left_alone {
@@ -112,8 +111,8 @@ impl Client {
         }
     }
 
-    /// A left click at a place of the map: a waypoint there, wherever that is (UI-06), and at
-    /// (0, 0) while the map's scale is not known (UI-07). What is sent.
+    /// A left click at a position: adds a waypoint there, even outside the map (UI-06), and at (0,
+    /// 0) while the map's scale is unknown (UI-07). Returns the sent bytes.
     pub fn click(&mut self, at_mm: [i16; 2]) -> Vec<u8> {
         let id = self.next_id;
         self.next_id = self.next_id.wrapping_add(1);
@@ -126,8 +125,8 @@ impl Client {
         self.list()
     }
 
-    /// A right click at the waypoint `index`: the first one of its number goes, others keep theirs
-    /// (UI-05, PU-08). The list is sent twice.
+    /// A right click at the waypoint `index`: removes the first one with its number; the others
+    /// keep their numbers (UI-05, PU-08). The list is sent twice.
     pub fn right_click(&mut self, index: usize) -> Vec<u8> {
         if let Some(hit) = self.waypoints.get(index).copied()
             && let Some(first) = self.waypoints.iter().position(|one| one.id == hit.id)
@@ -142,7 +141,7 @@ impl Client {
         self.list().repeat(2)
     }
 
-    /// The list as a frame, however long (PU-13).
+    /// The list as a frame of any length (PU-13).
     fn list(&self) -> Vec<u8> {
         let count = u16::try_from(self.waypoints.len()).unwrap_or(u16::MAX);
         let mut payload = count.to_le_bytes().to_vec();
@@ -163,8 +162,8 @@ impl Client {
         .concat()
     }
 
-    /// A frame's id and payload, once `byte` completes it. Only the payload is covered by the sum
-    /// (UI-01), and a byte that breaks the start word off cannot begin it again (UI-08).
+    /// A frame's id and payload, when `byte` completes it. The sum covers only the payload (UI-01),
+    /// and a byte that breaks the start word cannot begin a new one (UI-08).
     fn collect(&mut self, byte: u8) -> Option<([u8; 3], Vec<u8>)> {
         if let Some(&expected) = MAGIC.get(self.pending.len()) {
             if byte == expected {
@@ -187,7 +186,7 @@ impl Client {
         is_sound.then(|| ([frame[14], frame[15], frame[16]], payload.to_vec()))
     }
 
-    /// Meaning of a frame; `None` is the exception that ends the handler.
+    /// Interprets a frame; `None` stands for the exception that ends the handler.
     fn read(&mut self, id: [u8; 3], payload: &[u8]) -> Option<()> {
         let byte = |at: usize| payload.get(at).copied();
         let word = |at: usize| Some(u16::from_le_bytes([byte(at)?, byte(at + 1)?]));
@@ -225,8 +224,8 @@ impl Client {
         Some(())
     }
 
-    /// Pairs of count and value, up to the last column but one (UI-10). The value of a count of 0
-    /// is not looked at.
+    /// Decodes pairs of count and value, up to the last column but one (UI-10). With a count of 0
+    /// the value is not read.
     fn read_runs(&mut self, layer: usize, y: usize, payload: &[u8]) -> Option<()> {
         let mut x = 0;
         for pair in payload[3..].chunks(2) {
@@ -241,7 +240,8 @@ impl Client {
         Some(())
     }
 
-    /// The picture's size, and the map's if it is the first; no memory is an exception as well.
+    /// Sets the size of the picture, and of the map if it is the first one; a lack of memory is an
+    /// exception too.
     fn resize(&mut self, [width, height]: [usize; 2], layers: usize) -> Option<()> {
         let is_too_large = |cells: usize| cells > CELLS_MAX;
         if is_too_large(width * height) {
@@ -275,9 +275,9 @@ mod tests {
 
     use super::*;
 
-    /// Field-bug catalogue, PU-07: the list that the program produces of its own, by UI-05. The
-    /// robot's list has the numbers 0 and 1, a click gets number 0 again, deleting that one hits
-    /// the first.
+    /// Field-bug catalogue, PU-07: the program creates this list itself because of UI-05. The
+    /// robot's list has the numbers 0 and 1, a click gets the number 0 again, and deleting that
+    /// waypoint removes the first one.
     #[test]
     fn the_list_that_ends_the_robots_program_comes_about_by_three_clicks() {
         let mut client = Client::default();
@@ -312,7 +312,7 @@ mod tests {
         assert_eq!((held.width, held.height), (300, 300));
     }
 
-    /// A program that was told of `width` x `height` cells of 10 mm in one layer.
+    /// A program that has received the size `width` x `height`, with cells of 10 mm in one layer.
     fn told(width: u16, height: u16) -> Client {
         let mut client = Client::default();
         client.size_is(width, height);
@@ -339,7 +339,7 @@ mod tests {
     }
 
     /// P5: four columns, two rows. The upper row of the screen is painted at pixel 0, the lower one
-    /// two pixels on instead of four.
+    /// at pixel 2 instead of 4.
     #[test]
     fn p5_a_map_that_is_not_square_is_painted_over_itself() {
         let mut client = told(4, 2);
@@ -349,8 +349,8 @@ mod tests {
         assert_eq!(client.cells(), [9, 9, 9, 9, 1, 2, 3, 4]);
     }
 
-    /// P5: as many pixels as the payload has are painted; one more than the row ends the handler,
-    /// as do a layer and a row that are not there.
+    /// P5: all pixels of the payload are painted. A pixel beyond the row ends the handler, as do an
+    /// unknown layer and an unknown row.
     #[test]
     fn p5_a_plain_row_is_as_long_as_it_is() {
         let mut client = told(300, 300);
@@ -372,7 +372,7 @@ mod tests {
         assert!(client.is_deaf());
     }
 
-    /// P5: without a pixel to paint, the value that is missing is never looked for.
+    /// P5: without a pixel to paint, the missing value is never read.
     #[test]
     fn p5_a_coded_row_may_end_in_a_lone_count_of_0() {
         let mut client = told(4, 4);
@@ -383,7 +383,8 @@ mod tests {
         assert!(client.is_deaf());
     }
 
-    /// P5: the map is made once. A smaller size told later is painted of the old one's cells.
+    /// P5: the map is created once. A smaller size that arrives later is painted with the old
+    /// cells.
     #[test]
     fn p5_a_second_size_keeps_the_map() {
         let mut client = told(4, 4);
@@ -396,8 +397,8 @@ mod tests {
     }
 
     proptest! {
-        /// Its faults are an exception and what is painted wrong, never the end of the process that
-        /// shows them: whatever frames it receives, between whatever clicks.
+        /// The defects cause an exception or a wrong picture, but never end the process that shows
+        /// them, for any frames and clicks.
         #[test]
         fn no_frame_brings_the_comparison_down(
             frames in prop::collection::vec(

@@ -1,5 +1,5 @@
-//! The faults of the fielded PC program, one by one: none of them is here. Frames are the golden
-//! ones of the fielded robot, or made by the codec that those prove.
+//! Defects of the fielded PC program, one by one: the rig's PC has none of them. Frames are the
+//! golden ones of the fielded robot, or come from the codec that those verify.
 
 use proptest::prelude::*;
 use protocols::pcui::message::{self, MapProperties, Mode, NO_WAYPOINT, Waypoint};
@@ -81,7 +81,7 @@ impl Operator {
         desk
     }
 
-    /// Does a gesture; the bytes that it writes.
+    /// Executes a gesture; returns the written bytes.
     fn does(&mut self, gesture: Gesture) -> Result<Vec<u8>, Refusal> {
         let action = answer(&self.pc, gesture)?;
         let done = self
@@ -93,7 +93,7 @@ impl Operator {
         Ok(buf[..len].to_vec())
     }
 
-    /// Numbers, places and predecessors of the one list in `bytes`.
+    /// Numbers, positions and predecessors of the only list in `bytes`.
     fn sent_list(bytes: &[u8]) -> Vec<(i16, [i16; 2], i16)> {
         let mut decoder = protocols::pcui::Decoder::default();
         let frames: Vec<_> = protocols::Decode::push(&mut decoder, bytes).collect();
@@ -113,8 +113,9 @@ impl Operator {
     }
 }
 
-/// UI-01: the id is not covered by the checksum; 'P' to 'R' makes a plain row a coded one. The
-/// pairs of a plain row do not add up to its width, so it is refused; the next pass mends it.
+/// UI-01: the checksum does not cover the id; 'P' to 'R' turns a plain row into a coded one. The
+/// pairs of a plain row do not add up to its width, so the row is rejected; the next transmission
+/// repairs it.
 #[test]
 fn ui_01_a_plain_row_taken_for_a_coded_one_is_not_drawn() {
     let mut desk = Operator::with_map();
@@ -127,8 +128,8 @@ fn ui_01_a_plain_row_taken_for_a_coded_one_is_not_drawn() {
     assert_eq!(desk.pc.map().expect("known").pixels, before);
 }
 
-/// UI-02: frames that killed the fielded program's receiver for good. Each is counted, and the
-/// program still receives.
+/// UI-02: frames that stopped the receiver of the fielded program permanently. Each is counted, and
+/// the program still receives.
 #[test]
 fn ui_02_no_frame_makes_the_program_deaf() {
     let mut desk = Operator::with_map();
@@ -146,7 +147,7 @@ fn ui_02_no_frame_makes_the_program_deaf() {
     assert_eq!(heard.position_mm, [1_234, 5]);
 }
 
-/// UI-03: 65526 and 65446 degrees were shown for -10 and -90. 0xFFF6 is -10, 0xFFA6 is -90.
+/// UI-03: 65526 and 65446 degrees were displayed for -10 and -90. 0xFFF6 is -10, 0xFFA6 is -90.
 #[test]
 fn ui_03_a_negative_pose_is_negative() {
     let mut desk = Operator::connected();
@@ -158,7 +159,7 @@ fn ui_03_a_negative_pose_is_negative() {
     assert_eq!((heard.position_mm, heard.psi_deg), ([-10, 0], -90));
 }
 
-/// UI-04: 65516 was shown for -20.
+/// UI-04: 65516 was displayed for -20.
 #[test]
 fn ui_04_a_negative_waypoint_is_negative() {
     let mut desk = Operator::with_map();
@@ -166,7 +167,7 @@ fn ui_04_a_negative_waypoint_is_negative() {
     assert_eq!(waypoints(&desk.pc), [[-20, 5]]);
 }
 
-/// UI-05: after a list of the robot with numbers 0 and 1, a click was numbered 0 again.
+/// UI-05: after the robot's list with the numbers 0 and 1, a click got the number 0 again.
 #[test]
 fn ui_05_a_waypoint_added_to_the_robots_list_gets_a_number_of_its_own() {
     let mut desk = Operator::with_map();
@@ -182,7 +183,7 @@ fn ui_05_a_waypoint_added_to_the_robots_list_gets_a_number_of_its_own() {
     );
 }
 
-/// UI-06: a click beside the map sent the robot there.
+/// UI-06: a click outside the map sent the robot there.
 #[test]
 fn ui_06_a_place_beside_the_map_is_no_waypoint() {
     let mut desk = Operator::with_map();
@@ -195,7 +196,7 @@ fn ui_06_a_place_beside_the_map_is_no_waypoint() {
     assert!(desk.add(2_999, 0).is_ok());
 }
 
-/// UI-07: a click before the robot had told its map sent (0, 0).
+/// UI-07: a click before the first report of the map sent (0, 0).
 #[test]
 fn ui_07_there_is_no_place_before_there_is_a_map() {
     let mut desk = Operator::connected();
@@ -204,7 +205,7 @@ fn ui_07_there_is_no_place_before_there_is_a_map() {
     assert_eq!(desk.add(0, 0), Err(Refusal::NoMap));
 }
 
-/// UI-08 and PU-01: the start of a frame inside the start of a frame.
+/// UI-08 and PU-01: the start of a frame within the start of a frame.
 #[test]
 fn ui_08_a_stray_byte_before_a_frame_costs_nothing_else() {
     for stray in [&b"P"[..], b"PCUI_", b"PCUI_MS"] {
@@ -216,7 +217,7 @@ fn ui_08_a_stray_byte_before_a_frame_costs_nothing_else() {
     }
 }
 
-/// UI-09: rows of a map that is not square were laid out by its height.
+/// UI-09: rows of a map that is not square were arranged by its height.
 #[test]
 fn ui_09_a_map_that_is_not_square_keeps_its_rows() {
     let mut desk = Operator::connected();
@@ -240,8 +241,8 @@ fn ui_10_a_column_that_was_not_told_is_unknown() {
     assert_eq!(desk.pc.map().expect("known").pixels, [0, 0, 0, 127]);
 }
 
-/// PU-06: a pose written into the middle of a row. Both are lost, nothing else is, and nothing
-/// wrong is drawn.
+/// PU-06: a pose written into the middle of a row. Both are lost, nothing else is, and no wrong
+/// cell is drawn.
 #[test]
 fn pu_06_a_pose_inside_a_row_costs_at_most_the_two() {
     let row = sealed(b"MAP", &[&[0, 0, 0][..], &[9; 300]].concat());
@@ -258,9 +259,9 @@ fn pu_06_a_pose_inside_a_row_costs_at_most_the_two() {
     }
 }
 
-/// PU-07: a list whose first waypoint says it comes after the second one crashed the fielded
-/// robot. From a robot that says so, the order of the list counts; sent back, it is chained again,
-/// and each keeps its number.
+/// PU-07: a list whose first waypoint names the second one as predecessor crashed the fielded
+/// robot. If the robot reports such a list, its order counts; the list that is sent back has
+/// correct links, and each waypoint keeps its number.
 #[test]
 fn pu_07_predecessors_are_always_those_of_the_list() {
     let mut desk = Operator::with_map();
@@ -315,8 +316,8 @@ fn pu_11_an_empty_list_is_sent_and_shown() {
     assert_eq!(waypoints(&desk.pc), <[[i16; 2]; 0]>::default());
 }
 
-/// PU-12: every gesture sent a list on release of the button anywhere, a right click two. Nine
-/// waypoints in two lists overflowed the robot's queue.
+/// PU-12: every gesture sent a list when the button was released anywhere, a right click sent two.
+/// Nine waypoints in two lists overflowed the robot's queue.
 #[test]
 fn pu_12_a_gesture_sends_one_list() {
     let mut desk = Operator::with_map();
@@ -335,8 +336,8 @@ fn pu_12_a_gesture_sends_one_list() {
     assert_eq!(Operator::sent_list(&desk.does(gone).expect("is there")), []);
 }
 
-/// PU-13: the 57th waypoint made a list that the robot did not take, without a word. Ours takes
-/// 100, as the report has it.
+/// PU-13: the 57th waypoint made a list that the robot ignored without a message. Our robot accepts
+/// 100, as in the report.
 #[test]
 fn pu_13_a_list_too_long_for_a_message_is_refused_aloud() {
     let mut desk = Operator::with_map();
@@ -348,7 +349,7 @@ fn pu_13_a_list_too_long_for_a_message_is_refused_aloud() {
     assert_eq!(waypoints(&desk.pc).len(), 100);
 }
 
-/// PU-15: what came while the program was off was taken for its first frame.
+/// PU-15: bytes that arrived while the program was off were taken as its first frame.
 #[test]
 fn pu_15_what_came_before_the_port_was_opened_is_not_heard() {
     let mut desk = Operator::connected();
@@ -361,8 +362,8 @@ fn pu_15_what_came_before_the_port_was_opened_is_not_heard() {
     assert_eq!((counts.map_properties, counts.bad_frames), (1, 0));
 }
 
-/// Two pages, or a robot that got a new list meanwhile: a gesture never hits another waypoint than
-/// the one that was seen.
+/// Two pages, or a robot with a new list: a gesture never affects a waypoint other than the one
+/// that the operator saw.
 #[test]
 fn a_gesture_at_a_waypoint_that_has_changed_is_refused() {
     let mut desk = Operator::with_map();
@@ -382,8 +383,8 @@ fn nothing_is_asked_of_a_robot_that_is_not_there() {
     assert_eq!(desk.add(1, 1), Err(Refusal::NotConnected));
 }
 
-/// An order by hand holds half a second on the wire and is repeated; its source has to be
-/// felt once a second.
+/// An order by hand is valid for half a second on the wire and is repeated; its source must be
+/// active once a second.
 #[test]
 fn a_hand_that_is_not_felt_any_more_stops_the_robot() {
     let mut hand = Hand::default();
@@ -406,7 +407,7 @@ fn a_hand_that_is_not_felt_any_more_stops_the_robot() {
     assert_eq!(hand.tick(at(19_000)), None);
 }
 
-/// The list that the page edits is the plain list of the same edits.
+/// The page's list equals a plain list with the same edits.
 #[derive(Clone, Debug)]
 enum Edit {
     Add(i32, i32),
@@ -424,8 +425,8 @@ fn edit() -> impl Strategy<Value = Edit> {
 }
 
 proptest! {
-    /// Whatever is added, moved and deleted in whatever order, sent lists are chained 0, 1, 2 and
-    /// hold what a plain list holds; metres and millimetres are the same places.
+    /// For any sequence of additions, moves and deletions, sent lists are linked 0, 1, 2 and equal
+    /// a plain list; metres and millimetres give the same positions.
     #[test]
     fn edits_do_what_a_plain_list_does(edits in prop::collection::vec(edit(), 0..40)) {
         let mut desk = Operator::with_map();
@@ -462,7 +463,7 @@ proptest! {
         }
     }
 
-    /// No bytes from the robot bring the program down, and it continues hearing.
+    /// No bytes from the robot end the program, and it keeps receiving.
     #[test]
     fn no_bytes_break_the_program(
         pieces in prop::collection::vec(prop::collection::vec(any::<u8>(), 0..40), 0..8),
