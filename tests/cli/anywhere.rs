@@ -1,5 +1,5 @@
-//! Every command where it is not comfortable: a reader that goes, a full disk, a folder that cannot
-//! be written, Ctrl-C. None may panic or leave half a file, and each says in a line what is wrong.
+//! Every command under adverse conditions: a closed pipe, a full disk, a read-only folder, Ctrl-C.
+//! No command may panic or leave half a file, and each one reports the problem in one line.
 
 use core::time::Duration;
 use std::io::Read as _;
@@ -10,7 +10,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use super::verbs::{Bench, VERBS, wait};
 use super::{text, wait_until};
 
-/// What the command said of errors; it must not have panicked.
+/// The errors that the command printed; it must not have panicked.
 fn complaints(line: &str, stderr: &[u8]) -> Vec<String> {
     let said = String::from_utf8_lossy(stderr).into_owned();
     assert!(!said.contains("panicked"), "{line}: {said}");
@@ -18,7 +18,7 @@ fn complaints(line: &str, stderr: &[u8]) -> Vec<String> {
     said.lines().filter(is_one).map(str::to_owned).collect()
 }
 
-/// `hilrig .. 2>&1 | head -c 1`: work and exit code stay what they are.
+/// `hilrig .. 2>&1 | head -c 1`: the closed pipe changes neither the results nor the exit code.
 #[test]
 fn a_reader_that_goes_ends_nothing() {
     let bench = Bench::new("reader-goes");
@@ -27,13 +27,13 @@ fn a_reader_that_goes_ends_nothing() {
         let mut command = bench.command(verb.line);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = command.spawn().expect("starts");
-        // Both readers go before anything is said.
+        // Both pipes are closed before the command prints anything.
         drop((child.stdout.take(), child.stderr.take()));
         let code = child.wait().expect("ends").code();
         assert_eq!(code, Some(verb.code), "{}", verb.line);
         assert_eq!(bench.files().is_empty(), !verb.writes, "{}", verb.line);
     }
-    // One that goes in the middle of a long list.
+    // A pipe that is closed in the middle of a long output.
     let mut command = bench.command("decode base/capture.pcapng");
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("starts");
@@ -46,7 +46,8 @@ fn a_reader_that_goes_ends_nothing() {
     assert!(complaints("decode", &output.stderr).is_empty());
 }
 
-/// Standard output is a file on a full disk: told once, and the work is done all the same.
+/// Standard output is a file on a full disk: the error is reported once, and the results are
+/// complete.
 #[test]
 fn an_output_that_is_full_is_told_once() {
     let bench = Bench::new("full-output");
@@ -57,8 +58,8 @@ fn an_output_that_is_full_is_told_once() {
         command.stdout(full.expect("Linux has it"));
         let output = command.output().expect("starts");
         let told = complaints(verb.line, &output.stderr);
-        // The rig's list of faults is empty, and so are a program's words and the draft of a dump
-        // of no known format, so nothing is said.
+        // The rig's list of faults is empty, and so are the output of a program and the draft of a
+        // dump of an unknown format. Nothing is printed then.
         let expected = usize::from(!["fault", "with", "learn"].contains(&verb.name));
         assert_eq!(told.len(), expected, "{}: {told:?}", verb.line);
         let code = if expected > 0 && verb.code == 0 {
@@ -75,8 +76,8 @@ fn an_output_that_is_full_is_told_once() {
     }
 }
 
-/// `hilrig .. > log 2>&1` where the log's disk is full: the work is done, and the exit code is not
-/// 0 (S8).
+/// `hilrig .. > log 2>&1` with the log on a full disk: the results are complete, and the exit code
+/// is not 0 (S8).
 #[test]
 fn a_full_disk_below_both_outputs_ends_nothing() {
     let bench = Bench::new("full-both");
@@ -92,8 +93,8 @@ fn a_full_disk_below_both_outputs_ends_nothing() {
     }
 }
 
-/// The results belong into the kernel's own file system, which no user can write: one line names
-/// the place, and the exit code is that of a set-up that is wrong.
+/// The results are to be written into the kernel's own file system, which no user can write: one
+/// line names the path, and the exit code is that of a wrong set-up.
 #[test]
 fn a_folder_that_cannot_be_written_is_one_line() {
     let bench = Bench::new("read-only");
@@ -108,7 +109,7 @@ fn a_folder_that_cannot_be_written_is_one_line() {
     }
 }
 
-/// What ends a file that is whole.
+/// Whether a file is complete, by its last bytes.
 fn is_whole(name: &str, bytes: &[u8]) -> bool {
     let ends = |end: &str| bytes.ends_with(end.as_bytes());
     match name.rsplit('.').next().unwrap_or_default() {
@@ -123,8 +124,8 @@ fn is_whole(name: &str, bytes: &[u8]) -> bool {
     }
 }
 
-/// No file can be longer than 4 KiB: each one is whole or not there. A capture alone is what was
-/// recorded until then, which is said.
+/// No file can be longer than 4 KiB: each one is complete or missing. Only a capture keeps the part
+/// that was recorded, and the command reports this.
 #[test]
 fn a_full_disk_leaves_no_torn_file() {
     let bench = Bench::new("full-disk");
@@ -139,7 +140,7 @@ fn a_full_disk_leaves_no_torn_file() {
         let code = output.status.code();
         match code {
             Some(2) => assert_eq!(told.len(), 1, "{}: {told:?}", verb.line),
-            // All that it has to write fits.
+            // All output of the command fits.
             _ => assert_eq!(code, Some(verb.code), "{}: {output:?}", verb.line),
         }
         for (name, bytes) in bench.files() {
@@ -148,8 +149,8 @@ fn a_full_disk_leaves_no_torn_file() {
     }
 }
 
-/// Commands that continue, and how each ends by Ctrl-C; what they do not catch ends them as the
-/// shell expects.
+/// Commands that run until they are stopped, and their exit code after Ctrl-C. A command that does
+/// not catch the signal ends as the shell expects.
 const ENDLESS: [(&str, &str, Option<i32>); 10] = [
     (
         "run long.toml --out o/run",
@@ -194,9 +195,9 @@ fn ctrl_c_ends_each_with_whole_files() {
         if !begun.is_empty() {
             bench.wait_for(begun);
         }
-        // What is too early for a signal handler ends the process at once.
+        // A signal that arrives before its handler is installed ends the process at once.
         wait_until(line, || catches_interrupt(&child));
-        // Some of its work.
+        // Time for some work.
         wait(Duration::from_millis(100));
         let output = interrupted(child);
         assert_eq!(

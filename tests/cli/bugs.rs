@@ -1,4 +1,4 @@
-//! The museum from the command line: what is listed, what a reproduction shows, what is refused.
+//! The museum from the command line: its list, the output of a reproduction, its error messages.
 
 use super::{Session, text};
 

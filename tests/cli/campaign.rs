@@ -1,11 +1,10 @@
-//! Campaigns: however they are cut and whenever they are stopped, they come to the same.
+//! Campaigns: the results do not depend on shards and interruptions.
 
 use std::process::Command;
 
 use super::{Session, shipped, text};
 
-/// Two seconds of a mission that takes longer, so that some check fails and there is a case to be
-/// made smaller.
+/// Two seconds of a longer mission, so that a check fails and there is a case to minimise.
 fn short(session: &Session) {
     let scenario = shipped("empty-room").replace("\"90s\"", "\"2s\"");
     session.write("short.toml", &scenario);
@@ -75,7 +74,7 @@ fn a_folder_of_another_campaign_is_refused() {
     );
 }
 
-/// Runs without faults pass, but say nothing of how the robot copes with them.
+/// Runs without faults pass, but prove nothing about the robot's handling of faults.
 #[test]
 fn a_campaign_in_which_too_little_came_up_fails_on_request() {
     let session = Session::new("campaign-situations");
@@ -92,8 +91,8 @@ fn a_campaign_in_which_too_little_came_up_fails_on_request() {
     assert!(said.contains("  never came up: base silences\n"), "{said}");
 }
 
-/// The templates for clusters as they stand in the docs, but for the number of runs: a shell takes
-/// them, and a shard of each leaves its runs where the merge expects them.
+/// The templates for clusters as in the docs, except for the number of runs: a shell runs them, and
+/// a shard of each leaves its runs where the merge expects them.
 #[test]
 fn the_templates_for_clusters_run() {
     let docs = include_str!("../../docs/campaigns.md");
@@ -133,7 +132,7 @@ fn the_templates_for_clusters_run() {
     }
 }
 
-/// At stake: a folder's campaign whose every report begins with a robot without a program.
+/// At stake: a campaign over a folder in which every report begins with a robot without a program.
 #[test]
 fn a_robot_without_a_program_is_left_out_beside_others() {
     let session = Session::new("campaign-bare");
@@ -155,10 +154,10 @@ fn a_robot_without_a_program_is_left_out_beside_others() {
         runs.lines().count() == 2 && !runs.contains("custom-robot"),
         "{runs}"
     );
-    // Alone it is what was asked for.
+    // If it is the only scenario, it runs.
     run("bare.toml --out alone");
     assert_eq!(session.read("alone/runs.jsonl").lines().count(), 2);
-    // A single run says why it stands still, that of a robot with a program has nothing to say.
+    // A single run reports why the robot does not move. A robot with a program has no such report.
     let told = |file: &str| {
         let output = session.hilrig(&["run", file, "--out", "one"]);
         text(&output.stderr).contains("has no program; --exec CMD starts one")
@@ -185,7 +184,7 @@ fn a_profile_is_a_file_to_copy_and_change() {
         let arguments: Vec<&str> = arguments.split_whitespace().collect();
         session.hilrig(&arguments)
     };
-    // Without a fault the mission is judged: none is done in 2 s.
+    // Without a fault the mission is judged: no run completes it in 2 s.
     assert_eq!(run("faults").status.code(), Some(1));
     let runs = session.read("mine/runs.jsonl");
     assert_eq!(runs.lines().count(), 6);

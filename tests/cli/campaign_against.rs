@@ -1,4 +1,4 @@
-//! What is new, fixed and still failing since an earlier campaign, on folders with known answers.
+//! New, fixed and still failing causes since an earlier campaign, in folders with known answers.
 
 use serde_json::Value;
 
@@ -36,8 +36,8 @@ fn pairs(expected: &[(&str, &str)]) -> Vec<(String, String)> {
     owned.collect()
 }
 
-/// One cause for each thing that can have become of it; "masked" fails now for another cause, and
-/// of the two runs that "late" had one was not run again.
+/// One cause for each possible change. "masked" now fails with another cause; of the two runs with
+/// "late", one was not repeated.
 #[test]
 fn each_cause_is_new_fixed_still_failing_or_not_known() {
     let session = Session::new("against-causes");
@@ -99,8 +99,8 @@ fn each_cause_is_new_fixed_still_failing_or_not_known() {
     );
 }
 
-/// Equal names and seeds are not the same runs if the scenario was changed, or what is varied:
-/// that nothing fails then says nothing.
+/// Runs with equal names and seeds are different runs if the scenario or the variation was changed.
+/// A pass then proves nothing.
 #[test]
 fn nothing_is_fixed_in_a_scenario_that_was_changed() {
     let session = Session::new("against-changed");
@@ -134,8 +134,8 @@ fn nothing_is_fixed_in_a_scenario_that_was_changed() {
     }
 }
 
-/// The exit code is that of the campaign: 0 if its runs pass, whatever failed before, and 1 for
-/// what failed before as well. A comment in the scenario makes it no other.
+/// The exit code is that of the campaign: 0 if its runs pass, whatever failed earlier; 1 for
+/// failures, also for old ones. A comment in the scenario does not make it another scenario.
 #[test]
 fn a_campaign_is_compared_and_keeps_its_exit_code() {
     const CAUSE: &str = "waypoints-visited: never moved";
@@ -161,7 +161,8 @@ fn a_campaign_is_compared_and_keeps_its_exit_code() {
     }
 }
 
-/// Said before the first run, not after a night; a shard alone has too little to compare.
+/// The error comes before the first run, not after a night; a single shard has too few runs to
+/// compare.
 #[test]
 fn what_cannot_be_compared_is_refused_at_once() {
     let session = Session::new("against-refused");

@@ -1,4 +1,4 @@
-//! Folders of campaigns made by hand, so that what should come of them is known.
+//! Folders of campaigns made by hand, with known results.
 
 use core::ops::Range;
 
@@ -8,7 +8,8 @@ use super::Session;
 
 /// The line of a run that failed for `cause`, or passed.
 pub(crate) fn line(scenario: &str, seed: u64, cause: Option<&str>) -> String {
-    // In the order in which the tool writes them: a line that is cut off must be known as one.
+    // The keys are in the order in which the tool writes them: a cut line must be recognised as
+    // cut.
     let detail = cause.map_or(Value::Null, |cause| json!(format!("{cause}: 42 times")));
     let cause = cause.map_or(Value::Null, Value::from);
     format!(

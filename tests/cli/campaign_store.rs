@@ -63,8 +63,8 @@ fn whole(text: &str) -> &str {
     &text[..text.rfind('\n').map_or(0, |at| at + 1)]
 }
 
-/// 128 and the number of the signal, as a shell has it: with 0 or 1 a queue would take a shard for
-/// done that has runs left. Its page is the last, which loads no other.
+/// 128 plus the number of the signal, as in a shell. With 0 or 1 a queue would regard a shard with
+/// remaining runs as done. The shard's page is the last one, so it does not reload.
 #[test]
 fn a_campaign_that_is_told_to_end_is_not_done() {
     for (signal, code) in [(Signal::INT, 130), (Signal::TERM, 143)] {
@@ -85,8 +85,8 @@ fn a_campaign_that_is_told_to_end_is_not_done() {
     }
 }
 
-/// All has run, and 150 tries of a mission of 90 s are ahead: the case is written as it is, with
-/// its four waypoints.
+/// All runs are done, and 150 tries of a mission of 90 s remain: the case is written unreduced,
+/// with its four waypoints.
 #[test]
 fn who_is_told_to_end_while_a_case_is_made_smaller_takes_the_best_so_far() {
     let session = Session::new("campaign-told-late");
@@ -103,16 +103,16 @@ fn who_is_told_to_end_while_a_case_is_made_smaller_takes_the_best_so_far() {
     }
 }
 
-/// Half of the kills hit the start, the other half come when some runs have ended since; before
-/// every third start the last line is torn by hand, because a kill rarely hits a write. The file is
-/// appended to if it stays the same file and keeps its beginning byte for byte.
+/// Half of the kills come during the start, the other half after some runs have ended. Before every
+/// third start the test cuts the last line by hand, because a kill rarely comes during a write. The
+/// file counts as appended to if it stays the same file and keeps its first bytes.
 #[test]
 fn a_kill_at_any_moment_loses_no_finished_run() {
     const SEEDS: u64 = 4000;
     let session = Session::new("campaign-kills");
     calm(&session);
     let campaign = |more: &str| format!("campaign calm.toml --seeds 0..{SEEDS} --out night {more}");
-    // The last run, for the plan; its line comes first, where no sorted file would have it.
+    // The last run, for the plan; its line is the first one, where no sorted file would have it.
     hilrig(
         &session,
         &campaign(&format!("--shard {}/{SEEDS}", SEEDS - 1)),
@@ -160,7 +160,7 @@ fn a_kill_at_any_moment_loses_no_finished_run() {
     );
 }
 
-/// Runs are the same whenever they are done: what was torn away comes again, in a later place.
+/// A run has the same result at any time: the lost run is repeated, later in the file.
 #[test]
 fn a_torn_line_is_cut_away_and_its_run_done_again() {
     let session = Session::new("campaign-torn");
@@ -190,8 +190,8 @@ fn a_torn_line_is_cut_away_and_its_run_done_again() {
     }
 }
 
-/// The second process gets the number of the first, for any command in the folder. A kill -9 leaves
-/// the number of the first in the lock, which counts for nothing then.
+/// The second process prints the process number of the first one, for any command in the folder.
+/// After a kill -9 the lock still contains the number of the dead process, and is ignored.
 #[test]
 fn a_second_process_is_refused_until_the_first_is_dead() {
     let session = Session::new("campaign-locked");
@@ -204,7 +204,7 @@ fn a_second_process_is_refused_until_the_first_is_dead() {
     wait_until("the lock", is_locked);
     wait_until("the plan", || session.path("night/plan.json").exists());
 
-    // Of one run only, so that it ends if it is let in.
+    // A shard of one run, so that it ends soon if it is not refused.
     let one = format!("{campaign} --shard 0/100000");
     for second in [&one, "campaign merge night --out night"] {
         let (code, _, errors) = hilrig(&session, second);
@@ -220,7 +220,8 @@ fn a_second_process_is_refused_until_the_first_is_dead() {
     assert_eq!(session.read("night/campaign.lock"), "");
 }
 
-/// Whatever is in the place of a campaign's file is left alone and named, with what was expected.
+/// A foreign file at the path of a campaign's file stays unchanged; the error names it and the
+/// expected content.
 #[test]
 fn what_is_no_campaign_is_refused_in_words() {
     let foreign_run = line("elsewhere", 0, None);
@@ -284,8 +285,8 @@ fn what_is_no_campaign_is_refused_in_words() {
     }
 }
 
-/// Three shards, merged at once and in two steps; then the half that was merged first is gone on
-/// with instead. All come to the same bytes, lines and cases among them.
+/// Three shards, merged at once and in two steps; in the third variant the half that was merged
+/// first is continued instead. All give the same bytes, lines and cases.
 #[test]
 fn what_was_merged_is_merged_again_and_gone_on_with() {
     let session = Session::new("campaign-merges");

@@ -1,4 +1,4 @@
-//! Every recipe of the cookbook does what the page says.
+//! Every recipe of the cookbook gives the output on the page.
 
 use std::path::Path;
 use std::process::Command;
@@ -33,7 +33,7 @@ pub(crate) fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// A command and the lines that the page has below it.
+/// A command and its output on the page.
 pub(crate) fn commands(lines: &[String]) -> Vec<(&str, Vec<&str>)> {
     let mut found: Vec<(&str, Vec<&str>)> = Vec::new();
     for line in lines {
@@ -45,8 +45,8 @@ pub(crate) fn commands(lines: &[String]) -> Vec<(&str, Vec<&str>)> {
     found
 }
 
-/// Whether `line` is what the page shows, `...` being anything; the page leaves out the beginning
-/// and the end of a line only with dots.
+/// Whether `line` matches the page, where `...` stands for any text. The page may omit the
+/// beginning and the end of a line only with dots.
 fn is_shown(shown: &str, line: &str) -> bool {
     let mut rest = line.trim();
     let mut pieces = shown.trim().split("...").map(str::trim);
@@ -78,12 +78,12 @@ fn dots_stand_for_anything() {
     assert!(!is_shown("no divergence...", "divergence"));
 }
 
-/// Commands run by a shell that finds `hilrig`; what they say on both streams.
+/// Runs commands in a shell that finds `hilrig`; returns both output streams.
 pub(crate) fn run(session: &Session, command: &str) -> String {
     let tool = Path::new(env!("CARGO_BIN_EXE_hilrig"));
     let folder = tool.parent().expect("a file in a folder").display();
     let path = std::env::var("PATH").unwrap_or_default();
-    // With "; echo $?" the page shows the exit code; without it is 0.
+    // With "; echo $?" the page shows the exit code; without it the exit code is 0.
     let (shows_code, line) = match command.strip_suffix("; echo $?") {
         Some(_) => (true, command),
         None => (false, command),
@@ -114,7 +114,7 @@ fn every_recipe_does_what_the_page_says() {
             session.write(name, &format!("\n{}\n", block.lines.join("\n")));
             continue;
         }
-        // A session with programs that are the reader's own.
+        // A session with the reader's own programs.
         if block.language == "text" {
             continue;
         }

@@ -1,4 +1,4 @@
-//! `hilrig decode`: what it prints of captures and dumps, and what it says of damaged ones.
+//! `hilrig decode`: its output for captures and dumps, valid and damaged.
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Write as _};
@@ -51,7 +51,7 @@ fn sample() -> Vec<u8> {
     };
     let closed = Record {
         kind: Kind::Line(LineEvent::Closed),
-        // A comment of another tool may have lines of its own; what is printed has one a record.
+        // A comment of another tool may contain line breaks; the output has one line per record.
         comment: "port\nclosed".to_owned(),
         ..record(2, 90_000, up, &[])
     };
@@ -123,8 +123,8 @@ fn a_capture_is_told_frame_by_frame_in_the_order_of_time() {
     assert_eq!(text(&only.stdout).lines().count(), 2);
 }
 
-/// Files of other tools are read as what they are, or refused with a word; --format raw reads them
-/// as bytes.
+/// Files of other tools are recognised and decoded, or refused with a message; --format raw reads
+/// them as bytes.
 #[test]
 fn files_of_other_tools_are_decoded_as_what_they_are() {
     let session = Session::new("decode-foreign");
@@ -179,8 +179,8 @@ fn files_of_other_tools_are_decoded_as_what_they_are() {
     );
 }
 
-/// Bytes of an unknown protocol are told as they came, with what can be told of the line; --as
-/// takes them for a known one.
+/// Bytes of an unknown protocol are printed unchanged, with the known facts of the line; --as
+/// decodes them with a given protocol.
 #[test]
 fn an_unknown_protocol_is_not_taken_for_a_known_one() {
     let session = Session::new("decode-unknown");
@@ -203,7 +203,7 @@ fn an_unknown_protocol_is_not_taken_for_a_known_one() {
     assert!(text(&output.stdout).contains("1 pieces of 90 to 90 bytes"));
 }
 
-/// A slave that the capture's own scenario describes has its own names.
+/// A slave from the capture's own scenario is decoded with its own register names.
 #[test]
 fn an_own_slave_is_decoded_with_its_own_names() {
     let session = Session::new("decode-own-slave");
@@ -227,7 +227,8 @@ fn an_own_slave_is_decoded_with_its_own_names() {
     assert!(said.contains("46: grip-to=20 EC 00\n"), "{said}");
 }
 
-/// A description may have other frames each way: the figures count those of the line's direction.
+/// A description may have different frames per direction: the figures count those of the line's
+/// direction.
 #[test]
 fn frames_are_counted_by_the_way_they_go() {
     let session = Session::new("decode-two-ways");
@@ -286,8 +287,8 @@ fn a_wrong_link_a_missing_file_and_a_wrong_protocol_are_named() {
     }
 }
 
-/// A file that died in the middle of a block, and one with a byte changed: what is sound before
-/// is told, and where it ends.
+/// A file that ends in the middle of a block, and one with a changed byte: the valid part is
+/// printed, with the position of the damage.
 #[test]
 fn a_cut_or_broken_capture_is_told_up_to_the_damage() {
     let session = Session::new("decode-broken");
@@ -314,7 +315,7 @@ fn a_cut_or_broken_capture_is_told_up_to_the_damage() {
     );
 }
 
-/// A reader that has seen enough is no error.
+/// A reader that closes the pipe is no error.
 #[test]
 fn a_closed_pipe_ends_the_command_quietly() {
     let session = Session::new("decode-pipe");
@@ -354,7 +355,7 @@ fn a_growing_capture_is_followed() {
         .spawn()
         .expect("starts");
     let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
-    // What was there is told once the file has not grown for a while.
+    // The existing records are printed once the file has not grown for a while.
     let told = lines.next().expect("a line").expect("readable");
     assert!(told.contains("read 10 from 36"), "{told}");
     file.write_all(last).expect("written");
@@ -451,7 +452,7 @@ fn a_host_that_strips_nul_is_named_with_its_evidence() {
     assert_eq!(text(&output.stdout), expected);
 }
 
-/// A run's own capture: every line in both directions, none accused, and hardly a bad byte.
+/// A run's own capture: every line in both directions, no diagnosis, and hardly an invalid byte.
 #[test]
 fn a_runs_own_capture_is_not_accused() {
     let session = Session::new("decode-own");

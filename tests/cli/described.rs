@@ -1,4 +1,4 @@
-//! One description goes through all of its uses, and each use by itself.
+//! One description in all its uses, and each use separately.
 
 use std::process::{Command, Stdio};
 
@@ -6,7 +6,7 @@ use hilrig::description;
 
 use super::{Session, text, wait_until};
 
-/// Runs a command that must end with `code`; its standard output.
+/// Runs a command that must end with `code`; returns its standard output.
 fn run(session: &Session, line: &[&str], code: i32) -> String {
     let output = session.hilrig(line);
     let (said, told) = (text(&output.stdout), text(&output.stderr));
@@ -14,7 +14,7 @@ fn run(session: &Session, line: &[&str], code: i32) -> String {
     said.to_owned()
 }
 
-/// The starter device: made, emulated for its driver, decoded, dissected, fuzzed, spoken to,
+/// The example device: created, emulated for its driver, decoded, dissected, fuzzed, talked to,
 /// compared, documented, and learned again from the capture.
 #[test]
 fn one_description_goes_through_all_uses() {
@@ -72,7 +72,7 @@ fn one_description_goes_through_all_uses() {
         "the field is there"
     );
 
-    // Fuzzed: the driver knows what to do with all that a few cases bring, or is told so.
+    // Fuzzed: the driver handles all input of a few cases, or the command reports a finding.
     let fuzzed = session.hilrig(&[
         "fuzz",
         "--exec",
@@ -110,10 +110,10 @@ fn one_description_goes_through_all_uses() {
         .stdout(Stdio::null())
         .stderr(Stdio::null());
     let mut rig = up.spawn().expect("starts");
-    // The last that it makes: all its ports are there.
+    // The last file that the rig creates: all its ports exist then.
     let note = session.path("live/.hilrig-scenario.toml");
     wait_until("the ports", || note.exists());
-    // Compared at the port, with what changes nothing.
+    // Compared at the port, with requests that change nothing.
     let found = run(
         &session,
         &[
@@ -127,7 +127,7 @@ fn one_description_goes_through_all_uses() {
         0,
     );
     assert!(found.contains("no difference"), "{found}");
-    // Spoken to.
+    // Talked to.
     let talk = [
         "talk",
         "--rig",
@@ -180,7 +180,7 @@ fn one_description_goes_through_all_uses() {
     );
 }
 
-/// Tags that stand open in a page; those that need no end left out.
+/// Tags that are open in a page, without those that need no end tag.
 fn open_tags(page: &str) -> Vec<String> {
     let mut open: Vec<String> = Vec::new();
     for tag in page.split('<').skip(1) {
@@ -216,7 +216,7 @@ fn every_shipped_description_has_its_page() {
     }
 }
 
-/// The words for people name the option, the file, the line and the key.
+/// The message names the option, the file, the line and the key.
 #[test]
 fn a_wrong_description_is_told_with_its_place_by_every_command() {
     let session = Session::new("wrong-description");
@@ -239,7 +239,7 @@ fn a_wrong_description_is_told_with_its_place_by_every_command() {
     }
 }
 
-/// The schema of descriptions knows every table that the docs name.
+/// The schema of descriptions contains every table that the docs name.
 #[test]
 fn the_schema_of_descriptions_is_printed() {
     let session = Session::new("device-schema");

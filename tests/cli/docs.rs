@@ -1,5 +1,5 @@
-//! The docs are true: links lead somewhere, programs are the files that other tests run, commands
-//! and options exist, the first page does what it says.
+//! The docs are correct: links have targets, programs are files that other tests run, commands and
+//! options exist, the first page works as described.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -35,7 +35,7 @@ fn pages() -> Vec<String> {
     pages
 }
 
-/// The lines of a page that are in no block of code.
+/// The lines of a page outside of code blocks.
 fn prose(page: &str) -> impl Iterator<Item = &str> {
     let mut inside = false;
     page.lines().filter(move |line| {
@@ -45,7 +45,7 @@ fn prose(page: &str) -> impl Iterator<Item = &str> {
     })
 }
 
-/// What a heading is called in an address, as GitHub and mdBook have it.
+/// Anchors of the headings, in the form of GitHub and mdBook.
 fn anchors(page: &str) -> Vec<String> {
     let titles = prose(page).filter_map(|line| line.split_once("# "));
     let titles = titles.filter(|(signs, _)| signs.chars().all(|sign| sign == '#'));
@@ -70,12 +70,12 @@ fn links(page: &str) -> Vec<String> {
         .collect()
 }
 
-/// What is wrong with the link `target` on the page at `path`.
+/// The error of the link `target` on the page at `path`, if there is one.
 fn broken(path: &str, target: &str) -> Option<String> {
     if target.contains("://") {
         return None;
     }
-    // The book has the folder and nothing beside it.
+    // The book contains the folder `docs` and nothing outside of it.
     if path.starts_with("docs/") && target.starts_with("../") {
         return Some(format!("{path}: {target} leads out of the book"));
     }
@@ -129,7 +129,7 @@ fn the_book_has_every_page_once() {
     assert_eq!(listed, pages);
 }
 
-/// Blocks of these languages on these pages are files that are run or built.
+/// Code blocks of these languages on these pages are equal to files that are run or built.
 #[test]
 fn programs_on_the_pages_are_the_files() {
     let files = [
@@ -151,7 +151,7 @@ fn programs_on_the_pages_are_the_files() {
         let of = |block: &Block| block.language == language && block.lines == lines;
         assert!(blocks(&read(page)).iter().any(of), "{page} has not {file}");
     }
-    // Nothing else in these languages stands there untested.
+    // The page has no untested block in these languages.
     let page = blocks(&read("docs/connect.md"));
     let programs = page
         .iter()
@@ -159,7 +159,7 @@ fn programs_on_the_pages_are_the_files() {
     assert_eq!(programs.count(), 5);
 }
 
-/// The table of the base's registers, made of the one that the program and the base share.
+/// The table of the base's registers, generated from the table that the program and the base share.
 #[test]
 fn the_register_map_on_the_page_is_the_code_s() {
     let page = read("docs/connect.md");
@@ -188,7 +188,7 @@ fn unquoted(line: &str) -> String {
     line.split('\'').step_by(2).collect()
 }
 
-/// Commands whose next word is a command too.
+/// Commands with subcommands.
 const NESTED: [&str; 5] = ["case", "campaign", "fault", "fidelity", "map"];
 
 #[test]

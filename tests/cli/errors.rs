@@ -1,8 +1,8 @@
-//! Every mistake is told with file, line, field and what was expected, and ends with exit code 2.
+//! Every error message names file, line, field and the expected value; the exit code is 2.
 
 use super::{Session, shipped, text};
 
-/// Runs `scenario` and returns what the command says on stderr; it must refuse.
+/// Runs `scenario`, which must be refused; returns the error message.
 fn refusal(name: &str, scenario: &str) -> String {
     let session = Session::new(name);
     session.write("s.toml", scenario);
@@ -79,8 +79,8 @@ fn an_unknown_profile_lists_the_known_ones() {
     "#);
 }
 
-/// Firmware 2.1 sends whole turns, which the robot's program cannot read: it stood still without a
-/// word.
+/// Firmware 2.1 sends whole turns, which the robot's program cannot decode: the robot stood still
+/// without a message.
 #[test]
 fn a_lidar_that_the_program_cannot_read_is_refused() {
     let device = "[device.lidar.xv11]\nprofile = \"fw2.1\"\n\n[world]\n";
@@ -148,7 +148,7 @@ fn a_file_that_is_no_text_is_refused() {
     insta::assert_snapshot!(text(&output.stderr), @"error: cannot read scenario s.toml: stream did not contain valid UTF-8");
 }
 
-/// The results have nowhere to go: that is found out before the run, not after.
+/// The folder of the results cannot be created: the error comes before the run, not after it.
 #[test]
 fn a_folder_that_cannot_be_made_is_named() {
     let session = Session::new("out");

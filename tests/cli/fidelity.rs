@@ -7,8 +7,8 @@ use protocols::Instant;
 use super::captures::capture;
 use super::{Session, text};
 
-/// Issue figures of the real capture: the emulation agrees with what is published of it, and the
-/// table says how.
+/// Published figures of the real capture: the emulation agrees with them, and the table shows the
+/// comparison.
 #[test]
 fn the_emulated_lidar_agrees_with_the_published_figures() {
     let output = Session::new("fidelity").hilrig(&["fidelity", "xv11"]);
@@ -34,8 +34,8 @@ fn a_lidar_of_another_firmware_does_not_pass_for_this_one() {
     assert!(said.contains("DIFFERS"), "{said}");
 }
 
-/// The figures measured from the real bytes are those that are carried over, and the emulation
-/// agrees with them as well.
+/// The figures measured from the real bytes are the recorded ones, and the emulation agrees with
+/// them, too.
 #[test]
 fn the_emulated_lidar_agrees_with_the_real_capture() {
     let Some(bytes) = capture("xv11/xevel_hand_in_box_fw24.bin") else {
@@ -99,8 +99,8 @@ fn a_file_that_is_no_capture_is_refused() {
     );
 }
 
-/// Blocks of the file between the packets would cut one in every record, and what was sent to the
-/// lidar or on another line is not the lidar's.
+/// Blocks of the file between the packets would cut one in every record. Bytes to the lidar, and
+/// bytes on another line, are not the lidar's.
 #[test]
 fn of_a_capture_only_what_the_lidar_sent_is_read() {
     // First packet of the capture "hand in box", fw 2.4.
@@ -142,7 +142,7 @@ fn of_a_capture_only_what_the_lidar_sent_is_read() {
     assert_eq!(table("c.pcapng"), table("raw.bin"));
 }
 
-/// After a change of the ledger, run `hilrig fidelity --markdown` and put its table into the page.
+/// After a change of the ledger, run `hilrig fidelity --markdown` and copy its table to the page.
 #[test]
 fn the_page_holds_the_ledger() {
     let session = Session::new("fidelity-ledger");

@@ -1,4 +1,4 @@
-//! `hilrig fuzz`: deterministic, gone on with, and with errors that say what was expected.
+//! `hilrig fuzz`: deterministic, resumable, and with errors that name the expected value.
 
 use super::{Session, text};
 
@@ -19,7 +19,7 @@ fn the_decoders_are_fuzzed_and_nothing_is_found() {
     assert!(said.ends_with("0 findings, results in all\n"), "{said}");
 }
 
-/// Two processors, and a stop in the middle at a round's end, against one go on one.
+/// Two processors with an interruption at the end of a round, against an uninterrupted run on one.
 #[test]
 fn the_same_seed_and_cases_leave_the_same_corpus() {
     let session = Session::new("fuzz-same");
@@ -84,8 +84,8 @@ fn a_case_is_repeated_from_its_file_or_folder() {
     );
 }
 
-/// Acknowledgements are taken for data: found within the first cases, made small, and repeated by
-/// the command that is told, which finds nothing in the sound program.
+/// Acknowledgements count as data: found within the first cases, minimised, and reproduced by the
+/// printed command. The same command finds nothing in the correct program.
 #[test]
 fn a_known_defect_is_found_and_repeated() {
     let session = Session::new("fuzz-defect");
@@ -151,8 +151,9 @@ fn a_folder_of_another_fuzzer_is_refused() {
     );
 }
 
-/// A base whose firmware forgets to stop, in a room where two seconds are enough to see it: the
-/// mission cannot be over by then, which is a finding with a case and the command that repeats it.
+/// A base whose firmware forgets to stop, in a room where this shows within two seconds. The
+/// mission cannot be complete by then; this is a finding with a case and a command that reproduces
+/// it.
 #[test]
 fn a_scenario_that_fails_leaves_a_small_case_that_fails() {
     let session = Session::new("fuzz-scenario");

@@ -1,5 +1,5 @@
-//! `--json`: one object of every command, as its schema says. And the completions and manual pages,
-//! which know every command too.
+//! `--json`: each command prints one object that matches its schema. Also the completions and
+//! manual pages, which must contain every command.
 
 use std::process::Stdio;
 
@@ -8,8 +8,8 @@ use serde_json::Value;
 use super::text;
 use super::verbs::{Bench, VERBS};
 
-/// What in `value` is not as `schema` says, with its place; the keywords that our schemas use, any
-/// other is an error.
+/// Differences between `value` and `schema`, with their position. Only the keywords of our schemas
+/// are supported; any other is an error.
 fn wrong(schema: &Value, value: &Value, root: &Value, place: &str) -> Vec<String> {
     let Value::Object(rules) = schema else {
         return Vec::from_iter((schema == false).then(|| format!("{place}: not allowed")));
@@ -121,14 +121,14 @@ fn the_judge_of_this_test_finds_what_is_wrong() {
     assert_eq!(count(serde_json::json!([])), 2);
 }
 
-/// The schema has a branch for each command alone, so nothing of another one passes.
+/// Each command has its own branch of the schema, so an object of another command does not match.
 #[test]
 fn every_command_prints_one_object_as_its_schema_says() {
     let bench = Bench::new("json");
     let schema = bench.command("schema --output").output().expect("starts");
     let schema: Value = serde_json::from_slice(&schema.stdout).expect("JSON");
     for verb in &VERBS {
-        // Behind two dashes it would be for a program.
+        // After two dashes the option would belong to the program.
         let line = match verb.line.split_once(" -- ") {
             Some((ours, program)) => format!("{ours} --json -- {program}"),
             None => format!("{} --json", verb.line),
@@ -157,7 +157,7 @@ fn every_command_prints_one_object_as_its_schema_says() {
             "{line}"
         );
     }
-    // Another command's result is none of this one's.
+    // The result of another command does not match this one's schema.
     let output = bench
         .command("map diff base base --json")
         .output()
@@ -182,7 +182,7 @@ fn an_error_is_an_object_as_well() {
     let error = said["error"].as_str().expect("text");
     assert!(error.contains("nowhere.toml"), "{error}");
     assert_eq!(text(&output.stderr), format!("error: {error}\n"));
-    // And it is an error if the object cannot be printed.
+    // If the object cannot be printed, that is an error.
     let full = std::fs::File::options().write(true).open("/dev/full");
     let mut command = bench.command("schema --json");
     let output = command
@@ -193,7 +193,7 @@ fn an_error_is_an_object_as_well() {
     assert!(text(&output.stderr).starts_with("error: cannot write to standard output"));
 }
 
-/// Both are made of the table of the commands, so the commands here are known to be all.
+/// Both are generated from the table of commands, so all commands of this list are known.
 #[test]
 fn completions_and_manual_pages_know_every_command() {
     let bench = Bench::new("man");
@@ -236,7 +236,7 @@ fn completions_and_manual_pages_know_every_command() {
     }
 }
 
-/// A pipe gets no colour, whatever the terminal is called.
+/// Output to a pipe has no colour, whatever TERM says.
 #[test]
 fn a_pipe_is_not_coloured() {
     let bench = Bench::new("colour");
@@ -249,7 +249,7 @@ fn a_pipe_is_not_coloured() {
     assert!(!output.stdout.contains(&0x1B));
 }
 
-/// What `new` makes runs as it is, and a name that is taken stays what it is.
+/// A scenario from `new` runs unchanged, and an existing file is not overwritten.
 #[test]
 fn a_new_scenario_runs() {
     let bench = Bench::new("new");

@@ -1,4 +1,4 @@
-//! The command line as a user meets it: exit codes, messages, files.
+//! The command line from a user's view: exit codes, messages, files.
 
 mod anywhere;
 mod bugs;
@@ -35,8 +35,8 @@ use std::process::{Command, Output, Stdio};
 
 use hilrig::realtime::clock::{Clock as _, WallClock};
 
-/// How long a test waits for what must come, on a machine with other work as well. Only a failing
-/// test waits that long.
+/// Maximum time to wait for an expected event, on a machine with other work. Only a failing test
+/// waits that long.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Waits until `holds`.
@@ -49,7 +49,7 @@ fn wait_until(what: &str, mut holds: impl FnMut() -> bool) {
     }
 }
 
-/// The command, in an empty folder of its own that is removed afterwards.
+/// The command, in its own empty folder, which is removed afterwards.
 struct Session {
     folder: PathBuf,
 }
@@ -80,7 +80,7 @@ impl Session {
             .expect("the command starts")
     }
 
-    /// The command with its output kept, not yet started.
+    /// The command, not yet started; its output is captured.
     fn command(&self, arguments: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
         command.args(arguments).current_dir(&self.folder);

@@ -1,4 +1,4 @@
-//! No scenario file, however damaged, makes the tool panic: it runs or is refused in words.
+//! No scenario file, however damaged, makes the tool panic: it runs or is refused with a message.
 
 use std::path::Path;
 
@@ -10,16 +10,16 @@ use super::shipped;
 
 const FILES: [&str; 4] = ["rescue-flat", "legs", "moving-obstacle", "two-rooms"];
 
-/// What people and editors do to a file.
+/// Changes that people and editors make to a file.
 #[derive(Clone, Debug)]
 enum Mutation {
     /// A line is lost.
     Drop(usize),
-    /// A line stands twice.
+    /// A line occurs twice.
     Double(usize),
-    /// A number in a line becomes another.
+    /// A number in a line is replaced by another.
     Number(usize, f64),
-    /// A line's value becomes something of another kind.
+    /// A line's value is replaced by one of another type.
     Value(usize, &'static str),
     /// A character is changed.
     Character(usize, char),
@@ -27,7 +27,7 @@ enum Mutation {
     Cut(usize),
 }
 
-/// Values of every kind, most of them wrong anywhere.
+/// Values of every type, most of them wrong at any key.
 const VALUES: [&str; 8] = [
     "true",
     "\"\"",

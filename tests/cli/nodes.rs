@@ -1,4 +1,4 @@
-//! Node programs from the command line: exit codes, sentences, and no process left behind.
+//! Node programs from the command line: exit codes, messages, and no remaining process.
 
 use std::path::Path;
 use std::process::Command;
@@ -23,7 +23,7 @@ fn scenario(command: &str) -> String {
     )
 }
 
-/// Whether a process whose command holds `mark` is there.
+/// Whether a process exists whose command line contains `mark`.
 fn is_running(mark: &str) -> bool {
     let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
     let mut commands = entries.map(|entry| std::fs::read(entry.path().join("cmdline")));
@@ -33,7 +33,7 @@ fn is_running(mark: &str) -> bool {
     })
 }
 
-/// Both ends of the wire are programs: nine weighings from 0.5 s to 4.5 s, in both forms the same.
+/// Both ends of the wire are programs: nine weighings from 0.5 s to 4.5 s, the same in both forms.
 #[test]
 fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
     let session = Session::new("nodes-driver");
@@ -57,12 +57,12 @@ fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
     assert_eq!(traces[0], traces[1]);
 }
 
-/// It has started another program, both ignore a request to end.
+/// The program has started another program, and both ignore a request to end.
 #[test]
 fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
     let session = Session::new("nodes-exit");
     let mark = format!("hilrig-cli-left-{}", std::process::id());
-    // The child says itself that it is there, under the name that is looked for below.
+    // The child reports that it runs, under the name that the test looks for.
     let child = format!(
         "sh -c \"trap : TERM HUP; grep -c {mark} /proc/\\$\\$/cmdline > up; sleep 600; : {mark}\""
     );
@@ -82,11 +82,11 @@ fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
     assert!(said.contains("| no meter"), "{said}");
     assert_eq!(session.read("o/node-scale.log"), "no meter\n");
     assert_eq!(session.read("up"), "1\n");
-    // A killed process is gone once the machine comes to it.
+    // A killed process disappears when the machine has time for it.
     wait_until("its end", || !is_running(&mark));
 }
 
-/// The rig does not wait for a silent program any longer when it is told to stop.
+/// When the rig is told to stop, it no longer waits for a silent program.
 #[test]
 fn an_interrupt_ends_the_wait_for_a_silent_program() {
     let session = Session::new("nodes-interrupt");
@@ -108,7 +108,7 @@ fn an_interrupt_ends_the_wait_for_a_silent_program() {
     assert!(!said.contains("FAIL node-programs"), "{said}");
 }
 
-/// One program keeps the contract as its scenario starts it; one does not.
+/// One program keeps the contract with the command of its scenario; one does not.
 #[test]
 fn a_program_is_tested_against_the_contract() {
     let session = Session::new("nodes-check");

@@ -1,5 +1,5 @@
-//! Every command that writes, in folders that another user prepared: full of links, second names of
-//! files elsewhere, pipes and other owners' files. Nothing outside of the folder changes.
+//! Every command that writes, in folders that another user prepared: with links, hard links to
+//! files elsewhere, pipes and files of other owners. Nothing outside of the folder changes.
 
 use std::fs;
 use std::os::unix::fs::{MetadataExt as _, symlink};
@@ -10,13 +10,13 @@ use rustix::fs::{CWD, FileType, Mode, mknodat};
 use super::thorough::{few, is_thorough};
 use super::verbs::{Bench, VERBS, Verb};
 
-/// What stands at a name that the command would give a file.
+/// Existing objects at the path of a file that the command writes.
 const TRAPS: [&str; 5] = ["link", "hard link", "dangling link", "pipe", "other owner"];
 /// Another user, if the tests run as root.
 const OTHER: u32 = 12_345;
 const PRECIOUS: &str = "precious";
 
-/// What must stay as it is.
+/// Files that must not change.
 struct Victims(PathBuf);
 
 impl Victims {
@@ -28,7 +28,7 @@ impl Victims {
         Self(folder)
     }
 
-    /// A file of its own for each trap: hard links share what they have.
+    /// A separate file for each trap: hard links share their content.
     fn file(&self, number: usize) -> PathBuf {
         let file = self.0.join(number.to_string());
         fs::write(&file, PRECIOUS).expect("can be written");
@@ -70,7 +70,8 @@ fn set(victims: &Victims, number: usize, path: &Path, trap: &str) {
             Ok(())
         }
         _ => fs::write(path, "another user's").and_then(|()| {
-            // Only root can give files away; the name is taken all the same.
+            // Only root can change the owner of a file; without root, the path is occupied
+            // nevertheless.
             let is_root = fs::metadata("/proc/self").is_ok_and(|me| me.uid() == 0);
             match is_root {
                 true => std::os::unix::fs::chown(path, Some(OTHER), Some(OTHER)),
@@ -81,7 +82,7 @@ fn set(victims: &Victims, number: usize, path: &Path, trap: &str) {
     .expect("a free name");
 }
 
-/// Runs the command: however it ends, it ends and says why.
+/// Runs the command, which must end, and explain an error.
 fn run(bench: &Bench, line: &str, code: i32) {
     let output = bench.command(line).output().expect("starts");
     let said = String::from_utf8_lossy(&output.stderr);
@@ -97,14 +98,14 @@ fn run(bench: &Bench, line: &str, code: i32) {
     );
 }
 
-/// Names that commands use besides those of their results, only while they run.
+/// Names of temporary files that commands use while they run.
 const PASSING: [&str; 3] = [
     "ports/.hilrig-ports",
     "ports/.hilrig-scenario.toml",
     "ports/control",
 ];
 
-/// Commands that take long and write by the same means as others.
+/// Slow commands that write with the same functions as others.
 const LONG: [&str; 3] = ["demo", "experiment", "slam"];
 
 #[test]
@@ -127,7 +128,7 @@ fn nothing_outside_of_a_prepared_folder_changes() {
     }
 }
 
-/// Runs the command with a trap at the name of each of its files, and of what it writes first.
+/// Runs the command with a trap at the path of each of its files, and of its temporary files.
 fn with_traps(bench: &Bench, verb: &Verb, names: &[PathBuf], shift: usize) {
     bench.clear();
     let _ = fs::remove_dir_all(bench.session.path("ports"));
@@ -144,8 +145,8 @@ fn with_traps(bench: &Bench, verb: &Verb, names: &[PathBuf], shift: usize) {
     let _ = fs::remove_dir_all(bench.session.path("ports"));
 }
 
-/// Runs the command with links in the place of the folders in which it writes, but for `o` itself:
-/// first of the upper ones, then of those within them.
+/// Runs the command with links in place of the folders in which it writes, except `o`: first the
+/// upper folders, then those inside them.
 fn behind_links(bench: &Bench, verb: &Verb, names: &[PathBuf]) {
     let o = bench.session.path("o");
     let mut folders: Vec<&Path> = names.iter().filter_map(|name| name.parent()).collect();
@@ -171,7 +172,7 @@ fn behind_links(bench: &Bench, verb: &Verb, names: &[PathBuf]) {
     }
 }
 
-/// A record of ports is data: the names in it lead nowhere.
+/// A record of ports is data: the names in it are not followed.
 #[test]
 fn s1_a_prepared_record_deletes_nothing() {
     let bench = Bench::new("prepared-record");
@@ -190,7 +191,7 @@ fn s1_a_prepared_record_deletes_nothing() {
     assert!(!dir.join(".hilrig-ports").exists());
 }
 
-/// Whatever the limit of descriptors is, a command ends with an error or does its work.
+/// With any limit of descriptors, a command ends with an error or completes.
 #[test]
 fn s7_few_descriptors_are_no_panic() {
     let bench = Bench::new("descriptors");

@@ -1,4 +1,4 @@
-//! What a run leaves behind, and what its exit code says.
+//! Files and exit code of a run.
 
 use std::process::{Command, Stdio};
 
@@ -90,8 +90,8 @@ fn a_saved_case_repeats_the_run() {
     assert_eq!(hash("first/result.json"), hash("second/result.json"));
 }
 
-/// Wheels that slip away by a fifth on one side: no waypoint is reached as demanded of a map of
-/// that quality, and the command says how to see it again.
+/// Wheels of which one slips by a fifth: no waypoint is reached with the required accuracy, and the
+/// command prints how to repeat the run.
 #[test]
 fn a_failed_expectation_is_exit_code_1_and_tells_how_to_repeat() {
     let session = Session::new("fail");
@@ -107,13 +107,13 @@ fn a_failed_expectation_is_exit_code_1_and_tells_how_to_repeat() {
     assert!(junit.contains("waypoints-visited"), "{junit}");
 }
 
-/// R11: the disk is full while the capture is written. That is told at once, the verdicts are
-/// printed all the same, and the exit code says that not everything could be kept.
+/// R11: the disk becomes full while the capture is written. The command reports this at once,
+/// prints the verdicts nevertheless, and its exit code shows that a file is incomplete.
 #[test]
 fn a_full_disk_costs_the_files_and_not_the_verdicts() {
     let session = Session::new("full");
     session.write("s.toml", &shipped("empty-room"));
-    // No file may be longer than 50 kB, and to try is an error rather than the end.
+    // No file may be longer than 50 kB; a longer write is an error and does not end the process.
     let full = "trap '' XFSZ; ulimit -f 100; exec \"$0\" run s.toml --out out";
     let mut command = Command::new("sh");
     command.args(["-c", full, env!("CARGO_BIN_EXE_hilrig")]);
@@ -152,7 +152,7 @@ fn trajectories_have_eight_columns_and_rising_time() {
     }
 }
 
-/// The ROS map reads back as what it was written from: nav2's default free_thresh would turn
+/// The ROS map has the same values when it is read back: nav2's default free_thresh would turn
 /// unknown cells into free ones.
 #[test]
 fn unknown_stays_unknown_in_the_ros_map() {
@@ -169,8 +169,8 @@ fn unknown_stays_unknown_in_the_ros_map() {
     assert!(occupancy > 0.196 && occupancy < 0.65, "{corner}");
 }
 
-/// U4: a reader who has seen enough, such as `head -1`, ends no command and no panic is told. The
-/// pipe is closed before anything is written to it, and the exit code is that of the work.
+/// U4: a reader that closes the pipe early, such as `head -1`, ends no command and causes no panic
+/// message. The pipe is closed before the first write, and the exit code is that of the results.
 #[test]
 fn u4_a_reader_who_has_seen_enough_ends_no_command() {
     let session = Session::new("pipe");
@@ -214,7 +214,7 @@ fn u10_two_runs_never_share_a_folder() {
     assert!(!session.path("dup").exists());
 }
 
-/// U10: on a full disk, one of 50 kB here, an import leaves what was there before.
+/// U10: on a full disk, here of 50 kB, an import leaves the earlier file unchanged.
 #[test]
 fn u10_an_import_is_whole_or_not_there() {
     let session = Session::new("torn");

@@ -1,5 +1,5 @@
-//! Every verb works on every robot: one table, a scenario each. What a verb gives is judged where
-//! it is tested by itself; here it is at stake that none of them knows a single robot only.
+//! Every command works with every robot: one table with a scenario for each. Other tests check the
+//! commands' results in detail; this one checks that no command works with a single robot only.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
@@ -7,17 +7,16 @@ use std::process::{Child, Command, Stdio};
 
 use super::{Session, text};
 
-/// A robot, what it is told so that it gets somewhere within seconds, and the link without which it
-/// hears nothing of that.
+/// A robot, the orders that move it within seconds, and the link that carries these orders.
 struct Row {
     robot: &'static str,
     mission: &'static str,
     orders: &'static str,
-    /// The direction in which orders travel there.
+    /// The direction of orders on that link.
     towards: &'static str,
     /// A link that a device sends on, for `export`.
     lidar: &'static str,
-    /// What the report shows of it in the end.
+    /// A text of the robot's panel in the report.
     panel: &'static str,
 }
 
@@ -54,7 +53,7 @@ const ROWS: [Row; 3] = [
 ];
 
 impl Row {
-    /// The scenario, and the same with further tables.
+    /// The scenario, with further tables if given.
     fn scenario(&self, more: &str) -> String {
         format!(
             "schema = 1\nname = \"verbs\"\nrobot = \"{}\"\nduration = \"20s\"\n{}\
@@ -73,7 +72,7 @@ impl Row {
         session
     }
 
-    /// Runs a verb, which must succeed; what it said.
+    /// Runs a command, which must succeed; returns its output.
     fn succeeds(&self, session: &Session, arguments: &[&str]) -> String {
         let output = session.hilrig(arguments);
         let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
@@ -87,8 +86,8 @@ impl Row {
     }
 }
 
-/// A run leaves its folder; its capture is replayed to the same bytes, decoded, exported and made a
-/// case that passes.
+/// A run leaves its folder; its capture is replayed with the same bytes, decoded, exported and made
+/// into a case that passes.
 #[test]
 fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
     for row in ROWS {
@@ -140,7 +139,7 @@ fn a_run_is_replayed_decoded_exported_and_kept_with_every_robot() {
     }
 }
 
-/// A few seeds of everything; each leaves a line, whatever it says.
+/// A few seeds of everything; each one leaves a line with any result.
 #[test]
 fn campaigns_vary_every_robot() {
     for row in ROWS {
@@ -163,8 +162,7 @@ fn campaigns_vary_every_robot() {
     }
 }
 
-/// The orders' link is cut for good, and something that does not matter happens: what is left is
-/// the cut.
+/// The orders' link is cut permanently, and there is an irrelevant fault: only the cut remains.
 #[test]
 fn a_failure_of_every_robot_is_made_small() {
     for row in ROWS {
@@ -188,7 +186,7 @@ fn a_failure_of_every_robot_is_made_small() {
     }
 }
 
-/// Missions made of bytes, a handful.
+/// A few missions made of bytes.
 #[test]
 fn missions_of_every_robot_are_fuzzed() {
     for row in ROWS {
@@ -214,7 +212,7 @@ fn missions_of_every_robot_are_fuzzed() {
     }
 }
 
-/// A page that is served, and ended with the test.
+/// A served page; the process ends with the test.
 struct Page(Child);
 
 impl Drop for Page {
@@ -224,7 +222,7 @@ impl Drop for Page {
     }
 }
 
-/// The page is served, and the session that it shows is this robot's.
+/// The page is served, and shows a session of this robot.
 #[test]
 fn every_robot_has_a_page() {
     for row in ROWS {

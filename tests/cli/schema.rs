@@ -1,4 +1,4 @@
-//! The schema and the reference of scenarios say what is.
+//! The schema and the reference of scenarios are complete and correct.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -11,7 +11,7 @@ use super::{Session, text};
 
 const PAGE: &str = include_str!("../../docs/scenario.md");
 
-/// After a change of a key, run `hilrig schema --markdown > docs/scenario.md` and read the result.
+/// After a change of a key, run `hilrig schema --markdown > docs/scenario.md` and check the result.
 #[test]
 fn the_page_is_what_the_command_prints() {
     let output = Session::new("markdown").hilrig(&["schema", "--markdown"]);
@@ -58,7 +58,7 @@ fn every_key_of_the_schema_stands_on_the_page() {
     assert_eq!(missing, Vec::<&str>::new());
 }
 
-/// A table of keys without a word on one of them would be a list.
+/// Every key has a description.
 #[test]
 fn no_key_on_the_page_is_without_its_sentence() {
     let rows = PAGE.lines().filter(|line| line.starts_with("| `"));
@@ -80,7 +80,7 @@ fn every_example_of_the_page_runs() {
     }
 }
 
-/// The shipped scenarios have no key that the schema does not know.
+/// The shipped scenarios contain only keys of the schema.
 #[test]
 fn the_shipped_scenarios_have_known_keys_only() {
     let schema = schema::json_schema();

@@ -1,4 +1,4 @@
-//! Shrinking: what is left is what matters, and it fails for the same reason.
+//! Shrinking: only the relevant part remains, and it fails for the same reason.
 
 use hilrig::capture::{Capture, Interface, Kind, Record};
 use hilrig::rig::line::Direction;
@@ -89,7 +89,7 @@ fn a_capture_with_one_bad_packet_comes_down_to_a_few() {
     );
 }
 
-/// A command decides: grep finds the magic word of the PC link in the file.
+/// A command is the test: grep finds the magic word of the PC link in the file.
 #[test]
 fn a_command_decides_what_is_bad() {
     let session = Session::new("shrink-while");
@@ -102,13 +102,13 @@ fn a_command_decides_what_is_bad() {
     assert_eq!(small.matches("[[fault]]").count(), 0, "{small}");
 }
 
-/// The judging command presses Ctrl-C as well, at the first try: the result is the whole case,
-/// which is still bad, and the command that repeats it.
+/// The test command also sends Ctrl-C, at the first try: the result is the whole case, which still
+/// fails, and the command that repeats it.
 #[test]
 fn the_best_so_far_is_the_result_when_somebody_stops_the_search() {
     let session = Session::new("shrink-stopped");
     session.write("twelve.toml", TWELVE_FAULTS);
-    // The command's thread that waits for signals ends when it has got one.
+    // The thread of the command that waits for signals ends when it has received one.
     let waits = "while grep -qxs signals /proc/$PPID/task/*/comm; do sleep 0.02; done";
     let judge = format!("kill -INT $PPID; {waits}; grep -q 'y_m = 1.0'");
     let output = session.hilrig(&["shrink", "twelve.toml", "--while", &judge, "--out", "small"]);

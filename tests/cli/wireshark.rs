@@ -1,4 +1,4 @@
-//! The dissector, judged by tshark: fields of golden frames against values known by hand.
+//! The dissector, judged by tshark: fields of known frames against values computed by hand.
 
 use std::fs;
 use std::path::Path;
@@ -49,7 +49,8 @@ impl Chunks {
     }
 }
 
-/// What tshark says of `fields`, a line for each packet; none, said loudly, without tshark.
+/// The output of tshark for `fields`, a line per packet. `None`, with a visible message, without
+/// tshark.
 fn dissect(session: &Session, chunks: &Chunks, fields: &[&str]) -> Option<Vec<String>> {
     let printed = session.hilrig(&["wireshark", "--print"]);
     fs::write(session.folder.join("hilrig.lua"), printed.stdout).expect("writable");
@@ -77,9 +78,9 @@ fn dissect(session: &Session, chunks: &Chunks, fields: &[&str]) -> Option<Vec<St
 const UP: Direction = Direction::ToMaster;
 const DOWN: Direction = Direction::ToDevice;
 
-/// Packets of the capture "hand in box", fw 2.4: the first one, cut over two records with one of
-/// the other direction between; one with a weak reading of 271 mm and strength 80, one with three
-/// times no dot (0x35).
+/// Packets of the capture "hand in box", fw 2.4. The first one is split over two records, with a
+/// record of the other direction in between. One has a weak reading of 271 mm and strength 80, one
+/// has three readings without a dot (0x35).
 #[test]
 fn packets_of_a_lidar_show_angles_distances_and_codes() {
     let plain = b"\xFA\xA0\x4E\x4A\x27\x01\x05\x04\x27\x01\xD7\x03\x26\x01\x29\x04\x26\x01\xF0\x03\
@@ -128,8 +129,8 @@ fn packets_of_a_lidar_show_angles_distances_and_codes() {
     );
 }
 
-/// A whole turn of fw 2.1 in records of 64 bytes: the period word of the SparkFun trace, no dot but
-/// at 7 degrees, where 1000 mm (0x03E8) came back with strength 133.
+/// A whole turn of fw 2.1 in records of 64 bytes: the period word of the SparkFun trace, and no dot
+/// except at 7 degrees, with 1000 mm (0x03E8) and strength 133.
 #[test]
 fn a_turn_of_the_old_firmware_is_put_together() {
     let mut turn = b"\x5A\xA5\x00\xC0\x94\xD1".to_vec();
@@ -268,8 +269,9 @@ fn frames_of_a_panel_show_window_pixels_and_pen() {
     assert_eq!(lines, expected);
 }
 
-/// Requests one way; the other way a scan of a real A1M8's first nodes (199.1 and 201.2 degrees; a
-/// third one by hand, 1000 mm at 90 degrees) in two records, and the health that ends it.
+/// Requests in one direction. In the other one, the first nodes of a scan of a real A1M8 (199.1 and
+/// 201.2 degrees; the third one by hand, 1000 mm at 90 degrees) in two records, and the health,
+/// which ends the scan.
 #[test]
 fn a_scan_of_an_rplidar_shows_angles_distances_and_requests() {
     let session = Session::new("wireshark-rplidar");
@@ -356,7 +358,7 @@ fn samples_and_outputs_of_a_motor_board_show_their_values() {
 }
 
 /// A frame that was read from the board, in two pieces and with a stray zero before it; the largest
-/// commands and a steering byte alone; what a terminal makes of 13 cm, 10.
+/// commands and a single steering byte; 13 cm as changed by a terminal, 10.
 #[test]
 fn both_ways_of_a_cars_board_show_their_values() {
     let frame = b"\x00\x0F\x0D\x00\xC8\x00\x96\x00\x00\x0D\x01\x20\x1C";
@@ -385,8 +387,8 @@ fn both_ways_of_a_cars_board_show_their_values() {
     assert_eq!(lines, expected);
 }
 
-/// Lines of the report, of the sketch, of its successor and with a CRC (D147, of an independent
-/// CRC-16); one whose sum is a tenth off.
+/// Lines of the report, of the sketch, of its successor and with a CRC (D147, from an independent
+/// CRC-16); one line whose sum is wrong by a tenth.
 #[test]
 fn lines_of_an_odometer_show_their_figures_in_every_dialect() {
     let session = Session::new("wireshark-odometer");
@@ -458,7 +460,7 @@ fn a_camera_and_a_phone_show_their_messages() {
     assert_eq!(lines, expected);
 }
 
-/// The rates of the seed report's links, as Wireshark's own tool reads them from a run's capture.
+/// The rates of the seed report's links, as Wireshark's own tool shows them for a run's capture.
 #[test]
 fn a_runs_capture_tells_the_rate_of_each_link() {
     let session = Session::new("wireshark-rates");
@@ -540,7 +542,7 @@ fn commands_of_the_radio_are_shown_as_text() {
     assert_eq!(lines, ["AT+VERSION|", "OKlinvorV1.8|", "|STA"]);
 }
 
-/// Named on standard output, so that a script can use it.
+/// The path is printed on standard output, so that a script can use it.
 #[test]
 fn the_file_is_installed_where_it_is_said_to_belong() {
     let session = Session::new("wireshark-install");

@@ -3,7 +3,7 @@
 
 use crate::support::{BEGIN, Ended, folder, run_in};
 
-/// An Arduino that is up 200 ms after its reset; "busy N" takes CTS away, "ring N" rings.
+/// An Arduino that is ready 200 ms after its reset; "busy N" clears CTS, "ring N" rings.
 const BOARD: &str = r#"
 schema = 1
 name = "sonar"
@@ -24,7 +24,7 @@ command = [
 variable = [{ name = "ready", initial = 1 }, { name = "count" }, { name = "bell" }]
 "#;
 
-/// What it does to the board: each line of its own says what came of that.
+/// The requests of the client to the board; each line of output is the result of one.
 const CLIENT: &str = "\
 import fcntl, select, struct, termios, threading
 fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
@@ -80,7 +80,7 @@ const WANTED: [&str; 8] = [
 ];
 
 fn run(name: &str, more: &[&str]) -> Ended {
-    // The number of a process differs from run to run, which --check would name.
+    // The process number differs from run to run, which --check would report.
     let begin = BEGIN.replace(
         "print('group', os.getpgrp(), flush=True)",
         "print('begins')",
@@ -100,7 +100,7 @@ fn judge(ended: &Ended) {
     assert_eq!(events.matches("board-reset").count(), 2, "{events}");
 }
 
-/// The same in both: only the source of the time differs.
+/// The same results in both: only the source of the time differs.
 #[test]
 fn a_board_is_reset_by_dtr_and_sets_lines_in_real_and_in_virtual_time() {
     let real = std::thread::spawn(|| run("board-real", &[]));

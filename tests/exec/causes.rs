@@ -1,8 +1,8 @@
-//! Programs that hang, sleep, never open, never read, print and exit, or speak wrongly: none
-//! passes, and the line "probable cause" names what is wrong with each. Honest programs beside them
+//! Programs that hang, sleep, never open, never read, print and exit, or send wrong bytes: none
+//! passes, and the line "probable cause" names the defect of each. Correct programs beside them
 //! pass.
 //!
-//! All of it in virtual time, where nothing depends on the machine; eleven in real time too.
+//! All run in virtual time, where nothing depends on the machine; eleven also run in real time.
 
 use std::fs;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use std::thread;
 
 use crate::support::{Ended, ended_in};
 
-/// A slave that answers when it is asked, beside a sonar that speaks by itself.
+/// A slave that answers requests, beside a sonar that sends unsolicited lines.
 const BENCH: &str = r#"
 schema = 1
 name = "bench"
@@ -59,7 +59,7 @@ def asks(fd, times=None):
         time.sleep(0.1)
 ";
 
-/// A program, the port that it needs, and what its line must say.
+/// A program, the port that it needs, and the required words of the line.
 type Case = (&'static str, &'static str, &'static str, &'static str);
 
 const CASES: [Case; 25] = [
@@ -224,8 +224,8 @@ const CASES: [Case; 25] = [
     ),
 ];
 
-/// Those of them that run in real time as well. What depends on the machine's load is not among
-/// them.
+/// Programs that also run in real time. Programs whose result depends on the machine's load are not
+/// among them.
 const REAL: [&str; 11] = [
     "prints-and-exits",
     "opens-and-exits",
@@ -240,7 +240,7 @@ const REAL: [&str; 11] = [
     "opens-another-path",
 ];
 
-/// Programs that do what they should, in several ways.
+/// Correct programs in several styles.
 const HONEST: [(&str, &str, &str, &[&str]); 4] = [
     ("asks", "grip", "asks(opened('GRIP'))\n", &[]),
     (
@@ -268,7 +268,8 @@ fn run(name: &str, port: &str, python: &str, more: &[&str]) -> Ended {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("a fresh folder");
-    // In real time on a busy machine a program is slow, and then silent for two seconds.
+    // In real time on a busy machine a program is slow, and counts as silent only after two
+    // seconds.
     let duration = if more.contains(&"--virtual") {
         "6s"
     } else {
@@ -287,7 +288,7 @@ fn run(name: &str, port: &str, python: &str, more: &[&str]) -> Ended {
     ended_in(&folder, output.expect("the binary is built"))
 }
 
-/// What is wrong with a verdict on a program that must not pass; `words` are to be in its cause.
+/// The error of a verdict on a program that must not pass; its cause must contain `words`.
 fn flaw(ended: &Ended, name: &str, words: &str) -> Option<String> {
     if ended.code == Some(0) {
         return Some(format!("{name} passed\n{}", ended.said));
@@ -335,7 +336,7 @@ fn who_works_listens_or_ends_with_its_work_done_passes() {
     }
 }
 
-/// The same in real time, where the system alone says what a program waits for.
+/// The same in real time, where only the system knows the reason of a program's wait.
 #[test]
 fn in_real_time_the_cause_is_named_as_well() {
     let judge = |(name, port, python, words): Case| {
@@ -349,7 +350,7 @@ fn in_real_time_the_cause_is_named_as_well() {
     assert_flawless(&side_by_side(&cases, &judge));
 }
 
-/// What `judge` says of each of `cases`, which wait most of the time.
+/// Results of `judge` for each of `cases`, which wait most of the time.
 fn side_by_side(cases: &[Case], judge: &(impl Fn(Case) -> Option<String> + Sync)) -> Vec<String> {
     thread::scope(|scope| {
         let start = |case: &Case| {

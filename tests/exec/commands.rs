@@ -1,4 +1,4 @@
-//! The other commands that take a user's program.
+//! The other commands that run a user's program.
 
 use std::process::Command;
 
@@ -6,7 +6,7 @@ use crate::support::*;
 
 const READER: &str = "fd = port()\nwhile True:\n    os.read(fd, 100)\n";
 
-/// `hilrig` in the bench's folder: its exit code and what it said.
+/// `hilrig` in the bench's folder: its exit code and its output.
 fn hilrig(bench: &Bench, args: &[&str]) -> (Option<i32>, String) {
     let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
         .current_dir(&bench.folder)
@@ -20,7 +20,8 @@ fn hilrig(bench: &Bench, args: &[&str]) -> (Option<i32>, String) {
     )
 }
 
-/// What a program was told in a run is told to it again; then to one that does not bear it.
+/// The bytes that a program received in a run are sent to it again, then to a program that fails
+/// with them.
 #[test]
 fn a_capture_is_replayed_to_a_program_which_must_live() {
     let bench = Bench::new("replay", "2s", READER);
@@ -95,8 +96,8 @@ fn a_scenario_is_made_smaller_while_the_program_fails_alike() {
     assert!(!small.contains("duration = \"60s\""), "{small}");
 }
 
-/// The bytes of a case are played to the program; what only devices could tell is not judged, and
-/// said so.
+/// The bytes of a case are sent to the program; checks that need devices are not judged, and the
+/// output says this.
 #[test]
 fn a_case_of_bytes_is_judged_by_what_the_program_says_to_it() {
     let bench = Bench::new("case", "1s", READER);

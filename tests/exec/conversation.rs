@@ -1,11 +1,11 @@
-//! A capture is played to a program as the conversation that it was, and cases of it are red with a
-//! defect and green without.
+//! A capture is played to a program as a conversation, and cases made from it fail with a defect
+//! and pass without it.
 
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// A meter that is asked for two figures. One of them counts.
+/// A meter with two values, of which the second one counts up.
 const METER: &str = r#"
 schema = 1
 name = "meter"
@@ -19,9 +19,9 @@ variable = [{ name = "count", source = { counter = "100ms" } }]
 command = [{ request = "volts", reply = "230.1 V" }, { request = "watts", reply = "{count} W" }]
 "#;
 
-/// Asks in turn, each answer within a time: DELAY GAP QUESTION,.. TURNS. With `lost` as its fifth
-/// word
-/// it stops for good when an answer does not come, with `retry` it asks again.
+/// Sends questions in turn, and waits a limited time for each answer: DELAY GAP QUESTION,.. TURNS.
+/// Without an answer, the client stops for good with `lost` as its fifth word, and repeats the
+/// question with `retry`.
 const CLIENT: &str = "\
 import os, select, sys, time
 delay, gap, questions, turns = sys.argv[1:5]
@@ -62,7 +62,7 @@ impl Bench {
         Self(folder)
     }
 
-    /// Exit code and all that was printed.
+    /// Exit code and all output.
     fn hilrig(&self, words: &[&str]) -> (Option<i32>, String) {
         let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .current_dir(&self.0)
@@ -106,7 +106,7 @@ impl Bench {
         self.hilrig(&[&words[..], &exec, more].concat())
     }
 
-    /// Whether the case in `file` is red with one client and green with the other.
+    /// Whether the case in `file` fails with one client and passes with the other.
     fn tells(&self, file: &str, broken: &str, fixed: &str, more: &[&str]) -> (Option<i32>, String) {
         let [broken, fixed] =
             [broken, fixed].map(|words| format!("exec python3 client.py {words}"));
@@ -124,9 +124,9 @@ impl Bench {
     }
 }
 
-/// The captured client begins after a second and asks three times for both. At once, later, slower,
-/// in
-/// another order, asking each thing twice: the same conversation, in both times.
+/// The captured client starts after a second and sends both questions three times. Other clients
+/// start at once, start later, are slower, use another order, or send each question twice: they
+/// have the same conversation, in both kinds of time.
 #[test]
 fn a_client_with_another_timing_has_the_same_conversation() {
     let bench = Bench::new("timing", METER, CLIENT);
@@ -149,12 +149,12 @@ fn a_client_with_another_timing_has_the_same_conversation() {
     }
     let (code, said) = bench.replay("0.2 0.05 volts,watts 3", &[]);
     assert_eq!(code, Some(0), "real time: {said}");
-    // Playback by the clock fails here: it does not answer a request at once.
+    // Playback by time fails here: it does not answer a request at once.
     let (code, said) = bench.replay("0 0.05 volts,watts 3", &["--virtual", "--by-time"]);
     assert_eq!(code, Some(1), "{said}");
 }
 
-/// A misspelt question, and one that is left out.
+/// A misspelt question, and a missing one.
 #[test]
 fn a_client_that_asks_something_else_is_told_apart_in_words() {
     let bench = Bench::new("parts", METER, CLIENT);
@@ -174,9 +174,9 @@ fn a_client_that_asks_something_else_is_told_apart_in_words() {
     );
 }
 
-/// From 2 s to 3 s no question reaches the meter. One client gives up for good, the other asks
-/// again.
-/// The case of the first one's capture tells them apart, whether the devices answer or the capture.
+/// From 2 s to 3 s no question reaches the meter. One client gives up for good, the other repeats
+/// its question. The case of the first one's capture distinguishes them, whether the devices answer
+/// or the capture.
 #[test]
 fn the_case_of_a_client_that_fell_silent_is_red_until_it_goes_on() {
     let fault = "[[fault]]\nkind = \"cut\"\nlink = \"meter\"\ndirection = \"to-device\"\n\
@@ -215,14 +215,13 @@ fn the_case_of_a_client_that_fell_silent_is_red_until_it_goes_on() {
             assert!(said.contains("FAIL talks-meter"), "{said}");
         }
     }
-    // The other way round the case says so.
+    // With the clients exchanged, the case reports an error.
     let (code, said) = bench.tells("case.toml", fixed, broken, &[]);
     assert_eq!(code, Some(1), "{said}");
 }
 
-/// A base whose 40th answer says that it is 64 bytes longer. One client believes it and is stuck
-/// until
-/// so many bytes have come, while it continues asking.
+/// A base whose 40th answer announces 64 more bytes. One client believes this and is stuck until so
+/// many bytes have arrived, although it continues sending requests.
 const BASE: &str = r#"
 schema = 1
 name = "base"
@@ -240,7 +239,7 @@ baud = 115200
 register = [{ address = 4, name = "ahead", width = "u16", initial = 900 }]
 "#;
 
-/// Reads a register again and again. The register protocol: AB, register, length, data, sum.
+/// Reads a register repeatedly. The register protocol: AB, register, length, data, sum.
 const FRAMES: &str = "\
 import os, select, sys, time
 trusts = sys.argv[1] == 'trusts'
@@ -290,7 +289,7 @@ fn the_case_of_a_parser_that_trusts_a_length_is_red_until_it_does_not() {
     );
     let (code, said) = bench.tells("case.toml", "trusts", "checks", &[]);
     assert_eq!(code, Some(0), "{said}");
-    // The capture alone tells it as well: the damaged frame changes what the program does.
+    // The capture alone shows it, too: the damaged frame changes the program's behaviour.
     let damage = ["--play", "conversation", "--expect", "ignores-damage"];
     let (code, said) = bench.hilrig(&[&from[..], &exec, &damage].concat());
     assert_eq!(code, Some(0), "{said}");
@@ -299,9 +298,9 @@ fn the_case_of_a_parser_that_trusts_a_length_is_red_until_it_does_not() {
     assert!(said.contains("FAIL ignores-damage-base"), "{said}");
 }
 
-/// A scanner that says a line of 38 bytes each 5 ms. A client that looks away for a second and a
-/// half
-/// has lost bytes: 4,095 is all that a port holds. One dies of the line that is cut then.
+/// A scanner that sends a line of 38 bytes every 5 ms. A client that does not read for a second and
+/// a half loses bytes: a port holds only 4,095. One client exits with an error at the cut line that
+/// follows.
 #[test]
 fn the_case_of_a_client_that_dies_of_an_overflow_is_red_until_it_does_not() {
     let scanner = "schema = 1\nname = \"scan\"\nrobot = \"none\"\nduration = \"4s\"\n\
@@ -342,7 +341,7 @@ fn the_case_of_a_client_that_dies_of_an_overflow_is_red_until_it_does_not() {
     }
 }
 
-/// Rules that a person gives, and a reference program.
+/// Rules given by a person, and a reference program.
 #[test]
 fn what_is_right_is_said_by_rules_or_by_a_reference() {
     let bench = Bench::new("rules", METER, CLIENT);

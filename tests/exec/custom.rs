@@ -1,5 +1,5 @@
-//! A robot that is data alone, driven by a Python program that knows nothing but its wires: the
-//! lidar sits 5 cm ahead of the axle and is turned by 30 degrees, so its reading 60 looks ahead.
+//! A robot defined only by data, driven by a Python program that knows only its wires. The lidar is
+//! 5 cm ahead of the axle and turned by 30 degrees, so its reading 60 points ahead.
 
 use std::fs;
 use std::path::PathBuf;
@@ -37,7 +37,7 @@ def ahead_mm():
     return seen
 ";
 
-/// 3 m to the wall, 2.2 m to go to, 5 cm from the axle to the lidar.
+/// 3 m to the wall, 2.2 m to drive, 5 cm from the axle to the lidar.
 const GOOD: &str = "\
 lidar, wheels = opened('LIDAR'), opened('WHEELS')
 goes = True
@@ -62,7 +62,8 @@ lidar, wheels = opened('LIDAR'), opened('WHEELS')
 drive(25, 25)
 sys.exit(3)
 ";
-/// It says something to the lidar, which does not listen: rig time waits for no more ports.
+/// The program sends something to the lidar, which ignores it: the rig then no longer waits for
+/// further ports.
 const NEVER_OPENS_THE_WHEELS: &str = "\
 lidar = opened('LIDAR')
 os.write(lidar, b'?')
@@ -75,7 +76,7 @@ fn folder_of(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder)
 }
 
-/// In virtual time, where that is: a program that drives has to keep pace with its robot.
+/// In virtual time where it is supported: a program that drives must keep pace with its robot.
 const DRIVES: &[&str] = match cfg!(all(target_os = "linux", target_arch = "x86_64")) {
     true => &["--virtual"],
     false => &[],
@@ -103,14 +104,14 @@ fn start(name: &str, duration: &str, program: &str, more: &[&str]) -> Child {
         .expect("the binary is built")
 }
 
-/// The verdict is right for a program that does its work, and for four that do not, each in its own
-/// way.
+/// The verdict is right for a correct program and for four defective ones, each with another
+/// defect.
 #[test]
 fn a_robot_of_data_gets_the_verdict_that_its_program_deserves() {
     let programs = [
         ("good", "\"20s\"", GOOD, DRIVES),
         ("wall", "\"9s\"", INTO_THE_WALL, DRIVES),
-        // Time in which a busy machine was late is not charged.
+        // Time by which a busy machine was late does not count against the program.
         ("hangs", "\"20s\"", HANGS, REAL),
         ("exits", "\"5s\"", EXITS_3, REAL),
         ("never", "\"2s\"", NEVER_OPENS_THE_WHEELS, REAL),

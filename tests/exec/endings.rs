@@ -1,4 +1,4 @@
-//! How a program ends, and what it leaves behind.
+//! Exit of a program, and processes that it leaves behind.
 
 use crate::support::*;
 
@@ -39,7 +39,7 @@ fn who_is_killed_by_a_signal_fails_and_the_signal_is_named() {
     ended.assert_is_failure();
 }
 
-/// A test of a device is such a program: it asks, compares and ends.
+/// A test of a device is such a program: it sends requests, compares the replies and ends.
 #[test]
 fn who_may_end_passes_with_code_0_and_fails_without_leave() {
     let python = "\

@@ -1,10 +1,9 @@
-//! Programs that chance wrote, of threads, sleeps, pipes, polls and locks: in virtual time
-//! each makes
-//! the same calls twice, and says what it says in real time as far as that is determined.
+//! Randomly generated programs with threads, sleeps, pipes, polls and locks. In virtual time each
+//! makes the same calls in both runs; its output equals that in real time where that is determined.
 
 use std::process::{Command, Stdio};
 
-/// Twelve of those that attack their supervisor, in a second or two; `prove.py` runs 1,000.
+/// Twelve of the programs that attack their supervisor, in a second or two; `prove.py` runs 1,000.
 #[test]
 fn hostile_programs_leave_nothing_behind_and_are_judged_right() {
     let tools = ["cc", "python3"].map(|tool| Command::new(tool).arg("--version").output());
@@ -29,7 +28,7 @@ fn hostile_programs_leave_nothing_behind_and_are_judged_right() {
     );
 }
 
-/// Three of them; `tests/exec/generated.sh` does as many as one likes.
+/// Three of the programs; `tests/exec/generated.sh` runs any number.
 #[test]
 fn generated_programs_are_the_same_twice_and_as_in_real_time() {
     let tools = ["cc", "python3"].map(|tool| Command::new(tool).arg("--version").output());

@@ -7,7 +7,7 @@ use std::process::{Child, Command, Stdio};
 
 use crate::support::{Ended, ended_in, short};
 
-/// "mm=700" and two bytes more each 100 ms, a character at 9600 baud being 1.0417 ms; no robot.
+/// "mm=700" and its line end every 100 ms; a character at 9600 baud takes 1.0417 ms; no robot.
 const SONAR: &str = include_str!("programs/sonar.toml");
 
 fn folder(name: &str) -> PathBuf {
@@ -56,8 +56,8 @@ fn trace(ended: &Ended) -> String {
     line.expect("each run says it").to_owned()
 }
 
-/// The robot's own program, a Rust program with threads on pollable ports, drives its mission; two
-/// runs at once, so that each loads the machine of the other, give the same bytes.
+/// The robot's own program, a Rust program with threads on pollable ports, drives its mission. Two
+/// concurrent runs, each of which loads the other's machine, give the same bytes.
 #[test]
 fn the_robots_own_program_makes_the_same_bytes_on_a_busy_machine() {
     let path = short().to_str().expect("a plain path");
@@ -81,7 +81,7 @@ fn the_robots_own_program_makes_the_same_bytes_on_a_busy_machine() {
     assert_eq!(trace(&one), trace(&other));
 }
 
-/// A thread reads, another one sleeps and writes; all stamps are virtual, so they are exact.
+/// One thread reads, another one sleeps and writes; all time stamps are virtual, so they are exact.
 const THREADS: &str = "\
 import os, threading, time
 fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
@@ -113,7 +113,7 @@ fn a_python_program_with_a_reader_thread_is_the_same_twice() {
     assert!(ended.log.contains("True"), "{}", ended.log);
 }
 
-/// Whether a compiler is there; says loudly if not.
+/// Whether a compiler is installed; prints a visible message if not.
 pub(crate) fn compiled(
     name: &str,
     compiler: &str,
@@ -148,12 +148,12 @@ pub(crate) fn compiled(
     }
 }
 
-/// Each poll times out after 30 ms unless bytes come: those of the sonar come in lumps of 8.3 ms
-/// each 100 ms, so three of them time out in each gap.
+/// Each poll times out after 30 ms without bytes: the sonar sends for 8.3 ms of each 100 ms, so
+/// three polls time out in each gap.
 const POLL: &str = include_str!("programs/poll.c");
 
-/// Linked for the machine, and static, where no library of ours could reach it: 2 s are 19 whole
-/// lines after the port was opened, and three time-outs in each of 20 gaps but for the edges.
+/// Linked for the machine, and static, where no library of ours could be loaded: 2 s are 19 whole
+/// lines after the port was opened, and three time-outs in each of 20 gaps, except at the edges.
 #[test]
 fn a_c_program_on_poll_hears_the_same_static_or_not() {
     let mut traces = Vec::new();
@@ -178,10 +178,12 @@ fn a_c_program_on_poll_hears_the_same_static_or_not() {
     assert_eq!(traces[0], traces[1]);
 }
 
-/// Three threads: one reads and notifies, one waits for that with a time limit, one sleeps.
+/// Three threads: one reads and notifies, one waits for the notification with a time limit, one
+/// sleeps.
 const CONDITION: &str = include_str!("programs/condition.cpp");
 
-/// Between two lines, 100 ms apart, the waiter times out twice and is notified once: two of three.
+/// Between two lines, 100 ms apart, the waiting thread times out twice and is notified once: two of
+/// three.
 #[test]
 fn three_cpp_threads_and_a_condition_variable_are_the_same_twice() {
     let Some(program) = compiled("condition", "c++", CONDITION, &["-pthread"]) else {
@@ -226,7 +228,7 @@ print('group', os.getpgrp(), flush=True)
 fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
 ";
 
-/// Each ends with a clear word, and nothing stays behind: `ended_in` looks for their groups.
+/// Each program gets a clear message, and no process remains: `ended_in` looks for their groups.
 #[test]
 fn programs_that_misbehave_end_with_a_clear_word() {
     let cases = [
@@ -276,8 +278,8 @@ fn programs_that_misbehave_end_with_a_clear_word() {
     }
 }
 
-/// A timer's signal interrupts a read each quarter of a second; the end of the run is a
-/// signal too.
+/// A timer's signal interrupts a read every quarter of a second; the end of the run is also a
+/// signal.
 #[test]
 fn signals_come_at_their_virtual_time() {
     let program = "\
@@ -303,10 +305,9 @@ while True:
     );
 }
 
-/// Two ways of waiting by asking: for how much there is, and a clock between; reads that find
-/// nothing.
-/// Of 2 s each takes some thousand stops, where each call of 1 us would make a million; bytes are
-/// seen when they come: a line each 100 ms.
+/// Two kinds of busy waiting: queries of the number of bytes with a look at the clock in between,
+/// and reads that find nothing. Each takes some thousand stops of the rig for a second, where calls
+/// of 1 us would make a million. Bytes are seen when they arrive: a line every 100 ms.
 #[test]
 fn a_program_that_asks_over_and_over_waits() {
     let program = "\
@@ -339,8 +340,8 @@ time.sleep(60)
     assert!(stops < 30_000, "{stops}");
 }
 
-/// What the supervisor does not do for a program is named once, however often it is asked: io_uring
-/// is refused, as by an older kernel. A file that there cannot be is the kernel's business.
+/// An unsupported call is named once, however often the program makes it: io_uring is refused, as
+/// by an older kernel. An impossible file is left to the kernel.
 #[test]
 fn a_call_that_is_not_handled_is_named_once() {
     let program = format!(
@@ -357,11 +358,9 @@ fn a_call_that_is_not_handled_is_named_once() {
     assert_eq!(named.count(), 1, "{}", ended.said);
 }
 
-/// A child that is killed is gone before its parent continues, a signal that is waited for
-/// comes at its
-/// time, and the processor's counter is the clock: 2 ms of sleep are 2,000,000 of its
-/// steps and those
-/// of the calls, and nothing of it differs when it is done again.
+/// A killed child is gone before its parent continues, an awaited signal arrives at its time, and
+/// the processor's counter is the clock: 2 ms of sleep are 2,000,000 of its steps plus those of the
+/// calls. A second run has the same values.
 #[test]
 fn kills_awaited_signals_and_the_processors_counter_are_in_virtual_time() {
     let source = include_str!("programs/kills.c");
@@ -372,12 +371,14 @@ fn kills_awaited_signals_and_the_processors_counter_are_in_virtual_time() {
     let ended = run("kills", &program, &[], &["--check"]);
     let (status, detail) = ended.check("deterministic");
     assert_eq!(status, "pass", "{detail}");
-    // The alarm is set a call before the first look, and ends the wait a call before the second.
+    // The alarm is set one call before the first look, and ends the wait one call before the
+    // second.
     let first = ended.log.lines().next();
     assert_eq!(first, Some("1 1 -1 1 2000"), "{}", ended.said);
 }
 
-/// Process numbers are the system's: a program that sleeps by its own is distinguished from itself.
+/// Process numbers are not virtual: a program that sleeps for its own number differs from its
+/// second run.
 #[test]
 fn a_program_that_is_not_the_same_twice_is_told_where_it_parts() {
     let program = format!(
@@ -393,9 +394,9 @@ fn a_program_that_is_not_the_same_twice_is_told_where_it_parts() {
     );
 }
 
-/// A lidar's adapter runs the motor while DTR is low. Opening raises it; the client lowers
-/// it, asks
-/// for a scan, and raises it again: nodes come only in between. The lines read back as they are.
+/// A lidar's adapter runs the motor while DTR is low. Opening the port raises it. The client lowers
+/// it, requests a scan, and raises it again: nodes arrive only in between. The lines read back as
+/// they were set.
 #[test]
 fn dtr_reaches_the_motor_of_a_lidar() {
     let lidar = "\
@@ -449,8 +450,8 @@ time.sleep(60)
     assert_eq!(said, wanted, "{}", ended.said);
 }
 
-/// A capture of a program is played to it again, and as a case: the same bytes each time. One that
-/// says nothing is distinguished.
+/// A capture of a program is played to it again, and as a case: the same bytes each time. A program
+/// that sends nothing is distinguished.
 #[test]
 fn a_capture_and_a_case_of_it_are_played_in_virtual_time() {
     let program = "exec 3<> \"$HILRIG_PORT_SONAR\"\n\

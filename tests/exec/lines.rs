@@ -25,8 +25,9 @@ fn run_with_lines(name: &str, program: &str) -> Ended {
     run_in(&folder(name), &files, &command, &[])
 }
 
-/// The adapter runs the lidar's head while DTR is low. Opening raises DTR, so a scan brings nothing
-/// until the program lowers it; lines read back as they were set, also in a child of the program.
+/// The adapter runs the lidar's head while DTR is low. Opening raises DTR, so a scan gives no nodes
+/// until the program lowers it. The lines read back as they were set, also in a child of the
+/// program.
 #[test]
 fn dtr_reads_back_and_stops_the_motor_of_a_lidar() {
     let program = "\
@@ -69,7 +70,7 @@ sys.exit(5)
         "DTR CTS DSR CAR",
     ];
     assert_eq!(said, wanted, "{}", ended.said);
-    // Its end is told as if it had been started by itself.
+    // The exit is reported as that of a program without supervision.
     let (_, detail) = ended.check("program-alive");
     assert!(detail.contains("exit code 5"), "{detail}");
     assert!(
@@ -79,10 +80,10 @@ sys.exit(5)
     );
 }
 
-/// A question right after opening comes after it: the lines are up, and one that was lowered at
-/// once stays low. The rig may be anywhere in its turn meanwhile, so once would be luck. A client
-/// that closes and reopens a port faster than the rig looks has lowered and raised them all the
-/// same.
+/// A query right after opening shows the effect of opening: the lines are on, and a line that was
+/// cleared at once stays off. The rig may be anywhere in its cycle then, so one try could succeed
+/// by luck. A client that closes and reopens a port faster than the rig polls it has switched the
+/// lines off and on nevertheless.
 #[test]
 fn lines_are_up_for_who_asks_right_after_opening() {
     let program = "\

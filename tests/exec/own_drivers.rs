@@ -1,5 +1,6 @@
 //! Twelve drivers with one defect each, in three languages: their causes are named, and their cases
-//! are red and green. With more seeds: `python3 tests/drivers/prove.py --seeds 20`.
+//! fail with the defect and pass without it. With more seeds: `python3 tests/drivers/prove.py
+//! --seeds 20`.
 
 use std::path::Path;
 use std::process::Command;

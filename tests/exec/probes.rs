@@ -1,14 +1,14 @@
-//! Waits, signals, queues, locks, clocks and chance, each by a small probe in C: the answer is that
-//! of Linux, and the same twice. What cannot be so is named.
+//! Waits, signals, queues, locks, clocks and random numbers, each in a small C program: the result
+//! is that of Linux, and the same in both runs. Exceptions are named.
 
 use crate::guest::{compiled, run};
 use crate::support::Ended;
 
 const PROBES: &str = include_str!("programs/probes.c");
-/// A character at 9600 baud is 1.0417 ms, a line comes each 100 ms.
+/// A character at 9600 baud takes 1.0417 ms, a line comes every 100 ms.
 const SONAR: &str = include_str!("programs/sonar.toml");
 
-/// Signals as signal(7) has them, in real time as well.
+/// Signals as in signal(7), also in real time.
 const SIGNALS: [(&str, &str); 20] = [
     ("rt-raise", "1"),
     ("rt-highest", "1"),
@@ -31,9 +31,8 @@ const SIGNALS: [(&str, &str); 20] = [
     ("stops", "19, then 5"),
     ("int-0x80", "1"),
 ];
-/// The rest: mq_overview(7), sysvipc(7), pthread_mutexattr_setprotocol(3), vdso(7). Times are to
-/// the
-/// nearest 10 ms; a look at a clock costs 1 us; the calendar begins at 2026-01-01, the uptime at
+/// The rest: mq_overview(7), sysvipc(7), pthread_mutexattr_setprotocol(3), vdso(7). Times are
+/// rounded to 10 ms. Reading a clock costs 1 us. The calendar begins at 2026-01-01, the uptime at
 /// 1000 s.
 const REST: [(&str, &str); 46] = [
     ("rt-default", "1"),
@@ -110,7 +109,7 @@ fn probes_are_answered_right_and_the_same_twice() {
     assert_said(&ended, &SIGNALS);
     assert_said(&ended, &REST);
     assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
-    // Nothing is left to the kernel but this.
+    // Only this is left to the kernel.
     let leaves: Vec<&str> = ended
         .said
         .lines()
@@ -119,7 +118,7 @@ fn probes_are_answered_right_and_the_same_twice() {
     assert_eq!(leaves, ["makes calls as a 32-bit program does (int 0x80)"]);
 }
 
-/// By modem lines alone a program is under supervision in real time, too.
+/// With modem lines alone, a program is under supervision in real time, too.
 #[test]
 fn signals_of_all_numbers_reach_a_program_in_real_time() {
     let Some(program) = compiled("probes-rt", "cc", PROBES, &["-pthread", "-lrt"]) else {
@@ -130,7 +129,7 @@ fn signals_of_all_numbers_reach_a_program_in_real_time() {
     let command = format!("{} rt cancel drops stops int", program.display());
     let files = [("sonar.toml", rig.as_str())];
     let ended = crate::support::run_in(&folder, &files, &command, &["--exec-may-end"]);
-    // How long something took is the machine's.
+    // Durations depend on the machine.
     let timeless: Vec<(&str, &str)> = SIGNALS
         .iter()
         .filter(|(name, _)| !matches!(*name, "rt-timer" | "rt-suspend"))
@@ -139,7 +138,7 @@ fn signals_of_all_numbers_reach_a_program_in_real_time() {
     assert_said(&ended, &timeless);
 }
 
-/// A wait of which the supervisor knows nothing does not keep virtual time, and is named.
+/// A wait that the supervisor does not know does not keep virtual time, and is named.
 #[test]
 fn an_unknown_wait_is_named_and_time_goes_on() {
     let Some(program) = compiled("outside", "cc", PROBES, &["-pthread", "-lrt"]) else {
@@ -185,7 +184,7 @@ int main(void)
 }
 ";
 
-/// A child that hides itself from the tracer of its parent is found, named and ended all the same.
+/// A child that hides from its parent's tracer is nevertheless found, named and ended.
 #[test]
 fn a_child_cannot_leave_the_supervision() {
     let Some(program) = compiled("untraced", "cc", UNTRACED, &[]) else {

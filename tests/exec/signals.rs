@@ -9,7 +9,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use crate::support::*;
 
-/// Starts `command`, sends `signal` once it says `word`, and waits for its end.
+/// Starts `command`, sends `signal` once its output contains `word`, and waits for its end.
 fn interrupted(command: &mut Command, word: &str, signal: Signal) -> Output {
     interrupted_at(command, signal, |stderr, said| {
         while !said.contains(word) {
@@ -64,7 +64,7 @@ fn an_interrupted_run_without_a_program_leaves_its_folder_too() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_hilrig"));
     command.current_dir(&bench.folder);
     command.args(["run", "sonar.toml", "--realtime", "--out", "out"]);
-    // Without a terminal it prints nothing until it ends; but it records.
+    // Without a terminal it prints nothing until it ends, but it records.
     let capture = bench.folder.join("out/capture.pcapng");
     let output = interrupted_at(&mut command, Signal::INT, |_, _| {
         let clock = WallClock::start();

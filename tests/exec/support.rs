@@ -1,4 +1,5 @@
-//! What all tests of this binary need: a small rig, foreign programs, what became of them.
+//! Common parts of the tests of this binary: a small rig, foreign programs, the results of their
+//! runs.
 
 use core::time::Duration;
 use std::fs;
@@ -8,7 +9,7 @@ use std::process::{Command, Output};
 use hilrig::realtime::clock::{Clock as _, WallClock};
 use protocols::Instant;
 
-/// A sonar that says its distance ten times a second, and answers "ping".
+/// A sonar that sends its distance ten times a second, and answers "ping".
 const RIG: &str = r#"
 schema = 1
 name = "sonar"
@@ -36,8 +37,8 @@ start = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }
 path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
 "#;
 
-/// What every program begins with: it says who it is, so that a test can look whether its group is
-/// gone.
+/// The beginning of every program: it prints its process group, so that a test can check whether
+/// the group is gone.
 pub(crate) const BEGIN: &str = "\
 import os, signal, subprocess, sys, time
 print('group', os.getpgrp(), flush=True)
@@ -114,7 +115,7 @@ pub(crate) fn run_in(folder: &Path, files: &[(&str, &str)], command: &str, more:
     ended_in(folder, output.expect("the binary is built"))
 }
 
-/// What a run in `folder` left behind; its program and its ports are gone.
+/// Results of a run in `folder`; its program and its ports are gone.
 pub(crate) fn ended_in(folder: &Path, output: Output) -> Ended {
     let read = |name: &str| fs::read_to_string(folder.join("out").join(name));
     let log = read("program.log").expect("every run has it");
@@ -125,7 +126,8 @@ pub(crate) fn ended_in(folder: &Path, output: Output) -> Ended {
     assert!(!folder.join("out/ports").exists(), "no port is left");
     for line in log.lines().filter_map(|line| line.strip_prefix("group ")) {
         let group = line.parse().expect("a number");
-        // What was killed is gone once the machine comes to it. What lives, lives for longer.
+        // A killed process disappears when the machine has time for it. A surviving one would live
+        // longer.
         let clock = WallClock::start();
         while !members(group).is_empty() && clock.now() < Instant::from_secs(30) {
             clock.sleep_until(clock.now() + Duration::from_millis(2));
@@ -142,7 +144,7 @@ pub(crate) fn ended_in(folder: &Path, output: Output) -> Ended {
     }
 }
 
-/// What became of a run.
+/// Results of a run.
 pub(crate) struct Ended {
     pub(crate) code: Option<i32>,
     pub(crate) said: String,
@@ -152,7 +154,7 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
-    /// What devices told, a line each.
+    /// Events of the devices, one per line.
     pub(crate) fn events(&self) -> String {
         fs::read_to_string(self.folder.join("out/events.txt")).unwrap_or_default()
     }
@@ -167,8 +169,8 @@ impl Ended {
         (text("status"), text("detail"))
     }
 
-    /// Its exit code is that of a run that failed: 1, or 3 on a host so busy that the rig was late
-    /// itself, which it says then.
+    /// The exit code is that of a failed run: 1, or 3 on a host so busy that the rig itself was
+    /// late, which the output then says.
     pub(crate) fn assert_is_failure(&self) {
         let was_late = self.said.contains("the rig itself was late");
         let expected = if was_late { 3 } else { 1 };
@@ -198,7 +200,7 @@ pub(crate) fn members(group: i32) -> Vec<u32> {
     .collect()
 }
 
-/// Where a scenario of the other tests is.
+/// Path of a scenario of the other tests.
 pub(crate) fn short() -> &'static Path {
     Path::new(concat!(
         env!("CARGO_MANIFEST_DIR"),

@@ -1,6 +1,5 @@
-//! What a port does as a terminal, in real and in virtual time: the table in `docs/pty.md` is what
-//! a
-//! program finds, row by row.
+//! Terminal properties of a port, in real and in virtual time: the table in `docs/pty.md` contains
+//! the results of a program, row by row.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -11,7 +10,7 @@ const RIG: &str = include_str!("programs/terminal.toml");
 const PROBE: &str = include_str!("programs/terminal.py");
 const PAGE: &str = include_str!("../../docs/pty.md");
 
-/// A row of the table: what is asked for, and what is found in real and in virtual time.
+/// A row of the table: a query, and its result in real and in virtual time.
 fn rows() -> Vec<[String; 3]> {
     let (_, table) = PAGE
         .split_once("| behaviour | real time |")
@@ -50,7 +49,7 @@ fn start(folder: &Path, more: &[&str]) -> Child {
         .expect("the binary is built")
 }
 
-/// What the program found, by what it asked for.
+/// The program's results by query.
 fn found(folder: &Path, out: &str, child: Child) -> BTreeMap<String, String> {
     let output = child.wait_with_output().expect("it ends");
     let said = String::from_utf8_lossy(&output.stdout).into_owned();

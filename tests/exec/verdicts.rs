@@ -1,9 +1,9 @@
-//! What a program does while it runs.
+//! Behaviour of a program while it runs.
 
 use crate::support::*;
 
-/// The robot's own program as a foreign one: found by the directory of ports alone. What becomes of
-/// its mission depends on the machine here, and is judged in virtual time.
+/// The robot's own program as a foreign one, which finds its ports only by the directory. The
+/// success of its mission depends on the machine here, and is judged in virtual time.
 #[test]
 fn a_sound_robot_finds_its_ports_and_goes_on() {
     let bench = Bench::new("sound", "5s", "");
@@ -53,7 +53,7 @@ fn who_never_opens_its_port_fails_and_the_port_is_named() {
     ended.assert_is_failure();
 }
 
-/// It has sent something, so rig time runs a second later, not when its wait is over.
+/// The program has sent something, so the rig starts a second later, not after its full wait.
 #[test]
 fn who_opens_one_port_and_not_the_other_fails_and_the_other_is_named() {
     let bench = Bench::new(
@@ -68,7 +68,7 @@ fn who_opens_one_port_and_not_the_other_fails_and_the_other_is_named() {
     ended.assert_is_failure();
 }
 
-/// Long, because time in which a busy machine was late is not charged.
+/// The run is long, because time by which a busy machine was late does not count.
 #[test]
 fn who_opens_and_never_reads_hangs() {
     let bench = Bench::new("hangs", "15s", "fd = port()\ntime.sleep(600)\n");
@@ -79,9 +79,9 @@ fn who_opens_and_never_reads_hangs() {
     ended.assert_is_failure();
 }
 
-/// The system holds up a parent until its child of `vfork` has begun; this child first waits for
-/// another process to write to a pipe. The parent cannot shorten that: a page of its code that the
-/// disk is slow to bring holds it up as well.
+/// The system blocks a parent until its child of `vfork` has started; this child first waits for
+/// another process to write to a pipe. The parent cannot shorten this wait. A page of the parent's
+/// code that a slow disk must load blocks it, too.
 #[test]
 fn who_is_held_up_by_the_system_is_not_charged() {
     let python = "\
@@ -98,7 +98,7 @@ while True:
     assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
 }
 
-/// A byte a second of ninety that come: there is never a moment at which nothing waits.
+/// One byte a second is read of ninety that arrive: there are always unread bytes.
 #[test]
 fn who_reads_slowly_but_steadily_does_not_hang() {
     let python = "fd = port()\nwhile True:\n    os.read(fd, 1)\n    time.sleep(1)\n";
@@ -108,7 +108,8 @@ fn who_reads_slowly_but_steadily_does_not_hang() {
     assert_eq!(ended.code, Some(0), "{}", ended.said);
 }
 
-/// It asks before it opens the next port: rig time must not stand until it has opened all.
+/// The program sends a request before it opens the next port: the rig must not wait until all ports
+/// are open.
 #[test]
 fn who_waits_for_an_answer_before_it_opens_the_next_port_gets_it() {
     let python = "\
@@ -126,7 +127,7 @@ while True:
     assert_eq!(ended.code, Some(0), "{}", ended.said);
 }
 
-/// What does not fit together is told before anything is started.
+/// Contradictory options are reported before anything is started.
 #[test]
 fn a_port_that_there_is_not_cannot_be_needed() {
     let bench = Bench::new("unknown", "1s", "");

@@ -1,10 +1,10 @@
-//! A robot's program as a board would run it: static memory, a panic handler, no operating
+//! A robot's program as it would run on a board: static memory, a panic handler, no operating
 //! system, no allocator.
 //!
-//! That this crate builds is the proof. `std` brings a panic handler of its own and two of them
-//! are an error; a heap without an allocator is another. The features `mutant_std` and
-//! `mutant_heap` commit each sin, and `prove.sh` insists that both builds fail. Nothing here is
-//! ever run: the peripherals do not exist.
+//! The proof is that this crate builds. `std` has its own panic handler, and two of them are an
+//! error; a heap without an allocator is another error. The features `mutant_std` and `mutant_heap`
+//! each add one of these mistakes, and `prove.sh` verifies that both builds fail. Nothing here ever
+//! runs: the peripherals do not exist.
 #![no_std]
 
 use core::cell::UnsafeCell;
@@ -28,12 +28,12 @@ unsafe impl Sync for Robot {}
 #[unsafe(no_mangle)]
 static ROBOT: Robot = Robot(UnsafeCell::new(Program::new(Config::DEFAULT)));
 
-/// Registers of a made-up board: where bytes come and go, per port, and the time.
+/// Registers of an invented board: received bytes and bytes to send of each port, and the time.
 const RECEIVED: *const u16 = 0x4000_0000_usize as *const u16;
 const TO_SEND: *mut u8 = 0x4000_1000_usize as *mut u8;
 const NANOSECONDS: *const u64 = 0x4000_2000_usize as *const u64;
 
-/// Where the board begins.
+/// Entry point of the board.
 #[unsafe(no_mangle)]
 extern "C" fn reset() -> ! {
     // SAFETY: `reset` runs once, and no other code uses the robot's memory.
@@ -66,7 +66,7 @@ fn send(port: Port, byte: u8) {
     unsafe { write_volatile(TO_SEND.add(port.0.into()), byte) }
 }
 
-/// Every decoder and codec, also those that the robot does not use, fed from outside.
+/// Every decoder and codec, also the unused ones, with input from outside.
 #[unsafe(no_mangle)]
 extern "C" fn decode_everything() {
     let mut packets = xv11::Decoder::default();
