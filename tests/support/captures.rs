@@ -1,4 +1,4 @@
-//! Real captures that are not part of the product: used when they lie beside it.
+//! Real captures outside of the product, used if they lie beside the repository.
 
 use std::fs;
 use std::io::{ErrorKind, Write as _};
@@ -6,8 +6,9 @@ use std::path::Path;
 
 /// The bytes of a capture, by its path below the folder of captures beside this repository.
 ///
-/// `None`, said loudly, if there is no such folder: a clone without its neighbours still passes.
-/// A folder that lacks the file is an error, so a misspelt name cannot skip a test forever.
+/// `None`, with a visible message, if the folder does not exist: a clone without the captures still
+/// passes. If the folder exists without the file, that is an error, so a misspelt name cannot skip
+/// a test forever.
 pub(crate) fn capture(name: &str) -> Option<Vec<u8>> {
     beside("captures", name)
 }
@@ -28,8 +29,8 @@ pub(crate) fn beside(folder: &str, name: &str) -> Option<Vec<u8>> {
     }
 }
 
-/// Says that the running test proves nothing: in its own output, and past the test runner's
-/// capture of it, which hides what passing tests print.
+/// Reports that the running test proves nothing: in its own output, and directly to standard error,
+/// because the test runner hides the output of passing tests.
 pub(crate) fn skipped(reason: &str) {
     let thread = std::thread::current();
     let line = format!("SKIPPED: {}: {reason}", thread.name().unwrap_or("a test"));

@@ -1,9 +1,9 @@
-//! What happens to bytes on a bad line, as values that a test can print and shrink.
+//! Damage to bytes on a bad line, as values that a test can print and minimise.
 
 use proptest::prelude::*;
 use proptest::sample::Index;
 
-/// One byte goes wrong.
+/// Damage to one byte.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Damage {
     /// A bit arrives wrong.
@@ -15,7 +15,7 @@ pub(crate) enum Damage {
 }
 
 impl Damage {
-    /// Does it to `bytes`, if there is a byte to do it to.
+    /// Applies the damage to `bytes`, unless they are empty.
     pub(crate) fn apply(self, bytes: &mut Vec<u8>) {
         if bytes.is_empty() {
             return;
@@ -28,7 +28,7 @@ impl Damage {
     }
 }
 
-/// Any one damage; inserted bytes are often those in `telling`, which the format reacts to.
+/// Any single damage; inserted bytes are often among `telling`, to which the format reacts.
 pub(crate) fn damage(telling: &'static [u8]) -> impl Strategy<Value = Damage> {
     let byte = prop_oneof![any::<u8>(), proptest::sample::select(telling)];
     prop_oneof![

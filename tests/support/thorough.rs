@@ -1,9 +1,9 @@
-//! How much of a test is run: its beginning at each landing, all of it with `tests/run.sh --all`,
-//! which sets `HILRIG_TESTS=all`.
+//! Extent of a test: its first cases at each landing, all of them with `tests/run.sh --all`, which
+//! sets `HILRIG_TESTS=all`.
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 
-/// Whether all is run.
+/// Whether all cases are to be run.
 pub(crate) fn is_thorough() -> bool {
     std::env::var_os("HILRIG_TESTS").is_some_and(|tests| tests == "all")
 }

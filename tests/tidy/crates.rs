@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::files::root;
 
-/// What cargo knows about this workspace and everything it is built from on this host.
+/// Cargo's metadata of this workspace and its dependencies on this host.
 fn metadata() -> Value {
     let cargo = env!("CARGO");
     let version = Command::new(cargo).arg("-vV").output().expect("cargo runs");
@@ -42,7 +42,8 @@ fn list<'a>(value: &'a Value, key: &str) -> &'a [Value] {
     value[key].as_array().unwrap_or_else(|| panic!("no {key}"))
 }
 
-/// The crates of the workspace with the names of what they depend on, for tests or not.
+/// The crates of the workspace with the names of their dependencies, with or without those for
+/// tests.
 fn dependencies(metadata: &Value, with_tests: bool) -> BTreeMap<String, BTreeSet<String>> {
     let ours = list(metadata, "packages")
         .iter()
@@ -57,14 +58,14 @@ fn dependencies(metadata: &Value, with_tests: bool) -> BTreeMap<String, BTreeSet
     .collect()
 }
 
-/// Emulators and firmware share nothing but the wire, and neither depends on the rig; not even in
-/// their tests, where a short cut would be hardest to see.
+/// Emulators and firmware share only the wire, and neither depends on the rig. This includes their
+/// tests, where a short cut would be hard to find.
 #[test]
 fn crates_know_only_what_lies_below_them() {
     let crates = dependencies(&metadata(), true);
     let ours: BTreeSet<_> = crates.keys().cloned().collect();
     assert!(ours.contains("hilrig"), "{ours:?}");
-    // Cargo itself holds that no two crates know each other, which leaves these.
+    // Cargo itself rejects crates that depend on each other, so these remain.
     let lower = [
         "hilrig-protocols",
         "hilrig-emulators",
@@ -89,16 +90,16 @@ fn crates_know_only_what_lies_below_them() {
     }
 }
 
-/// What runs on a board or must give the same bytes everywhere has few and harmless dependencies:
-/// no runtime, no I/O, no host mathematics.
+/// Code that runs on a board or must give the same bytes on every machine has few and harmless
+/// dependencies: no runtime, no I/O, no host mathematics.
 #[test]
 fn the_lower_crates_depend_on_next_to_nothing() {
     let crates = dependencies(&metadata(), false);
     let allowed: [(&str, &[&str]); 3] = [
-        // Messages of protocol buffers, lists of a fixed capacity: neither has a heap.
+        // Messages of protocol buffers, lists with fixed capacity: neither has a heap.
         ("hilrig-protocols", &["crc", "micropb", "heapless"]),
-        // Lines and letters of the display; it draws without heap, float or frame buffer. What the
-        // phone says, for programs that run on a PC.
+        // Lines and letters of the display, drawn without heap, floats or a frame buffer. The
+        // phone's messages, for programs that run on a PC.
         (
             "hilrig-firmware",
             &["hilrig-protocols", "libm", "embedded-graphics", "rosc"],
@@ -116,8 +117,8 @@ fn the_lower_crates_depend_on_next_to_nothing() {
     }
 }
 
-/// Licences that ask for nothing but their text; MPL-2.0 asks for changes to its own files only,
-/// and we make none.
+/// Licences that require only their text. MPL-2.0 requires changes of its own files to be
+/// published; there are none.
 const LICENCES: [&str; 13] = [
     "0BSD",
     "Apache-2.0",
@@ -134,8 +135,8 @@ const LICENCES: [&str; 13] = [
     "Zlib",
 ];
 
-/// Whether an SPDX expression can be kept with the licences above. `A/B` is how older crates
-/// write `A OR B`.
+/// Whether an SPDX expression is satisfied by the licences above. `A/B` is the old form of `A OR
+/// B`.
 fn is_free(expression: &str) -> bool {
     let expression = expression.replace('/', " OR ").replace(['(', ')'], " ");
     // With "and" binding tighter than "or", dropping brackets can only turn a choice into more
@@ -178,8 +179,8 @@ fn manifest(path: &str) -> toml::Table {
         .unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
-/// A crate that both workspaces are built from has the same settings in both: the same folder then
-/// holds it once.
+/// A crate that both workspaces use has the same settings in both, so that it is built once in a
+/// shared folder.
 #[test]
 fn the_crate_outside_is_built_as_the_workspace_is() {
     let [main, outside] = ["Cargo.toml", "tests/outside/Cargo.toml"].map(manifest);
@@ -190,7 +191,8 @@ fn the_crate_outside_is_built_as_the_workspace_is() {
         .iter()
         .filter_map(|package| package["name"].as_str())
         .collect();
-    // Its own build of the rig is needed there, which runs for less than it compiles.
+    // The outer workspace needs its own build of the rig, which runs for a shorter time than it
+    // compiles.
     let shared = |name: &str| locked.contains(name) && name != "hilrig";
     let mut expected = main["profile"]["test"]["package"].clone();
     let levels = expected.as_table_mut().expect("packages");

@@ -1,17 +1,17 @@
-//! Rules about files that others name: snapshots, scenarios, licences.
+//! Rules about files that other files name: snapshots, scenarios, licences.
 
 use std::collections::BTreeSet;
 
 use crate::files::{File, all, functions, root};
 
-/// Why the snapshot `file` belongs to no test; `source` is the test that its head names.
+/// Reason that the snapshot `file` belongs to no test; `source` is the test in its header.
 fn orphan(file: &File, source: Option<&str>) -> Option<String> {
     let stem = file.path.rsplit('/').next().unwrap_or(&file.path);
     let name = stem.strip_suffix(".snap")?.rsplit("__").next()?;
     let Some(source) = source else {
         return Some(format!("{}: its test is gone", file.path));
     };
-    // A name of its own, or the test function's, with a number from the second one on.
+    // An explicit name, or that of the test function, numbered from the second snapshot on.
     let function = name
         .trim_end_matches(|c: char| c.is_ascii_digit())
         .trim_end_matches('-');
@@ -58,7 +58,7 @@ fn every_snapshot_has_its_test() {
     assert!(orphans.is_empty(), "\n{}", orphans.join("\n"));
 }
 
-/// A scenario that no page names is hard to find, and a name without its file misleads.
+/// A scenario that no page names is hard to find, and a name without a file misleads.
 #[test]
 fn the_pages_name_every_scenario_and_no_other() {
     let pages: String = all(&[".md"]).into_iter().map(|file| file.text).collect();
@@ -90,7 +90,7 @@ fn the_pages_name_every_scenario_and_no_other() {
     }
 }
 
-/// A simplification must not lose its test unnoticed.
+/// The tests of a simplification must exist.
 #[test]
 fn the_tests_that_the_fidelity_page_names_exist() {
     let page = all(&["FIDELITY.md"]);
@@ -140,7 +140,7 @@ fn the_tests_that_the_ledger_names_exist() {
     }
 }
 
-/// Both licences of the crates' manifests come with their text.
+/// The texts of both licences in the crates' manifests exist.
 #[test]
 fn both_licences_are_here() {
     for (file, words) in [

@@ -1,16 +1,16 @@
-//! The files of the repository, without what is built or left behind by runs.
+//! The files of the repository, without build results and results of runs.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A text file: its path from the root with forward slashes, and what it says.
+/// A text file: its path from the root with forward slashes, and its content.
 pub(crate) struct File {
     pub(crate) path: String,
     pub(crate) text: String,
 }
 
 impl File {
-    /// Made up, to try a rule on.
+    /// An invented file, to test a rule.
     pub(crate) fn sample(path: &str, text: &str) -> Self {
         Self {
             path: path.to_owned(),
@@ -18,12 +18,12 @@ impl File {
         }
     }
 
-    /// Whether it belongs to the tests as a whole.
+    /// Whether the whole file is part of the tests.
     pub(crate) fn is_test(&self) -> bool {
         let is_in = |folder: &&str| {
             self.path.starts_with(*folder) || self.path.contains(&format!("/{folder}"))
         };
-        // The folder "fuzz" of the sources is product, the one beside them is not.
+        // The folder "fuzz" below the sources is product code, the one beside them is not.
         ["tests/", "benches/"].iter().any(is_in)
             || self.path.starts_with("fuzz/")
             || self.path.ends_with("/tests.rs")

@@ -1,23 +1,23 @@
-//! What users, attackers and measurements found, and the test that failed before it was mended.
+//! Findings of users, attackers and measurements, and the test that failed before each was fixed.
 //!
-//! The numbers are those of the list of findings; comments name them. A finding that is no fault,
-//! or left as it is, has a heading in FIDELITY.md instead.
+//! The numbers are those of the list of findings; comments use them. A finding that is no fault, or
+//! that is left, has a heading in FIDELITY.md instead.
 
 use std::collections::BTreeSet;
 
 use crate::files::{all, functions};
 
-/// How a finding is kept from coming back.
+/// Protection against the return of a finding.
 enum Kept {
-    /// By these tests.
+    /// These tests.
     Tests(&'static [&'static str]),
-    /// It is left, for the reason below this heading of FIDELITY.md.
+    /// The finding is left, for the reason below this heading of FIDELITY.md.
     Left(&'static str),
 }
 
 use Kept::{Left, Tests};
 
-/// Number, what it was, and how it is kept.
+/// Number, description, and protection.
 #[rustfmt::skip]
 const FINDINGS: &[(&str, &str, Kept)] = &[
     ("U3", "a case of a one-way dump was red for ever, one of a foreign program tested ours", Tests(&[
@@ -200,21 +200,21 @@ fn every_finding_has_its_test_or_its_reason() {
     assert_eq!(numbers.len(), FINDINGS.len());
 }
 
-/// Where a line of an exhibit reads a switch of the program, which it should only hand on.
+/// Whether a line of an exhibit reads a switch of the program, instead of only passing it on.
 fn reads_switch(line: &str) -> bool {
     const FIELDS: [&str; 3] = ["defects.", ".defects)", "Defects::FIELDED"];
     let code = line.trim_start();
     let is_code = !code.starts_with("//");
     let after = |field: &str| code.split_once(field).map(|(_, rest)| rest.to_owned());
-    // `if`, `match` and operators look at a value; handing it to a program as a whole does not.
+    // `if`, `match` and operators read a value; passing it to a program as a whole does not.
     let looks = ["if ", "match ", "||", "&&", "!", "=="]
         .iter()
         .any(|word| code.contains(word));
     is_code && looks && FIELDS.iter().any(|field| after(field).is_some())
 }
 
-/// P4: an exhibit that looks at a switch and does by itself what the program would, continues
-/// showing the defect when the program has lost it.
+/// P4: an exhibit that reads a switch and imitates the program would still show the defect after
+/// the program has lost it.
 #[test]
 fn exhibits_read_no_switch_themselves() {
     assert!(reads_switch(

@@ -1,5 +1,5 @@
-//! The house rules that no compiler checks. Each rule is a function over text, so that a sample
-//! that breaks it can show that it would be found.
+//! The house rules that no compiler checks. Each rule is a function over text, so that a test can
+//! prove with a wrong sample that the rule finds it.
 
 mod crates;
 mod data;

@@ -2,7 +2,7 @@
 
 use crate::files::{File, all};
 
-/// What is wrong, as `path:line: what`.
+/// Violations, as `path:line: text`.
 type Findings = Vec<String>;
 
 const COLUMNS_MAX: usize = 100;
@@ -35,8 +35,8 @@ fn lines_that<'a>(
 }
 
 fn long_lines(file: &File) -> Findings {
-    // A row of a table in the docs cannot be broken, and the formatter leaves a line alone that a
-    // string literal makes long.
+    // A row of a table in the docs cannot be wrapped, and the formatter does not change a line with
+    // a long string literal.
     let is_row = |line: &str| {
         ["//! |", "/// |"]
             .iter()
@@ -99,13 +99,13 @@ fn only_the_clock_and_the_real_time_runner_read_an_os_clock() {
         found_in(os_clocks, "crates/realtime/src/clock.rs", &call),
         0
     );
-    // Tests and benches that judge how long something takes may look at a clock.
+    // Tests and benches that measure durations may read a clock.
     let files = all(&[".rs"]).into_iter().filter(|file| !file.is_test());
     judge(&files.collect::<Vec<_>>(), os_clocks);
 }
 
 fn writers(file: &File) -> Findings {
-    // The second opens pipes of the program under test, in its place.
+    // The second one opens pipes of the program under test, on its behalf.
     let others = [
         "crates/safefs/",
         "crates/realtime/src/guest/supervisor/fifos.rs",
@@ -278,8 +278,8 @@ fn neighbours(file: &File) -> Findings {
     )
 }
 
-/// What lies beside the repository is no part of it: a test that wants it must pass without it,
-/// and say so.
+/// Files beside the repository are not part of it: a test that wants one must pass without it, and
+/// say so.
 #[test]
 fn what_lies_beside_the_repository_is_not_needed() {
     let sample = ["include_str!(\"../../../sha", "red/spec.md\")"].concat();
@@ -355,7 +355,7 @@ fn has_open_clause(text: &str) -> bool {
 /// Sentences whose reader has to guess which person or program is meant.
 fn open_subjects(file: &File) -> Findings {
     let mut findings = Findings::new();
-    // A sentence goes on in the next line: its last words belong to that line as well.
+    // A sentence continues in the next line: the last words of a line belong to that line as well.
     let mut tail = String::new();
     for (number, line) in numbered(file) {
         let text = line.trim_start().trim_start_matches(['/', '!', '#', '*']);

@@ -17,8 +17,8 @@ pub const ACTIVE: &str = "ACTIVE_MUTANT";
 /// The environment variable that names the file where the tests note which mutants they reach.
 pub const REACHED: &str = "REACHED_MUTANTS";
 
-/// The environment variable that says which of a package's tests are asked, as `cargo test` takes
-/// it; none: all.
+/// The environment variable with the tests to run of a package, as arguments of `cargo test`;
+/// without it: all.
 const TESTS: &str = "TESTS";
 
 /// Appended to the package's `lib.rs`. The attribute stands at its top.
@@ -56,20 +56,20 @@ pub fn active_mutant(here: &[u32]) -> u32 {
     })
 }
 ";
-/// What the compiler proves of a mutant alone is for the tests to see.
+/// The compiler must not reject a mutant that it proves wrong: that is the task of the tests.
 const ALLOWED: &str = "#![allow(warnings, arithmetic_overflow, unconditional_panic)]\n";
 
-/// What was built.
+/// Results of the build.
 pub struct Built {
     /// The package's folder in the copy, where its tests run.
     pub folder: PathBuf,
     /// The test binaries.
     pub tests: Vec<PathBuf>,
-    /// Mutants that are compiled in, by their place in the draw.
+    /// Mutants that are compiled in, by their position in the draw.
     pub switched: Vec<usize>,
-    /// Those that do not compile.
+    /// Mutants that do not compile.
     pub unviable: Vec<usize>,
-    /// Those that no switch reaches.
+    /// Mutants that no switch reaches.
     pub unswitched: Vec<usize>,
 }
 
@@ -87,7 +87,7 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     let mut files: BTreeMap<&str, (String, Vec<usize>)> = BTreeMap::new();
     for (at, mutant) in mutants.iter().enumerate() {
         if !files.contains_key(mutant.file.as_str()) {
-            // From the copy: changes to the original meanwhile have no effect here.
+            // Read from the copy: changes to the original meanwhile have no effect here.
             let file = &mutant.file;
             let text = fs::read_to_string(tree.join(file));
             let text = text.map_err(|error| format!("{file}: {error}"))?;
@@ -100,7 +100,7 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     let mut copy = Copy {
         package,
         tree: &tree,
-        // As the compiler runs in the copy.
+        // The path as the compiler in the copy sees it.
         target: fs::canonicalize(&target).unwrap_or(target),
         mutants,
         unviable: BTreeSet::new(),
@@ -130,7 +130,7 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     })
 }
 
-/// The tree without what was built of it.
+/// Copies the tree without its build results.
 fn copy_tree(tree: &Path) -> Result<(), String> {
     let _ = fs::remove_dir_all(tree);
     fs::create_dir_all(tree).map_err(|error| format!("{}: {error}", tree.display()))?;
@@ -183,7 +183,7 @@ impl<'a> Copy<'a> {
         let path = self.tree.join(folder).join("lib.rs");
         let text = fs::read_to_string(&path).map_err(|error| format!("lib.rs: {error}"))?;
         if !text.contains(SWITCH) {
-            // Behind the documentation of the crate attributes may follow, but nothing else.
+            // After the documentation of the crate, only attributes may follow.
             let at = text.find("\n\n").map_or(0, |at| at + 2);
             let (head, rest) = text.split_at(at);
             fs::write(&path, format!("{head}{ALLOWED}{rest}{SWITCH}"))
@@ -192,7 +192,8 @@ impl<'a> Copy<'a> {
         Ok(())
     }
 
-    /// Whether something had to be left out, so that it is worth another try.
+    /// Leaves out mutants that do not compile; returns whether any were left out, so that another
+    /// try makes sense.
     fn leave_out_what_does_not_compile(
         &mut self,
         files: &BTreeMap<&str, Switched>,
@@ -232,8 +233,8 @@ impl<'a> Copy<'a> {
         Ok(more)
     }
 
-    /// The made-up value that is returned last before the place of an error: of a function that
-    /// returns an `impl Trait` it sets the type, and what the author wrote is then the error.
+    /// The last made-up return value before an error. In a function that returns an `impl Trait`
+    /// this value sets the type, and the compiler then reports the author's own code as the error.
     fn returned_before(&self, error: &Value, files: &BTreeMap<&str, Switched>) -> Option<usize> {
         let spans = error["spans"].as_array()?;
         let span = spans.iter().find(|span| span["is_primary"] == true)?;
@@ -246,8 +247,8 @@ impl<'a> Copy<'a> {
             .map(|(_, mutant)| *mutant)
     }
 
-    /// The arm that is taken away next behind the place of an error: without it the `match` that
-    /// begins there no longer names all that there is.
+    /// The first removed arm after an error: without it, the `match` that begins there is no longer
+    /// complete.
     fn taken_behind(&self, error: &Value, files: &BTreeMap<&str, Switched>) -> Option<usize> {
         let spans = error["spans"].as_array()?;
         let span = spans.iter().find(|span| span["is_primary"] == true)?;
@@ -266,7 +267,8 @@ impl<'a> Copy<'a> {
         let mut arguments = vec!["test", "--no-run"];
         arguments.extend(asked.split_ascii_whitespace());
         let messages = self.cargo(&arguments)?;
-        // A test binary that is missing would let every mutant through that only it sees.
+        // Without one of the test binaries, mutants that only its tests detect would count as
+        // missed.
         let broken = messages
             .iter()
             .any(|message| message["reason"] == "build-finished" && message["success"] == false);
@@ -308,7 +310,8 @@ impl<'a> Copy<'a> {
     }
 }
 
-/// What the workspace's tests turn on in `package`, and it alone does not by itself: its heap.
+/// Features of `package` that the workspace's tests enable and the package alone does not: its
+/// heap.
 fn features(package: &str) -> &'static [&'static str] {
     match package {
         "firmware_core" => &["--features", "host"],
@@ -316,7 +319,7 @@ fn features(package: &str) -> &'static [&'static str] {
     }
 }
 
-/// The function that an error says is not constant where only constants may be.
+/// The function that an error reports as not constant, where only constants are allowed.
 fn called_in_a_constant(error: &Value) -> Option<String> {
     let text = error["message"].as_str()?;
     if error["code"]["code"] != "E0015" {
@@ -326,7 +329,7 @@ fn called_in_a_constant(error: &Value) -> Option<String> {
     Some(path.rsplit("::").next().unwrap_or(path).to_owned())
 }
 
-/// The mutants in whose arms an error points; else those whose arms stand beside that.
+/// The mutants in whose arms an error lies; otherwise those with arms on the same line.
 fn guilty(error: &Value, files: &BTreeMap<&str, Switched>) -> Vec<usize> {
     let mut inside = Vec::new();
     let mut around = Vec::new();
@@ -353,7 +356,7 @@ fn guilty(error: &Value, files: &BTreeMap<&str, Switched>) -> Vec<usize> {
                 .filter(|(arm, _)| meets(arm))
                 .map(|(_, at)| *at),
         );
-        // From the arm's begin to the end of its line: the expression that it is an arm of.
+        // From the arm's start to the end of its line: the expression to which the arm belongs.
         around.extend(
             switched
                 .arms

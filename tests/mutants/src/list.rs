@@ -5,39 +5,39 @@ use std::path::Path;
 
 use serde::Deserialize;
 
-/// One change of the source, as `cargo mutants --list --json` tells of it.
+/// One change of the source, as listed by `cargo mutants --list --json`.
 #[derive(Debug, Deserialize)]
 pub struct Mutant {
-    /// Place and change in words; unique.
+    /// Position and description of the change; unique.
     pub name: String,
-    /// Where, relative to the workspace.
+    /// The file, relative to the workspace.
     pub file: String,
-    /// What kind of change.
+    /// Kind of the change.
     pub genre: Genre,
-    /// What is replaced: an operator, a body, a guard, an arm.
+    /// The replaced part: an operator, a body, a guard, an arm.
     pub span: Span,
-    /// By what.
+    /// The new text.
     pub replacement: String,
 }
 
-/// The kinds of change that cargo-mutants knows.
+/// The kinds of change in cargo-mutants.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 pub enum Genre {
     /// A function returns a made-up value.
     FnValue,
     /// Another operator between the same operands, or in an assignment.
     BinaryOperator,
-    /// An operator is taken away.
+    /// An operator is removed.
     UnaryOperator,
-    /// An arm is taken away.
+    /// An arm is removed.
     MatchArm,
-    /// A guard is always true, or never.
+    /// A guard is always true, or always false.
     MatchArmGuard,
     /// A field keeps its default.
     StructField,
 }
 
-/// Where it begins; where it ends the syntax says.
+/// Start of the replaced part; its end follows from the syntax.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub struct Span {
     /// Its first character.
@@ -47,14 +47,14 @@ pub struct Span {
 /// A line and a column, both from 1.
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 pub struct Place {
-    /// From 1.
+    /// Number of the line, from 1.
     pub line: usize,
-    /// In characters, from 1.
+    /// Number of the character, from 1.
     pub column: usize,
 }
 
-/// `count` of the listed mutants (0: all), drawn by `seed`, without those that the file of
-/// equivalents names; and how many there were to draw from.
+/// Draws `count` of the listed mutants (0: all) by `seed`, except those in the file of equivalent
+/// mutants. Returns them and the number of candidates.
 pub fn draw(
     list: &Path,
     equivalent: &Path,
@@ -88,7 +88,7 @@ fn read(path: &Path) -> Result<String, String> {
     std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// SplitMix64 (Steele, Lea and Flood 2014): a draw that is the same on every machine.
+/// SplitMix64 (Steele, Lea and Flood 2014): the same draw on every machine.
 struct Numbers(u64);
 
 impl Numbers {

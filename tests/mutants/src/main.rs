@@ -1,7 +1,7 @@
-//! Which changes of behaviour do the tests of a package see? cargo-mutants lists the changes; all
-//! that are drawn are compiled into one copy of the tree, each behind a switch, so that a trial
-//! costs a run of the tests and no build. What cannot be switched (a constant) is named, not
-//! judged.
+//! Which changes of behaviour do the tests of a package detect? cargo-mutants lists the changes.
+//! All drawn changes are compiled into one copy of the tree, each behind a switch, so that a trial
+//! needs a run of the tests and no build. A change that cannot be switched (of a constant) is named
+//! and not judged.
 //!
 //! usage: mutants PACKAGE LIST.json OUT COUNT SEED EQUIVALENT.txt
 
@@ -41,7 +41,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Draws, switches, builds, tries and tells the score of `package`.
+/// Draws, switches, builds and tries the mutants of `package`, and reports the score.
 fn judge(
     package: &str,
     list: &Path,
@@ -62,7 +62,7 @@ fn judge(
     tell(package, out, &drawn, &built, &fates)
 }
 
-/// Writes which mutants were caught, missed, late or never tried beside the copy, and prints the
+/// Writes the caught, missed, late and untried mutants into files beside the copy, and prints the
 /// score.
 fn tell(
     package: &str,

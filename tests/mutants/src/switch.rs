@@ -1,8 +1,8 @@
-//! One source file with its mutants compiled in: each is an arm beside what the author wrote, and
-//! `crate::active_mutant` says which of them holds.
+//! One source file with its mutants compiled in: each is an arm beside the author's code, and
+//! `crate::active_mutant` selects one of them.
 //!
-//! An operand stands in every arm; in those of the mutants as it was, so that nested mutants add up
-//! and do not multiply.
+//! An operand occurs in every arm. The arms of mutants contain it unchanged, so the number of arms
+//! is the sum over nested mutants, not their product.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -12,18 +12,18 @@ use syn::visit::Visit;
 
 use crate::list::{Genre, Mutant, Place};
 
-/// A file as it goes into the copy, with where each mutant stands in it.
+/// A file for the copy, with the position of each mutant in it.
 pub struct Switched {
     /// The whole file.
     pub text: String,
-    /// For each arm or insertion of a mutant its bytes in `text`.
+    /// The byte range in `text` of each arm or insertion, with its mutant.
     pub arms: Vec<(Range<usize>, usize)>,
     /// Mutants that no switch can reach: in a constant, in a `let` chain, in a macro.
     pub unswitched: Vec<usize>,
 }
 
 /// `text` with `mutants` (number and mutant) compiled in; `still_const` names functions that are
-/// used where only constants may be.
+/// used where only constants are allowed.
 pub fn switched(
     text: &str,
     mutants: &[(usize, &Mutant)],
@@ -65,7 +65,8 @@ pub fn switched(
         arms: Vec::new(),
         form: Form::Cut,
     }));
-    // What is inserted first, then outer before inner: of two of one place the longer one.
+    // Insertions first, then outer ranges before inner ones: of two with the same start, the longer
+    // one.
     site_list.sort_by_key(|site| {
         (
             site.range.start,
@@ -110,35 +111,35 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// What stands between a function's begin and its end, or around an expression.
+/// A place with mutants: the start of a function's body, or an expression.
 struct Site {
     range: Range<usize>,
-    /// Number of a mutant and what is put in the place of the whole range.
+    /// Number of a mutant and its text for the whole range.
     arms: Vec<(usize, String)>,
     form: Form,
 }
 
 #[derive(Clone, Copy, PartialEq)]
 enum Form {
-    /// An expression in the place of an expression.
+    /// An expression instead of an expression.
     Expression,
-    /// Ahead of a function's first statement.
+    /// Before a function's first statement.
     Body,
-    /// Ahead of `=>`, or of the guard that is the range.
+    /// Before `=>`, or before the guard, which is the range.
     Arm { guarded: bool },
-    /// `const`, which a function that asks for the active mutant cannot be.
+    /// The `const` of a function, which must be removed because the function calls `active_mutant`.
     Cut,
 }
 
-/// Finds the places of the wanted mutants in the syntax.
+/// Finds the wanted mutants' places in the syntax.
 struct Sites<'a> {
     source: &'a str,
-    /// By byte offset and genre.
+    /// The mutants by byte offset and genre.
     wanted: BTreeMap<(usize, u8), Vec<(usize, String)>>,
     found: Vec<Site>,
     lifted: Vec<Range<usize>>,
     still_const: &'a BTreeSet<String>,
-    /// Inside a function whose body may ask for the active mutant.
+    /// Whether the visitor is inside a function whose body may call `active_mutant`.
     open: bool,
     /// The `const` of that function.
     lift: Option<Range<usize>>,
@@ -156,7 +157,7 @@ impl Sites<'_> {
         taken
     }
 
-    /// `whole` as it was, with `by` in place of its `part`.
+    /// The text of `whole` with its `part` replaced by `by`.
     fn replaced(&self, whole: &Range<usize>, part: &Range<usize>, by: &str) -> String {
         let (ahead, behind) = (whole.start..part.start, part.end..whole.end);
         format!("{} {by} {}", &self.source[ahead], &self.source[behind])
@@ -309,7 +310,7 @@ impl<'ast> Visit<'ast> for Sites<'_> {
     }
 }
 
-/// Writes the source with its sites.
+/// Writes the source with its places.
 struct Printer<'a> {
     source: &'a str,
     out: String,
@@ -317,7 +318,7 @@ struct Printer<'a> {
 }
 
 impl Printer<'_> {
-    /// Prints `range`, in which `sites` are, the outer ones first.
+    /// Prints `range`, which contains `sites`, the outer ones first.
     fn print(&mut self, range: Range<usize>, mut sites: &[Site]) {
         let mut at = range.start;
         while let Some((site, rest)) = sites.split_first() {
@@ -387,7 +388,7 @@ impl Printer<'_> {
     }
 }
 
-/// The call that says which of these mutants holds.
+/// The expression that tests which of these mutants is active.
 fn asked(arms: &[(usize, String)]) -> String {
     let numbers: Vec<String> = arms
         .iter()

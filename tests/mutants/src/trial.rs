@@ -1,7 +1,7 @@
-//! Each mutant against the tests: the first that fails, or does not end, has seen it. Only those
-//! are tried that came by its place when nothing was changed; those of its own module come first:
-//! they see most, in a hundredth of the time. A value that tests share (`LazyLock`) is noted for
-//! the first of them alone: no test of a library does that.
+//! Runs the tests against each mutant: the first test that fails, or does not end, has caught it.
+//! Only tests that reached the mutant's place without a mutant are tried. Tests of its own module
+//! come first: they catch most mutants, in a hundredth of the time. For a value that tests share
+//! (`LazyLock`), only the first test is noted; no test of a library shares one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use crate::build::{ACTIVE, Built, REACHED};
 use crate::list::Mutant;
 
-/// What became of a mutant.
+/// Result of a mutant's trial.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fate {
     /// A test failed.
@@ -27,23 +27,25 @@ pub enum Fate {
     Missed,
 }
 
-/// Trials at a time: as many as the rig's own checks are made for.
+/// Number of concurrent trials: as many as the rig's own checks are made for.
 const JOBS: usize = 2;
-/// Tests of a binary that may fail without a mutant: on a busy machine those of the clock do.
+/// Maximum number of tests of a binary that may fail without a mutant: on a busy machine, tests of
+/// the clock do.
 const FAILING_MAX: usize = 5;
 /// A test counts as late only after this time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A test binary, and what it did when nothing was changed.
+/// A test binary, and the result of its run without a mutant.
 struct Binary<'a> {
     path: &'a Path,
     time: Duration,
     names: Vec<String>,
-    /// By mutant: the tests that came by it. `None` among them: a thread or a process of whichever.
+    /// The tests that reached each mutant. `None` stands for a thread or process without the name
+    /// of a test.
     reached: BTreeMap<usize, BTreeSet<Option<String>>>,
 }
 
-/// The fate of every mutant that is compiled in, by its place in the draw.
+/// The results of all mutants that are compiled in, by their position in the draw.
 pub fn all(built: &Built, drawn: &[Mutant], out: &Path) -> Result<Vec<(usize, Fate)>, String> {
     let binaries = unchanged(built, out)?;
     let next = AtomicUsize::new(0);
@@ -70,7 +72,7 @@ pub fn all(built: &Built, drawn: &[Mutant], out: &Path) -> Result<Vec<(usize, Fa
     Ok(fates)
 }
 
-/// The binaries with what each does when nothing is changed, the quickest first.
+/// The binaries with the results of their runs without a mutant, the fastest first.
 fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String> {
     let mut binaries = Vec::new();
     for path in &built.tests {
@@ -79,7 +81,7 @@ fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String
         fs::write(&notes, "").map_err(|error| format!("{}: {error}", notes.display()))?;
         let started = Instant::now();
         let mut names = names(&built.folder, path)?;
-        // Of one thread no test has its name.
+        // With one thread, the thread does not have the test's name.
         let mut all = ["--test-threads", "2", "--exact"]
             .map(str::to_owned)
             .to_vec();
@@ -136,7 +138,7 @@ fn names(folder: &Path, path: &Path) -> Result<Vec<String>, String> {
     Ok(names.map(str::to_owned).collect())
 }
 
-/// Tries the tests that came by the mutant; no other can see it.
+/// Tries the tests that reached the mutant; no other test can catch it.
 fn fate(folder: &Path, binaries: &[Binary], at: usize, mutant: &Mutant) -> Fate {
     let module = module(&mutant.file);
     for is_own in [true, false] {
@@ -165,23 +167,22 @@ fn fate(folder: &Path, binaries: &[Binary], at: usize, mutant: &Mutant) -> Fate 
     Fate::Missed
 }
 
-/// The path of a file's module, as the names of its unit tests begin.
+/// The module of a file as a path, the prefix of its unit tests' names.
 fn module(file: &str) -> String {
     let inside = file.split_once("src/").map_or(file, |(_, inside)| inside);
     inside.trim_end_matches(".rs").replace('/', "::") + "::"
 }
 
-/// What became of a run.
+/// Result of a run.
 enum Outcome {
     Passed,
-    /// The first test that failed, if one has.
+    /// The first test that failed, if it is known.
     Failed(Option<String>),
-    /// It had not ended in time.
+    /// The run did not end in time.
     Late,
 }
 
-/// Runs the tests of `binary` that `arguments` ask for, no longer than `limit`. The first one that
-/// fails ends it.
+/// Runs the given tests of `binary` for at most `limit`. The first failure ends the run.
 fn run(
     folder: &Path,
     binary: &Path,
@@ -196,7 +197,7 @@ fn run(
         .env(ACTIVE, active.to_string())
         .envs(notes.map(|notes| (REACHED, notes)))
         .env("CARGO_MANIFEST_DIR", folder)
-        // Where it is CI, tests fail without tools that are not there.
+        // With CI set, tests fail if a tool is missing.
         .env_remove("CI")
         .envs([("INSTA_UPDATE", "no"), ("PROPTEST_RNG_SEED", "1")])
         .stdin(Stdio::null())
@@ -226,7 +227,7 @@ fn run(
     outcome
 }
 
-/// Ends `child` with all that it started.
+/// Ends `child` and all processes that it started.
 fn end(child: &mut Child) {
     let group = format!("-{}", child.id());
     let _ = Command::new("kill")

@@ -1,4 +1,4 @@
-//! The servo board: takes `S angle` and `D speed`, tells the drive's count.
+//! The servo board: accepts `S angle` and `D speed`, reports the drive's count.
 //!
 //! ```text
 //! to the board:   'S' | degrees, signed | xor        'D' | cm/s, signed | xor
@@ -11,7 +11,7 @@ use hilrig::prelude::*;
 
 /// Coding of its line.
 pub const LINE: LineConfig = LineConfig::new_8n1(57_600);
-/// Silence after which it brakes.
+/// Silence after which the board brakes.
 pub const WATCHDOG: Duration = Duration::from_millis(300);
 const REPORT: Duration = Duration::from_millis(20);
 
@@ -28,9 +28,9 @@ pub struct Board {
     out: VecDeque<u8>,
     next: Instant,
     heard_at: Option<Instant>,
-    /// What it was told: degrees, cm/s.
+    /// The last commands: degrees, cm/s.
     pub told: [i8; 2],
-    /// Count of the drive as last sent.
+    /// Count of the drive as last reported.
     pub count: i32,
     events: Vec<Event>,
 }

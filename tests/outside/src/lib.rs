@@ -1,5 +1,5 @@
-//! A user's robot: a car with a lidar of another make and a servo board, a program that drives an
-//! arc, a checker. It knows `hilrig` alone, and `hilrig` knows nothing of it.
+//! A user's robot: a car with another make of lidar and a servo board, a program that drives an
+//! arc, and a checker. The crate uses only `hilrig`, and `hilrig` does not know this crate.
 
 pub mod board;
 pub mod program;
@@ -10,7 +10,7 @@ use std::sync::Once;
 
 use hilrig::prelude::*;
 
-/// Makes all of it known to this process.
+/// Registers all parts in this process.
 pub fn register() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {

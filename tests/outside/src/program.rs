@@ -1,4 +1,5 @@
-//! The car's program: drives an arc, knows its place by counting, draws what its lidar meets.
+//! The car's program: drives an arc, computes its pose from the counts, draws the lidar's readings
+//! into a map.
 
 use core::f64::consts::TAU;
 
@@ -8,20 +9,20 @@ use hilrig::prelude::*;
 
 use crate::{board, turret};
 
-/// Edge of a cell of the map, mm, and most cells.
+/// Edge of a map cell, mm, and maximum number of cells.
 const CELL_MM: f64 = 100.0;
 const CELLS_MAX: usize = 100_000;
 
-/// What the program knows of its car.
+/// The program's figures of its car.
 #[derive(Clone, Copy, Debug)]
 pub struct Figures {
     /// Travel per count, metres.
     pub tick_m: f64,
-    /// Between the axles, metres.
+    /// Distance between the axles, metres.
     pub wheelbase_m: f64,
 }
 
-/// Steers first, drives, stops: from when, degrees, cm/s.
+/// First steers, then drives, then stops: start time, degrees, cm/s.
 const PLAN: [(Instant, i8, i8); 3] = [
     (Instant::ZERO, 12, 0),
     (Instant::from_millis(500), 12, 40),
@@ -52,7 +53,7 @@ impl Arc {
     /// The link of the servo board.
     pub const BOARD: Port = Port(1);
 
-    /// Of a car that starts at `pose`.
+    /// The program of a car that starts at `pose`.
     pub fn new(figures: Figures, pose: Pose) -> Self {
         Self {
             figures,
@@ -106,7 +107,7 @@ impl Arc {
         self.scan.push(Place::new(x as f32, y as f32));
         let angle = bearing + self.pose.theta;
         let from = [self.pose.x * 1000.0, self.pose.y * 1000.0];
-        // Free up to a cell before the end of the beam.
+        // Cells up to one cell before the end of the beam are free.
         let free = ((mm - CELL_MM) / CELL_MM).max(0.0) as usize;
         for step in 0..free {
             self.mark(from, angle, step as f64 * CELL_MM, 0);
@@ -116,7 +117,7 @@ impl Arc {
 
     fn mark(&mut self, from: [f64; 2], angle: f64, mm: f64, value: u8) {
         let [x, y] = [from[0] + angle.cos() * mm, from[1] + angle.sin() * mm];
-        // A beam that would make the map too large is left out.
+        // A beam that would make the map too large is omitted.
         let _ = self.map.set(Place::new(x as f32, y as f32), value);
     }
 }

@@ -1,4 +1,4 @@
-//! The car as a robot: what is wired to what, what may be asked of it, what it must not do.
+//! The car as a robot: its wiring, possible orders, and the limits that its checker enforces.
 
 use hilrig::prelude::*;
 
@@ -118,7 +118,7 @@ impl Instruments for CarInstruments {
         }]
     }
 
-    /// Half a metre ahead.
+    /// A marker half a metre ahead of the car.
     fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
         let pose = rig.world.pose();
         let (sin, cos) = pose.theta.sin_cos();
@@ -140,7 +140,7 @@ impl Instruments for CarInstruments {
     }
 }
 
-/// Fastest that the car may be, m/s.
+/// Maximum speed of the car, m/s.
 const FASTEST: f64 = 0.5;
 
 struct SlowEnough {

@@ -1,4 +1,4 @@
-//! A lidar that sends a packet a beam, as wire format, as device and as kind of device.
+//! A lidar that sends one packet per beam: its wire format, its device and its kind of device.
 //!
 //! ```text
 //! 5A | index: 2 degrees each, 0 to 179 | distance, mm, low byte first | sum of these, inverted
@@ -18,7 +18,7 @@ const RANGE_M: f64 = 6.0;
 /// Coding of its line.
 pub const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
-/// A beam as sent; distance 0: nothing was met.
+/// A beam as sent; distance 0: no reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Packet([u8; LEN]);
 
@@ -35,12 +35,12 @@ impl Packet {
         self.0[1]
     }
 
-    /// What it met.
+    /// Distance of the reading.
     pub fn distance_mm(&self) -> u16 {
         u16::from_le_bytes([self.0[2], self.0[3]])
     }
 
-    /// Where it looked, radians counter-clockwise from straight ahead.
+    /// Direction of the beam, radians counter-clockwise from straight ahead.
     pub fn bearing(&self) -> f64 {
         f64::from(self.index()) / f64::from(BEAMS) * TAU
     }
@@ -82,7 +82,7 @@ impl Format for TurretFormat {
     }
 }
 
-/// What reads packets.
+/// Decoder of the packets.
 pub type TurretDecoder = Decoder<TurretFormat, 8>;
 
 impl Wire for TurretFormat {
@@ -123,7 +123,7 @@ impl Wire for TurretFormat {
     }
 }
 
-/// Its row of the table.
+/// The format's row of the codec table.
 pub const CODEC: Codec = Codec::of::<TurretFormat>("turret, a packet a beam");
 
 /// Whole turns, for a client that draws them.
@@ -151,7 +151,7 @@ impl ScanDecoder for TurretScans {
     }
 }
 
-/// The device: it sits above the body's reference point.
+/// The device, mounted at the body's reference point.
 #[derive(Clone)]
 pub struct Turret {
     period: Duration,

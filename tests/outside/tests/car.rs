@@ -1,4 +1,4 @@
-//! A robot that hilrig has never seen, through all that hilrig does with robots.
+//! A foreign robot in all functions of hilrig for robots.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -31,7 +31,7 @@ fn find<'a>(outcome: &'a Outcome, name: &str) -> &'a Check {
     check.unwrap_or_else(|| panic!("no {name} in {:#?}", outcome.checks))
 }
 
-/// Pose, rules and the robot's own checker, in spite of a noisy line and a dark lamp.
+/// Pose, rules and the robot's own checker, with a noisy line and a dark lamp.
 #[test]
 fn it_gets_a_verdict() {
     let outcome = run(arc());
@@ -52,15 +52,15 @@ fn it_gets_a_verdict() {
         rules.contains(&"dark") && rules.contains(&"light"),
         "{rules:?}"
     );
-    // It went a good two metres of arc, and the map is its own.
+    // The car drove more than two metres of the arc, and the map is its own.
     let (_, end) = outcome.truth.last().expect("a way");
     assert!(end.y > 1.5, "{end:?}");
     let map = outcome.map.as_ref().expect("a map").view();
-    // Up to 6 m and 4.8 m from a start of 3.2 m either way, in steps of 6.4 m.
+    // 6 m and 4.8 m, from a start at 3.2 m in both directions, in steps of 6.4 m.
     assert_eq!((map.width(), map.height()), (128, 128));
 }
 
-/// The same car, told to be slower than it is: the checker says so.
+/// The same car with a lower speed limit than its speed: the checker reports it.
 #[test]
 fn its_own_checker_can_fail() {
     struct Never;
@@ -95,7 +95,7 @@ fn its_result_folder_shows_its_panels_axes_verdicts_and_map() {
     assert!(map.starts_with(b"P5\n128 128\n"), "{:?}", &map[..14]);
     let junit = fs::read_to_string(place.join("junit.xml")).expect("verdicts");
     assert!(junit.contains("slow-enough"));
-    // The saved case names what the dice hit, and is the same run again.
+    // The saved case contains the random damage, and repeats the same run.
     let case = Scenario::read(&place.join("case.toml")).expect("sound");
     assert_eq!(run(case).trace_hash, outcome.trace_hash);
 }
@@ -122,13 +122,13 @@ fn its_capture_is_told_in_its_words() {
         }
     }
     let said: Vec<Said> = transcript.finish().map(|entry| entry.said).collect();
-    // The first beam looks along x from (1, 1) to the wall at 5 m.
+    // The first beam points along x from (1, 1) to the wall at 5 m.
     assert_eq!(said[0], Said::Frame("0 deg: 4000 mm".to_owned()));
     assert!(said.len() > 7000, "{}", said.len());
     assert!(said.iter().any(|one| matches!(one, Said::Bad(..))));
 }
 
-/// The format keeps the laws that the fuzzer asks of every decoder.
+/// The format keeps the laws that the fuzzer checks for every decoder.
 #[test]
 fn its_format_keeps_the_laws() {
     outside::register();

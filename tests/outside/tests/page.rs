@@ -1,15 +1,15 @@
-//! The page of a robot that hilrig has never seen, in a real browser.
+//! The page of a foreign robot in a real browser.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-/// Maximum number of looks at the page, each a second or more: on a busy machine one in twenty
-/// sees the panels.
+/// Maximum number of looks at the page, each a second or longer: on a busy machine one in twenty
+/// shows the panels.
 const LOOKS: usize = 200;
 
-/// Ends with the test, whatever becomes of it.
+/// Ends the server with the test, whatever its result.
 struct Served(Child);
 
 impl Drop for Served {
@@ -19,7 +19,7 @@ impl Drop for Served {
     }
 }
 
-/// The page at `url` once its scripts had four seconds of the browser's time.
+/// The page at `url` after its scripts had four seconds of the browser's time.
 fn shown(url: &str) -> Option<String> {
     let profile = Path::new(env!("CARGO_TARGET_TMPDIR")).join("chromium");
     let _ = fs::remove_dir_all(&profile);

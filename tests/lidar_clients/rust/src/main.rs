@@ -1,10 +1,10 @@
-//! Drives an RPLIDAR by the crate `rplidar_drv_rs`, as its own example does, and prints each turn
-//! as a line of JSON: `{"turn": [[degrees, millimetres], ..]}`.
+//! Drives an RPLIDAR with the crate `rplidar_drv_rs`, like its own example, and prints each turn as
+//! a line of JSON: `{"turn": [[degrees, millimetres], ..]}`.
 //!
 //! usage: lidar-client PORT SECONDS [sessions=N] [mode=N]
 //!
-//! What it asks and what it is told besides goes to stderr. DTR is left alone: a pseudo-terminal
-//! has none, and low is what runs the motor.
+//! Other requests and their answers go to stderr. DTR is left unchanged: a pseudo-terminal has no
+//! DTR, and low DTR runs the motor.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -14,7 +14,7 @@ use rplidar_drv::{Channel, RplidarDevice, RplidarHostProtocol, ScanOptions, Scan
 use serialport::{ClearBuffer, SerialPort};
 
 type Lidar = RplidarDevice<dyn SerialPort>;
-/// Errors of the driver that are no `std` errors become words.
+/// Errors of the driver that are no `std` errors become text.
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// Damaged packets in a row that a patient client reads past.
@@ -35,7 +35,7 @@ fn main() -> Outcome<()> {
         .timeout(Duration::from_millis(100))
         .open()?;
     for _ in 0..sessions {
-        // Its decoder cannot be told that a scan is over: each session has a driver of its own.
+        // The driver cannot be told that a scan has ended: each session has its own driver.
         let stream = port.try_clone()?;
         let mut lidar = RplidarDevice::new(Channel::new(RplidarHostProtocol::new(), stream));
         ask(&mut lidar)?;
@@ -51,7 +51,7 @@ fn words(error: impl std::fmt::Display) -> Box<dyn Error> {
     error.to_string().into()
 }
 
-/// All requests at a start: its model, its health, its abilities.
+/// The requests at the start: model, health, properties.
 fn ask(lidar: &mut Lidar) -> Outcome<()> {
     let info = lidar.get_device_info().map_err(words)?;
     let (model, firmware) = (info.model, info.firmware_version);
@@ -64,7 +64,7 @@ fn ask(lidar: &mut Lidar) -> Outcome<()> {
     Ok(())
 }
 
-/// Scans for `time`, in the mode that the sensor calls typical if none is given.
+/// Scans for `time`, in the sensor's typical mode if none is given.
 fn scan(lidar: &mut Lidar, mode: Option<u16>, time: Duration) -> Outcome<()> {
     let options = match mode {
         Some(mode) => ScanOptions::with_mode(mode),
@@ -95,7 +95,7 @@ fn turn(points: &[ScanPoint]) -> String {
     for (index, point) in points.iter().enumerate() {
         let comma = if index == 0 { "" } else { ", " };
         let (degrees, mm) = (point.angle().to_degrees(), point.distance() * 1e3);
-        // A string has room for all that is written.
+        // Writing to a string cannot fail.
         let _ = write!(line, "{comma}[{degrees:.3}, {mm:.2}]");
     }
     line + "]}"

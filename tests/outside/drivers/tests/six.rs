@@ -69,7 +69,7 @@ fn each_driver_is_tested_twenty_times_with_the_same_trace() -> Tested {
         assert_eq!(traces.len(), 1, "{name}");
         all.append(&mut traces);
     }
-    // A trace shows what passed: no two of these are alike.
+    // A trace is the fingerprint of the bytes: no two of these are equal.
     all.sort_unstable();
     all.dedup();
     assert_eq!(all.len(), SIX.len());
@@ -90,7 +90,7 @@ fn lidar(bench: &Bench) -> Tested {
     Ok(())
 }
 
-/// Model 1060 stands in register 0; a goal is reached once torque is on.
+/// Register 0 contains the model, 1060; a goal is reached only with torque enabled.
 fn servo(bench: &Bench) -> Tested {
     let mut port = bench.serial("servo", 57_600)?;
     let (bus, port) = (rustypot::DynamixelProtocolHandler::v2(), port.as_mut());
@@ -102,7 +102,7 @@ fn servo(bench: &Bench) -> Tested {
     Ok(())
 }
 
-/// A serial number in register 10, a setting, an address that the meter does not have.
+/// A serial number in register 10, a setting, and an address that the meter does not have.
 fn meter(bench: &Bench) -> Tested {
     use tokio_modbus::prelude::*;
     bench.tokio(async {
@@ -148,7 +148,7 @@ fn air(bench: &Bench) -> Tested {
     Ok(())
 }
 
-/// A driver that keeps the latest line of a sonar in a thread of its own.
+/// A driver that keeps the latest line of a sonar in its own thread.
 struct Sonar(Arc<Mutex<Option<u32>>>);
 
 impl Sonar {
@@ -170,7 +170,7 @@ impl Sonar {
     }
 }
 
-/// A driver of the dust sensor, whose telegrams have ten bytes: fine dust, tenths of a microgram.
+/// A driver of the dust sensor, whose telegrams have ten bytes: fine dust in tenths of a microgram.
 async fn fine_dust<P: embedded_io_async::Read>(port: &mut P) -> Result<u16, String> {
     let mut telegram = [0; 10];
     loop {
