@@ -1,5 +1,5 @@
-//! How the mapper does in buildings that were never built: error, false loops, what it says of its
-//! own failures.
+//! Results of the mapper in invented buildings: error, false loops, and its own reports of
+//! failures.
 //!
 //! ```text
 //! cargo bench --bench buildings -- FIRST COUNT
@@ -12,22 +12,22 @@ use hilrig::slam::mapping::building::Building;
 use hilrig::slam::mapping::motion::{between, distance, moved};
 use hilrig::slam::mapping::{Edge, Kind, Mapper, Settings, Shot};
 
-/// An edge is false if it is off by more, metres and radians.
+/// Error above which an edge is false, metres and radians.
 const FALSE_M: f64 = 0.5;
 const FALSE_RAD: f64 = 0.1;
-/// The mapper fails if it is off by a larger part of the way.
+/// Error above which the mapper fails, as a part of the path.
 const FAILS: f64 = 0.005;
-/// A scan that is put so far from where the wheels had it is a jump, metres and radians.
+/// Distance between a scan's pose and the odometry that counts as a jump, metres and radians.
 const JUMP_M: f64 = 0.5;
 const JUMP_RAD: f64 = 0.39;
 
-/// What came of one building.
+/// Results for one building.
 struct Told {
     way_m: f64,
     off_m: f64,
     false_loops: usize,
-    /// Scans that the mapper itself calls doubtful, far from the wheels, or poor, and places that
-    /// looked like several.
+    /// Scans that the mapper itself reports as doubtful, far from the odometry or poor, and places
+    /// that looked like several others.
     reports: usize,
 }
 
@@ -98,8 +98,8 @@ fn judged(seed: u64) -> Told {
     }
 }
 
-/// Whether an edge claims to know something else than the truth. Along a corridor it claims
-/// nothing.
+/// Whether an edge contradicts the truth in a direction that it measures. Along a corridor it
+/// measures nothing.
 fn contradicts(edge: &Edge, truth: Pose) -> bool {
     let turn = wrap_angle(truth.theta - edge.way.theta);
     let off = [truth.x - edge.way.x, truth.y - edge.way.y, turn];

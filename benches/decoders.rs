@@ -1,5 +1,5 @@
-//! How many bytes per second does each decoder take? The fastest wire, the register bus, carries
-//! 0.1 MB/s, so this decides how much of a run in virtual time goes into codecs.
+//! How many bytes per second does each decoder process? The fastest wire, the register bus, carries
+//! 0.1 MB/s, so this determines the codecs' share of a run in virtual time.
 //!
 //! Input: streams from our encoders, clean and with one byte in 500 damaged, and the "hand in box"
 //! capture if it lies beside the repository. Units: decimal MB/s of wire bytes.
@@ -15,7 +15,7 @@ use protocols::{Decode, pcui, rle};
 #[path = "../tests/support/captures.rs"]
 mod captures;
 
-/// Bytes handed over at a time: what a link delivers in one go.
+/// Number of bytes per call: a usual delivery of a link.
 const PIECE: usize = 64;
 
 /// Ten turns of a sensor in a round room.
@@ -33,7 +33,7 @@ fn packets() -> Vec<u8> {
     frames.flat_map(|frame| *frame.as_bytes()).collect()
 }
 
-/// The same as the old firmware sends it.
+/// The same from the old firmware.
 fn turns() -> Vec<u8> {
     let reading = RawReading([0xE8, 0x03, 0xC8, 0x00]);
     turn::Frame::new(0xD194, &[reading; 360])
@@ -41,7 +41,7 @@ fn turns() -> Vec<u8> {
         .repeat(10)
 }
 
-/// What the robot and its base say to each other in 1000 cycles.
+/// Traffic between the robot and its base in 1000 cycles.
 fn bus() -> Vec<u8> {
     let order = ChecksumOrder::LowFirst;
     let cycle = [
@@ -81,7 +81,7 @@ fn map() -> Vec<u8> {
     bytes
 }
 
-/// One byte in 500 arrives with a wrong bit, always the same ones.
+/// One byte in 500 has a wrong bit, the same ones in each run.
 fn damaged(mut bytes: Vec<u8>) -> Vec<u8> {
     for at in (250..bytes.len()).step_by(500) {
         bytes[at] ^= 1 << (at / 500 % 8);
@@ -137,7 +137,8 @@ fn decoders(criterion: &mut Criterion) {
     );
 }
 
-/// The radio's rows, both ways: what the robot spends on its map and the PC on reading it.
+/// The radio's rows, in both directions: the robot's cost of encoding its map, and the PC's cost of
+/// decoding it.
 fn rows(criterion: &mut Criterion) {
     let pixels: [u8; 300] = core::array::from_fn(|x| if x / 40 % 2 == 0 { 127 } else { 0 });
     let mut code = [0; 600];

@@ -1,9 +1,9 @@
-//! How fast is a described device beside a built-in one? Two questions: the decoder of an XV-11,
-//! and a slave with registers that is asked again and again. And: how long does it take to load a
+//! How fast is a described device compared with a built-in one? Two measurements: the decoder of an
+//! XV-11, and a slave with registers that is read repeatedly. And: how long does it take to load a
 //! description?
 //!
 //! Input: ten turns of a lidar from our encoder; a request for ten bytes of registers, 1000 times.
-//! Units: decimal MB/s of wire bytes, requests per second, milliseconds for each file.
+//! Units: decimal MB/s of wire bytes, requests per second, milliseconds per file.
 
 use core::hint::black_box;
 use core::time::Duration;
@@ -18,7 +18,7 @@ use hilrig::scenario::Scenario;
 use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 use protocols::{Decode, Instant, Port};
 
-/// Bytes handed over at a time: what a link delivers in one go.
+/// Number of bytes per call: a usual delivery of a link.
 const PIECE: usize = 64;
 /// Requests of one measurement.
 const REQUESTS: u64 = 1_000;
@@ -133,7 +133,7 @@ fn decoders(c: &mut Criterion) {
     group.finish();
 }
 
-/// Asks a slave and takes its replies; the bytes that came.
+/// Sends requests to a slave and takes its replies; returns the number of received bytes.
 fn asked(device: &mut dyn Device, world: &mut World) -> usize {
     let request = [0xAB, 0, 10, 0xB5, 0];
     let (mut now, mut bytes) = (Instant::ZERO, 0);

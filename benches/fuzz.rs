@@ -1,8 +1,8 @@
 //! How many cases a second does one core try, without a sanitizer? A case is judged, not only
-//! decoded: every law of the wire, or every checker of a run.
+//! decoded: by every law of the wire, or by every checker of a run.
 //!
-//! Each figure is the median of some rounds, in processor time of the one thread, so that whatever
-//! else the host does hardly matters. `cargo bench --bench fuzz` ends with exit code 1 if a goal is
+//! Each figure is the median of some rounds, in processor time of one thread, so that other work on
+//! the host has little influence. `cargo bench --bench fuzz` ends with exit code 1 if a goal is
 //! missed; under `cargo test` everything runs once and nothing is judged.
 
 use core::hint::black_box;
@@ -17,11 +17,11 @@ use hilrig::scenario::{Scenario, Span};
 use hilrig::search::fuzz::{Behaviour, programs};
 use rustix::time::{ClockId, clock_gettime};
 
-/// Rounds of each figure, and how long one is to take at least.
+/// Number of rounds per figure, and minimum duration of a round.
 const ROUNDS: usize = 7;
 const ROUND: Duration = Duration::from_millis(200);
 
-/// Numbers that a fuzzer might give, other ones for each `seed`.
+/// Numbers as from a fuzzer, different for each `seed`.
 fn numbers(seed: u64, count: usize) -> Vec<u8> {
     let mut rng = emulators::rng::Rng::stream(seed, "bench");
     let words = (0..count.div_ceil(8)).flat_map(|_| rng.next_u64().to_le_bytes());
@@ -37,14 +37,14 @@ fn cpu_time() -> Duration {
     Duration::try_from(now).expect("it began at zero")
 }
 
-/// What is measured, and against what.
+/// The state of the measurement.
 struct Bench {
     is_bench: bool,
     all_kept: bool,
 }
 
 impl Bench {
-    /// Prints how many of `cases` are tried a second, beside `goal`.
+    /// Prints the number of `cases` tried per second, beside `goal`.
     fn measure(&mut self, name: &str, goal: Option<u32>, mut cases: impl FnMut() -> u32) {
         if !self.is_bench {
             cases();

@@ -1,10 +1,10 @@
 //! How late is the rig in real time? `hilrig up` as users start it, without a client at its ports,
-//! with a program that reads the lidar, and with a whole robot at work; each as `up` itself reports
-//! when it ends, beside the goals for a quiet machine: 0.05, 0.2 and 2 ms.
+//! with a program that reads the lidar, and with a whole robot. The figures are those that `up`
+//! itself reports when it ends, beside the goals for a quiet machine: 0.05, 0.2 and 2 ms.
 //!
-//! The host alone comes first, a thread that sleeps from one millisecond to the next: what it is
-//! late by no rig on this machine can be better than. Nothing is judged: whatever else the machine
-//! does is in the figures. `cargo bench --bench lateness`, `-- --seconds 60` for another span.
+//! First comes the host alone, a thread that sleeps for one millisecond at a time: no rig on this
+//! machine can be better. Nothing is judged, because other work on the machine affects the figures.
+//! `cargo bench --bench lateness`, `-- --seconds 60` for another duration.
 
 use core::time::Duration;
 use std::fs::File;
@@ -16,7 +16,7 @@ use hilrig::realtime::Lateness;
 use hilrig::realtime::clock::{Clock, WallClock};
 use protocols::Instant;
 
-/// A scenario whose lidar turns by itself, so that it sends without a robot.
+/// A scenario whose lidar turns without a robot, so that it sends.
 const SCENARIO: &str = "schema = 1\nname = \"lateness\"\nrobot = \"rescue\"\nduration = \"600s\"\n\
     [device.lidar.xv11]\nsupply = { regulated-rpm = 300 }\n\
     [mission]\nwaypoints_m = [[1.0, 2.2], [2.1, 2.1], [2.1, 0.9], [1.0, 1.0]]\n\
@@ -31,7 +31,7 @@ enum Clients {
     Robot,
 }
 
-/// A process that ends with its owner.
+/// A process that ends when its owner is dropped.
 struct Process(Child);
 
 impl Process {
@@ -50,7 +50,7 @@ impl Drop for Process {
     }
 }
 
-/// A thread that does nothing but wake up each millisecond.
+/// A thread that only wakes up every millisecond.
 fn host(seconds: u64) -> Lateness {
     let clock = WallClock::start();
     let mut lateness = Lateness::default();
@@ -64,7 +64,7 @@ fn host(seconds: u64) -> Lateness {
     lateness
 }
 
-/// What `hilrig up` tells of itself after `seconds` with such clients.
+/// The report of `hilrig up` after `seconds` with such clients.
 fn rig(folder: &Path, seconds: u64, clients: Clients) -> String {
     let (scenario, ports) = (folder.join("lateness.toml"), folder.join("ports"));
     std::fs::write(&scenario, SCENARIO).expect("can be written");
@@ -97,7 +97,7 @@ fn wait_for(port: &Path) {
     }
 }
 
-/// As `cat` does it.
+/// Reads the port as `cat` does.
 fn read_to_the_end(port: &Path) {
     wait_for(port);
     let mut file = File::open(port).expect("offered");

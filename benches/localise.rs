@@ -1,5 +1,5 @@
-//! How well a robot is found on a map that it or another left before, in buildings that were never
-//! built: the map of one pass, and other passes through the same building on it.
+//! Accuracy of a robot's pose on a map that it or another robot left, in invented buildings: the
+//! map of one pass, and other passes through the same building on it.
 //!
 //! ```text
 //! cargo bench --bench localise -- FIRST COUNT
@@ -12,7 +12,7 @@ use hilrig::slam::mapping::building::{Building, Pass, Sight};
 use hilrig::slam::mapping::motion::{between, distance, moved};
 use hilrig::slam::mapping::{Localiser, Mapper, Settings, Shot, WallPoint};
 
-/// A pass is lost if it is ever so far from where the map has it, metres.
+/// Error of the pose above which a pass is lost, metres.
 const LOST_M: f64 = 1.0;
 
 fn main() -> ExitCode {
@@ -56,7 +56,7 @@ fn main() -> ExitCode {
     ExitCode::from(u8::from(silent > 0))
 }
 
-/// A map, and what it was made of.
+/// A map, with the true and the computed poses of its scans.
 struct Map {
     truth: Vec<Pose>,
     way: Vec<Pose>,
@@ -64,7 +64,8 @@ struct Map {
 }
 
 impl Map {
-    /// Where a place is on the map, which is a little bent: as the nearest scan of it sees it.
+    /// The pose on the map that corresponds to the true pose `of`, relative to the nearest scan:
+    /// the map is slightly bent.
     fn place(&self, of: Pose) -> Pose {
         let off = |pose: &Pose| distance(*pose, of);
         let both = self.truth.iter().zip(&self.way);
@@ -96,7 +97,7 @@ fn shot(sight: &Sight) -> Shot<'_> {
     }
 }
 
-/// Median, 95th percentile and greatest distance of a way from another, metres.
+/// Median, 95th percentile and maximum distance between two tracks, metres.
 fn errors(truth: &[Pose], way: &[Pose]) -> [f64; 3] {
     let off = truth.iter().zip(way).map(|(a, b)| distance(*a, *b));
     let mut off: Vec<f64> = off.collect();

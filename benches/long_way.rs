@@ -1,5 +1,5 @@
-//! Whether a robot that stays in a building fills its memory, or becomes slow: time of a scan and
-//! number of keyframes on a long way.
+//! Does a robot that stays in a building fill its memory, or become slow? Time per scan and number
+//! of keyframes on a long path.
 //!
 //! ```text
 //! cargo bench --bench long_way -- SEED METRES
@@ -12,7 +12,7 @@ use std::time::Instant;
 use hilrig::slam::mapping::building::Building;
 use hilrig::slam::mapping::{Mapper, Settings, Shot};
 
-/// Scans of a line of the table.
+/// Number of scans per line of the table.
 const SCANS: usize = 500;
 
 fn main() {

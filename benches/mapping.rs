@@ -1,13 +1,13 @@
-//! How right are the mappers on the public Intel Lab log, side by side, and what do they cost? The
-//! one that closes loops, the robot's own, and tinySLAM's search as it was published, which is a
-//! draw of luck: nine seeds of it, as BreezySLAM was measured (median 0.311 m at 25 mm cells,
-//! 0.085 m at 50 mm, 2.2 s to 2.4 s; in the setting of 5 degrees 0.077 m).
+//! How accurate are the mappers on the public Intel Lab log, and what do they cost? Compared are
+//! the one that closes loops, the robot's own, and tinySLAM's search as published. The latter is
+//! random, so nine seeds are run, as for BreezySLAM (median 0.311 m at 25 mm cells, 0.085 m at 50
+//! mm, 2.2 s to 2.4 s; with the setting of 5 degrees 0.077 m).
 //!
 //! Measured: closing loops 0.061 m, the robot's own 0.064 m; tinySLAM at 25 mm 5.4 m in the median
 //! of nine seeds [0.46..8.8], at 50 mm 0.141 m [0.082..4.8].
 //!
-//! Prints mean errors of 2,984 relations (Kuemmerle et al. 2009), metres, and processor time. Needs
-//! the data beside the repository, and says so.
+//! Prints mean errors of 2,984 relations (Kuemmerle et al. 2009), metres, and processor time. The
+//! data must lie beside the repository; if it is missing, the bench says so.
 
 use firmware_core::slam::{Mode, Settings};
 use hilrig::realtime::clock::WallClock;
@@ -26,7 +26,7 @@ mod lab;
 #[path = "../tests/slam/relations.rs"]
 mod relations;
 
-/// Draws of luck.
+/// Number of random runs.
 const SEEDS: u64 = 9;
 
 fn main() {

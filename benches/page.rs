@@ -1,13 +1,13 @@
-//! Does a page that stays open for half an hour stay small? A run at four times real time in front
-//! of a real browser: memory of server and page, bytes to the page, and the server's share of a
-//! core, at 1x and at 4x.
+//! Does the memory of a page that is open for half an hour stay small? A run at four times real
+//! time in a real browser: memory of server and page, bytes to the page, and the server's share of
+//! a core, at 1x and at 4x.
 //!
 //! ```text
 //! cargo bench --bench page                     three minutes
-//! cargo bench --bench page -- --minutes 30     as long as the question asks
+//! cargo bench --bench page -- --minutes 30     half an hour
 //! ```
 //!
-//! Ends with exit code 1 if a limit is passed. Under `cargo test` it runs for a few seconds and
+//! Ends with exit code 1 if a limit is exceeded. Under `cargo test` it runs for a few seconds and
 //! judges nothing. Linux only: it reads /proc.
 
 #[path = "../tests/page/browser.rs"]
@@ -25,18 +25,18 @@ use browser::Browser;
 use hilrig::realtime::clock::{Clock, WallClock};
 use server::Server;
 
-/// Maximum number of bytes a second to the page.
+/// Maximum number of kilobytes a second to the page.
 const KB_S_MAX: f64 = 1000.0;
-/// Most of a core for the server at real time, per cent.
+/// Maximum share of a core for the server at real time, per cent.
 const CORE_MAX: f64 = 15.0;
-/// What memory may grow from the middle third of the time to the last, MB and share: by then
-/// everything that is kept has reached its limit or nearly so.
+/// Maximum growth of memory from the middle third of the time to the last, MB and share. By then
+/// everything that is stored has nearly reached its limit.
 const GROWTH_MAX: (f64, f64) = (2.0, 0.05);
 
 /// Lines of the table at 4x.
 const ROWS: u32 = 18;
 
-/// What was measured between two looks.
+/// Measured values between two looks.
 struct Look {
     server_mb: f64,
     heap_mb: f64,
@@ -54,7 +54,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Waits, and tells what happened meanwhile.
+    /// Waits, and returns the measured values of this time.
     fn look(&mut self, speed: &str, span: Duration) -> Look {
         self.clock.sleep_until(self.clock.now() + span);
         let heap = self.number("(gc(), performance.memory.usedJSHeapSize)");
@@ -145,14 +145,14 @@ fn mean(looks: &[Look], figure: impl Fn(&Look) -> f64) -> f64 {
     looks.iter().map(figure).sum::<f64>() / looks.len().max(1) as f64
 }
 
-/// Says whether a figure keeps its limit.
+/// Prints whether a figure keeps its limit.
 fn judge(what: &str, found: f64, most: f64, unit: &str) -> bool {
     let verdict = if found <= most { "ok" } else { "TOO MUCH" };
     println!("{what}: {found:.1} {unit}, at most {most:.1}: {verdict}");
     found <= most
 }
 
-/// `--minutes N` of the arguments; and whether limits are to be kept.
+/// The value of `--minutes N`, and whether limits are judged.
 fn arguments() -> (f64, bool) {
     let arguments: Vec<String> = std::env::args().collect();
     let is_bench = arguments.iter().any(|argument| argument == "--bench");

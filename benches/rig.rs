@@ -1,10 +1,10 @@
 //! How many simulated seconds does one second of computing give? The whole loop of the demo: lidar,
-//! base, radio and PC, faults off, checkers on, the robot's program with its mapping; the same of
-//! every robot; what does writing the capture add; and what do checkpoints save a search?
+//! base, radio and PC, without faults, with checkers, the robot's program with its mapping; the
+//! same for every robot. What does the capture cost? And how much do checkpoints save in a search?
 //!
 //! Criterion prints the rate in "elements": simulated milliseconds per second; divide by 1000 for
-//! the factor over real time. One thread. The rates of the robots are by processor time, so they
-//! hold on a host that is busy otherwise.
+//! the factor over real time. One thread. The rates of the robots are in processor time, so they
+//! are valid on a busy host, too.
 
 use std::path::Path;
 
@@ -57,7 +57,7 @@ fn whole_loop(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Reads the capture of the whole mission: its blocks are cut out of what was read, not copied.
+/// Reads the capture of the whole mission: its blocks are slices of the read data, not copies.
 fn reading_a_capture(criterion: &mut Criterion) {
     captured().finish();
     let bytes = std::fs::read(CAPTURE).expect("just written");
@@ -79,7 +79,8 @@ const MISSIONS: [&str; 7] = [
     "apollo13-gates",
 ];
 
-/// How much faster than real time is the whole loop of each robot? The fastest of some runs counts.
+/// How much faster than real time is the whole loop of each robot? The fastest of several runs
+/// counts.
 fn every_robot(_: &mut Criterion) {
     let tries = if is_measured() { 5 } else { 1 };
     for name in MISSIONS {
@@ -94,20 +95,20 @@ fn every_robot(_: &mut Criterion) {
     }
 }
 
-/// Whether this is no test run of the benches.
+/// Whether this is a measurement, not a test run of the benches.
 fn is_measured() -> bool {
     std::env::args().any(|arg| arg == "--bench")
 }
 
-/// Processor time so far, of this thread or of all.
+/// Processor time so far, of this thread or of all threads.
 fn cpu_time(clock: ClockId) -> Duration {
     Duration::try_from(clock_gettime(clock)).expect("it began at zero")
 }
 
-/// What does the capture cost? Runs with and without in turn, so that both meet the same host; the
-/// fastest of each are compared, as whatever else the host does only ever adds. The run's own
-/// thread is what a run waits for on a host with a processor to spare for the writer, also while
-/// it is busy otherwise; all threads are what is to be paid in the end.
+/// What does the capture cost? Runs with and without it alternate, so that both see the same host;
+/// the fastest of each are compared, because other work on the host only adds time. The time of the
+/// run's own thread is the duration on a host with a spare processor for the writer, even a busy
+/// one; the time of all threads is the total cost.
 fn cost_of_capture(_: &mut Criterion) {
     let pairs = if is_measured() { 30 } else { 1 };
     let time = |run: fn() -> Run| {
@@ -138,8 +139,8 @@ fn cost_of_capture(_: &mut Criterion) {
     }
 }
 
-/// What do checkpoints save where twelve faults become the two that matter? The same search, in
-/// which each try is a whole run, against one whose tries continue from where they part.
+/// How much do checkpoints save when twelve faults are reduced to the two relevant ones? A search
+/// whose tries are whole runs, against one whose tries continue from a checkpoint.
 fn shrinking(_: &mut Criterion) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/twelve-faults.toml");
     let (scenario, source) = Scenario::read(&path).expect("it is there");

@@ -1,4 +1,4 @@
-//! Does a simulated second of physics cost no more than 0.1 ms, in the open and along a wall?
+//! Does a simulated second of physics cost at most 0.1 ms, on a free floor and along a wall?
 //!
 //! A whole rig at 1,000 times real time has 1 ms for that second.
 

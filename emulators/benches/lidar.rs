@@ -1,5 +1,5 @@
-//! What does a lidar cost? A simulated second of 1800 beams in a furnished flat, ray casts and all,
-//! should take no more than 0.25 ms, so that the whole rig can run a thousand times real time.
+//! What does a lidar cost? A simulated second of 1800 beams in a furnished flat, with all ray
+//! casts, should take at most 0.25 ms, so that the whole rig can run at a thousand times real time.
 
 #[path = "floor/flat.rs"]
 pub mod flat;

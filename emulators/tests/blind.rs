@@ -1,7 +1,8 @@
-//! A blind test: a plain classifier tries to tell windows of a real capture from windows of the
-//! emulated sensor in the same room. Its accuracy is the figure: 50 % is a coin, 100 % a give-away.
+//! A blind test: a simple classifier tries to distinguish windows of a real capture from windows of
+//! the emulated sensor in the same room. The result is its accuracy: 50 % is chance, 100 % means
+//! that they always differ.
 //!
-//! Windows of three turns; every second one teaches the classifier (nearest mean, each figure
+//! A window is three turns. Every second one trains the classifier (nearest mean, each figure
 //! scaled by its own spread), the others are judged. The capture is not part of the project:
 //! without it the test says so and judges nothing.
 
@@ -12,17 +13,17 @@ use emulators::xv11::fidelity::hand_in_box;
 use protocols::Decode as _;
 use protocols::xv11::{Decoder, Frame, Reading};
 
-/// Packets of a turn, and turns of a window.
+/// Packets per turn, and per window.
 const TURN: usize = 90;
 const WINDOW: usize = 3 * TURN;
-/// Steady turns of the capture, before its motor is cut.
+/// Steady turns of the capture, before its motor is switched off.
 const STEADY: usize = 117 * TURN;
 
-/// Groups of figures, and the accuracy that is allowed.
+/// Groups of figures, and the allowed accuracy.
 ///
-/// Found: tooth speeds 50 %, codes 50 %, distances 84 %, strengths 99 %. Windows of one room are
-/// all alike in what its walls reflect, so that any difference of the mean gives them away; how the
-/// real walls were painted, is unknown. So strengths are shown and not judged.
+/// Measured: tooth speeds 50 %, codes 50 %, distances 84 %, strengths 99 %. All windows of one room
+/// have the same reflecting walls, so any difference of the mean distinguishes them; the paint of
+/// the real walls is unknown. Strengths are therefore shown and not judged.
 const GROUPS: [(&str, Figures, f64); 4] = [
     ("tooth speeds", tooth_speeds, 0.65),
     ("distances", distances, 0.90),
@@ -43,7 +44,7 @@ fn captured() -> Option<Vec<u8>> {
     Some(std::fs::read(file).expect("the folder has it"))
 }
 
-/// Says so past the test runner, which hides what passing tests print.
+/// Prints the message directly, because the test runner hides the output of passing tests.
 fn skipped(reason: &str) {
     let _ = writeln!(std::io::stderr(), "SKIPPED: blind: {reason}");
 }
@@ -70,7 +71,7 @@ fn deviation(values: &[f64]) -> f64 {
         .sqrt()
 }
 
-/// How alike a value is to the one `lag` places on.
+/// Correlation of the values with those `lag` positions later.
 fn alike(values: &[f64], lag: usize) -> f64 {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
@@ -100,7 +101,7 @@ fn tooth_speeds(window: &[Frame]) -> Vec<f64> {
     ]
 }
 
-/// Distances and strengths by degree, turn by turn; none where nothing was measured.
+/// Distances and strengths by degree, turn by turn; `None` without a reading.
 fn by_degree(window: &[Frame]) -> Vec<Vec<Option<(f64, f64)>>> {
     let turn = |packets: &[Frame]| {
         let readings = packets.iter().flat_map(|packet| packet.readings());
@@ -117,13 +118,13 @@ fn by_degree(window: &[Frame]) -> Vec<Vec<Option<(f64, f64)>>> {
     window.chunks_exact(TURN).map(turn).collect()
 }
 
-/// Neighbours in a turn that were both measured.
+/// Neighbouring degrees of a turn with readings in both.
 fn neighbours(turn: &[Option<(f64, f64)>]) -> impl Iterator<Item = [(f64, f64); 2]> + '_ {
     turn.windows(2)
         .filter_map(|pair| Some([pair[0]?, pair[1]?]))
 }
 
-/// The same degree in two turns.
+/// Readings of the same degree in two turns.
 fn repeats(turns: &[Vec<Option<(f64, f64)>>]) -> Vec<[(f64, f64); 2]> {
     let pairs = turns
         .windows(2)
@@ -188,7 +189,7 @@ fn codes(window: &[Frame]) -> Vec<f64> {
     [0x02, 0x03, 0x21, 0x35].map(of).to_vec()
 }
 
-/// Share of the judged windows of which the classifier tells rightly where they come from.
+/// Share of the judged windows whose origin the classifier finds.
 fn accuracy(real: &[Vec<f64>], ours: &[Vec<f64>]) -> f64 {
     let half = |rows: &[Vec<f64>], odd: usize| -> Vec<Vec<f64>> {
         rows.iter().skip(odd).step_by(2).cloned().collect()
@@ -256,7 +257,8 @@ fn f8_a_classifier_hardly_tells_real_windows_from_emulated_ones() {
     assert!(given_away.is_empty(), "told apart: {given_away:?}");
 }
 
-/// The classifier itself: two heaps that overlap are distinguished by chance, two that do not are.
+/// The classifier itself: two overlapping groups are distinguished by chance only, two separate
+/// ones always.
 #[test]
 fn the_classifier_tells_what_differs() {
     let heap = |from: f64| -> Vec<Vec<f64>> {

@@ -1,4 +1,4 @@
-//! Cars, bodies with corners, and drive trains that this crate does not know.
+//! Cars, bodies with corners, and drive trains from outside of this crate.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -31,7 +31,7 @@ fn close(found: f64, expected: f64, slack: f64) -> bool {
     (found - expected).abs() <= slack
 }
 
-/// A perfect floor, and neither motor nor servo lags.
+/// A perfect floor, and no lag of motor and servo.
 fn prompt() -> AckermannConfig {
     AckermannConfig {
         lag_s: 0.0,
@@ -45,15 +45,15 @@ fn car(config: AckermannConfig, scene: Scene, start: Pose) -> World {
     World::with_chassis(scene, Box::new(car), start).unwrap()
 }
 
-/// 0.258 m / tan(0.3 rad) = 0.83404 m. The way round is 5.2404 m, or 1563.8 counts of 3.351 mm, and
-/// takes 10.481 s at 0.5 m/s.
+/// 0.258 m / tan(0.3 rad) = 0.83404 m. The circumference is 5.2404 m, or 1563.8 counts of 3.351 mm,
+/// and takes 10.481 s at 0.5 m/s.
 #[test]
 fn a_car_drives_a_circle_of_wheelbase_over_tangent() {
     let config = AckermannConfig::default().ideal();
     let mut world = car(config, floor(), Pose::default());
     world.actuate("steering", Command::Angle(0.3)).unwrap();
     world.actuate("drive", Command::Speed(0.5)).unwrap();
-    // 10 lags of 0.3 s: all but 2e-5 m/s of the speed is there.
+    // 10 lags of 0.3 s: the speed is within 2e-5 m/s of its final value.
     world.advance(Instant::from_secs(3));
     let (begin, before) = (world.pose(), world.encoder("drive").unwrap());
     let middle = begin.offset(0.0, 0.834_04);
@@ -86,7 +86,7 @@ fn the_servo_takes_angle_over_rate_to_arrive() {
     assert!(close(angle_at(200), 0.3, 1e-12));
 }
 
-/// A lag of 50 ms at a rate that does not matter: 1 - 1/e of the way after 50 ms.
+/// A lag of 50 ms with a rate that does not limit it: 1 - 1/e of the angle after 50 ms.
 #[test]
 fn the_servo_lags() {
     let config = AckermannConfig {
@@ -139,9 +139,9 @@ fn a_car_stops_with_its_bumper_at_the_wall() {
     assert_eq!(world.contact_count(), 1);
 }
 
-/// A box of 0.4 m x 0.2 m turns on the spot, 0.22 m from a wall ahead. Its right front corner,
-/// sqrt(0.05) m away and 0.46365 rad to the right, meets the wall where x is 0.22 and y -0.04,
-/// after 0.46365 - acos(0.22 / sqrt(0.05)) = 0.28379 rad, and comes at 0.04 m times 2.6923 rad/s.
+/// A box of 0.4 m x 0.2 m turns on the spot, 0.22 m from a wall ahead. Its right front corner is
+/// sqrt(0.05) m away and 0.46365 rad to the right. It meets the wall at x = 0.22, y = -0.04, after
+/// 0.46365 - acos(0.22 / sqrt(0.05)) = 0.28379 rad, with a speed of 0.04 m times 2.6923 rad/s.
 #[test]
 fn a_box_that_turns_meets_the_wall_with_its_corner() {
     let scene = Scene::new([wall(0.22, -1.0, 0.22, 1.0)], vec![]).unwrap();
@@ -198,7 +198,7 @@ fn a_flat_bumper_is_stopped_by_a_leg() {
 }
 
 /// A person of 0.2 m radius walks at 0.5 m/s to x = 0 from behind: the rear bumper, 0.101 m behind
-/// the axle, ends at his front.
+/// the axle, is pushed to the front of the circle.
 #[test]
 fn somebody_who_walks_into_a_car_shoves_it_along_but_not_into_a_wall() {
     let walker = || Obstacle {
@@ -274,7 +274,7 @@ fn a_car_ignores_who_drives_wheels_that_it_has_not() {
     );
 }
 
-/// 175 mm/s with the lag of a driven wheel: 1 - 1/e of it after 60 ms.
+/// 175 mm/s with the lag of a driven wheel: 1 - 1/e of the speed after 60 ms.
 #[test]
 fn a_regulated_wheel_lags_like_a_driven_one() {
     let config = BodyConfig::default().ideal();
@@ -329,7 +329,7 @@ fn a_car_that_would_begin_in_a_wall_is_refused() {
     );
 }
 
-/// A foreign drive train: a winch that pulls the body along, and knows nothing else.
+/// A foreign drive train: a winch that pulls the body and does nothing else.
 #[derive(Clone, Debug)]
 struct Winch {
     footprint: Footprint,
@@ -401,7 +401,7 @@ impl Chassis for Winch {
     }
 }
 
-/// Half a metre to the wall, 0.1 m of radius: 0.4 m are free, however long the winch pulls.
+/// Half a metre to the wall, 0.1 m of radius: the body moves 0.4 m, however long the winch pulls.
 #[test]
 fn a_chassis_from_outside_drives_in_the_world() {
     let scene = Scene::new([wall(0.5, -1.0, 0.5, 1.0)], vec![]).unwrap();
@@ -420,7 +420,7 @@ fn a_chassis_from_outside_drives_in_the_world() {
     assert_eq!(copy.encoder("drum"), Some(800));
 }
 
-/// A small round hall with a leg, a wall and a box: much to bump into.
+/// A small round hall with a leg, a wall and a box: many obstacles.
 fn crowded() -> Scene {
     let corners = [(0.9, -0.3), (1.1, -0.2), (1.0, 0.0)];
     let hall = Shape::Circle {
@@ -471,7 +471,7 @@ fn act(world: &mut World, is_car: bool, [one, other]: [f64; 2]) {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(60))]
 
-    /// Whatever it does, a body with corners ends no step in a surface.
+    /// A body with corners never ends a step inside a surface.
     #[test]
     fn a_body_with_corners_ends_no_step_in_a_wall(
         is_car: bool,
@@ -499,7 +499,7 @@ proptest! {
         }
     }
 
-    /// It must not matter which device polls the world, and how often.
+    /// The result does not depend on which device polls the world, and how often.
     #[test]
     fn a_car_does_not_depend_on_when_the_world_is_advanced(
         seed: u64,
@@ -526,7 +526,7 @@ proptest! {
     }
 }
 
-/// A hall of 1.6 m: a car that steers hard drives round and round and never leaves.
+/// A hall of 1.6 m: a car that steers hard drives in circles without leaving it.
 #[test]
 fn a_car_that_turns_tightly_fits_into_a_hall() {
     let hall = Shape::Circle {

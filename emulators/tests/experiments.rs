@@ -1,6 +1,6 @@
-//! Experiments of the model car's report, done again with the emulated boards. Levels and speeds
-//! are `levels_2_and_minus_3_are_22_cm_a_second`, the distance control with and without its
-//! integral part `d1_the_integral_part_does_nothing_that_is_seen`.
+//! Experiments of the model car's report, repeated with the emulated boards. Levels and speeds are
+//! in `levels_2_and_minus_3_are_22_cm_a_second`, the distance control with and without its integral
+//! part in `d1_the_integral_part_does_nothing_that_is_seen`.
 
 use core::time::Duration;
 
@@ -20,7 +20,8 @@ fn wall(from: (f64, f64), to: (f64, f64)) -> Fixture {
     })
 }
 
-/// A car that was told two bytes, in a world, and each frame of its board with its time.
+/// Drives a car with two command bytes; returns the world, and each frame of the board with its
+/// time.
 fn drive(walls: Vec<Fixture>, commands: [u8; 2], secs: u64) -> (World, Vec<(Instant, Vec<u8>)>) {
     let scene = Scene::new(walls, vec![]).unwrap();
     let body = Box::new(Ackermann::new(car_board::chassis().ideal(), 1).unwrap());
@@ -41,8 +42,8 @@ fn drive(walls: Vec<Fixture>, commands: [u8; 2], secs: u64) -> (World, Vec<(Inst
     (world, frames)
 }
 
-/// How the fielded host reads: its terminal makes LF of CR, a read that comes back without its byte
-/// loses it, and its parser checks nothing. The share of such reads is a guess.
+/// The fielded host: its terminal turns CR into LF, some reads lose their byte, and its parser
+/// checks nothing. The share of lost bytes is a guess.
 fn legacy_host(frames: &[(Instant, Vec<u8>)], lost: f64, seed: u64) -> Vec<(Instant, Readings)> {
     let mut parser = FieldedDecoder::default();
     let mut short_reads = Rng::stream(seed, "short-reads");
@@ -58,7 +59,7 @@ fn legacy_host(frames: &[(Instant, Vec<u8>)], lost: f64, seed: u64) -> Vec<(Inst
     read
 }
 
-/// A raw terminal, whole reads, values that can be.
+/// A correct host: a raw terminal, complete reads, plausible values only.
 fn sound_host(frames: &[(Instant, Vec<u8>)]) -> Vec<(Instant, Readings)> {
     assert!(IDLE_GAP < Duration::from_millis(60));
     let mut decoder = Decoder::default();
@@ -72,7 +73,7 @@ fn sound_host(frames: &[(Instant, Vec<u8>)]) -> Vec<(Instant, Readings)> {
     read
 }
 
-/// Values a second that are the pulses that had been counted when the frame came.
+/// Number of read hall values per second that equal the value in the frame of that time.
 fn usable_hz(read: &[(Instant, Readings)], frames: &[(Instant, Vec<u8>)], secs: u64) -> f64 {
     let truth = |at: Instant| {
         let frame = frames.iter().find(|(then, _)| *then == at);
@@ -82,10 +83,10 @@ fn usable_hz(read: &[(Instant, Readings)], frames: &[(Instant, Vec<u8>)], secs: 
     usable.count() as f64 / secs as f64
 }
 
-/// Report, page 9: fewer than one usable hall value a second. With a fifth of the bytes lost to
-/// short reads 0.8^13 = 5.5 % of 15 frames a second come whole, and those behind a torn one only if
-/// the parser is at a frame's beginning again. With none lost CR alone costs hardly a value, and
-/// the sound host gets every frame, 15 a second. 20 seeds.
+/// Report, page 9: fewer than one usable hall value a second. With a fifth of the bytes lost,
+/// 0.8^13 = 5.5 % of 15 frames a second arrive whole. A frame after a torn one counts only if the
+/// parser is again at a frame's beginning. Without losses, CR alone costs hardly a value. The
+/// correct host gets every frame, 15 a second. 20 seeds.
 #[test]
 fn hall_values_are_usable_less_than_once_a_second_with_the_legacy_host_alone() {
     let walls = vec![
@@ -105,11 +106,11 @@ fn hall_values_are_usable_less_than_once_a_second_with_the_legacy_host_alone() {
     assert!((14.9..=15.0).contains(&sound), "{sound}");
 }
 
-/// Steering value 0 is 6 degrees to the left: a circle of 0.258 m / tan 6 degrees = 2.455 m about
-/// the rear axle, which at 0.22 m/s takes 70.1 s. Value 8, 0.4 degrees to the right, hardly turns.
+/// Steering value 0 is 6 degrees to the left: a circle of 0.258 m / tan 6 degrees = 2.455 m around
+/// the rear axle, which takes 70.1 s at 0.22 m/s. Value 8, 0.4 degrees to the right, hardly turns.
 #[test]
 fn steering_value_0_drives_a_circle_to_the_left() {
-    // Half of it after 35.06 s, and the lag of the motor, 0.3 s at most.
+    // Half of the circle after 35.06 s, plus the lag of the motor, at most 0.3 s.
     let (world, _) = drive(Vec::new(), [0x8C, 0x32], 35);
     let pose = world.pose();
     assert!(

@@ -1,4 +1,4 @@
-//! What can go wrong with each device, by the names that scenarios use.
+//! The faults of each device, by their names in scenarios.
 
 use emulators::avr_base::{Announce, AvrBase, AvrBaseConfig};
 use emulators::camera::{Camera, CameraConfig};
@@ -49,7 +49,7 @@ fn each_device_names_its_faults() {
         .map(|fault| fault.name())
         .collect();
     assert_eq!(of(&rplidar), format!("slow {}", names.join(" ")));
-    // Nothing of their own goes wrong with these.
+    // These devices have no faults.
     assert_eq!(of(&TouchPanel::new(Vec::new())), "");
     assert_eq!(
         of(&Pc::new(Script::mission(Vec::new()).expect("short"))),
@@ -57,8 +57,8 @@ fn each_device_names_its_faults() {
     );
 }
 
-/// Of those of the lidar's faults that have one: shares of starts as reported, degrees, seconds,
-/// one byte in so many, and a mode behind the five of firmware 1.29.
+/// Usual figures of the lidar's faults: shares of starts as reported, degrees, seconds, one byte in
+/// so many, and a mode after the five of firmware 1.29.
 #[test]
 fn faults_of_the_rplidar_have_their_usual_figures() {
     let usual = rplidar::Fault::ALL.map(|fault| (fault.name(), fault.usual_figure()));

@@ -1,4 +1,4 @@
-//! What is refused says so in words: place, what was found, what was expected.
+//! Error messages: each names the position, the found value and the expected one.
 
 use core::error::Error;
 

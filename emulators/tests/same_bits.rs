@@ -1,4 +1,4 @@
-//! The round body with two wheels, to the bit: what it did before there was another.
+//! The round body with two wheels moves exactly, to the bit, as before there were other bodies.
 
 #![expect(clippy::cast_possible_truncation, reason = "whole powers are wanted")]
 
@@ -10,7 +10,7 @@ use emulators::world::{
 };
 use protocols::Instant;
 
-/// A small room with a leg, a wall to lean on and a person who walks to and fro.
+/// A small room with a leg, a wall to lean on and a person who walks back and forth.
 fn room(seed: u64) -> World {
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
     let corners = corners.map(|(x, y)| Point::new(x, y)).to_vec();
@@ -42,7 +42,7 @@ fn room(seed: u64) -> World {
     World::new(scene, BodyConfig::default(), start, seed).unwrap()
 }
 
-/// FNV-1a over the bits of all that can be asked.
+/// FNV-1a over the bits of all values of the world's interface.
 fn fingerprint(seed: u64) -> u64 {
     let mut world = room(seed);
     let mut acts = Rng::stream(seed, "acts");
@@ -93,7 +93,7 @@ fn fingerprint(seed: u64) -> u64 {
 }
 
 /// Drives, pushes, walls and people, 21 s each. The figures are those of the release before the
-/// drive train became a trait; a new one means that every recorded case runs differently.
+/// drive train became a trait; another figure means that every recorded case runs differently.
 #[test]
 fn a_differential_disc_moves_as_ever() {
     let found = [1, 2, 3].map(fingerprint);

@@ -1,9 +1,9 @@
-//! Emulated chips behind the bus and pins of an ATmega2560 that others simulate (simavr), with
-//! sketches built from the Arduino's own core: what our emulated board prints is held against what
-//! that one prints of the same wheel and the same gyroscope.
+//! Emulated chips on the bus and pins of a simulated ATmega2560 (simavr), with sketches built from
+//! the Arduino's own core. The output of our emulated board is compared with that of the simulated
+//! one, for the same wheel and the same gyroscope.
 //!
-//! `tests/simavr/run.sh` builds sketches and harness and names their folder; without it nothing is
-//! judged, which is said.
+//! `tests/simavr/run.sh` builds sketches and harness and passes their folder; without it nothing is
+//! judged, and a message says so.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::PathBuf;
@@ -20,10 +20,10 @@ use emulators::world::{
 use protocols::odometer::{Decoder, Dialect, passes_exact_sum};
 use protocols::{Decode as _, Instant};
 
-/// Edges of the encoder a metre: 60 a turn of a wheel of 32 mm.
+/// Edges of the encoder per metre: 60 per turn of a wheel of 32 mm.
 const EDGES_PER_M: f64 = 298.415_518;
 
-/// Where the sketches are; nothing, said loudly, without them.
+/// Folder of the sketches; `None`, with a visible message, if there is none.
 fn built() -> Option<PathBuf> {
     let folder = std::env::var_os("HILRIG_SIMAVR").map(PathBuf::from);
     if folder.is_none() {
@@ -32,7 +32,7 @@ fn built() -> Option<PathBuf> {
     folder
 }
 
-/// What moves: a speed in m/s and a steering angle in radians from a time on, milliseconds.
+/// The motion: a speed in m/s and a steering angle in radians, each from a time on, milliseconds.
 const DRIVE: [(u64, f64, f64); 5] = [
     (0, 0.0, 0.0),
     (1_000, 0.2, 0.0),
@@ -41,7 +41,7 @@ const DRIVE: [(u64, f64, f64); 5] = [
     (4_500, 0.0, 0.0),
 ];
 
-/// A car that follows at once in a world with a wall ahead.
+/// A car without lag in a world with a wall ahead.
 struct Surroundings {
     world: World,
     next: usize,
@@ -92,7 +92,7 @@ impl Surroundings {
     }
 }
 
-/// A transaction that the chip acknowledged.
+/// An acknowledged transaction.
 struct Transaction {
     now: Instant,
     address: u8,
@@ -100,11 +100,11 @@ struct Transaction {
     read: std::vec::IntoIter<u8>,
 }
 
-/// What the simulated microcontroller is connected to.
+/// The connections of the simulated microcontroller.
 struct Bridge<'a, C> {
     chip: &'a mut C,
     around: Surroundings,
-    /// Start of the next read.
+    /// Register at which the next read starts.
     register: u8,
     open: Option<Transaction>,
     serial: Vec<u8>,
@@ -112,7 +112,7 @@ struct Bridge<'a, C> {
 }
 
 impl<C: RegisterChip> Bridge<'_, C> {
-    /// What the harness is answered to a line.
+    /// The answer to a line of the harness.
     fn answer(&mut self, line: &str) -> Option<u8> {
         let mut words = line.split(' ');
         let what = words.next()?;
@@ -139,12 +139,13 @@ impl<C: RegisterChip> Bridge<'_, C> {
                 self.print(at(number()), byte(number()));
                 None
             }
-            // The loader's own words.
+            // Messages of the loader itself.
             _ => None,
         }
     }
 
-    /// A transaction begins; whether the chip is there. Without a stop it ends the one before.
+    /// Begins a transaction; returns whether the chip is present. Without a stop, it ends the
+    /// previous one.
     fn begin(&mut self, now: Instant, address: u8) -> bool {
         self.around.advance(now);
         self.end();
@@ -163,7 +164,7 @@ impl<C: RegisterChip> Bridge<'_, C> {
         is_there
     }
 
-    /// What a transaction that is over did to the chip.
+    /// Applies a completed transaction to the chip.
     fn end(&mut self) {
         let over = self.open.take().filter(|over| over.address & 1 == 0);
         let Some(over) = over else { return };
@@ -185,7 +186,8 @@ impl<C: RegisterChip> Bridge<'_, C> {
     }
 }
 
-/// Runs a sketch for so long, with `chip` on its bus; its lines and when each was complete.
+/// Runs a sketch for `millis` with `chip` on its bus; returns its lines with the times of their
+/// ends.
 fn run(sketch: &str, millis: u64, chip: &mut impl RegisterChip) -> Option<Vec<(Instant, String)>> {
     let folder = built()?;
     let mut child = Command::new(folder.join("harness"))
@@ -253,10 +255,10 @@ fn fields(line: &str) -> Vec<f64> {
         .collect()
 }
 
-/// At rest, straight, in a curve and back: the chip's lines are ours. Where both stand still they
-/// have the same way, text by text, and the same rate; the heading is that of as many loops, one
-/// more or less a stretch (0.2 m/s * tan 0.35 / 0.258 m * 10 ms = 2.8 mrad, three stretches).
-/// Meanwhile the way is that of a loop more or less.
+/// At rest, straight ahead, in a curve and back: the lines of both are equal within limits. While
+/// both stand still, the distance has the same text, and so has the rate. The heading may differ by
+/// one loop more or less per stretch (0.2 m/s * tan 0.35 / 0.258 m * 10 ms = 2.8 mrad, three
+/// stretches). While they move, the distance may differ by one loop.
 #[test]
 fn a_simulated_chip_prints_what_our_emulated_board_prints() {
     let mut sensor = Mpu6050::new(quiet(), 1, "odometer.imu");
@@ -264,7 +266,7 @@ fn a_simulated_chip_prints_what_our_emulated_board_prints() {
         return;
     };
     let ours = emulated(5_500);
-    // 5.5 s less 265 ms, a line each 9.9 to 10.1 ms.
+    // 5.5 s less 265 ms, a line every 9.9 to 10.1 ms.
     for lines in [&simulated, &ours] {
         assert!((518..=529).contains(&lines.len()), "{}", lines.len());
     }
@@ -305,7 +307,7 @@ fn a_simulated_chip_prints_what_our_emulated_board_prints() {
         });
         assert_eq!(way_and_rate[0], way_and_rate[1]);
     }
-    // In the curve the fielded host believes neither; at rest it believes some of both.
+    // In the curve the fielded host accepts the values of neither; at rest it accepts some of both.
     for lines in [&simulated, &ours] {
         let turning = lines.iter().filter(|(_, line)| {
             let figures = fields(line);
@@ -316,16 +318,16 @@ fn a_simulated_chip_prints_what_our_emulated_board_prints() {
     }
 }
 
-/// A sketch ranges with our SRF08 while the car drives from 1.5 m towards the wall and back: over
-/// 6 m there is an echo within 2 cm of the truth after the way of sound there and back, 36 ms; over
-/// 1 m an echo only when the wall is near, after 7 ms.
+/// A sketch measures distances with our SRF08 while the car drives from 1.5 m towards the wall and
+/// back. With a range of 6 m there is an echo within 2 cm of the truth after 36 ms, the time of
+/// sound there and back. With 1 m there is an echo only when the wall is near, after 7 ms.
 #[test]
 fn a_simulated_chip_ranges_with_our_ranger() {
     let mut chip = Srf08::new(Srf08Config::default(), 1, "ranger");
     let Some(lines) = run("ranger", 4_000, &mut chip) else {
         return;
     };
-    // A pair takes 36 + 7 ms and the bus.
+    // A pair takes 36 + 7 ms plus the time of the bus.
     assert!((160..=186).contains(&lines.len()), "{}", lines.len());
     let mut echoes = [0, 0];
     let mut truth = Surroundings::new();
@@ -337,20 +339,21 @@ fn a_simulated_chip_ranges_with_our_ranger() {
         let [reach, centimetres, took] = figures[..] else {
             panic!("{line}")
         };
-        // (n + 1) * 43 mm there and back at 343.2 m/s, and 1 ms.
+        // (n + 1) * 43 mm there and back at 343.2 m/s, plus 1 ms.
         let expected = match reach {
             140 => 36,
             _ => 7,
         };
         assert!(took.abs_diff(expected) <= 2, "{line}");
         truth.advance(*now);
-        // The nearest of the cone is straight towards the wall.
+        // The nearest point in the cone is straight towards the wall.
         let away_m = 1.5 - truth.world.pose().x;
         let is_heard = centimetres > 0;
         if reach == 140 {
             assert!(is_heard, "{line}");
             let off = away_m - centimetres as f64 / 100.0;
-            // 3 mm of noise, whole centimetres, and the way driven since the burst: 8 mm.
+            // 3 mm of noise, rounding to whole centimetres, and the distance driven since the
+            // burst: 8 mm.
             assert!(off.abs() <= 0.03, "{line}: {away_m}");
         } else {
             assert!(!is_heard || centimetres <= 110, "{line}");

@@ -1,10 +1,10 @@
-//! What does a scan cost the mapper? One evaluation, one search, one map update, in both modes, on
-//! a scan of the furnished flat after its tour, beside the goals. Figures to beat: the seed's own
-//! code 520 ns for 36 points and 61.9 us for 360 rays; another tinySLAM 123 to 203 ns and 140 us
-//! (x86-64).
+//! What does a scan cost the mapper? One evaluation, one search and one map update, in both modes,
+//! on a scan of the furnished flat after its tour, beside the goals. Figures to beat: the seed's
+//! own code 520 ns for 36 points and 61.9 us for 360 rays; another tinySLAM 123 to 203 ns and 140
+//! us (x86-64).
 //!
-//! Processor time of this thread, so that other work on the machine disturbs little: the least and
-//! the median of 300 batches.
+//! Processor time of this thread, so that other work on the machine has little influence: the
+//! minimum and the median of 300 batches.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -54,7 +54,7 @@ fn measured<R>(mut work: impl FnMut() -> R) -> [f64; 2] {
     [took[0], took[BATCHES / 2]].map(|took| took.as_secs_f64() * 1e9 / f64::from(count))
 }
 
-/// A line of the table: `times` in nanoseconds for `parts` of what is to be known.
+/// Prints a line of the table: `times`, in nanoseconds, are divided by `parts`.
 fn print(what: &str, times: [f64; 2], parts: f64, (unit, of_unit): (&str, f64), goal: &str) {
     let [least, median] = times.map(|time| time / parts / of_unit);
     println!("{what:<64} {least:>8.3} {median:>8.3} {unit:<3} {goal}");
@@ -127,9 +127,9 @@ fn tracking() {
     print(&what, times, 1.0, US, "");
 }
 
-/// The widest search that a window holds, as a robot asks for whose wheels were silent: 180 points,
-/// 12 cells of 35 mm and 12 degrees to each side, 30,625 poses. Refinement and the choice of the
-/// best are in these figures, also in that for a look-up.
+/// The largest search that a window allows, as by a robot without encoder readings: 180 points, 12
+/// cells of 35 mm and 12 degrees to each side, 30,625 poses. The figures include refinement and the
+/// choice of the best pose, also that per look-up.
 fn exhaustive() {
     let search = Search {
         points: 180,

@@ -1,5 +1,5 @@
-//! The dissector of described devices, judged by tshark: for frames of every shipped description it
-//! says what `hilrig decode` says, and each field has the value that the description gives it.
+//! The dissector of described devices, judged by tshark: for frames of every shipped description
+//! its text equals that of `hilrig decode`, and each field has the value from the description.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -13,11 +13,11 @@ use hilrig_capture::wireshark::dissector_of;
 use hilrig_capture::{Interface, Kind, Record, Section};
 use protocols::{Decode as _, Instant};
 
-/// Frames of each description, unless the variable `HILRIG_FRAMES` says how many.
+/// Number of frames per description, unless the variable `HILRIG_FRAMES` is set.
 const FRAMES: usize = 100;
 /// The same for the whole suite, `HILRIG_TESTS=all`.
 const FRAMES_ALL: usize = 10_000;
-/// Separates several values of a packet; no example holds it.
+/// Separates several values of a packet; no example contains it.
 const AGGREGATOR: char = '~';
 
 fn shipped(name: &str) -> Arc<Description> {
@@ -26,7 +26,7 @@ fn shipped(name: &str) -> Arc<Description> {
     Description::parse(name, text, &nothing).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// A small generator: the same frames on each run.
+/// A small random generator: the same frames in each run.
 fn dice(mut state: u64) -> impl FnMut(u64) -> u64 {
     move |below| {
         state = state
@@ -36,7 +36,7 @@ fn dice(mut state: u64) -> impl FnMut(u64) -> u64 {
     }
 }
 
-/// A frame, and the end that sends it.
+/// A frame and its sender.
 type Sent = (From, Vec<u8>);
 
 /// A frame of the description.
@@ -54,7 +54,7 @@ fn frame(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> S
     (from, of.frame(message, &values).expect("an example fits"))
 }
 
-/// Requests, responses and refusals of Modbus in turn, by the specification's tables.
+/// Requests, responses and refusals of Modbus in turn, after the tables of its specification.
 fn modbus(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> Vec<u8> {
     let mut byte = |below: u64| u8::try_from(dice(below)).expect("a byte");
     let (address, is_request) = (1 + byte(3), number.is_multiple_of(2));
@@ -78,13 +78,13 @@ fn modbus(of: &Description, number: usize, dice: &mut dyn FnMut(u64) -> u64) -> 
     of.frame_of(0, &body).expect("it fits")
 }
 
-/// The capture of frames, each in a record of its own.
+/// The capture of frames, each in its own record.
 fn capture(frames: &[Sent]) -> Vec<u8> {
     let mut out = Vec::new();
     Section::default().write(&mut out);
     Interface::new("device", 115_200).write(&mut out);
     for (number, (from, bytes)) in frames.iter().enumerate() {
-        // Further apart than any pause that ends a frame.
+        // The distance is longer than any pause that ends a frame.
         let at = Instant::from_millis(3_000 * (number as u64 + 1));
         let record = Record {
             link: 0,
@@ -105,10 +105,10 @@ fn capture(frames: &[Sent]) -> Vec<u8> {
     out
 }
 
-/// Words of a frame, and values by the paths of their fields.
+/// Text of a frame, and values by the paths of their fields.
 type Told = (String, Vec<(String, Value)>);
 
-/// What the description says of a frame.
+/// The frame decoded with the description.
 fn told(of: &Description, (from, bytes): &Sent) -> Option<Told> {
     let mut cutter = of.cutter_for(*from);
     let mut found: Vec<_> = cutter.push(bytes).flatten().collect();
@@ -145,14 +145,14 @@ fn is_same(value: &Value, shown: &str) -> bool {
             (wanted - found).abs() <= 1e-9 * wanted.abs() || wanted.is_nan() && found.is_nan()
         }
         (Value::Int(wanted), _) if wanted.to_string() == shown => true,
-        // Fields that also hold fractions in other messages.
+        // Fields that contain fractions in other messages.
         (Value::Int(_), Ok(found)) => value.as_f64().is_some_and(|wanted| wanted == found),
         (Value::Text(wanted), _) => wanted == shown,
         (value, _) => value.to_string() == shown,
     }
 }
 
-/// What tshark shows of `fields`, a line a packet.
+/// The output of tshark for `fields`, a line per packet.
 fn tshark(folder: &Path, fields: &[String]) -> Option<Vec<Vec<String>>> {
     let mut tshark = Command::new("tshark");
     tshark.current_dir(folder);
@@ -192,7 +192,7 @@ fn tshark(folder: &Path, fields: &[String]) -> Option<Vec<Vec<String>>> {
     }
 }
 
-/// What the dissector says of frames of `name` that it should not.
+/// Wrong output of the dissector for frames of `name`.
 fn differences(name: &str) -> Option<Vec<String>> {
     let of = shipped(name);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("dissected-{name}"));
@@ -222,7 +222,7 @@ fn differences(name: &str) -> Option<Vec<String>> {
             bytes.escape_ascii()
         ));
     }
-    // A frame that only a silence ends is shown with the next packet of its direction.
+    // A frame that ends only by silence is shown with the next packet of its direction.
     for from in [From::Host, From::Device] {
         let own = |index: &usize| frames[*index].0 == from;
         let own: Vec<usize> = (0..count).filter(own).collect();
@@ -234,7 +234,7 @@ fn differences(name: &str) -> Option<Vec<String>> {
     Some(wrong.collect())
 }
 
-/// The same of what one end sent: a row of cells a packet, and what the frames are.
+/// The same for the frames of one end: a row of cells per packet, and the decoded frames.
 fn of_one_end(of: &Description, rows: &[&[String]], told: &[&Told]) -> Vec<String> {
     let mut wrong = Vec::new();
     let cells = |column: usize| -> Vec<&str> {
@@ -246,7 +246,7 @@ fn of_one_end(of: &Description, rows: &[&[String]], told: &[&Told]) -> Vec<Strin
     };
     let words = cells(0);
     let mut told = told.to_vec();
-    // The last one may still wait for its silence.
+    // The last frame may still wait for silence.
     let is_late = rows.first().is_some_and(|row| row[0].is_empty());
     if is_late && words.len() + 2 >= told.len() {
         told.truncate(words.len());

@@ -6,7 +6,7 @@ use hilrig_capture::decode::transcript::Transcript;
 use hilrig_capture::{Interface, Kind, Record};
 use protocols::Instant;
 
-/// Numbers that are the same each time.
+/// Random numbers, the same in each run.
 struct Chance(u64);
 
 impl Chance {
@@ -27,7 +27,7 @@ impl Chance {
     }
 }
 
-/// CRC with bits from the lowest on.
+/// CRC with the lowest bit first.
 fn crc_reflected(bytes: &[u8], polynomial: u16, first: u16) -> u16 {
     bytes.iter().fold(first, |sum, &byte| {
         (0..8).fold(sum ^ u16::from(byte), |sum, _| {
@@ -40,7 +40,7 @@ fn crc_reflected(bytes: &[u8], polynomial: u16, first: u16) -> u16 {
     })
 }
 
-/// CRC of eight bits, highest first.
+/// CRC of eight bits, with the highest bit first.
 fn crc8(bytes: &[u8], polynomial: u8) -> u8 {
     bytes.iter().fold(0, |sum, &byte| {
         (0..8).fold(sum ^ byte, |sum: u8, _| {
@@ -61,7 +61,7 @@ fn sum(bytes: &[u8]) -> u8 {
 /// Name of a format and one frame of it.
 type Frames = (&'static str, fn(&mut Chance, usize) -> Vec<u8>);
 
-/// As the manuals of the devices and the protocols' documents lay the frames out.
+/// Frames after the devices' manuals and the protocols' documents.
 const UNKNOWN: [Frames; 34] = [
     ("LD06", |chance, turn| {
         let mut out = vec![0x54, 0x2C, 0x68, 0x08];
@@ -247,7 +247,7 @@ const UNKNOWN: [Frames; 34] = [
     ("a counter", |_, turn| vec![turn.to_le_bytes()[0]]),
 ];
 
-/// Pieces as they come from a port.
+/// The formats claimed for `bytes`, delivered in pieces as from a port.
 fn claimed(bytes: &[u8]) -> Vec<&'static str> {
     let mut transcript = Transcript::new(None);
     let link = Interface::new("x", 115_200);

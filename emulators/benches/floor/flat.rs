@@ -1,4 +1,4 @@
-//! A floor to cast rays in.
+//! A floor plan for ray casts.
 
 use emulators::world::{Point, Shape};
 

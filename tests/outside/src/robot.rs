@@ -118,7 +118,7 @@ impl Instruments for CarInstruments {
         }]
     }
 
-    /// A marker half a metre ahead of the car.
+    /// A line from the car to half a metre ahead.
     fn overlays(&self, rig: &Rig) -> Vec<Overlay> {
         let pose = rig.world.pose();
         let (sin, cos) = pose.theta.sin_cos();

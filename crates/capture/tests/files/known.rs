@@ -1,13 +1,13 @@
-//! Files of tools that are not installed here, written as they write them.
+//! Files of tools that are not installed here, in the tools' formats.
 
 use super::*;
 
-/// One file, and what is right.
+/// One file, and its correct content.
 struct Row {
     tool: &'static str,
     file: Vec<u8>,
     told: Told,
-    /// Nanoseconds between the first two records, if the file tells.
+    /// Nanoseconds between the first two records, if the file contains times.
     gap: Option<u64>,
 }
 
@@ -281,7 +281,7 @@ fn files_of_known_tools_are_read() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The same files as Windows writes them: CR LF, a mark, UTF-16; and with the last line cut.
+/// The same files as on Windows: CR LF, a byte order mark, UTF-16; and with a cut last line.
 #[test]
 fn the_encoding_of_a_file_changes_nothing() {
     for row in rows() {

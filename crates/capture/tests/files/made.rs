@@ -1,4 +1,4 @@
-//! Files that the tools make.
+//! Files made by the tools themselves.
 
 use std::fs;
 use std::io::Write as _;
@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use super::*;
 
-/// What is dumped: every value, line ends, rows that repeat, a short last row.
+/// The dumped bytes: every value, line ends, repeated rows, a short last row.
 fn sample() -> Vec<u8> {
     let mut bytes = b"\n\r\n--\n> \xFA\xA0\0\0".to_vec();
     bytes.extend(0..=255);
@@ -16,7 +16,8 @@ fn sample() -> Vec<u8> {
     bytes
 }
 
-/// Whether a tool is there. CI must have it; elsewhere its absence is said loudly.
+/// Whether a tool is installed. CI must have it; elsewhere a visible message says that it is
+/// missing.
 fn has(tool: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let found = std::env::split_paths(&path).any(|folder| folder.join(tool).is_file());
@@ -38,7 +39,7 @@ fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// What a line of the shell prints in `folder`.
+/// The output of a shell command in `folder`.
 fn shell(folder: &Path, line: &str) -> Vec<u8> {
     let mut command = Command::new("sh");
     command
@@ -51,7 +52,7 @@ fn shell(folder: &Path, line: &str) -> Vec<u8> {
     output.stdout
 }
 
-/// A tool, and lines that print a dump of src.bin.
+/// A tool, and commands that print a dump of src.bin.
 const DUMPS: [(&str, &str); 38] = [
     ("xxd", "xxd src.bin"),
     ("xxd", "xxd -g1 -u src.bin"),
@@ -136,7 +137,8 @@ fn dumps_of_the_tools_are_read() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Levels of two lines at eight and two thirds samples a bit, with idle of no whole number of bits.
+/// Levels of two lines at eight and two thirds samples a bit, with idle times that are no whole
+/// number of bits.
 fn logic() -> Vec<u8> {
     const BIT_NANOS: u64 = 1_000_000_000 / 115_200;
     let mut levels = vec![3_u8; 100];
@@ -153,7 +155,7 @@ fn logic() -> Vec<u8> {
                 at += BIT_NANOS;
                 until(at, if bit { 3 } else { 3 & !mask });
             }
-            // Some characters stand apart.
+            // Some characters have a pause before them.
             if index % 3 == 0 {
                 at += 23_700;
                 until(at, 3);
@@ -165,7 +167,7 @@ fn logic() -> Vec<u8> {
     levels
 }
 
-/// The rate is derived, though the idle is no whole number of bits.
+/// The rate is derived although the idle times are no whole number of bits.
 #[test]
 fn traces_of_sigrok_are_read_without_a_rate() {
     if !has("sigrok-cli") {
@@ -192,7 +194,7 @@ fn traces_of_sigrok_are_read_without_a_rate() {
         if !line.contains("jsontrace") {
             assert_eq!(import.bauds, [115_200], "{line}");
         }
-        // The first byte ends ten bits behind sample 100, the sum of 86.8 us and 100 us.
+        // The first byte ends ten bits after sample 100, at 86.8 us plus 100 us.
         assert!(
             import.times[0].abs_diff(186_800) < 12_000,
             "{line}: {}",
@@ -206,7 +208,7 @@ fn traces_of_sigrok_are_read_without_a_rate() {
     }
 }
 
-/// A program that writes to a terminal and reads the echo, traced.
+/// A trace of a program that writes to a terminal and reads the echo.
 #[test]
 fn a_trace_of_strace_is_read() {
     if !has("strace") || !has("python3") {

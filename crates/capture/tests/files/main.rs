@@ -1,9 +1,8 @@
-//! Files of other tools: what people attach to a report, imported with the right bytes, directions
-//! and times, or refused with the next step.
+//! Files of other tools, as attached to reports: imported with the right bytes, directions and
+//! times, or refused with the next step.
 //!
-//! The files of `made` are made by the tools themselves where they are installed; those of `known`
-//! are written here, a few lines each, as the tools' documentation or their users' reports show
-//! them.
+//! The files of `made` are made by the tools themselves where they are installed. Those of `known`
+//! are written here, a few lines each, after the tools' documentation or their users' reports.
 
 mod known;
 mod made;
@@ -15,19 +14,20 @@ use engine::rig::line::Direction;
 use hilrig_capture::Kind;
 use hilrig_capture::import::{self, Format, Options};
 
-/// A read of two registers by Modbus RTU, and its answer; CRCs by an independent implementation.
+/// A read of two registers by Modbus RTU, and its answer; CRCs from an independent implementation.
 pub(crate) const ASK: [u8; 8] = [0x01, 0x03, 0x00, 0x00, 0x00, 0x02, 0xC4, 0x0B];
 pub(crate) const ANSWER: [u8; 9] = [0x01, 0x03, 0x04, 0x00, 0x06, 0x00, 0x05, 0xDA, 0x31];
 
-/// What was told: whether the host sent it, and the bytes, neighbours of one direction together.
+/// A conversation: the bytes, and whether the host sent them; neighbours of one direction are
+/// joined.
 pub(crate) type Told = Vec<(bool, Vec<u8>)>;
 
-/// An import: its form, what was told, when, and at which rate.
+/// An import: its format, conversation, times and rate.
 #[derive(Debug)]
 pub(crate) struct Import {
     pub(crate) format: Format,
     pub(crate) told: Told,
-    /// Nanoseconds of each record.
+    /// Time of each record, nanoseconds.
     pub(crate) times: Vec<u64>,
     pub(crate) bauds: Vec<u32>,
 }
