@@ -140,7 +140,7 @@ pub struct Camera {
     /// Objects of the scene higher than the camera, and higher than each marker if the marker is
     /// lower.
     views: Option<Views>,
-    /// The last row as it was drawn, kept for its memory.
+    /// The last row as drawn; its memory is reused.
     columns: Vec<f64>,
     picture_at: Option<Instant>,
     /// The messages of the last picture, for a camera that is stuck.

@@ -102,7 +102,7 @@ pub struct OnBus<C> {
     /// Start of the next read.
     register: u8,
     requests: VecDeque<(Instant, Vec<u8>, Framing)>,
-    /// Bytes of frames of which the rest has not come.
+    /// Bytes of an incomplete frame.
     begun: Vec<u8>,
     answers: VecDeque<Vec<u8>>,
     line: LineConfig,

@@ -1,12 +1,13 @@
 //! Virtual serial hardware and the world around it.
 //!
-//! Devices speak their real protocols byte for byte, defects included; the world closes the loop
-//! from motor command to encoder tick and lidar reading. Nothing here does I/O, reads a clock or
-//! draws unnamed randomness: equal state and equal input give equal output, on every host.
+//! Devices use their real protocols byte for byte, including the defects; the world computes
+//! encoder ticks and lidar readings from motor commands. No code here does I/O, reads a clock or
+//! uses randomness without a named stream: equal state and equal input give equal output, on every
+//! host.
 //!
-//! | module | is |
+//! | module | content |
 //! |---|---|
-//! | [`avr_base`] | register slave that owns motors, encoders and infrared sensors |
+//! | [`avr_base`] | register slave with motors, encoders and infrared sensors |
 //! | [`camera`] | depth camera with a detector of markers |
 //! | [`car_board`] | board of a model car: motor, servo, ultrasonic ranges, hall, line, battery |
 //! | [`device`] | the contract of every device |
@@ -20,7 +21,7 @@
 //! | [`quantity`] | values of such slaves |
 //! | [`rplidar`] | RPLIDAR A1 lidar |
 //! | [`srf08`] | ultrasonic ranger |
-//! | [`touch_panel`] | display of 480 x 272 pixels that is drawn on and touched by wire |
+//! | [`touch_panel`] | display of 480 x 272 pixels, drawn and touched over the wire |
 //! | [`wheel_board`] | motor board of timers, PWM and ADC |
 //! | [`world`] | ground truth: scene, robot body, physics, ray casts |
 //! | [`xv11`] | Neato XV-11 lidar |

@@ -336,7 +336,7 @@ impl Mpu6050 {
     }
 }
 
-/// All registers are 0 after a reset but the one of the power.
+/// All registers are 0 after a reset, except the power register.
 const RESET_VALUES: [u8; 128] = {
     let mut values = [0; 128];
     values[register::POWER as usize] = SLEEP;

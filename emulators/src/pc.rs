@@ -91,7 +91,7 @@ pub enum Connection {
 pub struct Pc {
     script: Script,
     patience: Patience,
-    /// The step that is done next, and when the one before was done.
+    /// The next step, and the time of the previous one.
     next_step: usize,
     stepped_at: Instant,
     connection: Connection,
@@ -182,7 +182,7 @@ impl Pc {
         self.script.steps().len()
     }
 
-    /// The waypoints that were sent, or are to be, and were not confirmed yet.
+    /// Waypoints that were sent, or will be sent, and are not confirmed yet.
     pub fn unconfirmed_waypoints(&self) -> Option<&[[i16; 2]]> {
         let wish = self.waypoints.as_ref()?;
         wish.confirmed_at().is_none().then_some(&wish.what[..])

@@ -49,7 +49,7 @@ const SPEED_M_S: f64 = 343.2;
 const LEAST_M: f64 = 0.03;
 /// One unit of the range register.
 const RANGE_UNIT_M: f64 = 0.043;
-/// Time that a byte of the ANN mode stands for, microseconds there and back.
+/// Time per byte of the ANN mode, microseconds there and back.
 const SLICE_US: f64 = 2_048.0;
 /// Bytes of the ANN mode, and where they begin.
 const SLICES: usize = 32;

@@ -1,10 +1,10 @@
-//! Touch display of 480 x 272 pixels with a controller of its own, which owns the frame buffer: the
+//! Touch display of 480 x 272 pixels with its own controller, which contains the frame buffer: the
 //! robot's program has no memory for one.
 //!
 //! Frames are those of [`protocols::panel`]. A damaged frame is dropped, as by a controller with a
-//! checksum. A valid frame without a meaning is the program's mistake and makes a violation. The
-//! pen is an ADS7843-class converter: it reports its position every 20 ms while it touches, and
-//! once when it is lifted.
+//! checksum. A valid frame without a meaning is an error of the program and a violation. The pen is
+//! an ADS7843-class converter: it reports its position every 20 ms while it touches, and once when
+//! it is lifted.
 
 use core::time::Duration;
 use std::collections::VecDeque;

@@ -34,7 +34,7 @@ use drive::{Battery, Counters, Drives};
 use fault::Faults;
 use infrared::Infrared;
 
-/// Rate of the wire: a sample takes 12 us, so that it is as good as a register's content.
+/// Rate of the wire: a sample takes 12 us, so it is nearly as recent as a register.
 pub const BAUD: u32 = 10_000_000;
 /// Time between two samples.
 const PERIOD: Duration = Duration::from_millis(1);

@@ -125,7 +125,7 @@ pub struct Xv11 {
     garbage: Rng,
     /// Whether it was reported that the host's motor drive is not connected.
     duty_told: bool,
-    /// The host ordered no drive at all, and the rig's regulated supply obeys.
+    /// The host has ordered a stopped motor, and the rig's regulated supply obeys.
     is_switched_off: bool,
     log: EventLog,
 }

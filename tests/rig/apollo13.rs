@@ -40,8 +40,8 @@ fn the_phone_drives_and_stops_the_car() {
     passes("apollo13-remote");
 }
 
-/// A corridor of 40 m round a block: the map is drawn, the walls are where they are, and the car
-/// stops by itself.
+/// A corridor of 40 m around a block: the map has its walls at the right positions, and the car
+/// stops when it is complete.
 #[test]
 fn a_ring_of_corridors_is_mapped_and_the_drive_ends_by_itself() {
     let outcome = run_to_end(shipped("apollo13-map"));

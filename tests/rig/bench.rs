@@ -28,7 +28,7 @@ fn calls_take_the_time_of_their_bytes() {
     assert!((14 * 1_041_666..20_000_000).contains(&took), "{took}");
 }
 
-/// The sonar sends by itself each second: within half a second nothing comes.
+/// The sonar sends every second: within half a second no bytes come.
 #[test]
 fn a_read_waits_for_its_timeout_and_no_longer() {
     let bench = own_slave();

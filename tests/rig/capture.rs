@@ -238,8 +238,8 @@ fn a_recording_of_several_files_is_read_as_one() {
     assert_eq!(read("several.3.pcapng").1, count - 2);
 }
 
-/// A file that cannot be put aside stands for any trouble of a disk: an operator of a live run must
-/// see it while the run continues, not hours later at its end.
+/// A file that cannot be renamed stands for any error of a disk: the operator of a live run must
+/// see the error while the run continues, not hours later at its end.
 #[test]
 fn what_stops_a_recording_is_told_while_the_run_goes_on() {
     let dir = folder("capture-trouble");

@@ -56,7 +56,7 @@ fn registers_drive_the_wheels_of_a_robot_of_data() {
     assert_eq!(told, [("left", 0.2), ("right", 0.2)]);
     run.go_on_until(Instant::from_secs(4));
     let way = run.rig.world.pose().x - 1.0;
-    // Half a second more until the watchdog says 0.
+    // After half a second more the watchdog sets the speed to 0.
     assert!((0.46..0.50).contains(&way), "{way} m");
     assert!(!run.rig.world.is_moving());
     let panels = run.instruments().panels(&run.rig);

@@ -31,9 +31,9 @@ fn a_fault_from_the_start_is_seen_by_the_program() {
     );
 }
 
-/// A sensor that turns in the other direction mirrors the map. The robot looks at a wall 1.5 m
-/// ahead, with another 0.9 m behind it. Angle 0 looks to the right either way, so ahead and behind
-/// are swapped.
+/// A sensor that turns in the opposite direction mirrors the map. The robot faces a wall 1.5 m
+/// ahead, with another 0.9 m behind it. Angle 0 points to the right in both cases, so ahead and
+/// behind are swapped.
 #[test]
 fn a_sensor_that_turns_the_other_way_mirrors_the_map() {
     assert!(wall_ahead("").abs_diff(270) <= 1);

@@ -142,7 +142,7 @@ fn s3_a_push_of_400_mm_is_made_good_in_six_searches() {
 }
 
 /// The same push with the robot's default mapper. The robot knows its pose within two searches, and
-/// more exactly, with every seed: 0.3 to 6.5 mm were measured.
+/// more accurately, with every seed: 0.3 to 6.5 mm were measured.
 #[test]
 fn s3_the_default_mapper_is_there_after_two_searches() {
     let errors: Vec<f64> = few(5, 0..20)

@@ -56,8 +56,8 @@ fn who_walks_by_leaves_no_wall() {
     insta::assert_snapshot!(story("moving-obstacle"));
 }
 
-/// Two runs with other noise draw the same rooms: as they lie, walls half a cell of 10 mm apart in
-/// the mean, and hardly a wall of either that the other lacks.
+/// Two runs with different noise draw the same rooms: without alignment, walls differ by half a
+/// cell of 10 mm on average, and hardly a wall is missing in either.
 #[test]
 fn two_seeds_draw_the_same_rooms() {
     let map = |seed| {

@@ -92,7 +92,7 @@ fn an_idle_program_costs_nothing() {
     assert_eq!(node.exchanges(), 1);
 }
 
-/// The copy has a process of its own, which begins with the state that the first one saved.
+/// The copy has its own process, which begins with the state that the first one saved.
 #[test]
 fn a_program_that_can_save_takes_part_in_checkpoints() {
     let fault = "[[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"draught\"\n\

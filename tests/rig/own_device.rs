@@ -54,7 +54,7 @@ fn a_text_slave_of_ones_own_answers_from_the_world() {
         told.iter().any(|e| e.contains("sonar unknown-request")),
         "{told:?}"
     );
-    // It speaks by itself at 1 s; 80 ms have gone.
+    // The sonar sends a line at 1 s; 80 ms have passed.
     wired.rig.run_for(Duration::from_secs(1));
     assert_eq!(&*wired.rig.take_output(sonar), b"mm=700\r\n");
 }
@@ -124,7 +124,7 @@ mod beacon {
     pub(super) struct BeaconSpec {
         /// Time between two packets.
         pub(super) period: Span,
-        /// What is sent; sorts behind `period`, stands behind it all the same.
+        /// The text that is sent; the order of the two keys does not matter.
         #[schemars(with = "String")]
         pub(super) called: Spanned<String>,
     }

@@ -31,7 +31,7 @@ fn robot(rig: &Rig) -> &Rescue {
     program.downcast_ref().expect("the rescue robot")
 }
 
-/// Runs until `condition` holds; how long that took.
+/// Runs until `condition` holds; returns the time that this took.
 fn wait_for(run: &mut Run, most: Duration, condition: impl Fn(&Run) -> bool) -> Duration {
     let begin = run.rig.now();
     while !condition(run) {
@@ -76,7 +76,7 @@ fn over_a_lossy_radio_the_map_is_whole_and_right_within_three_passes() {
     assert!(sent <= 3 * 300, "{sent} rows");
     assert!(pc(&run).record().counts.bad_frames > 0, "nothing was lost");
 
-    // Without a lidar the robot's map stays as it is: three passes later the PC's is the same.
+    // Without a lidar the robot's map stays unchanged: three passes later the PC's map is equal.
     does(&mut run, Gesture::Mode("stop".to_owned())).expect("connected");
     let cut = r#"{"link":"lidar","direction":"to-master","kind":"cut"}"#;
     run.inject(serde_json::from_str(cut).expect("a fault"))

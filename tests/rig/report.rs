@@ -5,7 +5,7 @@ use hilrig::show::report;
 
 use super::{in_a_room, run_to_end};
 
-/// A scenario that demands too much of the map, has a name with an attacker's markup, and has a
+/// A scenario that requires too much of the map, has a name with an attacker's markup, and has a
 /// fault on a line.
 const WOUNDED: &str = "description = \"<img src=x onerror=alert(1)></script>\"\n\
     [expect]\nwall_overlap_min = 1.0\nviolations_max = 0\n\
@@ -45,7 +45,7 @@ fn nothing_of_the_scenario_is_markup() {
     assert!(!html.contains("://"), "an address");
 }
 
-/// The cause stands before everything else; passed checks are folded behind it.
+/// The cause stands first; passed checks are folded after it.
 #[test]
 fn a_failing_report_begins_with_its_cause() {
     let html = wounded();

@@ -52,8 +52,9 @@ fn planted_defects_are_found_by_the_checks_of_safety() {
     }
 }
 
-/// The phone of the car is gone for good (AF-07): the car drives on, 3 s after the start of a drive
-/// of 40 s. Its board has no watchdog of its own that would stop it, as commands reach it.
+/// The phone of the car is gone permanently (AF-07): the car continues to drive, 3 s after the
+/// start of a drive of 40 s. The watchdog of its board does not stop it, because the board receives
+/// commands.
 #[test]
 fn a_car_whose_remote_is_gone_must_stop() {
     let judged = |defects: &str| {
@@ -77,7 +78,7 @@ fn a_car_whose_remote_is_gone_must_stop() {
     assert_eq!(without.status, Status::Pass, "{}", without.detail);
 }
 
-/// A silent lidar that comes back is no failure at the end; one that does not come back is, unless
+/// A lidar that is silent for a while is no failure at the end; one that stays silent is, unless
 /// the scenario says that it stays broken.
 #[test]
 fn what_was_healed_must_carry_bytes_again() {
@@ -124,8 +125,8 @@ fn own_robot(more: &str) -> (Run, Vec<OpenEnd>) {
     (Run::with_rig(scenario, rig, instruments), open_ends)
 }
 
-/// Drives for 6 s as a program of one's own: each 100 ms it asks the remote for its speed and tells
-/// it to the wheels, if `may_drive` allows it by what the lidar and the remote have said.
+/// Drives for 6 s with a user's program: every 100 ms it reads a speed from the remote and sends it
+/// to the wheels, if `may_drive` allows this for the received bytes of the lidar and the remote.
 fn drive(more: &str, may_drive: impl Fn(&[u8], &[u8]) -> bool) -> Outcome {
     let (mut run, ends) = own_robot(more);
     let node = |name: &str| {
@@ -152,8 +153,8 @@ fn drive(more: &str, may_drive: impl Fn(&[u8], &[u8]) -> bool) -> Outcome {
     run.judge()
 }
 
-/// At stake: what holds for the built-in robots holds for a stranger's program. The one drives
-/// whatever its lidar does; the other stops when nothing comes.
+/// At stake: the rules for the built-in robots also hold for a user's program. One program drives
+/// without regard to its lidar; the other stops when no bytes come.
 #[test]
 fn a_strangers_program_must_rest_without_its_lidar() {
     let more = "[expect.safety]\nrests_within = \"1s\"\n[[fault]]\nkind = \"cut\"\n\
@@ -170,8 +171,8 @@ fn a_strangers_program_must_rest_without_its_lidar() {
     assert_eq!(sound.status, Status::Pass, "{}", sound.detail);
 }
 
-/// On a line that clears the highest bit, no reply of the remote has a valid checksum. The one
-/// program takes any bytes for an order, the other a sound frame alone.
+/// On a line that clears the highest bit, no reply of the remote has a valid checksum. One program
+/// accepts any bytes as an order, the other only a valid frame.
 #[test]
 fn a_strangers_program_must_not_move_on_damaged_frames() {
     let more = "[expect.safety]\nsound_orders = true\norders_link = \"remote\"\n[[fault]]\n\

@@ -217,8 +217,8 @@ fn a_bag_in_sqlite_becomes_a_map_and_a_way() {
     maps_the_room(&session, "bag.db3.zstd");
 }
 
-/// Three files, the first of them last by name; the metadata gives the order. If one is missing,
-/// the others are mapped.
+/// Three files, of which the first one is the last by name; the metadata gives the order. If one is
+/// missing, the others are mapped.
 #[test]
 fn the_files_of_a_folder_are_one_recording() {
     let session = Session::new("folder");

@@ -1,5 +1,5 @@
-//! A foreign program, in a process of its own: it answers on the register bus, written from the
-//! format alone, sound or with one bug.
+//! A foreign program in its own process: it answers on the register bus, written only from the
+//! format's document, correct or with one bug.
 
 use core::time::Duration;
 use std::io::{ErrorKind, Read, Write};

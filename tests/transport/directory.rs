@@ -135,7 +135,7 @@ fn the_record_is_not_written_through_a_link() {
     assert_untouched(&victim, &error, ".hilrig-ports");
 }
 
-/// A second name of a file is as good as a link to it.
+/// A second hard link of a file is treated like a symbolic link to it.
 #[test]
 fn the_record_is_not_written_into_a_file_that_has_another_name_too() {
     let (path, victim) = trapped_dir("record_hard_link", "unused");

@@ -1,8 +1,8 @@
-//! `hilrig fuzz --exec` against a foreign program, a process of its own on a pseudo-terminal, and
-//! `--dut-dir` against one that is there already.
+//! `hilrig fuzz --exec` with a foreign program in its own process on a pseudo-terminal, and
+//! `--dut-dir` with one that already runs.
 //!
-//! The wall clock is in these tests as a limit only: a program that lives has far more time than it
-//! needs. What it answers in time, and whether it hangs, is seen in virtual time.
+//! The wall clock is only a limit in these tests: a correct program has far more time than it
+//! needs. Timing of answers, and hangs, are judged in virtual time.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -170,7 +170,7 @@ fn a_broken_rule_of_a_device_is_found() {
     assert!(!case.contains("[[fault]]"), "{case}");
 }
 
-/// Two programs of one line: one ends as if all were well, the other never reads its port.
+/// Two programs of one line: one ends with exit code 0, the other never reads its port.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn an_early_end_and_a_port_that_is_not_read_are_found() {
@@ -205,7 +205,7 @@ fn a_crash_found_in_virtual_time_is_repeated_to_the_byte() {
     assert_eq!(bytes("capture.pcapng"), bytes("repeated.pcapng"));
 }
 
-/// A program of one line that computes on and on takes no virtual time, and is found all the same.
+/// A program of one line that computes endlessly takes no virtual time, and is found nevertheless.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_program_that_spins_is_found_in_virtual_time() {

@@ -107,8 +107,8 @@ fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
     assert_eq!(told.matches("[[raw.turn]]").count(), 1, "{told}");
 }
 
-/// The same driver with the missing check. Errors that it raises are no findings by default. If the
-/// user asks for them, all of them are one finding, whatever the bytes.
+/// The same driver with the missing check. Exceptions that it raises are no findings by default. If
+/// the user wants them, all of them are one finding, for any bytes.
 #[test]
 fn a_driver_that_reports_bad_frames_is_not_found_fault_with() {
     let check = "if count != head[1] - 1: raise BadFrame(\"count\")";

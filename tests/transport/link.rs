@@ -1,5 +1,4 @@
-//! `hilrig link` between pairs of pseudo-terminals: the output differs by the fault, and by nothing
-//! else.
+//! `hilrig link` between pairs of pseudo-terminals: the output differs only by the fault.
 
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
@@ -131,7 +130,7 @@ impl Client {
         Self { port, read }
     }
 
-    /// Whether it has read as much as `wanted`, after it took the bytes that are available.
+    /// Whether the port has read as many bytes as `wanted`, after taking the available bytes.
     fn has(&mut self, wanted: &[u8]) -> bool {
         let mut buf = [0; 512];
         if serialport::SerialPort::bytes_to_read(&self.port).expect("stays") > 0 {
@@ -178,7 +177,7 @@ fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
     let mut link = Running::start(&["link"].into_iter().chain(words).collect::<Vec<_>>());
     link.wait_for("until Ctrl-C");
 
-    // An unplugged port is back once bytes have crossed the others.
+    // An unplugged port is back after bytes have passed through the others.
     let mut clients = BTreeMap::new();
     for is_late in [false, true] {
         let those = rows.iter().enumerate();

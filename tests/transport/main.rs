@@ -1,7 +1,7 @@
-//! The real edge: bytes through the operating system's terminals.
+//! The real interface: bytes through the operating system's terminals.
 //!
-//! The tests check content and order only, never latency. Every wait ends as soon as the awaited
-//! event happens, and no assertion depends on how long that took.
+//! The tests check only content and order, never latency. Every wait ends as soon as the awaited
+//! event happens, and no assertion depends on its duration.
 
 mod client;
 mod control;

@@ -1,4 +1,4 @@
-//! The PC's end of the air as a port: no UART is behind it, so it has no baud rate.
+//! The PC's end of the radio as a port: there is no UART, so it has no baud rate.
 
 use core::time::Duration;
 use std::collections::BTreeSet;
@@ -72,8 +72,8 @@ fn fielded_client<P: Read + Write>(name: &str, open: impl FnOnce(&Path) -> P) ->
     while !heard.is_whole() && realtime.clock().now() < MISSION_MAX {
         realtime.turn(&mut run).expect("the port stays");
         realtime.clock().advance(Duration::from_millis(5));
-        // Time stands until the client has all that it was given: the kernel carries bytes across
-        // in a thread of its own, and a port that fills meanwhile loses bytes.
+        // Time stands until the client has all bytes sent to it: a kernel thread moves the bytes,
+        // and a port that becomes full meanwhile loses bytes.
         let reports = realtime.reports();
         let given: u64 = reports.map(|report| report.traffic.to_client).sum();
         wait_until(|| {

@@ -152,8 +152,8 @@ fn a_robot_that_is_killed_at_work_can_be_started_again() {
     first.wait_for("mode waypoint");
     up.wait_for("motors-on");
     first.signal(Signal::KILL);
-    // Its master is gone: the base stops by itself, maybe before the closing is seen. A port that
-    // is seen closed can be had again.
+    // The base has lost its master and stops, maybe before the rig sees the closing. A port whose
+    // closing was seen can be opened again.
     let ports = ["lidar", "motor", "base", "radio"];
     let closed = ports.map(|port| format!("{port} port-closed"));
     let closed = closed.iter().map(String::as_str);
@@ -274,7 +274,7 @@ fn a_device_that_is_pulled_while_the_rig_runs_ends_it_with_an_error() {
     assert!(!ports.exists(), "the ports are removed all the same");
 }
 
-/// A killed rig removes nothing. The next one in the same directory must work all the same.
+/// A killed rig removes nothing. The next rig in the same directory must work nevertheless.
 #[test]
 fn a_rig_that_was_killed_is_followed_by_another_in_the_same_directory() {
     let dir = fresh_path("killed");
@@ -370,7 +370,7 @@ fn the_table_names_the_pcs_end_only_if_it_is_wanted() {
     assert_eq!(table(&["--pc"]), [&own[..], &["pc any"]].concat());
 }
 
-/// A rig that is started again by the same command keeps what it recorded before.
+/// A rig started again with the same command keeps its earlier capture.
 #[test]
 fn a_rig_that_is_started_again_overwrites_no_capture() {
     let dir = fresh_path("again-capture");

@@ -29,7 +29,7 @@ fn every_byte_value_passes_both_ways_unchanged() {
     assert_eq!(port.counters(), Counters::default());
 }
 
-/// A client that sets nothing at all (a shell's `cat`) works without settings.
+/// A client that changes no settings (a shell's `cat`) works.
 #[test]
 fn a_fresh_port_is_raw_and_at_the_rate_of_its_line() {
     let dir = fresh_dir("a_fresh_port");
@@ -111,7 +111,7 @@ fn a_quick_restart_of_the_client_is_noticed() {
     assert_eq!(next_events(&mut port, 1), [Closed]);
 }
 
-/// `stty -F` and the like open a port beside its client.
+/// `stty -F` and similar tools open a port beside its client.
 #[test]
 fn a_second_visitor_neither_opens_nor_closes() {
     let dir = fresh_dir("second_visitor");

@@ -200,7 +200,7 @@ fn a_client_at_the_wrong_rate_is_told_and_reads_garbage() {
     assert!(station.log().contains(expected), "{}", station.log());
 }
 
-/// A client that comes while the device is sending gets the rest, and no earlier byte.
+/// A client that opens the port while the device is sending gets the rest, and no earlier byte.
 #[test]
 fn a_client_that_comes_late_reads_only_what_is_sent_from_then_on() {
     let dir = fresh_dir("comes_late");

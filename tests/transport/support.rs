@@ -47,8 +47,8 @@ pub(crate) fn client_reads(client: &mut TTYPort) -> Vec<u8> {
     }
 }
 
-/// What the client reads until it has `count` bytes and its line is quiet. The kernel carries bytes
-/// between the two sides in a thread of its own, which waits for its turn as all others do.
+/// Bytes that the client reads until it has `count` and its line is quiet. A kernel thread moves
+/// bytes between the two sides, and has no priority.
 pub(crate) fn client_gets(client: &mut TTYPort, count: usize) -> Vec<u8> {
     let mut all = Vec::new();
     wait_until(|| {
@@ -58,7 +58,7 @@ pub(crate) fn client_gets(client: &mut TTYPort, count: usize) -> Vec<u8> {
     all
 }
 
-/// What waits at the client now.
+/// Unread bytes of the client.
 pub(crate) fn client_has(client: &mut TTYPort) -> Vec<u8> {
     let mut buf = [0; 4096];
     match waiting(client) {
@@ -70,7 +70,7 @@ pub(crate) fn client_has(client: &mut TTYPort) -> Vec<u8> {
     }
 }
 
-/// How many bytes wait at the client.
+/// Number of unread bytes of the client.
 pub(crate) fn waiting(client: &TTYPort) -> u32 {
     serialport::SerialPort::bytes_to_read(client).expect("the port stays")
 }

@@ -31,7 +31,7 @@ impl Protocol for Board {
         Decoder::default()
     }
 
-    /// 13 plausible bytes, with nothing or the start of the next frame behind them.
+    /// 13 plausible bytes, followed by nothing or by the start of the next frame.
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let &[
             0,

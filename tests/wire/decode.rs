@@ -50,8 +50,8 @@ fn the_old_firmware_has_22_turns_in_two_captures() {
     }
 }
 
-/// A field capture of a host that lost each NUL byte. It has no carriage return either, and
-/// thirteen times as many line feeds as the values around: a terminal in text mode, as it was.
+/// A field capture of a host that lost each NUL byte. It also has no carriage return, and thirteen
+/// times as many line feeds as neighbouring values: a terminal in text mode.
 #[test]
 fn a_host_that_strips_nul_is_named() {
     let Some(bytes) = capture("../data/neato/slamrs_out.bin") else {

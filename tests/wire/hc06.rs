@@ -22,7 +22,7 @@ const TABLE: [(&str, Command<'static>); 15] = [
     ("AT+PN", Command::Parity(Parity::None)),
     ("AT+PO", Command::Parity(Parity::Odd)),
     ("AT+PE", Command::Parity(Parity::Even)),
-    // These three the 2.0 firmware alone knows.
+    // Only the 2.0 firmware has these three.
     ("AT+ROLE=S", Command::Role(Role::Slave)),
     ("AT+LED0", Command::Led(Led::Off)),
     ("AT+LED1", Command::Led(Led::On)),

@@ -22,7 +22,7 @@ fn feed<D: Decode<Frame: Wire>>(decoder: &mut D, bytes: &[u8]) -> Outcome {
         .collect()
 }
 
-/// All results from `bytes` with an idle line behind them.
+/// All results from `bytes` followed by an idle line.
 fn decode<D: Decode<Frame: Wire>>(decoder: &mut D, bytes: &[u8]) -> Vec<Vec<u8>> {
     let mut outcome = feed(decoder, bytes);
     decoder.idle();
@@ -52,8 +52,8 @@ pub(crate) fn chunking_changes_nothing<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// After each piece, every byte is in a frame, discarded or pending. After a pause and one look,
-/// none is pending.
+/// After each piece, every byte is in a frame, discarded or pending. After a pause and one more
+/// call, none is pending.
 pub(crate) fn every_byte_is_accounted_for<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     bytes: &[u8],
@@ -78,8 +78,8 @@ fn framed_bytes(outcome: &Outcome) -> usize {
     outcome.iter().flatten().map(Vec::len).sum()
 }
 
-/// Dropping the iterator of `push` half-way feeds the rest all the same: the next push continues
-/// where the bytes ended.
+/// Dropping the iterator of `push` half-way feeds the rest nevertheless: the next push continues
+/// after the last byte.
 pub(crate) fn an_iterator_dropped_early_feeds_the_rest<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     bytes: &[u8],
@@ -144,7 +144,7 @@ pub(crate) fn one_damaged_byte_costs_at_most_two_frames<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// A cut frame costs no frame behind it.
+/// A cut frame does not damage the frame after it.
 pub(crate) fn a_cut_frame_costs_nothing_behind_it<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     cut: &[u8],
@@ -249,7 +249,7 @@ pub(crate) fn a_pause_ends_every_wait<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// Any bytes at all are survived, and the decoder is as good as new after a pause.
+/// The decoder survives any bytes, and works as a new one after a pause.
 pub(crate) fn any_bytes_are_survived<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     bytes: &[u8],
@@ -274,8 +274,8 @@ pub(crate) fn sent_frames_arrive_with_the_next_or_a_pause<D: Decode<Frame: Wire>
     Ok(())
 }
 
-/// After a pause, reported once or twice, whatever came before it, a frame with a pause behind it
-/// is decoded.
+/// After a pause, reported once or twice, and after any bytes, a frame followed by a pause is
+/// decoded.
 pub(crate) fn a_pause_ends_every_patient_wait<D: Decode<Frame: Wire>>(
     new: impl Fn() -> D,
     before: &[u8],

@@ -30,7 +30,7 @@ pub(crate) enum Fault {
     /// Ignores checksums.
     Believes,
     /// Loses the rest of a piece when the iterator is dropped: it takes the whole piece at once and
-    /// keeps only the results that were asked for.
+    /// keeps only the requested results.
     TakesAllAtOnce,
     /// Indexes past its buffer on the largest count, as the fielded slave does.
     OverrunsOn127,

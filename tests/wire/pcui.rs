@@ -106,7 +106,7 @@ fn a_coded_row_is_golden_both_ways() {
     );
 }
 
-/// A row that does not compress goes out as it is: 303 bytes of payload. By hand: layer 1, y 299
+/// A row that does not compress is sent uncompressed: 303 bytes of payload. By hand: layer 1, y 299
 /// (2B 01), then 150 times 00 FF; the sum is 1 + 0x2B + 1 + 150 * 255 = 0x9597.
 #[test]
 fn a_plain_row_is_golden_both_ways() {
@@ -140,8 +140,8 @@ fn a_row_is_coded_up_to_149_runs() {
     assert_eq!((plain.len(), &plain[14..17]), (17 + 303, &b"MAP"[..]));
 }
 
-/// By hand: (1500, -2) as id 0, first; (300, 600) as id 7 behind it. Sum of
-/// 02 00 DC 05 FE FF 00 00 00 FF FF 2C 01 58 02 00 07 00 00 00 is 1388, 0x56C.
+/// By hand: (1500, -2) as id 0, first; (300, 600) as id 7 after it. Sum of 02 00 DC 05 FE FF 00 00
+/// 00 FF FF 2C 01 58 02 00 07 00 00 00 is 1388, 0x56C.
 #[test]
 fn a_list_of_waypoints_is_golden_both_ways() {
     let bytes = golden(

@@ -7,7 +7,7 @@ use protocols::Decode;
 
 use crate::damage::{Damage, damage};
 
-/// A frame that knows its bytes on the wire.
+/// A frame with access to its wire bytes.
 pub(crate) trait Wire {
     /// Its bytes.
     fn wire(&self) -> Vec<u8>;
@@ -84,7 +84,7 @@ pub(crate) fn one_damage<P: Protocol>() -> impl Strategy<Value = Damage> {
     damage(P::TELLING)
 }
 
-/// Positions at which a stream is cut into pieces: many, few or none at all.
+/// Positions at which a stream is cut into pieces: many, few or none.
 pub(crate) fn cuts() -> impl Strategy<Value = Vec<Index>> {
     prop_oneof![vec(any::<Index>(), 0..4), vec(any::<Index>(), 0..60)]
 }

@@ -139,7 +139,7 @@ pub struct Capture {
 }
 
 impl Capture {
-    /// Reads as much as possible of `bytes`.
+    /// Reads `bytes` up to the first error.
     pub fn of(bytes: &[u8]) -> Self {
         let (mut capture, mut reader) = (Self::default(), Reader::default());
         capture.feed(&mut reader, bytes);
@@ -147,7 +147,7 @@ impl Capture {
         capture
     }
 
-    /// Reads as much as possible of a file.
+    /// Reads a file up to the first error.
     pub fn read(path: &Path) -> io::Result<Self> {
         let (mut capture, mut reader) = (Self::default(), Reader::default());
         let mut file = File::open(path)?;

@@ -96,7 +96,7 @@ impl Recording {
 }
 
 impl Tap for Recording {
-    /// Does nothing: everything written comes from [`arrived`](Tap::arrived), which knows both
+    /// Does nothing: all written records come from [`arrived`](Tap::arrived), which knows both
     /// sides.
     fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
 

@@ -18,8 +18,8 @@ pub struct AvrBaseConfig {
     pub phase: Option<Duration>,
     /// Its battery.
     pub battery: BatteryConfig,
-    /// Messages of its own accord: the status register whenever the stop button changes it. Only
-    /// firmware that reports a status has them.
+    /// Unsolicited messages: the status register whenever the stop button changes it. Only firmware
+    /// that reports a status sends them.
     pub announce: Announce,
     /// The text that the fielded builds print for each request when a button is held at the start,
     /// see [`AvrBase::DEBUG`](super::AvrBase::DEBUG); it makes every reply some 7 ms late.
@@ -41,7 +41,7 @@ impl AvrBaseConfig {
     }
 }
 
-/// Whether the base speaks of its own accord.
+/// Whether the base sends unsolicited messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Announce {
     /// Answers only.

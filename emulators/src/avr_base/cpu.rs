@@ -397,8 +397,8 @@ mod tests {
         Step::Received { ended, byte }
     }
 
-    /// A pass takes 24.6 us, and the test comes 0.8 us behind the load; without an eye on them it
-    /// goes as far.
+    /// A pass takes 24.6 us, and the test comes 0.8 us after the load. Without observed steps, the
+    /// main loop takes the same time.
     #[test]
     fn the_main_loop_loads_and_tests() {
         for main_from in [0, 10_000] {
@@ -420,8 +420,8 @@ mod tests {
         }
     }
 
-    /// From 24.6 us before a load: up to it, 0.4 us behind it, to the test, behind that, two
-    /// passes.
+    /// From 24.6 us before a load: up to the load, 0.4 us after it, to the test, after the test,
+    /// and two passes.
     #[test]
     fn the_main_loop_goes_round_without_steps() {
         let after = |times: &[u64]| {
@@ -441,7 +441,7 @@ mod tests {
         assert_eq!(cpu.next_change(), at(24_600));
     }
 
-    /// 6.4 us each, one behind the other; nothing comes between.
+    /// 6.4 us each, one directly after the other.
     #[test]
     fn a_byte_is_received_when_its_interrupt_is_over() {
         let mut cpu = cpu(0);
@@ -459,8 +459,8 @@ mod tests {
         assert_eq!((cpu.to_load, cpu.main_left), (true, 7_400));
     }
 
-    /// The first byte is in the ring after 5 us of work and on the line 3 us later; the next ones
-    /// come each 10 us, and the last is in the ring 1.8 us of work behind the one before.
+    /// The first byte is in the ring after 5 us of work and on the line 3 us later. The next bytes
+    /// follow every 10 us. The last one is in the ring after 1.8 us more of work.
     #[test]
     fn a_reply_goes_out_at_the_pace_of_the_line() {
         let mut cpu = cpu(0);

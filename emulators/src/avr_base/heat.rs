@@ -72,7 +72,8 @@ impl AvrBase {
         &self.thermometers.kits
     }
 
-    /// One more register if there are kits, five if there is a gyroscope behind them.
+    /// Length of the register map: one more register with kits, five more with a gyroscope after
+    /// them.
     pub(super) fn map_len(&self) -> usize {
         let own = match (self.config.imu, self.config.heat) {
             (Imu::Fitted, _) => usize::from(YAW - KITS) + 4,
@@ -82,7 +83,7 @@ impl AvrBase {
         COUNT + own
     }
 
-    /// One run of the analog task: both thermometers, and kits that are to be dropped.
+    /// One run of the analog task: reads both thermometers, and drops requested kits.
     pub(super) fn feel(&mut self, world: &World) {
         if self.config.heat == Heat::None {
             return;
@@ -97,7 +98,7 @@ impl AvrBase {
         self.count_kits();
     }
 
-    /// Enters how many kits have left the magazine.
+    /// Sets the register with the number of dropped kits.
     pub(super) fn count_kits(&mut self) {
         if self.config.heat == Heat::Fitted {
             self.memory.set(KITS, self.dropped());

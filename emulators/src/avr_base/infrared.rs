@@ -318,7 +318,7 @@ impl Curve {
         whole
     }
 
-    /// The least reading above the threshold for which the curve says `mm` or less.
+    /// The least reading above the threshold that the curve converts to `mm` or less.
     fn first_at_most(&self, mm: f64) -> u16 {
         // The branch falls, so the range can be halved until one reading is left.
         let (mut low, mut high) = (self.threshold() + 1, FALLING_UP_TO);

@@ -9,7 +9,7 @@ use protocols::Instant;
 use crate::device::BrokenRules;
 use crate::{Event, EventKind};
 
-/// Rules that a master can break, and what to do instead.
+/// Rules that a master can break, and how to keep them.
 pub mod rules {
     /// Bytes that belong to no frame: none between frames.
     pub const STRAY_BYTES: &str = "stray-bytes";

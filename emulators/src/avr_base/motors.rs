@@ -13,7 +13,8 @@ use super::ticks::{DIVIDER, REGULATOR};
 use super::{AvrBase, SET_POINT_REGISTERS, WHEELS};
 use crate::world::{Drive, World};
 
-/// A processor that answers after a fixed time acts on the expired motor watchdog this much later.
+/// Delay between the expiry of the motor watchdog and its effect, for a processor that answers
+/// after a fixed time.
 const WATCHDOG_LAG: Duration = Duration::from_micros(42);
 
 impl AvrBase {

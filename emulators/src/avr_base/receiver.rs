@@ -375,8 +375,8 @@ mod tests {
         Instant::from_nanos(micros * 1_000)
     }
 
-    /// Requests from bytes that come 10 us after each other, and from the pause behind them:
-    /// whether each is valid.
+    /// The bytes come 10 us after each other, followed by a pause. Returns for the requests from
+    /// both whether each is valid.
     fn heard(bytes: &[u8]) -> (Vec<bool>, Vec<bool>) {
         let (mut receiver, mut journal) = (buffered(), Journal::default());
         let (mut now, mut heard) = (100, Vec::new());

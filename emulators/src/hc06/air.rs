@@ -17,7 +17,7 @@ pub(super) struct Air {
     pub(super) down: Lane,
     now: Instant,
     carrier: Radio,
-    /// Time to move a byte while the other direction rests.
+    /// Time to move a byte while the other direction is idle.
     step: Duration,
     slot: Duration,
 }
@@ -40,7 +40,7 @@ impl Air {
         self.now
     }
 
-    /// Time to move a byte while the other direction rests.
+    /// Time to move a byte while the other direction is idle.
     pub(super) const fn step(&self) -> Duration {
         self.step
     }
@@ -55,13 +55,13 @@ impl Air {
         self.carrier = carrier;
     }
 
-    /// Takes bytes of the UART, all at `at`; how many found room.
+    /// Accepts bytes of the UART, all at `at`; returns how many fitted.
     pub(super) fn push_up(&mut self, bytes: &[u8], at: Instant) -> usize {
         let step = step_beside(self.step, &self.down);
         self.up.push(bytes, at, step)
     }
 
-    /// Takes bytes of the host, all at `at`; how many found room.
+    /// Accepts bytes of the host, all at `at`; returns how many fitted.
     pub(super) fn push_down(&mut self, bytes: &[u8], at: Instant) -> usize {
         let step = step_beside(self.step, &self.up);
         self.down.push(bytes, at, step)

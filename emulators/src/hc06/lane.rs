@@ -95,8 +95,8 @@ impl Lane {
         self.queue_len - self.queue.len()
     }
 
-    /// Puts bytes into the queue, all at `at`, as far as there is room; how many. `step` is the
-    /// time that moving a byte takes now.
+    /// Puts bytes into the queue, all at `at`, until it is full; returns how many fitted. `step` is
+    /// the time to move a byte now.
     pub(super) fn push(&mut self, bytes: &[u8], at: Instant, step: Duration) -> usize {
         let taken = bytes.len().min(self.room());
         if self.queue.is_empty() {

@@ -72,8 +72,8 @@ pub struct Profile {
     pub leftovers: Leftovers,
     /// Bytes between UART and radio, towards the host. One remark has "after about 700 bytes".
     pub fifo_len: usize,
-    /// Bytes a second that the module moves in one direction while the other one rests: 20 to
-    /// 22.5 kB/s measured. With both directions loaded each gets half: 10.8 kB/s measured.
+    /// Bytes a second that the module moves in one direction while the other is idle: 20 to 22.5
+    /// kB/s measured. With both directions loaded each gets half: 10.8 kB/s measured.
     pub rate_bytes_s: u32,
     /// Maximum number of bytes of a radio frame: 127 or 330, no source says which of them linvor
     /// uses.

@@ -256,7 +256,7 @@ fn the_reply_comes_half_a_second_after_the_command() {
 
 /// Pauses of public tools that configure real modules, after their last byte, in milliseconds: 550
 /// and 600 (scripts), 1000 (three sketches with a delay of one second), 1200 (an automatic tester).
-/// Each tool gets its whole reply, and the next command is read as one of its own.
+/// Each tool gets its whole reply, and its next command is recognised as a command.
 #[test]
 fn f6_the_waits_of_six_public_tools_are_long_enough() {
     let session: [(&[u8], &str); 5] = [
@@ -291,7 +291,7 @@ fn f6_the_silence_can_be_set() {
     assert_eq!(bench.robot[0].0, Instant::from_nanos(1_003_124_999));
 }
 
-/// F7, the module's own side: the configured line coding is reported as soon as it is used. So a
+/// F7, the module's own side: the configured line coding is reported as soon as it is used, so a
 /// rig that judges a client by it blames the right one.
 #[test]
 fn f7_the_line_that_the_module_tells_is_the_one_it_uses() {
@@ -799,7 +799,7 @@ fn framing_errors_are_judged_once_a_second() {
     assert!(bench.events[1].detail.starts_with("99 more"));
 }
 
-/// A host that writes a mebibyte at once did not wait; one that asks for room loses nothing.
+/// A host that writes a mebibyte at once loses bytes; one that checks for room loses none.
 #[test]
 fn a_host_that_does_not_wait_is_judged() {
     let mut bench = Bench::connected(at(BAUD));
@@ -868,7 +868,7 @@ fn out_of_reach_begins_and_ends_by_its_name() {
     assert_eq!(bench.radio.mode(), Mode::Data);
 }
 
-/// T3: of 1,000 bytes 700 wait. The others are lost, reported once and then counted.
+/// T3: of 1,000 bytes, 700 wait. The others are lost, reported once and then only counted.
 #[test]
 fn an_overflow_is_told_with_its_size() {
     let mut bench = Bench::connected(at(BAUD));
@@ -974,8 +974,8 @@ fn what_nobody_takes_holds_the_air_up() {
     assert_eq!(lane.room(), 100 - 26);
 }
 
-/// A radio of 1 MB/s behind a UART of 9600 baud. A byte takes 1.04 ms, so a hundred bytes reported
-/// at once went into the air one after the other, and the last ones are still under way.
+/// A radio of 1 MB/s with a UART of 9600 baud. A byte takes 1.04 ms. So of a hundred bytes reported
+/// at once, the first ones have gone over the air, and the last ones are still under way.
 #[test]
 fn a_fast_radio_waits_for_each_byte_of_the_uart() {
     let mut profile = at(9_600);

@@ -10,8 +10,8 @@ use protocols::Instant;
 /// Supply of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotorSupply {
-    /// The rig's own supply, which watches the speed and holds it: for clients without a PWM pin.
-    /// Of a duty that is sent all the same, 0 switches the motor off.
+    /// The rig's own supply with speed control, for clients without a PWM pin. If a client sends a
+    /// duty nevertheless, 0 switches the motor off.
     Regulated {
         /// Turns per minute.
         rpm: f64,
@@ -196,7 +196,7 @@ impl Rotor {
         self.at += span;
     }
 
-    /// Whether the speed stays as it is for good.
+    /// Whether the speed no longer changes.
     fn is_steady(&self) -> bool {
         match self.supply {
             MotorSupply::Regulated { rpm } => self.speed_rpm == rpm && self.acceleration() >= 0.0,

@@ -81,8 +81,8 @@ mod tests {
         }
     }
 
-    /// A contact that never closes: the other one's edges count forth and back. By hand, from both
-    /// closed: 2, 2, 3, 3, then 2, 2, 3, 3 forever.
+    /// A contact that never closes: the edges of the other one count forward and backward. By hand,
+    /// from both closed: 2, 2, 3, 3, then 2, 2, 3, 3 forever.
     #[test]
     fn a_contact_that_never_closes_counts_nothing() {
         let mut encoder = PolledEncoder::default();

@@ -143,7 +143,7 @@ fn ap4_the_board_counts_all_edges_up_to_22_cm_a_second() {
     }
 }
 
-/// A wheel with half as many edges as the one in the world: of 4.4 m it counts 656, or one more.
+/// A wheel with half as many edges as in the world: over 4.4 m it counts 656 or 657.
 #[test]
 fn a_coarser_wheel_counts_fewer_edges() {
     let mut run = run(OdometerConfig {

@@ -81,7 +81,7 @@ impl PcMap {
         })
     }
 
-    /// Whether the robot still speaks of a map of this size.
+    /// Whether the robot still reports a map of this size.
     pub fn matches(&self, properties: &MapProperties) -> bool {
         self.resolution_mm == properties.resolution_mm
             && Self::size(properties) == Some([self.width, self.height])
@@ -182,7 +182,7 @@ mod tests {
         }
     }
 
-    /// A map of 4 columns and 2 rows: neither dimension may be taken for the other.
+    /// A map of 4 columns and 2 rows, so that swapped dimensions show.
     fn small() -> PcMap {
         PcMap::new(&properties(10, [40, 20])).expect("eight cells")
     }
@@ -229,7 +229,7 @@ mod tests {
         assert_eq!(map, small());
     }
 
-    /// Both dialects of the code; the fielded one leaves the last column as it was.
+    /// Both dialects of the code; the fielded one leaves the last column unchanged.
     #[test]
     fn both_dialects_fill_a_row() {
         let mut map = small();

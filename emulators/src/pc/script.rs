@@ -10,7 +10,7 @@ pub const RAW_MAX: usize = 65_536;
 /// Maximum number of steps of a script.
 pub const STEPS_MAX: usize = 10_000;
 
-/// Condition of a step. Steps are done in order: none before the one in front of it.
+/// Condition of a step. The steps are done in order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
     /// This long after the run began.

@@ -219,8 +219,8 @@ mod tests {
         list.iter().map(|one| (one.id, one.previous)).collect()
     }
 
-    /// Seed report, chapter on waypoints: a waypoint that is inserted between two leaves the others
-    /// their numbers. The robot sent 7 and 9; two in one place are two.
+    /// Seed report, chapter on waypoints: a waypoint inserted between two others leaves their
+    /// numbers unchanged. The robot sent 7 and 9; two waypoints at one position are different ones.
     #[test]
     fn a_waypoint_put_between_two_leaves_them_their_numbers() {
         let told = |id, position_mm| Waypoint {

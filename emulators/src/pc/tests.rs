@@ -1,4 +1,4 @@
-//! The PC by itself, and the PC behind a radio that loses bytes.
+//! The PC alone, and the PC with a radio that loses bytes.
 
 use proptest::prelude::*;
 use protocols::pcui::message::{MapProperties, State, encode_map_properties, encode_state};
@@ -724,7 +724,7 @@ fn a_pc_has_something_to_send_once_it_opens_its_port() {
     assert!(pc.may_send(Pc::AIR));
 }
 
-/// The list that is to be sent, and none after its echo.
+/// The list to be sent; empty after its echo.
 #[test]
 fn waypoints_that_were_not_confirmed_are_told() {
     let list = [[100, 200], [3, 4]];
@@ -861,7 +861,7 @@ fn an_echo_confirms_what_was_said_once() {
     );
 }
 
-/// If the other end goes while the port is closed, the port stays closed.
+/// If the other end closes while the port is closed, the port stays closed.
 #[test]
 fn a_closed_port_is_not_opened_by_a_far_end_that_goes() {
     let mut desk = Desk::new(Script::default());

@@ -16,8 +16,8 @@ use crate::world::World;
 
 /// Nearer than this there is no measurement (LD108).
 const RANGE_MIN_MM: f64 = 150.0;
-/// Standard deviation of a distance, parts of it. LD108 says below 1 %; the noise has no tails
-/// beyond 3.5 of them.
+/// Standard deviation of a distance, as a part of it. LD108 says below 1 %; the noise is limited to
+/// 3.5 deviations.
 const RANGE_SIGMA: f64 = 0.0025;
 /// Angular jitter of a beam. A guess.
 const JITTER_RAD: f64 = 0.05 * PI / 180.0;
@@ -34,8 +34,8 @@ const EDGE_STEP: f64 = 0.04;
 const DOT_RAD: f64 = 0.35 * PI / 180.0;
 /// Share of the samples of a plain surface that are lost by chance. A guess.
 const LOST: f64 = 0.015;
-/// Places on surfaces that never give a measurement (black, shiny, a screw): their size in metres,
-/// and one of how many. Guesses.
+/// Spots on surfaces that never give a measurement (black, shiny, a screw): their size in metres,
+/// and one spot in how many. Guesses.
 const SPOT_M: f64 = 0.04;
 const SPOT_ONE_IN: u64 = 16;
 /// Light that a sample needs, relative to a white wall at the greatest distance, and its variation

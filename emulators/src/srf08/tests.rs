@@ -238,8 +238,8 @@ fn noise_is_as_large_as_it_is_set() {
     assert!((8.6..11.4).contains(&deviation), "{deviation} cm");
 }
 
-/// ANN mode: the first echo as ever, and of the 32 slices of 2048 us only the one with the echo is
-/// set. 1 m is 5828 us there and back: the third slice. A plain ranging empties them.
+/// ANN mode: the first echo as usual; of the 32 slices of 2048 us only the one with the echo is
+/// set. 1 m is 5828 us there and back: the third slice. A plain ranging clears them.
 #[test]
 fn f17_ann_mode_tells_the_slice_of_the_echo() {
     let world = world(Some(1.0));

@@ -114,7 +114,7 @@ fn a_tap_beside_the_panel_is_not_reported() {
     assert_eq!(tapped, 2);
 }
 
-/// A double tap comes as two taps, even when both are asked for at once.
+/// A double tap gives two taps, even when both are requested at once.
 #[test]
 fn taps_do_not_run_into_each_other() {
     let mut panel = TouchPanel::new(Vec::new());

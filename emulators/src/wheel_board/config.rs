@@ -71,7 +71,7 @@ impl RangeSensor {
 pub struct Press {
     /// Start time.
     pub at: Instant,
-    /// For how long.
+    /// Duration.
     pub lasting: Duration,
 }
 

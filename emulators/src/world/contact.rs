@@ -214,9 +214,9 @@ mod tests {
         }
     }
 
-    /// Of two surfaces met in one step the one that came faster makes the contact, a millimetre in
-    /// one of a millisecond is 1 m/s; a body that leans on one continues touching it until it is
-    /// left.
+    /// Of two surfaces met in one step, the faster one makes the contact; a millimetre in a step of
+    /// a millisecond is 1 m/s. A body that leans on a surface continues to touch it until the body
+    /// moves away.
     #[test]
     fn a_step_makes_one_contact_at_most() {
         let scene = Scene::new::<Shape>([], vec![]).expect("empty");

@@ -66,8 +66,8 @@ impl Grid {
         grid
     }
 
-    /// Which primitive `ray` meets first, no farther than `limit`. Of several at the same
-    /// distance the one with the lowest index.
+    /// The primitive that `ray` meets first within `limit`. At equal distances, the one with the
+    /// lowest index.
     #[inline]
     pub(super) fn cross(
         &self,
@@ -267,8 +267,8 @@ impl Walk {
         })
     }
 
-    /// Distance to the edge of the present cell, and from edge to edge. `part` is how far into the
-    /// cell the ray begins, 0 to 1.
+    /// Distance to the edge of the present cell, and from edge to edge. `part` is the ray's start
+    /// within the cell, 0 to 1.
     #[inline]
     fn axis(part: f64, direction: f64, cell_m: f64) -> (f64, f64) {
         let across = cell_m / direction.abs().max(STILL);
@@ -301,8 +301,8 @@ impl Walk {
     }
 }
 
-/// Distance at which a ray from outside enters the grid. Per axis, in cells: where it starts, how
-/// far it goes per metre, and where the grid ends; it begins at 1.
+/// Distance at which a ray from outside enters the grid, for both axes in cells: its start, its
+/// progress per metre, and the end of the grid, which begins at 1.
 #[cold]
 fn entry(axes: [(f64, f64, f64); 2]) -> Option<f64> {
     let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
@@ -471,8 +471,9 @@ mod tests {
         assert_eq!(seen(2.0, 90.0, 1.0), [false; 4]);
     }
 
-    /// A quarter into a cell of half a metre: three quarters of it are left ahead and a quarter
-    /// back, at half a metre a metre along twice as far. Along the other axis it is never left.
+    /// The ray starts a quarter into a cell of half a metre: three quarters remain ahead and a
+    /// quarter behind. With half a metre of progress per metre, the distances are twice as long.
+    /// Along the other axis the ray never leaves the cell.
     #[test]
     fn a_cell_is_left_at_the_side_that_the_ray_goes_to() {
         assert_eq!(Walk::axis(0.25, 1.0, 0.5), (0.375, 0.5));

@@ -1,6 +1,6 @@
-//! The world as its users see it. Unless a test says otherwise the body has the seed report's
-//! figures (26 mm wheels 260 mm apart, 360 ticks a turn, 350 mm/s), a perfect floor and a radius of
-//! 160 mm.
+//! The world through its public interface. Unless a test says otherwise, the body has the seed
+//! report's figures (26 mm wheels 260 mm apart, 360 ticks a turn, 350 mm/s), a perfect floor and a
+//! radius of 160 mm.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -213,8 +213,8 @@ fn slip_shortens_the_way_but_not_the_count() {
 }
 
 /// 2 mm per root metre on each wheel. The body's distance, their mean, deviates by 2 mm / sqrt 2
-/// after a metre; the heading by 2 mm * sqrt 2 / 260 mm = 10.9 mrad, and 4 mrad of its own: 11.6
-/// mrad. With 400 runs the deviation itself is known to 3.5 %; 15 % are allowed.
+/// after a metre. The heading deviates by 2 mm * sqrt 2 / 260 mm = 10.9 mrad plus its own 4 mrad:
+/// 11.6 mrad. With 400 runs the deviation itself is known to 3.5 %; 15 % are allowed.
 #[test]
 fn noise_after_a_metre_is_as_large_as_stated() {
     let mut config = BodyConfig::default().ideal();
@@ -772,7 +772,7 @@ fn headings_stay_within_half_a_turn() {
     assert!(widest <= PI && widest > PI - TAU / 100.0, "{widest}");
 }
 
-/// The rest of a push continues in the next one, the twist as well: half of 1 rad and 1 rad.
+/// The rest of a push continues in the next one, also the rotation: half of 1 rad plus 1 rad.
 #[test]
 fn a_second_push_turns_by_what_is_left_of_the_first() {
     let mut world = open_floor();

@@ -71,9 +71,9 @@ const FLAW_BOTH: f64 = 3e-5;
 /// distances and 0.77 of strengths; 1 means none.
 const RANGE_KEPT: f64 = 0.11;
 const STRENGTH_KEPT: f64 = 0.23;
-/// Factors on the noise laws of even surfaces. A beam that wanders over rough and uneven surfaces
-/// adds noise to distances, so the first law is too much and that of strengths too little. Fitted
-/// to the repeats of (A).
+/// Factors on the noise laws of even surfaces. A beam that moves over rough and uneven surfaces
+/// gets more noise in its distances and less in its strengths than these laws predict. Fitted to
+/// the repeats of (A).
 const RANGE_PART: f64 = 0.75;
 const STRENGTH_PART: f64 = 1.1;
 
@@ -523,9 +523,9 @@ mod tests {
         assert_eq!(of(0.45 + 0.55 * 0.05), code(0x25, 0));
     }
 
-    /// T4: nearer, so that the mixed dot is bright enough: 400 mm beside 500 mm, covered 0.05, is
-    /// 400 + 100 * 0.25 = 425 mm; strength 553.6 * 0.05 = 27.7. Before nothing at all it is the
-    /// near side. Which of the two the beam hit does not matter.
+    /// T4: 400 mm beside 500 mm, near enough that the mixed dot is bright enough. Covered by 0.05,
+    /// it is 400 + 100 * 0.25 = 425 mm; strength 553.6 * 0.05 = 27.7. With nothing behind, it is
+    /// the near side. Which side the beam hit does not matter.
     #[test]
     fn a_dot_that_hardly_touches_is_seen_in_between() {
         let chance = 0.45 + 0.55 * 0.05;
@@ -756,7 +756,7 @@ mod tests {
     }
 
     /// A dot 1 m ahead, seen from 38 mm to the left of the beam, or to its right if the head turns
-    /// in the other direction. A post of 5 mm half way between is 19 mm beside the beam.
+    /// in the opposite direction. A post of 5 mm half way to the dot is 19 mm beside the beam.
     #[test]
     fn what_stands_between_dot_and_camera_hides_the_dot() {
         let is_hidden = |direction, post: [f64; 2]| {

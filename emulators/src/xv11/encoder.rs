@@ -33,10 +33,10 @@ const JITTER_DEG: f64 = 0.0064;
 /// the difference of a tooth's speed from that of a turn before, and to its correlation between
 /// teeth.
 const JITTER_CAPTURED_DEG: f64 = 0.0037;
-/// How the speed wanders within a turn: cycles a turn of the head, and amplitude as a part of the
-/// speed. Lines in the spectrum of 1,785 tooth speeds of the capture, once the mean of each tooth
-/// and of each turn is taken out: 0.137, 0.093, 0.079 and 0.078 rpm at 297. Belt and gear, by their
-/// even spacing.
+/// Variation of the speed within a turn: cycles per turn of the head, and amplitude as a part of
+/// the speed. Lines in the spectrum of 1,785 tooth speeds of the capture, after subtracting the
+/// mean of each tooth and of each turn: 0.137, 0.093, 0.079 and 0.078 rpm at 297. They come from
+/// belt and gear, as their even spacing shows.
 const LINES: [(f64, f64); 4] = [
     (0.868_5, 0.137 / 297.0),
     (3.361_5, 0.079 / 297.0),
@@ -72,14 +72,15 @@ pub(super) struct Encoder {
 /// Effect of belt and gear on an even speed: a head ahead of its even angle meets its teeth early.
 #[derive(Clone, Debug)]
 pub(super) struct Wander {
-    /// Stream of the rest and of the lines' phases; `None`: the speed does not wander.
+    /// Random stream of the remaining variation and of the lines' phases; `None`: the speed does
+    /// not vary.
     rng: Option<Rng>,
     phases: [f64; LINES.len()],
     /// Teeth passed.
     teeth: u32,
     /// Deviation of the speed besides the lines, as a part of it, ...
     rest: f64,
-    /// ... and how far ahead the head is by it, degrees.
+    /// ... and the resulting advance of the head, degrees.
     shift_deg: f64,
 }
 
@@ -114,7 +115,7 @@ impl Wander {
         self.shift_deg = SHIFT_KEPT * self.shift_deg + self.rest * TOOTH_DEG;
     }
 
-    /// How far ahead the head is, degrees.
+    /// Advance of the head, degrees.
     fn ahead_deg(&self) -> f64 {
         if self.rng.is_none() {
             return 0.0;
@@ -200,7 +201,7 @@ pub(super) const fn first_slot(tooth: u8) -> u16 {
     24 * (tooth as u16 % TEETH as u16) + 3
 }
 
-/// Running sum of how much wider than 24 degrees each tooth is.
+/// Running sum of each tooth's width minus 24 degrees.
 fn offsets() -> [f64; TEETH as usize] {
     let slowness: f64 = SPEEDS_RPM.iter().map(|rpm| 1.0 / rpm).sum();
     let mut sum = 0.0;
@@ -219,7 +220,7 @@ pub(super) enum Arrival {
     Late,
 }
 
-/// Judges a tooth that took `slots` slot times of the one before.
+/// Classifies a tooth that took `slots` slot times of the previous one.
 pub(super) fn arrival(slots: f64) -> Arrival {
     if slots > TOOTH_DEG + LATE_SLOTS {
         Arrival::Late

@@ -52,15 +52,15 @@ pub struct Statistics {
     pub word_changes: [u64; 6],
     /// Readings with code 0x21, by angle modulo 24, while every index followed the last.
     pub skipped_at: [u64; 24],
-    /// Readings whose code carries a strength, and those among them with the strength of the one
-    /// before.
+    /// Readings whose code contains a strength, and the number of those with the strength of the
+    /// previous reading.
     pub carried: [u64; 2],
     /// Median of strength times distance squared, in units of 1e8, over plain readings.
     pub strength_d2: f64,
     /// Farthest distance with strength warning, millimetres.
     pub weak_max_mm: u16,
-    /// Readings below 650 mm that warn or not as the law [`is_weak`](super::is_weak) says, as a
-    /// share.
+    /// Share of the readings below 650 mm whose warning follows the law
+    /// [`is_weak`](super::is_weak).
     pub weak_as_law: f64,
     /// Median speed, turns per minute.
     pub rpm_median: f64,
@@ -110,7 +110,7 @@ impl Statistics {
     }
 }
 
-/// The last boot text that is whole, and how many bytes of a packet it cut.
+/// The last complete boot text, and the number of bytes of a packet before it.
 fn boot(bytes: &[u8]) -> (Option<u64>, Option<String>) {
     const TITLE: &[u8] = b"\n\rPiccolo";
     let title = bytes.windows(TITLE.len()).rposition(|w| w == TITLE);

@@ -28,7 +28,8 @@ use crate::world::World;
 
 /// Packet after packet without measuring: 45.5 indices per packet time of 1.9097 ms.
 const FREE_RUN_TICK: Duration = Duration::from_nanos(41_950);
-/// A tooth that takes longer than this many of the one before is no longer waited for. A guess.
+/// Time after which the firmware no longer waits for a tooth, in times of the previous one. A
+/// guess.
 const WAIT_TEETH: f64 = 1.5;
 /// A head that turns but does not lock makes the processor restart after this. A guess; two sources
 /// report that it restarts forever.
@@ -349,7 +350,8 @@ mod tests {
         assert!(times.iter().copied().eq(expected.take(times.len())));
     }
 
-    /// Of 90 packets the one after the last is the first; ticks are as far apart as a packet takes.
+    /// After 90 packets the first index comes again; the ticks between packets equal a packet's
+    /// time.
     #[test]
     fn packets_of_a_free_run_follow_each_other() {
         let run = FreeRun {

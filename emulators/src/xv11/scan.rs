@@ -92,8 +92,8 @@ impl Scan {
         }
     }
 
-    /// Goes on with `pace` at its slot `index`. A packet begun stays begun only if its next slot
-    /// is the next one.
+    /// Continues with `pace` at its slot `index`. A partial packet is kept only if its next slot is
+    /// the next one.
     pub(super) fn follow(&mut self, pace: Pace, index: u16) {
         let before = self.slot();
         self.pace = Some(pace);
@@ -172,7 +172,7 @@ impl Scan {
         })
     }
 
-    /// A reading that was not made, with the strength of the one before.
+    /// A missing reading, with the strength of the previous one.
     pub(super) fn excuse(&self, code: u8) -> RawReading {
         RawReading::from(Reading::Invalid {
             code,

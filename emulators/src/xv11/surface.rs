@@ -54,7 +54,7 @@ fn patch(point: Point, size_m: f64, layer: u64) -> f64 {
     let corner = |dx: f64, dy: f64| value(left + dx, low + dy, layer);
     let below = corner(0.0, 0.0) * (1.0 - across) + corner(1.0, 0.0) * across;
     let above = corner(0.0, 1.0) * (1.0 - across) + corner(1.0, 1.0) * across;
-    // The mean of four has less spread than one: 1.35 makes up for it.
+    // The mean of four has less spread than a single value: the factor 1.35 corrects this.
     1.35 * (below * (1.0 - up) + above * up)
 }
 

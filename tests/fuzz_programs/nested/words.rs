@@ -1,5 +1,5 @@
-//! Magic words and a checksum of its own in Rust: `$NAME,FIELD,..*XX`, XX the exclusive or of what
-//! is between. Judged on.
+//! Magic words and a checksum in Rust: `$NAME,FIELD,..*XX`, where XX is the exclusive or of the
+//! bytes between `$` and `*`. Used for judging.
 
 use std::fs::OpenOptions;
 use std::io::{Read, Write};

@@ -1,4 +1,5 @@
-//! Any schedule at all: no panic, no byte unaccounted for, the same twice, and again as a case.
+//! Any schedule of faults: no panic, no lost byte in the counts, the same result twice, and again
+//! as a case.
 
 use std::path::Path;
 
@@ -78,7 +79,7 @@ const KEYS: [&str; 26] = [
     "direction",
 ];
 
-/// A few keys with their values. Valid ones make a fault; the others only must not panic.
+/// A few keys with their values. Valid ones make a fault; the others must not cause a panic.
 fn fault() -> impl Strategy<Value = String> {
     let kind = proptest::sample::select(FaultKind::ALL.to_vec());
     let key = proptest::sample::select(KEYS.to_vec());

@@ -120,7 +120,8 @@ fn a_gyroscope_by_itself_has_its_name_and_its_bias() {
 
 const CAMERA: &str = "[device.camera.camera]\ngaps = 0\nnoise_m = 0\n";
 
-/// Rows of depths that come within a second, each with how many of its 640 columns see something.
+/// Rows of depths received within a second, each with the number of its 640 columns that have a
+/// depth.
 fn rows(bench: &Bench, scan: &mut VirtualPort) -> Vec<Option<usize>> {
     let end = bench.now() + Duration::from_secs(1);
     let mut rows = Vec::new();

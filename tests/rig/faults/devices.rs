@@ -252,7 +252,7 @@ fn ranges(frames: &[Frame]) -> Vec<u16> {
     readings.filter_map(range).collect()
 }
 
-/// Halves are rounded one way or the other.
+/// Halves may be rounded up or down.
 fn distances_are_half_as_long_again(seen: &Seen, plain: &Seen) {
     let [wrong, right] = [seen, plain].map(|seen| ranges(&seen.packets(4_100, 5_900).0));
     assert!(right.len() > 1_000);

@@ -269,9 +269,9 @@ fn assert_again(seen: &Seen, piece: usize) {
     assert_eq!(again.case.fault, seen.case.fault);
 }
 
-/// At stake: that a fault does what its name says, no more, and nowhere else. Each kind shows at
-/// its target and as often as it should. A fault that never strikes leaves the wire alone. A second
-/// run agrees, and so does the saved case; three other lines carry their usual bytes.
+/// At stake: a fault does what its name says, and nothing else. Each kind of fault shows at its
+/// target and as often as it should. A fault that never strikes leaves the wire unchanged. A second
+/// run gives the same bytes, and so does the saved case; three other lines carry their usual bytes.
 #[test]
 fn each_kind_of_fault_is_seen_where_it_strikes_and_nowhere_else() {
     FaultKind::ALL.iter().copied().for_each(check);

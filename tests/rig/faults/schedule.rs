@@ -65,8 +65,8 @@ fn a_budget_bounds_the_damage_of_all_lines_together() {
     assert_eq!((a.len(), b.len()), (9, 10));
 }
 
-/// The adversity is from 10.3 to 10.5 ms: bytes 3 and 4. A fault with a byte or a time of its own
-/// strikes outside as well; a random one never does.
+/// The adversity lasts from 10.3 to 10.5 ms: bytes 3 and 4. A fault with its own byte or time also
+/// strikes outside of it; a random one never does.
 #[test]
 fn chance_strikes_in_the_adversity_only() {
     let phases = "[phases]\nwarm_up = \"10300us\"\nadversity = \"200us\"\nrecovery = \"1ms\"\n\

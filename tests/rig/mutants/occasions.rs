@@ -33,7 +33,7 @@ fn says(link: &str, at: u32, bytes: &[u8]) -> String {
     each.collect()
 }
 
-/// A frame of the PC in front of its own first.
+/// Inserts a frame of the PC before its next frame.
 fn pc_says(id: &[u8; 3], payload: &[u8]) -> String {
     let mut frame = [0; FRAME_MAX];
     frame[HEADER_LEN..HEADER_LEN + payload.len()].copy_from_slice(payload);
@@ -45,7 +45,7 @@ pub(super) fn frame_without_payload() -> String {
     way() + &pc_says(b"STA", &[])
 }
 
-/// A waypoint as it stands in a list: place, layer, number, the one before.
+/// A waypoint as encoded in a list: position, layer, number, predecessor.
 const fn waypoint(place: u8, id: u8, previous: [u8; 2]) -> [u8; 9] {
     [place, 0, place, 0, 0, id, 0, previous[0], previous[1]]
 }
@@ -78,7 +78,7 @@ pub(super) fn two_behind_one() -> String {
 /// In front of the second answer to a read of the wheels: the first has 15 bytes, the battery's 8.
 const SECOND_ANSWER: u32 = 23;
 
-/// Two bytes for ten; the rest of the buffer is the battery's.
+/// Two bytes instead of ten; the rest of the buffer has the battery's bytes.
 pub(super) fn short_reply() -> String {
     way()
         + &says(
@@ -88,7 +88,7 @@ pub(super) fn short_reply() -> String {
         )
 }
 
-/// The empty frame of register 36; the rest of the buffer is the battery's.
+/// The empty frame of register 36; the rest of the buffer has the battery's bytes.
 pub(super) fn acknowledgement() -> String {
     way() + &says("base", SECOND_ANSWER, &[0xAB, 0x24, 0x00, 0xCF, 0x00])
 }

@@ -165,7 +165,7 @@ impl<O: Order> Wire for Avr<O> {
     }
 }
 
-/// A register of a slave: where it begins, its bytes, how they are read.
+/// A register of a slave: its address, length and format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedRegister {
     /// Its first address.

@@ -182,7 +182,7 @@ fn put_within(bytes: &mut [u8], [least, greatest]: [u16; 2]) {
 #[derive(Clone, Copy, Debug)]
 pub struct CarCommand;
 
-/// A motor byte and a steering byte behind it, as the car's program always sends them.
+/// A motor byte followed by a steering byte, as the car's program always sends them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Pair([u8; 2]);
 

@@ -76,7 +76,7 @@ mod tests {
         assert!(!is_enough(&BUS, &[]));
     }
 
-    /// Pairs of a motor and a steering byte: many, one behind the other, and little else.
+    /// Pairs of a motor and a steering byte: many in sequence, and few other bytes.
     #[test]
     fn an_unchecked_format_must_explain_nearly_all() {
         let pair = [0x8C, 0x3A];

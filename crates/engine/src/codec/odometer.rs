@@ -256,7 +256,7 @@ impl Wire for Odometer {
         (holds && end < LINE_MAX).then_some(end + 1)
     }
 
-    /// The dialect, and how long the line is.
+    /// The dialect and the line's length.
     fn kind(line: &Line) -> u64 {
         let dialect = match line.meaning {
             Some(Meaning::Pose(dialect, _)) => dialect as u64,

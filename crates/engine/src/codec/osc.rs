@@ -192,7 +192,7 @@ impl Wire for Osc {
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let bytes = &bytes[..bytes.len().min(256)];
         let mut parts = bytes.chunks_exact(4);
-        // Whole groups of four up to the one with the zeros.
+        // Whole groups of four bytes, up to the one with the zeros.
         let mut text = || {
             let mut text = Vec::new();
             loop {

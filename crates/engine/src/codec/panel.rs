@@ -43,7 +43,7 @@ const FIELDS: [LuaField; 6] = [
 #[derive(Clone, Copy, Debug)]
 pub struct Panel;
 
-/// Bytes before the payload and behind it.
+/// Number of bytes before and after the payload.
 const AROUND: usize = HEADER_LEN + 2;
 /// Numbers of frames; the last is unknown.
 const OPS: [u8; 8] = [
@@ -93,7 +93,7 @@ impl Wire for Panel {
     fn repair(frame: &mut [u8]) {
         if let Some(len) = frame.len().checked_sub(AROUND) {
             let op = frame[1];
-            // A payload that became too long stays as it is.
+            // A payload that has become too long stays unchanged.
             let _ = panel::seal(frame, op, len);
         }
     }

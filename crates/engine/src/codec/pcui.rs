@@ -100,7 +100,7 @@ impl Wire for Pcui {
     fn repair(frame: &mut [u8]) {
         if let Some(len) = frame.len().checked_sub(pcui::HEADER_LEN) {
             let id = [frame[14], frame[15], frame[16]];
-            // A payload that became too long stays as it is.
+            // A payload that has become too long stays unchanged.
             let _ = pcui::seal(frame, id, len);
         }
     }

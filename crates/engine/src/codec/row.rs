@@ -79,7 +79,7 @@ pub struct Answers {
 }
 
 impl Answers {
-    /// All frames are of one kind, none is a refusal.
+    /// All frames are of one kind, and none is a refusal.
     pub const PLAIN: Self = Self {
         kind: |frame| frame.get(..1).unwrap_or(frame),
         head: 1,
@@ -242,7 +242,7 @@ impl Codec {
         &self.answers
     }
 
-    /// The other order of its checksum, if the tool distinguishes it.
+    /// The other byte order of the checksum, if the tool distinguishes it.
     pub const fn other_order(&self) -> Option<OtherOrder> {
         self.other_order
     }

@@ -120,7 +120,7 @@ impl Wire for Rplidar {
             [_, _, _, _, _, mode, kind, ..] => {
                 let payload = u32::try_from(len - HEAD_LEN).unwrap_or(0);
                 let [a, b, c, d] = payload.to_le_bytes();
-                // A descriptor by itself announces a stream, as it did.
+                // A descriptor alone still announces a stream.
                 if len > HEAD_LEN || mode & 0x40 == 0 {
                     let head = [ANSWER[0], ANSWER[1], a, b, c, d, kind];
                     frame[..HEAD_LEN].copy_from_slice(&head);
@@ -496,7 +496,7 @@ mod tests {
         assert_eq!(told(scan), expected);
     }
 
-    /// Requests of LR001 and of the vendor's SDK, one after the other.
+    /// Requests of LR001 and of the vendor's SDK, in sequence.
     #[test]
     fn requests_are_told_by_their_command() {
         let requests = b"\xA5\x25\xA5\x50\xA5\x82\x05\x00\x00\x00\x00\x00\x22\

@@ -63,7 +63,7 @@ pub const BAD_MAX: u64 = 256;
 const ERRORS_MAX: usize = 8;
 
 impl Codec {
-    /// All that `bytes` are, a pause behind them.
+    /// All frames and bad stretches of `bytes`, which are followed by a pause.
     pub fn found(&'static self, bytes: &[u8]) -> Vec<Stretch> {
         Stream::new(self).all(bytes)
     }
@@ -175,7 +175,7 @@ impl Counter {
         Self { decoder }
     }
 
-    /// No bytes received yet of what goes in this direction.
+    /// A counter of the frames of this direction, without bytes so far.
     pub fn towards(codec: &Codec, direction: Direction) -> Self {
         let decoder = codec.decoder_towards(direction);
         Self { decoder }

@@ -174,8 +174,8 @@ fn short_frames_are_not_guessed_where_most_bytes_are_none() {
     assert_eq!(guess(&mixed), None);
 }
 
-/// One byte in 97 is damaged and one in 151 is lost, behind a line of text. The format is
-/// recognised all the same.
+/// One byte in 97 is damaged and one in 151 is lost, after a line of text. The format is recognised
+/// nevertheless.
 #[test]
 fn a_damaged_stream_is_still_told() {
     for Golden { codec, frame, .. } in golden() {

@@ -60,7 +60,7 @@ mod tests {
         assert!((many / few - 8.47).abs() < 0.01, "{}", many / few);
     }
 
-    /// Two scans, three tries and five points, each price by itself.
+    /// Two scans, three tries and five points, each with its own price.
     #[test]
     fn work_costs_the_sum_of_its_parts() {
         let nanos = Duration::from_nanos;

@@ -161,7 +161,7 @@ impl Outside {
         *name = back_as.map(str::to_owned);
     }
 
-    /// Moves the bytes that the rig can have now into `buf`; returns how many.
+    /// Moves the bytes that the node can send now into `buf`; returns how many.
     fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let len = match &mut self.messages {
             _ if self.is_held => 0,
@@ -278,7 +278,7 @@ impl Node {
         }
     }
 
-    /// Whether a line needs to ask at all.
+    /// Whether a line must poll the node.
     pub(super) fn may_send(&self, port: Port) -> bool {
         match &self.body {
             Body::Device(device) => device.may_send(port),
@@ -308,7 +308,7 @@ impl Node {
         }
     }
 
-    /// Whether the node wants to be polled by `now`.
+    /// Whether the node is to be polled by `now`.
     #[inline]
     pub(super) fn is_due(&self, now: Instant) -> bool {
         self.polled_at <= now
@@ -352,7 +352,7 @@ impl Node {
     }
 }
 
-/// A node that asks for a past moment is polled a nanosecond later, so that time moves.
+/// A node that requests a past time is polled a nanosecond later, so that time advances.
 fn later_than(now: Instant, at: Option<Instant>) -> Instant {
     at.map_or(NEVER, |at| at.max(now + Duration::from_nanos(1)))
 }
@@ -371,7 +371,7 @@ mod tests {
         buf[..len].to_vec()
     }
 
-    /// Bytes go as there is room for them, and stay while they are held.
+    /// Bytes are sent when there is room for them, and stay while the line is held.
     #[test]
     fn an_open_end_gives_what_was_put_into_it() {
         let mut end = outside();
@@ -430,7 +430,7 @@ mod tests {
         assert_eq!(end.take_messages(), [Bytes::from_static(&[5; 2])]);
     }
 
-    /// A node that asks for a past moment is polled a nanosecond later.
+    /// A node that requests a past time is polled a nanosecond later.
     #[test]
     fn time_moves_between_two_polls() {
         let at = Instant::from_nanos;

@@ -59,7 +59,7 @@ impl Rig {
         words.filter(|(_, said)| !said.is_empty()).collect()
     }
 
-    /// From now on, how long node programs take for their answers is measured.
+    /// Measures from now on how long node programs take for their answers.
     pub fn measure_nodes(&mut self, stopwatch: &Stopwatch) {
         self.node_programs_mut()
             .for_each(|node| node.measure_by(stopwatch.clone()));

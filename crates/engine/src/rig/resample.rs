@@ -293,14 +293,16 @@ mod tests {
         assert_eq!(marks(&[0x03, 0x00, 0x01]), [mark(0, MarkDamage::Break)]);
     }
 
-    /// By hand, bits of the sender, of which the receiver has ten to one of its own: a zero is low
-    /// from 0 to 9, the second one so many bits after the first one's end at 10. From an edge at 0
-    /// the receiver looks at 5 for the start bit, at 15, 25 .. 85 for data, at 95 for the stop bit.
+    /// By hand, in bits of the sender, of which the receiver has ten per bit of its own. The first
+    /// zero is low from 0 to 9. The second one is low again after the given number of bits from the
+    /// end of the first character at 10. From an edge at 0 the receiver samples the start bit at 5,
+    /// data at 15, 25 .. 85, and the stop bit at 95.
     ///
-    /// - 48: low from 58 to 67, data bit 5 (65) is low: 1101 1111.
-    /// - 80: low from 90 to 99, the data are all high and so no stop bit is at 95; none begins
-    ///   after that.
-    /// - 120: low from 130 to 139; the first one is all high, and so is the one that begins there.
+    /// - 48: low from 58 to 67, so data bit 5 (65) is low: 1101 1111.
+    /// - 80: low from 90 to 99, so all data bits are high, there is no stop bit at 95, and no
+    ///   character begins after that.
+    /// - 120: low from 130 to 139; all data bits of the first character are high, and so are those
+    ///   of the second.
     #[test]
     fn a_pause_is_as_long_for_a_slow_receiver_as_for_the_sender() {
         let [sender, receiver] = [100_000, 10_000].map(LineConfig::new_8n1);
@@ -361,10 +363,10 @@ mod tests {
         }
     }
 
-    /// By hand, at one rate. Seven data bits and even parity are eight data bits to a receiver
-    /// without parity: of 0x41 and 0x42, two ones each, the parity is 0; of 0x43, three, it is 1.
-    /// Odd parity is the other way round. The receiver with parity takes the eighth bit for it and
-    /// has none of it in its byte.
+    /// By hand, at one rate. Seven data bits and even parity are eight data bits for a receiver
+    /// without parity: 0x41 and 0x42 have two ones each and parity 0; 0x43 has three and parity 1.
+    /// With odd parity it is the opposite. The receiver with parity takes the eighth bit as parity,
+    /// and its byte does not contain the bit.
     #[test]
     fn a_parity_bit_is_the_eighth_to_who_knows_none() {
         let plain = LineConfig::new_8n1(9600);
@@ -381,7 +383,8 @@ mod tests {
     fn a_short_character_carries_its_low_bits() {
         let short = coding(5, Parity::Even, 2);
         let seven = coding(7, Parity::None, 1);
-        // Five data bits 10000 from the lowest, parity 1, two stop bits: to the other 10000 1 1.
+        // Five data bits 10000 from the lowest, parity 1, two stop bits: the receiver gets 10000 1
+        // 1.
         assert_eq!(through(&[0xE1], short, seven), (vec![0b110_0001], 0));
         assert_eq!(through(&[0xE1, 0xFF], short, short), (vec![0x01, 0x1F], 0));
     }
@@ -395,8 +398,8 @@ mod tests {
         assert_eq!(through(&[0xFF, 0xFF], one, two), (vec![], 1));
     }
 
-    /// Bits of 100 us. A byte 2.4 ms later, 24 bits, is read by itself. A receiver that is still
-    /// within a character when more bytes come back to back reads on in it.
+    /// Bits of 100 us. A byte 2.4 ms later, 24 bits, is read separately. A receiver that is still
+    /// within a character when more bytes follow directly continues with their bits.
     #[test]
     fn a_gap_is_idle_line_and_none_is_none() {
         let [sender, receiver] = [10_000, 5_000].map(LineConfig::new_8n1);

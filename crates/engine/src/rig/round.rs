@@ -169,7 +169,7 @@ impl Rig {
         self.touched.fill(false);
     }
 
-    /// Asks the sender of one line.
+    /// Polls the sender of one line.
     fn ask(&mut self, index: usize, direction: Direction) {
         let link = &mut self.links[index];
         let (kind, line) = (link.kind, &mut link.lines[direction as usize]);
@@ -229,7 +229,7 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// Wants to be polled at one moment, and stores the time of the poll.
+    /// A device with one poll, which stores its time.
     #[derive(Clone, Default)]
     struct Clockwork {
         rings_at: Option<Instant>,
@@ -261,7 +261,7 @@ mod tests {
         }
     }
 
-    /// A rig with such a clock and nothing else, at 10 ms.
+    /// A rig that contains only such a clock, at 10 ms.
     fn rig() -> Rig {
         let mut rig = bare::rig();
         rig.add_device("clock", Clockwork::default());

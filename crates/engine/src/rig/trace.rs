@@ -112,7 +112,7 @@ mod tests {
     }
 
     /// Number of the link, direction, side, length, time in nanoseconds with the lowest byte first,
-    /// and the bytes: all of it, however much there is.
+    /// and all bytes.
     #[test]
     fn a_trace_is_the_fingerprint_of_all_records_in_a_row() {
         let mut trace = Trace::default();

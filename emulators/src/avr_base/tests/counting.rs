@@ -15,7 +15,7 @@ struct Naive {
     ticks_left: u32,
     /// Counts until the unfinished frame is discarded; every byte sets it to 1.
     counts_left: u32,
-    /// How long the main loop has had the expired counter before it.
+    /// Time since the main loop could first see the expired counter.
     expired_for: u32,
     frame: Vec<u8>,
     deaf_for: u32,

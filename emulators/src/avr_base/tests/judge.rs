@@ -21,7 +21,7 @@ fn write(profile: Profile, register: u8, data: &[u8]) -> Vec<u8> {
     Frame::write(register, data, order).as_bytes().to_vec()
 }
 
-/// No rule at all.
+/// An empty list of rules.
 const NONE: [&str; 0] = [];
 const DOCUMENT: Profile = Profile::Document;
 const FIELD: Profile = Profile::Rcj2015;
@@ -159,8 +159,8 @@ fn requests_that_do_not_wait_for_the_reply_are_told() {
 fn more_requests_than_the_queue_holds_are_told() {
     let guilty = broken_by(DOCUMENT, &[&read(DOCUMENT, 0, 53).repeat(9)]);
     assert!(guilty.contains(&rules::REQUEST_BEFORE_REPLY), "{guilty:?}");
-    // With an answer after 50 us and a request every 50 us the queue stays short by itself; it
-    // fills when the rig delivers a burst at once.
+    // With an answer after 50 us and a request every 50 us the queue stays short. It fills when the
+    // rig delivers a burst at once.
     let mut bench = Bench::new(in_phase(DOCUMENT));
     let burst = read(DOCUMENT, 0, 1).repeat(9);
     bench.run(MS);

@@ -139,8 +139,9 @@ fn f2_a_write_over_53_does_not_redirect_its_remaining_bytes() {
     assert_eq!(bench.read(49, 4), [43; 4]);
 }
 
-/// The acknowledgement's register is the byte written at 59 (903 of 903 on the chip), wherever the
-/// write begins; one that ends before 59 or begins behind it has its own.
+/// The acknowledgement's register is the byte written at 59 (903 of 903 on the chip), for any start
+/// of the write. A write that ends before 59 or begins after it is acknowledged with its own
+/// register.
 #[test]
 fn f2_a_write_that_covers_59_is_acknowledged_with_that_byte() {
     for first in 0..=80_u8 {
@@ -457,7 +458,7 @@ fn point_06_bytes_during_the_analog_task_rescue_a_fragment() {
     assert_eq!(answered, [false, false, true]);
 }
 
-/// The count of 1030.391 ms is odd: no analog task. 60 us behind it the fragment is forgotten.
+/// The count of 1030.391 ms is odd: no analog task. 60 us later the fragment is discarded.
 #[test]
 fn point_07_an_odd_count_gives_the_fragment_up_within_60_us() {
     let answered = |after: Duration| {

@@ -90,8 +90,8 @@ fn noise_before_a_frame_is_skipped() {
     row(&mut documented(), "00 11 FF AB 24 00 CF 00", skipped);
 }
 
-/// AB AB 24 01 00 is taken for a read of 36 registers from 171 on with checksum 0100; the D0
-/// behind it comes while the base is busy.
+/// AB AB 24 01 00 reads as a request for 36 registers from 171 on with checksum 0100; the D0 after
+/// it comes while the base is busy.
 #[test]
 fn an_extra_start_byte_costs_the_fielded_base_the_request() {
     let mut bench = fielded();
@@ -230,7 +230,7 @@ fn set_points_beyond_the_limit_read_back_as_written() {
     assert_eq!(bench.read(46, 2), [35, 0xDD]);
 }
 
-/// The report knows registers 0 to 52: even a request for nothing has to name one of them.
+/// The report documents registers 0 to 52: even a request for nothing must name one of them.
 #[test]
 fn the_documented_base_refuses_every_register_beyond_the_map() {
     let mut bench = documented();

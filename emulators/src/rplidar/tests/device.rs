@@ -163,7 +163,7 @@ fn f10_requests_back_to_back_are_answered_in_their_order() {
     assert_eq!(kinds(&[0xA5, 0x50, 0xA5, 0x52]), (vec![0x04, 0x06], 0));
     let all = [0xA5, 0x25, 0xA5, 0x52, 0xA5, 0x50, 0xA5, 0x59, 0xA5, 0x20];
     assert_eq!(kinds(&all), (vec![0x06, 0x04, 0x15, 0x81], 0));
-    // A stop behind a scan ends that one, and the sensor answers the request behind the stop.
+    // A stop after a scan ends the scan, and the sensor answers the request after the stop.
     assert_eq!(
         kinds(&[0xA5, 0x20, 0xA5, 0x25, 0xA5, 0x50]),
         (vec![0x81, 0x04], 0)
@@ -333,7 +333,7 @@ fn breaks_and_noise_are_told_while_there_is_supply() {
     assert_eq!(told(Rplidar::UART, LineEvent::Break, true), [""; 0]);
 }
 
-/// The A1 knows no speed of its motor: the request is refused, and a scan continues.
+/// The A1 cannot set its motor's speed: the request is refused, and a scan continues.
 #[test]
 fn a_speed_that_is_not_understood_ends_no_scan() {
     let mut bench = plain();

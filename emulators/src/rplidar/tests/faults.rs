@@ -46,7 +46,7 @@ fn every_fault_is_found_by_its_name() {
     assert_eq!(plain().lidar.known_faults().len(), Fault::ALL.len() + 1);
 }
 
-/// Field bug 23: silence, also for a client that asks; on power-up the start text comes.
+/// Field bug 23: silence, also after requests; on power-up the start text comes.
 #[test]
 fn off_is_silent() {
     shows(Fault::Off, |bench| bench.ask(Command::Info).is_empty());
@@ -299,8 +299,7 @@ fn an_empty_conf_holds_the_key_only() {
     });
 }
 
-/// Field bug 1 as it was reported: key 01 (speed and duty) is empty, 7C (the typical mode, 3) is
-/// not.
+/// Field bug 1 as reported: key 01 (speed and duty) is empty, 7C (the typical mode, 3) is not.
 #[test]
 fn one_key_may_be_empty_alone() {
     let [mut bench, _] = pair(Fault::ConfEmpty, Some(1.0), &fw129());

@@ -25,7 +25,7 @@ use servo::Servo;
 pub use servo::{Floor, SteeringLaw};
 use wheels::RearWheels;
 
-/// Everything about a car that differs from one to the other.
+/// Parameters that differ from car to car.
 ///
 /// The defaults are a Tamiya TT-01 as TU Darmstadt used it: wheelbase 0.258 m, track 0.155 m
 /// (ucboard documentation), covered floor 0.46 m x 0.33 m (its costmap; taken to be centred between

@@ -181,7 +181,7 @@ mod tests {
         assert!(is(left(0.6, 0.6, 0.5), 1.0, Some([0.0; 2])));
         assert!(is(left(0.4, 0.4, 0.45), 1.0, Some([0.0; 2])));
         assert!(is(left(0.9, 0.9, 0.8), 1.0, None));
-        // The obstacle comes by itself and takes nothing of the body's own motion, which leads
+        // The obstacle moves towards the body and does not limit the body's own motion, which leads
         // away.
         assert!(is(left(0.6, 0.4, 0.45), 1.0, Some([0.15, -0.05])));
         // Where it already overlaps nothing is left.

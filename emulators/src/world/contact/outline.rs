@@ -27,7 +27,7 @@ use gap::{Gap, distance, gap};
 const TOUCH_M: f64 = 1e-6;
 /// Distance within which no test is skipped.
 pub(super) const MARGIN_M: f64 = 2.0 * TOUCH_M;
-/// Closer by this much in one step is rounding, unless half of [`TOUCH_M`] is used up.
+/// A smaller approach in one step is a rounding error, unless half of [`TOUCH_M`] is used up.
 const CREEP_M: f64 = 1e-12;
 /// Maximum motion of any corner between two looks, metres.
 const PIECE_M: f64 = 2e-3;
@@ -634,8 +634,9 @@ mod tests {
         }
     }
 
-    /// A car of 0.2 m ahead of its axle, 0.1 m behind it and 0.1 m to each side, before a wall: its
-    /// front, its back and its sides face it; with its front 5 cm behind the wall it is in it.
+    /// A car that covers 0.2 m ahead of its axle, 0.1 m behind it and 0.1 m to each side, at a
+    /// wall. Its front, its back and its sides face the wall in turn; with its front 5 cm behind
+    /// the wall it overlaps the wall.
     #[test]
     fn free_is_what_lies_between_an_outline_and_a_wall() {
         use crate::world::Shape;

@@ -48,7 +48,7 @@ pub enum Cause {
         /// As given.
         found: f64,
     },
-    /// A height of 0 or less, or none at all.
+    /// A height of 0 or less, or not a number.
     Height {
         /// As given, metres.
         found: f64,
@@ -67,7 +67,7 @@ pub enum Cause {
     },
     /// A path without way-points.
     NoWaypoints,
-    /// A way-point that is not later than the one before it.
+    /// A waypoint that is not later than the previous one.
     TimesNotRising {
         /// Its index, from 0.
         waypoint: usize,

@@ -74,7 +74,8 @@ impl<'a> Canvas<'a> {
         [dx * self.cos + dy * self.sin, dy * self.cos - dx * self.sin]
     }
 
-    /// The columns from one slope, left over ahead, to another: first and behind the last.
+    /// The columns between two slopes, the difference to the left over the distance ahead: the
+    /// first, and the one after the last.
     fn between(&self, one: f64, other: f64) -> (usize, usize) {
         let column = |slope: f64| self.middle - slope * self.row.focal_px;
         let (low, high) = (column(one.max(other)), column(one.min(other)));

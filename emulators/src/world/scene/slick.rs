@@ -17,8 +17,8 @@ pub struct SlickFloor {
 }
 
 impl SlickFloor {
-    /// All of `bounds`, on which a body gains and loses speed by at most `grip` times the
-    /// acceleration of free fall: 0 is no grip at all, wet ice has 0.05.
+    /// All of `bounds`, where a body gains and loses speed by at most `grip` times the acceleration
+    /// of free fall: 0 is no grip, wet ice has 0.05.
     ///
     /// # Errors
     /// If a corner is not finite or the wrong one, or the grip is not within 0 to 1.

@@ -130,7 +130,7 @@ fn a_scene_keeps_what_it_was_given() {
     assert_eq!(scene.obstacles()[0].fixture.shape, circle(0.0, 0.0, 0.5));
 }
 
-/// Two walls are 0 and 1; of a triangle that moves 2, 3 and 4, of a pillar behind it 5.
+/// The two walls are 0 and 1; the moving triangle's sides 2, 3 and 4, and a pillar after it 5.
 #[test]
 fn surfaces_that_move_are_numbered_behind_those_that_stay() {
     let walls = [wall(3.0, -9.0, 3.0, 9.0), wall(-3.0, -9.0, -3.0, 9.0)];

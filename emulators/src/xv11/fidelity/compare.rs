@@ -1,4 +1,4 @@
-//! Two streams side by side, and how far apart their figures may be.
+//! Comparison of two streams, with the allowed differences.
 
 use super::{CAPTURED, Row, Statistics};
 use crate::xv11::Profile;
@@ -8,7 +8,7 @@ use crate::xv11::Profile;
 pub enum Limit {
     /// Within this share of the real figure, up or down; 0 demands the same figure.
     Share(f64),
-    /// By this much, in the figure's unit.
+    /// At most this difference, in the figure's unit.
     Plus(f64),
     /// Not judged: the figure depends on the surroundings or on the start of the recording.
     Free,
@@ -23,7 +23,7 @@ pub struct Comparison {
     pub unit: &'static str,
     /// Figure of the reference stream; `None` if that stream does not show it.
     pub real: Option<f64>,
-    /// In the other one.
+    /// Value in the second stream.
     pub ours: Option<f64>,
     /// Allowed difference.
     pub limit: Limit,
@@ -260,7 +260,7 @@ mod tests {
         assert!(judged.iter().all(|(holds, _)| *holds), "{judged:?}");
     }
 
-    /// A figure that the measure has and the other stream has not is a difference, not a pass.
+    /// A figure that only one of the streams has counts as a difference.
     #[test]
     fn a_missing_figure_disagrees() {
         let missing = Comparison {

@@ -1,4 +1,4 @@
-//! Repeatability: how much a beam's distance differs from one turn to the next.
+//! Repeatability: differences of a beam's distance from one turn to the next.
 
 use std::collections::BTreeMap;
 

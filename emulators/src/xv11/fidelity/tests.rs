@@ -24,7 +24,7 @@ fn captured(name: &str) -> f64 {
     found.unwrap_or_else(|| panic!("no figure {name}")).1
 }
 
-/// Figures of the emulated run, and how far they may be from the captured ones, as a factor.
+/// Figures of the emulated run, and the allowed factor between them and the captured ones.
 fn assert_near(rows: &[Row], name: &str, factor: f64) {
     let (ours, real) = (row(rows, name), captured(name));
     assert!(
@@ -98,7 +98,7 @@ fn two_captured_packets_give_their_figures() {
     // 19,022 / 64 and 18,987 / 64.
     assert!((statistics.rpm_max - 297.219).abs() < 0.001);
     assert!((statistics.rpm_min - 296.672).abs() < 0.001);
-    // 466 x 403 mm squared is 0.757e8; the other six readings lie on either side of 0.85e8.
+    // 466 x 403 mm squared is 0.757e8; the other six readings lie on both sides of 0.85e8.
     assert!((0.7..0.95).contains(&statistics.strength_d2));
 }
 

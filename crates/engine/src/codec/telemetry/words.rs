@@ -1,8 +1,8 @@
-//! A payload in words: message name and fields.
+//! A payload as text: message name and fields.
 //!
-//! A payload does not contain its sender. Some fields are only the robot's (odometry, scan, lines,
-//! IR), some only the PC's. No reader knows a field of the other message, and an encoder leaves it
-//! out.
+//! A payload does not contain its sender. Some fields belong to the robot's messages only
+//! (odometry, scan, lines, IR), some to the PC's only. No reader knows a field of the other
+//! message, and an encoder omits it.
 
 use core::fmt::Write as _;
 

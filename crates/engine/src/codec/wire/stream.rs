@@ -206,8 +206,8 @@ impl Stream {
         Ok(stream)
     }
 
-    /// Data that [`session`](Self::session) makes this stream of, as far as 64 items reach: how a
-    /// readable stream becomes the start of a fuzzer's work.
+    /// Data from which [`session`](Self::session) makes this stream, limited to 64 items: it turns
+    /// a readable stream into the start of a fuzzer's corpus.
     pub fn to_data(&self) -> Vec<u8> {
         let mut data = vec![0];
         for piece in self.pieces() {

@@ -39,7 +39,7 @@ pub enum Damage {
     ParityError,
     /// The sender pauses before the byte.
     Idle {
-        /// For how long.
+        /// Duration of the pause.
         by: Duration,
     },
 }
@@ -87,7 +87,7 @@ pub enum DamageKind {
     ParityError,
     /// See [`Damage::Idle`].
     Idle {
-        /// For how long.
+        /// Duration of the pause.
         by: Duration,
     },
 }
@@ -128,7 +128,7 @@ impl DamageKind {
     }
 }
 
-/// One byte that was, or is to be, damaged.
+/// A byte that was damaged, or will be damaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Strike {
     /// Number of the byte on its line, counted from zero as sent.

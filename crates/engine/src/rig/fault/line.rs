@@ -11,7 +11,8 @@ use protocols::{Instant, LineConfig};
 use super::{Activity, Budget, Damage, DamageKind, Effect, FaultId, Gate, Strike, Trigger, Window};
 use crate::rig::line::{Mark, MarkDamage};
 
-/// Maximum number of strikes that are kept for the saved case; later ones strike all the same.
+/// Maximum number of strikes that are kept for the saved case; later ones take effect without being
+/// kept.
 pub const STRIKES_MAX: usize = 1 << 20;
 
 #[derive(Clone, Debug)]
@@ -69,7 +70,7 @@ struct Wire {
 pub(crate) struct Passed {
     /// The bytes.
     pub(crate) bytes: Vec<u8>,
-    /// Pauses of the sender: before which of `bytes`, how long.
+    /// Pauses of the sender: the index in `bytes` of the byte after each, and its duration.
     pub(crate) pauses: Vec<(usize, Duration)>,
     /// Bytes with a parity error.
     pub(crate) parity_errors: u32,

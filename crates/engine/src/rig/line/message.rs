@@ -188,8 +188,8 @@ mod tests {
         assert_eq!(sent(&mut fast, &[write]), [(95, 0x40)]);
     }
 
-    /// A transaction without an acknowledge is lost as a whole; a slave that stretches the clock
-    /// until 2 ms holds back the one that ended at 1140 us, and that alone.
+    /// A transaction without an acknowledge is lost as a whole. A slave that stretches the clock
+    /// until 2 ms delays only the transaction that ended at 1140 us.
     #[test]
     fn a_transaction_is_not_acknowledged_or_stretched() {
         let mut rig = joined(LinkKind::I2c, 100_000);

@@ -18,8 +18,8 @@ pub struct Delivery {
     pub event: Option<LineEvent>,
     /// Characters without a valid stop bit among the sent ones.
     pub framing_errors: u32,
-    /// Characters that arrived damaged, in order. A receiver that checks them has no byte; one that
-    /// does not check reads them all the same.
+    /// Characters that arrived damaged, in order. A receiver that checks them gets no byte; one
+    /// that does not check reads them nevertheless.
     pub marks: Vec<Mark>,
     /// The sent bytes, if the line changed or delayed them.
     pub original: Option<Box<Original>>,

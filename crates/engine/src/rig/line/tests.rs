@@ -1,4 +1,4 @@
-//! A line by itself, without a rig: 1 Mbaud, so that a byte takes 10 us.
+//! A line without a rig: 1 Mbaud, so that a byte takes 10 us.
 
 use super::*;
 use crate::rig::fault::{Activity, Damage, Effect, FaultId, Rate, Strike, Window};
@@ -77,8 +77,8 @@ fn bytes_take_their_time() {
     assert_eq!(line.traffic(), traffic);
 }
 
-/// The line is free before the bytes arrive. Then it asks a sender that had more, and does not ask
-/// one that had nothing.
+/// The line is free before the bytes arrive. Then it polls a sender that had more bytes, and does
+/// not poll one that had none.
 #[test]
 fn a_line_waits_for_its_sender_as_well_as_for_its_bytes() {
     let mut line = line();
@@ -127,8 +127,8 @@ fn bytes_are_conserved_if_the_sums_are_equal() {
     }
 }
 
-/// From 20 to 50 us no byte is handed over: a byte that arrives just then still passes, the rest at
-/// 50 us. Another stall that begins before that one ends continues to 70 us.
+/// From 20 to 50 us no byte is delivered: a byte that arrives at 20 us still passes, the rest at 50
+/// us. Another stall that begins before the first one ends continues to 70 us.
 #[test]
 fn a_stall_holds_back_what_arrives_within_it() {
     let stalled = |stalls: &[[u64; 2]]| {
@@ -177,7 +177,7 @@ fn a_receiver_that_does_not_look_loses_what_it_has_no_room_for() {
     assert_eq!((traffic.lost, traffic.delivered), (2, 6));
 }
 
-/// The line keeps as much of a piece as the receiver has room for.
+/// If the receiver has room for a part of a piece, the line delivers this part.
 #[test]
 fn a_piece_may_be_lost_in_part() {
     let mut line = line();
@@ -261,7 +261,7 @@ fn what_was_sent_is_kept_where_something_else_arrives() {
 }
 
 /// Any other damage is reported, even if the bytes arrive unchanged: a byte replaced by an equal
-/// one, an echo, a wrong rate at which they were read correctly all the same.
+/// one, an echo, a wrong rate with correctly read bytes.
 #[test]
 fn what_more_than_time_befell_is_not_only_late() {
     let late = Original {
@@ -327,8 +327,8 @@ fn a_parity_error_is_told_and_its_byte_is_lost() {
     assert_eq!((line.traffic().lost, line.traffic().delivered), (1, 1));
 }
 
-/// An echo consists of the arriving bytes, when the last bit has left; the other line adds it to
-/// its own.
+/// An echo consists of the arriving bytes, after the last bit was sent; the opposite line adds it
+/// to its own.
 #[test]
 fn an_echo_is_for_the_other_line() {
     let mut line = line();
@@ -417,7 +417,7 @@ fn a_sender_at_a_wrong_rate_takes_its_own_time() {
     assert_eq!(bytes, [0x9C]);
 }
 
-/// The receiver takes nothing: the line does not ask the sender any more, and an echo is lost.
+/// The receiver takes nothing: the line no longer polls the sender, and an echo is lost.
 #[test]
 fn a_line_holds_so_many_pieces_and_no_more() {
     let mut line = line();

@@ -38,7 +38,7 @@ fn a_heavy_car_steers_badly_at_rest() {
         car.actuate(DRIVE, Command::Speed(0.2));
         run(&mut car, 500, 1_000);
         assert!((car.actual(STEERING) - 0.2).abs() < 1e-9, "{floor:?}");
-        // Back to the middle at rest: from the other side.
+        // Back to the middle at rest, from the opposite side.
         car.actuate(DRIVE, Command::Speed(0.0));
         run(&mut car, 1_000, 1_100);
         car.actuate(STEERING, Command::Angle(0.0));

@@ -437,7 +437,7 @@ fn a_sender_has_its_own_rate_while_it_is_wrong() {
     assert_eq!(baud(&faults, 3_000_000), 501_000);
 }
 
-/// Of several gates the one that opens last holds.
+/// Of several gates, the one that opens last decides.
 #[test]
 fn a_gate_stays_closed_as_long_as_any() {
     let mut faults = LineFaults::default();
