@@ -1,8 +1,8 @@
-//! Tells the commit that is built, for `hilrig --version`: `HILRIG_BUILD` is ` (1a2b3c4d5)`, with
-//! `, changed` if files differ from it, or ` (debug build)`.
+//! Sets the commit of the build for `hilrig --version`: `HILRIG_BUILD` is ` (1a2b3c4d5)`, with `,
+//! changed` if files differ from it, or ` (debug build)`.
 //!
-//! A debug build does not name its commit: with each commit the whole crate would be compiled
-//! again. Without git, or as a part of another repository, nothing is told.
+//! A debug build does not name its commit, because the whole crate would be compiled again with
+//! each commit. Without git, or as a part of another repository, it is empty.
 
 use std::env;
 use std::path::Path;

@@ -1,10 +1,10 @@
-//! Reads messages of the telemetry link and says what is in them, to check them against
-//! another library of protocol buffers.
+//! Decodes messages of the telemetry link and prints their fields, for a comparison with another
+//! library of protocol buffers.
 //!
 //! Each line of standard input is `telemetry HEX` or `telecommand HEX`. The answer is a line: the
-//! fields as `path=value` in the order of their numbers, `|`, and the message written again, in
-//! hexadecimal. Floats are given by their bits, so that none is rounded. A message that is none is
-//! answered by `error: ..`.
+//! fields as `path=value` in the order of their numbers, `|`, and the message encoded again, in
+//! hexadecimal. Floats are printed as their bits, so that none is rounded. The answer to an invalid
+//! message is `error: ..`.
 
 use std::io::{self, BufRead as _, Write as _};
 

@@ -1,4 +1,4 @@
-//! The contract of every decoder, and the one machine that keeps it.
+//! The contract of every decoder, and its one implementation.
 
 use core::fmt;
 

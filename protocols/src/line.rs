@@ -152,7 +152,7 @@ mod tests {
         assert!(!LineConfig::new_8n1(95_040).agrees_with(sender));
     }
 
-    /// T1: each part of the coding by itself.
+    /// T1: each part of the coding separately.
     #[test]
     fn lines_of_another_coding_never_agree() {
         let sender = LineConfig::new_8n1(9_600);

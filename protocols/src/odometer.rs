@@ -54,7 +54,7 @@ pub enum Dialect {
 pub struct Measurement {
     /// Distance since the start, metres; backwards counts down.
     pub distance_m: f32,
-    /// Turn rate that it prints, rad/s, counter-clockwise.
+    /// The printed turn rate, rad/s, counter-clockwise.
     pub rate_rad_s: f32,
     /// Heading since the start, radians, counter-clockwise.
     pub yaw_rad: f32,

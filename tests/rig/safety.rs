@@ -24,9 +24,9 @@ const BY_HAND: &str = "[mission]\nto_the_end = true\n[[mission.step]]\nat = \"2s
 const NO_LIDAR: &str = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
     from = \"5s\"\n";
 
-/// Defects of the fielded programs: the robot drives on by hand when the PC is gone (PU-21), in the
-/// dark (XV-11); it waits for its lidar for ever (XV-08); it reports speeds in tenths (MA-10). Each
-/// check fails with its defect and passes without.
+/// Defects of the fielded programs: the robot continues to drive manually when the PC is gone
+/// (PU-21), or in the dark (XV-11); it waits for its lidar forever (XV-08); it reports speeds in
+/// tenths (MA-10). Each check fails with its defect and passes without it.
 #[test]
 fn planted_defects_are_found_by_the_checks_of_safety() {
     let rows = [

@@ -122,7 +122,8 @@ impl Station {
         self.run_until(|this| this.rig.now() >= end);
     }
 
-    /// Runs until the counter was heard and has sent everything: 3000 bytes take 260 ms.
+    /// Runs until the counter's bytes were received and it has sent everything: 3000 bytes take 260
+    /// ms.
     fn send_all(&mut self) {
         self.run_until(|this| this.counter().sent == SENT);
         self.settle();

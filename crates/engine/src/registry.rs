@@ -1,26 +1,26 @@
-//! Lists of things with names that come with the tool and that others may add to.
+//! Lists of named items: built-in ones, and items that other crates add.
 //!
-//! A list only grows, and what is in it stays for as long as the process lives: so a handle is a
-//! plain `&'static T` that is copied, compared and kept without an owner. The order is
-//! always the same: what is built in first, then what was added, as it was added.
+//! A list only grows, and its items stay as long as the process lives. A handle is therefore a
+//! plain `&'static T` that is copied, compared and kept without an owner. The order never changes:
+//! first the built-in items, then the added ones in the order of their addition.
 
 use core::fmt;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// What a [`Registry`] can hold.
+/// An item of a [`Registry`].
 pub(crate) trait Named {
-    /// As on the command line and in files.
+    /// Name on the command line and in files.
     fn name(&self) -> &str;
 }
 
-/// A list of things with names, process-wide if it is a `static`.
+/// A list of named items, process-wide if it is a `static`.
 pub(crate) struct Registry<T: ?Sized + 'static> {
     built_in: &'static [&'static T],
     added: Mutex<Vec<&'static T>>,
 }
 
 impl<T: ?Sized + Named> Registry<T> {
-    /// A list of what is built in, whose names differ.
+    /// A list of built-in items with different names.
     pub(crate) const fn new(built_in: &'static [&'static T]) -> Self {
         let added = Mutex::new(Vec::new());
         Self { built_in, added }

@@ -359,8 +359,8 @@ mod tests {
         assert!(walk(&planner, &map, from, goal) < Some(55));
     }
 
-    /// A wall across the room with a door of 600 mm at its far end: the goal lies straight behind
-    /// the wall.
+    /// A wall across the room with a door of 600 mm near its end: the goal lies straight behind the
+    /// wall.
     #[test]
     fn the_way_to_the_other_side_of_a_wall_leads_through_the_door() {
         let map = map(&[[150, 0, 152, 220], [150, 281, 152, 299]]);

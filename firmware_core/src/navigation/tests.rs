@@ -466,7 +466,7 @@ fn a_robot_leaves_by_the_narrow_door_that_it_came_in_by() {
     ];
     let leaves = |seed| scans_to_leave(&walls, Pose::new(1_300.0, 1_400.0, 1.0), seed);
     let all: Vec<_> = (0..8).map(leaves).collect();
-    // What is touched is touched softly.
+    // If the robot touches a wall, it is only slightly.
     let is_sound = |left: &Option<_>| left.is_some_and(|(_, nearest)| nearest > 155.0);
     assert!(all.iter().all(is_sound), "{all:?}");
 }

@@ -115,7 +115,7 @@ fn drive(seed: u64, weighs: bool) -> [f64; 2] {
         heading_rad: 0.0,
     };
     let mut odometry = CarPose::default();
-    // 0.5 m beside the truth, 15 degrees turned, in a direction of its own for each seed.
+    // 0.5 m beside the truth and turned by 15 degrees, in another direction for each seed.
     let to = random.unit() * 2.0 * PI;
     let start = CarPose {
         x_m: truth.x_m + 0.5 * libm::cos(to),
@@ -144,7 +144,7 @@ fn drive(seed: u64, weighs: bool) -> [f64; 2] {
         };
         localiser.update(odometry, &seen);
         truth = truth.then(car.rear_arc(STEERING, 0.05));
-        // The wheel's slip and an angle that is not what was asked for.
+        // Slip of the wheel, and a deviation of the steering angle.
         let told = car.rear_arc(
             STEERING + random.normal(0.01),
             0.05 * (1.0 + random.normal(0.02)),
@@ -347,7 +347,7 @@ fn the_guess_whose_beams_end_on_an_obstacle_weighs_more() {
     localiser.weigh(&[ahead]);
     assert!(near(localiser.particles()[0].weight, 1.198_49 / 2.199_07));
     assert!(near(localiser.particles()[1].weight, 1.000_58 / 2.199_07));
-    // Ten beams tell how they fit: as the better guess sees them.
+    // The fit needs ten beams; it is that of the better guess.
     assert_eq!(localiser.fit(), 1.0);
     let aside = Beam {
         bearing_rad: 1.5,

@@ -236,7 +236,7 @@ fn rows_go_round_and_stop_while_the_queue_is_long() {
     link.tx.push(&[0; ROWS_BELOW + 1]);
     link.tick_row(at(7), &robot.view(), &mut frame);
     assert_eq!((link.row, link.row_at), (0, at(12)));
-    // 24 bytes of a row on top of what is not too much yet.
+    // 24 bytes of a row on top of a queue that is not full yet.
     sent(&mut link);
     link.tx.push(&[0; ROWS_BELOW]);
     link.tick_row(at(20), &robot.view(), &mut frame);

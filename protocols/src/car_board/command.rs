@@ -1,4 +1,4 @@
-//! Commands: the top bit selects motor or steering, the other seven hold the value.
+//! Commands: the top bit distinguishes motor and steering, the other seven contain the value.
 
 use core::fmt;
 

@@ -11,7 +11,7 @@ pub enum Role {
     /// Waits to be connected; all that an HC-06 as sold can do.
     #[default]
     Slave,
-    /// Connects by itself.
+    /// Connects on its own.
     Master,
 }
 

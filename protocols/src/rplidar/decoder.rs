@@ -60,11 +60,12 @@ impl Frame {
     }
 }
 
-/// Finds frames in the byte stream, start text and torn nodes between them.
+/// Finds frames in the byte stream, and the start text and torn nodes between them.
 ///
-/// A node comes out when the one behind it holds, too (the four behind it after damage), or when
-/// its owner reports an idle line: so a lost byte costs a node or two, not the alignment. Between
-/// nodes the line rests for a node's time, so a pause worth reporting is several of them.
+/// A node is reported when the next node is valid, too (the next four after damage), or when the
+/// line is reported as idle. So a lost byte costs one or two nodes, and the decoder stays aligned.
+/// Between nodes the line is idle for a node's time, so a reported pause should be several times as
+/// long.
 #[derive(Clone, Debug, Default)]
 pub struct Decoder(crate::Decoder<Answers, ANSWER_MAX>);
 
@@ -161,7 +162,7 @@ impl Answers {
         }
     }
 
-    /// Judges a node by its check bits and by those of the nodes behind it.
+    /// Checks a node by its own check bits and those of the following nodes.
     fn judge_node(self, bytes: &[u8], is_last: bool) -> Candidate {
         let ahead = if self.is_aligned {
             NODES_AHEAD_ALIGNED

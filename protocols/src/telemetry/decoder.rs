@@ -20,9 +20,9 @@ pub struct Defects {
 pub struct Decoder {
     defects: Defects,
     state: State,
-    /// The candidate's next byte is to be changed.
+    /// Whether the candidate's next byte is escaped.
     escaped: bool,
-    /// As announced; valid once the payload is reached.
+    /// As announced; valid once the payload begins.
     length: u16,
     payload: [u8; PAYLOAD_MAX],
     len: usize,

@@ -322,7 +322,7 @@ impl<'a> Step<'a> {
         by(enough)
     }
 
-    /// Notes obstacles that came to the body by themselves, and surfaces that are still near.
+    /// Notes obstacles that moved against the body, and surfaces that are still near.
     fn rest(&mut self, wanted: Motion, motion: Motion) {
         let pose = motion.pose(STEP_S);
         self.footprint.place(pose, &mut self.corners);

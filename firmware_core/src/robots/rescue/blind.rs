@@ -1,8 +1,8 @@
 //! Obstacles that the lidar does not see: glass, which its beam passes, and objects lower than its
 //! beam.
 //!
-//! The base's infrared sensors see them. An infrared echo without a lidar point nearby goes on a
-//! list of positions. The robot's surroundings include these positions until a sensor measures
+//! The base's infrared sensors see them. An infrared echo without a lidar point nearby is added to
+//! a list of positions. The robot's surroundings include these positions until a sensor measures
 //! through them, and the current echoes at their exact positions.
 
 use core::f32::consts::{FRAC_PI_2, PI};

@@ -315,7 +315,7 @@ fn what_is_felt_counts_where_the_robot_knows_its_place() {
         let before = std::format!("{:?}", robot.victims);
         robot.feel(at(200));
         robot.look_near(at(200));
-        // What was read is asked for once.
+        // Values that were read are requested once.
         assert!(robot.drive.take_heat().is_none() && robot.drive.take_infrared().is_none());
         let places = robot.blind.seen_from(Pose::default()).count();
         (std::format!("{:?}", robot.victims) != before, places > 0)

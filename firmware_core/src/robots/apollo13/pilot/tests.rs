@@ -153,7 +153,7 @@ fn a_way_that_something_stands_on_is_planned_anew() {
         assert!(pilot.drive(millis(200), car, || Some(&map)).is_some());
         assert_eq!((pilot.plans(), pilot.state()), (plans, GoalState::Driving));
     }
-    // What is known of the way holds without a map.
+    // A planned path stays valid without a map.
     let mut pilot = pilot();
     pilot.follow(straight());
     assert!(pilot.drive(millis(0), car, || None).is_some());

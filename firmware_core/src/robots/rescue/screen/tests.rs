@@ -210,11 +210,11 @@ fn the_robot_is_a_tip_with_two_legs() {
         let all = picture.0.iter().filter(|it| **it == crimson).count();
         (ahead, left, all)
     };
-    // Ten pixels for each leg, of which they share the tip and maybe the one behind it.
+    // Ten pixels for each leg; the legs share the pixel at the tip and maybe the next one.
     let (ahead, left, all) = legs(0, 0.0);
     assert_eq!((ahead, left), ([true; 3], [false, false, true]));
     assert!((17..=19).contains(&all), "{all}");
-    // Once it has turned, what is no leg any more is gone from the display.
+    // After the turn, pixels of the old legs are cleared.
     let (ahead, left, all) = legs(1_000, core::f32::consts::FRAC_PI_2);
     assert_eq!((ahead, left), ([false, false, true], [true; 3]));
     assert!((17..=19).contains(&all), "{all}");
@@ -264,7 +264,7 @@ fn waypoints_are_dots_with_numbers_and_ways_between() {
     waypoints.advance();
     let picture = shown(&mut Screen::new(), Instant::ZERO, &view(&map, &waypoints));
     let [open, reached] = [Rgb565::CSS_PURPLE, Rgb565::CSS_PLUM].map(IntoStorage::into_storage);
-    // The way to the second one begins over the dot of the first.
+    // The path to the second one begins over the dot of the first.
     assert_eq!([picture.at(26, 211), picture.at(26, 209)], [open, reached]);
     assert_eq!([picture.at(86, 211), picture.at(86, 213)], [open; 2]);
     assert_eq!([picture.at(56, 211), picture.at(150, 211)], [open, GRAY]);

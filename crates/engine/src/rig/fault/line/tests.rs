@@ -266,7 +266,7 @@ fn jitter_is_what_its_dice_say() {
         seen[usize::try_from(late).expect("small")] = true;
     }
     assert_eq!(seen, [true; 3]);
-    // For ever is no overflow.
+    // The longest duration causes no overflow.
     let late = at_once(&mut jitter(Duration::MAX), &[0]).late.as_nanos();
     assert_eq!(late, u128::from(stream().below(u64::MAX)));
 }
