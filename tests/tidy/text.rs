@@ -408,16 +408,24 @@ fn sentences_name_their_subject() {
 }
 
 /// Rooms whose comments are in the words of the field; others follow.
-const PLAIN_ROOMS: [&str; 10] = [
+const PLAIN_ROOMS: [&str; 18] = [
+    "benches/",
     "crates/boards/",
+    "crates/capture/",
     "crates/description/",
+    "crates/engine/src/codec/",
+    "crates/engine/src/rig/",
     "crates/nodes/",
     "crates/ports/",
+    "crates/recording/",
     "crates/safefs/",
     "crates/search/",
     "crates/show/",
     "crates/slam/",
     "crates/ui/",
+    "emulators/",
+    "firmware_core/",
+    "protocols/",
     "src/",
 ];
 
