@@ -18,7 +18,7 @@ use hilrig::toml::de::Error;
 struct ThermometerSpec {
     /// Time between two readings.
     period: Span,
-    /// What it reads, degrees Celsius.
+    /// The temperature that the sensor reads, degrees Celsius.
     celsius: f64,
 }
 

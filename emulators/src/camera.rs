@@ -34,7 +34,7 @@ use crate::world::{Scene, World};
 
 /// Messages that wait for the network at most; further ones are lost.
 const QUEUE_MAX: usize = 64;
-/// Of the network, bit/s.
+/// Rate of the network, bit/s.
 pub const RATE: u32 = 20_000_000;
 /// From one picture to the next when the camera is slow, by default.
 const SLOW_MS: f64 = 200.0;
@@ -52,7 +52,7 @@ pub enum Output {
 /// A marker in the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlacedMarker {
-    /// Its number.
+    /// Number of the marker.
     pub id: u16,
     /// Its middle, metres: x, y, and above the floor.
     pub at_m: [f64; 3],
@@ -85,7 +85,7 @@ pub struct CameraConfig {
     pub gaps: f64,
     /// Messages that the camera sends.
     pub output: Output,
-    /// All markers that there are.
+    /// All markers in the world.
     pub markers: Vec<PlacedMarker>,
 }
 
@@ -229,7 +229,7 @@ impl Device for Camera {
         self.log.poll(now);
     }
 
-    /// One message at a time.
+    /// Sends one message at a time.
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
         let queue = self.out.get_mut(usize::from(port.0));
         let Some(message) = queue.and_then(VecDeque::pop_front) else {

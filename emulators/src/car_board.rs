@@ -67,7 +67,7 @@ pub struct BoardConfig {
     pub line_sensor_m: [f64; 2],
     /// The battery.
     pub battery: BatteryConfig,
-    /// Of noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 

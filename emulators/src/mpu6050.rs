@@ -111,9 +111,9 @@ pub struct Mpu6050Config {
     pub bias_walk_dps: f64,
     /// Of each turn rate, degrees a second.
     pub gyro_noise_dps: f64,
-    /// Of each acceleration, m/s².
+    /// Noise of each acceleration, m/s².
     pub accel_noise_m_s2: f64,
-    /// Of the chip, degrees Celsius.
+    /// Temperature of the chip, degrees Celsius.
     pub temperature_c: f64,
 }
 
@@ -182,7 +182,7 @@ impl Mpu6050 {
         }
     }
 
-    /// As after power-up.
+    /// Sets all registers as after power-up.
     fn reset(&mut self) {
         self.registers = RESET_VALUES;
         self.data = [0; 14];

@@ -73,7 +73,7 @@ pub struct OdometerConfig {
     pub has_compass: bool,
     /// The sensor.
     pub imu: Mpu6050Config,
-    /// Of noise and jitter.
+    /// Seed of noise and jitter.
     pub seed: u64,
 }
 

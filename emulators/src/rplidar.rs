@@ -102,7 +102,7 @@ pub enum State {
 
 /// Maximum work in one poll; a device that was polled later continues at the next poll.
 const STEPS_PER_POLL_MAX: u32 = 20_000;
-/// Of the UART.
+/// Line coding of the UART.
 const LINE: LineConfig = LineConfig::new_8n1(rplidar::BAUD);
 /// Of a UART that was set up for another sensor of the family.
 const WRONG_LINE: LineConfig = LineConfig::new_8n1(256_000);

@@ -43,7 +43,7 @@ pub const ANN: core::ops::RangeInclusive<u8> = 0x53..=0x55;
 
 /// Address that all chips on a bus receive.
 const GENERAL_CALL: u8 = 0;
-/// Of sound.
+/// Speed of sound.
 const SPEED_M_S: f64 = 343.2;
 /// Nearer echoes are lost in the burst itself.
 const LEAST_M: f64 = 0.03;

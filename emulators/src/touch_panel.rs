@@ -33,7 +33,7 @@ pub const TAPS_MAX: usize = 1000;
 /// A finger that touches a place for a tenth of a second.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tap {
-    /// When.
+    /// Time of the tap.
     pub at: Instant,
     /// Column and row; beyond the edges it touches nothing.
     pub place: [u16; 2],
@@ -49,7 +49,7 @@ pub struct TouchPanel {
     is_on: bool,
     frames: u64,
     damaged: u64,
-    /// In order of time.
+    /// The taps in order of time.
     taps: VecDeque<Tap>,
     pen: Option<Touch>,
     /// End of the pause before the next touch.

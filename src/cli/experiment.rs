@@ -43,7 +43,7 @@ const SEEDS_MAX: u64 = 10_000;
 enum Seeds {
     /// This number of seeds, from the experiment's first one.
     Count(u64),
-    /// These seeds.
+    /// A range of seeds.
     These(Range<u64>),
 }
 

@@ -25,9 +25,9 @@ pub struct Picture<P = [u8; 3]> {
 
 /// A pixel type that can be made from gray or colour.
 pub trait Pixel: Copy {
-    /// From a gray, 0 black.
+    /// The pixel of a gray value, 0 black.
     fn from_gray(gray: u8) -> Self;
-    /// From red, green and blue.
+    /// The pixel of red, green and blue.
     fn from_rgb(rgb: [u8; 3]) -> Self;
 }
 

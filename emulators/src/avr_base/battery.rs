@@ -16,7 +16,7 @@ use super::profile::BatteryRegisters;
 /// A battery that loses the same voltage every second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatteryConfig {
-    /// At the start, mV.
+    /// Voltage at the start, mV.
     pub start_mv: f64,
     /// Lost per second, mV.
     pub drop_mv_per_s: f64,

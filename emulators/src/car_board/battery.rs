@@ -5,7 +5,7 @@ use core::time::Duration;
 /// A battery that loses the same voltage every second, and some more while the motor turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BatteryConfig {
-    /// At the start, mV.
+    /// Voltage at the start, mV.
     pub start_mv: f64,
     /// Lost per second, mV.
     pub drop_mv_per_s: f64,

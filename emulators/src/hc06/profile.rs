@@ -14,7 +14,7 @@ pub enum LineSwitch {
     AfterReply,
     /// The reply already goes out in the new coding.
     BeforeReply,
-    /// From the next start on.
+    /// At the next start.
     AtPowerOn,
 }
 

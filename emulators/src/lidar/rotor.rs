@@ -18,7 +18,7 @@ pub enum MotorSupply {
     },
     /// A bench supply: motor and friction determine the speed, which wanders a little.
     Fixed {
-        /// At the motor.
+        /// Voltage at the motor.
         volts: f64,
     },
     /// The host's motor drive: the last byte on the sensor's motor port is its duty.

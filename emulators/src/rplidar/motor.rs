@@ -22,7 +22,7 @@ const MOTOR: Motor = Motor {
     wander: 3e-4,
     wander_kept: 0.5,
 };
-/// Of the sensor's supply.
+/// Voltage of the sensor's supply.
 const VOLTS: f64 = 5.0;
 /// Duty of the USB adapter: 7.36 turns a second, which gives the 267 or 268 nodes of an A1M8-R6 at
 /// a sample each 508 us: (7.359 * 60 + 75) / 675.

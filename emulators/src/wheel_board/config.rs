@@ -14,12 +14,12 @@ use protocols::peripherals::{DUTY_MAX, Outputs};
 pub struct Config {
     /// The motors.
     pub motor: MotorConfig,
-    /// Of the wheels, metres.
+    /// Radius of the wheels, metres.
     pub wheel_radius_m: f64,
     /// Whether the left and right motor are mounted mirrored. A duty of more than a half then turns
     /// the wheel back, and its counter counts down as the wheel rolls forward.
     pub mirrored: [bool; 2],
-    /// Of the full battery, volts.
+    /// Voltage of the full battery.
     pub supply_v: f64,
     /// Volts an hour that the battery loses at rest, and beside that with both motors at full
     /// drive. A guess: a pack that lasts some hours.

@@ -51,7 +51,7 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// At rest.
+    /// The motion of a body at rest.
     pub(super) fn rest(start: Pose) -> Self {
         Self {
             start,

@@ -15,7 +15,7 @@ pub enum WorldError {
     StartNotFinite,
     /// At the start the body would stand in a wall.
     StartBlocked {
-        /// As given.
+        /// The given start.
         start: Pose,
         /// Depth of the overlap with the wall.
         overlap_m: f64,

@@ -29,7 +29,7 @@ pub(super) struct Grid {
     corner: Point,
     cell_m: f64,
     per_metre: f64,
-    /// With the ring.
+    /// Number of columns, including the ring.
     columns: i32,
     rows: i32,
     /// Farthest two places in the grid can be apart, metres.

@@ -32,7 +32,7 @@ impl World {
     }
 }
 
-/// In the world's axes, m/s.
+/// Velocity in the world's axes, m/s.
 fn velocity(motion: &Motion) -> Point {
     let (sin, cos) = libm::sincos(motion.start.theta);
     Point::new(

@@ -32,7 +32,7 @@ pub enum Repeat {
 /// Timed way-points, their times rising. Before the first the obstacle waits at the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Path {
-    /// At least one.
+    /// The waypoints, at least one.
     pub waypoints: Vec<Waypoint>,
     /// Motion after the last way-point.
     pub repeat: Repeat,

@@ -33,9 +33,9 @@ const OBSTACLE_SPEED_MAX_M_S: f64 = 20.0;
 pub enum Shape {
     /// A straight wall without thickness.
     Wall {
-        /// One end.
+        /// First end.
         from: Point,
-        /// The other end.
+        /// Second end.
         to: Point,
     },
     /// A closed outline: a room or a piece of furniture. The last corner joins the first.
@@ -96,7 +96,7 @@ pub struct Hit {
     pub distance: f64,
     /// Cosine of the angle between ray and surface normal: 1 head on, 0 grazing.
     pub incidence: f64,
-    /// Of the surface, see [`Fixture::reflectivity`].
+    /// Reflectivity of the surface, see [`Fixture::reflectivity`].
     pub reflectivity: f64,
 }
 

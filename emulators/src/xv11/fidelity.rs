@@ -29,7 +29,7 @@ pub use replica::hand_in_box;
 /// Figures of one stream. Counts unless said otherwise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Statistics {
-    /// In the stream.
+    /// Number of bytes of the stream.
     pub bytes: u64,
     /// Verified packets of 22 bytes.
     pub packets: u64,

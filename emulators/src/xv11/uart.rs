@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use protocols::{Instant, LineConfig, xv11};
 
-/// Of the UART, always.
+/// Line coding of the UART, always the same.
 pub(super) const LINE: LineConfig = LineConfig::new_8n1(xv11::BAUD);
 /// Bytes that may be waiting, those on the line included.
 const RING: u64 = 6 * xv11::FRAME_LEN as u64;

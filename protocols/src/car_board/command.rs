@@ -112,14 +112,14 @@ impl Command {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum CommandError {
-    /// Of the motor.
+    /// A level of the motor.
     Level {
-        /// As given.
+        /// The given level.
         found: i16,
     },
-    /// Of the steering.
+    /// A value of the steering.
     Steering {
-        /// As given.
+        /// The given value.
         found: i16,
     },
 }

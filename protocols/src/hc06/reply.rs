@@ -30,11 +30,11 @@ pub enum Led {
 pub struct Texts {
     /// All of the reply to `AT+VERSION`; for the line-terminated family the version alone.
     pub version: &'static str,
-    /// To a new name.
+    /// The reply to a new name.
     pub name_set: &'static str,
-    /// To a new PIN; some builds say `OKsetpin`.
+    /// The reply to a new PIN; some builds say `OKsetpin`.
     pub pin_set: &'static str,
-    /// To no, even and odd parity; other reports have `OK NONE`, `OK EVEN`, `OK ODD`.
+    /// The replies to no, even and odd parity; other reports have `OK NONE`, `OK EVEN`, `OK ODD`.
     pub parity: [&'static str; 3],
 }
 

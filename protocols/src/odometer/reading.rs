@@ -178,14 +178,14 @@ pub enum LineError {
     },
     /// The sum is farther off than rounding explains.
     Sum {
-        /// Of the figures.
+        /// The sum of the figures.
         expected: f64,
         /// The sum in the line.
         found: f64,
     },
-    /// The CRC is another.
+    /// The CRC is wrong.
     Crc {
-        /// Of the line.
+        /// The CRC of the line's bytes.
         expected: u16,
         /// The CRC in the line.
         found: u16,

@@ -68,10 +68,10 @@ impl Condition {
 pub struct Conditions(u16);
 
 impl Conditions {
-    /// None.
+    /// No condition.
     pub const NONE: Self = Self(0);
 
-    /// With `condition`, if it holds.
+    /// Adds `condition`, if it holds.
     #[must_use]
     pub const fn with(self, condition: Condition, holds: bool) -> Self {
         if holds {
@@ -86,7 +86,7 @@ impl Conditions {
         self.0 & condition.bit() != 0
     }
 
-    /// Those that hold.
+    /// The conditions that hold.
     pub fn iter(self) -> impl Iterator<Item = Condition> {
         let holds = move |condition: &Condition| self.has(*condition);
         Condition::ALL.into_iter().filter(holds)

@@ -191,15 +191,15 @@ impl core::fmt::Debug for Answer {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Reply<'a> {
-    /// Of [`Command::Info`](super::Command::Info).
+    /// Reply to [`Command::Info`](super::Command::Info).
     Info(Info),
-    /// Of [`Command::Health`](super::Command::Health).
+    /// Reply to [`Command::Health`](super::Command::Health).
     Health(Health),
-    /// Of [`Command::SampleRate`](super::Command::SampleRate).
+    /// Reply to [`Command::SampleRate`](super::Command::SampleRate).
     SampleRate(SampleRate),
-    /// Of [`Command::Conf`](super::Command::Conf).
+    /// Reply to [`Command::Conf`](super::Command::Conf).
     Conf(Conf<'a>),
-    /// Of [`Command::AccBoard`](super::Command::AccBoard): its flags.
+    /// Reply to [`Command::AccBoard`](super::Command::AccBoard): the board's flags.
     AccBoard(u32),
     /// Of a kind that is not known here.
     Unknown,
@@ -295,9 +295,9 @@ impl Health {
 /// Time of one sample, microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleRate {
-    /// In a standard scan.
+    /// Time of a sample in a standard scan.
     pub standard_us: u16,
-    /// In an express scan.
+    /// Time of a sample in an express scan.
     pub express_us: u16,
 }
 

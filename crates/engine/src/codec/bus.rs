@@ -190,7 +190,7 @@ impl RegisterNames {
         Self(registers.into_iter().collect())
     }
 
-    /// Those of the AVR base.
+    /// The registers of the AVR base.
     fn of_the_base() -> Self {
         use registers::Width;
         let all = registers::TABLE.iter().map(|register| NamedRegister {

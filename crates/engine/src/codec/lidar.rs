@@ -65,7 +65,7 @@ pub struct Lidar {
 }
 
 impl Lidar {
-    /// Of packets.
+    /// Statistics of packets.
     pub fn of_packets(bytes: &[u8]) -> Self {
         let mut counts = Self::default();
         let mut decoder = xv11::Decoder::default();
@@ -83,7 +83,7 @@ impl Lidar {
         counts
     }
 
-    /// Of turns.
+    /// Statistics of turns.
     pub fn of_turns(bytes: &[u8]) -> Self {
         let mut counts = Self::default();
         let mut decoder = turn::Decoder::default();

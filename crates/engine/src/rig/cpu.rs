@@ -9,7 +9,7 @@ use firmware_core::Work;
 pub struct CpuModel {
     /// For each scan: everything but the search.
     pub per_scan: Duration,
-    /// For each candidate pose.
+    /// Time per candidate pose.
     pub per_try: Duration,
     /// For each point of each candidate pose.
     pub per_point: Duration,

@@ -24,9 +24,9 @@ pub enum Disturbance {
         link: String,
         /// Direction.
         direction: Direction,
-        /// At the begin.
+        /// Line event at the begin.
         begin: LineEvent,
-        /// At the end.
+        /// Line event at the end.
         end: Option<LineEvent>,
     },
     /// A plug is pulled, and reconnected at the end: the receiver gets an error, and a client's

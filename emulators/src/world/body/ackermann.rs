@@ -35,12 +35,12 @@ use wheels::RearWheels;
 pub struct AckermannConfig {
     /// Outline for collisions, relative to the middle of the rear axle.
     pub footprint: Footprint,
-    /// Between the axles.
+    /// Distance between the axles.
     pub wheelbase_m: f64,
-    /// Between the wheels of one axle. Determines the extra distance of the outer wheel, and the
-    /// tightest circle: a car cannot turn about a point between its wheels.
+    /// Distance between the wheels of one axle. It determines the extra distance of the outer
+    /// wheel, and the tightest circle: a car cannot turn about a point between its wheels.
     pub track_m: f64,
-    /// Of the driven wheels.
+    /// Radius of the driven wheels, metres.
     pub wheel_radius_m: f64,
     /// Encoder counts of the drive shaft per turn of a wheel.
     pub ticks_per_turn: u32,

@@ -52,7 +52,7 @@ pub trait Chassis: fmt::Debug + Send + Sync {
     /// Speed in this step of the axis that an encoder sits on, as metres of rim per second.
     fn axis_speed(&self, encoder: usize) -> f64;
 
-    /// The same chassis once more.
+    /// A copy of the chassis.
     fn clone_box(&self) -> Box<dyn Chassis>;
 
     /// The figures of a differential drive; `None` for any other chassis, whose
@@ -206,16 +206,16 @@ impl From<Drive> for Command {
 pub struct Encoder {
     /// Stable name in snake case, unique in its chassis.
     pub name: String,
-    /// Of rim.
+    /// Counts per metre of the rim.
     pub counts_per_m: f64,
 }
 
 /// One of a list of actuators or encoders, by name or by index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Select<'a> {
-    /// Its index, from 0.
+    /// The index, from 0.
     Index(usize),
-    /// Its name.
+    /// The name.
     Name(&'a str),
 }
 
@@ -269,7 +269,7 @@ pub enum CommandError {
     },
     /// The actuator cannot do that.
     Unfit {
-        /// Its name.
+        /// Name of the actuator.
         actuator: String,
         /// A short description.
         kind: ActuatorKind,

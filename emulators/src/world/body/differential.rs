@@ -12,9 +12,9 @@ use crate::rng::Rng;
 /// One of the two driven wheels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Wheel {
-    /// On the y side.
+    /// The wheel at positive y.
     Left,
-    /// On the other side.
+    /// The wheel at negative y.
     Right,
 }
 
@@ -38,11 +38,11 @@ impl Wheel {
 /// noise are not in the report; they are guesses for a small gear motor on a hard floor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BodyConfig {
-    /// Of the disc that collides.
+    /// Radius of the colliding disc.
     pub radius_m: f64,
-    /// Of the wheels.
+    /// Radius of the wheels.
     pub wheel_radius_m: f64,
-    /// Between the wheels.
+    /// Distance between the wheels.
     pub axle_m: f64,
     /// Encoder counts per turn of a wheel.
     pub ticks_per_turn: u32,
@@ -169,7 +169,7 @@ pub(super) fn check_ranges(fields: &[(&'static str, f64, f64, f64)]) -> Result<(
 pub struct BodyError {
     /// Name of the field.
     pub field: &'static str,
-    /// As given.
+    /// The given value.
     pub found: f64,
     /// Minimum allowed.
     pub min: f64,

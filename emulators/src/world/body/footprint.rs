@@ -184,12 +184,12 @@ fn folds(one: [Point; 2], other: [Point; 2]) -> bool {
 pub enum FootprintError {
     /// The radius of a disc.
     Radius {
-        /// As given, metres.
+        /// The given radius, metres.
         found: f64,
     },
     /// The number of corners.
     Corners {
-        /// As given.
+        /// The given number.
         found: usize,
     },
     /// A corner is not finite or too far from the reference point.

@@ -45,12 +45,12 @@ pub enum Cause {
     },
     /// Reflectivity outside 0..=100.
     Reflectivity {
-        /// As given.
+        /// The given reflectivity.
         found: f64,
     },
     /// A height of 0 or less, or not a number.
     Height {
-        /// As given, metres.
+        /// The given height, metres.
         found: f64,
     },
     /// The part reaches beyond the scene.

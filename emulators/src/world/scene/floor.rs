@@ -76,7 +76,7 @@ pub enum FloorLineError {
     NotFinite,
     /// Too thin or too wide.
     Width {
-        /// As given, metres.
+        /// The given width, metres.
         found: f64,
     },
 }

@@ -65,7 +65,7 @@ pub enum SlickFloorError {
     Corners,
     /// A negative grip, or more than rubber has.
     Grip {
-        /// As given.
+        /// The given grip.
         found: f64,
     },
 }

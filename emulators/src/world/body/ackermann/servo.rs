@@ -29,7 +29,7 @@ pub enum Floor {
 /// and from hour to hour: `angle = gain * told + trim + wander`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SteeringLaw {
-    /// Of the linkage.
+    /// Gain of the linkage.
     pub gain: f64,
     /// Angle of the wheels for the command straight ahead, radians, counter-clockwise.
     pub trim_rad: f64,
