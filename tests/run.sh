@@ -92,6 +92,11 @@ if proof nodes boards crates/boards crates/nodes crates/engine tests/firmware; t
         [[ -d /usr/share/arduino/hardware/mighty-1284p ]] ||
         missing+=(gcc-avr avr-libc arduino-core-avr arduino-mighty-1284p libsimavr-dev libelf-dev)
 fi
+if proof nodes boards crates/boards crates/nodes crates/engine firmware_core tests/cortex_m4; then
+    # Runs the robots' programs on a Cortex-M4.
+    command -v qemu-system-arm >/dev/null && command -v arm-none-eabi-gcc >/dev/null ||
+        missing+=(qemu-system-arm gcc-arm-none-eabi)
+fi
 if proof crates src devices tests/devices; then
     # Reads the described receiver.
     command -v gpsd >/dev/null && command -v gpspipe >/dev/null || missing+=(gpsd gpsd-clients)
@@ -244,6 +249,10 @@ fi
 if proof nodes boards crates/boards crates/nodes crates/engine tests/firmware; then
     step "firmware without a board: sketches in simavr, as programs and as a device"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/firmware/run.sh
+fi
+if proof nodes boards crates/boards crates/nodes crates/engine firmware_core tests/cortex_m4; then
+    step "the robots' programs on a Cortex-M4 in QEMU, byte for byte"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/cortex_m4/run.sh
 fi
 if proof protocols emulators crates tests/lidar_clients; then
     step "the lidar and the telemetry, judged by what pip and cargo give"

@@ -210,7 +210,11 @@ fn one(
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let node = args.node.as_ref();
-    if node.is_some() || args.firmware.is_given() {
+    let foreign = match args.firmware.is_given() {
+        true => args.firmware.foreign(&scenario, &source)?,
+        false => args.program.foreign(),
+    };
+    if node.is_some() || (args.firmware.is_given() && foreign.is_none()) {
         let run = match node {
             Some(command) => node::run(scenario, &source, command)?,
             None => args.firmware.run(scenario, &source)?,
@@ -221,7 +225,7 @@ fn one(
         };
         return judged_with(run, out, pace, Talk::Verdict, stop);
     }
-    let Some(foreign) = args.program.foreign() else {
+    let Some(foreign) = foreign else {
         if is_bare(&scenario, &source)? {
             let name = &scenario.name;
             eprintln!("{name}: its robot has no program; --exec CMD starts one");
@@ -232,7 +236,7 @@ fn one(
         };
         return judged_run(scenario, &source, args.seed, out, pace, Talk::Verdict, stop);
     };
-    let exec = args.program.repeat() + &args.ends.repeat();
+    let exec = args.program.repeat() + &args.firmware.repeat() + &args.ends.repeat();
     let place = Placement {
         again: Some(format!(
             "hilrig run {}{exec}",

@@ -38,23 +38,8 @@ must_fail mutant_host 'no global memory allocator found'
 
 [[ ${1:-} == --host ]] && exit 0
 
-# The toolchain's own target if rustup has it or can fetch it; else Debian's compiler, which comes
-# with the source of its library. That source fits no other compiler.
-if rustup target list --installed 2>/dev/null | grep -qx $target ||
-    timeout 120 rustup target add $target >/dev/null 2>&1; then
-    toolchain=(env)
-    build_std=()
-else
-    say "rustup cannot fetch $target: using Debian's rustc-web and its library source"
-    if ! dpkg -s rustc-web rust-web-src >/dev/null 2>&1; then
-        apt-get update -qq
-        DEBIAN_FRONTEND=noninteractive apt-get install -qq -y --no-install-recommends \
-            rustc-web rust-web-src >/dev/null || die "cannot install rustc-web and rust-web-src"
-    fi
-    debian_rustc=$(dpkg -L rustc-web | grep -m1 'bin/rustc$')
-    toolchain=(env RUSTC="$debian_rustc")
-    build_std=(-Z build-std=core)
-fi
+# shellcheck source=toolchain.sh
+source toolchain.sh
 sysroot=$(rustc --print sysroot)
 linker=$(find "$sysroot/lib/rustlib" -name rust-lld -print -quit)
 [[ -n $linker ]] || die "no rust-lld below $sysroot"

@@ -34,7 +34,7 @@ class Node:
         kind, body = self.ask(b"H", json.dumps(hello).encode())
         assert kind == b"h", kind
         self.hello = json.loads(body)
-        self.outputs = self.hello["outputs"]
+        self.outputs = self.hello.get("outputs", [])
 
     def ask(self, kind, body):
         self.process.stdin.write(struct.pack("<I", len(body) + 1) + kind + body)

@@ -8,12 +8,20 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use toml::Spanned;
 
+use crate::qemu::{Machine, Tier};
+
 /// Names and texts of the shipped boards.
-const SHIPPED: [(&str, &str); 4] = [
+const SHIPPED: [(&str, &str); 7] = [
     ("arduino-uno", include_str!("../boards/arduino-uno.toml")),
     ("arduino-mega", include_str!("../boards/arduino-mega.toml")),
     ("leonardo", include_str!("../boards/leonardo.toml")),
     ("mighty-1284p", include_str!("../boards/mighty-1284p.toml")),
+    ("cortex-m4", include_str!("../boards/cortex-m4.toml")),
+    ("mps2-an386", include_str!("../boards/mps2-an386.toml")),
+    (
+        "netduinoplus2",
+        include_str!("../boards/netduinoplus2.toml"),
+    ),
 ];
 
 /// Supported chips: those of Debian's simavr 1.6 with a UART.
@@ -63,8 +71,10 @@ pub struct Board {
     pub name: String,
     /// Description, for display.
     pub about: String,
-    /// The chip, with the name that the compiler uses.
+    /// The chip, with the name that the compiler uses; empty if QEMU runs the board.
     pub mcu: String,
+    /// The machine of QEMU that runs the board; `None`: simavr runs it.
+    pub qemu: Option<Machine>,
     /// Clock frequency.
     pub clock_hz: u32,
     /// Supply voltage of the chip.
@@ -101,7 +111,8 @@ struct BoardText {
     /// Documents on which the file is based.
     #[serde(default, rename = "documents")]
     _documents: Vec<String>,
-    mcu: Spanned<String>,
+    mcu: Option<Spanned<String>>,
+    qemu: Option<Spanned<Machine>>,
     clock_hz: Spanned<u32>,
     vcc_volts: Option<Spanned<f64>>,
     aref_volts: Option<Spanned<f64>>,
@@ -208,7 +219,8 @@ impl Board {
         Ok(Self {
             name: read.name.into_inner(),
             about: read.about,
-            mcu: read.mcu.into_inner(),
+            mcu: read.mcu.map(Spanned::into_inner).unwrap_or_default(),
+            qemu: read.qemu.map(Spanned::into_inner),
             clock_hz: read.clock_hz.into_inner(),
             vcc_volts,
             aref_volts: volts(read.aref_volts).unwrap_or(vcc_volts),
@@ -243,17 +255,18 @@ impl Board {
 
 impl BoardText {
     fn check(&self, source: &Source<'_>) -> Result<(), BoardError> {
-        if !MCUS.contains(&&**self.mcu.get_ref()) {
-            let message = format!(
-                "is \"{}\", expected one of {}",
-                self.mcu.get_ref(),
-                MCUS.join(", ")
-            );
-            return Err(source.wrong(&self.mcu, "mcu", message));
-        }
+        self.check_simulator(source)?;
         let clock = *self.clock_hz.get_ref();
-        if !(32_768..=20_000_000).contains(&clock) {
-            let message = format!("is {clock}, expected 32768 to 20000000");
+        let clocks = match self.qemu {
+            Some(_) => 32_768..=1_000_000_000,
+            None => 32_768..=20_000_000,
+        };
+        if !clocks.contains(&clock) {
+            let message = format!(
+                "is {clock}, expected {} to {}",
+                clocks.start(),
+                clocks.end()
+            );
             return Err(source.wrong(&self.clock_hz, "clock_hz", message));
         }
         let volts = [
@@ -272,6 +285,51 @@ impl BoardText {
         self.check_names(source)?;
         self.check_ports(source)?;
         self.check_pins(source)
+    }
+
+    /// Checks that one simulator runs it, and that a board in QEMU has no parts of others.
+    fn check_simulator(&self, source: &Source<'_>) -> Result<(), BoardError> {
+        let (mcu, qemu) = match (&self.mcu, &self.qemu) {
+            (Some(mcu), None) if MCUS.contains(&&**mcu.get_ref()) => return Ok(()),
+            (None, Some(qemu)) => (None, qemu),
+            (Some(mcu), Some(qemu)) => (Some(mcu), qemu),
+            (Some(mcu), None) => {
+                let known = MCUS.join(", ");
+                let message = format!("is \"{}\", expected one of {known}", mcu.get_ref());
+                return Err(source.wrong(mcu, "mcu", message));
+            }
+            (None, None) => {
+                let message =
+                    "missing field `mcu` for a board in simavr, or `qemu` for one in QEMU";
+                return Err(source.wrong(&self.name, "", message.to_owned()));
+            }
+        };
+        let Machine { machine, firmware } = qemu.get_ref();
+        check_name(machine).map_err(|message| source.wrong(qemu, "qemu.machine", message))?;
+        let at = |part: Option<usize>, key| part.map(|at| (at, key));
+        let start = |part: &Option<Spanned<String>>| part.as_ref().map(|part| part.span().start);
+        let pin = self.pins.values().next().map(|pin| pin.span().start);
+        let uart = self.uarts.values().next().map(|uart| uart.span().start);
+        let volts = self.vcc_volts.as_ref().or(self.aref_volts.as_ref());
+        let others = [
+            at(mcu.map(|mcu| mcu.span().start), "mcu"),
+            at(start(&self.i2c), "i2c"),
+            at(start(&self.spi), "spi"),
+            at(volts.map(|volts| volts.span().start), "vcc_volts"),
+            at(pin, "pins"),
+            at(uart.filter(|_| *firmware == Tier::Lockstep), "uarts"),
+        ];
+        others
+            .into_iter()
+            .flatten()
+            .next()
+            .map_or(Ok(()), |(at, key)| {
+                let message = match key {
+                    "uarts" => "expected none: firmware in lockstep names its ports itself",
+                    _ => "expected none: a board in QEMU has UARTs only",
+                };
+                Err(source.error(at, key, message))
+            })
     }
 
     fn check_names(&self, source: &Source<'_>) -> Result<(), BoardError> {
@@ -360,7 +418,15 @@ mod tests {
         assert_eq!(board("leonardo").pins["a0"].adc, Some(7));
         assert_eq!(board("arduino-mega").uarts.len(), 4);
         assert_eq!(board("mighty-1284p").mcu, "atmega1284p");
-        assert_eq!(names().count(), 4);
+        // In QEMU's sources, stm32f405_soc.c gives USART1 the first serial port, UART4 the fourth.
+        assert_eq!(board("netduinoplus2").uarts["uart4"], 3);
+        let tiers = names().filter_map(|name| Some((name, board(name).qemu?.firmware)));
+        let expected = [
+            ("cortex-m4", Tier::Lockstep),
+            ("mps2-an386", Tier::RealTime),
+            ("netduinoplus2", Tier::RealTime),
+        ];
+        assert_eq!(tiers.collect::<Vec<_>>(), expected);
     }
 
     const SOUND: &str = "name = \"b\"\nmcu = \"atmega328p\"\nclock_hz = 8000000\n";
@@ -398,12 +464,38 @@ mod tests {
                 "[pins]\na1 = { at = \"C1\", adc = 16 }",
                 "b.toml:5: pins.a1.adc: is 16, expected 0 to 15",
             ),
+            (
+                "qemu = { machine = \"m\", firmware = \"lockstep\" }",
+                "b.toml:2: mcu: expected none: a board in QEMU has UARTs only",
+            ),
         ];
         for (line, expected) in cases {
             let said = error(&format!("{SOUND}{line}\n"));
             assert!(said.starts_with(expected), "{said}");
         }
         assert!(error("").starts_with("b.toml:1: missing field `name`"));
+        let none = SOUND.replace("mcu = \"atmega328p\"\n", "");
+        assert!(
+            error(&none).starts_with("b.toml:1: missing field `mcu`"),
+            "{}",
+            error(&none)
+        );
+        let lockstep = "qemu = { machine = \"m\", firmware = \"lockstep\" }\n";
+        let qemu = SOUND.replace("mcu = \"atmega328p\"\n", lockstep);
+        assert!(Board::parse(&qemu, "b.toml").is_ok());
+        for (line, expected) in [
+            (
+                "i2c = \"bus\"",
+                "b.toml:4: i2c: expected none: a board in QEMU",
+            ),
+            (
+                "[uarts]\na = 0",
+                "b.toml:5: uarts: expected none: firmware in lockstep",
+            ),
+        ] {
+            let said = error(&format!("{qemu}{line}\n"));
+            assert!(said.starts_with(expected), "{said}");
+        }
     }
 
     /// Names are passed to other processes as text and compared there.
@@ -441,7 +533,7 @@ mod tests {
         assert_eq!(
             said.to_string(),
             "board \"arduino\": unknown, expected arduino-uno, arduino-mega, leonardo, \
-             mighty-1284p or a file that ends with .toml"
+             mighty-1284p, cortex-m4, mps2-an386, netduinoplus2 or a file that ends with .toml"
         );
     }
 }

@@ -6,6 +6,8 @@
 #[cfg(feature = "robots")]
 mod apollo13;
 pub mod axis;
+#[cfg(feature = "rescue")]
+mod board_settings;
 mod bounds;
 pub mod checker;
 pub(crate) mod custom;
@@ -86,6 +88,18 @@ pub trait Robot: Sync {
         _source: &Source,
     ) -> Result<Option<Alone>, ScenarioError> {
         Ok(None)
+    }
+
+    /// Settings of its program as words for firmware on a simulated board: keys and values.
+    ///
+    /// # Errors
+    /// If the scenario has settings without words.
+    fn board_settings(
+        &self,
+        _scenario: &Scenario,
+        _source: &Source,
+    ) -> Result<Vec<(&'static str, String)>, ScenarioError> {
+        Ok(Vec::new())
     }
 
     /// What suits it, for worlds and missions that are made by chance; `None`: only the scenario's

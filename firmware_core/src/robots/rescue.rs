@@ -14,6 +14,7 @@
 //! call, which knows the time that the search took.
 
 mod blind;
+mod board_settings;
 mod config;
 mod decide;
 mod defects;

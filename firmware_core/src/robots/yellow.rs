@@ -13,6 +13,7 @@
 //! the task sheet of the course; [`Defects`] lists its errors.
 
 pub mod autoposition;
+mod board_settings;
 mod config;
 mod defects;
 mod guard;

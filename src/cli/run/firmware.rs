@@ -1,18 +1,21 @@
 //! `--firmware`: an ELF file on a simulated board instead of the robot's program.
 
+mod qemu;
+
 use core::time::Duration;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use boards::{Board, PortKind};
+use boards::{Board, PortKind, Tier};
 use clap::Args;
 use nodes::{NodeDevice, NodePort, Role};
+use serde_json::Value;
 
 use super::super::CliError;
 use super::super::exec::quoted;
-use crate::realtime::exec::pc_end;
+use crate::realtime::exec::{Foreign, pc_end};
 use crate::rig::LinkKind;
-use crate::robots::{self, Dut, OpenEnd};
+use crate::robots::{self, Dut, OpenEnd, Wired};
 use crate::run::Run;
 use crate::scenario::device::firmware::node_of;
 use crate::scenario::{Scenario, Source};
@@ -26,10 +29,12 @@ const HELD_MAX: Duration = Duration::from_secs(30 * 24 * 3_600);
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Firmware without a board")]
 pub(super) struct FirmwareArgs {
-    /// Run this ELF file, unmodified, on a simulated AVR board in the place of the robot's program
+    /// Run this ELF file on a simulated board instead of the robot's program
     #[arg(long, value_name = "ELF", requires = "board", conflicts_with = "exec")]
     firmware: Option<PathBuf>,
-    /// Its board: arduino-uno, arduino-mega, leonardo, mighty-1284p, or a file that ends with .toml
+    /// Its board: arduino-uno, arduino-mega, leonardo, mighty-1284p (unmodified AVR firmware),
+    /// cortex-m4 (firmware linked with nodes/cortex-m4), mps2-an386, netduinoplus2 (unmodified
+    /// Cortex-M4 firmware in real time), or a file that ends with .toml
     #[arg(long, value_name = "NAME", requires = "firmware")]
     board: Option<String>,
     /// Connect a port of the rig to one of the board, e.g. gps=serial1; may be given several times
@@ -61,24 +66,100 @@ impl FirmwareArgs {
         )
     }
 
+    /// Firmware that runs in real time, as a program at the ports of `scenario`; `None`: it runs in
+    /// lockstep.
+    pub(super) fn foreign(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Foreign>, CliError> {
+        let (elf, board) = self.loaded()?;
+        let Some(machine) = board
+            .qemu
+            .as_ref()
+            .filter(|qemu| qemu.firmware == Tier::RealTime)
+        else {
+            return Ok(None);
+        };
+        if self.gdb.is_some() {
+            return Err(CliError::Usage(format!(
+                "--gdb: the board {} runs in real time, which cannot stand still; expected a board \
+                 in lockstep",
+                board.name
+            )));
+        }
+        let wired = robots::wire(scenario, source, Dut::External, pc_end(scenario))?;
+        let wanted = self.wanted(&wired, &wired.open_ends, &board)?;
+        let told = self.wired(&board, &wanted)?;
+        qemu::foreign(machine, elf, &wired.open_ends, &told).map(Some)
+    }
+
     /// A run of `scenario` with the firmware at its open ends.
     pub(super) fn run(&self, scenario: Scenario, source: &Source) -> Result<Run, CliError> {
-        let (Some(elf), Some(board)) = (&self.firmware, &self.board) else {
-            return Err(CliError::Usage("--firmware: is missing".to_owned()));
-        };
-        let board = Board::load(board, Path::new(""))
-            .map_err(|error| CliError::Usage(format!("--board: {error}")))?;
+        let (elf, board) = self.loaded()?;
         let pc = pc_end(&scenario);
         let mut wired = robots::wire(&scenario, source, Dut::External, pc)?;
         let ends = core::mem::take(&mut wired.open_ends);
-        let kind = |end: &OpenEnd| wired.rig.link(&end.link).map(|link| link.kind);
+        let mut spec = match &board.qemu {
+            Some(machine) => {
+                let told = robots::of(&scenario, source)?.board_settings(&scenario, source)?;
+                let words = qemu::words(&wired.rig, &ends, &self.wires()?, board.clock_hz, &told)?;
+                qemu::node(NODE, machine, elf, &words, self.gdb)?
+            }
+            None => {
+                let wanted = self.wanted(&wired, &ends, &board)?;
+                let mut spec = node_of(NODE, elf, &board, self.wired(&board, &wanted)?)
+                    .map_err(|message| CliError::Usage(format!("--firmware: {message}")))?;
+                if let Some(port) = self.gdb {
+                    spec.settings.insert("gdb".to_owned(), port.into());
+                }
+                spec
+            }
+        };
+        spec.role = Role::Program;
+        spec.seed = scenario.seed;
+        spec.ports = ends
+            .iter()
+            .map(|end| NodePort {
+                name: end.name.clone(),
+                line: end.line,
+                carries_messages: kind_of(&wired, end).is_some_and(LinkKind::carries_messages),
+            })
+            .collect();
+        if let Some(port) = self.gdb {
+            spec.patience = HELD_MAX;
+            eprintln!("waiting for gdb: target remote :{port}");
+        }
+        let places: Vec<usize> = ends.iter().map(|end| end.node).collect();
+        let program = Box::new(NodeDevice::new(spec));
+        wired.rig.seat(NODE, program, &places);
+        Ok(Run::with_rig(scenario, wired.rig, wired.instruments))
+    }
+
+    /// The firmware's file and its board.
+    fn loaded(&self) -> Result<(&Path, Board), CliError> {
+        let (Some(elf), Some(board)) = (&self.firmware, &self.board) else {
+            return Err(CliError::Usage("--firmware: is missing".to_owned()));
+        };
+        let board = Board::load(board, Path::new(""));
+        let board = board.map_err(|error| CliError::Usage(format!("--board: {error}")))?;
+        Ok((elf, board))
+    }
+
+    /// The ports of the rig that are to be connected to the board.
+    fn wanted(
+        &self,
+        wired: &Wired,
+        ends: &[OpenEnd],
+        board: &Board,
+    ) -> Result<Vec<(String, PortKind)>, CliError> {
         let wires = self.wires()?;
         let mut wanted = Vec::new();
-        for end in &ends {
+        for end in ends {
             // An optional port stays open unless it is named.
             let is_wired = wires.contains_key(&end.name);
             let is_named = is_wired || board.unit(&end.name).is_some();
-            match kind(end) {
+            match kind_of(wired, end) {
                 Some(LinkKind::Pin | LinkKind::Datagram) if is_wired => {
                     return Err(CliError::Usage(format!(
                         "--wire: port \"{}\" of the rig carries levels or packets, and a board has \
@@ -92,30 +173,13 @@ impl FirmwareArgs {
                 _ => wanted.push((end.name.clone(), PortKind::Uart)),
             }
         }
-        let told = board
-            .wire(&wanted, &wires)
-            .map_err(|error| CliError::Usage(format!("--wire: {error}")))?;
-        let mut spec = node_of(NODE, elf, &board, told)
-            .map_err(|message| CliError::Usage(format!("--firmware: {message}")))?;
-        spec.role = Role::Program;
-        spec.seed = scenario.seed;
-        spec.ports = ends
-            .iter()
-            .map(|end| NodePort {
-                name: end.name.clone(),
-                line: end.line,
-                carries_messages: kind(end).is_some_and(LinkKind::carries_messages),
-            })
-            .collect();
-        if let Some(port) = self.gdb {
-            spec.settings.insert("gdb".to_owned(), port.into());
-            spec.patience = HELD_MAX;
-            eprintln!("waiting for gdb: target remote :{port}");
-        }
-        let places: Vec<usize> = ends.iter().map(|end| end.node).collect();
-        let program = Box::new(NodeDevice::new(spec));
-        wired.rig.seat(NODE, program, &places);
-        Ok(Run::with_rig(scenario, wired.rig, wired.instruments))
+        Ok(wanted)
+    }
+
+    /// Where on the board each port of the rig is.
+    fn wired(&self, board: &Board, wanted: &[(String, PortKind)]) -> Result<Value, CliError> {
+        let told = board.wire(wanted, &self.wires()?);
+        told.map_err(|error| CliError::Usage(format!("--wire: {error}")))
     }
 
     fn wires(&self) -> Result<BTreeMap<String, String>, CliError> {
@@ -130,4 +194,8 @@ impl FirmwareArgs {
         };
         self.wire.iter().map(wire).collect()
     }
+}
+
+fn kind_of(wired: &Wired, end: &OpenEnd) -> Option<LinkKind> {
+    wired.rig.link(&end.link).map(|link| link.kind)
 }

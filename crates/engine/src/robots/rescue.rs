@@ -28,14 +28,14 @@ use firmware_core::navigation::Sought;
 use firmware_core::pc_link::Diagnose;
 use firmware_core::pose::Pose;
 use firmware_core::robots::rescue::{Config, Rescue, Turning};
-use firmware_core::{radio_setup, slam};
+use firmware_core::slam;
 use protocols::avr::ChecksumOrder;
 use protocols::pcui::message::{Mode, Order};
 use protocols::{LineConfig, Port};
 
 use super::{
     Alone, Arena, Console, Dut, PcEnd, ProgramPort, RemoteStation, Robot, Senses, Silence,
-    WirePlan, Wired,
+    WirePlan, Wired, board_settings,
 };
 use crate::rig::Rig;
 use crate::rig::cpu::CpuModel;
@@ -90,6 +90,22 @@ impl Robot for RescueRobot {
         source: &Source,
     ) -> Result<Option<Alone>, ScenarioError> {
         alone(scenario, source).map(Some)
+    }
+
+    fn board_settings(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Vec<(&'static str, String)>, ScenarioError> {
+        let order = order_of(base(scenario, source)?.profile);
+        let config = program(scenario, order, source)?;
+        let words = board_settings::words(
+            scenario,
+            (&config, Config::DEFAULT),
+            (Config::tell, Config::set),
+            |id| Config::DEFAULT.with_defect(id).is_some(),
+        );
+        words.ok_or_else(|| board_settings::untold(source))
     }
 
     /// 300 cells of 10 mm, or more in a build with a large map.
@@ -361,12 +377,7 @@ fn program(
     config.radio_setup = scenario
         .program
         .radio_baud
-        .map(|found| radio_setup::Settings {
-            found_baud: found.get(),
-            baud: protocols::pcui::BAUD,
-            name: "rescue",
-            pin: *b"1234",
-        });
+        .map(|found| Config::radio_setup(found.get()));
     if scenario.program.diagnosis {
         config.pc_link.diagnosis = Diagnose::EachSecond;
     }

@@ -25,7 +25,9 @@ use firmware_core::robots::yellow::pc::{PcConfig, PcProgram};
 use firmware_core::robots::yellow::{Config, Yellow};
 use protocols::LineConfig;
 
-use super::{Alone, Dut, PcEnd, ProgramPort, RemoteStation, Robot, WirePlan, Wired};
+use super::{
+    Alone, Dut, PcEnd, ProgramPort, RemoteStation, Robot, WirePlan, Wired, board_settings,
+};
 use crate::rig::Rig;
 use crate::rig::line::End;
 use crate::scenario::device::{Built, MotorSpec, RPLIDAR, RplidarSpec, WHEEL_BOARD};
@@ -88,6 +90,21 @@ impl Robot for YellowRobot {
         source: &Source,
     ) -> Result<Option<Alone>, ScenarioError> {
         alone(scenario, source).map(Some)
+    }
+
+    fn board_settings(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Vec<(&'static str, String)>, ScenarioError> {
+        let (config, _) = configs(scenario, source)?;
+        let words = board_settings::words(
+            scenario,
+            (&config, Config::DEFAULT),
+            (Config::tell, Config::set),
+            |id| Config::DEFAULT.with_defect(id).is_some(),
+        );
+        words.ok_or_else(|| board_settings::untold(source))
     }
 
     fn situations(&self) -> &'static [&'static str] {

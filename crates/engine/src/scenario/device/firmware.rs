@@ -249,11 +249,11 @@ impl FirmwareSpec {
     }
 }
 
-/// The node program that runs firmware on a board: its command and what it is told.
+/// The absolute path of an ELF file, as text.
 ///
 /// # Errors
-/// A sentence, if the simulator is missing or there is no such file.
-pub fn node_of(name: &str, elf: &Path, board: &Board, wires: Value) -> Result<NodeSpec, String> {
+/// A sentence, if there is no such file.
+pub fn elf_path(elf: &Path) -> Result<String, String> {
     if !elf.is_file() {
         return Err(format!(
             "{}: no such file, expected the ELF file that the linker wrote",
@@ -262,12 +262,21 @@ pub fn node_of(name: &str, elf: &Path, board: &Board, wires: Value) -> Result<No
     }
     let elf = std::path::absolute(elf).unwrap_or_else(|_| elf.to_owned());
     // The path travels as text.
-    let Some(path) = elf.to_str().filter(|path| path.len() <= PATH_MAX) else {
-        return Err(format!(
+    let path = elf.to_str().filter(|path| path.len() <= PATH_MAX);
+    path.map(str::to_owned).ok_or_else(|| {
+        format!(
             "{}: expected a path of at most {PATH_MAX} bytes of UTF-8; move the file",
             elf.display()
-        ));
-    };
+        )
+    })
+}
+
+/// The node program that runs firmware on a board in simavr: its command and what it is told.
+///
+/// # Errors
+/// A sentence, if the simulator is missing or there is no such file.
+pub fn node_of(name: &str, elf: &Path, board: &Board, wires: Value) -> Result<NodeSpec, String> {
+    let path = elf_path(elf)?;
     let program = program().map_err(|error| error.to_string())?;
     let mut settings = Map::new();
     settings.insert("elf".to_owned(), json!(path));
@@ -338,6 +347,14 @@ impl DeviceKind for FirmwareKind {
         let base = spec.base(context);
         let board =
             Board::load(&spec.board, &base).map_err(|error| wrong("board", error.to_string()))?;
+        if board.qemu.is_some() {
+            let message = format!(
+                "{} runs in QEMU, which plays the robot's program only (hilrig run --firmware), \
+                 expected a board with an AVR",
+                board.name
+            );
+            return Err(wrong("board", message));
+        }
         let uarts = spec
             .uarts(&board)
             .map_err(|message| wrong("ports", message))?;

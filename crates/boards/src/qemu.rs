@@ -1,0 +1,195 @@
+//! Machines of QEMU: which boards run there, and the command that starts them.
+
+use std::env;
+use std::ffi::OsString;
+use std::os::unix::fs::PermissionsExt as _;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+/// Its name.
+const NAME: &str = "qemu-system-arm";
+/// Names another one.
+const VARIABLE: &str = "HILRIG_QEMU_ARM";
+
+/// The machine of QEMU that runs a board's firmware.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Machine {
+    /// Its name, as QEMU's option `-M` has it.
+    pub machine: String,
+    /// Which firmware it runs.
+    pub firmware: Tier,
+}
+
+/// Which firmware a machine of QEMU runs, and in which time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tier {
+    /// Programs linked with the board layer `nodes/cortex-m4`, in lockstep with the rig.
+    Lockstep,
+    /// Any, unmodified, in real time.
+    RealTime,
+}
+
+/// QEMU's option for a UART without a port.
+const NO_SERIAL: &str = " -serial null";
+
+impl Machine {
+    /// Shell command of the node program that runs `elf`. `words` is its command line; it waits for
+    /// gdb on the TCP port `gdb`.
+    ///
+    /// # Errors
+    /// If QEMU is missing, or a word cannot be passed.
+    pub fn lockstep(
+        &self,
+        elf: &str,
+        words: &[String],
+        gdb: Option<u16>,
+    ) -> Result<String, String> {
+        // QEMU joins the words by blanks.
+        let wrong = words.iter().find(|word| word.contains(char::is_whitespace));
+        if let Some(word) = wrong {
+            return Err(format!(
+                "\"{}\" cannot be told to firmware in QEMU, expected no blank in it",
+                word.escape_debug()
+            ));
+        }
+        let words: String = words
+            .iter()
+            .map(|word| format!(",arg={}", word.replace(',', ",,")))
+            .collect();
+        let told = quoted(&format!("enable=on,target=native,arg=firmware{words}"));
+        let gdb = gdb.map_or(String::new(), |port| format!(" -gdb tcp::{port} -S"));
+        Ok(format!(
+            "{} -serial none -icount shift=2,sleep=off -semihosting-config {told}{gdb}",
+            self.start(elf)?
+        ))
+    }
+
+    /// Shell command that runs `elf` in real time. `ports` are the numbers of UARTs with the names
+    /// of the variables that hold their ports, and the rates of these.
+    ///
+    /// # Errors
+    /// If QEMU is missing.
+    pub fn real_time(&self, elf: &str, ports: &[(u8, String, u32)]) -> Result<String, String> {
+        let mut opened = String::new();
+        let mut serials = String::new();
+        let most = ports.iter().map(|(number, ..)| *number).max().unwrap_or(0);
+        for number in 0..=most {
+            let port = ports.iter().find(|(known, ..)| *known == number);
+            let Some((_, variable, rate)) = port else {
+                serials += NO_SERIAL;
+                continue;
+            };
+            // The port stays open. QEMU's own backend for serial ports would set 115200 baud; the
+            // one for pipes sets nothing.
+            let fd = 3 + number;
+            opened += &format!(
+                "exec {fd}<>\"${variable}\" && stty {rate} cs8 -parenb -cstopb raw -echo <&{fd} && "
+            );
+            serials += &format!(
+                " -chardev \"pipe,id=u{number},path=${variable}\" -serial chardev:u{number}"
+            );
+        }
+        Ok(format!("{opened}{}{serials}", self.start(elf)?))
+    }
+
+    fn start(&self, elf: &str) -> Result<String, String> {
+        let qemu = find()?;
+        Ok(format!(
+            "exec {} -M {} -kernel {} -display none -monitor none -parallel none -nic none",
+            quoted(&qemu.to_string_lossy()),
+            quoted(&self.machine),
+            // A comma would begin an option of QEMU.
+            quoted(elf),
+        ))
+    }
+}
+
+/// `text` as one word for the shell.
+fn quoted(text: &str) -> String {
+    format!("'{}'", text.replace('\'', "'\\''"))
+}
+
+/// The emulator.
+fn find() -> Result<PathBuf, String> {
+    find_in(env::var_os(VARIABLE), env::var_os("PATH"))
+}
+
+fn find_in(named: Option<OsString>, path: Option<OsString>) -> Result<PathBuf, String> {
+    let is_program = |path: &Path| {
+        path.metadata()
+            .is_ok_and(|known| known.is_file() && known.permissions().mode() & 0o111 != 0)
+    };
+    if let Some(named) = named.map(PathBuf::from) {
+        return match is_program(&named) {
+            true => Ok(named),
+            false => Err(format!(
+                "{VARIABLE} names {}, which is no program",
+                named.display()
+            )),
+        };
+    }
+    let folders = path.iter().flat_map(env::split_paths);
+    let mut found = folders.map(|folder| folder.join(NAME));
+    found.find(|path| is_program(path)).ok_or_else(|| {
+        format!(
+            "{NAME} is missing: apt install {NAME} (Debian, Ubuntu); elsewhere install QEMU 7.2 or \
+             later, or name the program in {VARIABLE}"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_emulator_names_the_package() {
+        let missing = find_in(None, Some("/nowhere:/etc".into())).expect_err("is not there");
+        assert!(
+            missing.starts_with("qemu-system-arm is missing: apt install qemu-system-arm"),
+            "{missing}"
+        );
+        let named = find_in(Some("/etc/passwd".into()), None).expect_err("is no program");
+        assert_eq!(
+            named,
+            "HILRIG_QEMU_ARM names /etc/passwd, which is no program"
+        );
+        let shell = find_in(Some("/bin/sh".into()), None);
+        assert_eq!(shell, Ok(PathBuf::from("/bin/sh")));
+    }
+
+    #[test]
+    fn the_words_of_a_firmware_stay_words() {
+        let machine = Machine {
+            machine: "mps2-an386".to_owned(),
+            firmware: Tier::Lockstep,
+        };
+        let blank = machine.lockstep("a.elf", &["port=a b:1".to_owned()], None);
+        assert!(blank.is_err_and(|error| error.contains("expected no blank")));
+        let Ok(_) = find() else {
+            // Without QEMU there is no command.
+            return;
+        };
+        let ports = [(2, "HILRIG_PORT_GPS".to_owned(), 9_600)];
+        let command = machine.real_time("a.elf", &ports).expect("QEMU is there");
+        assert!(
+            command.starts_with("exec 5<>\"$HILRIG_PORT_GPS\" && stty 9600 "),
+            "{command}"
+        );
+        let serials = "-serial null -serial null -chardev \"pipe,id=u2,path=$HILRIG_PORT_GPS\" -serial \
+                       chardev:u2";
+        assert!(command.ends_with(serials), "{command}");
+        let command = machine.lockstep("it's.elf", &["a=1,2".to_owned()], Some(3333));
+        let command = command.expect("QEMU is there");
+        for part in [
+            "-kernel 'it'\\''s.elf'",
+            "'enable=on,target=native,arg=firmware,arg=a=1,,2'",
+            "-gdb tcp::3333 -S",
+        ] {
+            assert!(command.contains(part), "{command}");
+        }
+    }
+}

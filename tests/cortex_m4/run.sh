@@ -1,0 +1,116 @@
+#!/usr/bin/env bash
+# The robots' own programs on a Cortex-M4 in QEMU: the board layer by itself, then a whole mission
+# each of rescue and of yellow, byte for byte that of the program compiled for the host. Then
+# unmodified UART firmware on two machines in real time, as a smoke test.
+#
+# usage: bash tests/cortex_m4/run.sh [--bench]      HILRIG: the command; built if not given
+#
+# Installs what it needs: qemu-system-arm, gcc-arm-none-eabi, and the target thumbv7em-none-eabihf
+# by rustup.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+target=thumbv7em-none-eabihf
+folder=$(realpath -m "${CARGO_TARGET_DIR:-target}")
+out=$folder/cortex_m4
+hilrig=${HILRIG:-}
+here=tests/cortex_m4
+
+say() { printf '== cortex-m4: %s\n' "$*"; }
+die() {
+    printf 'tests/cortex_m4: %s\n' "$*" >&2
+    exit 1
+}
+
+mkdir -p "$out"
+missing=()
+command -v qemu-system-arm >/dev/null || missing+=(qemu-system-arm)
+command -v arm-none-eabi-gcc >/dev/null || missing+=(gcc-arm-none-eabi)
+if [[ ${#missing[@]} -gt 0 ]]; then
+    as_root=()
+    [[ $EUID -eq 0 ]] || as_root=(sudo)
+    "${as_root[@]}" apt-get update -qq
+    "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+        apt-get install -qq -y --no-install-recommends "${missing[@]}" >/dev/null
+fi
+if [[ -z $hilrig ]]; then
+    cargo build --locked --release
+    hilrig=$folder/release/hilrig
+fi
+
+say "the firmware"
+# shellcheck source=../bare_metal/toolchain.sh
+source tests/bare_metal/toolchain.sh
+(
+    cd nodes/cortex-m4
+    export CARGO_TARGET_DIR=$folder/cortex-m4
+    cargo fmt --check
+    [[ ${#build_std[@]} -eq 0 ]] || toolchain+=(RUSTC_BOOTSTRAP=1)
+    "${toolchain[@]}" cargo build --quiet --locked --release --target $target "${build_std[@]}"
+)
+elf=$folder/cortex-m4/$target/release
+
+say "without QEMU the command names the package"
+status=0
+PATH=/nowhere "$hilrig" run scenarios/yellow-reactive.toml --firmware "$elf/yellow" \
+    --board cortex-m4 2>"$out/missing" || status=$?
+[[ $status -eq 2 ]] && grep -q 'apt install qemu-system-arm' "$out/missing" ||
+    die "exit code $status: $(<"$out/missing")"
+
+say "the board layer by itself"
+python3 $here/test_echo.py "$elf/echo" tests/firmware
+"$hilrig" node check "exec qemu-system-arm -M mps2-an386 -kernel '$elf/echo' -display none \
+    -monitor none -serial none -nic none -icount shift=2,sleep=off -semihosting-config \
+    enable=on,target=native,arg=firmware,arg=port=uart:1" --send abc
+
+hash_of() { grep -o '"trace_hash": *"[^"]*"' "$1/result.json"; }
+
+# both NAME SCENARIO: the program in the rig's process, and on the board.
+both() {
+    local name=$1 scenario=$2 native=$out/$1-native board=$out/$1-board
+    "$hilrig" run "$scenario" --out "$native" >/dev/null || die "$name: the native run fails"
+    "$hilrig" run "$scenario" --firmware "$elf/$name" --board cortex-m4 --out "$board" ||
+        die "$name: the run on the board fails"
+    [[ -n $(hash_of "$native") && $(hash_of "$native") == "$(hash_of "$board")" ]] ||
+        die "$name: $(hash_of "$native") natively, $(hash_of "$board") on the board"
+    python3 $here/same.py "$native/capture.pcapng" "$board/capture.pcapng"
+    grep '^load' "$board/node-program.log" || die "$name: its load was not reported"
+}
+
+say "rescue: a whole mission, byte for byte"
+# What the radio says of the heading is judged on the board: the time of each pose is not in it.
+sed '/^heading_rms_deg_max/d' scenarios/rescue-flat.toml >"$out/rescue.toml"
+both rescue "$out/rescue.toml"
+say "yellow: a whole mission, byte for byte"
+both yellow scenarios/yellow-reactive.toml
+
+say "a firmware with a defect gives other bytes"
+sed '/^robot = /a program.defects = ["YM-03"]' scenarios/yellow-reactive.toml >"$out/defect.toml"
+"$hilrig" run "$out/defect.toml" --firmware "$elf/yellow" --board cortex-m4 \
+    --out "$out/defect" >/dev/null || true
+! python3 $here/same.py "$out/yellow-native/capture.pcapng" "$out/defect/capture.pcapng" \
+    >/dev/null 2>&1 || die "the comparison sees no defect"
+
+# smoke BOARD FLASH-START SENSOR-UART PC-UART [OPTION]: what the firmware says is judged by the
+# device that it reports to. The rig's time stands while the machine is late, QEMU's does not: then
+# a run is not judged (exit code 3).
+smoke() {
+    local board=$1 image=$out/mh_z19-$1.elf status=0
+    arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -O2 -Wall -Wextra -Werror -ffreestanding -nostdlib \
+        ${5:+"$5"} "-Wl,--defsym=FLASH_START=$2" -T $here/uart/board.ld $here/uart/mh_z19.c \
+        -o "$image"
+    "$hilrig" run $here/uart/mh_z19.toml --firmware "$image" --board "$board" --wire "sensor=$3" \
+        --wire "pc=$4" --out "$out/smoke-$board" 2>/dev/null || status=$?
+    [[ $status -eq 0 || $status -eq 3 ]] || die "$board: exit code $status"
+    "$hilrig" decode "$out/smoke-$board/capture.pcapng" | grep -q '"ppm 006[0-9][0-9]' ||
+        die "$board: the firmware never reported a value of the sensor"
+}
+say "unmodified UART firmware, in real time"
+smoke mps2-an386 0 uart0 uart1
+smoke netduinoplus2 0x08000000 usart1 usart2 -DSTM32
+
+if [[ ${1:-} == --bench ]]; then
+    say "speed beside life"
+    python3 $here/bench.py "$hilrig" "$elf" "$out"
+fi
+echo "tests/cortex_m4: all passed"
