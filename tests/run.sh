@@ -3,13 +3,13 @@
 #
 # usage: bash tests/run.sh [--all] [--since REV]
 #
-#   (nothing)     the checks of each landing: format, all tests of the workspace, lints, docs,
-#                 examples, the package for Python, the demo
+#   (nothing)     the checks of each landing: format, lints, all tests of the workspace, examples,
+#                 the package for Python, the demo
 #   --since REV   also the proofs whose files changed since REV
-#   --all         all seeds and cases of each test, and all proofs: bare metal, portable builds,
-#                 coverage, a release beside other builds, simulated microcontrollers, clients of
-#                 other languages, drivers with a defect, sessions of public drivers, a robot in a
-#                 crate of its own
+#   --all         all seeds and cases of each test, and all proofs: docs of the crates, bare metal,
+#                 portable builds, coverage, a release beside other builds, simulated
+#                 microcontrollers, clients of other languages, drivers with a defect, sessions of
+#                 public drivers, a robot in a crate of its own
 #
 # What neither runs, because it takes longer or needs a cluster: tests/mutants.sh,
 # tests/browser/run.sh, tests/slurm/run.sh, tests/kubernetes/run.sh, tests/ci/run.sh,
@@ -134,26 +134,28 @@ rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src
     fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
     fuzz/fuzz_targets/*.rs
 
-step "compiling the tests"
-cargo test --locked --workspace --no-run
+# Clippy's driver is the compiler with the lints: the build of the tests is the pass of the lints,
+# too. A pass of its own checks each crate of the registry once more.
+clippy=$(rustc --print sysroot)/bin/clippy-driver
+denied=-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__
+step "a lint is an error"
+# The names of these two variables are between Cargo and Clippy: a planted lint shows that they hold.
+planted=$target/planted
+mkdir -p "$planted"
+echo 'fn main() { let _ = 1 == 1; }' >"$planted/main.rs"
+lint() { CLIPPY_ARGS=$denied "$clippy" rustc --emit=metadata --out-dir "$planted" "$planted/main.rs"; }
+if lint 2>"$planted/log" || ! grep -q clippy::eq_op "$planted/log"; then
+    cat "$planted/log" >&2
+    echo "tests/run.sh: $clippy lets a planted lint pass" >&2
+    exit 1
+fi
 
-# The tests wait for ports and browsers half of their time. Steps that only need the processor run
-# meanwhile, at a lower priority. (Not at idle priority: a process without any turn may hold a
-# lock.)
-lints_and_docs() {
-    renice -n 10 "$BASHPID"
-    cargo clippy --locked --workspace --all-targets -- -D warnings
-    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
-}
-beside=$target/beside.log
-# A process group of its own, which ends with this script.
-set -m
-(lints_and_docs) >"$beside" 2>&1 &
-builds=$!
-set +m
-trap 'kill -- -"$builds" 2>/dev/null || true' EXIT
+step "compiling the tests, with lints"
+# By an option and not in the environment: tests that call Cargo get the compiler itself.
+tests() { CLIPPY_ARGS=$denied cargo --config "build.rustc-workspace-wrapper='$clippy'" test --locked --workspace "$@"; }
+tests --all-targets --no-run
 
-step "tests, and lints and docs beside them"
+step "tests"
 # The same cases on every run: a check that is red today and green tomorrow judges no change.
 # Other cases: PROPTEST_RNG_SEED=N bash tests/run.sh, and `hilrig fuzz` for as long as one likes.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
@@ -168,19 +170,20 @@ cargo metadata --locked --no-deps --format-version 1 |
     python3 -c "$names" "${waiting[@]}" >"$target/computing"
 computing() {
     # shellcheck disable=SC2046 # One name a line.
-    cargo test --locked --workspace --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
-    cargo test --locked --workspace --doc
+    tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
+    tests --doc
 }
 set -m
 (computing) >"$target/computing.log" 2>&1 &
 computes=$!
 set +m
-trap 'kill -- -"$builds" -"$computes" 2>/dev/null || true' EXIT
+trap 'kill -- -"$computes" 2>/dev/null || true' EXIT
 status=0
-cargo test --locked --workspace --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 |
+tests --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 |
     tee "$target/waiting.log" || status=$?
 computed=0
 wait "$computes" || computed=$?
+trap - EXIT
 cat "$target/computing.log"
 if [[ $status -ne 0 || $computed -ne 0 ]]; then
     # Once more what failed: some readers see only the end of a log.
@@ -206,14 +209,9 @@ CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh
 step "the demo"
 "$built/hilrig" demo --out "$target/demo/tests"
 
-step "what is left of lints and docs"
-status=0
-wait "$builds" || status=$?
-trap - EXIT
-cat "$beside"
-[[ $status -eq 0 ]] || exit "$status"
-
 if proof Cargo.toml protocols emulators firmware_core crates src fuzz; then
+    step "the docs of the crates"
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
     step "lints of other features: the demo, the library of another crate's test, coverage-guided targets"
     cargo clippy --locked -p hilrig-demo -- -D warnings
     cargo clippy --locked --no-default-features --lib -- -D warnings
