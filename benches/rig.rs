@@ -11,13 +11,17 @@ use std::path::Path;
 use core::time::Duration;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use emulators::world::World;
+use emulators::{Device, Event};
 use hilrig::capture::{Capture, Limits, Recording, about};
 use hilrig::realtime::clock::{Clock, WallClock};
+use hilrig::rig::bare;
+use hilrig::rig::line::End;
 use hilrig::run::Run;
 use hilrig::run::check::Status;
 use hilrig::scenario::Scenario;
 use hilrig::search::shrink::{self, Branches, Effort, Judged};
-use protocols::Instant;
+use protocols::{Instant, LineConfig, Port};
 use rustix::time::{ClockId, clock_gettime};
 
 const CAPTURE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/bench.pcapng");
@@ -139,6 +143,75 @@ fn cost_of_capture(_: &mut Criterion) {
     }
 }
 
+/// Sends eight bytes every 100 ms.
+#[derive(Clone)]
+struct Beacon {
+    sends_at: Instant,
+    waiting: usize,
+}
+
+impl Device for Beacon {
+    fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+
+    fn poll(&mut self, now: Instant, _: &mut World) {
+        if now >= self.sends_at {
+            self.sends_at += Duration::from_millis(100);
+            self.waiting = 8;
+        }
+    }
+
+    fn transmit(&mut self, _: Port, buf: &mut [u8]) -> usize {
+        let len = self.waiting.min(buf.len());
+        buf[..len].fill(0x55);
+        self.waiting -= len;
+        len
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        Some(self.sends_at)
+    }
+
+    fn line_config(&self, _: Port) -> LineConfig {
+        LineConfig::new_8n1(115_200)
+    }
+
+    fn take_events(&mut self) -> Vec<Event> {
+        Vec::new()
+    }
+}
+
+/// What does a device cost among many? Each sends at its own time, byte by byte.
+fn many_devices(_: &mut Criterion) {
+    let device_seconds = if is_measured() { 16_384 } else { 1_024 };
+    for devices in [16, 64, 256, 1_024] {
+        let mut rig = bare::rig();
+        for number in 0..devices {
+            let beacon = Beacon {
+                sends_at: Instant::from_micros(number * 7_919 % 100_000),
+                waiting: 0,
+            };
+            let ends = [
+                rig.add_device(&format!("beacon-{number}"), beacon),
+                rig.add_outside(&format!("reader-{number}"), LineConfig::new_8n1(115_200)),
+            ];
+            let [device, reader] = ends.map(|node| End {
+                node,
+                port: Port(0),
+            });
+            rig.connect(&format!("link-{number}"), device, reader, 1);
+        }
+        let began = cpu_time(ClockId::ThreadCPUTime);
+        for step in 1..=20 * device_seconds / devices {
+            rig.run_until(Instant::from_millis(50 * step));
+        }
+        let took = cpu_time(ClockId::ThreadCPUTime) - began;
+        println!(
+            "{devices} devices: {:.1} us for a second of each",
+            took.as_secs_f64() * 1e6 / device_seconds as f64
+        );
+    }
+}
+
 /// How much do checkpoints save when twelve faults are reduced to the two relevant ones? A search
 /// whose tries are whole runs, against one whose tries continue from a checkpoint.
 fn shrinking(_: &mut Criterion) {
@@ -189,6 +262,7 @@ criterion_group!(
     every_robot,
     reading_a_capture,
     cost_of_capture,
+    many_devices,
     shrinking
 );
 criterion_main!(benches);

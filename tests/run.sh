@@ -139,12 +139,13 @@ rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src
 clippy=$(rustc --print sysroot)/bin/clippy-driver
 denied=-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__
 step "a lint is an error"
-# The names of these two variables are between Cargo and Clippy: a planted lint shows that they hold.
+# Cargo passes lints to Clippy in this variable, which is not documented: a planted lint shows that
+# it works.
 planted=$target/planted
 mkdir -p "$planted"
 echo 'fn main() { let _ = 1 == 1; }' >"$planted/main.rs"
-lint() { CLIPPY_ARGS=$denied "$clippy" rustc --emit=metadata --out-dir "$planted" "$planted/main.rs"; }
-if lint 2>"$planted/log" || ! grep -q clippy::eq_op "$planted/log"; then
+if CLIPPY_ARGS=$denied "$clippy" rustc --emit=metadata --out-dir "$planted" "$planted/main.rs" \
+    2>"$planted/log" || ! grep -q clippy::eq_op "$planted/log"; then
     cat "$planted/log" >&2
     echo "tests/run.sh: $clippy lets a planted lint pass" >&2
     exit 1
@@ -152,7 +153,8 @@ fi
 
 step "compiling the tests, with lints"
 # By an option and not in the environment: tests that call Cargo get the compiler itself.
-tests() { CLIPPY_ARGS=$denied cargo --config "build.rustc-workspace-wrapper='$clippy'" test --locked --workspace "$@"; }
+wrapper="build.rustc-workspace-wrapper='$clippy'"
+tests() { CLIPPY_ARGS=$denied cargo --config "$wrapper" test --locked --workspace "$@"; }
 tests --all-targets --no-run
 
 step "tests"

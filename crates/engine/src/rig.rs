@@ -3,6 +3,7 @@
 
 pub mod bare;
 pub mod cpu;
+mod deadlines;
 pub mod direction;
 mod disturb;
 pub mod fault;
@@ -37,13 +38,13 @@ use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
 #[cfg(feature = "described")]
 pub use ::nodes::Stopwatch;
+use deadlines::Plan;
 pub use disturb::Disturbance;
 pub use link_kind::{LinkKind, PortRate};
 pub use logged::Logged;
 use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
 pub use paced::Paced;
-use round::Due;
 
 /// A connection between two nodes, or a node and the outside.
 #[derive(Clone, Debug)]
@@ -96,10 +97,8 @@ pub struct Rig {
     disturbed: Vec<Disturbance>,
     /// Buffer for the bytes that nodes send.
     room: [u8; line::MESSAGE_MAX],
-    /// Two of each link.
-    due: Vec<Due>,
-    /// To which nodes something happened in this round that may have given them something to send.
-    touched: Vec<bool>,
+    /// Deadlines, made anew at the begin of a run.
+    plan: Plan,
 }
 
 impl Rig {
@@ -122,8 +121,7 @@ impl Rig {
             budget: Budget::default(),
             disturbed: Vec::new(),
             room: [0; line::MESSAGE_MAX],
-            due: Vec::new(),
-            touched: Vec::new(),
+            plan: Plan::default(),
         }
     }
 
@@ -162,7 +160,6 @@ impl Rig {
             polled_at: AT_ONCE,
             excused_from: 0,
         });
-        self.touched.push(false);
         self.nodes.len() - 1
     }
 
@@ -236,8 +233,7 @@ impl Rig {
             budget: self.budget.clone(),
             disturbed: self.disturbed.clone(),
             room: self.room,
-            due: Vec::new(),
-            touched: self.touched.clone(),
+            plan: Plan::default(),
         })
     }
 

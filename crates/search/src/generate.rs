@@ -123,7 +123,7 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         made.mission.step = mission::steps(&waypoints, until, &mut dice.mission);
         made.mission.waypoints_m = waypoints;
         made.duration = made.duration.max(recovery);
-        // A robot that may stop farther from its goals does so at every goal.
+        // A radius that a scenario allows its robot is valid for each goal.
         let own_mm = base.expect.visit_within_mm.unwrap_or(VISIT_WITHIN_MM);
         made.expect.visit_within_mm = Some(own_mm.max(VISIT_WITHIN_MM));
         made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));

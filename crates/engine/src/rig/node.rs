@@ -308,12 +308,6 @@ impl Node {
         }
     }
 
-    /// Whether the node is to be polled by `now`.
-    #[inline]
-    pub(super) fn is_due(&self, now: Instant) -> bool {
-        self.polled_at <= now
-    }
-
     /// Asks a device again for its next poll: it may have waited for room in its transmitter, or
     /// received an event that it handles later.
     pub(super) fn replan(&mut self, now: Instant) {
@@ -444,14 +438,10 @@ mod tests {
             polled_at: at(10),
             excused_from: 0,
         };
-        assert_eq!(
-            [9, 10, 11].map(|nanos| node.is_due(at(nanos))),
-            [false, true, true]
-        );
         node.polled_at = later_than(at(10), None);
-        assert!(!node.is_due(at(99)));
+        assert_eq!(node.polled_at, NEVER);
         node.receive(Port(0), at(1), b"x");
-        assert!(node.is_due(at(0)) && node.may_send(Port(0)) && node.is_silent(Port(0)));
+        assert!(node.polled_at == AT_ONCE && node.may_send(Port(0)) && node.is_silent(Port(0)));
         if let Body::Outside(end) = &mut node.body {
             end.put(b"y");
         }

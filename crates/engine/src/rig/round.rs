@@ -7,18 +7,6 @@ use super::node::Body;
 use super::trace::{Side, Tap as _};
 use super::{LinkKind, Rig};
 
-/// Due times of a line. Stored apart from the lines, because all of them are checked between any
-/// two events.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Due {
-    /// Time of its next delivery, or of more bytes from a sender that had more.
-    at: Instant,
-    /// The sender.
-    from: End,
-    /// Whether the sender is asked in this round, even without an event for it.
-    asks: bool,
-}
-
 const ROUNDS_MAX: usize = 1000;
 
 impl Rig {
@@ -41,13 +29,34 @@ impl Rig {
         for node in &mut self.nodes {
             node.replan(self.now);
         }
-        let lines = self.links.iter().flat_map(|link| &link.lines);
-        self.due.clear();
-        self.due.extend(lines.map(|line| Due {
-            at: line.next_at(self.now),
-            from: line.from,
-            asks: !line.is_silent,
-        }));
+        let polls = self.nodes.iter().map(|node| node.polled_at);
+        self.plan.polls.fill(self.nodes.len(), polls);
+        let lines = || self.links.iter().flat_map(|link| &link.lines);
+        let times = lines().map(|line| line.next_at(self.now));
+        self.plan.lines_due.fill(2 * self.links.len(), times);
+        self.plan.asked.clear(2 * self.links.len());
+        self.plan.lines_from.iter_mut().for_each(Vec::clear);
+        self.plan.lines_from.resize(self.nodes.len(), Vec::new());
+        for (number, line) in lines().enumerate() {
+            self.plan.lines_from[line.from.node].push(number);
+            if !line.is_silent {
+                self.plan.asked.insert(number);
+            }
+        }
+    }
+
+    /// The node `index` may have something to send.
+    #[inline]
+    fn touch(&mut self, index: usize) {
+        for &number in &self.plan.lines_from[index] {
+            self.plan.asked.insert(number);
+        }
+    }
+
+    /// Plans the poll of the node `index`, to which something happened.
+    #[inline]
+    fn note_poll(&mut self, index: usize) {
+        self.plan.polls.set(index, self.nodes[index].polled_at);
     }
 
     /// Does all work due now, until nothing changes any more; returns the time of the next event
@@ -60,10 +69,7 @@ impl Rig {
             self.deliver();
             self.poll();
             self.take();
-            let mut next = self.next_poll();
-            for due in &self.due {
-                next = next.min(due.at);
-            }
+            let next = self.plan.polls.next().min(self.plan.lines_due.next());
             if next > self.now {
                 return (next < NEVER).then_some(next);
             }
@@ -72,12 +78,11 @@ impl Rig {
     }
 
     fn deliver(&mut self) {
-        let (now, mut number) = (self.now, 0);
-        while let Some(ahead) = self.due[number..].iter().position(|due| due.at <= now) {
-            number += ahead;
-            self.due[number].asks = true;
+        let mut from = 0;
+        while let Some(number) = self.plan.lines_due.due_from(from, self.now) {
+            self.plan.asked.insert(number);
             self.deliver_on(number / 2, Direction::BOTH[number % 2]);
-            number += 1;
+            from = number + 1;
         }
     }
 
@@ -109,16 +114,18 @@ impl Rig {
             }
             line.recycle(delivery.bytes);
         }
+        let to = line.to.node;
+        self.note_poll(to);
     }
 
     fn poll(&mut self) {
-        for index in 0..self.nodes.len() {
+        let mut from = 0;
+        while let Some(index) = self.plan.polls.due_from(from, self.now) {
+            from = index + 1;
+            self.touch(index);
             let node = &mut self.nodes[index];
-            if !node.is_due(self.now) {
-                continue;
-            }
             node.poll(self.now, &mut self.world, self.cpu);
-            self.touched[index] = true;
+            self.plan.polls.set(index, node.polled_at);
             if let Body::Device(device) = &mut node.body {
                 let events = device.take_events();
                 let counts = device.broken_rules().is_some();
@@ -141,32 +148,21 @@ impl Rig {
 
     /// Takes bytes from senders that may have some.
     fn take(&mut self) {
-        let mut number = 0;
-        loop {
-            let touched = &self.touched[..];
-            let asks = |due: &Due| due.asks || touched[due.from.node];
-            let Some(ahead) = self.due[number..].iter().position(asks) else {
-                break;
-            };
-            number += ahead;
-            let due = &mut self.due[number];
-            let was_due = core::mem::take(&mut due.asks);
-            let may_send = self.nodes[due.from.node].may_send(due.from.port);
+        let mut from = 0;
+        while let Some(number) = self.plan.asked.take_from(from) {
+            from = number + 1;
             let (link, direction) = (number / 2, Direction::BOTH[number % 2]);
-            if may_send {
+            let End { node, port } = self.links[link].lines[direction as usize].from;
+            if self.nodes[node].may_send(port) {
                 self.ask(link, direction);
             } else {
-                let End { node, port } = due.from;
                 debug_assert!(self.nodes[node].is_silent(port), "it said it was");
             }
-            if may_send || was_due {
-                let [one, other] = &self.links[link].lines;
-                self.due[2 * link].at = one.next_at(self.now);
-                self.due[2 * link + 1].at = other.next_at(self.now);
-            }
-            number += 1;
+            let line = &self.links[link].lines[direction as usize];
+            self.plan.lines_due.set(number, line.next_at(self.now));
         }
-        self.touched.fill(false);
+        // A node that was touched behind its own line has its turn with its poll.
+        self.plan.asked.clear(2 * self.links.len());
     }
 
     /// Polls the sender of one line.
@@ -178,11 +174,14 @@ impl Rig {
             && !line.is_played
         {
             self.nodes[to.node].line_event(to.port, self.now, event);
-            self.touched[to.node] = true;
+            self.note_poll(to.node);
+            self.touch(to.node);
             for tap in &mut self.taps {
                 tap.line_event(index, direction, self.now, event);
             }
         }
+        let link = &mut self.links[index];
+        let line = &mut link.lines[direction as usize];
         if !line.has_room(self.now) {
             return;
         }
@@ -210,13 +209,17 @@ impl Rig {
             line.take(self.now, sender_line, receiver, budget, sent)
         };
         if let Some((at, bytes)) = line.take_echo() {
-            link.lines[1 - direction as usize].receive(at, bytes);
+            let other = 1 - direction as usize;
+            link.lines[other].receive(at, bytes);
+            let due = link.lines[other].next_at(self.now);
+            self.plan.lines_due.set(2 * index + other, due);
         }
         self.nodes[from.node].replan(self.now);
         self.trace.record(index, direction, Side::Sent, ends, sent);
         for tap in &mut self.taps {
             tap.record(index, direction, Side::Sent, ends, sent);
         }
+        self.note_poll(from.node);
     }
 }
 

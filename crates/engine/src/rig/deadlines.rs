@@ -1,0 +1,172 @@
+//! When nodes and lines are due, and which lines are asked.
+
+use protocols::Instant;
+
+use super::line::NEVER;
+
+/// Deadlines of a rig's nodes and lines.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Plan {
+    /// The next poll of each node, as the nodes have it.
+    pub(super) polls: Deadlines,
+    /// The next delivery of each line, or more bytes from a sender that had more; two lines a link.
+    pub(super) lines_due: Deadlines,
+    /// Lines whose sender is asked in this round.
+    pub(super) asked: LineSet,
+    /// Lines that each node sends on.
+    pub(super) lines_from: Vec<Vec<usize>>,
+}
+
+/// A time for each of many nodes or lines, as a tournament: each pair plays for the earlier time,
+/// up to the earliest of all. A change costs at most one match a round of the tournament, so a
+/// node or line without work costs nothing.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Deadlines {
+    /// The winner of all at 1, of the pair at `2 n` and `2 n + 1` at `n`, the times from `half` on.
+    times: Vec<Instant>,
+    half: usize,
+}
+
+impl Deadlines {
+    /// Replaces all times by `len` others.
+    pub(super) fn fill(&mut self, len: usize, times: impl Iterator<Item = Instant>) {
+        self.half = len.next_power_of_two();
+        self.times.clear();
+        self.times.resize(self.half, NEVER);
+        self.times.extend(times);
+        self.times.resize(2 * self.half, NEVER);
+        for place in (1..self.half).rev() {
+            self.times[place] = self.times[2 * place].min(self.times[2 * place + 1]);
+        }
+    }
+
+    /// The earliest time, or [`NEVER`].
+    #[inline]
+    pub(super) fn next(&self) -> Instant {
+        self.times.get(1).copied().unwrap_or(NEVER)
+    }
+
+    /// Changes the time of `index`.
+    #[inline]
+    pub(super) fn set(&mut self, index: usize, at: Instant) {
+        let mut place = self.half + index;
+        if self.times[place] == at {
+            return;
+        }
+        self.times[place] = at;
+        while place > 1 {
+            let winner = self.times[place].min(self.times[place ^ 1]);
+            place /= 2;
+            if self.times[place] == winner {
+                break;
+            }
+            self.times[place] = winner;
+        }
+    }
+
+    /// The first from `from` on with a time up to `now`.
+    #[inline]
+    pub(super) fn due_from(&self, from: usize, now: Instant) -> Option<usize> {
+        if from >= self.half || self.next() > now {
+            return None;
+        }
+        let mut place = self.half + from;
+        // Up and to the right until a winner is due, then down to the first time that is.
+        while self.times[place] > now {
+            while place % 2 == 1 {
+                place /= 2;
+            }
+            if place == 0 {
+                return None;
+            }
+            place += 1;
+        }
+        while place < self.half {
+            place *= 2;
+            place += usize::from(self.times[place] > now);
+        }
+        Some(place - self.half)
+    }
+}
+
+/// A set of lines, by their numbers.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LineSet(Vec<u64>);
+
+impl LineSet {
+    /// Removes all; makes room for numbers below `len`.
+    pub(super) fn clear(&mut self, len: usize) {
+        self.0.clear();
+        self.0.resize(len.div_ceil(64), 0);
+    }
+
+    #[inline]
+    pub(super) fn insert(&mut self, number: usize) {
+        self.0[number / 64] |= 1 << (number % 64);
+    }
+
+    /// Removes and returns the first one from `from` on.
+    #[inline]
+    pub(super) fn take_from(&mut self, from: usize) -> Option<usize> {
+        let mut mask = u64::MAX << (from % 64);
+        for (index, word) in self.0.iter_mut().enumerate().skip(from / 64) {
+            let rest = *word & mask;
+            if rest != 0 {
+                *word &= !(rest & rest.wrapping_neg());
+                return Some(64 * index + rest.trailing_zeros() as usize);
+            }
+            mask = u64::MAX;
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// Any changes of any number of times: the next one, and those that are due, are what a
+        /// search through all of them finds.
+        #[test]
+        fn the_tournament_knows_what_a_search_finds(
+            mut times in prop::collection::vec(0u64..40, 0..70),
+            changes in prop::collection::vec((any::<prop::sample::Index>(), 0u64..40), 0..40),
+        ) {
+            let at = Instant::from_nanos;
+            let mut deadlines = Deadlines::default();
+            // What an earlier fill left behind is gone.
+            deadlines.fill(100, (0..100).map(at));
+            deadlines.fill(times.len(), times.iter().copied().map(at));
+            for (index, time) in changes {
+                if !times.is_empty() {
+                    let index = index.index(times.len());
+                    times[index] = time;
+                    deadlines.set(index, at(time));
+                }
+                let next = times.iter().min().copied();
+                prop_assert_eq!(deadlines.next(), next.map_or(NEVER, at));
+                for from in 0..=times.len() + 1 {
+                    let due = (from..times.len()).find(|&index| times[index] <= time);
+                    prop_assert_eq!(deadlines.due_from(from, at(time)), due);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn lines_are_asked_once_in_their_order() {
+        let mut set = LineSet::default();
+        set.clear(130);
+        for number in [129, 3, 64, 63, 3] {
+            set.insert(number);
+        }
+        let taken = [0, 4, 0, 65, 0, 0].map(|from| set.take_from(from));
+        assert_eq!(taken, [Some(3), Some(63), Some(64), Some(129), None, None]);
+        set.insert(5);
+        set.clear(130);
+        assert_eq!([set.take_from(0), set.take_from(130)], [None, None]);
+    }
+}
