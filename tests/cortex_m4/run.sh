@@ -65,12 +65,17 @@ python3 $here/test_echo.py "$elf/echo" tests/firmware
 
 hash_of() { grep -o '"trace_hash": *"[^"]*"' "$1/result.json"; }
 
-# both NAME SCENARIO: the program in the rig's process, and on the board.
+# both NAME SCENARIO VERDICT: the program in the rig's process, and on the board. VERDICT is the
+# exit code of both.
 both() {
-    local name=$1 scenario=$2 native=$out/$1-native board=$out/$1-board
-    "$hilrig" run "$scenario" --out "$native" >/dev/null || die "$name: the native run fails"
-    "$hilrig" run "$scenario" --firmware "$elf/$name" --board cortex-m4 --out "$board" ||
-        die "$name: the run on the board fails"
+    local name=$1 scenario=$2 native=$out/$1-native board=$out/$1-board status=0
+    "$hilrig" run "$scenario" --out "$native" >/dev/null 2>&1 || status=$?
+    [[ $status -eq $3 ]] || die "$name: exit code $status of the native run"
+    status=0
+    "$hilrig" run "$scenario" --firmware "$elf/$name" --board cortex-m4 --out "$board" \
+        >"$out/$name.txt" 2>&1 || status=$?
+    tail -n 20 "$out/$name.txt"
+    [[ $status -eq $3 ]] || die "$name: exit code $status of the run on the board"
     [[ -n $(hash_of "$native") && $(hash_of "$native") == "$(hash_of "$board")" ]] ||
         die "$name: $(hash_of "$native") natively, $(hash_of "$board") on the board"
     python3 $here/same.py "$native/capture.pcapng" "$board/capture.pcapng"
@@ -80,9 +85,13 @@ both() {
 say "rescue: a whole mission, byte for byte"
 # What the radio says of the heading is judged on the board: the time of each pose is not in it.
 sed '/^heading_rms_deg_max/d' scenarios/rescue-flat.toml >"$out/rescue.toml"
-both rescue "$out/rescue.toml"
+both rescue "$out/rescue.toml" 0
+say "rescue: 14 s with breaks, an unplugged lidar, a wrong rate, an overrun and flipped bits"
+sed '/^heading_rms_deg_max/d; s/^duration = .*/duration = "14s"/' scenarios/rescue-flat.toml |
+    cat - $here/faults.toml >"$out/faults.toml"
+both rescue "$out/faults.toml" 1
 say "yellow: a whole mission, byte for byte"
-both yellow scenarios/yellow-reactive.toml
+both yellow scenarios/yellow-reactive.toml 0
 
 say "a firmware with a defect gives other bytes"
 sed '/^robot = /a program.defects = ["YM-03"]' scenarios/yellow-reactive.toml >"$out/defect.toml"
@@ -111,6 +120,12 @@ smoke netduinoplus2 0x08000000 usart1 usart2 -DSTM32
 
 if [[ ${1:-} == --bench ]]; then
     say "speed beside life"
-    python3 $here/bench.py "$hilrig" "$elf" "$out"
+    avr=()
+    if command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]]; then
+        bash tests/firmware/build.sh tests/firmware/sketches/station.cpp mega "$out/station.elf"
+        avr=(tests/firmware/station.toml "$out/station.elf")
+        avr+=(ranger=i2c imu=i2c scale=serial1 pc=serial2)
+    fi
+    python3 $here/bench.py "$hilrig" "$elf" "$out" "${avr[@]}"
 fi
 echo "tests/cortex_m4: all passed"

@@ -41,8 +41,8 @@ struct Line {
     piece: usize,
     /// When the last byte will have left.
     free_at: u64,
-    /// Whether the program had bytes when it was asked last: it is asked again at `free_at`.
-    had_bytes: bool,
+    /// Whether the program may have more bytes: it is asked again at `free_at`.
+    has_more: bool,
     /// The coding that the rig knows.
     coding: Option<LineConfig>,
 }
@@ -213,7 +213,7 @@ impl<M: Master> Board<M> {
                 line.coding = Some(coding);
                 wire.item(2, number, now, 8, |room| write_coding(room, coding));
             }
-            let is_due = line.had_bytes && line.free_at <= now;
+            let is_due = line.has_more && line.free_at <= now;
             if (is_touched || is_due) && program.may_send(port) {
                 if let Some(code) = program.line_change(port).and_then(code_of) {
                     wire.item(2, number, now, 1, |room| {
@@ -221,17 +221,19 @@ impl<M: Master> Board<M> {
                         1
                     });
                 }
+                // Until the line is free, more bytes wait; it is asked then.
+                line.has_more = true;
                 if line.free_at <= now {
                     let sent = wire.item(1, number, now, line.piece, |room| {
                         program.transmit(port, room)
                     });
-                    line.had_bytes = sent > 0;
+                    line.has_more = sent > 0 && program.may_send(port);
                     line.free_at = now + nanos(coding.bytes_time(sent as u64));
                 }
             } else if is_due {
-                line.had_bytes = false;
+                line.has_more = false;
             }
-            if line.had_bytes && line.free_at > now {
+            if line.has_more && line.free_at > now {
                 next = next.min(line.free_at);
             }
         }
@@ -258,7 +260,7 @@ fn line_of(ports: &[(&str, Port)], value: &str) -> Result<Line, &'static str> {
         port: *port,
         piece: usize::clamp(piece, 1, PIECE_MAX),
         free_at: 0,
-        had_bytes: false,
+        has_more: false,
         coding: None,
     })
 }

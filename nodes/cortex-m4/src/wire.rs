@@ -5,6 +5,8 @@ use semihosting::io::{Read as _, Write as _};
 
 /// Longest message either way.
 const MESSAGE_MAX: usize = 256 << 10;
+/// Bytes read at once. QEMU allocates a buffer of this size for each read.
+const READ_MAX: usize = 4 << 10;
 /// First bytes of the rig's stream.
 const MAGIC: [u8; 4] = *b"HRN1";
 
@@ -77,7 +79,8 @@ impl Wire {
         }
         assert!(len <= MESSAGE_MAX, "the rig sent a message of {len} bytes");
         while self.came.1 - self.came.0 < len {
-            let read = self.from.read(&mut self.input[self.came.1..]);
+            let end = self.input.len().min(self.came.1 + READ_MAX.max(len));
+            let read = self.from.read(&mut self.input[self.came.1..end]);
             match read.expect("standard input can be read") {
                 // The rig is gone.
                 0 => semihosting::process::exit(1),
