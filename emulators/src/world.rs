@@ -36,7 +36,7 @@ pub use body::{
 };
 use body::{Motion, STEP_NANOS, STEP_S};
 pub use contact::Contact;
-use contact::{Bumper, Push};
+use contact::{Bumper, Push, REACH_M};
 pub use error::WorldError;
 pub use geometry::{Bounds, Point, Pose, wrap_angle};
 use glide::glide;
@@ -101,7 +101,7 @@ impl World {
             return Err(WorldError::StartNotFinite);
         }
         let bumper = Bumper::new(&scene, chassis.footprint().clone());
-        let clearance_m = bumper.clearance(&scene, Instant::ZERO, start);
+        let clearance_m = bumper.clearance(&scene, Instant::ZERO, start, REACH_M);
         if clearance_m < 0.0 {
             return Err(WorldError::StartBlocked {
                 start,
@@ -301,7 +301,15 @@ impl World {
     /// Free distance between the body and the nearest surface now, metres, capped at 1 m; negative
     /// when they overlap.
     pub fn clearance(&self) -> f64 {
-        self.bumper.clearance(&self.scene, self.now, self.pose())
+        self.clearance_up_to(REACH_M)
+    }
+
+    /// The same, capped at `limit_m` as well: the shorter the limit, the fewer surfaces are looked
+    /// at.
+    pub fn clearance_up_to(&self, limit_m: f64) -> f64 {
+        let limit_m = limit_m.min(REACH_M);
+        self.bumper
+            .clearance(&self.scene, self.now, self.pose(), limit_m)
     }
 
     /// A push of a person: the body moves by (`dx`, `dy`) metres in world axes and turns by

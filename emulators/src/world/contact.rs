@@ -17,7 +17,7 @@ use super::scene::{Near, Scene};
 pub(super) use push::Push;
 
 /// Free distance beyond which contacts are not computed.
-const REACH_M: f64 = 1.0;
+pub(super) const REACH_M: f64 = 1.0;
 /// Margin around the body that is searched first, metres.
 const CLOSE_M: f64 = 0.02;
 /// Distance at which the body has left a surface.
@@ -71,16 +71,18 @@ impl Bumper {
         }
     }
 
-    /// Free distance around a body at `pose`; at most [`REACH_M`].
-    pub(super) fn clearance(&self, scene: &Scene, at: Instant, pose: Pose) -> f64 {
+    /// Free distance around a body at `pose`; at most `limit_m`.
+    pub(super) fn clearance(&self, scene: &Scene, at: Instant, pose: Pose, limit_m: f64) -> f64 {
         let Outline::Circle { radius_m } = self.footprint.outline() else {
-            return outline::clearance(&self.footprint, scene, at, pose);
+            return outline::clearance(&self.footprint, scene, at, pose, limit_m);
         };
         let place = pose.point();
-        let far = REACH_M + radius_m;
+        let far = limit_m + radius_m;
         // Most questions come from a body that stands close to something.
-        let mut least = [radius_m + CLOSE_M, far]
+        let close = Some(radius_m + CLOSE_M).filter(|&close| close < far);
+        let mut least = close
             .into_iter()
+            .chain([far])
             .find_map(|reach| scene.nearest_fixed(place, reach))
             .map_or(far, |near| near.distance);
         scene.each_moving(at, place, |near| least = least.min(near.distance));
@@ -127,7 +129,7 @@ impl Bumper {
         }
         // A body that leans on a surface is near to it, so the test is not needed.
         if self.touching.is_empty() {
-            self.free = self.clearance(scene, began, wanted.start) - margin - used;
+            self.free = self.clearance(scene, began, wanted.start, REACH_M) - margin - used;
             if self.free > 0.0 {
                 return wanted;
             }

@@ -6,6 +6,8 @@ use firmware_core::map_view::MapView;
 
 /// Edge of a cell of the floor, metres.
 const CELL_M: f64 = 0.02;
+/// Surfaces within this distance of the body are looked at: more than rounding.
+const BEYOND_M: f64 = 0.01;
 
 /// Cells of the world's floor.
 struct Floor {
@@ -109,7 +111,7 @@ fn covered(floor: &Floor, mut world: World, start: Pose) -> Vec<bool> {
     let mut fits = |cell: usize| {
         let place = floor.middle(cell);
         world.teleport(Pose::new(place.x, place.y, start.theta));
-        world.clearance() >= 0.0
+        world.clearance_up_to(BEYOND_M) >= 0.0
     };
     let mut reached = vec![false; floor.width * floor.height];
     let mut open: Vec<usize> = floor.cell(start.point()).into_iter().collect();

@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 use std::path::PathBuf;
 
-use emulators::world::{Point, Pose, World};
+use emulators::world::{Outline, Point, Pose, World};
 
 use engine::robots;
 use engine::scenario::{Scenario, Source, WorldSpec};
@@ -12,6 +12,8 @@ const CELL_M: f64 = 0.06;
 const EDGE_MAX: f64 = 160.0;
 /// Number of headings that are tried for a body that is not a disc.
 const HEADINGS: u8 = 4;
+/// Surfaces within this distance beyond the margin are looked at: more than rounding.
+const BEYOND_M: f64 = 0.01;
 
 /// The free space of the true world: a mission from free cell to free cell is possible.
 pub(super) struct Ground {
@@ -60,7 +62,7 @@ impl Ground {
             .map(|cell| {
                 let place = ground.middle(cell);
                 keeps_from_moving(spec, place, reach_m + margin_m)
-                    && clearance(&mut world, place) >= margin_m
+                    && is_clear(&mut world, place, margin_m)
             })
             .collect();
         ground
@@ -164,15 +166,17 @@ fn cells_along(length: f64, cell_m: f64) -> usize {
     cells
 }
 
-/// The smallest free distance over all headings.
-fn clearance(world: &mut World, place: Point) -> f64 {
-    let mut least = f64::INFINITY;
-    for heading in 0..HEADINGS {
+/// Whether the free distance is at least `margin_m` with each heading.
+fn is_clear(world: &mut World, place: Point, margin_m: f64) -> bool {
+    let headings = match world.footprint().outline() {
+        Outline::Circle { .. } => 1,
+        Outline::Polygon(_) => HEADINGS,
+    };
+    (0..headings).all(|heading| {
         let turn = f64::from(heading) * core::f64::consts::TAU / f64::from(HEADINGS);
         world.teleport(Pose::new(place.x, place.y, turn));
-        least = least.min(world.clearance());
-    }
-    least
+        world.clearance_up_to(margin_m + BEYOND_M) >= margin_m
+    })
 }
 
 /// Whether a body with the radius `keep_m` at `place` is never hit by moving obstacles.

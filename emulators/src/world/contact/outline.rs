@@ -17,7 +17,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::{Approach, Bumper, LEFT_M, REACH_M};
+use super::{Approach, Bumper, LEFT_M};
 use crate::world::body::{Footprint, Motion, STEP_NANOS, STEP_S};
 use crate::world::geometry::{Point, Pose, Primitive};
 use crate::world::scene::{Near, Scene};
@@ -52,14 +52,20 @@ struct Solid {
     middle_m: f64,
 }
 
-/// Free distance around a body at `pose`, at most [`REACH_M`]. In a surface: how deep the point of
+/// Free distance around a body at `pose`, at most `limit_m`. In a surface: how deep the point of
 /// the surface lies that is nearest to the body's middle.
-pub(super) fn clearance(footprint: &Footprint, scene: &Scene, at: Instant, pose: Pose) -> f64 {
+pub(super) fn clearance(
+    footprint: &Footprint,
+    scene: &Scene,
+    at: Instant,
+    pose: Pose,
+    limit_m: f64,
+) -> f64 {
     let mut corners = Vec::new();
     footprint.place(pose, &mut corners);
     let middle = middle(footprint, pose);
-    let mut least = REACH_M;
-    let reach = footprint.reach_m() + REACH_M;
+    let mut least = limit_m;
+    let reach = footprint.reach_m() + limit_m;
     scene.each_fixed_shape(pose.point(), reach, |_, primitive| {
         if primitive.nearest(pose.point()).1 - footprint.reach_m() < least {
             least = least.min(gap(&corners, middle, &primitive, Point::default()).gap);
@@ -386,6 +392,7 @@ fn middle(footprint: &Footprint, pose: Pose) -> Point {
 mod tests {
     use core::f64::consts::FRAC_PI_2;
 
+    use super::super::REACH_M;
     use super::*;
     use crate::world::geometry::Circle;
 
@@ -648,7 +655,7 @@ mod tests {
         let scene = Scene::new([wall], Vec::new()).unwrap();
         let free = |x: f64, theta: f64| {
             let pose = Pose::new(x, 0.0, theta);
-            clearance(&car, &scene, Instant::ZERO, pose)
+            clearance(&car, &scene, Instant::ZERO, pose, REACH_M)
         };
         let is = |found: f64, expected: f64| (found - expected).abs() < 1e-9;
         assert!(is(free(0.75, 0.0), 0.05) && is(free(0.8, 2.0 * FRAC_PI_2), 0.1));
