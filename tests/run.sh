@@ -175,41 +175,42 @@ computing() {
     tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
     tests --doc
 }
-set -m
-(computing) >"$target/computing.log" 2>&1 &
-computes=$!
-set +m
-trap 'kill -- -"$computes" 2>/dev/null || true' EXIT
+built=$target/debug
+# What users run: the examples, the package for Python, the programs of the docs, the described
+# devices as pip's drivers read them, the demo. All of it is built by the tests.
+as_users() {
+    for example in examples/*.rs; do
+        # A client of a rig, for tests/exec/many.sh.
+        [[ $example == examples/rust_client.rs ]] ||
+            "$built/examples/$(basename "$example" .rs)" >/dev/null
+    done
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash python/run.sh
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh
+    "$built/hilrig" demo --out "$target/demo/tests"
+}
+# lane NAME: runs a function in a process group of its own, which ends with this script.
+lanes=()
+lane() {
+    set -m
+    ("$1"; echo "== $1: $SECONDS s") >"$target/$1.log" 2>&1 &
+    lanes+=("$!")
+    set +m
+}
+trap '[[ ${#lanes[@]} -eq 0 ]] || kill -- "${lanes[@]/#/-}" 2>/dev/null || true' EXIT
+lane computing
+lane as_users
 status=0
-tests --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 |
-    tee "$target/waiting.log" || status=$?
-computed=0
-wait "$computes" || computed=$?
-trap - EXIT
-cat "$target/computing.log"
-if [[ $status -ne 0 || $computed -ne 0 ]]; then
+tests --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 | tee "$target/waiting.log" || status=$?
+for lane in "${lanes[@]}"; do wait "$lane" || status=$?; done
+lanes=()
+cat "$target/computing.log" "$target/as_users.log"
+if [[ $status -ne 0 ]]; then
     # Once more what failed: some readers see only the end of a log.
     printf '\n== what failed\n'
     sed -n '/^failures:$/,/^test result/p; /^error/p' "$target/waiting.log" "$target/computing.log"
+    tail -n 40 "$target/as_users.log"
     exit 1
 fi
-
-step "examples"
-# Built by the tests. One is a client of a rig, for tests/exec/many.sh.
-for example in examples/*.rs; do
-    [[ $example == examples/rust_client.rs ]] && continue
-    "$target/debug/examples/$(basename "$example" .rs)" >/dev/null
-done
-
-built=$target/debug
-step "the package for Python, and the programs of the docs"
-CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash python/run.sh
-
-step "the described devices, read by what pip gives"
-CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh
-
-step "the demo"
-"$built/hilrig" demo --out "$target/demo/tests"
 
 if proof Cargo.toml protocols emulators firmware_core crates src fuzz; then
     step "the docs of the crates"
