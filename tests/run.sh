@@ -297,6 +297,10 @@ if proof protocols emulators firmware_core crates src; then
     step "a release"
     cargo build --locked --release 2> >(tee "$target/release.log" >&2)
     ! grep -A9 '^warning: ' "$target/release.log"
+    step "the figures of the reports: the page, and each band with its planted change"
+    "$target"/release/hilrig experiment --all --out "$target/experiments"
+    cmp docs/experiments.md "$target/experiments/experiments.md"
+    "$target"/release/hilrig experiment --all --planted --out "$target/experiments/planted"
     step "the demo: the builds of the tests, of a release and of a fresh clone give the same bytes"
     "$target"/release/hilrig demo --out "$target/demo/release" >/dev/null 2>&1
     # Takes the place of the tests' build, which is not needed any more.

@@ -17,7 +17,9 @@ pub(super) use described::{
     ClaimTold, Conformed, DifferenceTold, Exchanged, Learned, NodeChecked, NodePart, RepliedWith,
     Talked, ValueTold,
 };
-pub(super) use experiment::{ExperimentDone, ExperimentFigure, Experiments};
+pub(super) use experiment::{
+    BandJudged, ExperimentDone, ExperimentFigure, Experiments, RowJudged, RowsJudged,
+};
 pub(super) use fidelity::{FigureCompared, Figures};
 
 use super::{CliError, Verdict};
@@ -89,6 +91,12 @@ fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
     json_schema!({ "anyOf": forms })
 }
 
+/// Schema for the command that repeats experiments and judges the reports' rows.
+fn done_or_judged(generator: &mut SchemaGenerator) -> Schema {
+    let forms = [of::<Experiments>(generator), of::<RowsJudged>(generator)];
+    json_schema!({ "anyOf": forms })
+}
+
 /// The results of the commands.
 const RESULTS: [(&str, Subschema); 32] = [
     ("demo", of::<Runs>),
@@ -115,7 +123,7 @@ const RESULTS: [(&str, Subschema); 32] = [
     ("fuzz", of::<FuzzEnded>),
     ("shrink", of::<Shrunk>),
     ("fidelity", of::<Figures>),
-    ("experiment", of::<Experiments>),
+    ("experiment", done_or_judged),
     ("slam", of::<Surveyed>),
     ("map", of::<MapDifference>),
     ("schema", of::<Text>),

@@ -1,3 +1,5 @@
+mod rows;
+
 use core::num::NonZeroUsize;
 use core::ops::Range;
 use std::path::PathBuf;
@@ -10,21 +12,35 @@ use super::{CliError, Verdict, out, progress};
 use crate::experiment::{self, Experiment, Findings, Plan};
 use safefs::Dir;
 
-/// Repeat an experiment of a robot's report: table and plot beside the report's own figures.
+/// Repeat an experiment of a robot's report, or judge all figures of the reports.
 ///
-/// All runs are in virtual time, over many seeds; the output shows medians beside the report's
-/// figures. The experiment has no verdict.
+/// All runs are in virtual time, over many seeds. A named experiment gives a table and a plot; its
+/// output shows medians beside the report's figures, without a verdict. `--all` judges each
+/// figure, table and measured statement of the three reports by a band: reproduced, or differs.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig experiment                      # which there are\n  \
     hilrig experiment push                 # figure 8 of the report, 20 seeds\n  \
     hilrig experiment mazes --out mazes    # 100 mazes; mazes/mazes.csv and mazes/mazes.svg\n  \
     hilrig experiment mazes --seeds 500..520 # other mazes, on which nothing was tuned\n  \
-    hilrig experiment turning --seeds 5 --json")]
+    hilrig experiment turning --seeds 5 --json\n  \
+    hilrig experiment --all                # every figure of the reports, judged; one page\n  \
+    hilrig experiment --all --rows rescue-push,car-wall")]
 pub(super) struct ExperimentArgs {
     /// Name of the experiment [default: list them]
     name: Option<String>,
-    /// Seeds A up to B, or a number of the experiment's own seeds [default: all of its own]
+    /// Judges all figures, tables and measured statements of the reports: a plot for each, and one
+    /// page. Exit code 1 if a row that must be reproduced differs
+    #[arg(long, conflicts_with = "name")]
+    all: bool,
+    /// Only these rows
+    #[arg(long, value_name = "ROW,..", value_delimiter = ',', requires = "all")]
+    rows: Vec<String>,
+    /// Measures each row with its planted change of the model. Exit code 1 if a verdict stays
+    #[arg(long, requires = "all")]
+    planted: bool,
+    /// Seeds A up to B, or a number of the experiment's own seeds [default: all of its own; with
+    /// --all, 10]
     #[arg(long, value_name = "N|A..B", value_parser = seeds)]
     seeds: Option<Seeds>,
     /// Number of parallel runs [default: one per core]
@@ -48,10 +64,10 @@ enum Seeds {
 }
 
 impl Seeds {
-    /// The first seed, and the number of seeds.
-    const fn of(&self, experiment: &Experiment) -> [u64; 2] {
+    /// The first seed, and the number of seeds, of an experiment whose own seeds begin at `first`.
+    const fn from(&self, first: u64) -> [u64; 2] {
         match self {
-            Self::Count(count) => [experiment.seeds.start, *count],
+            Self::Count(count) => [first, *count],
             Self::These(seeds) => [seeds.start, seeds.end - seeds.start],
         }
     }
@@ -73,6 +89,9 @@ fn seeds(text: &str) -> Result<Seeds, String> {
 }
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
+    if args.all {
+        return rows::run(args);
+    }
     let Some(name) = &args.name else {
         list();
         return Ok(Verdict::Pass);
@@ -86,13 +105,12 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
             known.join(", ")
         ))
     })?;
-    let jobs = args.jobs.or_else(|| thread::available_parallelism().ok());
     let own = Seeds::These(found.seeds.clone());
-    let [first_seed, seeds] = args.seeds.as_ref().unwrap_or(&own).of(found);
+    let [first_seed, seeds] = args.seeds.as_ref().unwrap_or(&own).from(found.seeds.start);
     let plan = Plan {
         first_seed,
         seeds,
-        jobs: jobs.map_or(1, NonZeroUsize::get),
+        jobs: jobs(args),
     };
     let is_watched = progress::is_watched();
     let findings = (found.perform)(&plan, &|done, all| {
@@ -103,6 +121,12 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
     let files = write(args, found, &findings)?;
     answer(found, &plan, &findings, &files);
     Ok(Verdict::Pass)
+}
+
+/// Number of parallel runs.
+fn jobs(args: &ExperimentArgs) -> usize {
+    let jobs = args.jobs.or_else(|| thread::available_parallelism().ok());
+    jobs.map_or(1, NonZeroUsize::get)
 }
 
 fn list() {

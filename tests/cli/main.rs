@@ -11,6 +11,7 @@ mod decode;
 mod described;
 mod docs;
 mod errors;
+mod experiment;
 mod fidelity;
 mod fuzz;
 mod json;

@@ -9,6 +9,7 @@
 
 mod car;
 mod heading;
+pub mod judged;
 mod loss;
 mod mazes;
 mod plot;
@@ -130,7 +131,7 @@ const EXPERIMENTS: [Experiment; 12] = [
         name: "regulator",
         about: "time of each search while the number of tries is regulated",
         place: "rescue robot, page 16 and figure 9",
-        seeds: 1..2,
+        seeds: 1..11,
         perform: regulator::perform,
     },
     Experiment {

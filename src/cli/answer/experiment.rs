@@ -32,3 +32,49 @@ pub(in crate::cli) struct ExperimentFigure {
     /// The value in the report.
     pub(in crate::cli) report: Option<String>,
 }
+
+/// Rows of the reports, judged.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct RowsJudged {
+    pub(in crate::cli) rows: Vec<RowJudged>,
+    /// Number of rows by verdict.
+    pub(in crate::cli) reproduced: usize,
+    pub(in crate::cli) differ: usize,
+    pub(in crate::cli) refused: usize,
+    pub(in crate::cli) not_run: usize,
+    /// Whether rows are missing, were interrupted, or have too few seeds.
+    pub(in crate::cli) is_partial: bool,
+    /// The pages.
+    pub(in crate::cli) files: Vec<String>,
+}
+
+/// A row of a report.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct RowJudged {
+    pub(in crate::cli) name: String,
+    pub(in crate::cli) report: &'static str,
+    pub(in crate::cli) place: String,
+    /// `reproduced`, `differs`, `refused` or `not run`.
+    pub(in crate::cli) verdict: &'static str,
+    /// Whether the verdict is the documented one.
+    pub(in crate::cli) is_expected: bool,
+    pub(in crate::cli) seeds: u64,
+    pub(in crate::cli) bands: Vec<BandJudged>,
+    /// Why the row differs or is refused, or how it is measured.
+    pub(in crate::cli) reason: String,
+    pub(in crate::cli) plot: Option<String>,
+}
+
+/// A band of a row.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct BandJudged {
+    pub(in crate::cli) value: String,
+    /// The value in the report.
+    pub(in crate::cli) report: String,
+    pub(in crate::cli) least: f64,
+    pub(in crate::cli) most: f64,
+    /// Our value of each seed; `null`: the run had none.
+    pub(in crate::cli) values: Vec<Option<f64>>,
+    pub(in crate::cli) median: Option<f64>,
+    pub(in crate::cli) holds: bool,
+}

@@ -1,10 +1,10 @@
 //! The model car's report: its measurements, repeated in the rig with the car's own program and
 //! phone.
 
-mod circle;
-mod hall;
+pub(super) mod circle;
+pub(super) mod hall;
 mod levels;
-mod wall;
+pub(super) mod wall;
 
 use core::time::Duration;
 
@@ -51,7 +51,7 @@ const BEGIN: Duration = Duration::from_secs(1);
 
 /// A car in the middle of an empty hall of this size, metres. Its phone orders this motor level and
 /// steering value.
-fn told(size_m: [f64; 2], drive: [i8; 2], seed: u64) -> Run {
+pub(super) fn told(size_m: [f64; 2], drive: [i8; 2], seed: u64) -> Run {
     let [x, y] = size_m;
     let [level, steering] = drive;
     let text = format!(
@@ -68,7 +68,7 @@ fn told(size_m: [f64; 2], drive: [i8; 2], seed: u64) -> Run {
 }
 
 /// Poses of the car from `from` to `until`.
-fn way(run: &mut Run, from: Duration, until: Duration) -> Vec<Pose> {
+pub(super) fn way(run: &mut Run, from: Duration, until: Duration) -> Vec<Pose> {
     let mut at = Instant::ZERO + from;
     let mut poses = Vec::new();
     while at <= Instant::ZERO + until {

@@ -14,7 +14,7 @@ use engine::scenario::world::PushSpec;
 use engine::scenario::{MapperSpec, Span};
 
 /// A room of 2.4 m x 2.4 m, in which the robot stands.
-const ROOM: &str = "schema = 1\nname = \"push\"\nrobot = \"rescue\"\nduration = \"20s\"\n\
+pub(super) const ROOM: &str = "schema = 1\nname = \"push\"\nrobot = \"rescue\"\nduration = \"20s\"\n\
     [world]\nstart = { x_m = 1.5, y_m = 1.2, heading_deg = 90 }\n[[world.wall]]\n\
     path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n";
 const PUSH_AT_MS: u64 = 10_000;

@@ -67,7 +67,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
 
 /// Angle of the front wheels that fits the observed motion, from length and turn of the rear axle's
 /// path.
-fn angle_deg(way: &[Pose]) -> f64 {
+pub(in super::super) fn angle_deg(way: &[Pose]) -> f64 {
     let pairs = || way.windows(2).map(|pair| (pair[0], pair[1]));
     let turned: f64 = pairs()
         .map(|(one, next)| wrap_angle(next.theta - one.theta))

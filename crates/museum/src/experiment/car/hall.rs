@@ -89,14 +89,14 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
 }
 
 /// Values a second.
-struct Rates {
+pub(in super::super) struct Rates {
     frames: f64,
-    sound: f64,
+    pub(in super::super) sound: f64,
     /// Rates of the fielded host, one for each of [`LOST`].
-    fielded: Vec<f64>,
+    pub(in super::super) fielded: Vec<f64>,
 }
 
-fn rates(seed: u64) -> Rates {
+pub(in super::super) fn rates(seed: u64) -> Rates {
     let mut run = told([40.0, 6.0], [2, 8], seed);
     let sent = Sent::default();
     run.rig.add_tap(Box::new(sent.clone()));

@@ -80,13 +80,13 @@ fn plot(run: &[Vec<f64>]) -> Plot {
 }
 
 /// Index of the first check of a settled car.
-fn settled() -> usize {
+pub(in super::super) fn settled() -> usize {
     let looks = (SETTLED - FROM).as_millis() / EVERY.as_millis();
     usize::try_from(looks).unwrap_or_default()
 }
 
 /// The sensor's distance to the wall at y = 0.
-fn distances_m(integral: f64, seed: u64) -> Vec<f64> {
+pub(in super::super) fn distances_m(integral: f64, seed: u64) -> Vec<f64> {
     let mut run = start(SCENARIO, seed, |scenario| {
         scenario.mission.to_the_end = true;
     });

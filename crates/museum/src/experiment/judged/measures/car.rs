@@ -1,0 +1,9 @@
+//! Measures of the model car.
+
+mod driving;
+mod places;
+mod sensors;
+
+pub(super) use driving::{LEVELS, STEERING, WALL};
+pub(super) use places::{BLOCKED, GATES, GOAL, LOCALISED, MAPPING};
+pub(super) use sensors::{ENCODER, HALL, HEIGHTS, LINES, PULSES, STOP};
