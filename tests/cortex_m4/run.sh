@@ -111,7 +111,8 @@ smoke() {
     "$hilrig" run $here/uart/mh_z19.toml --firmware "$image" --board "$board" --wire "sensor=$3" \
         --wire "pc=$4" --out "$out/smoke-$board" 2>/dev/null || status=$?
     [[ $status -eq 0 || $status -eq 3 ]] || die "$board: exit code $status"
-    "$hilrig" decode "$out/smoke-$board/capture.pcapng" | grep -q '"ppm 006[0-9][0-9]' ||
+    "$hilrig" decode "$out/smoke-$board/capture.pcapng" >"$out/smoke.txt" 2>&1
+    grep -q '"ppm 006[0-9][0-9]' "$out/smoke.txt" ||
         die "$board: the firmware never reported a value of the sensor"
 }
 say "unmodified UART firmware, in real time"

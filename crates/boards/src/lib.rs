@@ -16,5 +16,5 @@ mod wiring;
 
 pub use board::{Board, BoardError, Pin, check_name, names};
 pub use program::{BuildError, program};
-pub use qemu::{Machine, Tier};
+pub use qemu::{Machine, Tier, check_image};
 pub use wiring::{PortKind, Unit, WiringError};

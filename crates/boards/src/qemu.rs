@@ -2,6 +2,8 @@
 
 use std::env;
 use std::ffi::OsString;
+use std::fs::File;
+use std::io::Read as _;
 use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 
@@ -82,15 +84,14 @@ impl Machine {
                 serials += NO_SERIAL;
                 continue;
             };
-            // The port stays open. QEMU's own backend for serial ports would set 115200 baud; the
-            // one for pipes sets nothing.
+            // QEMU's own backend for serial ports would set 115200 baud; the one for pipes sets
+            // nothing. Named by its number, the port may have any path.
             let fd = 3 + number;
             opened += &format!(
                 "exec {fd}<>\"${variable}\" && stty {rate} cs8 -parenb -cstopb raw -echo <&{fd} && "
             );
-            serials += &format!(
-                " -chardev \"pipe,id=u{number},path=${variable}\" -serial chardev:u{number}"
-            );
+            serials +=
+                &format!(" -chardev pipe,id=u{number},path=/dev/fd/{fd} -serial chardev:u{number}");
         }
         Ok(format!("{opened}{}{serials}", self.start(elf)?))
     }
@@ -101,9 +102,31 @@ impl Machine {
             "exec {} -M {} -kernel {} -display none -monitor none -parallel none -nic none",
             quoted(&qemu.to_string_lossy()),
             quoted(&self.machine),
-            // A comma would begin an option of QEMU.
             quoted(elf),
         ))
+    }
+}
+
+/// Checks that `elf` is an image for a Cortex-M.
+///
+/// # Errors
+/// A sentence, if it cannot be read or is another file.
+pub fn check_image(elf: &Path) -> Result<(), String> {
+    let mut head = Vec::new();
+    let read = File::open(elf).and_then(|file| file.take(20).read_to_end(&mut head));
+    read.map_err(|error| format!("{}: {error}", elf.display()))?;
+    check_head(&head).map_err(|wrong| format!("{}: {wrong}", elf.display()))
+}
+
+/// Checks the first bytes of an image: 32 bits, little endian, machine 40 (Arm).
+fn check_head(head: &[u8]) -> Result<(), String> {
+    match head {
+        [0x7F, b'E', b'L', b'F', 1, 1, .., 40, 0] if head.len() == 20 => Ok(()),
+        [0x7F, b'E', b'L', b'F', .., low, high] if head.len() == 20 => Err(format!(
+            "was built for another processor (ELF machine {}), expected one for Arm, 32 bits",
+            u16::from_le_bytes([*low, *high])
+        )),
+        _ => Err("not an ELF file; give the .elf, not the .hex or .bin".to_owned()),
     }
 }
 
@@ -161,6 +184,40 @@ mod tests {
         assert_eq!(shell, Ok(PathBuf::from("/bin/sh")));
     }
 
+    /// Machines of the ELF specification: 40 is Arm, 62 x86-64, 83 AVR.
+    #[test]
+    fn an_image_for_another_processor_is_refused() {
+        let head = |class: u8, machine: u8| {
+            let mut head = b"\x7FELF".to_vec();
+            head.extend([class, 1, 1]);
+            head.resize(16, 0);
+            head.extend([2, 0, machine, 0]);
+            head
+        };
+        assert_eq!(check_head(&head(1, 40)), Ok(()));
+        for (wrong, sentence) in [
+            (
+                head(2, 62),
+                "was built for another processor (ELF machine 62)",
+            ),
+            (
+                head(1, 83),
+                "was built for another processor (ELF machine 83)",
+            ),
+            (
+                head(2, 40),
+                "was built for another processor (ELF machine 40)",
+            ),
+            (head(1, 40)[..19].to_vec(), "not an ELF file"),
+            (b"\x7FELF\x01\x01\x28\x00".to_vec(), "not an ELF file"),
+            (b":10000000".to_vec(), "not an ELF file"),
+            (Vec::new(), "not an ELF file"),
+        ] {
+            let said = check_head(&wrong).expect_err(sentence);
+            assert!(said.starts_with(sentence), "{said}");
+        }
+    }
+
     #[test]
     fn the_words_of_a_firmware_stay_words() {
         let machine = Machine {
@@ -179,8 +236,8 @@ mod tests {
             command.starts_with("exec 5<>\"$HILRIG_PORT_GPS\" && stty 9600 "),
             "{command}"
         );
-        let serials = "-serial null -serial null -chardev \"pipe,id=u2,path=$HILRIG_PORT_GPS\" -serial \
-                       chardev:u2";
+        let serials =
+            "-serial null -serial null -chardev pipe,id=u2,path=/dev/fd/5 -serial chardev:u2";
         assert!(command.ends_with(serials), "{command}");
         let command = machine.lockstep("it's.elf", &["a=1,2".to_owned()], Some(3333));
         let command = command.expect("QEMU is there");

@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use boards::Machine;
+use boards::{Machine, check_image};
 use nodes::NodeSpec;
 use serde_json::Value;
 
@@ -19,6 +19,13 @@ const START: Duration = Duration::from_secs(10);
 
 fn wrong(message: String) -> CliError {
     CliError::Usage(format!("--firmware: {message}"))
+}
+
+/// The path of an image for a Cortex-M.
+fn image(elf: &Path) -> Result<String, CliError> {
+    let path = elf_path(elf).map_err(wrong)?;
+    check_image(elf).map_err(wrong)?;
+    Ok(path)
 }
 
 /// The command line of firmware with the board layer: its ports, the processor, its settings.
@@ -69,7 +76,7 @@ pub(super) fn node(
     words: &[String],
     gdb: Option<u16>,
 ) -> Result<NodeSpec, CliError> {
-    let elf = elf_path(elf).map_err(wrong)?;
+    let elf = image(elf)?;
     let command = machine.lockstep(&elf, words, gdb).map_err(wrong)?;
     Ok(NodeSpec::new(name, &command))
 }
@@ -82,7 +89,7 @@ pub(super) fn foreign(
     ends: &[OpenEnd],
     wires: &Value,
 ) -> Result<Foreign, CliError> {
-    let elf = elf_path(elf).map_err(wrong)?;
+    let elf = image(elf)?;
     let wired = ends.iter().filter_map(|end| {
         let number = wires.get(&end.name)?.get("number")?.as_u64()?;
         Some((end, u8::try_from(number).ok()?))
