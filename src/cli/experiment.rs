@@ -34,10 +34,16 @@ pub(super) struct ExperimentArgs {
     #[arg(long, conflicts_with = "name")]
     all: bool,
     /// Only these rows
-    #[arg(long, value_name = "ROW,..", value_delimiter = ',', requires = "all")]
+    #[arg(
+        long,
+        value_name = "ROW,..",
+        value_delimiter = ',',
+        requires = "all",
+        conflicts_with = "name"
+    )]
     rows: Vec<String>,
     /// Measures each row with its planted change of the model. Exit code 1 if a verdict stays
-    #[arg(long, requires = "all")]
+    #[arg(long, requires = "all", conflicts_with = "name")]
     planted: bool,
     /// Seeds A up to B, or a number of the experiment's own seeds [default: all of its own; with
     /// --all, 10]

@@ -61,6 +61,14 @@ fn an_unknown_row_is_an_error_that_names_the_rows() {
         told.contains("--rows: unknown row \"rescue-pus\"; expected one of rescue-parts, "),
         "{told}"
     );
-    run(&session, "experiment --rows rescue-push", 2);
-    run(&session, "experiment push --all", 2);
+    // Options of `--all` are errors without it, and beside a named experiment.
+    for line in [
+        "experiment --rows rescue-push",
+        "experiment --planted",
+        "experiment push --all",
+        "experiment push --rows rescue-push",
+        "experiment push --planted",
+    ] {
+        run(&session, line, 2);
+    }
 }

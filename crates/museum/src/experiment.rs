@@ -101,7 +101,7 @@ pub const fn all() -> &'static [Experiment] {
 const EXPERIMENTS: [Experiment; 12] = [
     Experiment {
         name: "push",
-        about: "a robot at rest is pushed by 40 cm within a second: error search by search",
+        about: "a robot at rest is pushed by 40 cm within a second: error against the truth afterwards",
         place: "rescue robot, figure 8",
         seeds: 1..21,
         perform: push::perform,
