@@ -9,6 +9,7 @@ mod campaign;
 mod case;
 mod completions;
 mod conform;
+mod debug;
 mod decode;
 mod demo;
 mod describe;
@@ -96,6 +97,7 @@ struct Cli {
 enum Command {
     Demo(demo::Demo),
     Run(run::RunArgs),
+    Debug(debug::DebugArgs),
     New(new::NewArgs),
     Up(up::Up),
     Dut(dut::DutArgs),
@@ -323,6 +325,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
     match command {
         Command::Demo(args) => demo::run(args),
         Command::Run(args) => run::run(args),
+        Command::Debug(args) => debug::run(args),
         Command::New(args) => new::run(&args),
         Command::Up(args) => up::run(args),
         Command::Dut(args) => dut::run(args),

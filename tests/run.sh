@@ -82,6 +82,8 @@ for tool in socat jpnevulator sigrok-cli tio strace hexyl xxd zip; do
     command -v "$tool" >/dev/null || missing+=("$tool")
 done
 command -v hexdump >/dev/null || missing+=(bsdextrautils)
+# Holds programs in virtual time.
+command -v gdb >/dev/null || missing+=(gdb)
 if proof emulators protocols tests/simavr; then
     # Compile and simulate sketches for an ATmega2560, whose chips are ours.
     command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||

@@ -98,9 +98,10 @@ fn done_or_judged(generator: &mut SchemaGenerator) -> Schema {
 }
 
 /// The results of the commands.
-const RESULTS: [(&str, Subschema); 32] = [
+const RESULTS: [(&str, Subschema); 33] = [
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
+    ("debug", of::<Runs>),
     ("up", of::<UpEnded>),
     ("dut", of::<DutEnded>),
     ("fault", of::<Faults>),

@@ -136,6 +136,20 @@ impl ExecArgs {
         self.how.foreign(command.to_owned())
     }
 
+    /// The program in virtual time, as the debugger has it.
+    pub(super) fn foreign_in_virtual_time(&self) -> Option<Foreign> {
+        let how = &self.how;
+        let supervision = Supervision {
+            call_cost: how.call_cost.0,
+            spin_max: how.spin_max.0,
+        };
+        Some(Foreign {
+            has_lines: false,
+            supervision: Some(supervision),
+            ..how.foreign(self.exec.clone()?)
+        })
+    }
+
     /// Whether the program runs in virtual time.
     pub(super) const fn is_virtual(&self) -> bool {
         self.how.is_virtual

@@ -24,11 +24,13 @@ use crate::scenario::{Scenario, ScenarioError, Source};
 use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
 
+pub(super) use exec::ports_in;
 use exec::{Placement, judged_exec};
 use firmware::FirmwareArgs;
+pub(super) use guest::{Beginning, report};
 use guest::{Guest, judged_guest};
 use judged::judged_with;
-pub(super) use judged::{Clocking, Ran, Talk, judged_run, write_results};
+pub(super) use judged::{Clocking, Ran, Talk, judged_run, make_folder, write_results};
 
 /// Run scenarios and judge them, for CI.
 ///
@@ -319,14 +321,14 @@ fn check_folders(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), C
 }
 
 /// A file with a scenario or a case.
-enum Runnable {
+pub(super) enum Runnable {
     Scenario(Box<(Scenario, Source)>),
     /// A case of bytes from a capture.
     Case(Box<(Case, Source)>),
 }
 
 impl Runnable {
-    fn read(path: &Path) -> Result<Self, CliError> {
+    pub(super) fn read(path: &Path) -> Result<Self, CliError> {
         let text = std::fs::read_to_string(path).map_err(|source| {
             let path = path.to_owned();
             ScenarioError::Read { path, source }

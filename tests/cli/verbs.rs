@@ -45,9 +45,11 @@ impl Verb {
 }
 
 /// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 32] = [
+pub(crate) const VERBS: [Verb; 33] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
+    // A shell alone is nothing to debug, and opens no port.
+    verb("debug", "debug s.toml --exec : --port 0 --out o/debug").fails(),
     verb("new", "new o/new"),
     // Its ports stay unused, and that is judged.
     verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),

@@ -10,6 +10,8 @@ mod commands;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod conversation;
 mod custom;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod debugger;
 mod endings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod generated;

@@ -20,6 +20,8 @@
 mod call;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod clock_page;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod debugger;
 mod error;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod high_signals;
@@ -39,6 +41,8 @@ mod news;
 mod open_file;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod pending;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod place;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod settings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
@@ -63,6 +67,10 @@ use crate::exec::{self, ExecError, Foreign};
 use engine::run::Outcome;
 use engine::scenario::{Scenario, Source};
 
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub use debugger::{DebugSettings, Debugged, Surroundings, debug};
+#[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
+pub use elsewhere::{DebugSettings, Debugged, Surroundings, debug};
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 pub(crate) use elsewhere::{
     LINES_VERB, Played, Trial, VERB, become_guest, become_guest_with_lines,

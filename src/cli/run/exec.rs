@@ -118,7 +118,7 @@ fn follow(trial: &mut Trial, show: &mut Show, stop: &Stop) -> Result<(), Transpo
 }
 
 /// The absolute directory of the ports, because the program may change its directory.
-pub(super) fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
+pub(in crate::cli) fn ports_in(out: &Path, dir: Option<&Path>) -> Result<PathBuf, CliError> {
     let dir = dir.map_or_else(|| out.join("ports"), Path::to_owned);
     std::path::absolute(&dir)
         .map_err(|error| CliError::Usage(format!("--dir {}: {error}", dir.display())))

@@ -1,5 +1,6 @@
 //! A run of a foreign program in virtual time, judged, its result folder written.
 
+use core::time::Duration;
 use std::path::{Path, PathBuf};
 
 use protocols::Instant;
@@ -11,7 +12,7 @@ use super::judged::{
 };
 use crate::capture;
 use crate::cli::CliError;
-use crate::cli::ends::print_table;
+use crate::cli::ends::{EndArgs, print_table};
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
 use crate::realtime::clock::{Clock as _, WallClock};
@@ -64,6 +65,17 @@ pub(super) fn judged_guest(
         let _ = Dir::open(out).and_then(|out| out.remove_tree("again"));
     }
     played.outcome.again.clone_from(&place.again);
+    report(played, wall, &guest.foreign.command, out, stop)
+}
+
+/// Writes the result folder of a finished run and prints what came of it.
+pub(in crate::cli) fn report(
+    played: Played,
+    wall: Duration,
+    command: &str,
+    out: &Path,
+    stop: &Stop,
+) -> Result<Ran, CliError> {
     let ran = Ran {
         outcome: played.outcome,
         wall,
@@ -79,8 +91,7 @@ pub(super) fn judged_guest(
     if !ran.outcome.passed() {
         show_words("the program", &played.said, &out.join(LOG));
     }
-    let command = Some(&*guest.foreign.command);
-    finish_capture(played.recorded, out, &ran.outcome, command)?;
+    finish_capture(played.recorded, out, &ran.outcome, Some(command))?;
     Ok(ran)
 }
 
@@ -131,6 +142,42 @@ fn other_words(one: &[u8], other: &[u8]) -> Option<String> {
     ))
 }
 
+/// A program and its places, to be started.
+pub(in crate::cli) struct Beginning<'a> {
+    pub(in crate::cli) foreign: &'a Foreign,
+    /// File for the answer to each call.
+    pub(in crate::cli) trace: Option<&'a Path>,
+    pub(in crate::cli) ends: &'a EndArgs,
+    /// Directory of the ports.
+    pub(in crate::cli) ports: &'a Path,
+    /// Folder for the results.
+    pub(in crate::cli) out: &'a Path,
+    /// The table of ports is printed.
+    pub(in crate::cli) is_first: bool,
+}
+
+impl Beginning<'_> {
+    /// Starts the program in front of the rig of `scenario`.
+    pub(in crate::cli) fn begin(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Trial, CliError> {
+        let wired = robots::wire(scenario, source, Dut::External, pc_end(scenario))?;
+        let dir = PortDir::open(self.ports)?;
+        let (rig, instruments, seats) = self.ends.place(wired, &dir)?;
+        if self.is_first {
+            print_table(&seats);
+        }
+        let mut run = Run::with_rig(scenario.clone(), rig, instruments);
+        let about = capture::about(run.scenario());
+        record_to(&self.out.join("capture.pcapng"), about, &mut run)?;
+        let log = self.out.join(LOG);
+        let foreign = self.foreign.clone();
+        Ok(Trial::start(run, seats, dir, foreign, self.trace, &log)?)
+    }
+}
+
 /// Runs the program once; its output goes to `out`.
 fn play(
     (scenario, source): (&Scenario, &Source),
@@ -139,21 +186,16 @@ fn play(
     out: &Path,
     stop: &Stop,
 ) -> Result<Played, CliError> {
-    let wired = robots::wire(scenario, source, Dut::External, pc_end(scenario))?;
-    let dir = PortDir::open(&ports_in(place.out, place.dir)?)?;
-    let (rig, instruments, seats) = place.ends.place(wired, &dir)?;
-    if guest.is_checked || out == place.out {
-        print_table(&seats);
-    }
-    let mut run = Run::with_rig(scenario.clone(), rig, instruments);
-    record_to(
-        &out.join("capture.pcapng"),
-        capture::about(run.scenario()),
-        &mut run,
-    )?;
-    let log: PathBuf = out.join(LOG);
-    let (foreign, trace) = (guest.foreign.clone(), guest.trace.as_deref());
-    let mut trial = Trial::start(run, seats, dir, foreign, trace, &log)?;
+    let ports = ports_in(place.out, place.dir)?;
+    let begun = Beginning {
+        foreign: &guest.foreign,
+        trace: guest.trace.as_deref(),
+        ends: place.ends,
+        ports: &ports,
+        out,
+        is_first: guest.is_checked || out == place.out,
+    };
+    let mut trial = begun.begin(scenario, source)?;
     let clock = WallClock::start();
     let mut progress = Progress::new(Talk::Verdict);
     let mut turned = Ok(());

@@ -97,7 +97,7 @@ impl Ran {
 const PATIENCE: Duration = Duration::from_secs(2);
 
 /// Creates the result folder before the run, so that an unwritable folder does not waste a run.
-pub(super) fn make_folder(out: &Path) -> Result<(), FolderError> {
+pub(in crate::cli) fn make_folder(out: &Path) -> Result<(), FolderError> {
     let made = Dir::create(out).map(drop);
     made.map_err(|source| FolderError {
         path: out.to_owned(),

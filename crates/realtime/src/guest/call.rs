@@ -122,6 +122,11 @@ impl Call {
         self.number == other.number && self.args == other.args
     }
 
+    /// All registers of the thread as it stands at the call.
+    pub(super) const fn registers(&self) -> libc::user_regs_struct {
+        self.registers
+    }
+
     /// Where the thread's next instruction is.
     pub(super) const fn instruction(&self) -> u64 {
         self.registers.rip

@@ -162,6 +162,47 @@ impl Trial {
     }
 }
 
+/// How a program is debugged.
+#[derive(Clone, Debug, Default)]
+pub struct DebugSettings {
+    /// Port where the debugger connects.
+    pub port: u16,
+    /// Name of the program's file.
+    pub program: Option<String>,
+    /// Time at which the program first stands.
+    pub at: Option<Duration>,
+}
+
+/// How a debugger's session ended.
+pub enum Debugged {
+    /// The run ended and was judged.
+    Judged(Box<Played>),
+    /// The debugger killed the program.
+    Killed(Box<Played>),
+    /// The caller did not go on.
+    Cut(Box<Played>),
+    /// The program could not be started.
+    NotStarted,
+}
+
+/// The outside of a session.
+pub struct Surroundings<'a> {
+    /// Starts the program from the beginning.
+    pub start: &'a mut dyn FnMut() -> Option<Trial>,
+    /// Whether the session goes on.
+    pub goes_on: &'a dyn Fn() -> bool,
+    /// Prints a line for people.
+    pub say: &'a dyn Fn(&str),
+}
+
+/// Refuses.
+///
+/// # Errors
+/// Always.
+pub fn debug(_: DebugSettings, _: Surroundings<'_>) -> Result<Debugged, GuestError> {
+    Err(GuestError::NotHere)
+}
+
 /// Refuses.
 ///
 /// # Errors

@@ -53,6 +53,16 @@ pub enum GuestError {
         secs = .1.as_secs()
     )]
     Stands(String, Duration),
+    /// No debugger can connect.
+    #[error(
+        "--port {port}: {source}; expected a free port of this machine, 0 lets the system choose one"
+    )]
+    DebugPort {
+        /// Which.
+        port: u16,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The trace cannot be written.
     #[error("--trace-calls {}: {source}", .path.display())]
     Trace {

@@ -78,7 +78,7 @@ pub(super) fn wanted(
 
 /// The same error, as this crate's other library has it.
 pub(super) fn errno_of(errno: rustix::io::Errno) -> Errno {
-    Errno::from_i32(errno.raw_os_error())
+    Errno::from_raw(errno.raw_os_error())
 }
 
 /// Length of what a driver says of its chip (TIOCGSERIAL), and where its flags are in it.

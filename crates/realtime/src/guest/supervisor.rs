@@ -3,6 +3,7 @@
 mod clocks;
 mod crash;
 mod death;
+mod debugging;
 mod dispatch;
 mod fifos;
 mod files;
@@ -50,6 +51,7 @@ use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::exec::Supervision;
+pub(super) use debugging::{Debugging, Goal, Step, Stop, Watchpoint};
 use fifos::Meeting;
 use notices::Notice;
 
@@ -144,6 +146,10 @@ pub(super) struct Supervisor {
     /// Where the last fault was.
     fault: Option<String>,
     pub(super) trouble: Option<GuestError>,
+    /// What a debugger has set, if there is one.
+    debugging: Option<Box<Debugging>>,
+    /// The thread that a debugger held when it left.
+    held_over: Option<(i32, Next)>,
 }
 
 impl Supervisor {
@@ -200,6 +206,8 @@ impl Supervisor {
             root_status: None,
             fault: None,
             trouble: None,
+            debugging: None,
+            held_over: None,
         };
         new.add_thread(root, root, None);
         Ok(new)
@@ -263,6 +271,10 @@ impl Supervisor {
         if let Some(stood) = self.watchdog.stood() {
             return Err(GuestError::Stands(self.last_calls(), stood));
         }
+        if let Some((tid, next)) = self.take_held() {
+            self.run_on(tid, next);
+            return self.trouble.take().map_or(Ok(()), Err);
+        }
         self.stage.carry()?;
         self.is_changed |= self.stage.take_delivered();
         self.tell_arrivals();
@@ -309,6 +321,7 @@ impl Supervisor {
         self.stage.leap(deadline, watches)?;
         self.is_changed |= self.stage.take_delivered() || watches;
         self.expire();
+        self.leapt_for_debugger();
         Ok(())
     }
 

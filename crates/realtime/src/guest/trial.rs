@@ -147,6 +147,16 @@ impl Trial {
         &mut self.supervisor.stage.run
     }
 
+    /// All threads of the program, and the rig.
+    pub(super) const fn supervisor(&mut self) -> &mut Supervisor {
+        &mut self.supervisor
+    }
+
+    /// The same to look at.
+    pub(super) const fn supervisor_ref(&self) -> &Supervisor {
+        &self.supervisor
+    }
+
     /// Whether there is nothing more to see.
     pub fn is_over(&self) -> bool {
         let stage = &self.supervisor.stage;

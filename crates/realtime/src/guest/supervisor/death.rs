@@ -85,6 +85,9 @@ impl Supervisor {
             return Flow::Goes(None);
         }
         let group = Pid::from_raw(group_of(new).unwrap_or(new));
+        if event == libc::PTRACE_EVENT_FORK {
+            self.forked_for_debugger(pid);
+        }
         let is_vfork = event == libc::PTRACE_EVENT_VFORK;
         self.add_thread(pid, group, is_vfork.then_some(tid));
         let parent = self.threads.get(&tid).map(|thread| thread.process);
@@ -162,7 +165,7 @@ impl Supervisor {
         }
         let flow = self.put_clock_page(tid);
         self.release(parent);
-        flow
+        self.execed_for_debugger(tid, flow)
     }
 
     /// Puts the page of ours in the place of the kernel's, or else hides that one.
@@ -284,6 +287,7 @@ impl Supervisor {
             return;
         };
         self.queue.retain(|&waiting| waiting != tid);
+        self.buried_for_debugger(tid, status);
         self.end_meeting(tid);
         self.is_changed = true;
         if tid != thread.process {

@@ -88,5 +88,5 @@ fn put(file: &File, sink: Sink, bytes: &[u8]) -> Result<usize, Errno> {
         Sink::Pipe => rustix::io::write(&file.fd, bytes),
         Sink::Socket => send(&file.fd, bytes, flags),
     };
-    done.map_err(|errno| Errno::from_i32(errno.raw_os_error()))
+    done.map_err(|errno| Errno::from_raw(errno.raw_os_error()))
 }

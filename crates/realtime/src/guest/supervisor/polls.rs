@@ -280,7 +280,7 @@ impl Supervisor {
         let buffer = rustix::buffer::spare_capacity(&mut events);
         match epoll::wait(&file.fd, buffer, Some(&Timespec::default())) {
             Ok(_) => {}
-            Err(errno) => return Err(Errno::from_i32(errno.raw_os_error())),
+            Err(errno) => return Err(Errno::from_raw(errno.raw_os_error())),
         }
         let mut signals = self.epoll_signals(tid, fd)?;
         signals.truncate(most.saturating_sub(events.len()));

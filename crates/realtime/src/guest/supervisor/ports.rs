@@ -52,7 +52,7 @@ impl Supervisor {
             None => {
                 let mut bytes = vec![0; len];
                 let len = rustix::io::read(&file.fd, &mut bytes)
-                    .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+                    .map_err(|errno| Errno::from_raw(errno.raw_os_error()))?;
                 bytes.truncate(len);
                 bytes
             }
@@ -130,7 +130,7 @@ impl Supervisor {
             let mut rest = &sent[..];
             while !rest.is_empty() {
                 let len = rustix::io::write(&file.fd, rest)
-                    .map_err(|errno| Errno::from_i32(errno.raw_os_error()))?;
+                    .map_err(|errno| Errno::from_raw(errno.raw_os_error()))?;
                 rest = &rest[len..];
                 self.stage.stir();
                 self.stage.carry().map_err(|_| Errno::EIO)?;

@@ -22,17 +22,25 @@ impl Supervisor {
             return;
         };
         thread.slice = 0;
-        let group = thread.process;
-        self.watchdog.watch(tid, group);
+        self.run_on(tid, next);
+    }
+
+    /// The thread whose turn it is runs up to the end of that turn.
+    pub(super) fn run_on(&mut self, tid: i32, next: Next) {
+        let Some(thread) = self.threads.get(&tid) else {
+            return;
+        };
+        self.watchdog.watch(tid, thread.process);
         let mut current = tid;
         let mut flow = match next {
             Next::Go(signal) => Flow::Goes(signal),
             Next::Attempt => self.attempt(tid),
+            Next::Call => self.make_call(tid),
             Next::Stopped(status) => self.handle(tid, status),
         };
         while let Flow::Goes(signal) = flow {
             self.lend_time(current);
-            if ptrace::cont(Pid::from_raw(current), signal).is_err() {
+            if self.resume(current, signal).is_err() {
                 // It was killed meanwhile: the news of it come now.
                 self.watchdog.count();
             }
@@ -123,9 +131,18 @@ impl Supervisor {
             libc::PTRACE_EVENT_EXEC => self.execed(tid),
             0 if signal == libc::SIGSTOP => self.kicked(tid),
             0 if is_stop(signal) => self.stopped(tid, signal),
-            0 if signal == libc::SIGSEGV && self.reads_counter(tid) => Flow::Goes(None),
+            0 if signal == libc::SIGSEGV && self.reads_counter(tid) => self.read_counter(tid),
             0 if signal & 0x80 == 0 => {
+                let trapped = (signal == libc::SIGTRAP).then(|| self.trapped(tid));
+                if let Some(flow) = trapped.flatten() {
+                    return flow;
+                }
                 self.note_fault(tid, signal);
+                let is_plain = Signal::try_from(signal).is_ok();
+                let held = is_plain.then(|| self.signalled_for_debugger(tid, signal));
+                if let Some(flow) = held.flatten() {
+                    return flow;
+                }
                 match Signal::try_from(signal) {
                     Ok(signal) => Flow::Goes(Some(signal)),
                     Err(_) => self.high_signal(tid, signal),
@@ -182,8 +199,22 @@ impl Supervisor {
         thread.watched.clear();
         thread.waits_for_ports = false;
         thread.slice += 1;
-        let is_tired = thread.slice >= SLICE;
         *self.spent.entry(call.number).or_default() += 1;
+        match self.calls_for_debugger(tid) {
+            Some(flow) => flow,
+            None => self.make_call(tid),
+        }
+    }
+
+    /// The rest of a call that a thread has begun.
+    fn make_call(&mut self, tid: i32) -> Flow {
+        let Some(thread) = self.threads.get(&tid) else {
+            return Flow::Stays;
+        };
+        let Some(call) = thread.call else {
+            return Flow::Goes(None);
+        };
+        let is_tired = thread.slice >= SLICE;
         if let Some(flow) = self.idle_away(tid, &call) {
             return flow;
         }

@@ -156,7 +156,7 @@ impl Supervisor {
         file: &File,
         which: usize,
     ) -> Result<Outcome, Errno> {
-        let errno = |errno: rustix::io::Errno| Errno::from_i32(errno.raw_os_error());
+        let errno = |errno: rustix::io::Errno| Errno::from_raw(errno.raw_os_error());
         if tell(&file.fd).map_err(errno)? > 0 {
             return Ok(Outcome::Answer(0));
         }

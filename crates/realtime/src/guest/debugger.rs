@@ -1,0 +1,396 @@
+//! A debugger for which time stands: the remote protocol of GDB in front of a program in virtual
+//! time.
+//!
+//! ```text
+//!  gdb ---TCP---> wire ---> gdbstub ---> session ---> supervisor ---> threads
+//!                                          `---> rig: time, wires, verdicts
+//! ```
+//!
+//! While the debugger holds the program no time passes at the rig. A held thread goes on in the
+//! middle of its turn, so that the run is the same as without a debugger.
+
+mod monitor;
+mod registers;
+mod target;
+mod wire;
+mod wires;
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::os::unix::process::ExitStatusExt as _;
+use std::process::ExitStatus;
+
+use gdbstub::common::{Signal as GdbSignal, Tid};
+use gdbstub::stub::state_machine::GdbStubStateMachine;
+use gdbstub::stub::{DisconnectReason, GdbStub, MultiThreadStopReason};
+use gdbstub::target::ext::breakpoints::WatchKind;
+use protocols::Instant;
+
+use super::GuestError;
+use super::supervisor::{Goal, Stop};
+use super::trial::{Played, Trial};
+use crate::process::Ended;
+use registers::to_gdb;
+use target::Action;
+use wire::{Door, Wire};
+use wires::Wires;
+
+/// Turns between two looks at what the debugger sends.
+const TURNS: u32 = 64;
+
+/// How a program is debugged.
+#[derive(Clone, Debug, Default)]
+pub struct DebugSettings {
+    /// Port on this machine where the debugger connects; 0: a free one.
+    pub port: u16,
+    /// Name of the program's file, if it is not the first that is no shell.
+    pub program: Option<String>,
+    /// The rig's time at which the program first stands; without it, it stands at its start.
+    pub at: Option<Duration>,
+}
+
+/// How a debugger's session ended.
+pub enum Debugged {
+    /// The run ended and was judged.
+    Judged(Box<Played>),
+    /// The debugger killed the program; the run until then.
+    Killed(Box<Played>),
+    /// The caller did not go on; the run until then.
+    Cut(Box<Played>),
+    /// The program could not be started; the caller knows why.
+    NotStarted,
+}
+
+/// The outside of a session.
+pub struct Surroundings<'a> {
+    /// Starts the program from the beginning, if it can.
+    pub start: &'a mut dyn FnMut() -> Option<Trial>,
+    /// Whether the session goes on.
+    pub goes_on: &'a dyn Fn() -> bool,
+    /// Prints a line for people.
+    pub say: &'a dyn Fn(&str),
+}
+
+/// A program and its debugger.
+struct Session<'a> {
+    trial: Trial,
+    settings: DebugSettings,
+    goes_on: &'a dyn Fn() -> bool,
+    say: &'a dyn Fn(&str),
+    /// The thread of the last stop.
+    current: Option<i32>,
+    actions: Vec<(Tid, Action)>,
+    /// Length and kind of what is watched, by address.
+    kinds: BTreeMap<u64, (u64, WatchKind)>,
+    wires: Wires,
+    /// The run is over, and the debugger knows.
+    is_over: bool,
+}
+
+/// What a running program came to.
+enum Event {
+    Stop(Stop),
+    /// The run is over.
+    Over,
+}
+
+/// Why a debugger is served no longer.
+enum Leave {
+    Detached,
+    Killed,
+    /// The process has ended, and the debugger knows.
+    Ended,
+    /// The connection broke.
+    Gone,
+    /// The caller does not go on.
+    Cut,
+}
+
+/// Runs a program under a debugger to the end of its run.
+///
+/// # Errors
+/// If the port is in use, or the program cannot be started or supervised.
+pub fn debug(
+    settings: DebugSettings,
+    surroundings: Surroundings<'_>,
+) -> Result<Debugged, GuestError> {
+    let door = Door::open(settings.port)?;
+    let Surroundings {
+        start,
+        goes_on,
+        say,
+    } = surroundings;
+    let Some(trial) = start() else {
+        return Ok(Debugged::NotStarted);
+    };
+    let mut session = Session {
+        trial,
+        settings,
+        goes_on,
+        say,
+        current: None,
+        actions: Vec::new(),
+        kinds: BTreeMap::new(),
+        wires: Wires::default(),
+        is_over: false,
+    };
+    let program = session.settings.program.clone();
+    session.supervisor().begin_debugging(program);
+    session.wires.listen(&mut session.trial);
+    let is_there = session.run_to_start();
+    let leave = is_there.and_then(|is_there| match is_there {
+        true => session.serve_all(&door),
+        false => Ok(Leave::Ended),
+    });
+    session.conclude(leave)
+}
+
+impl<'a> Session<'a> {
+    /// Runs the program to where the debugger finds it; whether it is there.
+    fn run_to_start(&mut self) -> Result<bool, GuestError> {
+        let mut event = self.run_until_event()?;
+        if let (Some(Event::Stop(Stop::Loaded(_))), Some(at)) = (&event, self.settings.at) {
+            let goal = Goal::Time(Instant::ZERO + at);
+            if let Some(debugging) = self.supervisor().debugging() {
+                debugging.set_goal(Some(goal));
+            }
+            event = self.run_until_event()?;
+            // Signals on the way there are not for the debugger.
+            while let Some(Event::Stop(Stop::Signal(..))) = event {
+                event = self.run_until_event()?;
+            }
+        }
+        match event {
+            Some(Event::Stop(Stop::Loaded(tid))) => {
+                self.current = Some(tid);
+                Ok(true)
+            }
+            Some(Event::Stop(Stop::Reached(tid))) => {
+                self.current = tid;
+                Ok(true)
+            }
+            Some(Event::Over) => {
+                let now = self.trial.now();
+                match (
+                    self.trial.supervisor_ref().debugged_file(),
+                    self.settings.at,
+                ) {
+                    (Some(_), Some(at)) => (self.say)(&format!(
+                        "the run was over at {now} s, before {} s: expected an earlier --at",
+                        at.as_secs_f64()
+                    )),
+                    _ => (self.say)(
+                        "no program was started that could be debugged: expected one that is no \
+                         shell, or its name by --program",
+                    ),
+                }
+                Ok(false)
+            }
+            _ => Ok(false),
+        }
+    }
+
+    /// Runs until something happens; `None` if the caller does not go on.
+    fn run_until_event(&mut self) -> Result<Option<Event>, GuestError> {
+        while (self.goes_on)() {
+            if let Some(event) = self.run_for_a_while()? {
+                return Ok(Some(event));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Runs for some turns, or until something happens.
+    fn run_for_a_while(&mut self) -> Result<Option<Event>, GuestError> {
+        for _ in 0..TURNS {
+            self.trial.turn()?;
+            if let Some(stop) = self.supervisor().take_stop() {
+                return Ok(Some(Event::Stop(stop)));
+            }
+            // In the middle of a turn nothing is over: it would not have been seen without a stop.
+            if !self.supervisor().is_held() && self.trial.is_over() {
+                return Ok(Some(Event::Over));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Serves one debugger after the other.
+    fn serve_all(&mut self, door: &Door) -> Result<Leave, GuestError> {
+        loop {
+            self.invite(door);
+            let accepted = door.accept(self.goes_on);
+            let accepted = accepted.map_err(|source| GuestError::DebugPort {
+                port: door.address.port(),
+                source,
+            })?;
+            let Some(wire) = accepted else {
+                return Ok(Leave::Cut);
+            };
+            match self.serve(door, wire)? {
+                Leave::Gone => (self.say)("the debugger is gone; time stands"),
+                leave => return Ok(leave),
+            }
+        }
+    }
+
+    fn invite(&self, door: &Door) {
+        let port = door.address.port();
+        let file = self.trial.supervisor_ref().debugged_file();
+        let file = file.map_or_else(String::new, |file| file.display().to_string());
+        (self.say)(&format!(
+            "the program stands at {} s, waiting for a debugger on localhost:{port}\n  \
+             gdb {file} -ex 'target remote :{port}'",
+            self.trial.now()
+        ));
+    }
+
+    /// Serves one debugger until it leaves.
+    fn serve(&mut self, door: &Door, wire: Wire) -> Result<Leave, GuestError> {
+        let Ok(mut stub) = GdbStub::new(wire).run_state_machine(self) else {
+            return Ok(Leave::Gone);
+        };
+        loop {
+            let next = match stub {
+                GdbStubStateMachine::Idle(mut stub) => {
+                    match stub.borrow_conn().next(door, self.goes_on) {
+                        Ok(Some(byte)) => stub.incoming_data(self, byte),
+                        Ok(None) => return Ok(Leave::Cut),
+                        Err(_) => return Ok(Leave::Gone),
+                    }
+                }
+                GdbStubStateMachine::Running(mut stub) => match stub.borrow_conn().try_next() {
+                    Ok(Some(byte)) => stub.incoming_data(self, byte),
+                    Err(_) => return Ok(Leave::Gone),
+                    Ok(None) => {
+                        door.turn_away();
+                        if !(self.goes_on)() {
+                            return Ok(Leave::Cut);
+                        }
+                        match self.run_for_debugger(stub.borrow_conn())? {
+                            Some(reason) => stub.report_stop(self, reason),
+                            None => Ok(stub.into()),
+                        }
+                    }
+                },
+                GdbStubStateMachine::CtrlCInterrupt(stub) => {
+                    let reason = self.reason(GdbSignal::SIGINT);
+                    stub.interrupt_handled(self, Some(reason))
+                }
+                GdbStubStateMachine::Disconnected(stub) => {
+                    return Ok(match stub.get_reason() {
+                        DisconnectReason::Disconnect => Leave::Detached,
+                        DisconnectReason::Kill => Leave::Killed,
+                        DisconnectReason::TargetExited(_)
+                        | DisconnectReason::TargetTerminated(_) => Leave::Ended,
+                    });
+                }
+            };
+            stub = match next {
+                Ok(stub) => stub,
+                // It has spoken another language, or has gone.
+                Err(_) => return Ok(Leave::Gone),
+            };
+        }
+    }
+
+    /// A stop of the current thread by `signal`.
+    fn reason(&self, signal: GdbSignal) -> MultiThreadStopReason<u64> {
+        let tid = self.number_of(self.current.unwrap_or(0));
+        MultiThreadStopReason::SignalWithThread { tid, signal }
+    }
+
+    /// Runs for a while for the debugger: why it stands then, if it does.
+    fn run_for_debugger(
+        &mut self,
+        wire: &mut Wire,
+    ) -> Result<Option<MultiThreadStopReason<u64>>, GuestError> {
+        if self.is_over {
+            return Ok(Some(MultiThreadStopReason::Exited(0)));
+        }
+        let event = self.run_for_a_while()?;
+        // What cannot be said, the debugger does without.
+        let mut tell = |text: &str| drop(wire.say(&format!("[hilrig] {text}")));
+        let now = self.trial.now();
+        let stop = match event {
+            None => return Ok(None),
+            Some(Event::Over) => {
+                self.is_over = true;
+                let spins = self.trial.spins().unwrap_or("the run is over").to_owned();
+                tell(&format!("{now} s: {spins}; continue ends the program"));
+                return Ok(Some(self.reason(GdbSignal::SIGTRAP)));
+            }
+            Some(Event::Stop(stop)) => stop,
+        };
+        Ok(Some(match stop {
+            Stop::Break(tid) => {
+                self.current = Some(tid);
+                MultiThreadStopReason::SwBreak(self.number_of(tid))
+            }
+            Stop::Watch(tid, address) => {
+                self.current = Some(tid);
+                let (addr, kind) = self.watched_at(address);
+                MultiThreadStopReason::Watch {
+                    tid: self.number_of(tid),
+                    kind,
+                    addr,
+                }
+            }
+            Stop::Step(tid) | Stop::Loaded(tid) => {
+                self.current = Some(tid);
+                self.reason(GdbSignal::SIGTRAP)
+            }
+            Stop::Signal(tid, signal) => {
+                self.current = Some(tid);
+                self.reason(to_gdb(signal))
+            }
+            Stop::Reached(tid) => {
+                self.current = tid.or(self.current);
+                tell(&format!("{now} s is reached"));
+                self.reason(GdbSignal::SIGTRAP)
+            }
+            Stop::Ended(status) => match Ended::of(ExitStatus::from_raw(status)) {
+                Ended::Code(code) => {
+                    let code = u8::try_from(code & 0xFF).unwrap_or(u8::MAX);
+                    MultiThreadStopReason::Exited(code)
+                }
+                Ended::Signal(signal) => MultiThreadStopReason::Terminated(to_gdb(signal)),
+            },
+        }))
+    }
+
+    /// The watched memory to which `address` belongs, and how it is watched.
+    fn watched_at(&self, address: u64) -> (u64, WatchKind) {
+        let before = self.kinds.range(..=address).next_back();
+        before.map_or((address, WatchKind::Write), |(&at, &(_, kind))| (at, kind))
+    }
+
+    /// Ends the session: lets the run come to its end if it is to.
+    fn conclude(mut self, leave: Result<Leave, GuestError>) -> Result<Debugged, GuestError> {
+        let leave = match leave {
+            Ok(leave) => leave,
+            Err(error) => {
+                self.trial.end();
+                return Err(error);
+            }
+        };
+        self.supervisor().end_debugging();
+        let leave = match (self.goes_on)() {
+            true => leave,
+            false => Leave::Cut,
+        };
+        let mut turned = Ok(());
+        if matches!(leave, Leave::Detached | Leave::Ended) && !self.is_over {
+            while !self.trial.is_over() && (self.goes_on)() && turned.is_ok() {
+                turned = self.trial.turn();
+            }
+        }
+        let played = Box::new(self.trial.end());
+        turned?;
+        Ok(match leave {
+            Leave::Killed => Debugged::Killed(played),
+            Leave::Cut => Debugged::Cut(played),
+            _ => Debugged::Judged(played),
+        })
+    }
+}

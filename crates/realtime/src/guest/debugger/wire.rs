@@ -1,0 +1,161 @@
+//! The connection to a debugger.
+
+use core::time::Duration;
+use std::io::{self, Read as _};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+
+use gdbstub::conn::Connection;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+use crate::guest::GuestError;
+
+/// Longest wait before the caller is asked whether it goes on.
+const WAIT: Duration = Duration::from_millis(50);
+/// Bytes that are read at once.
+const READ_MAX: usize = 4096;
+
+/// Where debuggers connect, from this machine only.
+pub(super) struct Door {
+    listener: TcpListener,
+    pub(super) address: SocketAddr,
+}
+
+impl Door {
+    pub(super) fn open(port: u16) -> Result<Self, GuestError> {
+        let opened = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).and_then(|listener| {
+            listener.set_nonblocking(true)?;
+            let address = listener.local_addr()?;
+            Ok(Self { listener, address })
+        });
+        opened.map_err(|source| GuestError::DebugPort { port, source })
+    }
+
+    /// The next debugger; `None` if the caller does not go on.
+    pub(super) fn accept(&self, goes_on: &dyn Fn() -> bool) -> io::Result<Option<Wire>> {
+        while goes_on() {
+            wait(&[&self.listener])?;
+            match self.listener.accept() {
+                Ok((stream, _)) => return Wire::new(stream).map(Some),
+                Err(error) if error.kind() == io::ErrorKind::WouldBlock => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(None)
+    }
+
+    /// Turns away any debugger beside the one that is there.
+    pub(super) fn turn_away(&self) {
+        while let Ok((stream, _)) = self.listener.accept() {
+            drop(stream);
+        }
+    }
+}
+
+/// Waits for a short time until one of `files` can be read.
+fn wait(files: &[&dyn std::os::fd::AsFd]) -> io::Result<()> {
+    let mut polled: Vec<PollFd<'_>> = files
+        .iter()
+        .map(|file| PollFd::from_borrowed_fd(file.as_fd(), PollFlags::IN))
+        .collect();
+    let length = Timespec {
+        tv_sec: 0,
+        tv_nsec: i64::from(WAIT.subsec_nanos()),
+    };
+    match poll(&mut polled, Some(&length)) {
+        Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The bytes from and to one debugger.
+pub(super) struct Wire {
+    stream: TcpStream,
+    inbox: Vec<u8>,
+    /// How much of that was handed out.
+    taken: usize,
+    outbox: Vec<u8>,
+}
+
+impl Wire {
+    fn new(stream: TcpStream) -> io::Result<Self> {
+        stream.set_nonblocking(false)?;
+        stream.set_nodelay(true)?;
+        Ok(Self {
+            stream,
+            inbox: Vec::new(),
+            taken: 0,
+            outbox: Vec::new(),
+        })
+    }
+
+    /// The next byte, if there is one now.
+    pub(super) fn try_next(&mut self) -> io::Result<Option<u8>> {
+        if let Some(&byte) = self.inbox.get(self.taken) {
+            self.taken += 1;
+            return Ok(Some(byte));
+        }
+        self.flush()?;
+        self.stream.set_nonblocking(true)?;
+        self.inbox.resize(READ_MAX, 0);
+        let read = self.stream.read(&mut self.inbox);
+        self.stream.set_nonblocking(false)?;
+        self.taken = 0;
+        self.inbox.truncate(*read.as_ref().unwrap_or(&0));
+        match read {
+            Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
+            Ok(_) => self.try_next(),
+            Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(None),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The next byte, whenever it comes; `None` if the caller does not go on.
+    pub(super) fn next(
+        &mut self,
+        door: &Door,
+        goes_on: &dyn Fn() -> bool,
+    ) -> io::Result<Option<u8>> {
+        loop {
+            if let Some(byte) = self.try_next()? {
+                return Ok(Some(byte));
+            }
+            door.turn_away();
+            if !goes_on() {
+                return Ok(None);
+            }
+            wait(&[&self.stream, &door.listener])?;
+        }
+    }
+
+    /// Prints a line on the debugger's console; only while it waits for the program to stop.
+    pub(super) fn say(&mut self, text: &str) -> io::Result<()> {
+        let mut packet = "O".to_owned();
+        for byte in text.bytes().chain([b'\n']) {
+            packet += &format!("{byte:02x}");
+        }
+        let sum = packet.bytes().fold(0_u8, u8::wrapping_add);
+        self.outbox.extend(format!("${packet}#{sum:02x}").bytes());
+        self.flush()
+    }
+}
+
+impl Connection for Wire {
+    type Error = io::Error;
+
+    fn write(&mut self, byte: u8) -> io::Result<()> {
+        self.outbox.push(byte);
+        Ok(())
+    }
+
+    fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.outbox.extend(bytes);
+        Ok(())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::Write::write_all(&mut self.stream, &self.outbox)?;
+        self.outbox.clear();
+        Ok(())
+    }
+}

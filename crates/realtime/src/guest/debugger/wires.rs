@@ -1,0 +1,70 @@
+//! The last bytes on each line, for a debugger.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use protocols::Instant;
+
+use crate::guest::trial::Trial;
+use engine::rig::line::Direction;
+use engine::rig::trace::{Side, Tap};
+
+/// Pieces that are kept of all lines together.
+const KEPT_MAX: usize = 20_000;
+
+/// Bytes that arrived together.
+#[derive(Clone, Debug)]
+struct Piece {
+    link: usize,
+    direction: Direction,
+    at: Instant,
+    bytes: Vec<u8>,
+}
+
+/// Listens to all lines.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Wires(Arc<Mutex<VecDeque<Piece>>>);
+
+impl Tap for Wires {
+    fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]) {
+        if side != Side::Received {
+            return;
+        }
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if kept.len() >= KEPT_MAX {
+            kept.pop_front();
+        }
+        kept.push_back(Piece {
+            link,
+            direction,
+            at,
+            bytes: bytes.to_vec(),
+        });
+    }
+}
+
+impl Wires {
+    /// Listens to the lines of a run from now on.
+    pub(super) fn listen(&self, trial: &mut Trial) {
+        trial.run().rig.add_tap(Box::new(self.clone()));
+    }
+
+    /// The last `count` pieces that arrived on the link of this number, one a line.
+    pub(super) fn last(&self, link: usize, count: usize) -> Vec<String> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let of_link = kept.iter().rev().filter(|piece| piece.link == link);
+        let lines = of_link.take(count).map(|piece| {
+            let bytes: Vec<String> = piece.bytes.iter().map(|it| format!("{it:02x}")).collect();
+            let text = piece.bytes.iter().map(|&byte| match byte {
+                b' '..=b'~' => char::from(byte),
+                _ => '.',
+            });
+            let text: String = text.collect();
+            let direction = piece.direction.name();
+            format!("{} {direction:>9}  {}  {text}", piece.at, bytes.join(" "))
+        });
+        let mut lines: Vec<String> = lines.collect();
+        lines.reverse();
+        lines
+    }
+}

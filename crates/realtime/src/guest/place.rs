@@ -1,0 +1,143 @@
+//! A place in a run that every run of the same case finds again: how many calls there were, how
+//! often time has passed since, and what the debugger saw after that.
+
+use core::fmt;
+
+use super::supervisor::Watchpoint;
+
+/// Between two of these the program only computes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Moment {
+    /// Calls that threads have begun.
+    pub(super) calls: u64,
+    /// How often time has passed while all threads waited.
+    pub(super) leaps: u64,
+}
+
+/// A part of the way from a moment to a place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Leg {
+    /// To the last of so many hits of these breakpoints and watchpoints together.
+    Hits {
+        breaks: Vec<u64>,
+        watches: Vec<Watchpoint>,
+        count: u64,
+    },
+    /// So many single instructions.
+    Steps(u64),
+    /// So many signals.
+    Signals(u64),
+}
+
+/// Where a program stands.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Place {
+    pub(super) moment: Moment,
+    pub(super) legs: Vec<Leg>,
+}
+
+impl Place {
+    /// A thread has begun a call.
+    pub(super) fn called(&mut self) {
+        self.moment.calls += 1;
+        self.legs.clear();
+    }
+
+    /// Time has passed.
+    pub(super) fn leapt(&mut self) {
+        self.moment.leaps += 1;
+        self.legs.clear();
+    }
+
+    /// The program stands at a breakpoint.
+    pub(super) fn hit(&mut self, address: u64) {
+        // A debugger steps over a breakpoint before the program goes on to the same one.
+        if let [
+            ..,
+            Leg::Hits {
+                breaks, watches, ..
+            },
+            Leg::Steps(1),
+        ] = &self.legs[..]
+            && **breaks == [address]
+            && watches.is_empty()
+        {
+            self.legs.pop();
+        }
+        self.add_hit(vec![address], Vec::new());
+    }
+
+    /// The program has touched memory that is watched.
+    pub(super) fn touched(&mut self, watches: &[Watchpoint]) {
+        self.add_hit(Vec::new(), watches.to_vec());
+    }
+
+    fn add_hit(&mut self, of: Vec<u64>, at: Vec<Watchpoint>) {
+        match self.legs.last_mut() {
+            Some(Leg::Hits {
+                breaks,
+                watches,
+                count,
+            }) if *breaks == of && *watches == at => *count += 1,
+            _ => self.legs.push(Leg::Hits {
+                breaks: of,
+                watches: at,
+                count: 1,
+            }),
+        }
+    }
+
+    /// The program has done one instruction.
+    pub(super) fn stepped(&mut self) {
+        match self.legs.last_mut() {
+            Some(Leg::Steps(count)) => *count += 1,
+            _ => self.legs.push(Leg::Steps(1)),
+        }
+    }
+
+    /// The program stands at a signal.
+    pub(super) fn signalled(&mut self) {
+        match self.legs.last_mut() {
+            Some(Leg::Signals(count)) => *count += 1,
+            _ => self.legs.push(Leg::Signals(1)),
+        }
+    }
+}
+
+/// As people number it: calls, passings of time, hits.
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "call {}.{}", self.moment.calls, self.moment.leaps)?;
+        for leg in &self.legs {
+            match leg {
+                Leg::Hits { count, .. } => write!(f, ", hit {count}")?,
+                Leg::Steps(count) => write!(f, ", instruction {count}")?,
+                Leg::Signals(count) => write!(f, ", signal {count}")?,
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The step over a breakpoint belongs to its next hit; other steps are parts of the way.
+    #[test]
+    fn a_place_is_numbered_by_calls_and_hits() {
+        let mut place = Place::default();
+        place.called();
+        place.called();
+        place.leapt();
+        place.hit(16);
+        place.stepped();
+        place.hit(16);
+        place.stepped();
+        place.stepped();
+        place.hit(16);
+        assert_eq!(place.to_string(), "call 2.1, hit 2, instruction 2, hit 1");
+        place.called();
+        assert_eq!(place.to_string(), "call 3.1");
+    }
+}

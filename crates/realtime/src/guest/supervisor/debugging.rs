@@ -1,0 +1,416 @@
+//! What a debugger has set, and where the program stands for it.
+//!
+//! A stop for the debugger holds the thread in the middle of its turn: nothing else is done until it
+//! goes on, so that the run takes the same course as without a debugger.
+
+mod memory;
+mod threads;
+mod watch;
+
+use core::ops::Range;
+use std::collections::BTreeMap;
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::sys::signal::Signal;
+use nix::unistd::Pid;
+use protocols::Instant;
+use rustix::process::WaitOptions;
+
+use super::{Flow, Next, Supervisor, is_death, wait};
+use crate::guest::place::{Moment, Place};
+use engine::run::{Run, Watch};
+use memory::{TRAP, poke};
+pub(in crate::guest) use watch::Watchpoint;
+use watch::{WATCHES, hit_watch, write_watches};
+
+/// What a trap by that instruction is told as (`SI_KERNEL`).
+const BY_INSTRUCTION: i32 = 0x80;
+/// Programs that start others; the debugger waits for what they start.
+const STARTERS: [&str; 10] = [
+    "sh", "dash", "bash", "busybox", "env", "nice", "timeout", "stdbuf", "setsid", "xargs",
+];
+
+/// Why the program stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::guest) enum Stop {
+    /// It has just been loaded.
+    Loaded(i32),
+    /// At a breakpoint of the debugger.
+    Break(i32),
+    /// Behind an instruction that touched watched memory at this address.
+    Watch(i32, u64),
+    /// Behind a step.
+    Step(i32),
+    /// At a signal, which it has not got yet.
+    Signal(i32, i32),
+    /// The asked time or place has come; the thread, if one was about to make a call.
+    Reached(Option<i32>),
+    /// The process has ended with this status.
+    Ended(i32),
+}
+
+/// A thread that goes on by single instructions until it leaves this code.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in crate::guest) struct Step {
+    pub(in crate::guest) tid: i32,
+    /// Empty: one instruction.
+    pub(in crate::guest) within: Range<u64>,
+}
+
+/// Up to where the program is to run.
+#[derive(Clone, Debug)]
+pub(in crate::guest) enum Goal {
+    /// The rig's time.
+    Time(Instant),
+    /// The beginning of a call, or the moment after time has passed.
+    Moment(Moment),
+    /// A condition on the run.
+    Condition(Box<Watch>),
+}
+
+/// A debugger's view of the program.
+#[derive(Debug, Default)]
+pub(in crate::guest) struct Debugging {
+    /// Name of the file to debug; without one, the first that is no shell.
+    wanted: Option<String>,
+    /// The debugged process.
+    pub(super) process: Option<i32>,
+    /// Breakpoints and the bytes under them.
+    breaks: BTreeMap<u64, u8>,
+    /// The bytes under all breakpoints that ever were in this program.
+    under: BTreeMap<u64, u8>,
+    watches: Vec<Watchpoint>,
+    /// Counts changes of the watchpoints, and which of them each thread has.
+    watch_changes: u32,
+    watched_by: BTreeMap<i32, u32>,
+    pub(super) step: Option<Step>,
+    goal: Option<Goal>,
+    held: Option<(i32, Next)>,
+    stop: Option<Stop>,
+    /// Where the program is, as any run of it finds again.
+    pub(super) place: Place,
+}
+
+impl Supervisor {
+    /// From now on a debugger is there, for the program of this name.
+    pub(in crate::guest) fn begin_debugging(&mut self, wanted: Option<String>) {
+        self.debugging = Some(Box::new(Debugging {
+            wanted,
+            ..Debugging::default()
+        }));
+    }
+
+    /// The debugger is gone: what it has set is taken away.
+    pub(in crate::guest) fn end_debugging(&mut self) {
+        self.clear_breaks();
+        let Some(mut debugging) = self.debugging.take() else {
+            return;
+        };
+        debugging.watches.clear();
+        debugging.watch_changes += 1;
+        debugging.step = None;
+        debugging.goal = None;
+        debugging.stop = None;
+        let held = debugging.held.take();
+        self.debugging = Some(debugging);
+        let threads: Vec<i32> = self.threads.keys().copied().collect();
+        for tid in threads {
+            self.put_watches(tid);
+        }
+        self.debugging = None;
+        if let Some((tid, next)) = held {
+            // It goes on before all others, as it would have without a stop.
+            self.held_over = Some((tid, next));
+        }
+    }
+
+    pub(in crate::guest) fn debugging(&mut self) -> Option<&mut Debugging> {
+        self.debugging.as_deref_mut()
+    }
+
+    /// Why the program stands, if it does; told once.
+    pub(in crate::guest) fn take_stop(&mut self) -> Option<Stop> {
+        self.debugging.as_mut()?.stop.take()
+    }
+
+    /// Whether a thread is held in the middle of its turn.
+    pub(in crate::guest) fn is_held(&self) -> bool {
+        self.debugging.as_ref().is_some_and(|it| it.held.is_some())
+    }
+
+    /// The thread that goes on first.
+    pub(super) fn take_held(&mut self) -> Option<(i32, Next)> {
+        let held = self.held_over.take();
+        held.or_else(|| self.debugging.as_mut()?.held.take())
+    }
+
+    pub(super) fn hold(&mut self, tid: i32, next: Next, stop: Stop) -> Flow {
+        if let Some(debugging) = &mut self.debugging {
+            debugging.held = Some((tid, next));
+            debugging.stop = Some(stop);
+        }
+        Flow::Stays
+    }
+
+    /// The signal with which the held thread goes on; whether it can be given one there.
+    pub(in crate::guest) fn set_held_signal(&mut self, tid: i32, signal: Option<Signal>) -> bool {
+        let held = self.debugging.as_mut().and_then(|it| it.held.as_mut());
+        match held {
+            Some((held, Next::Go(next))) if *held == tid => {
+                *next = signal;
+                true
+            }
+            _ => signal.is_none(),
+        }
+    }
+
+    /// Lets `tid` run up to its next stop, a step only if it is to.
+    pub(super) fn resume(&mut self, tid: i32, signal: Option<Signal>) -> nix::Result<()> {
+        let pid = Pid::from_raw(tid);
+        if self.debugging.is_none() {
+            return ptrace::cont(pid, signal);
+        }
+        self.put_watches(tid);
+        let is_step = |it: &Step| it.tid == tid;
+        let step = self.debugging.as_ref().and_then(|it| it.step.as_ref());
+        match step.is_some_and(is_step) {
+            true => ptrace::step(pid, signal),
+            false => ptrace::cont(pid, signal),
+        }
+    }
+
+    /// A thread has read the processor's counter, which took the place of an instruction.
+    pub(super) fn read_counter(&mut self, tid: i32) -> Flow {
+        let debugging = self.debugging.as_mut();
+        let step = debugging.filter(|it| it.step.as_ref().is_some_and(|step| step.tid == tid));
+        match step {
+            Some(debugging) => {
+                debugging.place.stepped();
+                self.hold(tid, Next::Go(None), Stop::Step(tid))
+            }
+            None => Flow::Goes(None),
+        }
+    }
+
+    /// A process has become another program, which may be the one to debug.
+    pub(super) fn execed_for_debugger(&mut self, tid: i32, flow: Flow) -> Flow {
+        let Some(debugging) = &mut self.debugging else {
+            return flow;
+        };
+        if debugging.process == Some(tid) {
+            debugging.breaks.clear();
+            debugging.under.clear();
+            debugging.watches.clear();
+            debugging.watched_by.clear();
+            self.notes
+                .push("the debugged process has become another program".to_owned());
+            return flow;
+        }
+        let exe = std::fs::read_link(format!("/proc/{tid}/exe")).unwrap_or_default();
+        let name = exe.file_name().unwrap_or_default().to_string_lossy();
+        let is_it = match &debugging.wanted {
+            Some(wanted) => *wanted == name,
+            None => !STARTERS.contains(&&*name),
+        };
+        if debugging.process.is_some() || !is_it {
+            return flow;
+        }
+        debugging.process = Some(tid);
+        match flow {
+            Flow::Goes(signal) => self.hold(tid, Next::Go(signal), Stop::Loaded(tid)),
+            Flow::Stays => Flow::Stays,
+        }
+    }
+
+    /// A process has made another one by fork: breakpoints are not for that.
+    pub(super) fn forked_for_debugger(&mut self, child: Pid) {
+        let breaks = self.debugging.as_ref().map(|it| it.breaks.clone());
+        for (address, byte) in breaks.unwrap_or_default() {
+            let _ = poke(child, address, &[byte]);
+        }
+    }
+
+    pub(super) fn buried_for_debugger(&mut self, tid: i32, status: i32) {
+        let Some(debugging) = &mut self.debugging else {
+            return;
+        };
+        debugging.watched_by.remove(&tid);
+        debugging.step.take_if(|step| step.tid == tid);
+        debugging.held.take_if(|(held, _)| *held == tid);
+        if debugging.process == Some(tid) {
+            debugging.stop = Some(Stop::Ended(status));
+            debugging.process = None;
+            debugging.breaks.clear();
+        }
+    }
+
+    /// A thread has stopped at SIGTRAP; whether that is the debugger's.
+    pub(super) fn trapped(&mut self, tid: i32) -> Option<Flow> {
+        let pid = Pid::from_raw(tid);
+        let process = self.threads.get(&tid)?.process;
+        let mut registers = ptrace::getregs(pid).ok()?;
+        let debugging = self.debugging.as_mut()?;
+        let by_instruction =
+            ptrace::getsiginfo(pid).is_ok_and(|info| info.si_code == BY_INSTRUCTION);
+        let at = registers.rip.wrapping_sub(1);
+        if by_instruction && let Some(&byte) = debugging.under.get(&at) {
+            let is_set = debugging.breaks.contains_key(&at);
+            registers.rip = at;
+            ptrace::setregs(pid, registers).ok()?;
+            if debugging.process != Some(process) || !is_set {
+                return Some(self.pass_break(pid, at, byte, is_set));
+            }
+            debugging.place.hit(at);
+            return Some(self.hold(tid, Next::Go(None), Stop::Break(tid)));
+        }
+        if debugging.process != Some(process) {
+            return None;
+        }
+        let watches = debugging.watches.clone();
+        if let Some(index) = hit_watch(pid, watches.len()) {
+            let address = watches[index].address;
+            debugging.place.touched(&watches);
+            return Some(self.hold(tid, Next::Go(None), Stop::Watch(tid, address)));
+        }
+        let step = debugging.step.as_ref().filter(|step| step.tid == tid)?;
+        if by_instruction {
+            return None;
+        }
+        debugging.place.stepped();
+        match step.within.contains(&registers.rip) {
+            true => Some(Flow::Goes(None)),
+            false => Some(self.hold(tid, Next::Go(None), Stop::Step(tid))),
+        }
+    }
+
+    /// A thread that is not debugged stands at a breakpoint: it goes on as if there was none.
+    fn pass_break(&mut self, pid: Pid, at: u64, byte: u8, is_set: bool) -> Flow {
+        if poke(pid, at, &[byte]).is_err() || !is_set {
+            return Flow::Goes(None);
+        }
+        let stepped = ptrace::step(pid, None).ok();
+        let status = stepped.and_then(|()| wait(Some(pid), WaitOptions::empty()));
+        let _ = poke(pid, at, &[TRAP]);
+        match status {
+            Some((_, status)) if is_death(status) || status >> 8 != libc::SIGTRAP => {
+                self.handle(pid.as_raw(), status)
+            }
+            _ => Flow::Goes(None),
+        }
+    }
+
+    /// A debugged thread stands at a signal: whether the debugger is to hear of it first.
+    pub(super) fn signalled_for_debugger(&mut self, tid: i32, signal: i32) -> Option<Flow> {
+        let process = self.threads.get(&tid)?.process;
+        let debugging = self.debugging.as_mut()?;
+        if debugging.process != Some(process) {
+            return None;
+        }
+        debugging.place.signalled();
+        let next = Next::Go(Signal::try_from(signal).ok());
+        Some(self.hold(tid, next, Stop::Signal(tid, signal)))
+    }
+
+    /// A thread is about to make a call: whether the place for which the debugger waits has come.
+    pub(super) fn calls_for_debugger(&mut self, tid: i32) -> Option<Flow> {
+        let debugging = self.debugging.as_mut()?;
+        debugging.place.called();
+        let has_come = debugging.has_come(&self.stage.run);
+        has_come.then(|| self.hold(tid, Next::Call, Stop::Reached(Some(tid))))
+    }
+
+    /// Time has passed: the same.
+    pub(super) fn leapt_for_debugger(&mut self) {
+        let Some(debugging) = &mut self.debugging else {
+            return;
+        };
+        debugging.place.leapt();
+        if debugging.has_come(&self.stage.run) {
+            debugging.stop = Some(Stop::Reached(None));
+        }
+    }
+
+    /// Gives a thread the watchpoints, if it has others.
+    fn put_watches(&mut self, tid: i32) {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        let Some(debugging) = &mut self.debugging else {
+            return;
+        };
+        let has = debugging.watched_by.get(&tid).copied().unwrap_or(0);
+        if debugging.process != process || has == debugging.watch_changes {
+            return;
+        }
+        debugging.watched_by.insert(tid, debugging.watch_changes);
+        let _ = write_watches(Pid::from_raw(tid), &debugging.watches);
+    }
+}
+
+impl Debugging {
+    fn has_come(&mut self, run: &Run) -> bool {
+        let has_come = match &self.goal {
+            Some(Goal::Time(at)) => run.rig.now() >= *at,
+            Some(Goal::Condition(watch)) => run.has_come(watch),
+            Some(Goal::Moment(moment)) => self.place.moment >= *moment,
+            None => false,
+        };
+        if has_come {
+            self.goal = None;
+        }
+        has_come
+    }
+
+    /// The thread of the last stop, if it can be told.
+    pub(in crate::guest) const fn held_thread(&self) -> Option<i32> {
+        match self.held {
+            Some((tid, _)) => Some(tid),
+            None => None,
+        }
+    }
+
+    pub(in crate::guest) const fn process(&self) -> Option<i32> {
+        self.process
+    }
+
+    pub(in crate::guest) const fn place(&self) -> &Place {
+        &self.place
+    }
+
+    pub(in crate::guest) fn set_step(&mut self, step: Option<Step>) {
+        self.step = step;
+    }
+
+    pub(in crate::guest) fn set_goal(&mut self, goal: Option<Goal>) {
+        self.goal = goal;
+    }
+
+    /// What is watched.
+    pub(in crate::guest) fn watches(&self) -> &[Watchpoint] {
+        &self.watches
+    }
+
+    /// Where breakpoints are.
+    pub(in crate::guest) fn break_addresses(&self) -> Vec<u64> {
+        self.breaks.keys().copied().collect()
+    }
+
+    /// Watches memory; false if the processor has no register left for it.
+    pub(in crate::guest) fn add_watch(&mut self, watch: Watchpoint) -> bool {
+        let is_whole = matches!(watch.len, 1 | 2 | 4 | 8) && watch.address % watch.len == 0;
+        if !is_whole || self.watches.len() >= WATCHES {
+            return false;
+        }
+        self.watches.push(watch);
+        self.watch_changes += 1;
+        true
+    }
+
+    pub(in crate::guest) fn remove_watch(&mut self, watch: Watchpoint) -> bool {
+        let Some(index) = self.watches.iter().position(|it| *it == watch) else {
+            return false;
+        };
+        self.watches.remove(index);
+        self.watch_changes += 1;
+        true
+    }
+}

@@ -1,0 +1,134 @@
+//! Breakpoints, and the debugged process's memory as if there were none.
+
+use core::ptr;
+
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+
+use super::Debugging;
+use crate::guest::memory::Memory;
+use crate::guest::supervisor::{State, Supervisor};
+
+/// The instruction of a breakpoint.
+pub(super) const TRAP: u8 = 0xCC;
+impl Supervisor {
+    /// A thread of the debugged process that the debugger can work on: it has stopped.
+    fn any_debugged(&self) -> Option<Pid> {
+        let debugging = self.debugging.as_ref()?;
+        let process = debugging.process?;
+        if let Some((tid, _)) = debugging.held {
+            let of = self.threads.get(&tid).map(|thread| thread.process);
+            if of == Some(process) {
+                return Some(Pid::from_raw(tid));
+            }
+        }
+        let mut threads = self.threads.values();
+        let stopped = |state: State| matches!(state, State::Ready(_) | State::Blocked(_));
+        let found = threads.find(|it| it.process == process && stopped(it.state));
+        found.map(|thread| thread.tid)
+    }
+
+    /// Sets a breakpoint.
+    pub(in crate::guest) fn add_break(&mut self, address: u64) -> bool {
+        let Some(pid) = self.any_debugged() else {
+            return false;
+        };
+        let mut byte = [0];
+        let has = |it: &Debugging| it.breaks.contains_key(&address);
+        if self.debugging.as_deref().is_none_or(has) {
+            return self.debugging.is_some();
+        }
+        if Memory(pid).read(address, &mut byte).is_err() || poke(pid, address, &[TRAP]).is_err() {
+            return false;
+        }
+        if let Some(debugging) = &mut self.debugging {
+            debugging.breaks.insert(address, byte[0]);
+            debugging.under.insert(address, byte[0]);
+        }
+        true
+    }
+
+    /// Takes a breakpoint away.
+    pub(in crate::guest) fn remove_break(&mut self, address: u64) -> bool {
+        let pid = self.any_debugged();
+        let debugging = self.debugging.as_mut();
+        let Some(byte) = debugging.and_then(|it| it.breaks.remove(&address)) else {
+            return false;
+        };
+        pid.is_some_and(|pid| poke(pid, address, &[byte]).is_ok())
+    }
+
+    /// Takes all breakpoints away.
+    pub(in crate::guest) fn clear_breaks(&mut self) {
+        let all = self.debugging.as_ref().map(|it| it.break_addresses());
+        for address in all.unwrap_or_default() {
+            self.remove_break(address);
+        }
+    }
+
+    /// Reads the debugged process's memory as if there were no breakpoints; how much of it.
+    pub(in crate::guest) fn read_debugged(&self, address: u64, buf: &mut [u8]) -> usize {
+        /// Memory ends at a multiple of this.
+        const PAGE: u64 = 4096;
+        let Some(pid) = self.any_debugged() else {
+            return 0;
+        };
+        let mut done = 0;
+        while done < buf.len() {
+            let at = address.wrapping_add(done as u64);
+            let rest = usize::try_from(PAGE - at % PAGE).unwrap_or(1);
+            let end = buf.len().min(done + rest);
+            if Memory(pid).read(at, &mut buf[done..end]).is_err() {
+                break;
+            }
+            done = end;
+        }
+        let breaks = self.debugging.as_ref().map(|it| &it.breaks);
+        for (&at, &byte) in breaks.into_iter().flatten() {
+            let index = at
+                .checked_sub(address)
+                .and_then(|it| usize::try_from(it).ok());
+            if let Some(shown) = index.and_then(|index| buf[..done].get_mut(index)) {
+                *shown = byte;
+            }
+        }
+        done
+    }
+
+    /// Writes the debugged process's memory; breakpoints stay.
+    pub(in crate::guest) fn write_debugged(&mut self, address: u64, bytes: &[u8]) -> bool {
+        let Some(pid) = self.any_debugged() else {
+            return false;
+        };
+        let mut bytes = bytes.to_vec();
+        let Some(debugging) = &mut self.debugging else {
+            return false;
+        };
+        for (&at, under) in &mut debugging.breaks {
+            let index = at
+                .checked_sub(address)
+                .and_then(|it| usize::try_from(it).ok());
+            if let Some(byte) = index.and_then(|index| bytes.get_mut(index)) {
+                *under = core::mem::replace(byte, TRAP);
+                debugging.under.insert(at, *under);
+            }
+        }
+        Memory(pid).write(address, &bytes).is_ok() || poke(pid, address, &bytes).is_ok()
+    }
+}
+
+/// Writes memory word by word, also where the program itself must not.
+pub(super) fn poke(pid: Pid, address: u64, bytes: &[u8]) -> nix::Result<()> {
+    let mut done = 0;
+    while done < bytes.len() {
+        let at = address.wrapping_add(done as u64);
+        let (word_at, skip) = (at & !7, usize::try_from(at & 7).unwrap_or_default());
+        let place = ptr::without_provenance_mut(usize::try_from(word_at).unwrap_or_default());
+        let mut word = ptrace::read(pid, place)?.to_ne_bytes();
+        let count = (bytes.len() - done).min(word.len() - skip);
+        word[skip..skip + count].copy_from_slice(&bytes[done..done + count]);
+        ptrace::write(pid, place, i64::from_ne_bytes(word))?;
+        done += count;
+    }
+    Ok(())
+}

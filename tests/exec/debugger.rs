@@ -1,0 +1,439 @@
+//! `hilrig debug`: gdb holds a program while time stands, and the run stays what it is.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::{Shutdown, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Command, Stdio};
+
+use crate::guest::compiled;
+use crate::support::{Ended, ended_in, folder, run_in};
+
+/// "mm=700" each 100 ms at 9600 baud for three seconds.
+const SONAR: &str = include_str!("programs/sonar.toml");
+/// Threads, a signal, children, and code that all of them share.
+const DEBUGGED: &str = include_str!("programs/debugged.c");
+
+/// A program that waits for a debugger.
+struct Debugged {
+    folder: PathBuf,
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+    /// What was said up to now.
+    said: String,
+    port: u16,
+}
+
+impl Debugged {
+    /// `hilrig debug` in a fresh folder, up to the place where the program stands.
+    fn start(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> Self {
+        let folder = folder(&format!("debug-{name}"));
+        let _ = fs::remove_dir_all(&folder);
+        fs::create_dir_all(&folder).expect("a fresh folder");
+        for (file, text) in files {
+            fs::write(folder.join(file), text).expect("a fresh file");
+        }
+        let mut child = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+            .current_dir(&folder)
+            .args([
+                "debug",
+                "sonar.toml",
+                "--exec-needs",
+                "sonar",
+                "--out",
+                "out",
+            ])
+            .args(["--exec", command, "--port", "0"])
+            .args(more)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the binary is built");
+        let stderr = BufReader::new(child.stderr.take().expect("a pipe"));
+        let mut new = Self {
+            folder,
+            child,
+            stderr,
+            said: String::new(),
+            port: 0,
+        };
+        new.port = new.hear_port();
+        new
+    }
+
+    /// Reads what is said up to the port on which the program waits.
+    fn hear_port(&mut self) -> u16 {
+        loop {
+            let mut line = String::new();
+            let len = self.stderr.read_line(&mut line).expect("text");
+            self.said += &line;
+            assert!(len > 0, "no port is named: {}", self.said);
+            if let Some((_, port)) = line.trim().split_once("localhost:") {
+                return port.parse().expect("a number");
+            }
+        }
+    }
+
+    /// What gdb prints for `script`; `None`, said loudly, where there is none.
+    fn gdb(&self, program: &Path, script: &str) -> Option<String> {
+        let begin = format!(
+            "set pagination off\nset confirm off\nset debuginfod enabled off\n\
+             target remote :{}\n",
+            self.port
+        );
+        let file = self.folder.join("script.gdb");
+        fs::write(&file, begin + script).expect("a fresh file");
+        let gdb = Command::new("gdb")
+            .args(["-nx", "-batch"])
+            .arg(program)
+            .arg("-x")
+            .arg(&file)
+            .stdin(Stdio::null())
+            .output();
+        match gdb {
+            Ok(output) => Some(
+                String::from_utf8_lossy(&output.stdout).into_owned()
+                    + &String::from_utf8_lossy(&output.stderr),
+            ),
+            Err(error) => {
+                assert!(std::env::var_os("CI").is_none(), "gdb: {error}");
+                eprintln!("SKIPPED: {}: no gdb: {error}", self.folder.display());
+                None
+            }
+        }
+    }
+
+    /// A client that speaks the bare protocol.
+    fn connect(&self) -> TcpStream {
+        TcpStream::connect(("localhost", self.port)).expect("it listens")
+    }
+
+    fn end(mut self) -> Ended {
+        let mut rest = String::new();
+        self.stderr.read_to_string(&mut rest).expect("text");
+        let output = self.child.wait_with_output().expect("it ends");
+        let mut ended = ended_in(&self.folder, output);
+        ended.said += &self.said;
+        ended.said += &rest;
+        ended
+    }
+
+    /// Ends it from outside, as Ctrl-C does.
+    fn interrupt(self) -> Ended {
+        let pid = self.child.id().to_string();
+        let sent = Command::new("kill").args(["-INT", &pid]).status();
+        assert!(sent.expect("kill is everywhere").success());
+        self.end()
+    }
+}
+
+/// The fingerprint of all bytes on all lines.
+fn trace(ended: &Ended) -> String {
+    let mut lines = ended.said.lines();
+    let line = lines.find_map(|line| line.trim().strip_prefix("trace "));
+    line.unwrap_or_else(|| panic!("{}", ended.said)).to_owned()
+}
+
+/// The trace of the same program without a debugger.
+fn undisturbed(name: &str, command: &str, files: &[(&str, &str)]) -> String {
+    let folder = folder(&format!("undisturbed-{name}"));
+    trace(&run_in(&folder, files, command, &["--virtual"]))
+}
+
+fn count(text: &str, word: &str) -> usize {
+    text.matches(word).count()
+}
+
+/// More than fifty stops: breakpoints in code that two threads, a child by fork and a child by vfork
+/// run, a watchpoint, a signal, conditions that gdb judges. Symbols are found in a
+/// position-independent program and in a static one.
+const MANY_STOPS: &str = "\
+break count
+commands
+silent
+printf \"count of %d\\n\", who
+continue
+end
+watch millimetres
+commands
+silent
+printf \"watched %d\\n\", millimetres
+continue
+end
+break on_signal
+commands
+silent
+printf \"handler of %d\\n\", number
+continue
+end
+handle SIGUSR1 stop print pass
+break beat if number == 9
+continue
+bt 1
+continue
+info threads
+stepi
+next
+detach
+";
+
+#[test]
+fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
+    for (name, flags) in [
+        ("pie", &["-g", "-O0", "-pthread"][..]),
+        ("static", &["-g", "-O0", "-pthread", "-static"]),
+    ] {
+        let Some(program) = compiled(&format!("debugged-{name}"), "cc", DEBUGGED, flags) else {
+            return;
+        };
+        let command = program.to_str().expect("a plain path");
+        let files = [("sonar.toml", SONAR)];
+        let expected = undisturbed(name, command, &files);
+        let debugged = Debugged::start(name, command, &files, &[]);
+        let Some(said) = debugged.gdb(&program, MANY_STOPS) else {
+            debugged.interrupt();
+            return;
+        };
+        let ended = debugged.end();
+        assert_eq!(trace(&ended), expected, "{name}\n{said}");
+        assert_eq!(ended.code, Some(0), "{}", ended.said);
+        // By hand: beat 9 comes after 2 s, with a line of the sonar each 100 ms and a count of the
+        // worker each 70 ms before it.
+        let (worker, main) = (count(&said, "count of 1"), count(&said, "count of 2"));
+        assert!(worker >= 25 && main >= 18, "{name}\n{said}");
+        assert_eq!(count(&said, "watched "), main, "{name}\n{said}");
+        assert!(count(&said, "handler of 10") == 1, "{name}\n{said}");
+        assert!(said.contains("received signal SIGUSR1"), "{name}\n{said}");
+        assert!(said.contains("beat (port=3, number=9)"), "{name}\n{said}");
+        assert!(said.contains("waits in clock_nanosleep"), "{name}\n{said}");
+        // The child's count is no stop, and none of its business is lost.
+        assert!(!said.contains("count of 3"), "{name}\n{said}");
+    }
+}
+
+/// What a person does: look, step, change a variable, ask the rig, kill.
+const SESSION: &str = "\
+break understand
+continue
+bt
+print line
+next
+next
+step
+info registers rip
+finish
+up
+monitor wires sonar 2
+monitor until 1.5s
+delete
+continue
+monitor time
+set var scale = 100
+hbreak beat
+continue
+print number
+print scale
+x/i $pc
+monitor state
+monitor verdict
+monitor until visited
+monitor until 1s
+monitor wires nowhere
+monitor fault add kind=cut
+monitor dance
+monitor help
+kill
+";
+
+#[test]
+fn a_session_looks_steps_changes_and_asks_the_rig() {
+    let Some(program) = compiled(
+        "debugged-session",
+        "cc",
+        DEBUGGED,
+        &["-g", "-O0", "-pthread"],
+    ) else {
+        return;
+    };
+    let command = program.to_str().expect("a plain path");
+    let debugged = Debugged::start("session", command, &[("sonar.toml", SONAR)], &[]);
+    let Some(said) = debugged.gdb(&program, SESSION) else {
+        debugged.interrupt();
+        return;
+    };
+    for expected in [
+        "understand (line=",
+        "mm=700",
+        "in main () at",
+        "count (who=2)",
+        "to-master  0a",
+        "the next continue stops at 1.500000 s",
+        "[hilrig] 1.5",
+        "rig 1.5",
+        "beat (port=3",
+        "$3 = 100",
+        "pose 0.000 m",
+        "bytes-conserved",
+        "error: until visited: expected a time such as 12.3s",
+        "error: until 1s: the rig is at 1.",
+        "error: wires nowhere: expected a link of sonar",
+        "error: fault add",
+        "error: dance: unknown; expected time, until",
+        "monitor verdict",
+    ] {
+        assert!(said.contains(expected), "{expected}\n{said}");
+    }
+    let ended = debugged.end();
+    // As a run that SIGTERM ends.
+    assert_eq!(ended.code, Some(143), "{}", ended.said);
+    assert_eq!(ended.failed(), ["ran-to-its-end"], "{}", ended.said);
+}
+
+/// A thread reads, another one writes; the interpreter's own threads and locks are at work.
+const PYTHON: &str = "\
+import os, threading, time
+fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
+got = 0
+def reader():
+    global got
+    while True:
+        got += len(os.read(fd, 100))
+threading.Thread(target=reader, daemon=True).start()
+while True:
+    time.sleep(0.1)
+    os.write(fd, b'%d\\r\\n' % got)
+";
+
+#[test]
+fn breakpoints_in_an_interpreter_with_threads_change_no_byte() {
+    let files = [("sonar.toml", SONAR), ("program.py", PYTHON)];
+    let expected = undisturbed("python", "python3 program.py", &files);
+    let debugged = Debugged::start("python", "python3 program.py", &files, &["--at", "1s"]);
+    let script = "break write\ncommands\nsilent\necho stop\\n\ncontinue\nend\ncontinue\ncontinue\n";
+    let Some(said) = debugged.gdb(Path::new("/usr/bin/python3"), script) else {
+        debugged.interrupt();
+        return;
+    };
+    let ended = debugged.end();
+    assert_eq!(trace(&ended), expected, "{said}");
+    // From 1 s to the end, once each 100 ms.
+    assert!(count(&said, "stop\n") >= 18, "{said}");
+    assert!(
+        said.contains("the run is over; continue ends the program"),
+        "{said}"
+    );
+    assert_eq!(ended.code, Some(0), "{}", ended.said);
+}
+
+/// What is at the port may be anything: none of it moves time or ends the run.
+#[test]
+fn clients_that_misbehave_leave_the_program_standing() {
+    let files = [("sonar.toml", SONAR), ("program.py", PYTHON)];
+    let mut debugged = Debugged::start("hostile", "python3 program.py", &files, &[]);
+    for words in [
+        &b"GET / HTTP/1.1\r\n\r\n"[..],
+        b"$m0,ffffffff#zz",
+        b"$\x00\xff#00",
+        b"$vCont;c",
+    ] {
+        let mut client = debugged.connect();
+        client.write_all(words).expect("it reads");
+        client.shutdown(Shutdown::Write).expect("it is open");
+        let mut answer = Vec::new();
+        let _ = client.read_to_end(&mut answer);
+        debugged.port = debugged.hear_port();
+    }
+    // Beside the first client a second one is turned away, and the first one is still served.
+    let mut first = debugged.connect();
+    first.write_all(b"+$?#3f").expect("it reads");
+    let mut answer = [0; 4];
+    first.read_exact(&mut answer).expect("it answers");
+    assert_eq!(&answer, b"+$T0");
+    let mut second = debugged.connect();
+    let mut rest = Vec::new();
+    assert!(
+        second.read_to_end(&mut rest).is_err() || rest.is_empty(),
+        "{rest:?}"
+    );
+    // It lets the program go on, and leaves in the middle of that.
+    first.write_all(b"+$vCont;c#a8").expect("it reads");
+    drop(first);
+    debugged.port = debugged.hear_port();
+    // Another one leaves as it should: the run comes to its end and is judged.
+    debugged.connect().write_all(b"$D#44").expect("it reads");
+    let expected = undisturbed("hostile", "python3 program.py", &files);
+    let ended = debugged.end();
+    assert_eq!(trace(&ended), expected, "{}", ended.said);
+    assert_eq!(count(&ended.said, "the debugger is gone; time stands"), 5);
+}
+
+/// Nothing to debug, nowhere to listen, nothing to run: each in one sentence with its fix.
+#[test]
+fn what_cannot_be_debugged_is_said() {
+    let taken = std::net::TcpListener::bind(("localhost", 0)).expect("a free port");
+    let port = taken.local_addr().expect("bound").port().to_string();
+    let folder = folder("debug-refused");
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    fs::write(folder.join("sonar.toml"), SONAR).expect("a fresh file");
+    for (args, code, expected) in [
+        (
+            &["--exec", "true", "--port", &port][..],
+            2,
+            "expected a free port of this machine",
+        ),
+        (
+            &["--exec", ":", "--port", "0"],
+            1,
+            "no program was started that could be debugged",
+        ),
+        (
+            &["--exec", "true", "--port", "0", "--program", "robot"],
+            1,
+            "or its name by --program",
+        ),
+        (
+            &["--exec", "sleep 1", "--port", "0", "--at", "1min"],
+            1,
+            "expected an earlier --at",
+        ),
+        (&["--port", "0"], 2, "--exec: is missing"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+            .current_dir(&folder)
+            .args(["debug", "sonar.toml", "--out", "out"])
+            .args(args)
+            .output()
+            .expect("the binary is built");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(expected), "{args:?}: {said}");
+        assert_eq!(output.status.code(), Some(code), "{args:?}: {said}");
+    }
+}
+
+/// A fault is a stop before the program gets it; afterwards the run is judged as ever.
+#[test]
+fn a_crash_is_seen_where_it_happens() {
+    let source = "#include <unistd.h>\nstatic void fall(int *place) { *place = 1; }\n\
+                  int main(void) { sleep(1); fall((int *)8); return 0; }\n";
+    let Some(program) = compiled("debugged-crash", "cc", source, &["-g", "-O0"]) else {
+        return;
+    };
+    let command = program.to_str().expect("a plain path");
+    let debugged = Debugged::start("crash", command, &[("sonar.toml", SONAR)], &[]);
+    let script = "continue\nbt\nprint place\ncontinue\n";
+    let Some(said) = debugged.gdb(&program, script) else {
+        debugged.interrupt();
+        return;
+    };
+    for expected in [
+        "received signal SIGSEGV",
+        "fall (place=0x8)",
+        "terminated with signal SIGSEGV",
+    ] {
+        assert!(said.contains(expected), "{expected}\n{said}");
+    }
+    let ended = debugged.end();
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+    assert!(ended.failed().contains(&"program-alive"), "{}", ended.said);
+}
