@@ -27,6 +27,8 @@ use crate::scenario::Span;
     after_long_help = "Examples:\n  hilrig debug rescue.toml --exec './robot \"$HILRIG_DIR\"'\n  \
     gdb ./robot -ex 'target remote :3333'          # in another terminal\n  \
     hilrig debug bench.toml --exec ./driver --at 12.3s\n  \
+    hilrig debug case.toml --exec ./driver --on-fail
+  \
     hilrig debug bench.toml --exec 'sh start.sh' --program driver --port 4444"
 )]
 pub(super) struct DebugArgs {
@@ -42,6 +44,9 @@ pub(super) struct DebugArgs {
     /// Time of the rig at which the program first stands [default: at its start]
     #[arg(long, value_name = "TIME")]
     at: Option<Span>,
+    /// Run once at full speed, then again to the place before the first check that fails
+    #[arg(long, conflicts_with = "at")]
+    on_fail: bool,
     /// Name of the file of the program to debug, if the command starts several [default: the first
     /// that is no shell]
     #[arg(long, value_name = "NAME")]
@@ -102,6 +107,7 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
         port: args.port,
         program: args.program.clone(),
         at: args.at.map(|at| at.0),
+        on_fail: args.on_fail,
     };
     let surroundings = Surroundings {
         start: &mut start,

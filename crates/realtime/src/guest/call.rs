@@ -5,7 +5,7 @@ use nix::sys::ptrace;
 use nix::unistd::Pid;
 
 /// Length of the instruction that makes a call.
-const INSTRUCTION: u64 = 2;
+pub(super) const INSTRUCTION: u64 = 2;
 
 /// The instructions that read the processor's counter.
 pub(super) const RDTSC: [u8; 2] = [0x0F, 0x31];

@@ -9,6 +9,9 @@
 //! While the debugger holds the program no time passes at the rig. A held thread goes on in the
 //! middle of its turn, so that the run is the same as without a debugger.
 
+mod again;
+mod back;
+mod failure;
 mod monitor;
 mod registers;
 mod target;
@@ -27,9 +30,11 @@ use gdbstub::target::ext::breakpoints::WatchKind;
 use protocols::Instant;
 
 use super::GuestError;
-use super::supervisor::{Goal, Stop};
+use super::supervisor::{Goal, Stop, Supervisor};
 use super::trial::{Played, Trial};
 use crate::process::Ended;
+use back::Back;
+use failure::{First, Spot};
 use registers::to_gdb;
 use target::Action;
 use wire::{Door, Wire};
@@ -47,6 +52,8 @@ pub struct DebugSettings {
     pub program: Option<String>,
     /// The rig's time at which the program first stands; without it, it stands at its start.
     pub at: Option<Duration>,
+    /// The program runs once, and then again to the place where a check failed.
+    pub on_fail: bool,
 }
 
 /// How a debugger's session ended.
@@ -73,7 +80,9 @@ pub struct Surroundings<'a> {
 
 /// A program and its debugger.
 struct Session<'a> {
-    trial: Trial,
+    /// There is none only while the program is started again.
+    trial: Option<Trial>,
+    start: &'a mut dyn FnMut() -> Option<Trial>,
     settings: DebugSettings,
     goes_on: &'a dyn Fn() -> bool,
     say: &'a dyn Fn(&str),
@@ -85,6 +94,13 @@ struct Session<'a> {
     wires: Wires,
     /// The run is over, and the debugger knows.
     is_over: bool,
+    /// The way back that the debugger wants, and the time to which the next one leads.
+    back: Option<Back>,
+    back_to: Option<Instant>,
+    /// The watched memory of the last stop.
+    last_watched: Option<u64>,
+    /// What came of the first run with `on_fail`.
+    first: Option<Box<Played>>,
 }
 
 /// What a running program came to.
@@ -120,11 +136,9 @@ pub fn debug(
         goes_on,
         say,
     } = surroundings;
-    let Some(trial) = start() else {
-        return Ok(Debugged::NotStarted);
-    };
     let mut session = Session {
-        trial,
+        trial: None,
+        start,
         settings,
         goes_on,
         say,
@@ -133,10 +147,11 @@ pub fn debug(
         kinds: BTreeMap::new(),
         wires: Wires::default(),
         is_over: false,
+        back: None,
+        back_to: None,
+        last_watched: None,
+        first: None,
     };
-    let program = session.settings.program.clone();
-    session.supervisor().begin_debugging(program);
-    session.wires.listen(&mut session.trial);
     let is_there = session.run_to_start();
     let leave = is_there.and_then(|is_there| match is_there {
         true => session.serve_all(&door),
@@ -145,48 +160,116 @@ pub fn debug(
     session.conclude(leave)
 }
 
-impl<'a> Session<'a> {
+/// Why there is a run whenever one is asked for.
+const THERE: &str = "a session without a run is over";
+
+impl Session<'_> {
+    fn trial(&mut self) -> &mut Trial {
+        self.trial.as_mut().expect(THERE)
+    }
+
+    fn trial_ref(&self) -> &Trial {
+        self.trial.as_ref().expect(THERE)
+    }
+
+    fn supervisor(&mut self) -> &mut Supervisor {
+        self.trial().supervisor()
+    }
+
+    fn supervisor_ref(&self) -> &Supervisor {
+        self.trial_ref().supervisor_ref()
+    }
+
     /// Runs the program to where the debugger finds it; whether it is there.
     fn run_to_start(&mut self) -> Result<bool, GuestError> {
-        let mut event = self.run_until_event()?;
-        if let (Some(Event::Stop(Stop::Loaded(_))), Some(at)) = (&event, self.settings.at) {
-            let goal = Goal::Time(Instant::ZERO + at);
-            if let Some(debugging) = self.supervisor().debugging() {
-                debugging.set_goal(Some(goal));
+        let spot = match self.settings.on_fail {
+            true => match self.look_for_failure()? {
+                Some(spot) => Some(spot),
+                None => return Ok(false),
+            },
+            false => {
+                let at = self.settings.at;
+                at.map(|at| Spot::Time(Instant::ZERO + at))
             }
-            event = self.run_until_event()?;
-            // Signals on the way there are not for the debugger.
-            while let Some(Event::Stop(Stop::Signal(..))) = event {
-                event = self.run_until_event()?;
+        };
+        let is_loaded = self.load_again()?;
+        if self.trial.is_none() || !(self.goes_on)() {
+            return Ok(false);
+        }
+        if !is_loaded {
+            (self.say)(
+                "no program was started that could be debugged: expected one that is no shell, or \
+                 its name by --program",
+            );
+            return Ok(false);
+        }
+        let is_there = match spot {
+            None => true,
+            Some(Spot::Time(at)) => self.reach_goal(Goal::Time(at))?,
+            Some(Spot::Call(moment)) => self.reach_goal(Goal::Moment(moment))?,
+            Some(Spot::Signal(number)) => self.reach_signal(number)?,
+        };
+        if !is_there && (self.goes_on)() {
+            let now = self.trial().now();
+            (self.say)(&format!(
+                "the run was over at {now} s, before that place: expected an earlier --at"
+            ));
+        }
+        Ok(is_there)
+    }
+
+    /// Runs once and says where the run failed, if it did.
+    fn look_for_failure(&mut self) -> Result<Option<Spot>, GuestError> {
+        if !self.load_again()? {
+            return Ok(None);
+        }
+        Ok(match self.find_failure()? {
+            First::Failed(failure) => {
+                (self.say)(&failure.what);
+                (self.say)("running again to the place before it");
+                Some(failure.spot)
+            }
+            First::Passed => {
+                (self.say)("no check fails: nothing to stop at");
+                None
+            }
+            First::Cut => None,
+        })
+    }
+
+    /// Lets a program that has just been started be loaded; whether it was.
+    fn load(&mut self) -> Result<bool, GuestError> {
+        let program = self.settings.program.clone();
+        self.supervisor().begin_debugging(program);
+        self.wires = Wires::default();
+        self.wires.listen(self.trial.as_mut().expect(THERE));
+        loop {
+            match self.run_until_event()? {
+                Some(Event::Stop(Stop::Loaded(tid))) => {
+                    self.current = Some(tid);
+                    return Ok(true);
+                }
+                Some(Event::Stop(_)) => {}
+                Some(Event::Over) | None => return Ok(false),
             }
         }
-        match event {
-            Some(Event::Stop(Stop::Loaded(tid))) => {
-                self.current = Some(tid);
-                Ok(true)
-            }
-            Some(Event::Stop(Stop::Reached(tid))) => {
-                self.current = tid;
-                Ok(true)
-            }
-            Some(Event::Over) => {
-                let now = self.trial.now();
-                match (
-                    self.trial.supervisor_ref().debugged_file(),
-                    self.settings.at,
-                ) {
-                    (Some(_), Some(at)) => (self.say)(&format!(
-                        "the run was over at {now} s, before {} s: expected an earlier --at",
-                        at.as_secs_f64()
-                    )),
-                    _ => (self.say)(
-                        "no program was started that could be debugged: expected one that is no \
-                         shell, or its name by --program",
-                    ),
+    }
+
+    /// Runs up to a signal, counted from the start.
+    fn reach_signal(&mut self, number: u64) -> Result<bool, GuestError> {
+        let mut left = number;
+        loop {
+            match self.run_until_event()? {
+                Some(Event::Stop(Stop::Signal(tid, _))) => {
+                    self.current = Some(tid);
+                    left -= 1;
+                    if left == 0 {
+                        return Ok(true);
+                    }
                 }
-                Ok(false)
+                Some(Event::Stop(Stop::Ended(_)) | Event::Over) | None => return Ok(false),
+                Some(Event::Stop(_)) => {}
             }
-            _ => Ok(false),
         }
     }
 
@@ -203,16 +286,21 @@ impl<'a> Session<'a> {
     /// Runs for some turns, or until something happens.
     fn run_for_a_while(&mut self) -> Result<Option<Event>, GuestError> {
         for _ in 0..TURNS {
-            self.trial.turn()?;
-            if let Some(stop) = self.supervisor().take_stop() {
-                return Ok(Some(Event::Stop(stop)));
-            }
-            // In the middle of a turn nothing is over: it would not have been seen without a stop.
-            if !self.supervisor().is_held() && self.trial.is_over() {
-                return Ok(Some(Event::Over));
+            if let Some(event) = self.run_turn()? {
+                return Ok(Some(event));
             }
         }
         Ok(None)
+    }
+
+    fn run_turn(&mut self) -> Result<Option<Event>, GuestError> {
+        self.trial().turn()?;
+        if let Some(stop) = self.supervisor().take_stop() {
+            return Ok(Some(Event::Stop(stop)));
+        }
+        // In the middle of a turn nothing is over: it would not have been seen without a stop.
+        let is_over = !self.supervisor().is_held() && self.trial().is_over();
+        Ok(is_over.then_some(Event::Over))
     }
 
     /// Serves one debugger after the other.
@@ -236,12 +324,12 @@ impl<'a> Session<'a> {
 
     fn invite(&self, door: &Door) {
         let port = door.address.port();
-        let file = self.trial.supervisor_ref().debugged_file();
+        let file = self.supervisor_ref().debugged_file();
         let file = file.map_or_else(String::new, |file| file.display().to_string());
         (self.say)(&format!(
             "the program stands at {} s, waiting for a debugger on localhost:{port}\n  \
              gdb {file} -ex 'target remote :{port}'",
-            self.trial.now()
+            self.trial_ref().now()
         ));
     }
 
@@ -305,18 +393,21 @@ impl<'a> Session<'a> {
         &mut self,
         wire: &mut Wire,
     ) -> Result<Option<MultiThreadStopReason<u64>>, GuestError> {
+        if let Some(back) = self.back.take() {
+            return self.go_back(back).map(Some);
+        }
         if self.is_over {
             return Ok(Some(MultiThreadStopReason::Exited(0)));
         }
         let event = self.run_for_a_while()?;
         // What cannot be said, the debugger does without.
         let mut tell = |text: &str| drop(wire.say(&format!("[hilrig] {text}")));
-        let now = self.trial.now();
+        let now = self.trial().now();
         let stop = match event {
             None => return Ok(None),
             Some(Event::Over) => {
                 self.is_over = true;
-                let spins = self.trial.spins().unwrap_or("the run is over").to_owned();
+                let spins = self.trial().spins().unwrap_or("the run is over").to_owned();
                 tell(&format!("{now} s: {spins}; continue ends the program"));
                 return Ok(Some(self.reason(GdbSignal::SIGTRAP)));
             }
@@ -329,6 +420,7 @@ impl<'a> Session<'a> {
             }
             Stop::Watch(tid, address) => {
                 self.current = Some(tid);
+                self.last_watched = Some(address);
                 let (addr, kind) = self.watched_at(address);
                 MultiThreadStopReason::Watch {
                     tid: self.number_of(tid),
@@ -370,22 +462,28 @@ impl<'a> Session<'a> {
         let leave = match leave {
             Ok(leave) => leave,
             Err(error) => {
-                self.trial.end();
+                self.trial.map(Trial::abandon);
                 return Err(error);
             }
         };
-        self.supervisor().end_debugging();
+        let Some(mut trial) = self.trial.take() else {
+            return Ok(match self.first {
+                Some(played) => Debugged::Judged(played),
+                None => Debugged::NotStarted,
+            });
+        };
+        trial.supervisor().end_debugging();
         let leave = match (self.goes_on)() {
             true => leave,
             false => Leave::Cut,
         };
         let mut turned = Ok(());
         if matches!(leave, Leave::Detached | Leave::Ended) && !self.is_over {
-            while !self.trial.is_over() && (self.goes_on)() && turned.is_ok() {
-                turned = self.trial.turn();
+            while !trial.is_over() && (self.goes_on)() && turned.is_ok() {
+                turned = trial.turn();
             }
         }
-        let played = Box::new(self.trial.end());
+        let played = Box::new(trial.end());
         turned?;
         Ok(match leave {
             Leave::Killed => Debugged::Killed(played),

@@ -171,6 +171,8 @@ pub struct DebugSettings {
     pub program: Option<String>,
     /// Time at which the program first stands.
     pub at: Option<Duration>,
+    /// It runs once, and then again to the place where a check failed.
+    pub on_fail: bool,
 }
 
 /// How a debugger's session ended.

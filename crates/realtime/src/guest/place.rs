@@ -23,8 +23,8 @@ pub(super) enum Leg {
         watches: Vec<Watchpoint>,
         count: u64,
     },
-    /// So many single instructions.
-    Steps(u64),
+    /// So many single instructions of the thread that was born as this one.
+    Steps { thread: u32, count: u64 },
     /// So many signals.
     Signals(u64),
 }
@@ -57,7 +57,7 @@ impl Place {
             Leg::Hits {
                 breaks, watches, ..
             },
-            Leg::Steps(1),
+            Leg::Steps { count: 1, .. },
         ] = &self.legs[..]
             && **breaks == [address]
             && watches.is_empty()
@@ -87,11 +87,29 @@ impl Place {
         }
     }
 
-    /// The program has done one instruction.
-    pub(super) fn stepped(&mut self) {
+    /// A thread has done one instruction.
+    pub(super) fn stepped(&mut self, by: u32) {
         match self.legs.last_mut() {
-            Some(Leg::Steps(count)) => *count += 1,
-            _ => self.legs.push(Leg::Steps(1)),
+            Some(Leg::Steps { thread, count }) if *thread == by => *count += 1,
+            _ => self.legs.push(Leg::Steps {
+                thread: by,
+                count: 1,
+            }),
+        }
+    }
+
+    /// The place one instruction before, if the last ones are single instructions of that thread.
+    pub(super) fn one_step_less(&self, of: u32) -> Option<Self> {
+        let mut before = self.clone();
+        match before.legs.last_mut() {
+            Some(Leg::Steps { thread, count }) if *thread == of => {
+                *count -= 1;
+                if *count == 0 {
+                    before.legs.pop();
+                }
+                Some(before)
+            }
+            _ => None,
         }
     }
 
@@ -111,7 +129,7 @@ impl fmt::Display for Place {
         for leg in &self.legs {
             match leg {
                 Leg::Hits { count, .. } => write!(f, ", hit {count}")?,
-                Leg::Steps(count) => write!(f, ", instruction {count}")?,
+                Leg::Steps { count, .. } => write!(f, ", instruction {count}")?,
                 Leg::Signals(count) => write!(f, ", signal {count}")?,
             }
         }
@@ -131,12 +149,21 @@ mod tests {
         place.called();
         place.leapt();
         place.hit(16);
-        place.stepped();
+        place.stepped(0);
         place.hit(16);
-        place.stepped();
-        place.stepped();
+        place.stepped(0);
+        place.stepped(0);
         place.hit(16);
         assert_eq!(place.to_string(), "call 2.1, hit 2, instruction 2, hit 1");
+        assert_eq!(place.one_step_less(0), None);
+        place.stepped(0);
+        place.stepped(0);
+        let before = place.one_step_less(0).expect("two steps");
+        assert_eq!(
+            before.to_string(),
+            "call 2.1, hit 2, instruction 2, hit 1, instruction 1"
+        );
+        assert_eq!(place.one_step_less(1), None);
         place.called();
         assert_eq!(place.to_string(), "call 3.1");
     }

@@ -264,6 +264,20 @@ impl Trial {
         (farewell.said, run)
     }
 
+    /// Ends the program at once; nothing of its run counts.
+    pub(super) fn abandon(mut self) {
+        self.supervisor.stage.is_frozen = true;
+        self.supervisor.kill_all();
+        self.is_silent();
+        if let Ok(mut words) = self.words.lock() {
+            words.close();
+        }
+        if let Some(processors) = &self.processors {
+            let _ = sched_setaffinity(None, processors);
+        }
+        let _ = self.supervisor.stage.run.rig.finish_taps();
+    }
+
     /// Ends the program and judges the run so far.
     pub fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();

@@ -17,6 +17,7 @@ monitor time                 the rig's time, the program's time, and the number 
 monitor until 12.3s          the next continue stops at that time of the rig
 monitor until visited 3      the same for a condition of a mission step (docs/scenario.md):
                              KEY VALUE as in TOML
+monitor back 200ms           the next reverse-continue goes back by that time of the rig
 monitor wires LINK [N]       the last N pieces of bytes that arrived on a link [default: 20]
 monitor state                pose, waypoints, ports, the last events
 monitor verdict              the checks as they would be if the run ended now
@@ -33,23 +34,25 @@ impl Session<'_> {
             ("help", _) => Ok(HELP.to_owned()),
             ("time", []) => Ok(self.time()),
             ("until", [until @ ..]) => self.until(until),
+            ("back", [by]) => self.back_by(by),
             ("wires", rest) => self.wires_of(rest),
             ("state", []) => Ok(self.state()),
             ("verdict", []) => Ok(self.verdict()),
             ("fault", ["add", pairs @ ..]) => self.add_fault(pairs),
             _ => Err(format!(
-                "{command}: unknown; expected time, until, wires, state, verdict, fault add or help"
+                "{command}: unknown; expected time, until, back, wires, state, verdict, fault add \
+                 or help"
             )),
         };
         answer.unwrap_or_else(|error| format!("error: {error}"))
     }
 
     fn time(&mut self) -> String {
-        let (rig, own) = (self.trial.now(), self.trial.waited());
+        let (rig, own) = (self.trial().now(), self.trial().waited());
         let own = protocols::Instant::ZERO + own;
         let debugging = self.supervisor().debugging();
         let place = debugging.map(|it| it.place().to_string());
-        let begun = match self.trial.has_begun() {
+        let begun = match self.trial().has_begun() {
             true => "",
             false => " (stands until the program has opened its ports)",
         };
@@ -66,8 +69,8 @@ impl Session<'_> {
             [time] => {
                 let span = Span::from_str(time).map_err(|_| format!("until {time}: {expected}"))?;
                 let at = span.instant();
-                if at <= self.trial.now() {
-                    let now = self.trial.now();
+                if at <= self.trial().now() {
+                    let now = self.trial().now();
                     return Err(format!("until {time}: the rig is at {now} s already"));
                 }
                 (Goal::Time(at), format!("{at} s"))
@@ -76,7 +79,7 @@ impl Session<'_> {
                 let toml = format!("{key} = {}", value.join(" "));
                 let condition: Condition = toml::from_str(&toml)
                     .map_err(|error| format!("until {toml}: {}; {expected}", error.message()))?;
-                let watch = self.trial.run().watch(&condition);
+                let watch = self.trial().run().watch(&condition);
                 let watch = watch.map_err(|flaw| format!("until {toml}: {flaw}"))?;
                 (Goal::Condition(Box::new(watch)), toml)
             }
@@ -87,8 +90,17 @@ impl Session<'_> {
         Ok(format!("the next continue stops at {text}"))
     }
 
+    fn back_by(&mut self, by: &str) -> Result<String, String> {
+        let wrong = |_| format!("back {by}: expected a time such as 200ms");
+        let by = Span::from_str(by).map_err(wrong)?;
+        let since = self.trial().now() - protocols::Instant::ZERO;
+        let at = protocols::Instant::ZERO + since.saturating_sub(by.0);
+        self.back_to = Some(at);
+        Ok(format!("the next reverse-continue goes back to {at} s"))
+    }
+
     fn wires_of(&mut self, words: &[&str]) -> Result<String, String> {
-        let links = self.trial.run().rig.links();
+        let links = self.trial().run().rig.links();
         let names: Vec<String> = links.iter().map(|link| link.name.clone()).collect();
         let all = names.join(", ");
         let (name, count) = match words {
@@ -114,7 +126,7 @@ impl Session<'_> {
     }
 
     fn state(&mut self) -> String {
-        let (has_begun, run) = (self.trial.has_begun(), self.trial.run());
+        let (has_begun, run) = (self.trial().has_begun(), self.trial().run());
         let pose = run.rig.world.pose();
         let progress = run.progress();
         let mut lines = vec![
@@ -140,7 +152,7 @@ impl Session<'_> {
     }
 
     fn verdict(&mut self) -> String {
-        let checks = self.trial.run().checks();
+        let checks = self.trial().run().checks();
         let lines = checks.iter().map(|check| {
             let status = match check.status {
                 Status::Pass => "pass",
@@ -167,7 +179,7 @@ impl Session<'_> {
         let quoted: Vec<String> = quoted.collect();
         let fault: FaultSpec = toml::from_str(&quoted.join("\n"))
             .map_err(|error| format!("fault add {toml}: {}", error.message()))?;
-        let added = self.trial.run().inject(fault);
+        let added = self.trial().run().inject(fault);
         let id = added.map_err(|flaw| format!("fault add: {flaw}"))?;
         Ok(format!("fault {} from now on", id.0))
     }

@@ -12,6 +12,7 @@ use gdbstub::target::ext::base::multithread::{
     MultiThreadResumeOps, MultiThreadSchedulerLocking, MultiThreadSchedulerLockingOps,
     MultiThreadSingleStep, MultiThreadSingleStepOps,
 };
+use gdbstub::target::ext::base::reverse_exec::{ReverseContOps, ReverseStepOps};
 use gdbstub::target::ext::breakpoints::{
     Breakpoints, BreakpointsOps, HwBreakpoint, HwBreakpointOps, HwWatchpoint, HwWatchpointOps,
     SwBreakpoint, SwBreakpointOps, WatchKind,
@@ -28,7 +29,7 @@ use nix::sys::signal::Signal;
 use super::Session;
 use super::registers::{from_gdb, shown, take, take_float};
 use crate::guest::GuestError;
-use crate::guest::supervisor::{Step, Supervisor, Watchpoint};
+use crate::guest::supervisor::{Step, Watchpoint};
 
 /// What GDB wants of one thread.
 #[derive(Clone, Debug)]
@@ -53,13 +54,9 @@ fn part(data: &[u8], offset: u64, length: usize, buf: &mut [u8]) -> usize {
 }
 
 impl Session<'_> {
-    pub(super) fn supervisor(&mut self) -> &mut Supervisor {
-        self.trial.supervisor()
-    }
-
     /// The threads and their numbers, the current one first.
     fn threads(&self) -> Vec<(Tid, i32)> {
-        let all = self.trial.supervisor_ref().debugged_threads();
+        let all = self.supervisor_ref().debugged_threads();
         let number = |index: u32| NonZeroUsize::MIN.saturating_add(index as usize);
         let mut all: Vec<(Tid, i32)> = all.map(|(index, tid)| (number(index), tid)).collect();
         all.sort_by_key(|&(number, tid)| (Some(tid) != self.current, number));
@@ -176,7 +173,7 @@ impl MultiThreadBase for Session<'_> {
 impl ThreadExtraInfo for Session<'_> {
     fn thread_extra_info(&self, tid: Tid, buf: &mut [u8]) -> Result<usize, GuestError> {
         let tid = self.tid_of(tid);
-        let told = tid.map(|tid| self.trial.supervisor_ref().doing_of(tid));
+        let told = tid.map(|tid| self.supervisor_ref().doing_of(tid));
         let told = told.unwrap_or_default();
         Ok(part(told.as_bytes(), 0, told.len(), buf))
     }
@@ -231,6 +228,14 @@ impl MultiThreadResume for Session<'_> {
     ) -> Result<(), GuestError> {
         self.actions.push((tid, Action::Go(signal)));
         Ok(())
+    }
+
+    fn support_reverse_cont(&mut self) -> Option<ReverseContOps<'_, Tid, Self>> {
+        Some(self)
+    }
+
+    fn support_reverse_step(&mut self) -> Option<ReverseStepOps<'_, Tid, Self>> {
+        Some(self)
     }
 
     fn support_single_step(&mut self) -> Option<MultiThreadSingleStepOps<'_, Self>> {
@@ -378,7 +383,7 @@ impl ExecFile for Session<'_> {
         length: usize,
         buf: &mut [u8],
     ) -> TargetResult<usize, Self> {
-        let path = self.trial.supervisor_ref().debugged_file();
+        let path = self.supervisor_ref().debugged_file();
         let path = path.ok_or_else(|| errno(libc::ENOENT))?;
         Ok(part(
             path.as_os_str().as_encoded_bytes(),
@@ -391,7 +396,7 @@ impl ExecFile for Session<'_> {
 
 impl Auxv for Session<'_> {
     fn get_auxv(&self, offset: u64, length: usize, buf: &mut [u8]) -> TargetResult<usize, Self> {
-        let table = self.trial.supervisor_ref().auxiliary_vector();
+        let table = self.supervisor_ref().auxiliary_vector();
         let table = table.ok_or_else(|| errno(libc::ESRCH))?;
         Ok(part(&table, offset, length, buf))
     }

@@ -8,7 +8,7 @@ mod threads;
 mod watch;
 
 use core::ops::Range;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nix::libc;
 use nix::sys::ptrace;
@@ -30,6 +30,9 @@ const BY_INSTRUCTION: i32 = 0x80;
 const STARTERS: [&str; 10] = [
     "sh", "dash", "bash", "busybox", "env", "nice", "timeout", "stdbuf", "setsid", "xargs",
 ];
+
+/// Most writes that are kept for the search of a failure.
+const WRITES_MAX: usize = 4_000_000;
 
 /// Why the program stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,6 +81,8 @@ pub(in crate::guest) struct Debugging {
     pub(super) process: Option<i32>,
     /// Breakpoints and the bytes under them.
     breaks: BTreeMap<u64, u8>,
+    /// Breakpoints in code that is not loaded yet.
+    pending: BTreeSet<u64>,
     /// The bytes under all breakpoints that ever were in this program.
     under: BTreeMap<u64, u8>,
     watches: Vec<Watchpoint>,
@@ -90,6 +95,12 @@ pub(in crate::guest) struct Debugging {
     stop: Option<Stop>,
     /// Where the program is, as any run of it finds again.
     pub(super) place: Place,
+    /// Where each thread began the call at which it is.
+    begun: BTreeMap<i32, Moment>,
+    /// Writes to ports: the rig's time, and where the call began.
+    writes: Vec<(Instant, Moment)>,
+    /// Where the debugged process began its last call.
+    last_call: Moment,
 }
 
 impl Supervisor {
@@ -182,11 +193,12 @@ impl Supervisor {
 
     /// A thread has read the processor's counter, which took the place of an instruction.
     pub(super) fn read_counter(&mut self, tid: i32) -> Flow {
+        let index = self.index_of(tid).unwrap_or(0);
         let debugging = self.debugging.as_mut();
         let step = debugging.filter(|it| it.step.as_ref().is_some_and(|step| step.tid == tid));
         match step {
             Some(debugging) => {
-                debugging.place.stepped();
+                debugging.place.stepped(index);
                 self.hold(tid, Next::Go(None), Stop::Step(tid))
             }
             None => Flow::Goes(None),
@@ -200,6 +212,7 @@ impl Supervisor {
         };
         if debugging.process == Some(tid) {
             debugging.breaks.clear();
+            debugging.pending.clear();
             debugging.under.clear();
             debugging.watches.clear();
             debugging.watched_by.clear();
@@ -242,13 +255,14 @@ impl Supervisor {
             debugging.stop = Some(Stop::Ended(status));
             debugging.process = None;
             debugging.breaks.clear();
+            debugging.pending.clear();
         }
     }
 
     /// A thread has stopped at SIGTRAP; whether that is the debugger's.
     pub(super) fn trapped(&mut self, tid: i32) -> Option<Flow> {
         let pid = Pid::from_raw(tid);
-        let process = self.threads.get(&tid)?.process;
+        let (process, index) = self.threads.get(&tid).map(|it| (it.process, it.index))?;
         let mut registers = ptrace::getregs(pid).ok()?;
         let debugging = self.debugging.as_mut()?;
         let by_instruction =
@@ -277,7 +291,7 @@ impl Supervisor {
         if by_instruction {
             return None;
         }
-        debugging.place.stepped();
+        debugging.place.stepped(index);
         match step.within.contains(&registers.rip) {
             true => Some(Flow::Goes(None)),
             false => Some(self.hold(tid, Next::Go(None), Stop::Step(tid))),
@@ -314,8 +328,14 @@ impl Supervisor {
 
     /// A thread is about to make a call: whether the place for which the debugger waits has come.
     pub(super) fn calls_for_debugger(&mut self, tid: i32) -> Option<Flow> {
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        self.add_pending_breaks();
         let debugging = self.debugging.as_mut()?;
         debugging.place.called();
+        debugging.begun.insert(tid, debugging.place.moment);
+        if debugging.process.is_some() && debugging.process == process {
+            debugging.last_call = debugging.place.moment;
+        }
         let has_come = debugging.has_come(&self.stage.run);
         has_come.then(|| self.hold(tid, Next::Call, Stop::Reached(Some(tid))))
     }
@@ -328,6 +348,17 @@ impl Supervisor {
         debugging.place.leapt();
         if debugging.has_come(&self.stage.run) {
             debugging.stop = Some(Stop::Reached(None));
+        }
+    }
+
+    /// A thread has put bytes into a port.
+    pub(super) fn wrote_for_debugger(&mut self, tid: i32) {
+        let now = self.stage.run.rig.now();
+        if let Some(debugging) = &mut self.debugging
+            && let Some(&moment) = debugging.begun.get(&tid)
+            && debugging.writes.len() < WRITES_MAX
+        {
+            debugging.writes.push((now, moment));
         }
     }
 
@@ -368,10 +399,6 @@ impl Debugging {
         }
     }
 
-    pub(in crate::guest) const fn process(&self) -> Option<i32> {
-        self.process
-    }
-
     pub(in crate::guest) const fn place(&self) -> &Place {
         &self.place
     }
@@ -391,7 +418,20 @@ impl Debugging {
 
     /// Where breakpoints are.
     pub(in crate::guest) fn break_addresses(&self) -> Vec<u64> {
-        self.breaks.keys().copied().collect()
+        self.breaks.keys().chain(&self.pending).copied().collect()
+    }
+
+    /// Watches this memory and no other.
+    pub(in crate::guest) fn set_watches(&mut self, watches: Vec<Watchpoint>) {
+        if self.watches != watches {
+            self.watches = watches;
+            self.watch_changes += 1;
+        }
+    }
+
+    /// The writes to ports, and where the debugged process began its last call.
+    pub(in crate::guest) fn take_log(&mut self) -> (Vec<(Instant, Moment)>, Moment) {
+        (core::mem::take(&mut self.writes), self.last_call)
     }
 
     /// Watches memory; false if the processor has no register left for it.

@@ -136,6 +136,7 @@ impl Supervisor {
                 self.stage.carry().map_err(|_| Errno::EIO)?;
             }
             done += bytes.len();
+            self.wrote_for_debugger(tid);
         }
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.progress = done;

@@ -48,12 +48,41 @@ impl Supervisor {
         true
     }
 
+    /// Sets a breakpoint as soon as there is code.
+    pub(in crate::guest) fn add_break_when_possible(&mut self, address: u64) {
+        if !self.add_break(address)
+            && let Some(debugging) = &mut self.debugging
+        {
+            debugging.pending.insert(address);
+        }
+    }
+
+    /// Libraries come with calls.
+    pub(super) fn add_pending_breaks(&mut self) {
+        let pending = self.debugging.as_ref().map(|it| it.pending.clone());
+        for address in pending.unwrap_or_default() {
+            if self.add_break(address)
+                && let Some(debugging) = &mut self.debugging
+            {
+                debugging.pending.remove(&address);
+            }
+        }
+    }
+
+    pub(in crate::guest) fn has_break(&self, address: u64) -> bool {
+        let debugging = self.debugging.as_ref();
+        debugging.is_some_and(|it| it.breaks.contains_key(&address))
+    }
+
     /// Takes a breakpoint away.
     pub(in crate::guest) fn remove_break(&mut self, address: u64) -> bool {
         let pid = self.any_debugged();
-        let debugging = self.debugging.as_mut();
-        let Some(byte) = debugging.and_then(|it| it.breaks.remove(&address)) else {
+        let Some(debugging) = &mut self.debugging else {
             return false;
+        };
+        let was_pending = debugging.pending.remove(&address);
+        let Some(byte) = debugging.breaks.remove(&address) else {
+            return was_pending;
         };
         pid.is_some_and(|pid| poke(pid, address, &[byte]).is_ok())
     }

@@ -8,7 +8,7 @@ use nix::sys::ptrace::regset::NT_PRFPREG;
 use nix::sys::signal::Signal;
 use nix::unistd::Pid;
 
-use crate::guest::call;
+use crate::guest::call::{self, INSTRUCTION};
 use crate::guest::supervisor::stops::thread_name;
 use crate::guest::supervisor::{Next, State, Supervisor};
 
@@ -22,6 +22,11 @@ impl Supervisor {
         own.map(|thread| (thread.index, thread.tid.as_raw()))
     }
 
+    /// How many threads were born before this one.
+    pub(in crate::guest) fn index_of(&self, tid: i32) -> Option<u32> {
+        self.threads.get(&tid).map(|thread| thread.index)
+    }
+
     /// The registers of a thread, with those for floating point if it has stopped; of one that is in
     /// the kernel, as they were when it went there.
     pub(in crate::guest) fn registers_of(
@@ -29,7 +34,13 @@ impl Supervisor {
         tid: i32,
     ) -> Option<(libc::user_regs_struct, Option<libc::user_fpregs_struct>)> {
         let pid = Pid::from_raw(tid);
-        if let Ok(own) = ptrace::getregs(pid) {
+        if let Ok(mut own) = ptrace::getregs(pid) {
+            let held = self.debugging.as_ref().and_then(|it| it.held);
+            if matches!(held, Some((held, Next::Call)) if held == tid) {
+                // To people it stands before the call that it has begun.
+                own.rip -= INSTRUCTION;
+                own.rax = own.orig_rax;
+            }
             return Some((own, ptrace::getregset::<NT_PRFPREG>(pid).ok()));
         }
         let thread = self.threads.get(&tid)?;

@@ -1,0 +1,361 @@
+//! Running again from the start to a place that was seen before: each run of a case is the same.
+
+use protocols::Instant;
+
+use super::{Event, Session};
+use crate::guest::GuestError;
+use crate::guest::place::{Leg, Moment, Place};
+use crate::guest::supervisor::{Goal, Step, Stop, Watchpoint};
+
+/// Breakpoints and watchpoints.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Marks {
+    pub(super) breaks: Vec<u64>,
+    pub(super) watches: Vec<Watchpoint>,
+}
+
+/// What was seen on the way to a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// A breakpoint that was looked for.
+    Break,
+    /// Watched memory was touched.
+    Watch,
+    /// A single instruction was done.
+    Step,
+}
+
+/// A way to a place, and what is looked for on it.
+pub(super) struct Walk<'a> {
+    pub(super) to: &'a Place,
+    pub(super) marks: &'a Marks,
+    /// The thread, by the order of birth, that goes by single instructions.
+    pub(super) steps: Option<u32>,
+    /// Most instructions of that.
+    pub(super) steps_max: u64,
+}
+
+impl Session<'_> {
+    /// Starts the program anew and lets it be loaded; whether it was.
+    pub(super) fn load_again(&mut self) -> Result<bool, GuestError> {
+        if let Some(trial) = self.trial.take() {
+            trial.abandon();
+        }
+        let Some(trial) = (self.start)() else {
+            return Ok(false);
+        };
+        self.trial = Some(trial);
+        self.load()
+    }
+
+    /// Runs again to `place`; whether it was found.
+    pub(super) fn go_to(&mut self, place: &Place) -> Result<bool, GuestError> {
+        let walk = Walk {
+            to: place,
+            marks: &Marks::default(),
+            steps: None,
+            steps_max: 0,
+        };
+        let found = self.load_again()? && self.walk(&walk, &mut |_, _| {})?;
+        self.set_marks(&Marks::default());
+        Ok(found)
+    }
+
+    /// Runs again to the first moment at or after `moment`.
+    pub(super) fn go_to_moment(&mut self, moment: Moment) -> Result<bool, GuestError> {
+        let place = Place {
+            moment,
+            legs: Vec::new(),
+        };
+        self.go_to(&place)
+    }
+
+    /// Runs again to the rig's time `at`.
+    pub(super) fn go_to_time(&mut self, at: Instant) -> Result<bool, GuestError> {
+        if !self.load_again()? {
+            return Ok(false);
+        }
+        self.reach_goal(Goal::Time(at))
+    }
+
+    /// Runs up to a goal; whether it was reached.
+    pub(super) fn reach_goal(&mut self, goal: Goal) -> Result<bool, GuestError> {
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_goal(Some(goal));
+        }
+        loop {
+            match self.run_until_event()? {
+                Some(Event::Stop(Stop::Reached(tid))) => {
+                    self.current = tid.or(self.current);
+                    return Ok(true);
+                }
+                Some(Event::Stop(Stop::Ended(_)) | Event::Over) | None => return Ok(false),
+                Some(Event::Stop(_)) => {}
+            }
+        }
+    }
+
+    /// Where the program is.
+    pub(super) fn place(&mut self) -> Place {
+        let debugging = self.supervisor().debugging();
+        debugging.map(|it| it.place().clone()).unwrap_or_default()
+    }
+
+    /// From now on these breakpoints and watchpoints are set, and no others.
+    pub(super) fn set_marks(&mut self, marks: &Marks) {
+        self.supervisor().clear_breaks();
+        for &address in &marks.breaks {
+            self.supervisor().add_break_when_possible(address);
+        }
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_watches(marks.watches.clone());
+        }
+    }
+
+    /// Walks from here to a place and tells what is seen before it; whether it was found.
+    pub(super) fn walk(
+        &mut self,
+        walk: &Walk<'_>,
+        seen: &mut dyn FnMut(&Place, Seen),
+    ) -> Result<bool, GuestError> {
+        self.set_marks(walk.marks);
+        let mut steps = 0;
+        if self.place().moment < walk.to.moment {
+            let goal = Goal::Moment(walk.to.moment);
+            if let Some(debugging) = self.supervisor().debugging() {
+                debugging.set_goal(Some(goal));
+            }
+            let is_there = self.pass(walk, &mut steps, seen, &mut |_, stop| {
+                matches!(stop, Stop::Reached(_)).then_some(true)
+            })?;
+            if !is_there {
+                return Ok(false);
+            }
+        }
+        for (index, leg) in walk.to.legs.iter().enumerate() {
+            let is_last = index + 1 == walk.to.legs.len();
+            if !self.walk_leg(walk, leg, is_last, &mut steps, seen)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    fn walk_leg(
+        &mut self,
+        walk: &Walk<'_>,
+        leg: &Leg,
+        is_last: bool,
+        steps: &mut u64,
+        seen: &mut dyn FnMut(&Place, Seen),
+    ) -> Result<bool, GuestError> {
+        match leg {
+            Leg::Hits {
+                breaks,
+                watches,
+                count,
+            } => {
+                let mut marks = walk.marks.clone();
+                marks.breaks.extend(breaks);
+                marks.watches.extend(watches);
+                marks.watches.truncate(4);
+                self.set_marks(&marks);
+                let mut left = *count;
+                let found = self.pass(walk, steps, seen, &mut |session, stop| {
+                    let is_hit = match stop {
+                        Stop::Break(tid) => breaks.contains(&session.instruction_of(tid)),
+                        Stop::Watch(_, address) => {
+                            watches.iter().any(|watch| watch.address == address)
+                        }
+                        _ => false,
+                    };
+                    left -= u64::from(is_hit);
+                    (is_hit && left == 0).then_some(is_last)
+                });
+                self.set_marks(walk.marks);
+                found
+            }
+            Leg::Steps { thread, count } => {
+                for _ in 0..*count {
+                    if !self.single_step(*thread, walk, seen)? {
+                        return Ok(false);
+                    }
+                }
+                Ok(true)
+            }
+            Leg::Signals(count) => {
+                let mut left = *count;
+                self.pass(walk, steps, seen, &mut |_, stop| {
+                    left -= u64::from(matches!(stop, Stop::Signal(..)));
+                    (left == 0).then_some(is_last)
+                })
+            }
+        }
+    }
+
+    /// Runs until `is_there` says so, with true if that stop is not to be told; whether it did.
+    fn pass(
+        &mut self,
+        walk: &Walk<'_>,
+        steps: &mut u64,
+        seen: &mut dyn FnMut(&Place, Seen),
+        is_there: &mut dyn FnMut(&Self, Stop) -> Option<bool>,
+    ) -> Result<bool, GuestError> {
+        self.leave_break(walk.steps)?;
+        loop {
+            if let Some(thread) = walk.steps {
+                self.set_step_of(thread);
+            }
+            let Some(Event::Stop(stop)) = self.run_until_event()? else {
+                return Ok(false);
+            };
+            if let Stop::Ended(_) = stop {
+                return Ok(false);
+            }
+            self.note_current(stop);
+            let end = is_there(self, stop);
+            if end == Some(true) {
+                return Ok(true);
+            }
+            let place = self.place();
+            match stop {
+                Stop::Break(tid) if walk.marks.breaks.contains(&self.instruction_of(tid)) => {
+                    seen(&place, Seen::Break);
+                }
+                Stop::Watch(..) => seen(&place, Seen::Watch),
+                Stop::Step(_) => {
+                    seen(&place, Seen::Step);
+                    *steps += 1;
+                    if *steps > walk.steps_max {
+                        return Ok(false);
+                    }
+                }
+                _ => {}
+            }
+            if end.is_some() {
+                return Ok(true);
+            }
+            if let Stop::Break(_) = stop {
+                self.leave_break(walk.steps)?;
+            }
+        }
+    }
+
+    /// A thread that stands at a breakpoint does the instruction under it.
+    fn leave_break(&mut self, keeps_stepping: Option<u32>) -> Result<(), GuestError> {
+        let held = self
+            .supervisor()
+            .debugging()
+            .and_then(|it| it.held_thread());
+        let Some(held) = held else { return Ok(()) };
+        let at = self.instruction_of(held);
+        if !self.supervisor().has_break(at) {
+            return Ok(());
+        }
+        self.supervisor().remove_break(at);
+        self.step_held(held)?;
+        self.supervisor().add_break_when_possible(at);
+        if let Some(thread) = keeps_stepping {
+            self.set_step_of(thread);
+        }
+        Ok(())
+    }
+
+    /// One instruction of the held thread, or less if it stops before its end.
+    fn step_held(&mut self, tid: i32) -> Result<(), GuestError> {
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_step(Some(Step { tid, within: 0..0 }));
+        }
+        let event = self.run_until_event()?;
+        if let Some(Event::Stop(stop)) = event {
+            self.note_current(stop);
+        }
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_step(None);
+        }
+        Ok(())
+    }
+
+    /// One instruction of a thread, whatever others do meanwhile; whether it was done.
+    fn single_step(
+        &mut self,
+        thread: u32,
+        walk: &Walk<'_>,
+        seen: &mut dyn FnMut(&Place, Seen),
+    ) -> Result<bool, GuestError> {
+        let Some(tid) = self.tid_by_index(thread) else {
+            return Ok(false);
+        };
+        let at = self.instruction_of(tid);
+        let was_set = self.supervisor().has_break(at);
+        if was_set {
+            self.supervisor().remove_break(at);
+        }
+        loop {
+            self.set_step_of(thread);
+            let Some(Event::Stop(stop)) = self.run_until_event()? else {
+                return Ok(false);
+            };
+            self.note_current(stop);
+            match stop {
+                Stop::Step(other) if other == tid => break,
+                Stop::Ended(_) => return Ok(false),
+                Stop::Break(_) => {
+                    let place = self.place();
+                    seen(&place, Seen::Break);
+                    self.leave_break(None)?;
+                }
+                Stop::Watch(other, _) => {
+                    let place = self.place();
+                    seen(&place, Seen::Watch);
+                    if other == tid {
+                        break;
+                    }
+                }
+                _ => {}
+            }
+        }
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_step(None);
+        }
+        if was_set {
+            self.supervisor().add_break_when_possible(at);
+        }
+        if walk.steps == Some(thread) {
+            let place = self.place();
+            seen(&place, Seen::Step);
+        }
+        Ok(true)
+    }
+
+    fn set_step_of(&mut self, thread: u32) {
+        let tid = self.tid_by_index(thread);
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_step(tid.map(|tid| Step { tid, within: 0..0 }));
+        }
+    }
+
+    pub(super) fn tid_by_index(&mut self, thread: u32) -> Option<i32> {
+        let mut threads = self.supervisor().debugged_threads();
+        let found = threads.find(|&(index, _)| index == thread);
+        found.map(|(_, tid)| tid)
+    }
+
+    /// Where a thread's next instruction is.
+    pub(super) fn instruction_of(&self, tid: i32) -> u64 {
+        let registers = self.supervisor_ref().registers_of(tid);
+        registers.map_or(0, |(own, _)| own.rip)
+    }
+
+    fn note_current(&mut self, stop: Stop) {
+        match stop {
+            Stop::Loaded(tid)
+            | Stop::Break(tid)
+            | Stop::Watch(tid, _)
+            | Stop::Step(tid)
+            | Stop::Signal(tid, _) => self.current = Some(tid),
+            Stop::Reached(tid) => self.current = tid.or(self.current),
+            Stop::Ended(_) => {}
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! Backwards: the program runs again from its start to the place before.
+
+use gdbstub::common::Tid;
+use gdbstub::stub::MultiThreadStopReason;
+use gdbstub::target::ext::base::reverse_exec::{ReplayLogPosition, ReverseCont, ReverseStep};
+
+use super::Session;
+use super::again::{Marks, Seen, Walk};
+use crate::guest::GuestError;
+use crate::guest::place::{Moment, Place};
+use protocols::Instant;
+
+/// Most instructions that are done one by one to find the one before.
+const STEPS_MAX: u64 = 2_000_000;
+
+/// Which way back.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Back {
+    /// To the last breakpoint or watchpoint.
+    Continue,
+    /// One instruction of this thread.
+    Step(Tid),
+}
+
+impl ReverseCont<Tid> for Session<'_> {
+    fn reverse_cont(&mut self) -> Result<(), GuestError> {
+        self.back = Some(Back::Continue);
+        Ok(())
+    }
+}
+
+impl ReverseStep<Tid> for Session<'_> {
+    fn reverse_step(&mut self, tid: Tid) -> Result<(), GuestError> {
+        self.back = Some(Back::Step(tid));
+        Ok(())
+    }
+}
+
+impl Session<'_> {
+    /// Goes back; why the program stands then.
+    pub(super) fn go_back(&mut self, back: Back) -> Result<MultiThreadStopReason<u64>, GuestError> {
+        let here = self.place();
+        let debugging = self.supervisor().debugging();
+        let marks = debugging.map_or_else(Marks::default, |it| Marks {
+            breaks: it.break_addresses(),
+            watches: it.watches().to_vec(),
+        });
+        self.is_over = false;
+        let reason = match (back, self.back_to.take()) {
+            (Back::Continue, Some(at)) => self.back_to_time(at)?,
+            (Back::Continue, None) => self.back_to_mark(&here, &marks)?,
+            (Back::Step(tid), _) => {
+                let thread = u32::try_from(tid.get() - 1).unwrap_or(0);
+                match self.predecessor(&here, thread)? {
+                    Some(place) => {
+                        self.go_to(&place)?;
+                        self.reason(gdbstub::common::Signal::SIGTRAP)
+                    }
+                    None => self.back_to_start()?,
+                }
+            }
+        };
+        // The debugger takes away what it had set.
+        self.set_marks(&marks);
+        Ok(reason)
+    }
+
+    fn back_to_start(&mut self) -> Result<MultiThreadStopReason<u64>, GuestError> {
+        self.load_again()?;
+        let tid = self.current.map(|tid| self.number_of(tid));
+        Ok(MultiThreadStopReason::ReplayLog {
+            tid,
+            pos: ReplayLogPosition::Begin,
+        })
+    }
+
+    fn back_to_time(&mut self, at: Instant) -> Result<MultiThreadStopReason<u64>, GuestError> {
+        match self.go_to_time(at)? {
+            true => Ok(self.reason(gdbstub::common::Signal::SIGTRAP)),
+            false => self.back_to_start(),
+        }
+    }
+
+    fn back_to_mark(
+        &mut self,
+        here: &Place,
+        marks: &Marks,
+    ) -> Result<MultiThreadStopReason<u64>, GuestError> {
+        let mut last = None;
+        if (!marks.breaks.is_empty() || !marks.watches.is_empty()) && self.load_again()? {
+            let walk = Walk {
+                to: here,
+                marks,
+                steps: None,
+                steps_max: u64::MAX,
+            };
+            self.walk(&walk, &mut |place, seen| {
+                last = Some((place.clone(), seen));
+            })?;
+        }
+        let Some((place, seen)) = last else {
+            return self.back_to_start();
+        };
+        self.go_to(&place)?;
+        let tid = self.current.unwrap_or(0);
+        if seen == Seen::Break {
+            return Ok(MultiThreadStopReason::SwBreak(self.number_of(tid)));
+        }
+        // Backwards, memory changes as its instruction is undone.
+        let watch = marks.watches.first().map_or(0, |watch| watch.address);
+        let (addr, kind) = self.watched_at(self.last_watched.unwrap_or(watch));
+        let index = self.supervisor_ref().index_of(tid).unwrap_or(0);
+        if let Some(before) = self.predecessor(&place, index)? {
+            self.go_to(&before)?;
+        }
+        let tid = self.number_of(self.current.unwrap_or(0));
+        Ok(MultiThreadStopReason::Watch { tid, kind, addr })
+    }
+
+    /// The place one instruction of `thread` before `here`.
+    fn predecessor(&mut self, here: &Place, thread: u32) -> Result<Option<Place>, GuestError> {
+        if let Some(place) = here.one_step_less(thread) {
+            return Ok(Some(place));
+        }
+        let mut calls = 1;
+        loop {
+            let base = Moment {
+                calls: here.moment.calls.saturating_sub(calls),
+                leaps: here.moment.leaps,
+            };
+            let is_start = base.calls == 0;
+            let is_there = match is_start {
+                true => self.load_again()?,
+                false => self.go_to_moment(base)?,
+            };
+            if !is_there {
+                return Ok(None);
+            }
+            // The last two places of the thread: the last one is where it stands now.
+            let mut places: Vec<Place> = Vec::new();
+            if self
+                .current
+                .and_then(|tid| self.supervisor_ref().index_of(tid))
+                == Some(thread)
+            {
+                places.push(self.place());
+            }
+            let walk = Walk {
+                to: here,
+                marks: &Marks::default(),
+                steps: Some(thread),
+                steps_max: STEPS_MAX,
+            };
+            let found = self.walk(&walk, &mut |place, seen| {
+                if seen == Seen::Step {
+                    places.push(place.clone());
+                    let surplus = places.len().saturating_sub(2);
+                    places.drain(..surplus);
+                }
+            })?;
+            if !found {
+                return Ok(None);
+            }
+            if let [before, _] = &places[..] {
+                return Ok(Some(before.clone()));
+            }
+            if is_start {
+                return Ok(None);
+            }
+            calls *= 2;
+        }
+    }
+}

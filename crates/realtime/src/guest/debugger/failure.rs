@@ -1,0 +1,160 @@
+//! Where a run fails: the time at which a check fails for good, and the call before it.
+
+use std::collections::BTreeMap;
+
+use protocols::Instant;
+
+use super::{Event, Session};
+use crate::guest::GuestError;
+use crate::guest::place::Moment;
+use crate::guest::supervisor::Stop;
+use engine::run::check::{Check, Status};
+use engine::run::{LOOK_EVERY, Outcome, is_of_the_end};
+
+/// Where to stop for a failure.
+#[derive(Clone, Debug)]
+pub(super) enum Spot {
+    /// At the beginning of a call.
+    Call(Moment),
+    /// At the signal of this number, counted from the start.
+    Signal(u64),
+    /// At a time of the rig.
+    Time(Instant),
+}
+
+/// A failure and its place.
+#[derive(Clone, Debug)]
+pub(super) struct Failure {
+    pub(super) spot: Spot,
+    /// For people: which check, when, why.
+    pub(super) what: String,
+}
+
+/// What is noted during a run, to find the place of its failure.
+#[derive(Debug, Default)]
+pub(super) struct Watch {
+    next: Instant,
+    /// Since when a check has failed.
+    failing: BTreeMap<String, Instant>,
+    signals: u64,
+    /// A signal ended the process: its number, counted from the start, and when.
+    died: Option<(u64, Instant)>,
+}
+
+impl Watch {
+    fn look(&mut self, now: Instant, checks: Vec<Check>) {
+        let failed = checks.into_iter();
+        let failed = failed.filter(|check| check.status == Status::Fail);
+        let names: Vec<String> = failed.map(|check| check.name).collect();
+        self.failing.retain(|name, _| names.contains(name));
+        for name in names {
+            self.failing.entry(name).or_insert(now);
+        }
+        self.next = now + LOOK_EVERY;
+    }
+
+    /// The earliest failure of a run that has been judged; `None` if it passed.
+    fn failure(
+        &self,
+        outcome: &Outcome,
+        ended: Option<Instant>,
+        writes: &[(Instant, Moment)],
+        last: Moment,
+    ) -> Option<Failure> {
+        let failed = outcome.checks.iter();
+        let failed = failed.filter(|check| check.status == Status::Fail);
+        let end = Instant::ZERO + outcome.ran;
+        let when = |check: &Check| {
+            let since = self.failing.get(&check.name).copied();
+            let since = since.filter(|_| !is_of_the_end(&check.name));
+            match check.name.as_str() {
+                "program-alive" => ended.unwrap_or(end),
+                _ => since.unwrap_or(end),
+            }
+        };
+        let mut failed: Vec<(Instant, &Check)> = failed.map(|it| (when(it), it)).collect();
+        failed.sort_by_key(|&(at, _)| at);
+        let &(at, check) = failed.first()?;
+        let spot = self.spot(at, check, outcome, writes, last);
+        let what = format!("{} fails at {at} s: {}", check.name, check.detail);
+        Some(Failure { spot, what })
+    }
+
+    fn spot(
+        &self,
+        at: Instant,
+        check: &Check,
+        outcome: &Outcome,
+        writes: &[(Instant, Moment)],
+        last: Moment,
+    ) -> Spot {
+        if check.name == "program-alive" {
+            return self
+                .died
+                .map_or(Spot::Call(last), |(number, _)| Spot::Signal(number));
+        }
+        // A device names the instant; a check has only looked since.
+        let looked = at - Instant::ZERO;
+        let from = Instant::ZERO + looked.saturating_sub(2 * LOOK_EVERY);
+        let mut events = outcome.events.iter().filter(|it| it.is_violation());
+        let event = events.find(|it| it.event.at >= from && it.event.at <= at);
+        let at = event.map_or(at, |it| it.event.at);
+        let before = writes.iter().rev().find(|(when, _)| *when <= at);
+        match before {
+            Some(&(_, moment)) => Spot::Call(moment),
+            None => Spot::Time(at),
+        }
+    }
+}
+
+/// A first run that came to its end.
+pub(super) enum First {
+    Passed,
+    Failed(Failure),
+    /// The caller does not go on.
+    Cut,
+}
+
+impl Session<'_> {
+    /// Runs the program once at full speed, to find where it fails.
+    pub(super) fn find_failure(&mut self) -> Result<First, GuestError> {
+        let mut watch = Watch::default();
+        let (mut ended, mut last_signal) = (None, None);
+        loop {
+            if !(self.goes_on)() {
+                return Ok(First::Cut);
+            }
+            let event = self.run_turn()?;
+            let now = self.trial().now();
+            match event {
+                Some(Event::Over) => break,
+                Some(Event::Stop(Stop::Signal(..))) => {
+                    watch.signals += 1;
+                    last_signal = Some(watch.signals);
+                }
+                Some(Event::Stop(Stop::Ended(status))) => {
+                    ended = Some(now);
+                    // By a signal: the last one that it was given.
+                    let by_signal = status & 0x7F != 0;
+                    let number = last_signal.filter(|_| by_signal);
+                    watch.died = number.map(|number| (number, now));
+                }
+                _ => {}
+            }
+            if now >= watch.next && self.trial().has_begun() {
+                let checks = self.trial().run().checks();
+                watch.look(now, checks);
+            }
+        }
+        let debugging = self.supervisor().debugging();
+        let (writes, last) = debugging.map(|it| it.take_log()).unwrap_or_default();
+        self.supervisor().end_debugging();
+        let Some(trial) = self.trial.take() else {
+            return Ok(First::Cut);
+        };
+        let played = trial.end();
+        let failure = watch.failure(&played.outcome, ended, &writes, last);
+        self.first = Some(Box::new(played));
+        Ok(failure.map_or(First::Passed, First::Failed))
+    }
+}
