@@ -47,6 +47,7 @@ use safefs::Dir;
     hilrig campaign scenarios/*.toml --seeds 0..1000 --against last-week --out today\n  \
     hilrig campaign scenarios/empty-room.toml --seeds 0..20 --exec './my-robot \"$HILRIG_DIR\"'\n  \
     hilrig campaign scenarios/*.toml --profile harsh --seeds 0..200 --out harsh\n  \
+    hilrig campaign bench.toml --seeds 0..200 --exec ./driver --virtual --vary schedule   # races\n  \
     hilrig campaign scenarios/*.toml --mutants --seeds 0..50   # how much does it find?"
 )]
 pub(super) struct CampaignArgs {
@@ -58,8 +59,9 @@ pub(super) struct CampaignArgs {
     /// Seeds, the end not included
     #[arg(long, value_name = "A..B", value_parser = seeds, default_value = "0..100")]
     seeds: Range<u64>,
-    /// What to vary for each seed: all, none, or some of world,mission,timing,faults
-    /// [default: none; with --profile or --mutants all]
+    /// What to vary for each seed: all, none, or some of world,mission,timing,faults,schedule
+    /// [default: none; with --profile or --mutants all]. The schedule is the order of threads of a
+    /// program in virtual time (--exec CMD --virtual); all does not include it
     #[arg(long, value_name = "WHAT")]
     vary: Option<Vary>,
     /// Faults to draw and what to expect: gentle, field, harsh, or a TOML file [default: gentle]
@@ -138,7 +140,7 @@ fn earlier(dir: Option<&Path>) -> Result<Option<(PathBuf, Store)>, CliError> {
     Ok(Some((dir.to_owned(), Store::open(dir)?)))
 }
 
-pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
+pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     if let Some(CampaignCommand::Merge(args)) = args.merge {
         let earlier = earlier(args.against.as_deref())?;
         let store = campaign::merge(&args.dirs, &args.out)?;
@@ -157,6 +159,14 @@ pub(super) fn run(args: CampaignArgs) -> Result<Verdict, CliError> {
         false => Vary::default(),
     });
     needs_faults(args.profile.as_deref(), vary)?;
+    if vary.schedule {
+        if !args.program.is_virtual() {
+            let message = "--vary schedule: expected --exec CMD --virtual beside it: only there the \
+                           order of threads can be chosen";
+            return Err(CliError::Usage(message.to_owned()));
+        }
+        args.program.vary_schedule();
+    }
     if args.mutants {
         let mut read = read_all(&args.scenarios)?;
         leave_out_bare(&mut read)?;

@@ -48,7 +48,7 @@ pub(super) struct DebugArgs {
     #[arg(long, conflicts_with = "at")]
     on_fail: bool,
     /// Name of the file of the program to debug, if the command starts several [default: the first
-    /// that is no shell]
+    /// that uses a port]
     #[arg(long, value_name = "NAME")]
     program: Option<String>,
     #[command(flatten)]

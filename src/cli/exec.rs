@@ -5,7 +5,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::realtime::exec::{Foreign, ProgramEnd, Supervision};
+use crate::realtime::exec::{Foreign, ProgramEnd, Schedule, Supervision};
 use crate::realtime::guest::HAS_LINES;
 use crate::robots;
 use crate::scenario::{Scenario, ScenarioError, Source, Span};
@@ -75,6 +75,10 @@ struct ExecHow {
         requires = "is_virtual"
     )]
     spin_max: Span,
+    /// Another order of threads, the same for one seed: a number, or "seed" for the scenario's seed.
+    /// Shows races
+    #[arg(long, value_name = "SEED", requires = "is_virtual")]
+    schedule: Option<Schedule>,
 }
 
 impl ExecHow {
@@ -90,6 +94,7 @@ impl ExecHow {
             supervision: self.is_virtual.then_some(Supervision {
                 call_cost: self.call_cost.0,
                 spin_max: self.spin_max.0,
+                schedule: self.schedule,
             }),
         }
     }
@@ -120,6 +125,9 @@ impl ExecHow {
             if self.spin_max.0 != Duration::from_secs(10) {
                 words += &format!(" --spin-max {}", self.spin_max);
             }
+            if let Some(schedule) = self.schedule {
+                words += &format!(" --schedule {schedule}");
+            }
         }
         words
     }
@@ -142,12 +150,18 @@ impl ExecArgs {
         let supervision = Supervision {
             call_cost: how.call_cost.0,
             spin_max: how.spin_max.0,
+            schedule: how.schedule,
         };
         Some(Foreign {
             has_lines: false,
             supervision: Some(supervision),
             ..how.foreign(self.exec.clone()?)
         })
+    }
+
+    /// From now on the order of threads is that of each scenario's seed.
+    pub(super) const fn vary_schedule(&mut self) {
+        self.how.schedule = Some(Schedule::OfScenario);
     }
 
     /// Whether the program runs in virtual time.

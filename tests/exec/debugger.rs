@@ -76,7 +76,7 @@ impl Debugged {
     }
 
     /// What gdb prints for `script`; `None`, said loudly, where there is none.
-    fn gdb(&self, program: &Path, script: &str) -> Option<String> {
+    fn gdb(&self, program: Option<&Path>, script: &str) -> Option<String> {
         let begin = format!(
             "set pagination off\nset confirm off\nset debuginfod enabled off\n\
              target remote :{}\n",
@@ -84,18 +84,22 @@ impl Debugged {
         );
         let file = self.folder.join("script.gdb");
         fs::write(&file, begin + script).expect("a fresh file");
+        // What the rig answers comes with the errors: in one stream it is in order.
+        let log = fs::File::create(self.folder.join("gdb.log")).expect("a fresh file");
         let gdb = Command::new("gdb")
             .args(["-nx", "-batch"])
-            .arg(program)
+            .args(program)
             .arg("-x")
             .arg(&file)
             .stdin(Stdio::null())
-            .output();
+            .stdout(log.try_clone().expect("a descriptor"))
+            .stderr(log)
+            .status();
         match gdb {
-            Ok(output) => Some(
-                String::from_utf8_lossy(&output.stdout).into_owned()
-                    + &String::from_utf8_lossy(&output.stderr),
-            ),
+            Ok(_) => {
+                let said = fs::read(self.folder.join("gdb.log")).expect("it is there");
+                Some(String::from_utf8_lossy(&said).into_owned())
+            }
             Err(error) => {
                 assert!(std::env::var_os("CI").is_none(), "gdb: {error}");
                 eprintln!("SKIPPED: {}: no gdb: {error}", self.folder.display());
@@ -191,7 +195,7 @@ fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
         let files = [("sonar.toml", SONAR)];
         let expected = undisturbed(name, command, &files);
         let debugged = Debugged::start(name, command, &files, &[]);
-        let Some(said) = debugged.gdb(&program, MANY_STOPS) else {
+        let Some(said) = debugged.gdb(Some(&program), MANY_STOPS) else {
             debugged.interrupt();
             return;
         };
@@ -221,11 +225,12 @@ print line
 next
 next
 step
+step
 info registers rip
 finish
 up
 monitor wires sonar 2
-monitor until 1.5s
+monitor until 0.5s
 delete
 continue
 monitor time
@@ -238,7 +243,7 @@ x/i $pc
 monitor state
 monitor verdict
 monitor until visited
-monitor until 1s
+monitor until 0.1s
 monitor wires nowhere
 monitor fault add kind=cut
 monitor dance
@@ -258,7 +263,7 @@ fn a_session_looks_steps_changes_and_asks_the_rig() {
     };
     let command = program.to_str().expect("a plain path");
     let debugged = Debugged::start("session", command, &[("sonar.toml", SONAR)], &[]);
-    let Some(said) = debugged.gdb(&program, SESSION) else {
+    let Some(said) = debugged.gdb(Some(&program), SESSION) else {
         debugged.interrupt();
         return;
     };
@@ -268,15 +273,15 @@ fn a_session_looks_steps_changes_and_asks_the_rig() {
         "in main () at",
         "count (who=2)",
         "to-master  0a",
-        "the next continue stops at 1.500000 s",
-        "[hilrig] 1.5",
-        "rig 1.5",
+        "the next continue stops at 0.500000 s",
+        "[hilrig] 0.5",
+        "rig 0.5",
         "beat (port=3",
         "$3 = 100",
         "pose 0.000 m",
         "bytes-conserved",
         "error: until visited: expected a time such as 12.3s",
-        "error: until 1s: the rig is at 1.",
+        "error: until 0.1s: the rig is at 0.",
         "error: wires nowhere: expected a link of sonar",
         "error: fault add",
         "error: dance: unknown; expected time, until",
@@ -302,7 +307,8 @@ def reader():
 threading.Thread(target=reader, daemon=True).start()
 while True:
     time.sleep(0.1)
-    os.write(fd, b'%d\\r\\n' % got)
+    os.write(fd, b'ping\\r\\n')
+    print(got, flush=True)
 ";
 
 #[test]
@@ -311,7 +317,7 @@ fn breakpoints_in_an_interpreter_with_threads_change_no_byte() {
     let expected = undisturbed("python", "python3 program.py", &files);
     let debugged = Debugged::start("python", "python3 program.py", &files, &["--at", "1s"]);
     let script = "break write\ncommands\nsilent\necho stop\\n\ncontinue\nend\ncontinue\ncontinue\n";
-    let Some(said) = debugged.gdb(Path::new("/usr/bin/python3"), script) else {
+    let Some(said) = debugged.gdb(None, script) else {
         debugged.interrupt();
         return;
     };
@@ -422,7 +428,7 @@ fn a_crash_is_seen_where_it_happens() {
     let command = program.to_str().expect("a plain path");
     let debugged = Debugged::start("crash", command, &[("sonar.toml", SONAR)], &[]);
     let script = "continue\nbt\nprint place\ncontinue\n";
-    let Some(said) = debugged.gdb(&program, script) else {
+    let Some(said) = debugged.gdb(Some(&program), script) else {
         debugged.interrupt();
         return;
     };
@@ -436,4 +442,160 @@ fn a_crash_is_seen_where_it_happens() {
     let ended = debugged.end();
     assert_eq!(ended.code, Some(1), "{}", ended.said);
     assert!(ended.failed().contains(&"program-alive"), "{}", ended.said);
+}
+
+/// What is seen on the way forth is seen again on the way back, in the other order: the rig's time,
+/// the number of the place, variables, registers; afterwards the run is the same.
+const FORTH_AND_BACK: &str = "\
+break understand
+commands
+silent
+printf \"seen %d %d %d %lx %lx\\n\", millimetres, counted[1], counted[2], $rsp, $rax
+monitor time
+end
+continue
+continue
+continue
+continue
+continue
+stepi
+printf \"at %lx %lx\\n\", $pc, $rsp
+stepi
+printf \"at %lx %lx\\n\", $pc, $rsp
+reverse-stepi
+printf \"at %lx %lx\\n\", $pc, $rsp
+reverse-continue
+reverse-continue
+reverse-continue
+reverse-continue
+reverse-continue
+delete
+handle SIGUSR1 nostop noprint pass
+watch millimetres
+continue
+print millimetres
+bt 1
+reverse-continue
+print millimetres
+continue
+print millimetres
+delete
+monitor until 1s
+continue
+monitor back 300ms
+reverse-continue
+monitor time
+detach
+";
+
+#[test]
+fn the_way_back_is_the_way_forth() {
+    let Some(program) = compiled("debugged-back", "cc", DEBUGGED, &["-g", "-O0", "-pthread"])
+    else {
+        return;
+    };
+    let command = program.to_str().expect("a plain path");
+    let files = [("sonar.toml", SONAR)];
+    let expected = undisturbed("back", command, &files);
+    let debugged = Debugged::start("back", command, &files, &[]);
+    let Some(said) = debugged.gdb(Some(&program), FORTH_AND_BACK) else {
+        debugged.interrupt();
+        return;
+    };
+    let ended = debugged.end();
+    assert_eq!(trace(&ended), expected, "{said}");
+    // A line of the program's, then one of the rig's.
+    let lines: Vec<&str> = said.lines().collect();
+    let seen: Vec<[&str; 2]> = lines
+        .windows(2)
+        .filter(|pair| pair[0].starts_with("seen "))
+        .map(|pair| [pair[0], pair[1]])
+        .collect();
+    let (forth, back) = seen.split_at(5.min(seen.len()));
+    let mut reversed = forth.to_vec();
+    reversed.reverse();
+    assert_eq!(back, &reversed[..], "{said}");
+    assert!(forth[4][1].starts_with("rig 0."), "{said}");
+    let at: Vec<&str> = lines
+        .iter()
+        .copied()
+        .filter(|it| it.starts_with("at "))
+        .collect();
+    assert!(at.len() == 3 && at[0] == at[2] && at[0] != at[1], "{said}");
+    // The watched variable changes forth, back, and forth again.
+    let values: Vec<&str> = lines
+        .iter()
+        .copied()
+        .filter(|it| it.starts_with('$'))
+        .collect();
+    let value = |index: usize| values[index].split_once(" = ").map(|(_, value)| value);
+    assert_eq!(value(0), value(2), "{said}");
+    assert_ne!(value(0), value(1), "{said}");
+    assert!(
+        said.contains("the next reverse-continue goes back to 0.7"),
+        "{said}"
+    );
+    assert!(
+        lines.iter().any(|line| line.starts_with("rig 0.7")),
+        "{said}"
+    );
+}
+
+/// A check that fails is stopped at before the bytes that break it; a program that ends, at its end.
+#[test]
+fn on_fail_stops_in_the_function_with_the_defect() {
+    let sound = DEBUGGED;
+    let wrong = "    if (write(port, text, (size_t)len) != len) exit(3);";
+    let talks = DEBUGGED.replace(
+        wrong,
+        "    if (number == 6) nonsense(port);\n    (void)port;",
+    );
+    let talks = talks.replace(
+        "static void beat(",
+        "static void nonsense(int port) {\n    if (write(port, \"nonsense\\r\\n\", 10) != 10) exit(3);\n}\n\
+         static void beat(",
+    );
+    let ends = DEBUGGED.replace(
+        wrong,
+        "    if (number == 6) exit(9);\n    if (write(port, text, (size_t)len) != len) exit(3);",
+    );
+    let crashes = DEBUGGED.replace(wrong, "    if (number == 6) *(volatile int *)8 = 1;");
+    assert!(talks != sound && ends != sound && crashes != sound);
+    let strict =
+        SONAR.replace("unknown = \"?\"", "unknown = \"?\"") + "\n[expect]\nviolations_max = 0\n";
+    for (name, source, scenario, expected) in [
+        (
+            "ends",
+            &ends,
+            SONAR,
+            &["program-alive fails at", "beat (port=3, number=6)"][..],
+        ),
+        (
+            "crashes",
+            &crashes,
+            SONAR,
+            &["program-alive fails at", "beat (port=3, number=6)"],
+        ),
+        (
+            "talks",
+            &talks,
+            &*strict,
+            &["violations fails at", "nonsense (port=3)"],
+        ),
+    ] {
+        let flags = ["-g", "-O0", "-pthread"];
+        let Some(program) = compiled(&format!("debugged-{name}"), "cc", source, &flags) else {
+            return;
+        };
+        let command = program.to_str().expect("a plain path");
+        let debugged = Debugged::start(name, command, &[("sonar.toml", scenario)], &["--on-fail"]);
+        let Some(said) = debugged.gdb(Some(&program), "bt\nkill\n") else {
+            debugged.interrupt();
+            return;
+        };
+        let said = said + &debugged.end().said;
+        for expected in expected {
+            assert!(said.contains(expected), "{name}: {expected}\n{said}");
+        }
+    }
 }

@@ -23,6 +23,8 @@ mod lines;
 mod own_drivers;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod probes;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod races;
 mod signals;
 mod support;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]

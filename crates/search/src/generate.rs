@@ -39,15 +39,18 @@ pub struct Vary {
     pub timing: bool,
     /// Faults.
     pub faults: bool,
+    /// The order of threads of a foreign program in virtual time.
+    pub schedule: bool,
 }
 
 impl Vary {
-    /// All parts.
+    /// All parts of the scenario.
     pub const ALL: Self = Self {
         world: true,
         mission: true,
         timing: true,
         faults: true,
+        schedule: false,
     };
 }
 
@@ -59,14 +62,21 @@ impl FromStr for Vary {
         let mut vary = Self::default();
         for word in text.split(',') {
             match word {
-                "all" => vary = Self::ALL,
+                "all" => {
+                    vary = Self {
+                        schedule: vary.schedule,
+                        ..Self::ALL
+                    };
+                }
                 "none" => {}
                 "world" => vary.world = true,
                 "mission" => vary.mission = true,
                 "timing" => vary.timing = true,
                 "faults" => vary.faults = true,
+                "schedule" => vary.schedule = true,
                 _ => {
-                    let expected = "expected all, none, or some of world,mission,timing,faults";
+                    let expected =
+                        "expected all, none, or some of world,mission,timing,faults,schedule";
                     return Err(format!("\"{word}\": {expected}"));
                 }
             }
@@ -82,6 +92,7 @@ impl core::fmt::Display for Vary {
             ("mission", self.mission),
             ("timing", self.timing),
             ("faults", self.faults),
+            ("schedule", self.schedule),
         ];
         let named: Vec<_> = parts
             .iter()

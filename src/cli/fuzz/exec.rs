@@ -180,6 +180,7 @@ fn harness<'a>(
         call_cost: CALL_COST,
         // Virtual time stands still while the program computes.
         spin_max: args.exec.alive.0.max(SPIN_MIN),
+        schedule: None,
     });
     Ok(harness)
 }

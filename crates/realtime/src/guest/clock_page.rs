@@ -107,6 +107,11 @@ impl ClockPage {
         Ok(Self { place, data })
     }
 
+    /// Whether its code is at this address.
+    pub(super) const fn has_code_at(self, address: u64) -> bool {
+        self.place <= address && address < self.data
+    }
+
     /// Lets the thread count time by itself.
     pub(super) fn lend(self, tid: Pid, loan: Loan) {
         let words = [loan.now, loan.limit, loan.cost, 0, loan.looks];

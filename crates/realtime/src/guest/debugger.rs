@@ -11,6 +11,7 @@
 
 mod again;
 mod back;
+mod begin;
 mod failure;
 mod monitor;
 mod registers;
@@ -30,11 +31,10 @@ use gdbstub::target::ext::breakpoints::WatchKind;
 use protocols::Instant;
 
 use super::GuestError;
-use super::supervisor::{Goal, Stop, Supervisor};
+use super::supervisor::{Stop, Supervisor, Wanted};
 use super::trial::{Played, Trial};
 use crate::process::Ended;
 use back::Back;
-use failure::{First, Spot};
 use registers::to_gdb;
 use target::Action;
 use wire::{Door, Wire};
@@ -48,7 +48,7 @@ const TURNS: u32 = 64;
 pub struct DebugSettings {
     /// Port on this machine where the debugger connects; 0: a free one.
     pub port: u16,
-    /// Name of the program's file, if it is not the first that is no shell.
+    /// Name of the program's file, if it is not the first that uses a port.
     pub program: Option<String>,
     /// The rig's time at which the program first stands; without it, it stands at its start.
     pub at: Option<Duration>,
@@ -101,6 +101,8 @@ struct Session<'a> {
     last_watched: Option<u64>,
     /// What came of the first run with `on_fail`.
     first: Option<Box<Played>>,
+    /// Which program is debugged, once that is known.
+    wanted: Option<Wanted>,
 }
 
 /// What a running program came to.
@@ -151,6 +153,7 @@ pub fn debug(
         back_to: None,
         last_watched: None,
         first: None,
+        wanted: None,
     };
     let is_there = session.run_to_start();
     let leave = is_there.and_then(|is_there| match is_there {
@@ -178,99 +181,6 @@ impl Session<'_> {
 
     fn supervisor_ref(&self) -> &Supervisor {
         self.trial_ref().supervisor_ref()
-    }
-
-    /// Runs the program to where the debugger finds it; whether it is there.
-    fn run_to_start(&mut self) -> Result<bool, GuestError> {
-        let spot = match self.settings.on_fail {
-            true => match self.look_for_failure()? {
-                Some(spot) => Some(spot),
-                None => return Ok(false),
-            },
-            false => {
-                let at = self.settings.at;
-                at.map(|at| Spot::Time(Instant::ZERO + at))
-            }
-        };
-        let is_loaded = self.load_again()?;
-        if self.trial.is_none() || !(self.goes_on)() {
-            return Ok(false);
-        }
-        if !is_loaded {
-            (self.say)(
-                "no program was started that could be debugged: expected one that is no shell, or \
-                 its name by --program",
-            );
-            return Ok(false);
-        }
-        let is_there = match spot {
-            None => true,
-            Some(Spot::Time(at)) => self.reach_goal(Goal::Time(at))?,
-            Some(Spot::Call(moment)) => self.reach_goal(Goal::Moment(moment))?,
-            Some(Spot::Signal(number)) => self.reach_signal(number)?,
-        };
-        if !is_there && (self.goes_on)() {
-            let now = self.trial().now();
-            (self.say)(&format!(
-                "the run was over at {now} s, before that place: expected an earlier --at"
-            ));
-        }
-        Ok(is_there)
-    }
-
-    /// Runs once and says where the run failed, if it did.
-    fn look_for_failure(&mut self) -> Result<Option<Spot>, GuestError> {
-        if !self.load_again()? {
-            return Ok(None);
-        }
-        Ok(match self.find_failure()? {
-            First::Failed(failure) => {
-                (self.say)(&failure.what);
-                (self.say)("running again to the place before it");
-                Some(failure.spot)
-            }
-            First::Passed => {
-                (self.say)("no check fails: nothing to stop at");
-                None
-            }
-            First::Cut => None,
-        })
-    }
-
-    /// Lets a program that has just been started be loaded; whether it was.
-    fn load(&mut self) -> Result<bool, GuestError> {
-        let program = self.settings.program.clone();
-        self.supervisor().begin_debugging(program);
-        self.wires = Wires::default();
-        self.wires.listen(self.trial.as_mut().expect(THERE));
-        loop {
-            match self.run_until_event()? {
-                Some(Event::Stop(Stop::Loaded(tid))) => {
-                    self.current = Some(tid);
-                    return Ok(true);
-                }
-                Some(Event::Stop(_)) => {}
-                Some(Event::Over) | None => return Ok(false),
-            }
-        }
-    }
-
-    /// Runs up to a signal, counted from the start.
-    fn reach_signal(&mut self, number: u64) -> Result<bool, GuestError> {
-        let mut left = number;
-        loop {
-            match self.run_until_event()? {
-                Some(Event::Stop(Stop::Signal(tid, _))) => {
-                    self.current = Some(tid);
-                    left -= 1;
-                    if left == 0 {
-                        return Ok(true);
-                    }
-                }
-                Some(Event::Stop(Stop::Ended(_)) | Event::Over) | None => return Ok(false),
-                Some(Event::Stop(_)) => {}
-            }
-        }
     }
 
     /// Runs until something happens; `None` if the caller does not go on.
@@ -365,10 +275,14 @@ impl Session<'_> {
                     let reason = self.reason(GdbSignal::SIGINT);
                     stub.interrupt_handled(self, Some(reason))
                 }
-                GdbStubStateMachine::Disconnected(stub) => {
+                GdbStubStateMachine::Disconnected(mut stub) => {
                     return Ok(match stub.get_reason() {
                         DisconnectReason::Disconnect => Leave::Detached,
-                        DisconnectReason::Kill => Leave::Killed,
+                        DisconnectReason::Kill => {
+                            // One of the two packets for this expects an answer.
+                            let _ = stub.borrow_conn().confirm();
+                            Leave::Killed
+                        }
                         DisconnectReason::TargetExited(_)
                         | DisconnectReason::TargetTerminated(_) => Leave::Ended,
                     });

@@ -19,6 +19,7 @@ mod polls;
 mod ports;
 mod posix_timers;
 mod queues;
+mod schedule;
 mod signal_files;
 mod signals;
 mod spent;
@@ -51,9 +52,10 @@ use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::exec::Supervision;
-pub(super) use debugging::{Debugging, Goal, Step, Stop, Watchpoint};
+pub(super) use debugging::{Debugging, Goal, Step, Stop, Wanted, Watchpoint};
 use fifos::Meeting;
 use notices::Notice;
+use schedule::Schedule;
 
 /// Calls that a thread makes in a row while others could run.
 const SLICE: u32 = 1_000;
@@ -150,6 +152,10 @@ pub(super) struct Supervisor {
     debugging: Option<Box<Debugging>>,
     /// The thread that a debugger held when it left.
     held_over: Option<(i32, Next)>,
+    /// Another order of threads than that of their calls.
+    schedule: Option<Schedule>,
+    /// A thread stands in the code of its clocks, whose counts stay with it.
+    keeps_loan: bool,
 }
 
 impl Supervisor {
@@ -208,6 +214,11 @@ impl Supervisor {
             trouble: None,
             debugging: None,
             held_over: None,
+            schedule: settings
+                .supervision
+                .schedule
+                .map(|it| Schedule::new(it.seed(settings.seed))),
+            keeps_loan: false,
         };
         new.add_thread(root, root, None);
         Ok(new)
@@ -291,7 +302,7 @@ impl Supervisor {
             }
         }
         self.hear_outside();
-        let Some(tid) = self.queue.pop_front() else {
+        let Some(tid) = self.next_in_queue() else {
             return self.let_time_pass();
         };
         // A thread that runs may change what others wait for.
@@ -328,7 +339,8 @@ impl Supervisor {
     fn next_deadline(&self) -> Option<Instant> {
         let waits = self.threads.values().filter_map(Thread::deadline);
         let timers = self.processes.values().filter_map(Process::next_timer);
-        waits.chain(timers).min()
+        let late = self.schedule.as_ref().and_then(Schedule::next);
+        waits.chain(timers).chain(late).min()
     }
 
     /// Whose time has come may run.
@@ -344,6 +356,7 @@ impl Supervisor {
         for (.., tid) in due {
             self.ready(tid, Next::Attempt);
         }
+        self.end_delays();
         self.fire_timers(now);
     }
 

@@ -21,6 +21,8 @@ pub(super) enum Next {
     Go(Option<Signal>),
     /// It tries the call at which it stands once more.
     Attempt,
+    /// It has begun a call, and nothing was decided about it.
+    Begin,
     /// It makes the call that it has begun.
     Call,
     /// It has stopped with this status, which the supervisor has not handled yet.

@@ -21,8 +21,6 @@ pub(super) enum Seen {
     Break,
     /// Watched memory was touched.
     Watch,
-    /// A single instruction was done.
-    Step,
 }
 
 /// A way to a place, and what is looked for on it.
@@ -31,8 +29,6 @@ pub(super) struct Walk<'a> {
     pub(super) marks: &'a Marks,
     /// The thread, by the order of birth, that goes by single instructions.
     pub(super) steps: Option<u32>,
-    /// Most instructions of that.
-    pub(super) steps_max: u64,
 }
 
 impl Session<'_> {
@@ -54,7 +50,6 @@ impl Session<'_> {
             to: place,
             marks: &Marks::default(),
             steps: None,
-            steps_max: 0,
         };
         let found = self.load_again()? && self.walk(&walk, &mut |_, _| {})?;
         self.set_marks(&Marks::default());
@@ -119,13 +114,12 @@ impl Session<'_> {
         seen: &mut dyn FnMut(&Place, Seen),
     ) -> Result<bool, GuestError> {
         self.set_marks(walk.marks);
-        let mut steps = 0;
         if self.place().moment < walk.to.moment {
             let goal = Goal::Moment(walk.to.moment);
             if let Some(debugging) = self.supervisor().debugging() {
                 debugging.set_goal(Some(goal));
             }
-            let is_there = self.pass(walk, &mut steps, seen, &mut |_, stop| {
+            let is_there = self.pass(walk, seen, &mut |_, stop| {
                 matches!(stop, Stop::Reached(_)).then_some(true)
             })?;
             if !is_there {
@@ -134,7 +128,7 @@ impl Session<'_> {
         }
         for (index, leg) in walk.to.legs.iter().enumerate() {
             let is_last = index + 1 == walk.to.legs.len();
-            if !self.walk_leg(walk, leg, is_last, &mut steps, seen)? {
+            if !self.walk_leg(walk, leg, is_last, seen)? {
                 return Ok(false);
             }
         }
@@ -146,7 +140,6 @@ impl Session<'_> {
         walk: &Walk<'_>,
         leg: &Leg,
         is_last: bool,
-        steps: &mut u64,
         seen: &mut dyn FnMut(&Place, Seen),
     ) -> Result<bool, GuestError> {
         match leg {
@@ -161,7 +154,7 @@ impl Session<'_> {
                 marks.watches.truncate(4);
                 self.set_marks(&marks);
                 let mut left = *count;
-                let found = self.pass(walk, steps, seen, &mut |session, stop| {
+                let found = self.pass(walk, seen, &mut |session, stop| {
                     let is_hit = match stop {
                         Stop::Break(tid) => breaks.contains(&session.instruction_of(tid)),
                         Stop::Watch(_, address) => {
@@ -177,7 +170,7 @@ impl Session<'_> {
             }
             Leg::Steps { thread, count } => {
                 for _ in 0..*count {
-                    if !self.single_step(*thread, walk, seen)? {
+                    if !self.single_step(*thread, seen)? {
                         return Ok(false);
                     }
                 }
@@ -185,7 +178,7 @@ impl Session<'_> {
             }
             Leg::Signals(count) => {
                 let mut left = *count;
-                self.pass(walk, steps, seen, &mut |_, stop| {
+                self.pass(walk, seen, &mut |_, stop| {
                     left -= u64::from(matches!(stop, Stop::Signal(..)));
                     (left == 0).then_some(is_last)
                 })
@@ -197,7 +190,6 @@ impl Session<'_> {
     fn pass(
         &mut self,
         walk: &Walk<'_>,
-        steps: &mut u64,
         seen: &mut dyn FnMut(&Place, Seen),
         is_there: &mut dyn FnMut(&Self, Stop) -> Option<bool>,
     ) -> Result<bool, GuestError> {
@@ -223,13 +215,8 @@ impl Session<'_> {
                     seen(&place, Seen::Break);
                 }
                 Stop::Watch(..) => seen(&place, Seen::Watch),
-                Stop::Step(_) => {
-                    seen(&place, Seen::Step);
-                    *steps += 1;
-                    if *steps > walk.steps_max {
-                        return Ok(false);
-                    }
-                }
+                // It has gone by single instructions for too long.
+                Stop::Step(_) => return Ok(false),
                 _ => {}
             }
             if end.is_some() {
@@ -280,7 +267,6 @@ impl Session<'_> {
     fn single_step(
         &mut self,
         thread: u32,
-        walk: &Walk<'_>,
         seen: &mut dyn FnMut(&Place, Seen),
     ) -> Result<bool, GuestError> {
         let Some(tid) = self.tid_by_index(thread) else {
@@ -292,7 +278,9 @@ impl Session<'_> {
             self.supervisor().remove_break(at);
         }
         loop {
-            self.set_step_of(thread);
+            if let Some(debugging) = self.supervisor().debugging() {
+                debugging.set_step(Some(Step { tid, within: 0..0 }));
+            }
             let Some(Event::Stop(stop)) = self.run_until_event()? else {
                 return Ok(false);
             };
@@ -321,17 +309,17 @@ impl Session<'_> {
         if was_set {
             self.supervisor().add_break_when_possible(at);
         }
-        if walk.steps == Some(thread) {
-            let place = self.place();
-            seen(&place, Seen::Step);
-        }
         Ok(true)
     }
 
     fn set_step_of(&mut self, thread: u32) {
         let tid = self.tid_by_index(thread);
         if let Some(debugging) = self.supervisor().debugging() {
-            debugging.set_step(tid.map(|tid| Step { tid, within: 0..0 }));
+            let step = |tid| Step {
+                tid,
+                within: 0..u64::MAX,
+            };
+            debugging.set_step(tid.map(step));
         }
     }
 

@@ -11,7 +11,7 @@ use crate::guest::place::{Moment, Place};
 use protocols::Instant;
 
 /// Most instructions that are done one by one to find the one before.
-const STEPS_MAX: u64 = 2_000_000;
+const STEPS_MAX: u64 = 1_000_000;
 
 /// Which way back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,7 +92,6 @@ impl Session<'_> {
                 to: here,
                 marks,
                 steps: None,
-                steps_max: u64::MAX,
             };
             self.walk(&walk, &mut |place, seen| {
                 last = Some((place.clone(), seen));
@@ -136,33 +135,24 @@ impl Session<'_> {
             if !is_there {
                 return Ok(None);
             }
-            // The last two places of the thread: the last one is where it stands now.
-            let mut places: Vec<Place> = Vec::new();
-            if self
-                .current
-                .and_then(|tid| self.supervisor_ref().index_of(tid))
-                == Some(thread)
-            {
-                places.push(self.place());
-            }
             let walk = Walk {
                 to: here,
                 marks: &Marks::default(),
                 steps: Some(thread),
-                steps_max: STEPS_MAX,
             };
-            let found = self.walk(&walk, &mut |place, seen| {
-                if seen == Seen::Step {
-                    places.push(place.clone());
-                    let surplus = places.len().saturating_sub(2);
-                    places.drain(..surplus);
-                }
-            })?;
-            if !found {
-                return Ok(None);
+            if let Some(debugging) = self.supervisor().debugging() {
+                debugging.limit_steps(STEPS_MAX);
             }
-            if let [before, _] = &places[..] {
-                return Ok(Some(before.clone()));
+            if !self.walk(&walk, &mut |_, _| {})? {
+                (self.say)("too many instructions back: the program goes back to an earlier call");
+                let legs = Vec::new();
+                return Ok(Some(Place { moment: base, legs }));
+            }
+            // Where the last instruction ended is where it stands now.
+            let debugging = self.supervisor().debugging();
+            let last = debugging.and_then(|it| it.last_step_of(thread).cloned());
+            if let Some(before) = last.and_then(|last| last.one_step_less(thread)) {
+                return Ok(Some(before));
             }
             if is_start {
                 return Ok(None);

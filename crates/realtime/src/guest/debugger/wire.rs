@@ -128,6 +128,12 @@ impl Wire {
         }
     }
 
+    /// Answers that something was done.
+    pub(super) fn confirm(&mut self) -> io::Result<()> {
+        self.outbox.extend(b"$OK#9a");
+        self.flush()
+    }
+
     /// Prints a line on the debugger's console; only while it waits for the program to stop.
     pub(super) fn say(&mut self, text: &str) -> io::Result<()> {
         let mut packet = "O".to_owned();

@@ -86,7 +86,7 @@ impl Supervisor {
         }
         let group = Pid::from_raw(group_of(new).unwrap_or(new));
         if event == libc::PTRACE_EVENT_FORK {
-            self.forked_for_debugger(pid);
+            self.forked_for_debugger(tid, pid);
         }
         let is_vfork = event == libc::PTRACE_EVENT_VFORK;
         self.add_thread(pid, group, is_vfork.then_some(tid));

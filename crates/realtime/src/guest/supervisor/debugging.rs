@@ -3,6 +3,7 @@
 //! A stop for the debugger holds the thread in the middle of its turn: nothing else is done until it
 //! goes on, so that the run takes the same course as without a debugger.
 
+mod asked;
 mod memory;
 mod threads;
 mod watch;
@@ -19,10 +20,10 @@ use rustix::process::WaitOptions;
 
 use super::{Flow, Next, Supervisor, is_death, wait};
 use crate::guest::place::{Moment, Place};
-use engine::run::{Run, Watch};
+use engine::run::Watch;
 use memory::{TRAP, poke};
 pub(in crate::guest) use watch::Watchpoint;
-use watch::{WATCHES, hit_watch, write_watches};
+use watch::{hit_watch, write_watches};
 
 /// What a trap by that instruction is told as (`SI_KERNEL`).
 const BY_INSTRUCTION: i32 = 0x80;
@@ -72,11 +73,29 @@ pub(in crate::guest) enum Goal {
     Condition(Box<Watch>),
 }
 
+/// Which program is to be debugged.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(in crate::guest) enum Wanted {
+    /// None: it is looked for.
+    #[default]
+    Nothing,
+    /// The first one whose file has this name.
+    Name(String),
+    /// The first one that is no shell.
+    NoShell,
+    /// The how manieth that is started.
+    Load(u32),
+}
+
 /// A debugger's view of the program.
 #[derive(Debug, Default)]
 pub(in crate::guest) struct Debugging {
-    /// Name of the file to debug; without one, the first that is no shell.
-    wanted: Option<String>,
+    wanted: Wanted,
+    /// How many programs were started, and which of them each process is.
+    loads: u32,
+    load_of: BTreeMap<i32, u32>,
+    /// The first program that used a port, as the how manieth it was started.
+    port_user: Option<u32>,
     /// The debugged process.
     pub(super) process: Option<i32>,
     /// Breakpoints and the bytes under them.
@@ -95,6 +114,10 @@ pub(in crate::guest) struct Debugging {
     stop: Option<Stop>,
     /// Where the program is, as any run of it finds again.
     pub(super) place: Place,
+    /// Where the last single instruction ended, and of which thread it was.
+    last_step: Option<(u32, Place)>,
+    /// Instructions one by one after which a thread stands, wherever it is.
+    steps_left: u64,
     /// Where each thread began the call at which it is.
     begun: BTreeMap<i32, Moment>,
     /// Writes to ports: the rig's time, and where the call began.
@@ -104,10 +127,11 @@ pub(in crate::guest) struct Debugging {
 }
 
 impl Supervisor {
-    /// From now on a debugger is there, for the program of this name.
-    pub(in crate::guest) fn begin_debugging(&mut self, wanted: Option<String>) {
+    /// From now on a debugger is there, for this program.
+    pub(in crate::guest) fn begin_debugging(&mut self, wanted: Wanted) {
         self.debugging = Some(Box::new(Debugging {
             wanted,
+            steps_left: u64::MAX,
             ..Debugging::default()
         }));
     }
@@ -179,13 +203,17 @@ impl Supervisor {
     /// Lets `tid` run up to its next stop, a step only if it is to.
     pub(super) fn resume(&mut self, tid: i32, signal: Option<Signal>) -> nix::Result<()> {
         let pid = Pid::from_raw(tid);
+        let is_step = self.steps_by_schedule(tid);
         if self.debugging.is_none() {
-            return ptrace::cont(pid, signal);
+            return match is_step {
+                true => ptrace::step(pid, signal),
+                false => ptrace::cont(pid, signal),
+            };
         }
         self.put_watches(tid);
-        let is_step = |it: &Step| it.tid == tid;
+        let is_it = |it: &Step| it.tid == tid;
         let step = self.debugging.as_ref().and_then(|it| it.step.as_ref());
-        match step.is_some_and(is_step) {
+        match is_step || step.is_some_and(is_it) {
             true => ptrace::step(pid, signal),
             false => ptrace::cont(pid, signal),
         }
@@ -222,9 +250,13 @@ impl Supervisor {
         }
         let exe = std::fs::read_link(format!("/proc/{tid}/exe")).unwrap_or_default();
         let name = exe.file_name().unwrap_or_default().to_string_lossy();
+        debugging.loads += 1;
+        debugging.load_of.insert(tid, debugging.loads);
         let is_it = match &debugging.wanted {
-            Some(wanted) => *wanted == name,
-            None => !STARTERS.contains(&&*name),
+            Wanted::Nothing => false,
+            Wanted::Name(wanted) => *wanted == name,
+            Wanted::NoShell => !STARTERS.contains(&&*name),
+            Wanted::Load(number) => *number == debugging.loads,
         };
         if debugging.process.is_some() || !is_it {
             return flow;
@@ -236,10 +268,25 @@ impl Supervisor {
         }
     }
 
+    /// A process uses a port that it did not use before.
+    pub(super) fn uses_port_for_debugger(&mut self, process: i32) {
+        if let Some(debugging) = &mut self.debugging {
+            let load = debugging.load_of.get(&process).copied();
+            debugging.port_user = debugging.port_user.or(load);
+        }
+    }
+
     /// A process has made another one by fork: breakpoints are not for that.
-    pub(super) fn forked_for_debugger(&mut self, child: Pid) {
-        let breaks = self.debugging.as_ref().map(|it| it.breaks.clone());
-        for (address, byte) in breaks.unwrap_or_default() {
+    pub(super) fn forked_for_debugger(&mut self, parent: i32, child: Pid) {
+        let parent = self.threads.get(&parent).map(|thread| thread.process);
+        let Some(debugging) = &mut self.debugging else {
+            return;
+        };
+        let load = parent.and_then(|parent| debugging.load_of.get(&parent).copied());
+        debugging
+            .load_of
+            .extend(load.map(|load| (child.as_raw(), load)));
+        for (address, byte) in debugging.breaks.clone() {
             let _ = poke(child, address, &[byte]);
         }
     }
@@ -292,7 +339,13 @@ impl Supervisor {
             return None;
         }
         debugging.place.stepped(index);
-        match step.within.contains(&registers.rip) {
+        debugging.last_step = Some((index, debugging.place.clone()));
+        debugging.steps_left = debugging.steps_left.saturating_sub(1);
+        let within = step.within.clone();
+        if debugging.steps_left == 0 {
+            return Some(self.hold(tid, Next::Go(None), Stop::Step(tid)));
+        }
+        match within.contains(&registers.rip) {
             true => Some(Flow::Goes(None)),
             false => Some(self.hold(tid, Next::Go(None), Stop::Step(tid))),
         }
@@ -337,7 +390,7 @@ impl Supervisor {
             debugging.last_call = debugging.place.moment;
         }
         let has_come = debugging.has_come(&self.stage.run);
-        has_come.then(|| self.hold(tid, Next::Call, Stop::Reached(Some(tid))))
+        has_come.then(|| self.hold(tid, Next::Begin, Stop::Reached(Some(tid))))
     }
 
     /// Time has passed: the same.
@@ -374,83 +427,5 @@ impl Supervisor {
         }
         debugging.watched_by.insert(tid, debugging.watch_changes);
         let _ = write_watches(Pid::from_raw(tid), &debugging.watches);
-    }
-}
-
-impl Debugging {
-    fn has_come(&mut self, run: &Run) -> bool {
-        let has_come = match &self.goal {
-            Some(Goal::Time(at)) => run.rig.now() >= *at,
-            Some(Goal::Condition(watch)) => run.has_come(watch),
-            Some(Goal::Moment(moment)) => self.place.moment >= *moment,
-            None => false,
-        };
-        if has_come {
-            self.goal = None;
-        }
-        has_come
-    }
-
-    /// The thread of the last stop, if it can be told.
-    pub(in crate::guest) const fn held_thread(&self) -> Option<i32> {
-        match self.held {
-            Some((tid, _)) => Some(tid),
-            None => None,
-        }
-    }
-
-    pub(in crate::guest) const fn place(&self) -> &Place {
-        &self.place
-    }
-
-    pub(in crate::guest) fn set_step(&mut self, step: Option<Step>) {
-        self.step = step;
-    }
-
-    pub(in crate::guest) fn set_goal(&mut self, goal: Option<Goal>) {
-        self.goal = goal;
-    }
-
-    /// What is watched.
-    pub(in crate::guest) fn watches(&self) -> &[Watchpoint] {
-        &self.watches
-    }
-
-    /// Where breakpoints are.
-    pub(in crate::guest) fn break_addresses(&self) -> Vec<u64> {
-        self.breaks.keys().chain(&self.pending).copied().collect()
-    }
-
-    /// Watches this memory and no other.
-    pub(in crate::guest) fn set_watches(&mut self, watches: Vec<Watchpoint>) {
-        if self.watches != watches {
-            self.watches = watches;
-            self.watch_changes += 1;
-        }
-    }
-
-    /// The writes to ports, and where the debugged process began its last call.
-    pub(in crate::guest) fn take_log(&mut self) -> (Vec<(Instant, Moment)>, Moment) {
-        (core::mem::take(&mut self.writes), self.last_call)
-    }
-
-    /// Watches memory; false if the processor has no register left for it.
-    pub(in crate::guest) fn add_watch(&mut self, watch: Watchpoint) -> bool {
-        let is_whole = matches!(watch.len, 1 | 2 | 4 | 8) && watch.address % watch.len == 0;
-        if !is_whole || self.watches.len() >= WATCHES {
-            return false;
-        }
-        self.watches.push(watch);
-        self.watch_changes += 1;
-        true
-    }
-
-    pub(in crate::guest) fn remove_watch(&mut self, watch: Watchpoint) -> bool {
-        let Some(index) = self.watches.iter().position(|it| *it == watch) else {
-            return false;
-        };
-        self.watches.remove(index);
-        self.watch_changes += 1;
-        true
     }
 }

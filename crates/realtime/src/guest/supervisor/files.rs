@@ -40,6 +40,9 @@ impl Supervisor {
         let handle = process.handle.as_ref()?.as_fd();
         let fd = pidfd_getfd(handle, fd, PidfdGetfdFlags::empty()).ok()?;
         let known = self.kind(&fd);
+        if let (Kind::Port(_), ..) = known {
+            self.uses_port_for_debugger(pid);
+        }
         let file = Arc::new(File::new(fd, known));
         if number < KEPT_BELOW.cast_signed()
             && let Some(process) = self.processes.get_mut(&pid)

@@ -1,6 +1,7 @@
 //! Time that is lent to the thread that runs: it looks at clocks without a stop.
 
 use nix::libc;
+use nix::sys::ptrace;
 use nix::unistd::Pid;
 
 use super::{SLICE, Supervisor};
@@ -38,6 +39,17 @@ impl Supervisor {
                 looks: u64::from((SLICE - 1).saturating_sub(slice)),
             },
         );
+    }
+
+    /// Whether a thread has stopped in the middle of a look at its clocks: its counts are not whole.
+    pub(super) fn stands_in_clocks(&self, tid: i32, status: i32) -> bool {
+        let is_trap = status >> 8 == libc::SIGTRAP;
+        if !is_trap || self.debugging.is_none() && self.schedule.is_none() {
+            return false;
+        }
+        let registers = ptrace::getregs(Pid::from_raw(tid));
+        let clocks = self.clocks_of(tid);
+        clocks.is_some_and(|it| registers.is_ok_and(|at| it.has_code_at(at.rip)))
     }
 
     /// The thread goes on where virtual time does not count: each look is a call.

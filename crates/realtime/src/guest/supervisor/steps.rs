@@ -35,11 +35,14 @@ impl Supervisor {
         let mut flow = match next {
             Next::Go(signal) => Flow::Goes(signal),
             Next::Attempt => self.attempt(tid),
+            Next::Begin => self.begin_call(tid),
             Next::Call => self.make_call(tid),
             Next::Stopped(status) => self.handle(tid, status),
         };
         while let Flow::Goes(signal) = flow {
-            self.lend_time(current);
+            if !core::mem::take(&mut self.keeps_loan) {
+                self.lend_time(current);
+            }
             if self.resume(current, signal).is_err() {
                 // It was killed meanwhile: the news of it come now.
                 self.watchdog.count();
@@ -51,7 +54,8 @@ impl Supervisor {
             current = pid;
             self.watchdog.count();
             // An exec has replaced the memory; its clocks were read at the call itself.
-            if status >> 16 != libc::PTRACE_EVENT_EXEC {
+            self.keeps_loan = self.stands_in_clocks(current, status);
+            if status >> 16 != libc::PTRACE_EVENT_EXEC && !self.keeps_loan {
                 self.take_time(current);
             }
             flow = self.handle(current, status);
@@ -133,8 +137,9 @@ impl Supervisor {
             0 if is_stop(signal) => self.stopped(tid, signal),
             0 if signal == libc::SIGSEGV && self.reads_counter(tid) => self.read_counter(tid),
             0 if signal & 0x80 == 0 => {
-                let trapped = (signal == libc::SIGTRAP).then(|| self.trapped(tid));
-                if let Some(flow) = trapped.flatten() {
+                if signal == libc::SIGTRAP
+                    && let Some(flow) = self.trapped(tid).or_else(|| self.stepped_by_schedule(tid))
+                {
                     return flow;
                 }
                 self.note_fault(tid, signal);
@@ -201,6 +206,14 @@ impl Supervisor {
         thread.slice += 1;
         *self.spent.entry(call.number).or_default() += 1;
         match self.calls_for_debugger(tid) {
+            Some(flow) => flow,
+            None => self.begin_call(tid),
+        }
+    }
+
+    /// A thread that has begun a call goes on with it, unless others are first.
+    fn begin_call(&mut self, tid: i32) -> Flow {
+        match self.call_by_schedule(tid) {
             Some(flow) => flow,
             None => self.make_call(tid),
         }

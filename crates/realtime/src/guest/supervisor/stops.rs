@@ -46,6 +46,12 @@ impl Supervisor {
                 if let Some(computed) = computed.filter(|&computed| computed >= limit) {
                     self.trouble = Some(GuestError::Spins(thread_name(tid), computed));
                 }
+                // With another order of threads it is held to wait for another one, whose time comes.
+                if self.schedule.is_some() && self.queue.is_empty() {
+                    if let Err(error) = self.let_time_pass() {
+                        self.trouble = Some(error);
+                    }
+                }
                 // A request to end the run is served. Another thread that can run may be the one
                 // for which this thread waits.
                 self.ready(tid, Next::Go(None));

@@ -36,7 +36,7 @@ impl Supervisor {
         let pid = Pid::from_raw(tid);
         if let Ok(mut own) = ptrace::getregs(pid) {
             let held = self.debugging.as_ref().and_then(|it| it.held);
-            if matches!(held, Some((held, Next::Call)) if held == tid) {
+            if matches!(held, Some((held, Next::Begin)) if held == tid) {
                 // To people it stands before the call that it has begun.
                 own.rip -= INSTRUCTION;
                 own.rax = own.orig_rax;
@@ -77,7 +77,7 @@ impl Supervisor {
         let call = thread.outside.or(thread.call);
         let call = call.map_or_else(|| "a call".to_owned(), |it| call::name(it.number));
         let doing = match (held, thread.state) {
-            (Some((held, Next::Call)), _) if held == tid => format!("begins {call}"),
+            (Some((held, Next::Begin)), _) if held == tid => format!("begins {call}"),
             (Some((held, _)), _) if held == tid => "runs".to_owned(),
             (_, State::Blocked(wait)) => match wait.deadline {
                 Some(at) => format!("waits in {call} until {at} s"),

@@ -1,0 +1,129 @@
+//! Up to the place where the debugger finds the program.
+
+use protocols::Instant;
+
+use super::failure::{First, Spot};
+use super::wires::Wires;
+use super::{Event, Session, THERE};
+use crate::guest::GuestError;
+use crate::guest::supervisor::{Goal, Stop, Wanted};
+
+impl Session<'_> {
+    /// Runs the program to where the debugger finds it; whether it is there.
+    pub(super) fn run_to_start(&mut self) -> Result<bool, GuestError> {
+        self.find_program()?;
+        let spot = match self.settings.on_fail {
+            true => match self.look_for_failure()? {
+                Some(spot) => Some(spot),
+                None => return Ok(false),
+            },
+            false => {
+                let at = self.settings.at;
+                at.map(|at| Spot::Time(Instant::ZERO + at))
+            }
+        };
+        let is_loaded = self.load_again()?;
+        if self.trial.is_none() || !(self.goes_on)() {
+            return Ok(false);
+        }
+        if !is_loaded {
+            (self.say)(
+                "no program was started that could be debugged: expected one that is no shell, or \
+                 its name by --program",
+            );
+            return Ok(false);
+        }
+        let is_there = match spot {
+            None => true,
+            Some(Spot::Time(at)) => self.reach_goal(Goal::Time(at))?,
+            Some(Spot::Call(moment)) => self.reach_goal(Goal::Moment(moment))?,
+            Some(Spot::Signal(number)) => self.reach_signal(number)?,
+        };
+        if !is_there && (self.goes_on)() {
+            let now = self.trial().now();
+            (self.say)(&format!(
+                "the run was over at {now} s, before that place: expected an earlier --at"
+            ));
+        }
+        Ok(is_there)
+    }
+
+    /// Runs once and says where the run failed, if it did.
+    fn look_for_failure(&mut self) -> Result<Option<Spot>, GuestError> {
+        if !self.load_again()? {
+            return Ok(None);
+        }
+        Ok(match self.find_failure()? {
+            First::Failed(failure) => {
+                (self.say)(&failure.what);
+                (self.say)("running again to the place before it");
+                Some(failure.spot)
+            }
+            First::Passed => {
+                (self.say)("no check fails: nothing to stop at");
+                None
+            }
+            First::Cut => None,
+        })
+    }
+
+    /// Lets a program that has just been started be loaded; whether it was.
+    pub(super) fn load(&mut self) -> Result<bool, GuestError> {
+        let wanted = self.wanted.clone().unwrap_or_default();
+        self.supervisor().begin_debugging(wanted);
+        self.wires = Wires::default();
+        self.wires.listen(self.trial.as_mut().expect(THERE));
+        loop {
+            match self.run_until_event()? {
+                Some(Event::Stop(Stop::Loaded(tid))) => {
+                    self.current = Some(tid);
+                    return Ok(true);
+                }
+                Some(Event::Stop(_)) => {}
+                Some(Event::Over) | None => return Ok(false),
+            }
+        }
+    }
+
+    /// Finds which program is to be debugged: of those that a command starts, the one that uses a
+    /// port first. For that the command runs until then.
+    fn find_program(&mut self) -> Result<(), GuestError> {
+        if let Some(name) = &self.settings.program {
+            self.wanted = Some(Wanted::Name(name.clone()));
+            return Ok(());
+        }
+        self.trial = (self.start)();
+        if self.trial.is_none() {
+            return Ok(());
+        }
+        self.supervisor().begin_debugging(Wanted::Nothing);
+        let mut user = None;
+        while user.is_none() && (self.goes_on)() {
+            let event = self.run_turn()?;
+            user = self.supervisor().debugging().and_then(|it| it.port_user());
+            if let Some(Event::Over) = event {
+                break;
+            }
+        }
+        self.wanted = Some(user.map_or(Wanted::NoShell, Wanted::Load));
+        Ok(())
+    }
+
+    /// Runs up to a signal, counted from the start.
+    fn reach_signal(&mut self, number: u64) -> Result<bool, GuestError> {
+        let mut left = number;
+        loop {
+            match self.run_until_event()? {
+                Some(Event::Stop(Stop::Signal(tid, _))) => {
+                    self.current = Some(tid);
+                    left -= 1;
+                    if left == 0 {
+                        return Ok(true);
+                    }
+                }
+                Some(Event::Stop(Stop::Ended(_)) | Event::Over) | None => return Ok(false),
+                Some(Event::Stop(_)) => {}
+            }
+        }
+    }
+}

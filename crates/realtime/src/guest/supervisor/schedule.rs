@@ -1,0 +1,168 @@
+//! Other orders of threads: where threads could run in any order, chance decides, the same for one
+//! seed each time.
+//!
+//! A thread that begins a call may let others go first, or be late, as on a busy machine. A thread
+//! that computes may lose the processor after some instructions. So a program with a race shows it
+//! for some seeds, and each of them repeats it.
+
+use core::time::Duration;
+
+use emulators::rng::Rng;
+use nix::libc;
+use nix::sys::ptrace;
+use nix::unistd::Pid;
+use protocols::Instant;
+
+use super::{Flow, Next, State, Supervisor};
+
+/// One call of so many lets others go first, or comes later.
+const YIELDS: u64 = 6;
+const DELAYS: u64 = 24;
+/// The same for a thread that goes on: it loses the processor while it computes.
+const PREEMPTS: u64 = 12;
+/// Shortest delay, and how often it doubles at most.
+const DELAY_MIN: Duration = Duration::from_micros(10);
+const DOUBLINGS: u64 = 9;
+/// Most instructions before a thread loses the processor: 2 to the power of one less than this.
+const INSTRUCTIONS: u64 = 11;
+
+/// The chance, and what it has decided.
+#[derive(Debug)]
+pub(super) struct Schedule {
+    chance: Rng,
+    /// Threads that are late, and until when.
+    late: Vec<(Instant, i32)>,
+    /// The thread that loses the processor after so many instructions.
+    fuel: Option<(i32, u64)>,
+}
+
+impl Schedule {
+    pub(super) fn new(seed: u64) -> Self {
+        Self {
+            chance: Rng::stream(seed, "schedule"),
+            late: Vec::new(),
+            fuel: None,
+        }
+    }
+
+    fn below(&mut self, count: u64) -> u64 {
+        self.chance.below(count.max(1))
+    }
+
+    fn delay(&mut self) -> Duration {
+        let doublings = self.below(DOUBLINGS);
+        let unit = DELAY_MIN * (1 << doublings);
+        let part = self.below(1 << 10);
+        unit + unit * u32::try_from(part).unwrap_or(0) / (1 << 10)
+    }
+
+    /// When the first thread that is late may run.
+    pub(super) fn next(&self) -> Option<Instant> {
+        self.late.iter().map(|(at, _)| *at).min()
+    }
+}
+
+impl Supervisor {
+    /// The thread whose turn it is.
+    pub(super) fn next_in_queue(&mut self) -> Option<i32> {
+        let count = self.queue.len();
+        if count > 1
+            && let Some(schedule) = &mut self.schedule
+        {
+            let index = schedule.below(count as u64);
+            return self.queue.remove(usize::try_from(index).unwrap_or(0));
+        }
+        self.queue.pop_front()
+    }
+
+    /// A thread begins a call: whether it goes on with it now.
+    pub(super) fn call_by_schedule(&mut self, tid: i32) -> Option<Flow> {
+        let has_others = !self.queue.is_empty();
+        let schedule = self.schedule.as_mut()?;
+        schedule.fuel = None;
+        if schedule.below(DELAYS) == 0 {
+            self.be_late(tid, Next::Call);
+            return Some(Flow::Stays);
+        }
+        if schedule.below(YIELDS) == 0 && has_others {
+            self.ready(tid, Next::Call);
+            return Some(Flow::Stays);
+        }
+        None
+    }
+
+    fn be_late(&mut self, tid: i32, next: Next) {
+        let now = self.stage.now();
+        let Some(schedule) = &mut self.schedule else {
+            return;
+        };
+        let until = now + schedule.delay();
+        schedule.late.push((until, tid));
+        self.set_state(tid, State::Ready(next));
+    }
+
+    /// Threads whose delay is over may run.
+    pub(super) fn end_delays(&mut self) {
+        let now = self.stage.now();
+        let Some(schedule) = &mut self.schedule else {
+            return;
+        };
+        let mut due: Vec<(Instant, i32)> = Vec::new();
+        schedule.late.retain(|&(at, tid)| {
+            let is_due = at <= now;
+            if is_due {
+                due.push((at, tid));
+            }
+            !is_due
+        });
+        due.sort_unstable();
+        for (_, tid) in due {
+            if self.threads.contains_key(&tid) {
+                self.queue.push_back(tid);
+            }
+        }
+    }
+
+    /// A thread goes on: whether it does so instruction by instruction.
+    pub(super) fn steps_by_schedule(&mut self, tid: i32) -> bool {
+        let Some(schedule) = &mut self.schedule else {
+            return false;
+        };
+        match schedule.fuel {
+            Some((other, _)) if other == tid => return true,
+            _ => schedule.fuel = None,
+        }
+        if schedule.below(PREEMPTS) != 0 {
+            return false;
+        }
+        let power = schedule.below(INSTRUCTIONS);
+        let count = 1 + schedule.below(1 << power);
+        schedule.fuel = Some((tid, count));
+        true
+    }
+
+    /// A thread has stopped at SIGTRAP: whether that is the end of an instruction before it loses
+    /// the processor.
+    pub(super) fn stepped_by_schedule(&mut self, tid: i32) -> Option<Flow> {
+        /// What the kernel tells of an `int3` of the program's own.
+        const BY_INSTRUCTION: i32 = 0x80;
+        let info = ptrace::getsiginfo(Pid::from_raw(tid)).ok()?;
+        let has_others = !self.queue.is_empty();
+        let keeps_loan = self.keeps_loan;
+        let schedule = self.schedule.as_mut()?;
+        let (_, left) = schedule.fuel.filter(|(other, _)| *other == tid)?;
+        if info.si_code == BY_INSTRUCTION || info.si_signo != libc::SIGTRAP {
+            return None;
+        }
+        if left > 1 || keeps_loan {
+            schedule.fuel = Some((tid, left.saturating_sub(1).max(1)));
+            return Some(Flow::Goes(None));
+        }
+        schedule.fuel = None;
+        match has_others && schedule.below(2) == 0 {
+            true => self.ready(tid, Next::Go(None)),
+            false => self.be_late(tid, Next::Go(None)),
+        }
+        Some(Flow::Stays)
+    }
+}

@@ -1,0 +1,54 @@
+//! `--schedule`: programs with a race work in the order of their calls and fail in some other order,
+//! which its seed repeats.
+
+use crate::guest::compiled;
+use crate::support::{Ended, folder, run_in};
+
+/// "mm=700" each 100 ms at 9600 baud for three seconds.
+const SONAR: &str = include_str!("programs/sonar.toml");
+const ACCOUNT: &str = include_str!("programs/races/account.py");
+/// Each ends with code 7, or waits for ever, if its race is lost.
+const RACES: [(&str, &str); 4] = [
+    ("counter", include_str!("programs/races/counter.c")),
+    ("lazy", include_str!("programs/races/lazy.c")),
+    ("order", include_str!("programs/races/order.c")),
+    ("wakeup", include_str!("programs/races/wakeup.c")),
+];
+/// Seeds that are tried: each race needs fewer than a tenth of the 200 that it may take.
+const SEEDS: u64 = 20;
+
+fn run(name: &str, command: &str, more: &[&str]) -> Ended {
+    let folder = folder(&format!("race-{name}"));
+    let files = [("sonar.toml", SONAR), ("account.py", ACCOUNT)];
+    run_in(&folder, &files, command, &[&["--virtual"], more].concat())
+}
+
+#[test]
+fn races_are_lost_in_some_orders_of_threads_and_never_in_the_order_of_calls() {
+    let compile = |(name, source)| {
+        let flags = ["-O1", "-pthread"];
+        let program = compiled(&format!("race-{name}"), "cc", source, &flags);
+        program.map(|program| (name, program.to_str().expect("a plain path").to_owned()))
+    };
+    let mut programs: Vec<(&str, String)> = RACES.into_iter().filter_map(compile).collect();
+    programs.push(("account", "python3 account.py".to_owned()));
+    for (name, command) in &programs {
+        let plain = run(name, command, &[]);
+        assert_eq!(plain.failed(), Vec::<&str>::new(), "{name}: {}", plain.said);
+        let lost = (0..SEEDS).find(|seed| {
+            let seed = seed.to_string();
+            run(name, command, &["--schedule", &seed]).code == Some(1)
+        });
+        let seed = lost.unwrap_or_else(|| panic!("{name}: in none of {SEEDS} orders"));
+        // The same again, and under the second run that --check makes.
+        let seed = seed.to_string();
+        let again = run(name, command, &["--schedule", &seed, "--check"]);
+        assert_eq!(again.code, Some(1), "{name}, seed {seed}: {}", again.said);
+        assert_eq!(
+            again.check("deterministic").0,
+            "pass",
+            "{name}, seed {seed}: {}",
+            again.said
+        );
+    }
+}
