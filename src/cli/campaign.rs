@@ -13,7 +13,7 @@ use clap::{Args, Subcommand};
 
 use self::live::Live;
 pub(super) use self::scope::needs_faults;
-use self::scope::{covered, profile};
+use self::scope::{covered, profile, vary_schedule};
 use super::answer::{CampaignEnded, CauseFound};
 use super::exec::{ExecArgs, is_bare};
 use super::out::answer;
@@ -159,14 +159,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
         false => Vary::default(),
     });
     needs_faults(args.profile.as_deref(), vary)?;
-    if vary.schedule {
-        if !args.program.is_virtual() {
-            let message = "--vary schedule: expected --exec CMD --virtual beside it: only there the \
-                           order of threads can be chosen";
-            return Err(CliError::Usage(message.to_owned()));
-        }
-        args.program.vary_schedule();
-    }
+    vary_schedule(&mut args.program, vary)?;
     if args.mutants {
         let mut read = read_all(&args.scenarios)?;
         leave_out_bare(&mut read)?;

@@ -18,10 +18,10 @@ use crate::scenario::Span;
 
 /// Debug your program with GDB while time stands.
 ///
-/// The program runs in virtual time in front of the rig of a scenario or of a saved case. While GDB
-/// holds it no time passes: no watchdog fires and no byte is lost, and after "continue" the run
-/// gives the same bytes as without a debugger. "monitor help" in GDB lists what the rig answers.
-/// When GDB detaches, the run goes on to its end and is judged.
+/// The program runs in virtual time on the ports of a scenario or of a saved case. While GDB holds
+/// it, no time passes: no watchdog fires and no byte is lost. After "continue" the run gives the
+/// same bytes as without a debugger. "monitor help" in GDB lists the commands of the rig. After
+/// "detach" the run continues to its end and is judged.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  hilrig debug rescue.toml --exec './robot \"$HILRIG_DIR\"'\n  \

@@ -149,9 +149,9 @@ fn count(text: &str, word: &str) -> usize {
     text.matches(word).count()
 }
 
-/// More than fifty stops: breakpoints in code that two threads, a child by fork and a child by vfork
-/// run, a watchpoint, a signal, conditions that gdb judges. Symbols are found in a
-/// position-independent program and in a static one.
+/// More than fifty stops: breakpoints in code that two threads and two children run, a watchpoint,
+/// a signal, conditions that gdb judges. Symbols are found in a position-independent program and in
+/// a static one.
 const MANY_STOPS: &str = "\
 break count
 commands
@@ -541,7 +541,7 @@ fn the_way_back_is_the_way_forth() {
     );
 }
 
-/// A check that fails is stopped at before the bytes that break it; a program that ends, at its end.
+/// The second run stops before the bytes that break a check, or at the end of a program that ends.
 #[test]
 fn on_fail_stops_in_the_function_with_the_defect() {
     let sound = DEBUGGED;

@@ -1,5 +1,5 @@
-//! `--schedule`: programs with a race work in the order of their calls and fail in some other order,
-//! which its seed repeats.
+//! `--schedule`: programs with a race work in the order of their calls, and fail in some other
+//! order that its seed repeats.
 
 use crate::guest::compiled;
 use crate::support::{Ended, folder, run_in};
@@ -7,12 +7,12 @@ use crate::support::{Ended, folder, run_in};
 /// "mm=700" each 100 ms at 9600 baud for three seconds.
 const SONAR: &str = include_str!("programs/sonar.toml");
 const ACCOUNT: &str = include_str!("programs/races/account.py");
-/// Each ends with code 7, or waits for ever, if its race is lost.
+/// Each ends with code 7 if its race is lost.
 const RACES: [(&str, &str); 4] = [
     ("counter", include_str!("programs/races/counter.c")),
     ("lazy", include_str!("programs/races/lazy.c")),
     ("order", include_str!("programs/races/order.c")),
-    ("wakeup", include_str!("programs/races/wakeup.c")),
+    ("pair", include_str!("programs/races/pair.c")),
 ];
 /// Seeds that are tried: each race needs fewer than a tenth of the 200 that it may take.
 const SEEDS: u64 = 20;

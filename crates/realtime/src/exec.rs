@@ -15,6 +15,7 @@ mod error;
 mod exchange;
 mod ports;
 mod readiness;
+mod schedule;
 mod verdict;
 
 use core::time::Duration;
@@ -40,6 +41,7 @@ pub(crate) use conclude::Ending;
 pub use error::ExecError;
 pub(crate) use ports::Ports;
 pub(crate) use readiness::Readiness;
+pub use schedule::Schedule;
 pub use verdict::{alive, childless};
 
 /// Environment variable with the directory of the ports.
@@ -92,49 +94,6 @@ pub struct Supervision {
     pub spin_max: Duration,
     /// Another order of threads; `None`: that of their calls.
     pub schedule: Option<Schedule>,
-}
-
-/// Which other order of threads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Schedule {
-    /// Of this seed.
-    Seed(u64),
-    /// Of the scenario's seed.
-    OfScenario,
-}
-
-impl Schedule {
-    /// Its seed for a scenario with this one.
-    pub const fn seed(self, scenario: u64) -> u64 {
-        match self {
-            Self::Seed(seed) => seed,
-            Self::OfScenario => scenario,
-        }
-    }
-}
-
-impl core::str::FromStr for Schedule {
-    type Err = String;
-
-    /// Reads a number, or `seed` for the scenario's own.
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "seed" => Ok(Self::OfScenario),
-            text => text
-                .parse()
-                .map(Self::Seed)
-                .map_err(|_| "expected a number, or \"seed\" for the scenario's seed".to_owned()),
-        }
-    }
-}
-
-impl core::fmt::Display for Schedule {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        match self {
-            Self::Seed(seed) => write!(f, "{seed}"),
-            Self::OfScenario => f.write_str("seed"),
-        }
-    }
 }
 
 /// An end of a link and the port that it is on.

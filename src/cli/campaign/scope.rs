@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::super::CliError;
+use super::super::exec::ExecArgs;
 use crate::search::campaign::{CampaignPlan, Shard, Store};
 use crate::search::generate::{Profile, Vary};
 
@@ -43,4 +44,17 @@ pub(super) fn covered(plan: &CampaignPlan, store: &Store, shard: Shard) -> Strin
     };
     let scenarios = counts.len();
     format!("covered: {done} of {of} seeds in each of {scenarios} scenarios")
+}
+
+/// Lets the order of threads follow each seed, if that is to vary.
+pub(super) fn vary_schedule(program: &mut ExecArgs, vary: Vary) -> Result<(), CliError> {
+    if vary.schedule && !program.is_virtual() {
+        let message = "--vary schedule: expected --exec CMD --virtual beside it: only there the \
+                       order of threads can be chosen";
+        return Err(CliError::Usage(message.to_owned()));
+    }
+    if vary.schedule {
+        program.vary_schedule();
+    }
+    Ok(())
 }

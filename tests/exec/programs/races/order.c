@@ -1,35 +1,29 @@
-/* The reader uses the settings that the main thread makes after it has started the reader. */
+/* A thread takes the order that its starter writes after it has started the thread. */
 #include <fcntl.h>
 #include <pthread.h>
 #include <stdlib.h>
 #include <unistd.h>
 
-static int *volatile settings;
-static int values[4] = {1, 2, 3, 4};
-static int port;
+static volatile int order;
 
-static void *reader(void *none) {
+static void *worker(void *none) {
     (void)none;
-    for (;;) {
-        char bytes[64];
-        if (read(port, bytes, sizeof bytes) < 0 || write(1, "read\n", 5) != 5) exit(3);
-        if (settings[0] != 1) exit(4);
-    }
-}
-
-static void *other(void *none) {
-    (void)none;
-    return settings;
+    return order == 0 ? NULL : (void *)&order;
 }
 
 int main(void) {
-    port = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
-    pthread_t thread, second;
-    pthread_create(&thread, NULL, other, NULL);
-    settings = values;
-    void *seen = NULL;
-    pthread_join(thread, &seen);
-    if (seen == NULL) return 7;
-    pthread_create(&second, NULL, reader, NULL);
-    pthread_join(second, NULL);
+    int port = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
+    for (int round = 0; round < 20; round++) {
+        pthread_t thread;
+        void *taken = NULL;
+        order = 0;
+        pthread_create(&thread, NULL, worker, NULL);
+        order = round + 1;
+        pthread_join(thread, &taken);
+        if (taken == NULL) return 7;
+    }
+    for (;;) {
+        char bytes[64];
+        if (read(port, bytes, sizeof bytes) < 0 || write(1, "read\n", 5) != 5) return 3;
+    }
 }

@@ -1,7 +1,7 @@
 //! What a debugger has set, and where the program stands for it.
 //!
-//! A stop for the debugger holds the thread in the middle of its turn: nothing else is done until it
-//! goes on, so that the run takes the same course as without a debugger.
+//! A stop for the debugger holds the thread in the middle of its turn. Nothing else happens until
+//! the thread continues, so the run is the same as without a debugger.
 
 mod asked;
 mod memory;

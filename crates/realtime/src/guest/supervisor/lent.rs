@@ -41,7 +41,7 @@ impl Supervisor {
         );
     }
 
-    /// Whether a thread has stopped in the middle of a look at its clocks: its counts are not whole.
+    /// Whether a thread has stopped in the middle of a look at its clocks, with incomplete counts.
     pub(super) fn stands_in_clocks(&self, tid: i32, status: i32) -> bool {
         let is_trap = status >> 8 == libc::SIGTRAP;
         if !is_trap || self.debugging.is_none() && self.schedule.is_none() {

@@ -123,7 +123,7 @@ impl Supervisor {
         }
     }
 
-    /// A thread goes on: whether it does so instruction by instruction.
+    /// Whether a thread that continues goes by single instructions.
     pub(super) fn steps_by_schedule(&mut self, tid: i32) -> bool {
         let Some(schedule) = &mut self.schedule else {
             return false;

@@ -46,7 +46,7 @@ impl Supervisor {
                 if let Some(computed) = computed.filter(|&computed| computed >= limit) {
                     self.trouble = Some(GuestError::Spins(thread_name(tid), computed));
                 }
-                // With another order of threads it is held to wait for another one, whose time comes.
+                // With --schedule the thread is assumed to wait for another one: let time pass.
                 if self.schedule.is_some() && self.queue.is_empty() {
                     if let Err(error) = self.let_time_pass() {
                         self.trouble = Some(error);

@@ -27,8 +27,8 @@ impl Supervisor {
         self.threads.get(&tid).map(|thread| thread.index)
     }
 
-    /// The registers of a thread, with those for floating point if it has stopped; of one that is in
-    /// the kernel, as they were when it went there.
+    /// The registers of a thread, with those for floating point if it has stopped. A thread in the
+    /// kernel has the registers of its call.
     pub(in crate::guest) fn registers_of(
         &self,
         tid: i32,
