@@ -7,14 +7,16 @@ use crate::support::{Ended, folder, run_in};
 /// "mm=700" each 100 ms at 9600 baud for three seconds.
 const SONAR: &str = include_str!("programs/sonar.toml");
 const ACCOUNT: &str = include_str!("programs/races/account.py");
-/// Each ends with code 7 if its race is lost.
-const RACES: [(&str, &str); 4] = [
-    ("counter", include_str!("programs/races/counter.c")),
-    ("lazy", include_str!("programs/races/lazy.c")),
-    ("order", include_str!("programs/races/order.c")),
-    ("pair", include_str!("programs/races/pair.c")),
+/// Each ends with code 7 if its race is lost, as with this seed.
+const RACES: [(&str, &str, u64); 4] = [
+    ("counter", include_str!("programs/races/counter.c"), 1),
+    ("lazy", include_str!("programs/races/lazy.c"), 1),
+    ("order", include_str!("programs/races/order.c"), 0),
+    ("pair", include_str!("programs/races/pair.c"), 7),
 ];
-/// Seeds that are tried: each race needs fewer than a tenth of the 200 that it may take.
+/// The same of the program in Python.
+const ACCOUNT_SEED: u64 = 2;
+/// Seeds that are tried if chance has changed.
 const SEEDS: u64 = 20;
 
 fn run(name: &str, command: &str, more: &[&str]) -> Ended {
@@ -25,17 +27,23 @@ fn run(name: &str, command: &str, more: &[&str]) -> Ended {
 
 #[test]
 fn races_are_lost_in_some_orders_of_threads_and_never_in_the_order_of_calls() {
-    let compile = |(name, source)| {
+    let compile = |(name, source, seed)| {
         let flags = ["-O1", "-pthread"];
         let program = compiled(&format!("race-{name}"), "cc", source, &flags);
-        program.map(|program| (name, program.to_str().expect("a plain path").to_owned()))
+        program.map(|program| {
+            (
+                name,
+                program.to_str().expect("a plain path").to_owned(),
+                seed,
+            )
+        })
     };
-    let mut programs: Vec<(&str, String)> = RACES.into_iter().filter_map(compile).collect();
-    programs.push(("account", "python3 account.py".to_owned()));
-    for (name, command) in &programs {
+    let mut programs: Vec<(&str, String, u64)> = RACES.into_iter().filter_map(compile).collect();
+    programs.push(("account", "python3 account.py".to_owned(), ACCOUNT_SEED));
+    for (name, command, known) in &programs {
         let plain = run(name, command, &[]);
         assert_eq!(plain.failed(), Vec::<&str>::new(), "{name}: {}", plain.said);
-        let lost = (0..SEEDS).find(|seed| {
+        let lost = core::iter::once(*known).chain(0..SEEDS).find(|seed| {
             let seed = seed.to_string();
             run(name, command, &["--schedule", &seed]).code == Some(1)
         });

@@ -376,7 +376,9 @@ impl Session<'_> {
         let leave = match leave {
             Ok(leave) => leave,
             Err(error) => {
-                self.trial.map(Trial::abandon);
+                if let Some(trial) = self.trial {
+                    trial.abandon();
+                }
                 return Err(error);
             }
         };

@@ -33,7 +33,7 @@ impl Session<'_> {
         let answer = match (verb, &rest[..]) {
             ("help", _) => Ok(HELP.to_owned()),
             ("time", []) => Ok(self.time()),
-            ("until", [until @ ..]) => self.until(until),
+            ("until", until) => self.until(until),
             ("back", [by]) => self.back_by(by),
             ("wires", rest) => self.wires_of(rest),
             ("state", []) => Ok(self.state()),

@@ -368,8 +368,10 @@ impl HwWatchpoint for Session<'_> {
         let Some(debugging) = self.supervisor().debugging() else {
             return Ok(false);
         };
-        let words = words(addr, len, kind).into_iter();
-        let removed = words.fold(true, |all, word| debugging.remove_watch(word) && all);
+        let mut removed = true;
+        for word in words(addr, len, kind) {
+            removed &= debugging.remove_watch(word);
+        }
         self.kinds.remove(&addr);
         Ok(removed)
     }

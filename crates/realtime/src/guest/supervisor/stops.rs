@@ -47,10 +47,9 @@ impl Supervisor {
                     self.trouble = Some(GuestError::Spins(thread_name(tid), computed));
                 }
                 // With --schedule the thread is assumed to wait for another one: let time pass.
-                if self.schedule.is_some() && self.queue.is_empty() {
-                    if let Err(error) = self.let_time_pass() {
-                        self.trouble = Some(error);
-                    }
+                let is_waiting = self.schedule.is_some() && self.queue.is_empty();
+                if is_waiting && let Err(error) = self.let_time_pass() {
+                    self.trouble = Some(error);
                 }
                 // A request to end the run is served. Another thread that can run may be the one
                 // for which this thread waits.

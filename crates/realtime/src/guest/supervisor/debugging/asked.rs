@@ -82,7 +82,8 @@ impl Debugging {
 
     /// Watches memory; false if the processor has no register left for it.
     pub(in crate::guest) fn add_watch(&mut self, watch: Watchpoint) -> bool {
-        let is_whole = matches!(watch.len, 1 | 2 | 4 | 8) && watch.address % watch.len == 0;
+        let is_whole =
+            matches!(watch.len, 1 | 2 | 4 | 8) && watch.address.is_multiple_of(watch.len);
         if !is_whole || self.watches.len() >= WATCHES {
             return false;
         }
