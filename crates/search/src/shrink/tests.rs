@@ -83,8 +83,8 @@ fn shrunk(culprit: &str, begins: &str, take_out: impl Fn(&mut Scenario)) -> Scen
     small
 }
 
-/// Whether the whole suite runs, `HILRIG_TESTS=all`. A landing shrinks one failure of a link, one of
-/// a device and one of the world.
+/// Whether the whole suite runs, `HILRIG_TESTS=all`. A landing shrinks one failure of a link, one
+/// of a device and one of the world.
 fn is_whole() -> bool {
     std::env::var("HILRIG_TESTS").is_ok_and(|tests| tests == "all")
 }
