@@ -173,6 +173,13 @@ impl Text {
         })
     }
 
+    /// The current values of all variables, in the order of the description.
+    pub fn values(&self, now: Instant, world: &World) -> Vec<i64> {
+        let variables = 0..self.config.variables.len();
+        let read = |index| self.variables.read(index, now, world);
+        variables.map(read).collect()
+    }
+
     /// Encoders and actuators of its values; without them, it reads 0 and drives nothing.
     pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
         self.variables.wanted().map(|(_, wanted)| wanted)

@@ -396,6 +396,8 @@ pub(super) struct CampaignEnded {
     pub(super) causes: Vec<CauseFound>,
     /// Situations that never occurred.
     pub(super) never_came_up: Vec<String>,
+    /// Goals (`sometimes`) that no run reached; none for a shard.
+    pub(super) missed_goals: Vec<String>,
     /// With `--mutants`: planted defects, and the checks that found them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) mutants: Option<Vec<MutantJudged>>,

@@ -244,6 +244,7 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
         trace_hash: None,
         causes: Vec::new(),
         never_came_up: Vec::new(),
+        missed_goals: Vec::new(),
         mutants: None,
     });
     println!("results in {}", out.display());
@@ -447,13 +448,19 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
         report_comparison(comparison);
     }
     let mut all_came_up = true;
-    for count in merged.situations.iter().filter(|count| count.runs == 0) {
-        println!("  never came up: {}", count.situation);
+    for situation in merged.missed_situations() {
+        println!("  never came up: {situation}");
         all_came_up = false;
+    }
+    let mut all_reached = true;
+    for goal in merged.missed_goals() {
+        println!("  FAIL {goal} was not reached in any of the runs");
+        all_reached = false;
     }
     println!("table in {}", out.join("campaign.html").display());
     answer(&ended(merged, out));
-    let all_hold = merged.failed == 0 && merged.missing == 0 && (all_came_up || !all_situations);
+    let all_came_up = all_reached && (all_came_up || !all_situations);
+    let all_hold = merged.failed == 0 && merged.missing == 0 && all_came_up;
     if all_hold {
         Verdict::Pass
     } else {
@@ -472,7 +479,6 @@ fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
         first: group.first.clone(),
         repeat: group.case.as_ref().map(repeat),
     });
-    let never = merged.situations.iter().filter(|count| count.runs == 0);
     CampaignEnded {
         folder: Some(out.display().to_string()),
         runs: merged.runs as u64,
@@ -480,7 +486,8 @@ fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
         missing: Some(merged.missing as u64),
         trace_hash: Some(merged.trace.clone()),
         causes: causes.collect(),
-        never_came_up: never.map(|count| count.situation.clone()).collect(),
+        never_came_up: merged.missed_situations().map(str::to_owned).collect(),
+        missed_goals: merged.missed_goals().map(str::to_owned).collect(),
         mutants: None,
     }
 }

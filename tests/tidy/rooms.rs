@@ -12,7 +12,7 @@ const ENGINE: &str = "crates/engine/src";
 /// Its modules from the top.
 const ROOMS: [&str; 5] = ["run", "robots", "scenario", "codec", "rig"];
 /// What each of them may use, and what uses none.
-const BOTTOM: [&str; 5] = ["hex", "picture", "registry", "workers", "TOOL"];
+const BOTTOM: [&str; 6] = ["hex", "near", "picture", "registry", "workers", "TOOL"];
 /// Roots of crates: a path that begins with `crate` begins there.
 const ROOTS: [&str; 12] = [
     "src",

@@ -454,7 +454,7 @@ impl Replay {
             .iter()
             .flat_map(|(_, passage)| &passage.arrivals);
         Replayed {
-            checks: self.watchers.verdicts(),
+            checks: self.watchers.verdicts(self.rig.now(), self.is_over()),
             ran: self.rig.now() - Instant::ZERO,
             heard: heard.map(|arrival| arrival.bytes.len()).sum(),
             links: links.collect(),

@@ -27,6 +27,7 @@
 mod bus;
 mod car_board;
 mod evidence;
+mod fields;
 mod floor;
 mod lidar;
 mod lua;
@@ -49,6 +50,7 @@ mod xv11_turn;
 pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, NamedRegister, RegisterNames, bus};
 pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
 pub use evidence::Evidence;
+pub use fields::value_in;
 pub use floor::Floor;
 pub use lidar::{Lidar, Ranges};
 pub use lua::{Lua, LuaField, field};

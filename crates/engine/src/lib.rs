@@ -14,6 +14,7 @@
 
 pub mod codec;
 pub mod hex;
+pub mod near;
 pub mod picture;
 mod registry;
 pub mod rig;

@@ -10,6 +10,7 @@ pub mod axis;
 mod board_settings;
 mod bounds;
 pub mod checker;
+pub(crate) mod conditions;
 pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
@@ -393,6 +394,7 @@ pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     })?;
     plan_links(&mut wired.rig, scenario, source)?;
     bounds::check_safety_links(&wired.rig, scenario, source)?;
+    bounds::check_conditions(&wired, scenario, source)?;
     Ok(wired)
 }
 

@@ -37,6 +37,8 @@ pub mod history;
 mod line_watch;
 pub(crate) mod mission;
 mod outcome;
+mod probe;
+mod rules;
 pub mod scene;
 pub mod score;
 mod steps;
@@ -229,7 +231,8 @@ impl Run {
         let phases = self.scenario.phases;
         let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
         let came = self.progress.is_over(now) || self.has_come_home(now);
-        let over = judged && received && !self.steps.is_waiting() && came;
+        let awaits = self.steps.is_waiting() || self.watchers.awaits(now);
+        let over = judged && received && !awaits && came;
         let done = !self.scenario.mission.to_the_end && over;
         let lost = self.rig.has_lost_node();
         self.is_over = now >= self.scenario.duration.instant() || done || lost;
@@ -427,8 +430,9 @@ impl Run {
         pose_error: Option<PoseError>,
         wall_overlap: Option<WallOverlap>,
     ) -> Vec<Check> {
-        let mut checks = self.watchers.verdicts();
-        let is_over = self.is_over || self.rig.now() >= self.scenario.duration.instant();
+        let now = self.rig.now();
+        let is_over = self.is_over || now >= self.scenario.duration.instant();
+        let mut checks = self.watchers.verdicts(now, is_over);
         #[cfg(feature = "described")]
         checks.extend(check::node_programs(&self.rig));
         checks.extend(check::fired(self.rig.events()));

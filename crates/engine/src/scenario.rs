@@ -13,6 +13,7 @@ mod mission;
 mod own;
 mod phases;
 pub(crate) mod plan;
+mod rule;
 mod safety;
 pub mod schema;
 mod source;
@@ -31,8 +32,9 @@ use serde::{Deserialize, Serialize};
 pub use board::{RaisesSpec, ResetSpec};
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use condition::{
-    AxisCondition, BytesCondition, Condition, EventCondition, Figure, FrameCondition, MapCondition,
-    Op, PoseCondition, RegisterCondition,
+    AxisCondition, BytesCondition, Condition, ContactCondition, EventCondition, Figure,
+    FrameCondition, MapCondition, Op, Operand, PoseCondition, Quantity, RegisterCondition,
+    RobotCondition,
 };
 pub use device::{
     AvrBaseSpec, DeviceSpec, Hc06Spec, MotorSpec, MountSpec, RplidarSpec, SupplySpec, TapSpec,
@@ -50,6 +52,7 @@ pub use own::{
     TextSpec, VariableSpec, WidthSpec,
 };
 pub use phases::{BudgetSpec, PhasesSpec};
+pub use rule::{Demand, RuleSpec, UntilSpec};
 pub use safety::SafetySpec;
 pub use source::{ScenarioError, Source};
 pub use span::Span;

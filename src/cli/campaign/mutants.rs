@@ -122,6 +122,7 @@ fn ended(mutants: &Mutants<'_>) -> CampaignEnded {
         trace_hash: None,
         causes: Vec::new(),
         never_came_up: Vec::new(),
+        missed_goals: Vec::new(),
         mutants: Some(judged.collect()),
     }
 }

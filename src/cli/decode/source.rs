@@ -8,10 +8,10 @@ use super::CliError;
 use crate::capture::decode::transcript::Known;
 use crate::capture::import::{self, Format, Imported, Options};
 use crate::capture::{Capture, Interface, Kind, Record, replay};
-use crate::codec::{NamedRegister, RegisterNames};
+use crate::codec::RegisterNames;
 use crate::rig::line::Direction;
 use crate::run::Run;
-use crate::scenario::{RegistersSpec, Scenario, WidthSpec};
+use crate::scenario::Scenario;
 
 /// The first bytes of a capture.
 pub(in crate::cli) const PCAPNG: [u8; 4] = [0x0A, 0x0D, 0x0D, 0x0A];
@@ -146,29 +146,8 @@ impl Source {
 /// The registers of a scenario's described slaves, by link name.
 fn registers(scenario: &Scenario) -> Vec<(String, RegisterNames)> {
     let own = scenario.device.iter();
-    let own = own.filter_map(|(name, spec)| Some((name, spec.settings::<RegistersSpec>()?)));
-    own.map(|(name, spec)| {
-        let named = spec.register.iter().map(|register| {
-            let register = register.get_ref();
-            let (bytes, is_signed) = match register.width {
-                WidthSpec::U8 => (1, false),
-                WidthSpec::I8 => (1, true),
-                WidthSpec::U16 => (2, false),
-                WidthSpec::I16 => (2, true),
-                WidthSpec::U32 => (4, false),
-                WidthSpec::I32 => (4, true),
-            };
-            NamedRegister {
-                address: register.address,
-                bytes,
-                is_signed,
-                name: register.name.clone(),
-                unit: String::new(),
-            }
-        });
-        (name.clone(), RegisterNames::new(named))
-    })
-    .collect()
+    let own = own.filter_map(|(name, spec)| Some((name.clone(), spec.register_names()?)));
+    own.collect()
 }
 
 pub(in crate::cli) fn raw_link() -> Interface {

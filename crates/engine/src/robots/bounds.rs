@@ -1,6 +1,7 @@
 //! Whether missions and rooms fit the robot's map.
 
-use super::Robot;
+use super::conditions::Moment;
+use super::{Robot, Wired};
 use crate::rig::Rig;
 use crate::scenario::{Action, Scenario, ScenarioError, Source};
 
@@ -54,6 +55,43 @@ pub(super) fn check_safety_links(
     let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
     let message = format!("no link \"{link}\", expected one of {}", known.join(", "));
     Err(source.invalid(source.find(key), format!("expect.safety.{key}"), message))
+}
+
+/// Whether the robot has what the conditions of rules and steps name.
+///
+/// # Errors
+/// The first name that it has not.
+pub(super) fn check_conditions(
+    wired: &Wired,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    let moment = Moment {
+        rig: &wired.rig,
+        instruments: &*wired.instruments,
+        axes: None,
+        devices: &scenario.device,
+        waypoints: [0, scenario.mission.waypoints_m.len()],
+    };
+    for (index, spanned) in scenario.expect.rule.iter().enumerate() {
+        for (key, condition) in spanned.get_ref().conditions() {
+            moment.check(condition).map_err(|flaw| {
+                let span = source.find_in_list("expect.rule", index, key);
+                let key = format!("expect.rule[{index}].{key}.{}", flaw.key);
+                source.invalid(span.or(Some(spanned.span())), key, flaw.message)
+            })?;
+        }
+    }
+    for (index, step) in scenario.mission.step.iter().enumerate() {
+        if let Some(condition) = &step.when {
+            moment.check(condition).map_err(|flaw| {
+                let span = source.find_in_list("mission.step", index, "when");
+                let key = format!("mission.step[{index}].when.{}", flaw.key);
+                source.invalid(span, key, flaw.message)
+            })?;
+        }
+    }
+    Ok(())
 }
 
 /// What is wrong with waypoints for the robot called `name`: one lies outside its map.

@@ -241,6 +241,7 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         && (budget, phases) == (&b.budget, &b.phases)
         && ends_alike(expect, &b.expect)
         && expect.safety == b.expect.safety
+        && expect.rules().eq(b.expect.rules())
 }
 
 /// Whether `other` is `fault` at another time.

@@ -3,66 +3,237 @@
 use protocols::Instant;
 
 use crate::Shared;
-use crate::codec::{Codec, Stream, What};
+use crate::codec::{Codec, RegisterNames, Stream, What, value_in};
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
+use crate::robots::conditions::{Moment, Reading};
+use crate::scenario::{BytesCondition, DeviceSpec, DirectionSpec, Flaw, FrameCondition, Operand};
 use crate::shared::WeakShared;
 
+/// Bytes that are decoded anew for a copy of the rig: longer than any frame.
+const TAIL: usize = 4096;
+/// Moments that are kept between two looks of the rules.
+const FOUND_MAX: usize = 4096;
+
 /// Pattern in the bytes of a line.
+#[derive(Clone)]
 pub(super) enum Wanted {
-    /// Number of further bytes.
-    Count(u64),
+    /// A number of bytes, and what is left of it.
+    Count { of: u64, left: u64 },
     /// These bytes in sequence; the matched beginning so far.
     Pattern { pattern: Vec<u8>, tail: Vec<u8> },
-    /// A frame with these words, in the line's protocol.
-    Frame {
-        contains: String,
+    /// A frame, in the line's protocol.
+    Frame(Box<Frames>),
+}
+
+/// Frames of a line.
+pub(super) struct Frames {
+    wanted: FrameCondition,
+    direction: Direction,
+    codec: &'static Codec,
+    stream: Stream,
+    heard: Instant,
+    /// Names of the registers, if the line is that of a slave as data.
+    names: Option<RegisterNames>,
+    /// The last bytes, from which a copy comes to the same state, and the number of all.
+    tail: Vec<u8>,
+    fed: u64,
+}
+
+impl Clone for Frames {
+    fn clone(&self) -> Self {
+        let mut stream = Stream::towards(self.codec, self.direction);
+        let _ = stream.push(&self.tail);
+        Self {
+            wanted: self.wanted.clone(),
+            direction: self.direction,
+            codec: self.codec,
+            stream,
+            heard: self.heard,
+            names: self.names.clone(),
+            fed: self.tail.len() as u64,
+            tail: self.tail.clone(),
+        }
+    }
+}
+
+impl Frames {
+    fn new(
+        wanted: FrameCondition,
         codec: &'static Codec,
-        stream: Stream,
-        heard: Instant,
-    },
+        names: Option<RegisterNames>,
+        now: Instant,
+    ) -> Self {
+        let direction = Direction::from(wanted.direction);
+        Self {
+            wanted,
+            direction,
+            codec,
+            stream: Stream::towards(codec, direction),
+            heard: now,
+            names,
+            tail: Vec::new(),
+            fed: 0,
+        }
+    }
+
+    fn take(&mut self, at: Instant, bytes: &[u8], found: &mut Found) {
+        if at - self.heard > self.codec.idle() {
+            drop(self.stream.idle());
+        }
+        self.heard = at;
+        self.fed += bytes.len() as u64;
+        self.tail.extend_from_slice(bytes);
+        let surplus = self.tail.len().saturating_sub(TAIL);
+        self.tail.drain(..surplus);
+        for stretch in self.stream.push(bytes) {
+            if let What::Frame(words) = stretch.what {
+                let words = self.named(&stretch.bytes).unwrap_or(words);
+                found.frames += 1;
+                if let Some(reading) = self.reading(&words) {
+                    found.add(at, reading);
+                }
+                found.last = words;
+            }
+        }
+    }
+
+    /// The words of the frame at `place` by the names of the slave's own registers.
+    fn named(&self, place: &core::ops::Range<u64>) -> Option<String> {
+        let names = self.names.as_ref()?;
+        let begin = self.fed - self.tail.len() as u64;
+        let index = |at: u64| usize::try_from(at.checked_sub(begin)?).ok();
+        names.words(self.tail.get(index(place.start)?..index(place.end)?)?)
+    }
+
+    /// What a frame reads; `None` if it is not one of those that are asked for.
+    fn reading(&self, words: &str) -> Option<Reading> {
+        let FrameCondition {
+            contains,
+            field,
+            op,
+            value,
+            ..
+        } = &self.wanted;
+        if !words.contains(&**contains) {
+            return None;
+        }
+        let Some((field, wanted)) = field.as_ref().zip(value.as_ref()) else {
+            return Some(Reading {
+                holds: true,
+                value: None,
+            });
+        };
+        let value = Operand::from_words(value_in(words, field)?);
+        Some(Reading {
+            holds: op.compares(&value, wanted),
+            value: Some(value),
+        })
+    }
 }
 
 impl Wanted {
-    /// Whether it was found by now.
-    fn is_in(&mut self, at: Instant, bytes: &[u8]) -> bool {
+    pub(super) fn bytes(bytes: &BytesCondition) -> Result<Self, Flaw> {
+        Ok(match (bytes.pattern()?, bytes.count.unwrap_or(1)) {
+            (Some(pattern), _) => Self::Pattern {
+                pattern,
+                tail: Vec::new(),
+            },
+            (None, of) => Self::Count { of, left: of },
+        })
+    }
+
+    pub(super) fn frame(frame: &FrameCondition, moment: &Moment<'_>) -> Result<Self, Flaw> {
+        let codec = moment.codec(frame)?;
+        let device = moment.devices.get(&frame.link);
+        let names = device.and_then(DeviceSpec::register_names);
+        let frames = Frames::new(frame.clone(), codec, names, moment.rig.now());
+        Ok(Self::Frame(Box::new(frames)))
+    }
+
+    /// Takes more bytes of the line.
+    fn take(&mut self, at: Instant, bytes: &[u8], found: &mut Found) {
+        let is_in = Reading {
+            holds: true,
+            value: None,
+        };
+        found.bytes += bytes.len() as u64;
         match self {
-            Self::Count(left) => {
+            Self::Count { of, left } => {
                 *left = left.saturating_sub(bytes.len() as u64);
-                *left == 0
+                if *left == 0 {
+                    *left = *of;
+                    found.add(at, is_in);
+                }
             }
             Self::Pattern { pattern, tail } => {
                 tail.extend_from_slice(bytes);
-                let found = tail.windows(pattern.len()).any(|part| part == *pattern);
+                if tail.windows(pattern.len()).any(|part| part == *pattern) {
+                    found.add(at, is_in);
+                }
                 let kept = tail.len().saturating_sub(pattern.len() - 1);
                 tail.drain(..kept);
-                found
             }
-            Self::Frame {
-                contains,
-                codec,
-                stream,
-                heard,
-            } => {
-                if at - *heard > codec.idle() {
-                    drop(stream.idle());
-                }
-                *heard = at;
-                let found = stream.push(bytes);
-                let is_it =
-                    |what: &What| matches!(what, What::Frame(words) if words.contains(&**contains));
-                found.iter().any(|found| is_it(&found.what))
-            }
+            Self::Frame(frames) => frames.take(at, bytes, found),
+        }
+    }
+}
+
+/// What a watch has found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Found {
+    /// Whether it has held once.
+    pub(super) has_held: bool,
+    /// Each moment since they were taken last.
+    moments: Vec<(Instant, Reading)>,
+    /// Bytes and frames on the line, readings of them, and the last frame in words.
+    pub(super) bytes: u64,
+    pub(super) frames: u64,
+    pub(super) readings: u64,
+    pub(super) last: String,
+}
+
+impl Found {
+    fn add(&mut self, at: Instant, reading: Reading) {
+        self.has_held |= reading.holds;
+        self.readings += 1;
+        if self.moments.len() < FOUND_MAX {
+            self.moments.push((at, reading));
         }
     }
 }
 
 /// A watch on one direction of a link.
+#[derive(Clone)]
 pub(super) struct LineWatch {
-    pub(super) link: usize,
-    pub(super) direction: Direction,
-    pub(super) wanted: Wanted,
-    pub(super) is_found: bool,
+    link: usize,
+    direction: Direction,
+    wanted: Wanted,
+    /// Whether it stops at the first time that it holds.
+    is_once: bool,
+    pub(super) found: Found,
+}
+
+impl LineWatch {
+    pub(super) fn new(
+        link: usize,
+        direction: DirectionSpec,
+        wanted: Wanted,
+        is_once: bool,
+    ) -> Self {
+        Self {
+            link,
+            direction: Direction::from(direction),
+            wanted,
+            is_once,
+            found: Found::default(),
+        }
+    }
+
+    /// Takes the moments found since the last call.
+    pub(super) fn take_moments(&mut self) -> Vec<(Instant, Reading)> {
+        core::mem::take(&mut self.found.moments)
+    }
 }
 
 /// All watches. A watch is forgotten when its owner drops it.
@@ -70,7 +241,12 @@ pub(super) struct LineWatch {
 pub(super) struct LineWatches(Shared<Vec<WeakShared<LineWatch>>>);
 
 impl LineWatches {
-    /// Begins to look.
+    /// Whether no line is watched.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.lock().is_empty()
+    }
+
+    /// Begins to look, once these are a tap of the rig.
     pub(super) fn add(&self, watch: LineWatch) -> Shared<LineWatch> {
         let watch = Shared::new(watch);
         self.0.lock().push(watch.downgrade());
@@ -88,8 +264,10 @@ impl Tap for LineWatches {
                 return false;
             };
             let mut watch = watch.lock();
-            if watch.link == link && watch.direction == direction && !watch.is_found {
-                watch.is_found = watch.wanted.is_in(at, bytes);
+            let is_over = watch.is_once && watch.found.has_held;
+            if watch.link == link && watch.direction == direction && !is_over {
+                let LineWatch { wanted, found, .. } = &mut *watch;
+                wanted.take(at, bytes, found);
             }
             true
         });
@@ -102,6 +280,36 @@ mod tests {
 
     use super::*;
     use crate::codec::BUS_HIGH_FIRST;
+
+    impl Wanted {
+        /// Whether it was found by now.
+        fn is_in(&mut self, at: Instant, bytes: &[u8]) -> bool {
+            let mut found = Found::default();
+            self.take(at, bytes, &mut found);
+            found.has_held
+        }
+    }
+
+    fn count(of: u64) -> Wanted {
+        Wanted::Count { of, left: of }
+    }
+
+    fn frames(contains: &str, field: Option<&str>) -> Wanted {
+        let wanted = FrameCondition {
+            link: "base".to_owned(),
+            direction: DirectionSpec::ToDevice,
+            contains: contains.to_owned(),
+            field: field.map(str::to_owned),
+            op: crate::scenario::Op::Greater,
+            value: field.map(|_| Operand::Number(19.0)),
+        };
+        Wanted::Frame(Box::new(Frames::new(
+            wanted,
+            &BUS_HIGH_FIRST,
+            None,
+            Instant::ZERO,
+        )))
+    }
 
     /// A pattern across the border of two chunks is found, and half of it is not enough.
     #[test]
@@ -117,13 +325,35 @@ mod tests {
         assert!(pattern().is_in(Instant::ZERO, &[0, 1, 2, 3]));
     }
 
-    /// Five bytes, however they come; then it stays found.
+    /// Five bytes, however they come, and five more.
     #[test]
     fn so_many_bytes_are_counted() {
-        let mut wanted = Wanted::Count(5);
-        let found = [2, 0, 2, 1, 0].map(|len| wanted.is_in(Instant::ZERO, &vec![7; len]));
-        assert_eq!(found, [false, false, false, true, true]);
-        assert!(Wanted::Count(5).is_in(Instant::ZERO, &[7; 6]));
+        let mut wanted = count(5);
+        let found = [2, 0, 2, 1, 0, 5].map(|len| wanted.is_in(Instant::ZERO, &vec![7; len]));
+        assert_eq!(found, [false, false, false, true, false, true]);
+        assert!(count(5).is_in(Instant::ZERO, &[7; 6]));
+    }
+
+    /// The golden write of the seed's bus chapter: speeds 20 and -20, high byte of the sum first. A
+    /// frame without the field says nothing.
+    #[test]
+    fn the_field_of_a_frame_is_compared() {
+        let write = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
+        for (field, readings) in [
+            ("speed_left_to", vec![true]),
+            ("speed_right_to", vec![false]),
+            ("speed", vec![]),
+        ] {
+            let mut wanted = frames("", Some(field));
+            let mut found = Found::default();
+            wanted.take(Instant::ZERO, &write[..3], &mut found);
+            // The copy goes on in the middle of the frame.
+            let mut copy = wanted.clone();
+            copy.take(Instant::ZERO, &write[3..], &mut found);
+            let moments = found.moments.iter().map(|(_, reading)| reading.holds);
+            assert_eq!(moments.collect::<Vec<_>>(), readings, "{field}");
+            assert_eq!(found.frames, 1, "{field}");
+        }
     }
 
     /// Of a pattern of three bytes two are kept, which may begin it.
@@ -152,12 +382,7 @@ mod tests {
     #[test]
     fn a_frame_is_found_unless_a_pause_cuts_it() {
         let is_found_after = |pause: Duration| {
-            let mut wanted = Wanted::Frame {
-                contains: "36".to_owned(),
-                codec: &BUS_HIGH_FIRST,
-                stream: Stream::new(&BUS_HIGH_FIRST),
-                heard: Instant::ZERO,
-            };
+            let mut wanted = frames("36", None);
             let begin = Instant::from_secs(1);
             assert!(!wanted.is_in(begin, &[0xAB, 0x24]));
             wanted.is_in(begin + pause, &[0x0A, 0x00, 0xD9])
@@ -171,21 +396,17 @@ mod tests {
     #[test]
     fn a_watch_hears_its_own_line_alone() {
         let mut watches = LineWatches::default();
-        let watch = watches.add(LineWatch {
-            link: 1,
-            direction: Direction::ToMaster,
-            wanted: Wanted::Count(1),
-            is_found: false,
-        });
+        let direction = DirectionSpec::ToMaster;
+        let watch = watches.add(LineWatch::new(1, direction, count(1), true));
         let (to_master, to_device) = (Direction::ToMaster, Direction::ToDevice);
         watches.record(1, to_master, Side::Sent, Instant::ZERO, &[1]);
         watches.record(1, to_device, Side::Received, Instant::ZERO, &[1]);
         watches.record(0, to_master, Side::Received, Instant::ZERO, &[1]);
-        assert!(!watch.lock().is_found);
+        assert!(!watch.lock().found.has_held);
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);
-        assert!(watch.lock().is_found);
+        assert!(watch.lock().found.has_held);
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[]);
-        assert!(watch.lock().is_found);
+        assert!(watch.lock().found.has_held);
         assert_eq!(watches.0.lock().len(), 1);
         drop(watch);
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);

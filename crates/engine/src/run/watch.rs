@@ -4,7 +4,10 @@ use std::sync::Arc;
 
 use emulators::world::Contact;
 
+use protocols::Instant;
+
 use super::check::{self, Check, Checker, Look};
+use super::rules::Rules;
 use crate::rig::Rig;
 use crate::robots::Instruments;
 use crate::scenario::{SafetySpec, Scenario};
@@ -12,6 +15,7 @@ use crate::scenario::{SafetySpec, Scenario};
 /// The checkers of a run, selected by its robot and its rig.
 pub struct Watchers {
     checkers: Vec<Box<dyn Checker>>,
+    rules: Rules,
     safety: Option<SafetySpec>,
 }
 
@@ -27,7 +31,11 @@ impl Watchers {
         }
         checkers.extend(check::safety::asked_for(scenario, rig, instruments));
         let safety = scenario.expect.safety.clone();
-        Self { checkers, safety }
+        Self {
+            checkers,
+            rules: Rules::of(scenario, rig, &**instruments),
+            safety,
+        }
     }
 
     /// The same, for a copy of the rig that they look at; `None` if one of them cannot be copied.
@@ -35,7 +43,11 @@ impl Watchers {
         let checkers = self.checkers.iter().map(|checker| checker.fork(rig));
         let checkers = checkers.collect::<Option<Vec<_>>>()?;
         let safety = self.safety.clone();
-        Some(Self { checkers, safety })
+        Some(Self {
+            checkers,
+            rules: self.rules.fork(rig),
+            safety,
+        })
     }
 
     /// One more.
@@ -53,12 +65,20 @@ impl Watchers {
         };
         let checkers = self.checkers.iter_mut();
         checkers.for_each(|checker| checker.observe(&look));
+        self.rules.look(rig, instruments, &axes, contacts);
     }
 
-    /// The result of each checker; what the scenario excuses is not observed.
-    pub fn verdicts(&self) -> Vec<Check> {
+    /// Whether a rule still waits for what must come before the run ends.
+    pub(super) fn awaits(&self, now: Instant) -> bool {
+        self.rules.awaits(now)
+    }
+
+    /// The result of each checker and rule at `now`; what the scenario excuses is not observed.
+    /// `is_over`: nothing can become true any more.
+    pub fn verdicts(&self, now: Instant, is_over: bool) -> Vec<Check> {
         let checkers = self.checkers.iter();
         let mut checks: Vec<Check> = checkers.map(|checker| checker.verdict()).collect();
+        checks.extend(self.rules.checks(now, is_over));
         if let Some(safety) = &self.safety {
             checks.iter_mut().for_each(|check| safety.excuse(check));
         }

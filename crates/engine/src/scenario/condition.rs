@@ -1,11 +1,18 @@
-//! Conditions that are waited for by a mission's step, a client of the control socket, a fault.
+//! Conditions on a run: the one language of mission steps, faults, rules and clients of the control
+//! socket.
+
+mod check;
+mod value;
+mod words;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{DirectionSpec, Flaw};
 
-/// A condition on a run. Bytes, frames and log entries count from the start of the wait.
+pub use value::{Op, Operand};
+
+/// A condition on a run. In a wait, bytes, frames, contacts and log entries count from its start.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Condition {
@@ -25,6 +32,16 @@ pub enum Condition {
     Visited(usize),
     /// The set-point or the measured value of an axis.
     Axis(AxisCondition),
+    /// A true figure of the robot: speed, turn rate, pose, contacts, clearance.
+    Robot(RobotCondition),
+    /// The robot touched something.
+    Contact(ContactCondition),
+    /// All conditions of a list hold.
+    All(Vec<Self>),
+    /// At least one condition of a list holds.
+    Any(Vec<Self>),
+    /// A condition does not hold; it may not be on bytes, frames, contacts or events.
+    Not(Box<Self>),
 }
 
 /// Bytes to wait for: give `hex` or `count`.
@@ -55,21 +72,35 @@ pub struct FrameCondition {
     /// Part of the frame's words, as `hilrig decode` prints them; any frame if empty.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub contains: String,
+    /// A field of the frame, by the name that `hilrig decode` prints; frames without it do not
+    /// count.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub field: Option<String>,
+    /// With `field`: how its value compares.
+    #[serde(default, skip_serializing_if = "Op::is_equal")]
+    pub op: Op,
+    /// With `field`: number or text for the comparison.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<Operand>,
 }
 
-/// A register's value to wait for.
+/// A value of a device to wait for: give `address` or `name`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RegisterCondition {
     /// Name of the device.
     pub device: String,
-    /// Number of the register, 0 to 255.
-    pub address: u8,
+    /// Number of the register: of a built-in base a byte, of your own device the whole value.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub address: Option<u32>,
+    /// Name of the register, variable or field of state.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
     /// How its value compares.
     #[serde(default)]
     pub op: Op,
-    /// Value for the comparison, 0 to 255.
-    pub value: u8,
+    /// Number or text for the comparison.
+    pub value: Operand,
 }
 
 /// A place to wait for.
@@ -129,105 +160,58 @@ pub enum Figure {
     Actual,
 }
 
+impl Op {
+    const fn is_equal(&self) -> bool {
+        matches!(self, Self::Equal)
+    }
+}
+
 impl Figure {
     const fn is_set_point(&self) -> bool {
         matches!(self, Self::SetPoint)
     }
 }
 
-/// How two values compare.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-pub enum Op {
-    /// Equal.
-    #[default]
-    #[serde(rename = "==")]
-    Equal,
-    /// Not equal.
-    #[serde(rename = "!=")]
-    Unequal,
-    /// Less.
-    #[serde(rename = "<")]
-    Less,
-    /// Less or equal.
-    #[serde(rename = "<=")]
-    AtMost,
-    /// Greater.
-    #[serde(rename = ">")]
-    Greater,
-    /// Greater or equal.
-    #[serde(rename = ">=")]
-    AtLeast,
+/// A true figure of the robot.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RobotCondition {
+    /// Which figure.
+    pub of: Quantity,
+    /// How it compares.
+    #[serde(default)]
+    pub op: Op,
+    /// Value for the comparison, in the figure's unit.
+    pub value: f64,
 }
 
-impl Op {
-    /// Whether the comparison of `left` with `right` is true.
-    pub fn holds<T: PartialOrd>(self, left: &T, right: &T) -> bool {
-        match self {
-            Self::Equal => left == right,
-            Self::Unequal => left != right,
-            Self::Less => left < right,
-            Self::AtMost => left <= right,
-            Self::Greater => left > right,
-            Self::AtLeast => left >= right,
-        }
-    }
+/// True figures of the robot, in the units of their names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Quantity {
+    /// Ground speed, whatever the direction.
+    SpeedMS,
+    /// Turn rate, counter-clockwise positive.
+    TurnRateDegS,
+    /// Position in the world.
+    XM,
+    /// Position in the world.
+    YM,
+    /// Heading in the world, -180 to 180.
+    HeadingDeg,
+    /// Number of contacts so far.
+    Contacts,
+    /// Distance from the body's outline to the nearest obstacle.
+    ClearanceM,
 }
 
-/// Longest pattern of bytes.
-const PATTERN_MAX: usize = 256;
-
-impl BytesCondition {
-    /// The bytes of `hex`, if it is given.
-    ///
-    /// # Errors
-    /// If it is no hexadecimal text of 1 to 256 bytes.
-    pub fn pattern(&self) -> Result<Option<Vec<u8>>, Flaw> {
-        let Some(hex) = &self.hex else {
-            return Ok(None);
-        };
-        let digits: Option<Vec<u8>> = hex
-            .chars()
-            .filter(|c| !c.is_whitespace())
-            .map(|c| c.to_digit(16).and_then(|digit| u8::try_from(digit).ok()))
-            .collect();
-        let pairs = digits.filter(|digits| digits.len().is_multiple_of(2));
-        let bytes = pairs.map(|digits| digits.chunks(2).map(|two| two[0] << 4 | two[1]).collect());
-        let bytes = bytes.filter(|bytes: &Vec<u8>| (1..=PATTERN_MAX).contains(&bytes.len()));
-        let expected = "expected 1 to 256 bytes as pairs of hexadecimal digits such as \"fa a0\"";
-        let flaw = || Flaw::new("hex", format!("is {hex:?}, {expected}"));
-        bytes.map(Some).ok_or_else(flaw)
-    }
-}
-
-impl Condition {
-    /// Checks its figures, independent of the robot.
-    ///
-    /// # Errors
-    /// A flaw that names the key.
-    pub fn check(&self) -> Result<(), Flaw> {
-        match self {
-            Self::Bytes(bytes) => {
-                bytes.pattern()?;
-                match (&bytes.hex, bytes.count) {
-                    (Some(_), None) | (None, Some(1..)) => Ok(()),
-                    _ => Err(Flaw::new("count", "expected hex, or a count of at least 1")),
-                }
-            }
-            Self::Pose(pose) => {
-                let is_place = pose.near_m.iter().all(|metres| metres.is_finite());
-                match is_place && pose.within_m > 0.0 {
-                    true => Ok(()),
-                    false => Err(Flaw::new("within_m", "expected more than 0 metres")),
-                }
-            }
-            Self::Map(map) if !(0.0..=1.0).contains(&map.known_min) => {
-                let message = format!("is {}, expected a share from 0 to 1", map.known_min);
-                Err(Flaw::new("known_min", message))
-            }
-            Self::Visited(0) => Err(Flaw::new("visited", "is 0, expected at least 1")),
-            _ => Ok(()),
-        }
-    }
+/// A contact to wait for.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContactCondition {
+    /// Only contacts in which the robot itself was faster than this, metres per second.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faster_than_m_s: Option<f64>,
 }
 
 #[cfg(test)]
@@ -251,6 +235,12 @@ mod tests {
             r#"{"map":{"known_min":0.5}}"#,
             r#"{"visited":2}"#,
             r#"{"axis":{"name":"left","op":"!=","value":0}}"#,
+            r#"{"register":{"device":"scale","name":"state","value":"idle"}}"#,
+            r#"{"frame":{"link":"a","direction":"to-device","field":"w","op":"<","value":3}}"#,
+            r#"{"robot":{"of":"speed-m-s","op":"<=","value":0.5}}"#,
+            r#"{"contact":{}}"#,
+            r#"{"all":[{"visited":1},{"any":[{"contact":{"faster_than_m_s":0.1}}]}]}"#,
+            r#"{"not":{"robot":{"of":"contacts","value":0}}}"#,
         ];
         for text in sound {
             assert_eq!(read(text), Ok(()), "{text}");
@@ -273,6 +263,27 @@ mod tests {
                 "=>",
             ),
             (r#"{"event":{"rule":"x","of":1}}"#, "of"),
+            (r#"{"register":{"device":"base","value":7}}"#, "address"),
+            (
+                r#"{"register":{"device":"base","address":4,"name":"x","value":7}}"#,
+                "address",
+            ),
+            (
+                r#"{"register":{"device":"base","name":"x","op":"<","value":"y"}}"#,
+                "op",
+            ),
+            (
+                r#"{"frame":{"link":"a","direction":"to-device","field":"w"}}"#,
+                "value",
+            ),
+            (
+                r#"{"frame":{"link":"a","direction":"to-device","value":1}}"#,
+                "field",
+            ),
+            (r#"{"contact":{"faster_than_m_s":-1}}"#, "faster_than_m_s"),
+            (r#"{"all":[]}"#, "all"),
+            (r#"{"not":{"event":{"rule":"x"}}}"#, "not"),
+            (r#"{"not":{"all":[{"contact":{}}]}}"#, "not"),
         ];
         for (text, key) in flawed {
             let said = read(text).expect_err(text);

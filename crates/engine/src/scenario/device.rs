@@ -39,6 +39,7 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 use emulators::world::World;
 
 use super::{Scenario, ScenarioError, Source};
+use crate::codec::RegisterNames;
 use crate::registry::{Named, Registry};
 use crate::rig::{AnyDevice, Rig};
 use crate::scenario::device::scan::ScanDecoder;
@@ -49,7 +50,8 @@ pub use camera::{CAMERA, CameraSpec, MarkerSpec};
 pub use car_board::{CAR_BOARD, CarBoardSpec};
 pub use hc06::{HC06, Hc06Spec};
 pub use kind::{
-    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, DeviceValue, Drives, PortInfo, Settings, ValueRow,
+    read_settings, schema_of,
 };
 pub use mount::MountSpec;
 pub use mpu6050::{MPU6050, Mpu6050Spec};
@@ -215,6 +217,17 @@ impl DeviceSpec {
     /// Its actuators and its watchdog; `None` without actuators.
     pub fn drives(&self) -> Option<Drives> {
         self.kind.drives(self.settings.as_ref())
+    }
+
+    /// The names of its registers, if it is a slave as data on the bus of registers.
+    pub fn register_names(&self) -> Option<RegisterNames> {
+        self.settings::<super::RegistersSpec>()
+            .map(super::RegistersSpec::names)
+    }
+
+    /// Values of the device `name` in `rig` by their plain names, for conditions.
+    pub fn values(&self, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+        self.kind.values(self.settings.as_ref(), rig, name)
     }
 
     /// Values of the device `name` in `rig`, to be shown.

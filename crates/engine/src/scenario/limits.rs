@@ -1,8 +1,10 @@
 //! Limits of figures that no other check rejects.
 
+use std::collections::BTreeSet;
+
 use emulators::world::PRIMITIVES_MAX;
 
-use super::{Action, Expect, Scenario, ScenarioError, Source};
+use super::{Action, Expect, Flaw, Scenario, ScenarioError, Source};
 
 /// Maximum distance from the origin, metres.
 const FAR_M: f64 = 10_000.0;
@@ -50,6 +52,7 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
             return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
         }
     }
+    check_rules(scenario, source)?;
     if let Some(message) = beyond(&scenario.mission.waypoints_m) {
         let span = source.find("waypoints_m");
         return Err(source.invalid(span, "mission.waypoints_m", message));
@@ -67,6 +70,28 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
             let key = format!("mission.step[{index}].do.waypoints-m");
             return Err(source.invalid(span, key, message));
         }
+    }
+    Ok(())
+}
+
+/// Checks each rule, and that no two have one name.
+fn check_rules(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    let mut names = BTreeSet::new();
+    for (index, spanned) in scenario.expect.rule.iter().enumerate() {
+        let rule = spanned.get_ref();
+        let is_new = names.insert(rule.check_name());
+        let flaw = match rule.check() {
+            Err(flaw) => flaw,
+            Ok(()) if is_new => continue,
+            Ok(()) => {
+                let message = format!("is \"{}\" once more, expected another name", rule.name);
+                Flaw::new("name", message)
+            }
+        };
+        let key = format!("expect.rule[{index}].{}", flaw.key);
+        let span = source.find_in_list("expect.rule", index, flaw.key);
+        let span = span.or(Some(spanned.span()));
+        return Err(source.invalid(span, key, flaw.message));
     }
     Ok(())
 }

@@ -3,7 +3,9 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Condition, Flaw, SafetySpec, Span};
+use toml::Spanned;
+
+use super::{Condition, Flaw, RuleSpec, SafetySpec, Span};
 
 /// Task of the robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -182,6 +184,30 @@ pub struct Expect {
     /// Safety during the whole run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetySpec>,
+    /// Rules of your own robot, and goals of a campaign.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<RuleSpec>")]
+    pub rule: Vec<Spanned<RuleSpec>>,
+}
+
+impl Expect {
+    /// The rules.
+    pub fn rules(&self) -> impl Iterator<Item = &RuleSpec> {
+        self.rule.iter().map(Spanned::get_ref)
+    }
+
+    /// The rules that hold in a run of any length: those that are not of the end.
+    pub fn rules_throughout(&self) -> Vec<Spanned<RuleSpec>> {
+        let rules = self.rule.iter();
+        let rules = rules.filter(|rule| !rule.get_ref().is_of_the_end());
+        rules.cloned().collect()
+    }
+
+    /// Whether the check `name` is of a rule that only the end of a run shows to be broken.
+    pub fn has_rule_of_the_end(&self, name: &str) -> bool {
+        let mut rules = self.rules();
+        rules.any(|rule| rule.is_of_the_end() && rule.check_name() == name)
+    }
 }
 
 fn default_connect() -> Span {

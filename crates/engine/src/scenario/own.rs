@@ -19,6 +19,7 @@ use super::board::{BoardKeys, RaisesSpec, ResetSpec};
 use super::device::{Drives, PortInfo, ValueRow};
 use super::drives::DrivesSpec;
 use super::{ScenarioError, Source, Span};
+use crate::codec::{NamedRegister, RegisterNames};
 use crate::rig::Rig;
 
 /// Range of accepted baud rates; others are probably mistakes.
@@ -242,6 +243,29 @@ impl RegistersSpec {
             board: self.board().config(&names, key, source)?,
         };
         Registers::new(config).map_err(|error| self.register_error(key, source, error))
+    }
+
+    /// Its registers by their own names, for the words of its frames.
+    pub fn names(&self) -> RegisterNames {
+        let named = self.register.iter().map(|register| {
+            let register = register.get_ref();
+            let (bytes, is_signed) = match register.width {
+                WidthSpec::U8 => (1, false),
+                WidthSpec::I8 => (1, true),
+                WidthSpec::U16 => (2, false),
+                WidthSpec::I16 => (2, true),
+                WidthSpec::U32 => (4, false),
+                WidthSpec::I32 => (4, true),
+            };
+            NamedRegister {
+                address: register.address,
+                bytes,
+                is_signed,
+                name: register.name.clone(),
+                unit: String::new(),
+            }
+        });
+        RegisterNames::new(named)
     }
 
     /// Its pins, without the bus.

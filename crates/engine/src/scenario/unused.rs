@@ -151,6 +151,14 @@ impl Warnings<'_> {
                 self.found.push(self.source.invalid(span, key, late(at)));
             }
         }
+        for (index, rule) in scenario.expect.rule.iter().enumerate() {
+            if let Some(from) = rule.get_ref().from.filter(|from| *from >= end) {
+                let span = self.source.find_in_list("expect.rule", index, "from");
+                let key = format!("expect.rule[{index}].from");
+                let span = span.or(Some(rule.span()));
+                self.found.push(self.source.invalid(span, key, late(from)));
+            }
+        }
         for (index, push) in scenario.world.push.iter().enumerate() {
             if push.at >= end {
                 let span = self.source.find_in_list("world.push", index, "at");

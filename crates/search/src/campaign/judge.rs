@@ -118,6 +118,13 @@ impl Record {
         self.ran_ms = u64::try_from(outcome.ran.as_millis()).unwrap_or(u64::MAX);
         self.trace.clone_from(&outcome.trace_hash);
         self.reached = situations(scenario, outcome);
+        let met = outcome
+            .checks
+            .iter()
+            .filter(|check| check.status == Status::Pass);
+        let is_met = |name: &str| met.clone().any(|check| check.name == name);
+        let goals = goals_of(scenario).filter(|(name, _)| is_met(name));
+        self.reached.extend(goals.map(|(_, goal)| goal));
         (self.cause, self.detail) = cause_of(outcome).unzip();
     }
 }
@@ -168,6 +175,19 @@ pub fn without_figures(text: &str) -> String {
 /// The situations that the scenario's robot should reach.
 pub(super) fn situations_of(scenario: &Scenario) -> &'static [&'static str] {
     robots::find(&scenario.robot).map_or(&[], |robot| robot.situations())
+}
+
+/// The goals of the scenario that a campaign must reach: names of their checks, and the names under
+/// which runs count them.
+pub(super) fn goals_of(scenario: &Scenario) -> impl Iterator<Item = (String, String)> {
+    let goals = scenario
+        .expect
+        .rules()
+        .filter(|rule| rule.sometimes.is_some());
+    goals.map(|rule| {
+        let goal = format!("goal {} of {}", rule.name, scenario.name);
+        (rule.check_name(), goal)
+    })
 }
 
 fn situations(scenario: &Scenario, outcome: &Outcome) -> BTreeSet<String> {

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::judge::{self, situations_of};
+use super::judge::{self, goals_of, situations_of};
 use super::strip::Strip;
 use super::{CampaignPlan, Comparison, Store, compare, page};
 use crate::error::StoreError;
@@ -41,11 +41,14 @@ pub struct Group {
     pub picture: Option<String>,
 }
 
-/// Number of runs that reached a situation.
+/// Number of runs that reached a situation or a goal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SituationCount {
     /// Name of the situation.
     pub situation: String,
+    /// Whether it is a goal of a scenario, without which the campaign fails.
+    #[serde(skip_serializing_if = "core::ops::Not::not")]
+    pub is_goal: bool,
     /// Number of runs.
     pub runs: usize,
 }
@@ -75,6 +78,22 @@ pub struct Merged {
     /// All runs in order.
     #[serde(skip)]
     pub strip: Strip,
+}
+
+impl Merged {
+    /// Goals that no run reached, in the order of their scenarios.
+    pub fn missed_goals(&self) -> impl Iterator<Item = &str> {
+        let goals = self.situations.iter().filter(|one| one.is_goal);
+        let missed = goals.filter(|one| one.runs == 0);
+        missed.map(|one| one.situation.as_str())
+    }
+
+    /// Situations that no run reached, without the goals.
+    pub fn missed_situations(&self) -> impl Iterator<Item = &str> {
+        let situations = self.situations.iter().filter(|one| !one.is_goal);
+        let missed = situations.filter(|one| one.runs == 0);
+        missed.map(|one| one.situation.as_str())
+    }
 }
 
 /// Merges the shards in `dirs` into the folder `out`, together with runs of the same campaign that
@@ -171,21 +190,26 @@ fn count(store: &Store) -> Merged {
 /// Counts the runs that reached each required situation; `reached` counts runs by sets of
 /// situations.
 fn situations(plan: &CampaignPlan, reached: &BTreeMap<&[String], usize>) -> Vec<SituationCount> {
-    // Only the built-in program counts its situations.
-    let inside = plan.scenarios.values().filter(|_| plan.exec.is_none());
-    let wanted = inside.filter_map(|text| {
+    let mut wanted: Vec<(String, bool)> = Vec::new();
+    for text in plan.scenarios.values() {
         let parsed = Scenario::parse(Path::new("<campaign>"), text.clone());
-        parsed.ok().map(|(scenario, _)| situations_of(&scenario))
-    });
-    let mut names: Vec<&str> = wanted.flatten().copied().collect();
+        let Ok((scenario, _)) = parsed else { continue };
+        wanted.extend(goals_of(&scenario).map(|(_, goal)| (goal, true)));
+        // Only the built-in program counts its situations.
+        if plan.exec.is_none() {
+            let situations = situations_of(&scenario).iter();
+            wanted.extend(situations.map(|&name| (name.to_owned(), false)));
+        }
+    }
     let mut known = BTreeSet::new();
-    names.retain(|&name| known.insert(name));
-    let counts = names.into_iter().map(|name| {
-        let has_it = |set: &[String]| set.iter().any(|reached| reached == name);
+    wanted.retain(|(name, _)| known.insert(name.clone()));
+    let counts = wanted.into_iter().map(|(situation, is_goal)| {
+        let has_it = |set: &[String]| set.contains(&situation);
         let sets = reached.iter().filter(|(set, _)| has_it(set));
         SituationCount {
-            situation: name.to_owned(),
             runs: sets.map(|(_, runs)| runs).sum(),
+            situation,
+            is_goal,
         }
     });
     counts.collect()

@@ -78,9 +78,10 @@ fn write_plan(plan: &CampaignPlan, out: &mut String) -> fmt::Result {
 }
 
 fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
-    let verdict = match merged.failed {
-        0 => "<b class=\"good\">all pass</b>".to_owned(),
-        failed => format!("<b class=\"bad\">{failed} fail</b>"),
+    let verdict = match (merged.failed, merged.missed_goals().count()) {
+        (0, 0) => "<b class=\"good\">all pass</b>".to_owned(),
+        (0, goals) => format!("<b class=\"bad\">{goals} goals not reached</b>"),
+        (failed, _) => format!("<b class=\"bad\">{failed} fail</b>"),
     };
     out.write_str("<h1>Campaign</h1><p>")?;
     write_plan(&merged.plan, out)?;
@@ -158,6 +159,15 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
 /// Writes the situations that never occurred, and a folded list of the others.
 fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
     let (met, never): (Vec<_>, Vec<_>) = merged.situations.iter().partition(|one| one.runs > 0);
+    let goals: Vec<&str> = merged.missed_goals().collect();
+    if !goals.is_empty() {
+        let goals = goals.join(", ");
+        write!(
+            out,
+            "<p class=\"bad\">Not reached in any run: {}.",
+            Escaped(&goals)
+        )?;
+    }
     out.write_str("<h2>Situations that must come up</h2>")?;
     if !never.is_empty() {
         out.write_str("<p class=\"bad\">Never came up: ")?;

@@ -75,6 +75,7 @@ fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
             alive_for: None,
             ..safety
         }),
+        rule: made.expect.rules_throughout(),
         ..Expect::default()
     };
     let times = made

@@ -30,32 +30,3 @@ pub(super) fn of_devices() -> impl Iterator<Item = &'static str> {
     let names = devices.map(|device| device.known_faults());
     names.into_iter().flatten().copied()
 }
-
-/// Maximum number of letters by which a misspelt name differs. A name that differs more may be a
-/// fault of a user's device.
-const LETTERS: usize = 2;
-
-/// The similar name in `known`, if `name` is not in it.
-pub(super) fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
-    if known.contains(&name) {
-        return None;
-    }
-    let near = known.iter().map(|&one| (distance(name, one), one)).min()?;
-    (near.0 <= LETTERS).then_some(near.1)
-}
-
-/// The edit distance: letters to insert, remove or change.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (index, letter) in a.chars().enumerate() {
-        let mut before = row[0];
-        row[0] = index + 1;
-        for (column, other) in b.iter().enumerate() {
-            let changed = before + usize::from(letter != *other);
-            before = row[column + 1];
-            row[column + 1] = changed.min(before + 1).min(row[column] + 1);
-        }
-    }
-    row[b.len()]
-}

@@ -266,6 +266,7 @@ impl Adversity {
         mission.budget = self.budget;
         mission.expect = Expect {
             safety: Some(safety),
+            rule: mission.expect.rules_throughout(),
             ..Expect::default()
         };
     }

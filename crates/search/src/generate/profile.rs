@@ -283,7 +283,7 @@ impl Profile {
         let kinds = FaultKind::ALL.iter().map(|kind| kind.name());
         let known: Vec<&str> = kinds.chain(fault_names::of_devices()).collect();
         for name in &faults.never {
-            if let Some(meant) = fault_names::misspelt(name, &known) {
+            if let Some(meant) = engine::near::misspelt(name, &known) {
                 let message = format!("there is no fault \"{name}\", did you mean \"{meant}\"?");
                 return wrong("faults", "never", message);
             }

@@ -27,7 +27,7 @@ pub fn scenario(
     // The path of the original file does not apply to the new case.
     best.origin = None;
     let check = cause.split(": ").next().unwrap_or_default();
-    let is_late = is_of_the_end(check);
+    let is_late = is_of_the_end(check) || start.expect.has_rule_of_the_end(check);
     // `alive_for` judges the last part of the run. If the run is shortened, lines that are healed
     // later are still silent.
     let is_of_life = check == ALIVE;
@@ -81,6 +81,7 @@ fn nothing_in_the_end(case: &Scenario, is_kept: bool) -> Scenario {
         settle: None,
         wall_overlap_min: None,
         map_received: None,
+        rule: case.expect.rules_throughout(),
         safety,
         ..case.expect.clone()
     };
@@ -229,6 +230,7 @@ fn fewer_parts(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     }
     fewer!(mission.step);
     fewer!(mission.waypoints_m);
+    fewer!(expect.rule);
     fewer!(world.push);
     fewer!(world.moving);
     fewer!(world.pillar);

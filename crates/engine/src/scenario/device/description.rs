@@ -14,10 +14,11 @@ use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
 use super::{
-    BuildContext, Built, DeviceKind, PortInfo, Settings, ValueRow, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, DeviceValue, PortInfo, Settings, ValueRow, read_settings,
+    schema_of,
 };
 use crate::rig::Rig;
-use crate::scenario::ScenarioError;
+use crate::scenario::{Operand, ScenarioError};
 
 pub use codec::codec_of;
 pub use load::{LoadError, load};
@@ -72,6 +73,29 @@ impl DeviceKind for DescriptionKind {
             })
         });
         rows.collect()
+    }
+
+    fn values(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+        let device = rig.device::<Wire>(name);
+        let values = device.map(|device| device.values(rig.now(), &rig.world));
+        let values = values.unwrap_or_default().into_iter();
+        let value = |(address, name, value, words): (_, _, Value, String)| {
+            // A number with a name, e.g. of a state, is compared as that name.
+            let named = words.split(' ').next().map(Operand::from_words);
+            let value = match (&value, value.as_f64(), named) {
+                (Value::Bool(is), ..) => Operand::Flag(*is),
+                (_, Some(_), Some(Operand::Text(name))) if name == words => Operand::Text(name),
+                (_, Some(number), _) => Operand::Number(number),
+                (Value::Text(text), ..) => Operand::Text(text.clone()),
+                (other, ..) => Operand::Text(other.to_string()),
+            };
+            DeviceValue {
+                address,
+                name,
+                value,
+            }
+        };
+        values.map(value).collect()
     }
 
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {

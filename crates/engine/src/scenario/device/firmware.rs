@@ -14,8 +14,8 @@ use serde_json::{Map, Value, json};
 use toml::de::ValueDeserializer;
 
 use super::{
-    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, played, read_settings,
-    schema_of,
+    BuildContext, Built, DeviceKind, DeviceValue, Drives, PortInfo, Settings, ValueRow, played,
+    read_settings, schema_of,
 };
 use crate::rig::{AnyDevice, Rig};
 use crate::scenario::drives::DrivesSpec;
@@ -324,6 +324,10 @@ impl DeviceKind for FirmwareKind {
 
     fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
         played::rows_of(rig, name)
+    }
+
+    fn values(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+        played::values_of(rig, name)
     }
 
     fn check(

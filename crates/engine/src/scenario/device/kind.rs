@@ -14,7 +14,7 @@ use toml::de::ValueDeserializer;
 use crate::codec::Codec;
 use crate::rig::{AnyDevice, LinkKind, PortRate, Rig};
 use crate::scenario::device::scan::ScanDecoder;
-use crate::scenario::{ScenarioError, Source};
+use crate::scenario::{Operand, ScenarioError, Source};
 
 /// A kind of device that a scenario can name, as in `[device.NAME.KIND]`.
 ///
@@ -61,6 +61,13 @@ pub trait DeviceKind: Send + Sync {
     /// Values of it to be shown, if `device` is one of its kind.
     fn rows(&self, _settings: &dyn Settings, _rig: &Rig, _name: &str) -> Vec<ValueRow> {
         Vec::new()
+    }
+
+    /// Values of it by their plain names, for conditions: those of [`rows`](Self::rows) if it has
+    /// no others.
+    fn values(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+        let rows = self.rows(settings, rig, name).into_iter();
+        rows.map(DeviceValue::from).collect()
     }
 
     /// Checks that `world` contains the actuators and encoders named in the settings.
@@ -213,6 +220,29 @@ pub struct ValueRow {
     pub name: String,
     /// Its current value.
     pub value: i64,
+}
+
+/// A value of a device, for conditions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceValue {
+    /// Its address in the device, if it has one.
+    pub address: Option<u32>,
+    /// Its name.
+    pub name: String,
+    /// Its current value.
+    pub value: Operand,
+}
+
+impl From<ValueRow> for DeviceValue {
+    fn from(row: ValueRow) -> Self {
+        #[expect(clippy::cast_precision_loss, reason = "a condition compares numbers")]
+        let value = row.value as f64;
+        Self {
+            address: row.address,
+            name: row.name,
+            value: Operand::Number(value),
+        }
+    }
 }
 
 /// A device, and how it is connected.

@@ -7,9 +7,9 @@ use emulators::quantity::{ValueSource, Wanted};
 use emulators::world::World;
 use nodes::NodeDevice;
 
-use super::{BuildContext, ValueRow};
+use super::{BuildContext, DeviceValue, ValueRow};
 use crate::rig::{AnyDevice, Rig};
-use crate::scenario::ScenarioError;
+use crate::scenario::{Operand, ScenarioError};
 
 /// Stores the folder `base` in `folder`, so that a saved case runs in any folder.
 pub(super) fn embed(folder: &mut Option<PathBuf>, base: &Path) {
@@ -32,6 +32,18 @@ pub(super) fn base(folder: Option<&Path>, context: &BuildContext<'_>) -> PathBuf
         Some(folder) => base.join(folder),
         None => base.to_owned(),
     }
+}
+
+/// Values that a node program gives, for conditions.
+pub(super) fn values_of(rig: &Rig, name: &str) -> Vec<DeviceValue> {
+    let node = rig.device::<NodeDevice>(name).into_iter();
+    let outputs = node.flat_map(NodeDevice::outputs);
+    let value = |(name, value): (&str, f64)| DeviceValue {
+        address: None,
+        name: name.to_owned(),
+        value: Operand::Number(value),
+    };
+    outputs.map(value).collect()
 }
 
 /// Values that a node program gives, to be shown.

@@ -16,8 +16,8 @@ use toml::de::ValueDeserializer;
 
 use super::description::{LoadError, codec_of, load};
 use super::{
-    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, played, read_settings,
-    schema_of,
+    BuildContext, Built, DeviceKind, DeviceValue, Drives, PortInfo, Settings, ValueRow, played,
+    read_settings, schema_of,
 };
 use crate::codec::Codec;
 use crate::rig::{AnyDevice, Rig};
@@ -257,6 +257,10 @@ impl DeviceKind for ProgramKind {
 
     fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
         played::rows_of(rig, name)
+    }
+
+    fn values(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+        played::values_of(rig, name)
     }
 
     fn check(

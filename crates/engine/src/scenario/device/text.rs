@@ -9,9 +9,10 @@ use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
 use super::{
-    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, read_settings, schema_of,
+    BuildContext, Built, DeviceKind, DeviceValue, Drives, PortInfo, Settings, ValueRow,
+    read_settings, schema_of,
 };
-use crate::rig::AnyDevice;
+use crate::rig::{AnyDevice, Rig};
 use crate::scenario::{ScenarioError, TextSpec};
 
 const EXAMPLE: &str = r#"[device.sonar.text]
@@ -56,6 +57,22 @@ impl DeviceKind for TextKind {
 
     fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error> {
         read_settings::<TextSpec>(settings)
+    }
+
+    fn values(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+        let settings: &dyn Any = settings;
+        let device = rig.device::<Text>(name);
+        let Some((spec, device)) = settings.downcast_ref::<TextSpec>().zip(device) else {
+            return Vec::new();
+        };
+        let values = device.values(rig.now(), &rig.world);
+        let names = spec.variable.iter().map(|one| one.get_ref().name.clone());
+        let rows = names.zip(values).map(|(name, value)| ValueRow {
+            address: None,
+            name,
+            value,
+        });
+        rows.map(DeviceValue::from).collect()
     }
 
     fn drives(&self, settings: &dyn Settings) -> Option<Drives> {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Flaw;
-use crate::scenario::condition::{Condition, Op, PoseCondition, RegisterCondition};
+use crate::scenario::condition::{Condition, Op, Operand, PoseCondition, RegisterCondition};
 
 /// A condition that begins a fault: a register's value, or the robot's true position.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -57,9 +57,10 @@ impl WhenSpec {
                 };
                 Ok(Condition::Register(RegisterCondition {
                     device: device.clone(),
-                    address: register,
+                    address: Some(register.into()),
+                    name: None,
                     op,
-                    value,
+                    value: Operand::Number(value.into()),
                 }))
             }
             (None, None, Some(near_m), Some(within_m))

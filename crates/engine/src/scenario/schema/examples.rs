@@ -32,7 +32,7 @@ pub fn examples() -> Vec<(String, String)> {
     paths.chain(kinds).filter_map(whole).collect()
 }
 
-const EXAMPLES: [(&str, &str); 21] = [
+const EXAMPLES: [(&str, &str); 22] = [
     (
         "",
         r#"
@@ -129,6 +129,24 @@ kind = "off"
 device = "lidar"
 from = "5s"
 lasting = "2s"
+"#,
+    ),
+    (
+        "expect.rule",
+        r#"
+[[expect.rule]]
+name = "slow"
+always = { axis = { name = "left wheel", op = "<=", value = 35 } }
+
+[[expect.rule]]
+name = "answers"
+after = { frame = { link = "base", direction = "to-device" } }
+within = "100ms"
+eventually = { frame = { link = "base", direction = "to-master" } }
+
+[[expect.rule]]
+name = "near-a-wall"
+sometimes = { robot = { of = "clearance-m", op = "<", value = 0.1 } }
 "#,
     ),
     (

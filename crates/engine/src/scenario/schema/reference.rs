@@ -164,15 +164,24 @@ impl<'a> Page<'a> {
             let row = format!("| `{name}` | {kind} | {default} | {range} | {text} |");
             self.line(&row);
         }
+        let mut told: Vec<&Value> = Vec::new();
         for (name, node) in keys {
             if table["properties"]["kind"].is_object() && name == "kind" {
                 continue;
             }
-            let choices = self.resolve(node)["oneOf"].as_array();
-            for (index, choice) in choices.into_iter().flatten().enumerate() {
-                if index == 0 {
-                    self.line(&format!("\n`{name}` is one of\n"));
-                }
+            let choices = &self.resolve(node)["oneOf"];
+            let Some(all) = choices.as_array().filter(|_| !told.contains(&choices)) else {
+                continue;
+            };
+            told.push(choices);
+            let same = keys.iter().filter(|(_, other)| {
+                let other = self.resolve(other);
+                other["oneOf"] == *choices
+            });
+            let names: Vec<String> = same.map(|(name, _)| format!("`{name}`")).collect();
+            let verb = if names.len() == 1 { "is" } else { "are each" };
+            self.line(&format!("\n{} {verb} one of\n", names.join(", ")));
+            for choice in all {
                 self.choice(choice);
             }
         }

@@ -1,0 +1,290 @@
+//! Conditions on the state of a run: what each reads now, and whether the robot has what it names.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use super::axis::Axis;
+use super::instruments::Instruments;
+use crate::near;
+use crate::rig::Rig;
+use crate::rig::direction::Direction;
+use crate::scenario::device::DeviceValue;
+use crate::scenario::{
+    AxisCondition, Condition, DeviceSpec, Figure, Flaw, FrameCondition, Operand, Quantity,
+    RegisterCondition, RobotCondition,
+};
+
+/// A cell of a map that was never seen.
+const UNKNOWN: u8 = 127;
+/// Sources of log entries that are neither a device nor a link.
+const SOURCES: [&str; 3] = ["rig", "robot", "program"];
+
+/// A run at one moment, as conditions see it.
+pub(crate) struct Moment<'a> {
+    /// The rig.
+    pub(crate) rig: &'a Rig,
+    /// What the robot shows.
+    pub(crate) instruments: &'a dyn Instruments,
+    /// The axes, if they were read already.
+    pub(crate) axes: Option<&'a [Axis]>,
+    /// The devices of the scenario.
+    pub(crate) devices: &'a BTreeMap<String, DeviceSpec>,
+    /// Waypoints visited, and those of the mission.
+    pub(crate) waypoints: [usize; 2],
+}
+
+/// What a condition read.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Reading {
+    /// Whether the condition holds.
+    pub(crate) holds: bool,
+    /// The value, if there is one to be shown.
+    pub(crate) value: Option<Operand>,
+}
+
+impl Moment<'_> {
+    /// What `condition` on the state reads now; `None` if there is no value, or if it is not on
+    /// the state.
+    pub(crate) fn reading(&self, condition: &Condition) -> Option<Reading> {
+        let compared = |op: crate::scenario::Op, found: Operand, wanted: &Operand| Reading {
+            holds: op.compares(&found, wanted),
+            value: Some(found),
+        };
+        match condition {
+            Condition::Register(register) => {
+                let found = self.register(register)?;
+                Some(compared(register.op, found, &register.value))
+            }
+            Condition::Pose(place) => {
+                let pose = self.rig.world.pose();
+                let [x, y] = place.near_m;
+                let metres = libm::hypot(pose.x - x, pose.y - y);
+                let value = Some(Operand::Number((metres * 1000.0).round() / 1000.0));
+                let holds = metres <= place.within_m;
+                Some(Reading { holds, value })
+            }
+            Condition::Map(map) => {
+                let share = self.known_share()?;
+                let value = Some(Operand::Number((share * 1e4).round() / 1e4));
+                let holds = share >= map.known_min;
+                Some(Reading { holds, value })
+            }
+            Condition::Visited(count) => Some(Reading {
+                holds: self.waypoints[0] >= *count,
+                #[expect(clippy::cast_precision_loss, reason = "a number of waypoints")]
+                value: Some(Operand::Number(self.waypoints[0] as f64)),
+            }),
+            Condition::Axis(axis) => {
+                let found = self.axis(axis)?;
+                Some(compared(axis.op, found.into(), &axis.value.into()))
+            }
+            Condition::Robot(RobotCondition { of, op, value }) => {
+                let found = self.robot(*of);
+                Some(compared(*op, found.into(), &(*value).into()))
+            }
+            _ => None,
+        }
+    }
+
+    /// Share of known cells of the robot's map, or of the one that its station received.
+    pub(crate) fn known_share(&self) -> Option<f64> {
+        let station = || self.instruments.station(self.rig)?.map();
+        let map = self.instruments.map(self.rig).or_else(station)?;
+        let cells = map.cells();
+        let known = cells.iter().filter(|&&cell| cell != UNKNOWN).count();
+        Some(known as f64 / cells.len().max(1) as f64)
+    }
+
+    fn axes(&self) -> Cow<'_, [Axis]> {
+        match self.axes {
+            Some(axes) => Cow::Borrowed(axes),
+            None => Cow::Owned(self.instruments.axes(self.rig)),
+        }
+    }
+
+    fn axis(&self, wanted: &AxisCondition) -> Option<f64> {
+        let axes = self.axes();
+        let axis = axes.iter().find(|axis| axis.name == wanted.name)?;
+        match wanted.of {
+            Figure::SetPoint => Some(axis.set_point),
+            Figure::Actual => axis.actual,
+        }
+    }
+
+    fn robot(&self, of: Quantity) -> f64 {
+        let world = &self.rig.world;
+        match of {
+            Quantity::SpeedMS => world.speed(),
+            Quantity::TurnRateDegS => world.turn_rate().to_degrees(),
+            Quantity::XM => world.pose().x,
+            Quantity::YM => world.pose().y,
+            Quantity::HeadingDeg => emulators::world::wrap_angle(world.pose().theta).to_degrees(),
+            #[expect(clippy::cast_precision_loss, reason = "a number of contacts")]
+            Quantity::Contacts => world.contact_count() as f64,
+            Quantity::ClearanceM => world.clearance(),
+        }
+    }
+
+    fn register(&self, wanted: &RegisterCondition) -> Option<Operand> {
+        let byte = wanted
+            .address
+            .and_then(|address| u8::try_from(address).ok());
+        let byte = byte.and_then(|address| self.rig.register(&wanted.device, address));
+        if let Some(byte) = byte {
+            return Some(Operand::Number(byte.into()));
+        }
+        let values = self.values(&wanted.device).into_iter();
+        let is_it = |value: &DeviceValue| match &wanted.name {
+            Some(name) => value.name == *name,
+            None => value.address == wanted.address,
+        };
+        values.into_iter().find(is_it).map(|value| value.value)
+    }
+
+    /// The values of a device: its own, or those that the robot shows of it.
+    fn values(&self, device: &str) -> Vec<DeviceValue> {
+        let own = self.devices.get(device);
+        let own = own.map_or(Vec::new(), |spec| spec.values(self.rig, device));
+        if !own.is_empty() {
+            return own;
+        }
+        let panels = self.instruments.panels(self.rig).into_iter();
+        let panels = panels.filter(|panel| panel.name.split(' ').next() == Some(device));
+        let rows = panels.flat_map(|panel| panel.rows);
+        let value = |row: super::PanelRow| DeviceValue {
+            address: row.address,
+            name: row.name.into_owned(),
+            value: Operand::from_words(&row.value),
+        };
+        rows.map(value).collect()
+    }
+}
+
+/// Whether the robot has what conditions name.
+impl Moment<'_> {
+    /// Checks that the run has all that `condition` names.
+    ///
+    /// # Errors
+    /// The first name that is unknown, with the name that was probably meant and the known ones.
+    pub(crate) fn check(&self, condition: &Condition) -> Result<(), Flaw> {
+        match condition {
+            Condition::Bytes(bytes) => self.link(&bytes.link).map(drop),
+            Condition::Frame(frame) => self.codec(frame).map(drop),
+            Condition::Register(register) => self.check_register(register),
+            Condition::Event(event) => match &event.source {
+                Some(source) => self.check_source(source),
+                None => Ok(()),
+            },
+            Condition::Axis(axis) => self.check_axis(axis),
+            Condition::Visited(count) if *count > self.waypoints[1] => {
+                let all = self.waypoints[1];
+                let message = format!("is {count}, but the mission has {all} waypoints to count");
+                Err(Flaw::new("visited", message))
+            }
+            Condition::Map(_) if self.known_share().is_none() && !self.may_get_a_map() => {
+                let message = "the robot has no map that can be looked at from outside";
+                Err(Flaw::new("map", message))
+            }
+            Condition::Pose(_) => self.check_body("pose"),
+            Condition::Robot(_) => self.check_body("robot"),
+            Condition::Contact(_) => self.check_body("contact"),
+            Condition::All(parts) | Condition::Any(parts) => {
+                parts.iter().try_for_each(|part| self.check(part))
+            }
+            Condition::Not(inner) => self.check(inner),
+            Condition::Visited(_) | Condition::Map(_) => Ok(()),
+        }
+    }
+
+    /// Number of the link called `name`.
+    pub(crate) fn link(&self, name: &str) -> Result<usize, Flaw> {
+        let links = self.rig.links();
+        let index = links.iter().position(|link| link.name == name);
+        index.ok_or_else(|| {
+            let all: Vec<&str> = links.iter().map(|link| link.name.as_str()).collect();
+            Flaw::new("link", near::expected(name, &all))
+        })
+    }
+
+    /// What the line of `frame` speaks.
+    pub(crate) fn codec(
+        &self,
+        frame: &FrameCondition,
+    ) -> Result<&'static crate::codec::Codec, Flaw> {
+        let link = self.link(&frame.link)?;
+        let name = &self.rig.links()[link].name;
+        let direction = Direction::from(frame.direction);
+        let codec = self.instruments.codec_towards(self.rig, name, direction);
+        codec.ok_or_else(|| {
+            let message = format!("what {name} speaks is not known: expected `bytes`");
+            Flaw::new("link", message)
+        })
+    }
+
+    fn check_register(&self, register: &RegisterCondition) -> Result<(), Flaw> {
+        if self.register(register).is_some() {
+            return Ok(());
+        }
+        let device = &register.device;
+        let known: Vec<&str> = self.rig.devices().map(|(name, _)| name).collect();
+        if !known.contains(&device.as_str()) {
+            return Err(Flaw::new("device", near::expected(device, &known)));
+        }
+        let values = self.values(device);
+        let Some(name) = &register.name else {
+            let address = register.address.unwrap_or_default();
+            let known: Vec<String> = values
+                .iter()
+                .filter_map(|value| value.address.map(|address| address.to_string()))
+                .collect();
+            let message = match known.is_empty() {
+                true => format!("is {address}, but {device} has no registers with numbers"),
+                false => format!("is {address}, expected one of {}", known.join(", ")),
+            };
+            return Err(Flaw::new("address", message));
+        };
+        let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
+        Err(Flaw::new("name", near::expected(name, &names)))
+    }
+
+    fn check_axis(&self, axis: &AxisCondition) -> Result<(), Flaw> {
+        let axes = self.axes();
+        if axes.iter().any(|one| one.name == axis.name) {
+            return Ok(());
+        }
+        let all: Vec<&str> = axes.iter().map(|axis| &*axis.name).collect();
+        let message = match all.is_empty() {
+            true => format!("is {:?}, but the robot has no axes", axis.name),
+            false => near::expected(&axis.name, &all),
+        };
+        Err(Flaw::new("name", message))
+    }
+
+    fn check_source(&self, source: &str) -> Result<(), Flaw> {
+        let devices = self.rig.devices().map(|(name, _)| name);
+        let links = self.rig.links().iter().map(|link| link.name.as_str());
+        let mut known: Vec<&str> = devices.chain(links).chain(SOURCES).collect();
+        known.sort_unstable();
+        known.dedup();
+        match known.contains(&source) {
+            true => Ok(()),
+            false => Err(Flaw::new("source", near::expected(source, &known))),
+        }
+    }
+
+    fn check_body(&self, key: &'static str) -> Result<(), Flaw> {
+        match self.instruments.has_body() {
+            true => Ok(()),
+            false => {
+                let message = "there is no robot that could move (robot = \"none\")";
+                Err(Flaw::new(key, message))
+            }
+        }
+    }
+
+    /// Whether a map may come that is not there yet: the station receives one.
+    fn may_get_a_map(&self) -> bool {
+        let station = self.instruments.station(self.rig);
+        station.is_some_and(|station| station.has_whole_map().is_some())
+    }
+}

@@ -1,0 +1,375 @@
+//! Evaluates a condition over a run: for a rule at each moment, for a wait since its start.
+//!
+//! Conditions on the state (registers, axes, figures of the robot, the map) are read at each look,
+//! 10 ms apart. Bytes, frames, contacts and log entries have moments of their own, and none is
+//! missed. Between its moments such a condition says neither yes nor no.
+
+use protocols::Instant;
+
+use super::line_watch::{LineWatch, LineWatches, Wanted};
+use crate::Shared;
+use crate::robots::conditions::{Moment, Reading};
+use crate::scenario::{Condition, EventCondition, Flaw};
+
+/// A condition under watch.
+#[derive(Clone)]
+pub(super) struct Probe {
+    condition: Condition,
+    node: Node,
+}
+
+#[derive(Clone)]
+enum Node {
+    All(Vec<Probe>),
+    Any(Vec<Probe>),
+    Not(Box<Probe>),
+    Leaf(Leaf),
+}
+
+/// A condition without others in it, and what it read.
+#[derive(Clone)]
+struct Leaf {
+    source: Source,
+    /// Readings at moments since the last look, oldest first.
+    moments: Vec<(Instant, Reading)>,
+    /// What it reads at the moment that is judged.
+    now: Option<Reading>,
+}
+
+#[derive(Clone)]
+enum Source {
+    /// The state of the run.
+    State,
+    /// A line.
+    Line(Shared<LineWatch>),
+    /// The log, from this entry on.
+    Log(usize),
+    /// The contacts, from this one on.
+    Contacts(u64),
+}
+
+/// A moment of a condition: yes, no, or nothing to say.
+pub(super) type Truth = Option<bool>;
+
+impl core::fmt::Debug for Probe {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_tuple("Probe").field(&self.condition).finish()
+    }
+}
+
+impl Probe {
+    /// A watch on `condition`; `is_once`: until it has held once. `moment` has what it names.
+    pub(super) fn new(
+        condition: &Condition,
+        moment: &Moment<'_>,
+        lines: &LineWatches,
+        is_once: bool,
+    ) -> Result<Self, Flaw> {
+        let all = |parts: &[Condition]| {
+            let parts = parts.iter();
+            let parts = parts.map(|part| Self::new(part, moment, lines, is_once));
+            parts.collect::<Result<Vec<_>, _>>()
+        };
+        let line = |link: &str, direction, wanted| {
+            let link = moment.link(link)?;
+            let watch = LineWatch::new(link, direction, wanted, is_once);
+            Ok::<_, Flaw>(Source::Line(lines.add(watch)))
+        };
+        let source = match condition {
+            Condition::All(parts) => return Ok(Self::of(condition, Node::All(all(parts)?))),
+            Condition::Any(parts) => return Ok(Self::of(condition, Node::Any(all(parts)?))),
+            Condition::Not(inner) => {
+                let inner = Self::new(inner, moment, lines, is_once)?;
+                return Ok(Self::of(condition, Node::Not(Box::new(inner))));
+            }
+            Condition::Bytes(bytes) => line(&bytes.link, bytes.direction, Wanted::bytes(bytes)?)?,
+            Condition::Frame(frame) => {
+                let wanted = Wanted::frame(frame, moment)?;
+                line(&frame.link, frame.direction, wanted)?
+            }
+            Condition::Event(_) => Source::Log(moment.rig.events().len()),
+            Condition::Contact(_) => Source::Contacts(moment.rig.world.contact_count()),
+            _ => Source::State,
+        };
+        let leaf = Leaf {
+            source,
+            moments: Vec::new(),
+            now: None,
+        };
+        Ok(Self::of(condition, Node::Leaf(leaf)))
+    }
+
+    fn of(condition: &Condition, node: Node) -> Self {
+        let condition = condition.clone();
+        Self { condition, node }
+    }
+
+    /// The same watch on a copy of the rig, on whose lines `lines` listen.
+    pub(super) fn fork(&self, lines: &LineWatches) -> Self {
+        let all = |parts: &[Self]| parts.iter().map(|part| part.fork(lines)).collect();
+        let node = match &self.node {
+            Node::All(parts) => Node::All(all(parts)),
+            Node::Any(parts) => Node::Any(all(parts)),
+            Node::Not(inner) => Node::Not(Box::new(inner.fork(lines))),
+            Node::Leaf(leaf) => {
+                let mut leaf = leaf.clone();
+                if let Source::Line(watch) = &leaf.source {
+                    let copy = watch.lock().clone();
+                    leaf.source = Source::Line(lines.add(copy));
+                }
+                Node::Leaf(leaf)
+            }
+        };
+        Self::of(&self.condition, node)
+    }
+
+    /// Reads what has come since the last look, and the state.
+    pub(super) fn look(&mut self, moment: &Moment<'_>, contacts: &[emulators::world::Contact]) {
+        let Self { condition, node } = self;
+        match node {
+            Node::All(parts) | Node::Any(parts) => {
+                parts
+                    .iter_mut()
+                    .for_each(|part| part.look(moment, contacts));
+            }
+            Node::Not(inner) => inner.look(moment, contacts),
+            Node::Leaf(leaf) => leaf.look(condition, moment, contacts),
+        }
+    }
+
+    /// The moments of all its parts, oldest first; several parts may have the same one.
+    pub(super) fn moments(&self, into: &mut Vec<(Instant, usize)>) {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => parts.iter().for_each(|part| part.moments(into)),
+            Node::Not(inner) => inner.moments(into),
+            Node::Leaf(leaf) => {
+                // Frames that ended together are told apart by their order.
+                let mut before: Option<(Instant, usize)> = None;
+                for (at, _) in &leaf.moments {
+                    let number = match before {
+                        Some((last, number)) if last == *at => number + 1,
+                        _ => 0,
+                    };
+                    before = Some((*at, number));
+                    into.push((*at, number));
+                }
+            }
+        }
+    }
+
+    /// What it says at a moment; `None` for the look itself, at which momentary parts say nothing.
+    pub(super) fn judge(&mut self, at: Option<(Instant, usize)>) -> Truth {
+        match &mut self.node {
+            Node::All(parts) => {
+                // Each is judged, so that each can be put in words.
+                let truths = parts.iter_mut().map(|part| part.judge(at));
+                truths.fold(Some(true), |all, one| match (all, one) {
+                    (Some(false), _) | (_, Some(false)) => Some(false),
+                    (Some(true), Some(true)) => Some(true),
+                    _ => None,
+                })
+            }
+            Node::Any(parts) => {
+                let truths = parts.iter_mut().map(|part| part.judge(at));
+                truths.fold(Some(false), |any, one| match (any, one) {
+                    (Some(true), _) | (_, Some(true)) => Some(true),
+                    (Some(false), Some(false)) => Some(false),
+                    _ => None,
+                })
+            }
+            Node::Not(inner) => inner.judge(at).map(|truth| !truth),
+            Node::Leaf(leaf) => {
+                if !matches!(leaf.source, Source::State) {
+                    leaf.now = at.and_then(|at| leaf.at(at)).cloned();
+                }
+                leaf.now.as_ref().map(|reading| reading.holds)
+            }
+        }
+    }
+
+    /// What its parts read at the moment judged last.
+    pub(super) fn words(&self) -> String {
+        let mut words = Vec::new();
+        self.add_words(&mut words);
+        words.join(", ")
+    }
+
+    fn add_words(&self, into: &mut Vec<String>) {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => {
+                parts.iter().for_each(|part| part.add_words(into));
+            }
+            Node::Not(inner) => inner.add_words(into),
+            Node::Leaf(leaf) => {
+                if let Some(reading) = &leaf.now {
+                    into.push(told(&self.condition, reading));
+                }
+            }
+        }
+    }
+
+    /// Whether its subject has appeared, so that it could have held: its line, its frames, the log,
+    /// a robot that moves.
+    pub(super) fn has_appeared(&self, has_moved: bool) -> bool {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => {
+                parts.iter().all(|part| part.has_appeared(has_moved))
+            }
+            Node::Not(inner) => inner.has_appeared(has_moved),
+            Node::Leaf(leaf) => match (&leaf.source, &self.condition) {
+                (Source::Line(watch), Condition::Frame(frame)) => match frame.field {
+                    Some(_) => watch.lock().found.readings > 0,
+                    None => watch.lock().found.frames > 0,
+                },
+                (Source::Line(watch), _) => watch.lock().found.bytes > 0,
+                (Source::Log(_), _) => true,
+                (Source::Contacts(_), _) => has_moved,
+                (Source::State, _) => leaf.now.is_some(),
+            },
+        }
+    }
+
+    /// Why nothing was observed, for a line that carried other frames.
+    pub(super) fn silence(&self) -> Option<String> {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::silence),
+            Node::Not(inner) => inner.silence(),
+            Node::Leaf(leaf) => {
+                let (Source::Line(watch), Condition::Frame(frame)) =
+                    (&leaf.source, &self.condition)
+                else {
+                    return None;
+                };
+                let watch = watch.lock();
+                let (link, frames) = (&frame.link, watch.found.frames);
+                Some(match frames {
+                    0 => format!("no frame came on {link}"),
+                    _ => format!(
+                        "{frames} frames came on {link}, the last: {}",
+                        watch.found.last
+                    ),
+                })
+            }
+        }
+    }
+
+    /// Whether it has held since its start; of a state, whether it holds now.
+    pub(super) fn has_come(&self, moment: &Moment<'_>, contacts: &super::Contacts) -> bool {
+        match &self.node {
+            Node::All(parts) => parts.iter().all(|part| part.has_come(moment, contacts)),
+            Node::Any(parts) => parts.iter().any(|part| part.has_come(moment, contacts)),
+            Node::Not(inner) => !inner.has_come(moment, contacts),
+            Node::Leaf(leaf) => match (&leaf.source, &self.condition) {
+                (Source::Line(watch), _) => watch.lock().found.has_held,
+                (Source::Log(since), Condition::Event(event)) => {
+                    let entries = moment.rig.events().get(*since..).unwrap_or_default();
+                    entries.iter().any(|logged| is_event(event, logged))
+                }
+                (Source::Contacts(since), Condition::Contact(contact)) => {
+                    let mut since = contacts.since(*since);
+                    since.any(|one| is_contact(contact, one))
+                }
+                _ => moment
+                    .reading(&self.condition)
+                    .is_some_and(|reading| reading.holds),
+            },
+        }
+    }
+}
+
+impl Leaf {
+    fn look(
+        &mut self,
+        condition: &Condition,
+        moment: &Moment<'_>,
+        contacts: &[emulators::world::Contact],
+    ) {
+        let held = || Reading {
+            holds: true,
+            value: None,
+        };
+        self.moments.clear();
+        match (&mut self.source, condition) {
+            (Source::Line(watch), _) => self.moments = watch.lock().take_moments(),
+            (Source::Log(since), Condition::Event(event)) => {
+                let events = moment.rig.events();
+                let new = events.get(*since..).unwrap_or_default();
+                *since = events.len();
+                let new = new.iter().filter(|logged| is_event(event, logged));
+                self.moments
+                    .extend(new.map(|logged| (logged.event.at, held())));
+            }
+            (Source::Contacts(_), Condition::Contact(contact)) => {
+                let new = contacts.iter().filter(|one| is_contact(contact, one));
+                let reading = |one: &emulators::world::Contact| Reading {
+                    value: Some(((one.own_m_s * 1000.0).round() / 1000.0).into()),
+                    ..held()
+                };
+                self.moments.extend(new.map(|one| (one.at, reading(one))));
+            }
+            _ => self.now = moment.reading(condition),
+        }
+    }
+
+    fn at(&self, (at, number): (Instant, usize)) -> Option<&Reading> {
+        let mut same = self.moments.iter().filter(|(when, _)| *when == at);
+        same.nth(number).map(|(_, reading)| reading)
+    }
+}
+
+fn is_event(wanted: &EventCondition, logged: &crate::rig::Logged) -> bool {
+    let is_source = |source: &String| *source == logged.source;
+    logged.event.rule == wanted.rule && wanted.source.as_ref().is_none_or(is_source)
+}
+
+fn is_contact(
+    wanted: &crate::scenario::ContactCondition,
+    contact: &emulators::world::Contact,
+) -> bool {
+    wanted
+        .faster_than_m_s
+        .is_none_or(|speed| contact.own_m_s > speed)
+}
+
+/// `axis left, set-point is 0.52`.
+fn told(condition: &Condition, reading: &Reading) -> String {
+    let value = match &reading.value {
+        Some(value) => format!(" is {value}"),
+        None => String::new(),
+    };
+    match condition {
+        Condition::Frame(frame) => match &frame.field {
+            Some(field) => format!("{field} on {}{value}", frame.link),
+            None => condition.to_string(),
+        },
+        Condition::Register(one) => match (&one.name, one.address) {
+            (Some(name), _) => format!("{} {name}{value}", one.device),
+            (None, address) => {
+                let address = address.unwrap_or_default();
+                format!("{} register {address}{value}", one.device)
+            }
+        },
+        Condition::Pose(place) => {
+            let [x, y] = place.near_m;
+            format!("distance from {x}, {y}{value} m")
+        }
+        Condition::Map(_) => format!("known share of the map{value}"),
+        Condition::Visited(_) => format!("number of visited waypoints{value}"),
+        Condition::Axis(axis) => format!("axis {}, {}{value}", axis.name, axis.of.name()),
+        Condition::Robot(robot) => format!("{}{value}", robot.of.name()),
+        Condition::Contact(_) => match &reading.value {
+            Some(speed) => format!("contact at {speed} m/s"),
+            None => "contact".to_owned(),
+        },
+        other => other.to_string(),
+    }
+}
+
+/// The moments of several conditions since the last look, in their order, without repetition.
+pub(super) fn moments_of<'a>(probes: impl Iterator<Item = &'a Probe>) -> Vec<(Instant, usize)> {
+    let mut all = Vec::new();
+    probes.for_each(|probe| probe.moments(&mut all));
+    all.sort_unstable();
+    all.dedup();
+    all
+}

@@ -1,0 +1,384 @@
+//! The rules of `[[expect.rule]]`, watched from the start of a run to its end.
+
+mod verdict;
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use emulators::world::Contact;
+use protocols::Instant;
+
+use super::line_watch::LineWatches;
+use super::mission::Progress;
+use super::probe::{Probe, Truth, moments_of};
+use crate::rig::Rig;
+use crate::robots::conditions::Moment;
+use crate::robots::{Axis, Check, Instruments};
+use crate::scenario::{Condition, Demand, DeviceSpec, Flaw, RuleSpec, Scenario, UntilSpec};
+
+/// The rules of a run.
+pub(super) struct Rules {
+    rules: Vec<Rule>,
+    devices: Arc<BTreeMap<String, DeviceSpec>>,
+    /// Visits of waypoints, which conditions count.
+    progress: Progress,
+}
+
+/// A rule and what was seen of it.
+struct Rule {
+    spec: Arc<RuleSpec>,
+    demand: Demand,
+    probes: Probes,
+    seen: Seen,
+}
+
+/// The conditions of a rule.
+struct Probes {
+    subject: Probe,
+    after: Option<Probe>,
+    until: Option<Probe>,
+}
+
+/// What was seen of a rule so far.
+#[derive(Clone, Debug, Default)]
+struct Seen {
+    /// Moments in which the rule applied and its condition said yes or no.
+    moments: u64,
+    /// Whether the rule has applied at all.
+    has_applied: bool,
+    /// Times that `after` came true, and the last one.
+    triggers: u64,
+    last_trigger: Option<Instant>,
+    was_after: Truth,
+    /// Since when a rule with `after` applies.
+    armed_since: Option<Instant>,
+    /// The time of `after` that waits for its answer.
+    pending: Option<Instant>,
+    /// Whether `until` has ended the rule.
+    is_over: bool,
+    /// When an awaited condition first came true, and what it read.
+    met: Option<(Instant, String)>,
+    answers: u64,
+    /// Longest time from `after` to its answer, and when that was.
+    slowest: Option<(Duration, Instant)>,
+    /// The first break, in words.
+    broken: Option<(Instant, String)>,
+    breaks: u64,
+    was_broken: bool,
+    /// Whether the robot has moved, without which no contact is to be expected.
+    has_moved: bool,
+    /// Whether the log has lost entries.
+    is_log_cut: bool,
+}
+
+impl Rules {
+    /// The rules of `scenario` on `rig`, which has all that they name.
+    pub(super) fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+        let lines = LineWatches::default();
+        let progress = Progress::new(&scenario.mission, &scenario.expect);
+        let devices = Arc::new(scenario.device.clone());
+        let moment = Moment {
+            rig,
+            instruments,
+            axes: None,
+            devices: &devices,
+            waypoints: [0, progress.waypoints()],
+        };
+        let specs = scenario.expect.rules();
+        // The names were checked as the rig was wired.
+        let rules = specs.filter_map(|spec| Rule::new(spec, &moment, &lines).ok());
+        let rules = rules.collect();
+        if !lines.is_empty() {
+            rig.add_tap(Box::new(lines.clone()));
+        }
+        Self {
+            rules,
+            devices,
+            progress,
+        }
+    }
+
+    /// The same rules in the same state, for a copy of the rig.
+    pub(super) fn fork(&self, rig: &mut Rig) -> Self {
+        let lines = LineWatches::default();
+        let rules = self.rules.iter().map(|rule| Rule {
+            spec: Arc::clone(&rule.spec),
+            demand: rule.demand,
+            probes: rule.probes.fork(&lines),
+            seen: rule.seen.clone(),
+        });
+        let rules = rules.collect();
+        if !lines.is_empty() {
+            rig.add_tap(Box::new(lines.clone()));
+        }
+        Self {
+            rules,
+            devices: Arc::clone(&self.devices),
+            progress: self.progress.clone(),
+        }
+    }
+
+    /// Judges what has come since the last look.
+    pub(super) fn look(
+        &mut self,
+        rig: &Rig,
+        instruments: &dyn Instruments,
+        axes: &[Axis],
+        contacts: &[Contact],
+    ) {
+        if self.rules.is_empty() {
+            return;
+        }
+        let is_moving = rig.world.is_moving();
+        self.progress
+            .observe(rig.now(), rig.world.pose(), is_moving);
+        let moment = Moment {
+            rig,
+            instruments,
+            axes: Some(axes),
+            devices: &self.devices,
+            waypoints: [self.progress.visits().len(), self.progress.waypoints()],
+        };
+        for rule in &mut self.rules {
+            rule.seen.has_moved |= is_moving;
+            rule.seen.is_log_cut = rig.events_dropped() > 0;
+            rule.look(&moment, contacts);
+        }
+    }
+
+    /// Whether a rule still waits for what must come before the run ends.
+    pub(super) fn awaits(&self, now: Instant) -> bool {
+        self.rules.iter().any(|rule| rule.awaits(now))
+    }
+
+    /// The verdict of each rule; `is_over`: nothing can become true any more.
+    pub(super) fn checks(&self, now: Instant, is_over: bool) -> impl Iterator<Item = Check> {
+        let checks = self.rules.iter();
+        checks.map(move |rule| rule.check(now, is_over))
+    }
+}
+
+impl core::fmt::Debug for Rules {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let names = self.rules.iter().map(|rule| &rule.spec.name);
+        f.debug_list().entries(names).finish()
+    }
+}
+
+impl Probes {
+    fn all(&self) -> impl Iterator<Item = &Probe> {
+        core::iter::once(&self.subject)
+            .chain(&self.after)
+            .chain(&self.until)
+    }
+
+    fn look(&mut self, moment: &Moment<'_>, contacts: &[Contact]) {
+        self.subject.look(moment, contacts);
+        let others = self.after.iter_mut().chain(&mut self.until);
+        others.for_each(|probe| probe.look(moment, contacts));
+    }
+
+    fn fork(&self, lines: &LineWatches) -> Self {
+        let fork = |probe: &Probe| probe.fork(lines);
+        Self {
+            subject: fork(&self.subject),
+            after: self.after.as_ref().map(fork),
+            until: self.until.as_ref().map(fork),
+        }
+    }
+}
+
+impl Rule {
+    fn new(spec: &RuleSpec, moment: &Moment<'_>, lines: &LineWatches) -> Result<Self, Flaw> {
+        let probe = |condition: &Condition| Probe::new(condition, moment, lines, false);
+        let (demand, subject) = spec
+            .demand()
+            .ok_or_else(|| Flaw::new("always", "is missing"))?;
+        let until = spec.until.as_ref().and_then(UntilSpec::condition);
+        Ok(Self {
+            demand,
+            probes: Probes {
+                subject: probe(subject)?,
+                after: spec.after.as_ref().map(probe).transpose()?,
+                until: until.map(probe).transpose()?,
+            },
+            seen: Seen::default(),
+            spec: Arc::new(spec.clone()),
+        })
+    }
+
+    fn look(&mut self, moment: &Moment<'_>, contacts: &[Contact]) {
+        self.probes.look(moment, contacts);
+        for place in moments_of(self.probes.all()) {
+            self.judge(place.0, Some(place));
+        }
+        self.judge(moment.rig.now(), None);
+    }
+
+    /// The first and the last moment at which the rule applies.
+    fn window(&self) -> (Instant, Option<Instant>) {
+        let from = self.spec.from.unwrap_or_default().instant();
+        let until = self.spec.until.as_ref().and_then(UntilSpec::time);
+        let within = self.spec.within.filter(|_| self.spec.after.is_none());
+        let until = until.map(|until| until.instant());
+        (from, until.or(within.map(|within| from + within.0)))
+    }
+
+    fn awaits(&self, now: Instant) -> bool {
+        let (_, until) = self.window();
+        let is_late = until.is_some_and(|until| now > until);
+        match (self.demand, &self.spec.after) {
+            (Demand::Eventually, Some(_)) => self.seen.pending.is_some(),
+            (Demand::Eventually, None) => self.seen.met.is_none() && !is_late && !self.seen.is_over,
+            _ => false,
+        }
+    }
+
+    fn judge(&mut self, at: Instant, place: Option<(Instant, usize)>) {
+        let (from, until) = self.window();
+        let is_late = until.is_some_and(|until| at > until);
+        if at < from || self.seen.is_over || (is_late && self.seen.pending.is_none()) {
+            return;
+        }
+        self.seen.has_applied = true;
+        let ended = self.probes.until.as_mut();
+        if ended.and_then(|until| until.judge(place)) == Some(true) {
+            return self.seen.end(self.spec.after.is_some());
+        }
+        let truth = self.probes.subject.judge(place);
+        let trigger = self.probes.after.as_mut().map(|after| after.judge(place));
+        match self.demand {
+            Demand::Always | Demand::Never => self.hold(at, truth, place.is_some()),
+            Demand::Eventually | Demand::Sometimes => self.await_it(at, truth),
+        }
+        if let Some(trigger) = trigger.filter(|_| !is_late) {
+            self.start(at, trigger, truth, place.is_some());
+        }
+    }
+
+    /// Whether an `always` or `never` applies at `at`.
+    fn applies(&self, at: Instant) -> bool {
+        if self.spec.after.is_none() {
+            return true;
+        }
+        let (Some(since), Some(last)) = (self.seen.armed_since, self.seen.last_trigger) else {
+            return false;
+        };
+        let within = self.spec.within.unwrap_or_default().0;
+        let begins = since + within;
+        let has_begun = at >= begins && at > since;
+        has_begun && self.ends_after(last).is_none_or(|end| at <= end)
+    }
+
+    /// When an `always` or `never` ends that was begun at `last`.
+    fn ends_after(&self, last: Instant) -> Option<Instant> {
+        let within = self.spec.within.unwrap_or_default().0;
+        self.spec.lasting.map(|lasting| last + within + lasting.0)
+    }
+
+    fn hold(&mut self, at: Instant, truth: Truth, is_momentary: bool) {
+        let Some(truth) = truth.filter(|_| self.applies(at)) else {
+            return;
+        };
+        self.seen.moments += 1;
+        let is_broken = truth != (self.demand == Demand::Always);
+        if is_broken && (is_momentary || !self.seen.was_broken) {
+            self.seen.breaks += 1;
+            if self.seen.broken.is_none() {
+                self.seen.broken = Some((at, self.probes.subject.words()));
+            }
+        }
+        self.seen.was_broken = is_broken;
+    }
+
+    fn await_it(&mut self, at: Instant, truth: Truth) {
+        self.seen.moments += u64::from(truth.is_some());
+        if self.spec.after.is_some() {
+            return self.answer(at, truth == Some(true));
+        }
+        if truth == Some(true) && self.seen.met.is_none() {
+            self.seen.met = Some((at, self.probes.subject.words()));
+        }
+    }
+
+    /// The condition holds at `at`, or not, while `after` may wait for it.
+    fn answer(&mut self, at: Instant, holds: bool) {
+        let Some(asked) = self.seen.pending else {
+            return;
+        };
+        let deadline = self.spec.within.map(|within| asked + within.0);
+        if let Some(deadline) = deadline.filter(|deadline| at > *deadline) {
+            self.seen.pending = None;
+            self.seen.breaks += 1;
+            let words = || format!("not {}", self.subject());
+            let words = format!("asked at {asked} s, {} until then", words());
+            self.seen.broken.get_or_insert((deadline, words));
+            return;
+        }
+        if holds {
+            self.seen.pending = None;
+            self.seen.answers += 1;
+            let took = at - asked;
+            if self.seen.slowest.is_none_or(|(most, _)| took > most) {
+                self.seen.slowest = Some((took, asked));
+            }
+            if self.seen.met.is_none() {
+                self.seen.met = Some((at, self.probes.subject.words()));
+            }
+        }
+    }
+
+    /// `after` says `trigger`.
+    fn start(&mut self, at: Instant, trigger: Truth, truth: Truth, is_moment: bool) {
+        let is_momentary = self
+            .spec
+            .after
+            .as_ref()
+            .is_some_and(Condition::is_momentary);
+        let is_again = self.seen.was_after == Some(true) && !(is_moment && is_momentary);
+        if trigger.is_some() {
+            self.seen.was_after = trigger;
+        }
+        if trigger != Some(true) || is_again {
+            return;
+        }
+        self.seen.triggers += 1;
+        let is_done = self
+            .seen
+            .last_trigger
+            .and_then(|last| self.ends_after(last));
+        if self.seen.armed_since.is_none() || is_done.is_some_and(|end| at > end) {
+            self.seen.armed_since = Some(at);
+        }
+        self.seen.last_trigger = Some(at);
+        if matches!(self.demand, Demand::Eventually | Demand::Sometimes) {
+            self.seen.pending.get_or_insert(at);
+            // A state that holds already is the answer; a moment must be another one.
+            if truth == Some(true) && !self.is_moment() {
+                self.answer(at, true);
+            }
+        }
+    }
+
+    fn subject(&self) -> String {
+        let demand = self.spec.demand();
+        demand.map_or_else(String::new, |(_, condition)| condition.to_string())
+    }
+
+    fn is_moment(&self) -> bool {
+        let demand = self.spec.demand();
+        demand.is_some_and(|(_, condition)| condition.is_momentary())
+    }
+}
+
+impl Seen {
+    /// `until` holds: a rule with `after` applies again from the next time on.
+    fn end(&mut self, is_for_now: bool) {
+        self.armed_since = None;
+        self.pending = None;
+        self.was_broken = false;
+        self.was_after = None;
+        self.is_over = !is_for_now;
+    }
+}

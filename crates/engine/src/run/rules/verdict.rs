@@ -1,0 +1,159 @@
+//! Verdicts of rules in words: what was observed, when, and what was expected.
+
+use protocols::Instant;
+
+use super::{Rule, Seen};
+use crate::robots::Check;
+use crate::scenario::Demand;
+
+impl Rule {
+    /// The verdict; `is_over`: nothing can become true any more.
+    pub(super) fn check(&self, now: Instant, is_over: bool) -> Check {
+        let name = self.spec.check_name();
+        let check = match self.demand {
+            Demand::Always | Demand::Never => self.held(&name),
+            Demand::Eventually if self.spec.after.is_some() => self.answered(&name, is_over),
+            Demand::Eventually => self.came(&name, now, is_over),
+            Demand::Sometimes => return self.reached(&name),
+        };
+        let is_cut = self.seen.is_log_cut && self.is_moment();
+        match is_cut {
+            true => check.if_observed(false),
+            false => check,
+        }
+    }
+
+    fn held(&self, name: &str) -> Check {
+        let (spec, seen) = (&self.spec, &self.seen);
+        if let Some((at, words)) = &seen.broken {
+            let more = in_all(seen.breaks);
+            let detail = format!("at {at} s {words}; expected {spec}{more}");
+            return Check::new(name, false, detail);
+        }
+        if let Some(why) = self.unobserved() {
+            return Check::not_observed(name, format!("{why}; expected {spec}"));
+        }
+        let times = match &spec.after {
+            None => String::new(),
+            Some(_) => format!(", begun {}", times(seen.triggers)),
+        };
+        let held = match seen.moments {
+            0 => "never came up".to_owned(),
+            moments => format!("held at all of {moments} moments"),
+        };
+        Check::new(name, true, format!("{held}{times}: {spec}"))
+    }
+
+    /// Why an `always` or `never` was not observed, if it was not.
+    fn unobserved(&self) -> Option<String> {
+        let seen = &self.seen;
+        if !seen.has_applied {
+            return Some("the run ended before its time".to_owned());
+        }
+        if self.spec.after.is_some() && seen.triggers == 0 {
+            return Some(self.no_trigger());
+        }
+        if seen.moments > 0 {
+            return None;
+        }
+        // What only ever says yes is observed where it could have come up.
+        let could_come = self.demand == Demand::Never
+            && self.probes.subject.has_appeared(seen.has_moved)
+            && (self.spec.after.is_none() || seen.armed_since.is_some());
+        if could_come {
+            return None;
+        }
+        let silence = self.probes.subject.silence();
+        Some(silence.unwrap_or_else(|| "nothing of it appeared".to_owned()))
+    }
+
+    fn no_trigger(&self) -> String {
+        let after = self.spec.after.as_ref();
+        let silence = self.probes.after.as_ref().and_then(|after| after.silence());
+        let silence = silence.map(|why| format!(" ({why})")).unwrap_or_default();
+        let after = after.map(ToString::to_string).unwrap_or_default();
+        format!("{after} did not come true{silence}")
+    }
+
+    fn answered(&self, name: &str, is_over: bool) -> Check {
+        let (spec, seen) = (&self.spec, &self.seen);
+        if let Some((at, words)) = &seen.broken {
+            let more = in_all(seen.breaks);
+            return Check::new(
+                name,
+                false,
+                format!("by {at} s: {words}; expected {spec}{more}"),
+            );
+        }
+        if seen.triggers == 0 {
+            let why = match seen.has_applied {
+                true => self.no_trigger(),
+                false => "the run ended before its time".to_owned(),
+            };
+            return Check::not_observed(name, format!("{why}; expected {spec}"));
+        }
+        match (seen.pending, spec.within) {
+            (Some(asked), None) if is_over => {
+                let detail = format!("asked at {asked} s, nothing until the end; expected {spec}");
+                return Check::new(name, false, detail);
+            }
+            (Some(asked), _) if seen.answers == 0 => {
+                let detail = format!("asked at {asked} s, the time is not up; expected {spec}");
+                return Check::not_observed(name, detail);
+            }
+            _ => {}
+        }
+        let slowest = seen.slowest.map(|(took, at)| {
+            format!("; the slowest after {:.3} s, at {at} s", took.as_secs_f64())
+        });
+        let (answers, slowest) = (times(seen.answers), slowest.unwrap_or_default());
+        Check::new(name, true, format!("{answers}{slowest}: {spec}")).if_observed(seen.answers > 0)
+    }
+
+    fn came(&self, name: &str, now: Instant, is_over: bool) -> Check {
+        let (spec, seen) = (&self.spec, &self.seen);
+        if let Some((at, words)) = &seen.met {
+            return Check::new(name, true, format!("at {at} s {words}: {spec}"));
+        }
+        if !seen.has_applied && is_over {
+            let detail = format!("the run ended before its time; expected {spec}");
+            return Check::not_observed(name, detail);
+        }
+        let (_, until) = self.window();
+        let is_late = until.is_some_and(|until| now > until);
+        if !is_over && !is_late && !seen.is_over {
+            return Check::not_observed(name, format!("has not come yet; expected {spec}"));
+        }
+        let silence = self.probes.subject.silence();
+        let silence = silence.map(|why| format!(" ({why})")).unwrap_or_default();
+        let detail = format!("did not come true{silence}; expected {spec}");
+        Check::new(name, false, detail)
+    }
+
+    fn reached(&self, name: &str) -> Check {
+        let (spec, Seen { met, .. }) = (&self.spec, &self.seen);
+        match met {
+            Some((at, words)) => Check::new(name, true, format!("at {at} s {words}: {spec}")),
+            None => {
+                let detail = format!("not reached in this run, as a single run may: {spec}");
+                Check::not_observed(name, detail)
+            }
+        }
+    }
+}
+
+/// `once`, `12 times`.
+fn times(count: u64) -> String {
+    match count {
+        1 => "once".to_owned(),
+        count => format!("{count} times"),
+    }
+}
+
+/// What follows the first break, if there were more.
+fn in_all(breaks: u64) -> String {
+    match breaks {
+        0 | 1 => String::new(),
+        breaks => format!("; {breaks} times in all"),
+    }
+}

@@ -1,0 +1,171 @@
+//! Checks of a condition's figures, independent of the robot.
+
+use super::{BytesCondition, Condition, Flaw, FrameCondition, Op, Operand, RegisterCondition};
+
+/// Longest pattern of bytes.
+const PATTERN_MAX: usize = 256;
+/// Deepest nesting of `all`, `any` and `not`.
+const DEPTH_MAX: usize = 8;
+/// Largest number of conditions in one.
+const PARTS_MAX: usize = 64;
+
+impl BytesCondition {
+    /// The bytes of `hex`, if it is given.
+    ///
+    /// # Errors
+    /// If it is no hexadecimal text of 1 to 256 bytes.
+    pub fn pattern(&self) -> Result<Option<Vec<u8>>, Flaw> {
+        let Some(hex) = &self.hex else {
+            return Ok(None);
+        };
+        let digits: Option<Vec<u8>> = hex
+            .chars()
+            .filter(|c| !c.is_whitespace())
+            .map(|c| c.to_digit(16).and_then(|digit| u8::try_from(digit).ok()))
+            .collect();
+        let pairs = digits.filter(|digits| digits.len().is_multiple_of(2));
+        let bytes = pairs.map(|digits| digits.chunks(2).map(|two| two[0] << 4 | two[1]).collect());
+        let bytes = bytes.filter(|bytes: &Vec<u8>| (1..=PATTERN_MAX).contains(&bytes.len()));
+        let expected = "expected 1 to 256 bytes as pairs of hexadecimal digits such as \"fa a0\"";
+        let flaw = || Flaw::new("hex", format!("is {hex:?}, {expected}"));
+        bytes.map(Some).ok_or_else(flaw)
+    }
+
+    fn check(&self) -> Result<(), Flaw> {
+        self.pattern()?;
+        match (&self.hex, self.count) {
+            (Some(_), None) | (None, Some(1..)) => Ok(()),
+            _ => Err(Flaw::new("count", "expected hex, or a count of at least 1")),
+        }
+    }
+}
+
+impl FrameCondition {
+    fn check(&self) -> Result<(), Flaw> {
+        match (&self.field, &self.value) {
+            (Some(_), None) => Err(Flaw::new("value", "is missing, field needs it")),
+            (None, Some(_)) => Err(Flaw::new("field", "is missing, value needs it")),
+            (None, None) if self.op.is_of_order() || self.op == Op::Unequal => {
+                Err(Flaw::new("field", "is missing, op needs it"))
+            }
+            (Some(_), Some(value)) => check_operand(self.op, value),
+            (None, None) => Ok(()),
+        }
+    }
+}
+
+impl RegisterCondition {
+    fn check(&self) -> Result<(), Flaw> {
+        if self.address.is_some() == self.name.is_some() {
+            let message = "expected address or name of the register, and not both";
+            return Err(Flaw::new("address", message));
+        }
+        check_operand(self.op, &self.value)
+    }
+}
+
+/// Whether `op` can compare with `value`.
+fn check_operand(op: Op, value: &Operand) -> Result<(), Flaw> {
+    match value {
+        Operand::Number(number) => check_number("value", *number),
+        Operand::Flag(_) | Operand::Text(_) if op.is_of_order() => {
+            let message = format!("is \"{op}\", expected \"==\" or \"!=\": {value} is no number");
+            Err(Flaw::new("op", message))
+        }
+        Operand::Flag(_) | Operand::Text(_) => Ok(()),
+    }
+}
+
+fn check_number(key: &'static str, number: f64) -> Result<(), Flaw> {
+    match number.is_finite() {
+        true => Ok(()),
+        false => Err(Flaw::new(key, format!("is {number}, expected a number"))),
+    }
+}
+
+impl Condition {
+    /// Checks its figures, independent of the robot.
+    ///
+    /// # Errors
+    /// A flaw that names the key.
+    pub fn check(&self) -> Result<(), Flaw> {
+        let mut parts = 0;
+        self.check_at(0, &mut parts)
+    }
+
+    fn check_at(&self, depth: usize, parts: &mut usize) -> Result<(), Flaw> {
+        *parts += 1;
+        if depth > DEPTH_MAX || *parts > PARTS_MAX {
+            let message = format!(
+                "expected at most {PARTS_MAX} conditions, {DEPTH_MAX} levels of all, any and not"
+            );
+            return Err(Flaw::new("all", message));
+        }
+        match self {
+            Self::Bytes(bytes) => bytes.check(),
+            Self::Frame(frame) => frame.check(),
+            Self::Register(register) => register.check(),
+            Self::Pose(pose) => {
+                let is_place = pose.near_m.iter().all(|metres| metres.is_finite());
+                match is_place && pose.within_m > 0.0 {
+                    true => Ok(()),
+                    false => Err(Flaw::new("within_m", "expected more than 0 metres")),
+                }
+            }
+            Self::Map(map) if !(0.0..=1.0).contains(&map.known_min) => {
+                let message = format!("is {}, expected a share from 0 to 1", map.known_min);
+                Err(Flaw::new("known_min", message))
+            }
+            Self::Visited(0) => Err(Flaw::new("visited", "is 0, expected at least 1")),
+            Self::Axis(axis) => check_number("value", axis.value),
+            Self::Robot(robot) => check_number("value", robot.value),
+            Self::Contact(contact) => match contact.faster_than_m_s {
+                Some(speed) if !(0.0..=1e6).contains(&speed) => {
+                    let message = format!("is {speed}, expected at least 0");
+                    Err(Flaw::new("faster_than_m_s", message))
+                }
+                _ => Ok(()),
+            },
+            Self::All(parts_of) | Self::Any(parts_of) => {
+                let key = match self {
+                    Self::All(_) => "all",
+                    _ => "any",
+                };
+                if parts_of.is_empty() {
+                    return Err(Flaw::new(key, "is empty, expected a condition"));
+                }
+                let mut inner = parts_of.iter();
+                inner.try_for_each(|one| one.check_at(depth + 1, parts))
+            }
+            Self::Not(inner) if inner.is_momentary() => {
+                let message = "expected no bytes, frame, contact or event, which hold for a moment \
+                               only; a rule `never` forbids them";
+                Err(Flaw::new("not", message))
+            }
+            Self::Not(inner) => inner.check_at(depth + 1, parts),
+            Self::Event(_) | Self::Map(_) | Self::Visited(_) => Ok(()),
+        }
+    }
+
+    /// Whether it, or a part of it, holds for a moment only: as bytes, a frame, a contact or an
+    /// entry of the log comes.
+    pub fn is_momentary(&self) -> bool {
+        match self {
+            Self::Bytes(_) | Self::Frame(_) | Self::Event(_) | Self::Contact(_) => true,
+            Self::All(parts) | Self::Any(parts) => parts.iter().any(Self::is_momentary),
+            Self::Not(inner) => inner.is_momentary(),
+            _ => false,
+        }
+    }
+
+    /// Whether a moment of it says yes or no: a frame's field does, a mere event only says yes.
+    pub fn can_be_false(&self) -> bool {
+        match self {
+            Self::Bytes(_) | Self::Event(_) | Self::Contact(_) => false,
+            Self::Frame(frame) => frame.field.is_some(),
+            Self::All(parts) | Self::Any(parts) => parts.iter().any(Self::can_be_false),
+            Self::Not(inner) => inner.can_be_false(),
+            _ => true,
+        }
+    }
+}

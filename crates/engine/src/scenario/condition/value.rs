@@ -1,0 +1,198 @@
+//! Values that conditions compare, and how they compare.
+
+use core::fmt;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize, Serializer};
+
+/// A value that a condition compares with, or that a run has shown.
+#[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected a number, a text, true or false")]
+pub enum Operand {
+    /// Yes or no; a number is yes if it is not 0.
+    Flag(bool),
+    /// A number.
+    Number(f64),
+    /// A text, e.g. the name of a state.
+    Text(String),
+}
+
+impl Operand {
+    /// A value as words print it: a number if it is one, decimal or hexadecimal, else a text.
+    pub fn from_words(words: &str) -> Self {
+        let plain = words.trim().trim_matches('"');
+        let hex = plain
+            .strip_prefix("0x")
+            .map(|hex| u32::from_str_radix(hex, 16));
+        if let Some(Ok(number)) = hex {
+            return Self::Number(number.into());
+        }
+        match plain.parse::<f64>() {
+            Ok(number) if number.is_finite() => Self::Number(number),
+            _ => Self::Text(plain.to_owned()),
+        }
+    }
+
+    fn number(&self) -> Option<f64> {
+        match self {
+            Self::Flag(is) => Some(f64::from(u8::from(*is))),
+            Self::Number(number) => Some(*number),
+            Self::Text(_) => None,
+        }
+    }
+
+    fn flag(&self) -> Option<bool> {
+        match self {
+            Self::Flag(is) => Some(*is),
+            Self::Number(number) => Some(*number != 0.0),
+            Self::Text(text) => match text.as_str() {
+                "true" | "yes" | "on" => Some(true),
+                "false" | "no" | "off" => Some(false),
+                _ => None,
+            },
+        }
+    }
+}
+
+impl From<f64> for Operand {
+    fn from(number: f64) -> Self {
+        Self::Number(number)
+    }
+}
+
+impl fmt::Display for Operand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Flag(is) => write!(f, "{is}"),
+            // Six digits tell any figure of a device; the rest is noise of the arithmetic.
+            Self::Number(number) => write!(f, "{}", (number * 1e6).round() / 1e6),
+            Self::Text(text) => write!(f, "\"{text}\""),
+        }
+    }
+}
+
+impl Serialize for Operand {
+    /// Whole numbers are written without a fraction.
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::Flag(is) => serializer.serialize_bool(*is),
+            Self::Number(number) => crate::scenario::SetPoint(*number).serialize(serializer),
+            Self::Text(text) => serializer.serialize_str(text),
+        }
+    }
+}
+
+/// How two values compare.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Op {
+    /// Equal.
+    #[default]
+    #[serde(rename = "==")]
+    Equal,
+    /// Not equal.
+    #[serde(rename = "!=")]
+    Unequal,
+    /// Less.
+    #[serde(rename = "<")]
+    Less,
+    /// Less or equal.
+    #[serde(rename = "<=")]
+    AtMost,
+    /// Greater.
+    #[serde(rename = ">")]
+    Greater,
+    /// Greater or equal.
+    #[serde(rename = ">=")]
+    AtLeast,
+}
+
+impl Op {
+    /// Whether the comparison of `left` with `right` is true.
+    pub fn holds<T: PartialOrd>(self, left: &T, right: &T) -> bool {
+        match self {
+            Self::Equal => left == right,
+            Self::Unequal => left != right,
+            Self::Less => left < right,
+            Self::AtMost => left <= right,
+            Self::Greater => left > right,
+            Self::AtLeast => left >= right,
+        }
+    }
+
+    /// The same of values of any type. Values of different types are not equal, and neither is
+    /// greater.
+    pub fn compares(self, found: &Operand, wanted: &Operand) -> bool {
+        if let Operand::Flag(wanted) = wanted {
+            return match found.flag() {
+                Some(found) => self.holds(&found, wanted),
+                None => self == Self::Unequal,
+            };
+        }
+        match (found.number(), wanted.number(), found, wanted) {
+            (Some(found), Some(wanted), ..) => self.holds(&found, &wanted),
+            (.., Operand::Text(found), Operand::Text(wanted)) => self.holds(found, wanted),
+            _ => self == Self::Unequal,
+        }
+    }
+
+    /// Whether it asks for an order and not for equality.
+    pub const fn is_of_order(self) -> bool {
+        !matches!(self, Self::Equal | Self::Unequal)
+    }
+
+    const fn sign(self) -> &'static str {
+        match self {
+            Self::Equal => "==",
+            Self::Unequal => "!=",
+            Self::Less => "<",
+            Self::AtMost => "<=",
+            Self::Greater => ">",
+            Self::AtLeast => ">=",
+        }
+    }
+}
+
+impl fmt::Display for Op {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.sign())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers compare as numbers, texts as texts; a text is never more than a number.
+    #[test]
+    fn values_of_any_type_compare() {
+        let number = |value: f64| Operand::Number(value);
+        let text = |words: &str| Operand::Text(words.to_owned());
+        let rows = [
+            (Op::Greater, number(3.0), number(2.5), true),
+            (Op::Equal, text("idle"), text("idle"), true),
+            (Op::Equal, text("idle"), text("busy"), false),
+            (Op::Unequal, text("idle"), number(1.0), true),
+            (Op::AtLeast, text("idle"), number(1.0), false),
+            (Op::Equal, number(2.0), Operand::Flag(true), true),
+            (Op::Equal, text("off"), Operand::Flag(false), true),
+            (Op::Equal, text("idle"), Operand::Flag(true), false),
+            (Op::Unequal, text("idle"), Operand::Flag(true), true),
+        ];
+        for (op, found, wanted, holds) in rows {
+            assert_eq!(op.compares(&found, &wanted), holds, "{found} {op} {wanted}");
+        }
+    }
+
+    #[test]
+    fn words_become_numbers_where_they_are_numbers() {
+        let rows = [
+            ("12.5", Operand::Number(12.5)),
+            ("0x1F", Operand::Number(31.0)),
+            ("\"on\"", Operand::Text("on".to_owned())),
+            ("nan", Operand::Text("nan".to_owned())),
+        ];
+        for (words, value) in rows {
+            assert_eq!(Operand::from_words(words), value, "{words}");
+        }
+    }
+}

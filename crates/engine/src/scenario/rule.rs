@@ -1,0 +1,370 @@
+//! Rules of the user's own robot: `[[expect.rule]]`.
+
+use core::fmt;
+use std::borrow::Cow;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Error, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use super::{Condition, Flaw, Span};
+
+/// A rule of the robot that the run checks from its start to its end: give `always`, `never`,
+/// `eventually` or `sometimes`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RuleSpec {
+    /// Name of the rule: letters, digits, `-`, `_` and `.`. The check is called `rule-NAME`, a
+    /// goal's `goal-NAME`.
+    pub name: String,
+    /// Must hold at each moment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub always: Option<Condition>,
+    /// Must hold at no moment.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub never: Option<Condition>,
+    /// Must hold at one moment at least; with `after`, once after each time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub eventually: Option<Condition>,
+    /// A goal: a run may miss it, but a campaign must reach it in one run at least.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sometimes: Option<Condition>,
+    /// Applies from each time that this condition becomes true.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub after: Option<Condition>,
+    /// With `after`: time to comply. `eventually` must hold within this time, `always` and `never`
+    /// from this time on. Without `after`, `eventually` must hold within this time from `from` on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub within: Option<Span>,
+    /// With `after`, and `always` or `never`: how long it applies, counted after `within`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lasting: Option<Span>,
+    /// Applies from this time on; from the start of the run if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<Span>,
+    /// Applies until this time, or until this condition holds: with `after` until the next time,
+    /// else for good. Until the end of the run if not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<UntilSpec>,
+}
+
+/// A time, or a condition that ends something.
+#[derive(Clone, Debug, PartialEq)]
+pub enum UntilSpec {
+    /// Time from the start of the run.
+    At(Span),
+    /// The moment at which a condition holds.
+    When(Box<Condition>),
+}
+
+impl UntilSpec {
+    /// The time, if it is one.
+    pub const fn time(&self) -> Option<Span> {
+        match self {
+            Self::At(at) => Some(*at),
+            Self::When(_) => None,
+        }
+    }
+
+    /// The condition, if it is one.
+    pub fn condition(&self) -> Option<&Condition> {
+        match self {
+            Self::At(_) => None,
+            Self::When(condition) => Some(condition),
+        }
+    }
+}
+
+impl Serialize for UntilSpec {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        match self {
+            Self::At(at) => at.serialize(serializer),
+            Self::When(condition) => condition.serialize(serializer),
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for UntilSpec {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Either;
+        impl<'de> Visitor<'de> for Either {
+            type Value = UntilSpec;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a time such as \"5s\", or a table with a condition")
+            }
+
+            fn visit_str<E: Error>(self, text: &str) -> Result<UntilSpec, E> {
+                text.parse().map(UntilSpec::At).map_err(E::custom)
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<UntilSpec, A::Error> {
+                // A condition is a table with one key, which serde takes for an enumeration.
+                let condition = Condition::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(UntilSpec::When(Box::new(condition)))
+            }
+        }
+        deserializer.deserialize_any(Either)
+    }
+}
+
+impl JsonSchema for UntilSpec {
+    fn schema_name() -> Cow<'static, str> {
+        "UntilSpec".into()
+    }
+
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let time = generator.subschema_for::<Span>();
+        let condition = generator.subschema_for::<Condition>();
+        json_schema!({ "anyOf": [time, condition] })
+    }
+}
+
+/// What a rule demands of its condition.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Demand {
+    /// It holds at each moment.
+    Always,
+    /// It holds at no moment.
+    Never,
+    /// It holds at one moment at least.
+    Eventually,
+    /// The same in one run of a campaign.
+    Sometimes,
+}
+
+impl Demand {
+    /// The key in a file.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Always => "always",
+            Self::Never => "never",
+            Self::Eventually => "eventually",
+            Self::Sometimes => "sometimes",
+        }
+    }
+}
+
+impl RuleSpec {
+    /// The demand and its condition: the first that is given.
+    pub fn demand(&self) -> Option<(Demand, &Condition)> {
+        self.demands().next()
+    }
+
+    fn demands(&self) -> impl Iterator<Item = (Demand, &Condition)> {
+        let all = [
+            (Demand::Always, &self.always),
+            (Demand::Never, &self.never),
+            (Demand::Eventually, &self.eventually),
+            (Demand::Sometimes, &self.sometimes),
+        ];
+        all.into_iter()
+            .filter_map(|(demand, condition)| Some((demand, condition.as_ref()?)))
+    }
+
+    /// Each condition with its key.
+    pub fn conditions(&self) -> impl Iterator<Item = (&'static str, &Condition)> {
+        let until = self.until.as_ref().and_then(UntilSpec::condition);
+        let others = [("after", self.after.as_ref()), ("until", until)];
+        let others = others
+            .into_iter()
+            .filter_map(|(key, condition)| Some((key, condition?)));
+        let demands = self.demands();
+        demands
+            .map(|(demand, condition)| (demand.key(), condition))
+            .chain(others)
+    }
+
+    /// Name of its check.
+    pub fn check_name(&self) -> String {
+        match self.sometimes {
+            Some(_) => format!("goal-{}", self.name),
+            None => format!("rule-{}", self.name),
+        }
+    }
+
+    /// Whether only the end of a run shows that it was not met, so that a run that is too short
+    /// breaks it.
+    pub const fn is_of_the_end(&self) -> bool {
+        self.eventually.is_some() && (self.after.is_none() || self.within.is_none())
+    }
+
+    /// Checks its keys, independent of the robot.
+    ///
+    /// # Errors
+    /// A flaw that names the key.
+    pub fn check(&self) -> Result<(), Flaw> {
+        let fits = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+        if self.name.is_empty() || !self.name.chars().all(fits) {
+            let expected = "expected letters, digits, '-', '_' and '.'";
+            let message = format!("is \"{}\", {expected}", self.name);
+            return Err(Flaw::new("name", message));
+        }
+        let mut demands = self.demands();
+        let (Some((demand, condition)), None) = (demands.next(), demands.next()) else {
+            let message = "expected one of always, never, eventually and sometimes";
+            return Err(Flaw::new("always", message));
+        };
+        for (key, condition) in self.conditions() {
+            condition.check().map_err(|flaw| {
+                let message = format!("{}: {}", flaw.key, flaw.message);
+                Flaw::new(key, message)
+            })?;
+        }
+        if demand == Demand::Always && !condition.can_be_false() {
+            let message = "asks for bytes, a frame, a contact or an event, which hold for a moment \
+                           only; expected eventually or never, or a field of the frame";
+            return Err(Flaw::new("always", message));
+        }
+        self.check_times(demand)
+    }
+
+    fn check_times(&self, demand: Demand) -> Result<(), Flaw> {
+        let holds_throughout = matches!(demand, Demand::Always | Demand::Never);
+        let has_after = self.after.is_some();
+        let key = demand.key();
+        match (self.within, self.lasting) {
+            (_, Some(_)) if !has_after || !holds_throughout => {
+                let message = "expected only with after, and always or never";
+                Err(Flaw::new("lasting", message))
+            }
+            (Some(_), _) if !has_after && holds_throughout => {
+                let message = format!("expected only with after; {key} alone takes from");
+                Err(Flaw::new("within", message))
+            }
+            (Some(_), _) if !has_after && self.until.is_some() => Err(Flaw::new(
+                "within",
+                "expected within or until, and not both",
+            )),
+            _ => {
+                let until = self.until.as_ref().and_then(UntilSpec::time);
+                let from = self.from.unwrap_or_default();
+                match until {
+                    Some(until) if until <= from => {
+                        let message = format!("is {until}, expected more than from, {from}");
+                        Err(Flaw::new("until", message))
+                    }
+                    _ => Ok(()),
+                }
+            }
+        }
+    }
+}
+
+impl fmt::Display for RuleSpec {
+    /// `after event bump, within 300ms eventually axis left, set-point == 0`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(after) = &self.after {
+            write!(f, "after {after}, ")?;
+        }
+        if let Some(within) = self.within {
+            write!(f, "within {within} ")?;
+        }
+        if let Some((demand, condition)) = self.demand() {
+            write!(f, "{} {condition}", demand.key())?;
+        }
+        if let Some(lasting) = self.lasting {
+            write!(f, " for {lasting}")?;
+        }
+        if let Some(from) = self.from {
+            write!(f, ", from {from}")?;
+        }
+        match &self.until {
+            Some(UntilSpec::At(at)) => write!(f, ", until {at}"),
+            Some(UntilSpec::When(condition)) => write!(f, ", until {condition}"),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Result<String, String> {
+        let rule: RuleSpec = toml::from_str(text).map_err(|error| error.to_string())?;
+        let again = toml::to_string(&rule).expect("has a form");
+        assert_eq!(toml::from_str::<RuleSpec>(&again).as_ref(), Ok(&rule));
+        rule.check().map_err(|flaw| flaw.to_string())?;
+        Ok(rule.to_string())
+    }
+
+    /// Each demand, each time, in words; a rule is the same after it was written.
+    #[test]
+    fn rules_are_read_written_and_put_in_words() {
+        let rows = [
+            (
+                "always = { robot = { of = \"speed-m-s\", op = \"<=\", value = 0.5 } }\nfrom = \"2s\"",
+                "always speed in m/s <= 0.5, from 2s",
+            ),
+            (
+                "after = { event = { rule = \"bump\" } }\nwithin = \"300ms\"\n\
+                 eventually = { axis = { name = \"left\", value = 0 } }",
+                "after event bump, within 300ms eventually axis left, set-point == 0",
+            ),
+            (
+                "after = { contact = {} }\nwithin = \"1s\"\nlasting = \"2s\"\n\
+                 never = { not = { visited = 1 } }\nuntil = { visited = 2 }",
+                "after contact, within 1s never not (visited waypoints >= 1) for 2s, until visited \
+                 waypoints >= 2",
+            ),
+            (
+                "sometimes = { any = [{ contact = { faster_than_m_s = 0.1 } }, { all = [\
+                 { visited = 1 }, { map = { known_min = 0.5 } }] }] }\nuntil = \"9s\"",
+                "sometimes contact faster than 0.1 m/s or (visited waypoints >= 1 and known share of \
+                 the map >= 0.5), until 9s",
+            ),
+        ];
+        for (text, words) in rows {
+            let text = format!("name = \"a\"\n{text}");
+            assert_eq!(read(&text).as_deref(), Ok(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn rules_that_make_no_sense_are_refused_with_the_key() {
+        let visited = "{ visited = 1 }";
+        let rows = [
+            ("name = \"\"".to_owned(), "name: is \"\""),
+            ("name = \"a b\"".to_owned(), "name: is \"a b\""),
+            ("name = \"a\"".to_owned(), "always: expected one of always"),
+            (
+                format!("name = \"a\"\nalways = {visited}\nnever = {visited}"),
+                "always: expected one of always",
+            ),
+            (
+                "name = \"a\"\nalways = { event = { rule = \"x\" } }".to_owned(),
+                "always: asks for bytes",
+            ),
+            (
+                format!("name = \"a\"\nalways = {visited}\nwithin = \"1s\""),
+                "within: expected only with after",
+            ),
+            (
+                format!("name = \"a\"\neventually = {visited}\nlasting = \"1s\""),
+                "lasting: expected only with after",
+            ),
+            (
+                format!("name = \"a\"\neventually = {visited}\nwithin = \"1s\"\nuntil = \"2s\""),
+                "within: expected within or until",
+            ),
+            (
+                format!("name = \"a\"\nnever = {visited}\nfrom = \"2s\"\nuntil = \"2s\""),
+                "until: is 2s, expected more than from, 2s",
+            ),
+            (
+                "name = \"a\"\nnever = { visited = 0 }".to_owned(),
+                "never: visited: is 0",
+            ),
+            (
+                format!("name = \"a\"\nnever = {visited}\nuntil = 3"),
+                "a time such as",
+            ),
+        ];
+        for (text, said) in rows {
+            let error = read(&text).expect_err(&text);
+            assert!(error.contains(said), "{text}: {error}");
+        }
+    }
+}

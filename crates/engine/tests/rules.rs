@@ -1,0 +1,266 @@
+//! Rules of the user's own robot: ten of a stranger's robot, each kept by a sound run and broken by
+//! a mutant, and what they say.
+
+use std::path::Path;
+
+use hilrig_engine::robots::{self, Dut, PcEnd, Wired};
+use hilrig_engine::run::check::{Check, Status};
+use hilrig_engine::run::{Outcome, Run};
+use hilrig_engine::scenario::{Scenario, ScenarioError};
+use protocols::avr::{ChecksumOrder, Frame};
+use protocols::{Instant, LineConfig};
+
+/// The stranger's driver: it drives until `stops_ms`, then orders 0; each second it weighs.
+#[derive(Clone, Copy, Debug)]
+struct Driver {
+    cm_s: i8,
+    stops_ms: u64,
+    /// Drives again for a moment at this time.
+    again_ms: u64,
+    /// Reverses at this time.
+    back_ms: u64,
+    /// Damages its checksum at this time.
+    damage_ms: u64,
+}
+
+const SOUND: Driver = Driver {
+    cm_s: 20,
+    stops_ms: 6_500,
+    again_ms: u64::MAX,
+    back_ms: u64::MAX,
+    damage_ms: u64::MAX,
+};
+
+impl Driver {
+    fn speed_at(&self, ms: u64) -> i8 {
+        match ms {
+            _ if ms < 500 => 0,
+            _ if (self.back_ms..self.back_ms.saturating_add(300)).contains(&ms) => -20,
+            _ if (self.again_ms..self.again_ms.saturating_add(300)).contains(&ms) => 5,
+            _ if ms < self.stops_ms => self.cm_s,
+            _ => 0,
+        }
+    }
+}
+
+fn porter() -> String {
+    std::fs::read_to_string("tests/rules/porter.toml").expect("is there")
+}
+
+fn wired(text: String) -> Result<(Scenario, Wired), ScenarioError> {
+    let path = Path::new("tests/rules/porter.toml");
+    let (scenario, source) = Scenario::parse(path, text)?;
+    let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::External)?;
+    Ok((scenario, wired))
+}
+
+fn drive(driver: Driver, text: String) -> Outcome {
+    let (scenario, wired) = wired(text).expect("sound");
+    let node = |name: &str| {
+        let mut ends = wired.open_ends.iter();
+        ends.find(|end| end.name == name).expect("offered").node
+    };
+    let (wheels, scale) = (node("wheels"), node("scale"));
+    let duration = scenario.duration.instant();
+    let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
+    for (node, baud) in [(wheels, 115_200), (scale, 9_600)] {
+        run.rig.set_line_config(node, LineConfig::new_8n1(baud));
+    }
+    for ms in (0..duration.as_millis()).step_by(100) {
+        let speed = driver.speed_at(ms);
+        let bytes = [speed, speed].map(i8::cast_unsigned);
+        let mut frame = Frame::write(1, &bytes, ChecksumOrder::LowFirst)
+            .as_bytes()
+            .to_vec();
+        if ms == driver.damage_ms {
+            frame[3] ^= 1;
+        }
+        run.rig.inject(wheels, &frame);
+        if ms % 1_000 == 0 {
+            run.rig.inject(scale, b"W\n");
+        }
+        run.go_on_until(Instant::from_millis(ms + 100));
+    }
+    run.judge()
+}
+
+/// Checks of rules with this status, without the prefix.
+fn rules(outcome: &Outcome, status: Status) -> Vec<&str> {
+    let checks = outcome.checks.iter();
+    let checks = checks.filter(|check| check.status == status);
+    checks
+        .filter_map(|check| check.name.strip_prefix("rule-"))
+        .collect()
+}
+
+fn detail<'a>(outcome: &'a Outcome, name: &str) -> &'a Check {
+    let mut checks = outcome.checks.iter();
+    checks.find(|check| check.name == name).expect("judged")
+}
+
+const RULES: [&str; 10] = [
+    "slow",
+    "forward",
+    "scale-answers",
+    "load",
+    "arrives",
+    "no-contact",
+    "obeys",
+    "stays-put",
+    "sound-frames",
+    "careful",
+];
+
+#[test]
+fn a_sound_run_keeps_all_ten_rules() {
+    let outcome = drive(SOUND, porter());
+    assert_eq!(
+        rules(&outcome, Status::Pass),
+        RULES,
+        "{:#?}",
+        outcome.checks
+    );
+}
+
+/// A mutant: what it is, its driver, what it adds to the scenario, the rules that it breaks, and
+/// what the first of them says.
+type Mutant = (
+    &'static str,
+    Driver,
+    &'static str,
+    &'static [&'static str],
+    &'static str,
+);
+
+/// The figures: 28 cm/s are 0.28; the robot needs 0.3 s from 0 to its speed; a request of two bytes
+/// at 9600 baud ends 2 ms after its start, and its answer is missed 200 ms later.
+const MUTANTS: [Mutant; 11] = [
+    (
+        "too fast",
+        Driver {
+            cm_s: 28,
+            stops_ms: 4_800,
+            ..SOUND
+        },
+        "",
+        &["slow"],
+        "axis left, set-point is 0.28; expected always axis left, set-point <= 0.25",
+    ),
+    (
+        "backwards",
+        Driver {
+            back_ms: 3_000,
+            stops_ms: 7_500,
+            ..SOUND
+        },
+        "",
+        &["forward"],
+        "; expected never axis left, actual value < -0.01, from 500ms",
+    ),
+    (
+        "the scale is off",
+        SOUND,
+        "kind = \"off\"\ndevice = \"scale\"\nfrom = \"4500ms\"\nuntil = \"8500ms\"",
+        &["scale-answers"],
+        "asked at 5.002083 s, not frame on scale to-master with \"reading\" until then",
+    ),
+    (
+        "overloaded",
+        SOUND,
+        "kind = \"device\"\ndevice = \"scale\"\nfault = \"overloaded\"\nfrom = \"3500ms\"",
+        &["load"],
+        "weight on scale is 250; expected always frame on scale to-master, weight < 100; 8 times in all",
+    ),
+    (
+        "stops on the way",
+        Driver {
+            stops_ms: 4_000,
+            ..SOUND
+        },
+        "",
+        &["arrives"],
+        "did not come true; expected eventually robot within 0.1 m of 2.2, 1, until 10s",
+    ),
+    (
+        "drives into the wall",
+        Driver {
+            stops_ms: 12_000,
+            ..SOUND
+        },
+        "",
+        &["no-contact", "careful"],
+        "contact at 0.198 m/s; expected never contact",
+    ),
+    (
+        "drives on, fast",
+        Driver {
+            stops_ms: 8_500,
+            ..SOUND
+        },
+        "",
+        &["careful"],
+        "clearance in m is 0.4",
+    ),
+    (
+        "the door opens near the wall",
+        Driver {
+            cm_s: 15,
+            stops_ms: 9_600,
+            ..SOUND
+        },
+        "kind = \"device\"\ndevice = \"scale\"\nfault = \"ajar\"\nfrom = \"9s\"",
+        &["careful"],
+        "scale door is \"open\"",
+    ),
+    (
+        "the wheels do not obey",
+        SOUND,
+        "kind = \"off\"\ndevices = [\"nothing\"]",
+        &["arrives", "obeys"],
+        "did not come true",
+    ),
+    (
+        "drives again",
+        Driver {
+            again_ms: 7_500,
+            ..SOUND
+        },
+        "",
+        &["stays-put"],
+        "; expected after frame on wheels to-device with \"left=0\", within 500ms always speed in m/s == 0 for 1s, from 6600ms",
+    ),
+    (
+        "a damaged frame",
+        Driver {
+            damage_ms: 3_000,
+            ..SOUND
+        },
+        "",
+        &["sound-frames"],
+        "event bad-checksum of wheels; expected never event bad-checksum of wheels",
+    ),
+];
+
+#[test]
+fn each_rule_is_broken_by_its_mutant_and_says_how() {
+    let (mut left, mut wrong) = (RULES.to_vec(), Vec::new());
+    for (what, driver, fault, broken, says) in MUTANTS {
+        let text = match fault {
+            "" => porter(),
+            // The wheels hardly turn.
+            "kind = \"off\"\ndevices = [\"nothing\"]" => {
+                porter().replace("speed_m_s = 0.01 }", "speed_m_s = 0.0001 }")
+            }
+            fault => format!("{}\n[[fault]]\n{fault}\n", porter()),
+        };
+        let outcome = drive(driver, text);
+        let found = rules(&outcome, Status::Fail);
+        let check = detail(&outcome, &format!("rule-{}", broken[0]));
+        if found != broken || !check.detail.contains(says) {
+            wrong.push(format!("{what}: broke {found:?}; {check}"));
+        }
+        left.retain(|rule| !broken.contains(rule));
+    }
+    assert_eq!(wrong, [""; 0]);
+    assert_eq!(left, [""; 0], "no mutant breaks these");
+}
