@@ -91,6 +91,59 @@ fn a_campaign_in_which_too_little_came_up_fails_on_request() {
     assert!(said.contains("  never came up: base silences\n"), "{said}");
 }
 
+/// Two goals: each run drives, none drives 9 m/s. The campaign fails by the second one alone, as a
+/// whole and merged from two shards, which do not judge goals. Without it, it passes.
+#[test]
+fn a_campaign_whose_goal_never_came_up_fails() {
+    let session = Session::new("campaign-goals");
+    let scenario = shipped("empty-room").replace("\"90s\"", "\"4s\"");
+    let scenario = scenario.replace("visit_within_mm = 200", "");
+    let goal = |name: &str, speed: &str| {
+        format!(
+            "\n[[expect.rule]]\nname = \"{name}\"\n\
+             sometimes = {{ robot = {{ of = \"speed-m-s\", op = \">\", value = {speed} }} }}\n"
+        )
+    };
+    let reachable = scenario + &goal("drives", "0.05");
+    session.write("sound.toml", &reachable);
+    session.write("goals.toml", &(reachable + &goal("flies", "9")));
+    let run = |arguments: &str| {
+        let arguments: Vec<&str> = arguments.split_whitespace().collect();
+        session.hilrig(&arguments)
+    };
+    let one = "campaign sound.toml --seeds 0..2 --out sound";
+    assert_eq!(
+        run(one).status.code(),
+        Some(0),
+        "{}",
+        text(&run(one).stdout)
+    );
+    let all = "campaign goals.toml --seeds 0..2 --jobs 2";
+    let missed = "  FAIL goal flies of empty-room was not reached in any of the runs\n";
+    let output = run(&format!("{all} --out whole"));
+    assert_eq!(output.status.code(), Some(1));
+    let said = text(&output.stdout);
+    assert!(
+        said.contains(missed) && !said.contains("goal drives"),
+        "{said}"
+    );
+    for shard in 0..2 {
+        let output = run(&format!("{all} --shard {shard}/2 --out part-{shard}"));
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+    }
+    let output = run("campaign merge part-0 part-1 --out merged --json");
+    assert_eq!(output.status.code(), Some(1));
+    let answer: String = text(&output.stdout).split_whitespace().collect();
+    let goals = "\"missed_goals\":[\"goalfliesofempty-room\"]";
+    assert!(answer.contains(goals), "{answer}");
+    assert_eq!(
+        session.read("merged/campaign.json"),
+        session.read("whole/campaign.json")
+    );
+    // Gone on with, it still judges all of its runs.
+    assert_eq!(run(&format!("{all} --out whole")).status.code(), Some(1));
+}
+
 /// The templates for clusters as in the docs, except for the number of runs: a shell runs them, and
 /// a shard of each leaves its runs where the merge expects them.
 #[test]

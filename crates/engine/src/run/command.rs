@@ -81,7 +81,7 @@ impl Run {
         let mut case = self.case();
         case.duration = Span(self.rig.now() - Instant::ZERO);
         case.mission.to_the_end = true;
-        // A rule that had not come true yet may not do so in this time.
+        // A rule that is still to come true may not come true in this time.
         let checks = self.checks();
         let is_met = |name: &str| {
             let mut met = checks.iter().filter(|check| check.status == Status::Pass);
