@@ -2,6 +2,7 @@
 //! --output` prints its schema. New keys may be added; [`FORMAT`] changes when a key is removed or
 //! changes its meaning.
 
+mod campaign;
 mod case;
 mod described;
 mod experiment;
@@ -12,6 +13,7 @@ use schemars::{JsonSchema, Schema, json_schema};
 use serde::Serialize;
 use serde_json::{Value, json};
 
+pub(super) use campaign::{CampaignEnded, MutantJudged};
 pub(super) use case::{CaseChecked, CaseMade, CaseTry};
 pub(super) use described::{
     ClaimTold, Conformed, DifferenceTold, Exchanged, Learned, NodeChecked, NodePart, RepliedWith,
@@ -378,55 +380,6 @@ pub(super) struct LineDecoded {
 pub(super) struct Bugs {
     /// Each with `id`, `place`, `sees`; a reproduced one with `defective`, `sound` and `holds`.
     pub(super) bugs: Vec<Value>,
-}
-
-/// The state of a campaign.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct CampaignEnded {
-    /// The result folder; none with `--mutants`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) folder: Option<String>,
-    pub(super) runs: u64,
-    pub(super) failed: u64,
-    /// Runs that no shard has done; none for a shard.
-    pub(super) missing: Option<u64>,
-    /// Fingerprint of all runs; none for a shard.
-    pub(super) trace_hash: Option<String>,
-    /// Failures by cause, the most frequent first.
-    pub(super) causes: Vec<CauseFound>,
-    /// Situations that never occurred.
-    pub(super) never_came_up: Vec<String>,
-    /// Goals (`sometimes`) that no run reached; none for a shard.
-    pub(super) missed_goals: Vec<String>,
-    /// With `--mutants`: planted defects, and the checks that found them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) mutants: Option<Vec<MutantJudged>>,
-}
-
-/// A planted defect.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct MutantJudged {
-    pub(super) robot: String,
-    pub(super) defect: String,
-    /// Runs with it until it was found.
-    pub(super) runs: u64,
-    /// The check that found it; none: it was not found.
-    pub(super) found_by: Option<String>,
-    /// Scenario and seed of that run.
-    pub(super) first: Option<(String, u64)>,
-}
-
-/// Runs that failed for the same cause.
-#[derive(Debug, Serialize, JsonSchema)]
-pub(super) struct CauseFound {
-    pub(super) cause: String,
-    /// The message of the first run.
-    pub(super) detail: String,
-    pub(super) runs: u64,
-    /// Scenario and seed of the first run.
-    pub(super) first: (String, u64),
-    /// The command that runs the minimised case.
-    pub(super) repeat: Option<String>,
 }
 
 /// The findings of a fuzzer.

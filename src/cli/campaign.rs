@@ -14,7 +14,7 @@ use clap::{Args, Subcommand};
 use self::live::Live;
 pub(super) use self::scope::needs_faults;
 use self::scope::{covered, profile, vary_schedule};
-use super::answer::{CampaignEnded, CauseFound};
+use super::answer::CampaignEnded;
 use super::exec::{ExecArgs, is_bare};
 use super::out::answer;
 use super::progress::is_watched;
@@ -456,37 +456,13 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
         println!("  FAIL {goal} was not reached in any of the runs");
     }
     println!("table in {}", out.join("campaign.html").display());
-    answer(&ended(merged, out));
+    answer(&CampaignEnded::of(merged, out));
     let all_came_up = merged.missed_goals().next().is_none() && (all_came_up || !all_situations);
     let all_hold = merged.failed + merged.missing == 0 && all_came_up;
     if all_hold {
         Verdict::Pass
     } else {
         Verdict::Fail
-    }
-}
-
-/// The campaign in the form of `--json`.
-fn ended(merged: &Merged, out: &Path) -> CampaignEnded {
-    let exec = merged.plan.exec.as_deref().unwrap_or_default();
-    let repeat = |case: &String| format!("hilrig run {}{exec}", out.join(case).display());
-    let causes = merged.groups.iter().map(|group| CauseFound {
-        cause: group.cause.clone(),
-        detail: group.detail.clone(),
-        runs: group.runs as u64,
-        first: group.first.clone(),
-        repeat: group.case.as_ref().map(repeat),
-    });
-    CampaignEnded {
-        folder: Some(out.display().to_string()),
-        runs: merged.runs as u64,
-        failed: merged.failed as u64,
-        missing: Some(merged.missing as u64),
-        trace_hash: Some(merged.trace.clone()),
-        causes: causes.collect(),
-        never_came_up: merged.missed_situations().map(str::to_owned).collect(),
-        missed_goals: merged.missed_goals().map(str::to_owned).collect(),
-        mutants: None,
     }
 }
 
