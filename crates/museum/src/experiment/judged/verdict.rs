@@ -211,7 +211,9 @@ fn plot(row: &Row, measured: &Measured, bands: &[JudgedBand]) -> Plot {
         .line("upper limit", [[0.5, 1.0], [count + 0.5, 1.0]]);
     for (index, judged) in (1..).zip(bands) {
         let Band { least, most, .. } = judged.band;
-        let place = |value: &f64| [f64::from(index), (value - least) / (most - least).max(1e-9)];
+        // A count has no width.
+        let width = if most > least { most - least } else { 1.0 };
+        let place = |value: &f64| [f64::from(index), (value - least) / width];
         let values = judged.values.iter().map(place);
         plot = plot.points(format!("{index}: {}", judged.band.of), values);
     }
