@@ -374,6 +374,32 @@ fn clients_that_misbehave_leave_the_program_standing() {
     assert_eq!(count(&ended.said, "the debugger is gone; time stands"), 5);
 }
 
+/// Ctrl-C of gdb reaches a program that computes for ever, which is no error while it is debugged.
+#[test]
+fn an_interrupt_stops_a_thread_that_computes() {
+    let source = "#include <fcntl.h>\n#include <stdlib.h>\n#include <unistd.h>\n\
+                  int main(void) { char byte; volatile long n = 0;\n\
+                  int port = open(getenv(\"HILRIG_PORT_SONAR\"), O_RDWR | O_NOCTTY);\n\
+                  if (read(port, &byte, 1) != 1) return 3;\n\
+                  for (;;) n = n + 1; }\n";
+    let Some(program) = compiled("debugged-spin", "cc", source, &["-g", "-O0"]) else {
+        return;
+    };
+    let command = program.to_str().expect("a plain path");
+    let more = ["--virtual", "--spin-max", "1h"];
+    let debugged = Debugged::start("spin", command, &[("sonar.toml", SONAR)], &more);
+    let mut client = debugged.connect();
+    client.write_all(b"+$vCont;c#a8").expect("it reads");
+    let mut answer = [0; 1];
+    client.read_exact(&mut answer).expect("it takes the order");
+    client.write_all(b"\x03").expect("it reads");
+    let mut answer = [0; 4];
+    client.read_exact(&mut answer).expect("it answers");
+    assert_eq!(&answer, b"$T02");
+    client.write_all(b"+$k#6b").expect("it reads");
+    assert_eq!(debugged.end().code, Some(143));
+}
+
 /// Nothing to debug, nowhere to listen, nothing to run: each in one sentence with its fix.
 #[test]
 fn what_cannot_be_debugged_is_said() {

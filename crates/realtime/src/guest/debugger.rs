@@ -33,6 +33,7 @@ use protocols::Instant;
 use super::GuestError;
 use super::supervisor::{Stop, Supervisor, Wanted};
 use super::trial::{Played, Trial};
+use crate::clock::{Clock as _, WallClock};
 use crate::process::Ended;
 use back::Back;
 use registers::to_gdb;
@@ -40,8 +41,9 @@ use target::Action;
 use wire::{Door, Wire};
 use wires::Wires;
 
-/// Turns between two looks at what the debugger sends.
+/// Most turns, and most wall time, between two looks at what the debugger sends.
 const TURNS: u32 = 64;
+const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// How a program is debugged.
 #[derive(Clone, Debug, Default)]
@@ -195,9 +197,14 @@ impl Session<'_> {
 
     /// Runs for some turns, or until something happens.
     fn run_for_a_while(&mut self) -> Result<Option<Event>, GuestError> {
+        let clock = WallClock::start();
         for _ in 0..TURNS {
             if let Some(event) = self.run_turn()? {
                 return Ok(Some(event));
+            }
+            // A turn of a thread that computes takes a second.
+            if clock.now() - Instant::ZERO >= LOOK_EVERY {
+                break;
             }
         }
         Ok(None)
