@@ -162,20 +162,12 @@ impl Probe {
         match &mut self.node {
             Node::All(parts) => {
                 // Each is judged, so that each can be put in words.
-                let truths = parts.iter_mut().map(|part| part.judge(at));
-                truths.fold(Some(true), |all, one| match (all, one) {
-                    (Some(false), _) | (_, Some(false)) => Some(false),
-                    (Some(true), Some(true)) => Some(true),
-                    _ => None,
-                })
+                let truths: Vec<_> = parts.iter_mut().map(|part| part.judge(at)).collect();
+                together(&truths, false)
             }
             Node::Any(parts) => {
-                let truths = parts.iter_mut().map(|part| part.judge(at));
-                truths.fold(Some(false), |any, one| match (any, one) {
-                    (Some(true), _) | (_, Some(true)) => Some(true),
-                    (Some(false), Some(false)) => Some(false),
-                    _ => None,
-                })
+                let truths: Vec<_> = parts.iter_mut().map(|part| part.judge(at)).collect();
+                together(&truths, true)
             }
             Node::Not(inner) => inner.judge(at).map(|truth| !truth),
             Node::Leaf(leaf) => {
@@ -372,4 +364,16 @@ pub(super) fn moments_of<'a>(probes: impl Iterator<Item = &'a Probe>) -> Vec<(In
     all.sort_unstable();
     all.dedup();
     all
+}
+
+/// The truth of several parts: `decisive` if one part says that, its opposite if all parts say so.
+fn together(truths: &[Truth], decisive: bool) -> Truth {
+    if truths.contains(&Some(decisive)) {
+        return Some(decisive);
+    }
+    let opposite = Some(!decisive);
+    truths
+        .iter()
+        .all(|truth| *truth == opposite)
+        .then_some(!decisive)
 }
