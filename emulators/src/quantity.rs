@@ -247,6 +247,29 @@ impl Variables {
         self.values[index] == value
     }
 
+    /// Sets the value called `name`, unless it has a source of its own or would leave its limits.
+    pub(crate) fn set(&mut self, at: Instant, name: &str, value: i64) -> Result<(), String> {
+        let Some(index) = self.find(name) else {
+            let known: Vec<&str> = self.known.iter().map(|one| &*one.name).collect();
+            return Err(format!(
+                "is \"{name}\", expected one of {}",
+                known.join(", ")
+            ));
+        };
+        let variable = &self.known[index];
+        let [least, greatest] = variable.limits;
+        if variable.source != ValueSource::Stored {
+            return Err(format!(
+                "{name} has a source of its own, expected a stored value"
+            ));
+        }
+        if !(least..=greatest).contains(&value) {
+            return Err(format!("{name} = {value}, expected {least} to {greatest}"));
+        }
+        self.write(at, index, value);
+        Ok(())
+    }
+
     /// All is as at the start again.
     pub(crate) fn restart(&mut self, at: Instant) {
         let initial = self.known.iter().map(|variable| variable.initial);

@@ -166,6 +166,14 @@ impl Registers {
         })
     }
 
+    /// Sets the value called `name` at `now`, as a master would.
+    ///
+    /// # Errors
+    /// If there is no such value, it has a source of its own, or the number is beyond its limits.
+    pub fn set(&mut self, now: Instant, name: &str, value: i64) -> Result<(), String> {
+        self.variables.set(now, name, value)
+    }
+
     /// Encoders and actuators of its values; without them, it reads 0 and drives nothing.
     pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
         self.variables.wanted().map(|(_, wanted)| wanted)

@@ -173,6 +173,14 @@ impl Text {
         })
     }
 
+    /// Sets the value called `name` at `now`, as a master would.
+    ///
+    /// # Errors
+    /// If there is no such value, it has a source of its own, or the number is beyond its limits.
+    pub fn set(&mut self, now: Instant, name: &str, value: i64) -> Result<(), String> {
+        self.variables.set(now, name, value)
+    }
+
     /// The current values of all variables, in the order of the description.
     pub fn values(&self, now: Instant, world: &World) -> Vec<i64> {
         let variables = 0..self.config.variables.len();
@@ -208,7 +216,7 @@ impl Text {
             fields(request, &line).map(|fields| (fields, reply.clone()))
         });
         let reply = match found {
-            Some((fields, reply)) => match self.set(at, &fields) {
+            Some((fields, reply)) => match self.take_fields(at, &fields) {
                 true => reply,
                 false => self.refused.clone(),
             },
@@ -231,7 +239,7 @@ impl Text {
     }
 
     /// Sets the variables if all values are allowed; whether they were.
-    fn set(&mut self, at: Instant, fields: &[(usize, i64)]) -> bool {
+    fn take_fields(&mut self, at: Instant, fields: &[(usize, i64)]) -> bool {
         for &(index, value) in fields {
             let variable = self.variables.get(index);
             let [least, greatest] = variable.limits;

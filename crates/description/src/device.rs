@@ -121,6 +121,14 @@ impl Described {
         self.place.address.or(self.description.address).unwrap_or(1)
     }
 
+    /// Sets the variable called `name`.
+    ///
+    /// # Errors
+    /// If there is no such variable, it is computed or measured, or it cannot have this value.
+    pub fn set(&mut self, name: &str, value: Value) -> Result<(), String> {
+        self.state.set(name, value)
+    }
+
     /// The variables of the device: address of the register if there is one, name, value, and value
     /// in words.
     pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {

@@ -185,6 +185,45 @@ impl State {
         is_changed
     }
 
+    /// Sets the variable called `name` from outside.
+    pub(crate) fn set(&mut self, name: &str, value: Value) -> Result<(), String> {
+        let Some(index) = self.find(name) else {
+            let known: Vec<&str> = self.known.iter().map(|one| &*one.name).collect();
+            return Err(format!(
+                "is \"{name}\", expected one of {}",
+                known.join(", ")
+            ));
+        };
+        if !matches!(self.known[index].source, Source::Stored) {
+            return Err(format!(
+                "{name} has a source of its own, expected a stored value"
+            ));
+        }
+        let is_number = |value: &Value| value.as_f64().is_some();
+        let was = &self.values[index];
+        if is_number(was) != is_number(&value) {
+            return Err(format!(
+                "{name} is {}, expected {}",
+                value.kind(),
+                was.kind()
+            ));
+        }
+        let value = match (was, value) {
+            (Value::Float(_), Value::Int(int)) =>
+            {
+                #[expect(clippy::cast_precision_loss, reason = "the nearest number is meant")]
+                Value::Float(int as f64)
+            }
+            (Value::Int(_), Value::Float(float)) => Value::Float(float),
+            (_, value) => value,
+        };
+        let words = value.to_string();
+        match self.write(index, value) {
+            true => Ok(()),
+            false => Err(format!("{name} = {words} is beyond its limits")),
+        }
+    }
+
     /// Stores a value. Beyond the limits, stores the nearer limit and returns `false`.
     pub(crate) fn write(&mut self, index: usize, value: Value) -> bool {
         let variable = &self.known[index];

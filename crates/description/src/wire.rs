@@ -71,6 +71,27 @@ impl Wire {
         self.units.iter().map(|(name, unit)| (name.as_str(), unit))
     }
 
+    /// Sets the variable called `name`; of several devices it is `DEVICE.NAME`.
+    ///
+    /// # Errors
+    /// If there is no such variable, or it cannot have this value.
+    pub fn set(&mut self, name: &str, value: Value) -> Result<(), String> {
+        if let [(_, only)] = &mut self.units[..] {
+            return only.set(name, value);
+        }
+        let mut units = self.units.iter_mut();
+        let found = units.find_map(|(unit, device)| {
+            let inner = name.strip_prefix(unit.as_str())?.strip_prefix('.')?;
+            Some((device, inner))
+        });
+        match found {
+            Some((device, inner)) => device.set(inner, value),
+            None => Err(format!(
+                "is \"{name}\", expected DEVICE.NAME with a device of the wire"
+            )),
+        }
+    }
+
     /// The variables of all devices: address of the register, name, value, value in words.
     pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {
         let is_single = self.units.len() == 1;

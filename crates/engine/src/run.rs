@@ -30,6 +30,7 @@ mod checkpoint;
 mod command;
 mod condition;
 mod contacts;
+mod deeds;
 mod expectations;
 mod explored;
 mod faults;
@@ -68,6 +69,7 @@ pub use checkpoint::Checkpoint;
 pub use command::CommandError;
 pub use condition::Watch;
 pub use contacts::Contacts;
+use deeds::Deeds;
 pub use expectations::is_of_the_end;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
@@ -94,6 +96,8 @@ pub struct Run {
     progress: Progress,
     pushes: Vec<PushSpec>,
     agenda: Agenda,
+    /// Steps of the mission that the rig does itself.
+    deeds: Deeds,
     /// Faults that wait for a condition.
     waiting: Vec<FaultId>,
     truth: Vec<(Instant, Pose)>,
@@ -154,6 +158,7 @@ impl Run {
             progress: Progress::new(&scenario.mission, &scenario.expect),
             pushes,
             agenda: Agenda::default(),
+            deeds: Deeds::of(&scenario.mission),
             waiting: Vec::new(),
             truth: Vec::new(),
             pairs: Vec::new(),
@@ -262,12 +267,14 @@ impl Run {
     fn advance(&mut self, deadline: Instant) {
         loop {
             let push = self.pushes.first().map(|push| push.at.instant());
-            let next = push.into_iter().chain(self.agenda.due()).min();
+            let next = push.into_iter().chain(self.agenda.due());
+            let next = next.chain(self.deeds.due()).min();
             let Some(at) = next.filter(|&at| at <= deadline) else {
                 break;
             };
             self.rig.run_until(at);
             self.agenda.perform(&mut self.rig);
+            self.do_deeds();
             if push.is_some_and(|push| push <= at) {
                 let push = self.pushes.remove(0);
                 let turn = push.turn_deg.to_radians();

@@ -46,7 +46,7 @@ pub use fault::{
     catalogue as fault_catalogue,
 };
 pub use maze::MazeSpec;
-pub use mission::{Action, Expect, Mission, SetPoint, Step};
+pub use mission::{Action, Expect, InjectSpec, Mission, SetPoint, SetSpec, Step};
 pub use own::{
     AccessSpec, CommandSpec, OrderSpec, PeriodicSpec, RegisterSpec, RegistersSpec, SourceSpec,
     TextSpec, VariableSpec, WidthSpec,

@@ -264,3 +264,73 @@ fn each_rule_is_broken_by_its_mutant_and_says_how() {
     assert_eq!(wrong, [""; 0]);
     assert_eq!(left, [""; 0], "no mutant breaks these");
 }
+
+/// Steps of the rig: the scale's door opens at 3 s, and a frame that sets the left wheel to 9 cm/s
+/// reaches the board at 7.05 s, between two orders of the driver. A wrong name is refused with its
+/// place.
+#[test]
+fn a_step_sets_a_value_and_puts_bytes_on_a_line() {
+    let step = |at: &str, what: &str| format!("\n[[mission.step]]\nat = \"{at}\"\ndo = {what}\n");
+    let door = step(
+        "3s",
+        "{ set = { device = \"scale\", name = \"door\", value = \"open\" } }",
+    );
+    let frame = Frame::write(1, &[9], ChecksumOrder::LowFirst);
+    let pairs: Vec<String> = frame
+        .as_bytes()
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    let bytes = format!(
+        "{{ inject = {{ link = \"wheels\", direction = \"to-device\", hex = \"{}\" }} }}",
+        pairs.join(" ")
+    );
+    let rules = "\n[[expect.rule]]\nname = \"opens\"\neventually = { frame = { link = \"scale\", \
+        direction = \"to-master\", contains = \"open\" } }\nuntil = \"3900ms\"\n\
+        [[expect.rule]]\nname = \"told\"\nfrom = \"6900ms\"\neventually = { axis = \
+        { name = \"left\", value = 0.09 } }\n";
+    let told = |steps: &str| {
+        let outcome = drive(SOUND, format!("{}{steps}{rules}", porter()));
+        let broken = rules_of(&outcome, &["opens", "told"]);
+        (
+            broken,
+            outcome
+                .events
+                .iter()
+                .map(ToString::to_string)
+                .collect::<Vec<_>>(),
+        )
+    };
+    assert_eq!(told("").0, [Status::Fail, Status::Fail]);
+    let (kept, events) = told(&format!("{door}{}", step("7050ms", &bytes)));
+    assert_eq!(kept, [Status::Pass, Status::Pass], "{events:?}");
+    let said = |words: &str| events.iter().any(|event| event.contains(words));
+    assert!(
+        said("value-set: scale door = \"open\"") && said("bytes-injected"),
+        "{events:?}"
+    );
+    let refused = |steps: String| wired(porter() + &steps).err().expect("refused").to_string();
+    let rows = [
+        (door.replace("scale", "scael"), "did you mean \"scale\"?"),
+        (door.replace("door", "dor"), "did you mean \"door\"?"),
+        (
+            step("1s", &bytes.replace("wheels", "wheel")),
+            "did you mean \"wheels\"?",
+        ),
+        (step("1s", &bytes.replace("ab", "a")), "hex"),
+        (step("1s", "{ mode = \"stop\" }"), "expected inject or set"),
+    ];
+    for (steps, words) in rows {
+        let error = refused(steps.clone());
+        assert!(
+            error.starts_with("tests/rules/porter.toml:"),
+            "{steps}: {error}"
+        );
+        assert!(error.contains(words), "{steps}: {error}");
+    }
+}
+
+fn rules_of(outcome: &Outcome, names: &[&str]) -> Vec<Status> {
+    let status = |name: &&str| detail(outcome, &format!("rule-{name}")).status;
+    names.iter().map(status).collect()
+}

@@ -83,6 +83,11 @@ pub(super) fn check_conditions(
         }
     }
     for (index, step) in scenario.mission.step.iter().enumerate() {
+        moment.check_action(&step.action).map_err(|flaw| {
+            let span = source.find_in_list("mission.step", index, "do");
+            let key = format!("mission.step[{index}].do.{}", flaw.key);
+            source.invalid(span, key, flaw.message)
+        })?;
         if let Some(condition) = &step.when {
             moment.check(condition).map_err(|flaw| {
                 let span = source.find_in_list("mission.step", index, "when");

@@ -10,7 +10,7 @@ use crate::rig::Rig;
 use crate::rig::direction::Direction;
 use crate::scenario::device::DeviceValue;
 use crate::scenario::{
-    AxisCondition, Condition, DeviceSpec, Figure, Flaw, FrameCondition, Operand, Quantity,
+    Action, AxisCondition, Condition, DeviceSpec, Figure, Flaw, FrameCondition, Operand, Quantity,
     RegisterCondition, RobotCondition,
 };
 
@@ -193,6 +193,29 @@ impl Moment<'_> {
             }
             Condition::Not(inner) => self.check(inner),
             Condition::Visited(_) | Condition::Map(_) => Ok(()),
+        }
+    }
+
+    /// Checks that the run has what a step of the rig names.
+    ///
+    /// # Errors
+    /// The first name that is unknown, with the known ones.
+    pub(crate) fn check_action(&self, action: &Action) -> Result<(), Flaw> {
+        match action {
+            Action::Inject(inject) => self.link(&inject.link).map(drop),
+            Action::Set(set) => {
+                let known: Vec<&str> = self.devices.keys().map(String::as_str).collect();
+                if !known.contains(&set.device.as_str()) {
+                    return Err(Flaw::new("device", near::expected(&set.device, &known)));
+                }
+                let values = self.values(&set.device);
+                let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
+                match names.contains(&set.name.as_str()) {
+                    true => Ok(()),
+                    false => Err(Flaw::new("name", near::expected(&set.name, &names))),
+                }
+            }
+            _ => Ok(()),
         }
     }
 

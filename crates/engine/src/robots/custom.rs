@@ -83,11 +83,13 @@ impl Robot for Bare {
 
 /// Rejects orders for waypoints or modes: the program has no station.
 fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
-    if plan.scenario.mission.step.is_empty() {
+    let steps = plan.scenario.mission.step.iter();
+    let Some(index) = { steps }.position(|step| !step.action.is_of_the_rig()) else {
         return Ok(());
-    }
-    let message = "expected none: the robot has no station that could order anything";
-    let span = plan.source.find("step");
+    };
+    let message = "expected inject or set: the robot has no station that could order anything";
+    let span = plan.source.find_in_list("mission.step", index, "do");
+    let span = span.or_else(|| plan.source.find("step"));
     Err(plan.source.invalid(span, "mission.step", message))
 }
 

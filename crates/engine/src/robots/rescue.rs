@@ -440,15 +440,16 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
         });
     }
     // Steps with a condition are handed over when it has come true.
-    let timed = mission.step.iter().filter(|step| step.at.is_some());
-    let mut timed: Vec<&Step> = timed.collect();
-    timed.sort_by_key(|step| step.at);
-    for (index, step) in mission.step.iter().enumerate() {
+    let mut timed: Vec<&Step> = Vec::new();
+    let is_order = |(_, step): &(usize, &Step)| !step.action.is_of_the_rig();
+    for (index, step) in mission.step.iter().enumerate().filter(is_order) {
         pc_action(&step.action).map_err(|message| {
             let span = source.find_in_list("mission.step", index, "do");
             source.invalid(span, format!("mission.step[{index}].do"), message)
         })?;
+        timed.extend(step.at.map(|_| step));
     }
+    timed.sort_by_key(|step| step.at);
     steps.extend(timed.into_iter().filter_map(|step| pc_step(step).ok()));
     pc::Script::new(steps)
         .map_err(|error| source.invalid(source.find("mission"), "mission", error.to_string()))
@@ -479,6 +480,7 @@ pub fn pc_action(action: &Action) -> Result<pc::Action, String> {
             mode: Mode::Manual,
             set_point: wheels(set_points)?,
         }),
+        Action::Inject(_) | Action::Set(_) => return Err(Action::not_an_order()),
     })
 }
 

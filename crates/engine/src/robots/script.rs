@@ -22,7 +22,8 @@ impl<W: Clone> Script<W> {
         first: Vec<(Instant, W)>,
         wish: impl Fn(&Action) -> Result<W, String>,
     ) -> Result<Self, ScenarioError> {
-        for (index, step) in mission.step.iter().enumerate() {
+        let orders = mission.step.iter().enumerate();
+        for (index, step) in orders.filter(|(_, step)| !step.action.is_of_the_rig()) {
             wish(&step.action).map_err(|message| {
                 let span = source.find_in_list("mission.step", index, "do");
                 source.invalid(span, format!("mission.step[{index}].do"), message)
@@ -30,7 +31,9 @@ impl<W: Clone> Script<W> {
         }
         let mut steps = first;
         // Steps with a condition are added when the condition holds.
-        let mut timed: Vec<&Step> = mission.step.iter().filter(|it| it.at.is_some()).collect();
+        let timed = mission.step.iter().filter(|it| it.at.is_some());
+        let timed = timed.filter(|step| !step.action.is_of_the_rig());
+        let mut timed: Vec<&Step> = timed.collect();
         timed.sort_by_key(|step| step.at);
         let timed = timed
             .into_iter()

@@ -53,6 +53,7 @@ impl Run {
             progress: self.progress.clone(),
             pushes: self.pushes.clone(),
             agenda: self.agenda.clone(),
+            deeds: self.deeds.clone(),
             waiting: self.waiting.clone(),
             truth: self.truth.clone(),
             pairs: self.pairs.clone(),

@@ -15,7 +15,8 @@ impl Run {
     /// # Errors
     /// If the rig has no PC, or the action is beyond the limits of its protocol.
     pub fn command(&mut self, action: Action) -> Result<(), CommandError> {
-        let at = self.order(action.clone())?;
+        let number = self.scenario.mission.step.len() + self.steps.by_hand.len() + 1;
+        let at = self.order(number, action.clone())?;
         self.steps
             .by_hand
             .push(Step::at(Span(at - Instant::ZERO), action));
@@ -25,7 +26,12 @@ impl Run {
 
     /// Puts `action` into the PC's script for the next whole millisecond, and into the scenario's
     /// mission; when that is.
-    pub(super) fn order(&mut self, action: Action) -> Result<Instant, CommandError> {
+    pub(super) fn order(&mut self, number: usize, action: Action) -> Result<Instant, CommandError> {
+        if action.is_of_the_rig() {
+            let at = Span::from_millis(self.rig.now().as_millis() + 1).instant();
+            self.deeds.add(at, number, action);
+            return Ok(at);
+        }
         if let Action::WaypointsM(places) = &action
             && let Some(message) = robots::beyond_map(&self.scenario.robot, places)
         {

@@ -75,7 +75,7 @@ impl Run {
         self.plan(&fault, id)?;
         let words = format!("fault {id}: {} on {}", fault.kind.name(), fault.place());
         self.scenario.fault.push(fault);
-        self.note_fault("fault-added", words);
+        self.note("fault-added", words);
         Ok(id)
     }
 
@@ -120,7 +120,7 @@ impl Run {
                 };
                 let words = format!("fault {id}: {} on {}", begun.kind.name(), begun.place());
                 if self.plan(&begun, id).is_ok() {
-                    self.note_fault("fault-begun", words);
+                    self.note("fault-begun", words);
                 }
                 self.scenario.fault[id.0] = begun;
             } else {
@@ -158,7 +158,7 @@ impl Run {
         // A fault that never began has an empty window from now on.
         let fault = &mut self.scenario.fault[id.0];
         fault.until = Some(Span(next - Instant::ZERO));
-        self.note_fault("fault-ended", format!("fault {id} withdrawn"));
+        self.note("fault-ended", format!("fault {id} withdrawn"));
         Ok(())
     }
 
@@ -218,7 +218,7 @@ impl Run {
         self.rig.now() + NEXT
     }
 
-    fn note_fault(&mut self, rule: &'static str, detail: String) {
+    pub(super) fn note(&mut self, rule: &'static str, detail: String) {
         let event = Event {
             at: self.rig.now(),
             kind: EventKind::Note,

@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::check::Check;
 use super::{Run, Watch};
-use crate::scenario::{Mission, Step};
+use crate::scenario::{Flaw, Mission, Step};
 
 /// A step that waits.
 #[derive(Clone, Debug)]
@@ -74,6 +74,12 @@ impl Steps {
         checks
     }
 
+    /// A step of the rig that was due at `now` cannot be done.
+    pub(super) fn fail_now(&mut self, number: usize, now: Instant, flaw: &Flaw) {
+        let detail = format!("at {now} s: {flaw}");
+        self.done.push(Check::new(&name(number), false, detail));
+    }
+
     /// The next one cannot be done any more.
     fn fail(&mut self, number: usize, detail: String) {
         self.done.push(Check::new(&name(number), false, detail));
@@ -115,7 +121,7 @@ impl Run {
                 }
                 return;
             }
-            if let Err(error) = self.order(next.step.action.clone()) {
+            if let Err(error) = self.order(next.number, next.step.action.clone()) {
                 return self.steps.fail(next.number, error.to_string());
             }
             let detail = format!("{} came true by {now} s", condition(&next.step));

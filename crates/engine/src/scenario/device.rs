@@ -38,7 +38,7 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use emulators::world::World;
 
-use super::{Scenario, ScenarioError, Source};
+use super::{Operand, Scenario, ScenarioError, Source};
 use crate::codec::RegisterNames;
 use crate::registry::{Named, Registry};
 use crate::rig::{AnyDevice, Rig};
@@ -223,6 +223,14 @@ impl DeviceSpec {
     pub fn register_names(&self) -> Option<RegisterNames> {
         self.settings::<super::RegistersSpec>()
             .map(super::RegistersSpec::names)
+    }
+
+    /// Sets the value called `value` of the device `name`.
+    ///
+    /// # Errors
+    /// Why it cannot be set, in words.
+    pub fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
+        self.kind.set(rig, name, value, to)
     }
 
     /// Values of the device `name` in `rig` by their plain names, for conditions.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use toml::Spanned;
 
-use super::{Condition, Flaw, RuleSpec, SafetySpec, Span};
+use super::{BytesCondition, Condition, DirectionSpec, Flaw, Operand, RuleSpec, SafetySpec, Span};
 
 /// Task of the robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -72,6 +72,9 @@ impl Step {
     /// # Errors
     /// A flaw that names the key.
     pub fn check(&self) -> Result<(), Flaw> {
+        if let Action::Inject(inject) = &self.action {
+            inject.bytes()?;
+        }
         match (self.at, &self.when, self.timeout) {
             (Some(_), None, None) => Ok(()),
             (None, Some(when), _) => when.check(),
@@ -95,6 +98,63 @@ pub enum Action {
     Mode(String),
     /// Drives by hand: a set-point for each of the robot's axes, in their order and unit.
     Drive(Vec<SetPoint>),
+    /// Not an order of the PC: puts bytes on a line, as if its sender had sent them. Faults of the
+    /// line do not touch them.
+    Inject(InjectSpec),
+    /// Not an order of the PC: sets a value of your own device.
+    Set(SetSpec),
+}
+
+impl Action {
+    /// Whether the rig does it itself, also for a robot without a PC.
+    pub const fn is_of_the_rig(&self) -> bool {
+        matches!(self, Self::Inject(_) | Self::Set(_))
+    }
+
+    /// Why no station can do it.
+    pub(crate) fn not_an_order() -> String {
+        "is no order of the PC, expected connect, disconnect, waypoints-m, mode or drive".to_owned()
+    }
+}
+
+/// Bytes to put on a line.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct InjectSpec {
+    /// Name of the link.
+    pub link: String,
+    /// Direction of the bytes.
+    pub direction: DirectionSpec,
+    /// Bytes as hexadecimal digits, spaces allowed: 1 to 256 bytes.
+    pub hex: String,
+}
+
+impl InjectSpec {
+    /// The bytes.
+    ///
+    /// # Errors
+    /// If `hex` is no hexadecimal text of 1 to 256 bytes.
+    pub fn bytes(&self) -> Result<Vec<u8>, Flaw> {
+        let bytes = BytesCondition {
+            link: self.link.clone(),
+            direction: self.direction,
+            hex: Some(self.hex.clone()),
+            count: None,
+        };
+        Ok(bytes.pattern()?.unwrap_or_default())
+    }
+}
+
+/// A value of a device to set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SetSpec {
+    /// Name of the device.
+    pub device: String,
+    /// Name of the register or variable.
+    pub name: String,
+    /// Its new value.
+    pub value: Operand,
 }
 
 /// A set-point of an axis, in the axis's unit; whole numbers are written without a fraction.

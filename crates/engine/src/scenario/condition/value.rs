@@ -33,6 +33,14 @@ impl Operand {
         }
     }
 
+    /// The whole number that it is.
+    pub(crate) fn whole(&self) -> Result<i64, String> {
+        let number = self
+            .number()
+            .and_then(|number| crate::scenario::SetPoint(number).whole());
+        number.ok_or_else(|| format!("is {self}, expected a whole number"))
+    }
+
     fn number(&self) -> Option<f64> {
         match self {
             Self::Flag(is) => Some(f64::from(u8::from(*is))),

@@ -98,6 +98,19 @@ impl DeviceKind for DescriptionKind {
         values.map(value).collect()
     }
 
+    fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
+        let to = match to {
+            Operand::Flag(is) => Value::Bool(*is),
+            Operand::Text(text) => Value::Text(text.clone()),
+            Operand::Number(number) => match to.whole() {
+                Ok(whole) => Value::Int(whole.into()),
+                Err(_) => Value::Float(*number),
+            },
+        };
+        let device = rig.device_mut::<Wire>(name);
+        device.map_or(Ok(()), |device| device.set(value, to))
+    }
+
     fn build(&self, context: &BuildContext<'_>) -> Result<Built, ScenarioError> {
         let spec: &DescriptionSpec = context.settings()?;
         let (source, key) = (context.source, context.key());

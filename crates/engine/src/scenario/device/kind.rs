@@ -70,6 +70,15 @@ pub trait DeviceKind: Send + Sync {
         rows.map(DeviceValue::from).collect()
     }
 
+    /// Sets the value called `value` of the device `name`.
+    ///
+    /// # Errors
+    /// Why it cannot be set, in words.
+    fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
+        let _ = (rig, value, to);
+        Err(format!("{name} has no values that a step can set"))
+    }
+
     /// Checks that `world` contains the actuators and encoders named in the settings.
     ///
     /// # Errors

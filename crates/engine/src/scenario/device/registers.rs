@@ -13,7 +13,7 @@ use super::{
 };
 use crate::codec;
 use crate::rig::{AnyDevice, Rig};
-use crate::scenario::{OrderSpec, RegistersSpec, ScenarioError};
+use crate::scenario::{Operand, OrderSpec, RegistersSpec, ScenarioError};
 
 const EXAMPLE: &str = r#"[device.gripper.registers]
 baud = 115200
@@ -67,6 +67,13 @@ impl DeviceKind for RegistersKind {
         let settings: &dyn Any = settings;
         let spec = settings.downcast_ref::<RegistersSpec>();
         spec.map_or(Vec::new(), |spec| spec.rows(rig, name))
+    }
+
+    fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
+        let whole = to.whole()?;
+        let now = rig.now();
+        let device = rig.device_mut::<Registers>(name);
+        device.map_or(Ok(()), |device| device.set(now, value, whole))
     }
 
     fn drives(&self, settings: &dyn Settings) -> Option<Drives> {

@@ -13,7 +13,7 @@ use super::{
     read_settings, schema_of,
 };
 use crate::rig::{AnyDevice, Rig};
-use crate::scenario::{ScenarioError, TextSpec};
+use crate::scenario::{Operand, ScenarioError, TextSpec};
 
 const EXAMPLE: &str = r#"[device.sonar.text]
 baud = 9600
@@ -73,6 +73,13 @@ impl DeviceKind for TextKind {
             value,
         });
         rows.map(DeviceValue::from).collect()
+    }
+
+    fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
+        let whole = to.whole()?;
+        let now = rig.now();
+        let device = rig.device_mut::<Text>(name);
+        device.map_or(Ok(()), |device| device.set(now, value, whole))
     }
 
     fn drives(&self, settings: &dyn Settings) -> Option<Drives> {

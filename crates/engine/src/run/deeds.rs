@@ -1,0 +1,92 @@
+//! Steps of the mission that the rig does itself: putting bytes on lines, setting values.
+
+use protocols::Instant;
+
+use super::Run;
+use crate::rig::Rig;
+use crate::scenario::{Action, Flaw, InjectSpec, Mission, SetSpec};
+
+/// Steps that are to come, the next one first.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Deeds(Vec<Deed>);
+
+/// A step: when, its number in the mission from 1, and what is done.
+type Deed = (Instant, usize, Action);
+
+impl Deeds {
+    /// The steps of `mission` with a time.
+    pub(super) fn of(mission: &Mission) -> Self {
+        let steps = (1..).zip(&mission.step);
+        let steps = steps.filter(|(_, step)| step.action.is_of_the_rig());
+        let timed = steps
+            .filter_map(|(number, step)| Some((step.at?.instant(), number, step.action.clone())));
+        let mut deeds: Vec<Deed> = timed.collect();
+        deeds.sort_by_key(|(at, ..)| *at);
+        Self(deeds)
+    }
+
+    /// Adds a step, behind those of the same time.
+    pub(super) fn add(&mut self, at: Instant, number: usize, action: Action) {
+        let index = self.0.partition_point(|(other, ..)| *other <= at);
+        self.0.insert(index, (at, number, action));
+    }
+
+    /// When the next step is due.
+    pub(super) fn due(&self) -> Option<Instant> {
+        self.0.first().map(|(at, ..)| *at)
+    }
+}
+
+impl Run {
+    /// Does the steps that are due now. What cannot be done is a failure of the mission.
+    pub(super) fn do_deeds(&mut self) {
+        let now = self.rig.now();
+        while self.deeds.due().is_some_and(|at| at <= now) {
+            let (_, number, action) = self.deeds.0.remove(0);
+            let done = match &action {
+                Action::Inject(inject) => put(&mut self.rig, inject),
+                Action::Set(set) => self.set(set),
+                _ => Ok(()),
+            };
+            match (done, action) {
+                (Err(flaw), _) => self.steps.fail_now(number, now, &flaw),
+                (
+                    Ok(()),
+                    Action::Set(SetSpec {
+                        device,
+                        name,
+                        value,
+                    }),
+                ) => {
+                    self.note("value-set", format!("{device} {name} = {value}"));
+                }
+                (Ok(()), Action::Inject(InjectSpec { link, hex, .. })) => {
+                    self.note("bytes-injected", format!("{hex} on {link}"));
+                }
+                (Ok(()), _) => {}
+            }
+        }
+    }
+
+    fn set(&mut self, set: &SetSpec) -> Result<(), Flaw> {
+        let spec = self.scenario.device.get(&set.device);
+        let spec = spec.ok_or_else(|| Flaw::new("device", "is no device of the scenario"))?;
+        let done = spec.set(&mut self.rig, &set.device, &set.name, &set.value);
+        done.map_err(|message| Flaw::new("name", message))
+    }
+}
+
+/// Puts bytes on a line, at its rate.
+fn put(rig: &mut Rig, inject: &InjectSpec) -> Result<(), Flaw> {
+    let bytes = inject.bytes()?;
+    let now = rig.now();
+    let link = rig.links().iter().position(|link| link.name == inject.link);
+    let link = link.ok_or_else(|| Flaw::new("link", "is no link of the robot"))?;
+    let direction = crate::rig::line::Direction::from(inject.direction);
+    let [sender, _] = rig.line_configs(rig.links()[link].line(direction));
+    let lines = rig.lines_mut(link);
+    let lines = lines.ok_or_else(|| Flaw::new("link", "has no lines"))?;
+    let takes = sender.bytes_time(bytes.len() as u64);
+    lines[direction as usize].play(now + takes, &bytes, 0);
+    Ok(())
+}
