@@ -265,6 +265,70 @@ fn each_rule_is_broken_by_its_mutant_and_says_how() {
     assert_eq!(left, [""; 0], "no mutant breaks these");
 }
 
+/// Rules that a sound run must not pass, as their subject never came or cannot be compared: what is
+/// added, its verdict, and what that says.
+const UNPROVED: [(&str, Status, &str); 4] = [
+    (
+        "never = { event = { rule = \"bad-cheksum\", source = \"wheels\" } }",
+        Status::NotObserved,
+        "bad-cheksum is no error that wheels is known to log",
+    ),
+    (
+        "never = { event = { rule = \"wieght\", source = \"scale\" } }",
+        Status::NotObserved,
+        "scale logged nothing",
+    ),
+    (
+        "never = { all = [{ frame = { link = \"scale\", direction = \"to-master\", \
+         field = \"wieght\", value = 1 } }, { axis = { name = \"left\", op = \">\", value = 9 } }] }",
+        Status::NotObserved,
+        "frames came on scale, the last: ",
+    ),
+    (
+        "never = { frame = { link = \"scale\", direction = \"to-master\", field = \"door\", \
+         op = \">\", value = 5 } }",
+        Status::Fail,
+        "door on scale is \"shut\"",
+    ),
+];
+
+#[test]
+fn what_was_not_observed_is_not_passed() {
+    let mut text = porter();
+    for (index, (rule, ..)) in UNPROVED.iter().enumerate() {
+        text += &format!("\n[[expect.rule]]\nname = \"unproved-{index}\"\n{rule}\n");
+    }
+    let outcome = drive(SOUND, text);
+    for (index, (rule, status, says)) in UNPROVED.iter().enumerate() {
+        let check = detail(&outcome, &format!("rule-unproved-{index}"));
+        assert_eq!(check.status, *status, "{rule}: {check}");
+        assert!(check.detail.contains(says), "{rule}: {check}");
+    }
+    let wrong = "\n[[expect.rule]]\nname = \"type\"\nnever = { register = { device = \"wheels\", \
+                 name = \"left\", value = \"fast\" } }\n";
+    let error = wired(porter() + wrong).err().expect("refused").to_string();
+    assert!(error.contains("expected one of its type"), "{error}");
+}
+
+/// Frames that only a silence ends count as others do, and a broken rule finds them.
+#[test]
+fn frames_that_a_silence_ends_are_judged() {
+    let text = porter().replace("scale.toml", "silent-scale.toml");
+    let sound = drive(SOUND, text.clone());
+    assert_eq!(rules(&sound, Status::Pass), RULES, "{:#?}", sound.checks);
+    let fault = "\n[[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"overloaded\"\n\
+                 from = \"3500ms\"\n";
+    let broken = drive(SOUND, text + fault);
+    assert_eq!(
+        rules(&broken, Status::Fail),
+        ["load"],
+        "{:#?}",
+        broken.checks
+    );
+    let load = &detail(&broken, "rule-load").detail;
+    assert!(load.ends_with("; 8 times in all"), "{load}");
+}
+
 /// Steps of the rig: the scale's door opens at 3 s, and a frame that sets the left wheel to 9 cm/s
 /// reaches the board at 7.05 s, between two orders of the driver. A wrong name is refused with its
 /// place.

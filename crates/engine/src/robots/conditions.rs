@@ -10,14 +10,28 @@ use crate::rig::Rig;
 use crate::rig::direction::Direction;
 use crate::scenario::device::DeviceValue;
 use crate::scenario::{
-    Action, AxisCondition, Condition, DeviceSpec, Figure, Flaw, FrameCondition, Operand, Quantity,
-    RegisterCondition, RobotCondition,
+    Action, AxisCondition, Condition, DeviceSpec, EventCondition, Figure, Flaw, FrameCondition,
+    Operand, Quantity, RegisterCondition, RobotCondition,
 };
 
 /// A cell of a map that was never seen.
 const UNKNOWN: u8 = 127;
 /// Sources of log entries that are neither a device nor a link.
 const SOURCES: [&str; 3] = ["rig", "robot", "program"];
+
+/// Rules of the log that a slave of registers logs.
+const OF_REGISTERS: [&str; 10] = [
+    "bad-checksum",
+    "break",
+    "frame-cut-off",
+    "out-of-range",
+    "queue-full",
+    "request-before-reply",
+    "stray-bytes",
+    "unknown-register",
+    "value-cut",
+    "write-read-only",
+];
 
 /// A run at one moment, as conditions see it.
 pub(crate) struct Moment<'a> {
@@ -36,8 +50,8 @@ pub(crate) struct Moment<'a> {
 /// What a condition read.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Reading {
-    /// Whether the condition holds.
-    pub(crate) holds: bool,
+    /// Whether the condition holds; `None` if the value cannot be compared.
+    pub(crate) holds: Option<bool>,
     /// The value, if there is one to be shown.
     pub(crate) value: Option<Operand>,
 }
@@ -60,17 +74,17 @@ impl Moment<'_> {
                 let [x, y] = place.near_m;
                 let metres = libm::hypot(pose.x - x, pose.y - y);
                 let value = Some(Operand::Number((metres * 1000.0).round() / 1000.0));
-                let holds = metres <= place.within_m;
+                let holds = Some(metres <= place.within_m);
                 Some(Reading { holds, value })
             }
             Condition::Map(map) => {
                 let share = self.known_share()?;
                 let value = Some(Operand::Number((share * 1e4).round() / 1e4));
-                let holds = share >= map.known_min;
+                let holds = Some(share >= map.known_min);
                 Some(Reading { holds, value })
             }
             Condition::Visited(count) => Some(Reading {
-                holds: self.waypoints[0] >= *count,
+                holds: Some(self.waypoints[0] >= *count),
                 #[expect(clippy::cast_precision_loss, reason = "a number of waypoints")]
                 value: Some(Operand::Number(self.waypoints[0] as f64)),
             }),
@@ -245,10 +259,18 @@ impl Moment<'_> {
     }
 
     fn check_register(&self, register: &RegisterCondition) -> Result<(), Flaw> {
-        if self.register(register).is_some() {
-            return Ok(());
-        }
         let device = &register.device;
+        if let Some(found) = self.register(register) {
+            let (op, wanted) = (register.op, &register.value);
+            let is_wrong =
+                self.devices.contains_key(device) && op.compares(&found, wanted).is_none();
+            let message =
+                format!("is {wanted}, but {device} shows {found}: expected one of its type");
+            return match is_wrong {
+                true => Err(Flaw::new("value", message)),
+                false => Ok(()),
+            };
+        }
         let known: Vec<&str> = self.rig.devices().map(|(name, _)| name).collect();
         if !known.contains(&device.as_str()) {
             return Err(Flaw::new("device", near::expected(device, &known)));
@@ -293,6 +315,13 @@ impl Moment<'_> {
             true => Ok(()),
             false => Err(Flaw::new("source", near::expected(source, &known))),
         }
+    }
+
+    /// Whether the source of `event` is known to log that rule; `None` if its rules are not known.
+    pub(crate) fn logs(&self, event: &EventCondition) -> Option<bool> {
+        let device = self.devices.get(event.source.as_ref()?)?;
+        device.register_names()?;
+        Some(OF_REGISTERS.contains(&&*event.rule))
     }
 
     fn check_body(&self, key: &'static str) -> Result<(), Flaw> {

@@ -36,7 +36,7 @@ impl Run {
     /// Whether a condition on the current state is true.
     pub(super) fn holds_now(&self, condition: &Condition) -> bool {
         let reading = self.moment().reading(condition);
-        reading.is_some_and(|reading| reading.holds)
+        reading.is_some_and(|reading| reading.holds == Some(true))
     }
 
     /// The run as conditions see it now.

@@ -3,7 +3,7 @@
 use protocols::Instant;
 
 use crate::Shared;
-use crate::codec::{Codec, RegisterNames, Stream, What, value_in};
+use crate::codec::{Codec, RegisterNames, Stream, Stretch, What, value_in};
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
 use crate::robots::conditions::{Moment, Reading};
@@ -35,15 +35,30 @@ pub(super) struct Frames {
     heard: Instant,
     /// Names of the registers, if the line is that of a slave as data.
     names: Option<RegisterNames>,
-    /// The last bytes, from which a copy comes to the same state, and the number of all.
+    /// The last bytes and the places of pauses among them, from which a copy comes to the same
+    /// state, and the number of all.
     tail: Vec<u8>,
+    pauses: Vec<u64>,
     fed: u64,
+    /// Whether bytes came since the last pause.
+    is_open: bool,
 }
 
 impl Clone for Frames {
     fn clone(&self) -> Self {
         let mut stream = Stream::towards(self.codec, self.direction);
-        let _ = stream.push(&self.tail);
+        let begin = self.fed - self.tail.len() as u64;
+        let pauses: Vec<u64> = self.pauses.iter().map(|at| at - begin).collect();
+        let mut rest = &self.tail[..];
+        for pause in &pauses {
+            let fed = self.tail.len() - rest.len();
+            let len = usize::try_from(*pause).map_or(0, |pause| pause.saturating_sub(fed));
+            let (part, after) = rest.split_at(len.min(rest.len()));
+            drop(stream.push(part));
+            drop(stream.idle());
+            rest = after;
+        }
+        drop(stream.push(rest));
         Self {
             wanted: self.wanted.clone(),
             direction: self.direction,
@@ -53,6 +68,8 @@ impl Clone for Frames {
             names: self.names.clone(),
             fed: self.tail.len() as u64,
             tail: self.tail.clone(),
+            pauses,
+            is_open: self.is_open,
         }
     }
 }
@@ -73,20 +90,41 @@ impl Frames {
             heard: now,
             names,
             tail: Vec::new(),
+            pauses: Vec::new(),
             fed: 0,
+            is_open: false,
         }
     }
 
     fn take(&mut self, at: Instant, bytes: &[u8], found: &mut Found) {
-        if at - self.heard > self.codec.idle() {
-            drop(self.stream.idle());
-        }
+        self.pause(at, found);
         self.heard = at;
+        self.is_open |= !bytes.is_empty();
         self.fed += bytes.len() as u64;
         self.tail.extend_from_slice(bytes);
         let surplus = self.tail.len().saturating_sub(TAIL);
         self.tail.drain(..surplus);
-        for stretch in self.stream.push(bytes) {
+        let begin = self.fed - self.tail.len() as u64;
+        self.pauses.retain(|pause| *pause >= begin);
+        let stretches = self.stream.push(bytes);
+        self.count(at, stretches, found);
+    }
+
+    /// Ends the frame that only a silence ends, if the line was silent long enough by `now`. It
+    /// counts at the end of that silence.
+    fn pause(&mut self, now: Instant, found: &mut Found) {
+        let end = self.heard + self.codec.idle();
+        if !self.is_open || now <= end {
+            return;
+        }
+        self.is_open = false;
+        self.pauses.push(self.fed);
+        let stretches = self.stream.idle();
+        self.count(end, stretches, found);
+    }
+
+    fn count(&mut self, at: Instant, stretches: Vec<Stretch>, found: &mut Found) {
+        for stretch in stretches {
             if let What::Frame(words) = stretch.what {
                 let words = self.named(&stretch.bytes).unwrap_or(words);
                 found.frames += 1;
@@ -120,7 +158,7 @@ impl Frames {
         }
         let Some((field, wanted)) = field.as_ref().zip(value.as_ref()) else {
             return Some(Reading {
-                holds: true,
+                holds: Some(true),
                 value: None,
             });
         };
@@ -154,7 +192,7 @@ impl Wanted {
     /// Takes more bytes of the line.
     fn take(&mut self, at: Instant, bytes: &[u8], found: &mut Found) {
         let is_in = Reading {
-            holds: true,
+            holds: Some(true),
             value: None,
         };
         found.bytes += bytes.len() as u64;
@@ -195,7 +233,7 @@ pub(super) struct Found {
 
 impl Found {
     fn add(&mut self, at: Instant, reading: Reading) {
-        self.has_held |= reading.holds;
+        self.has_held |= reading.holds == Some(true);
         self.readings += 1;
         if self.moments.len() < FOUND_MAX {
             self.moments.push((at, reading));
@@ -227,6 +265,16 @@ impl LineWatch {
             wanted,
             is_once,
             found: Found::default(),
+        }
+    }
+
+    /// Ends the frame that only a silence ends, if the line was silent long enough by `now`.
+    pub(super) fn pause(&mut self, now: Instant) {
+        let Self { wanted, found, .. } = self;
+        if let Wanted::Frame(frames) = wanted
+            && !(self.is_once && found.has_held)
+        {
+            frames.pause(now, found);
         }
     }
 
@@ -340,8 +388,8 @@ mod tests {
     fn the_field_of_a_frame_is_compared() {
         let write = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
         for (field, readings) in [
-            ("speed_left_to", vec![true]),
-            ("speed_right_to", vec![false]),
+            ("speed_left_to", vec![Some(true)]),
+            ("speed_right_to", vec![Some(false)]),
             ("speed", vec![]),
         ] {
             let mut wanted = frames("", Some(field));
@@ -390,6 +438,29 @@ mod tests {
         let idle = BUS_HIGH_FIRST.idle();
         assert!(is_found_after(idle));
         assert!(!is_found_after(idle + Duration::from_nanos(1)));
+    }
+
+    /// A begun write, a pause, and a whole write (the golden one of the seed's bus chapter): a copy
+    /// at any byte finds the frame as the original does, and none twice.
+    #[test]
+    fn a_copy_knows_the_pauses() {
+        let write = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
+        let late = Instant::from_secs(1);
+        let bytes: Vec<(Instant, u8)> = write[..4]
+            .iter()
+            .map(|byte| (Instant::ZERO, *byte))
+            .chain(write.map(|byte| (late, byte)))
+            .collect();
+        for cut in 0..=bytes.len() {
+            let (mut wanted, mut found) = (frames("", None), Found::default());
+            for (index, (at, byte)) in bytes.iter().enumerate() {
+                if index == cut {
+                    wanted = wanted.clone();
+                }
+                wanted.take(*at, &[*byte], &mut found);
+            }
+            assert_eq!(found.frames, 1, "copied before byte {cut}");
+        }
     }
 
     /// Only what is received on the own line counts, and only while a condition waits.

@@ -1,8 +1,9 @@
 //! Evaluates a condition over a run: for a rule at each moment, for a wait since its start.
 //!
 //! Conditions on the state (registers, axes, figures of the robot, the map) are read at each look,
-//! 10 ms apart. Bytes, frames, contacts and log entries have moments of their own, and none is
-//! missed. Between its moments such a condition says neither yes nor no.
+//! 10 ms apart. Bytes, frames, contacts and log entries have moments of their own. Devices fold
+//! repeated entries of their log into one, which is one moment. Between its moments such a
+//! condition says neither yes nor no.
 
 use protocols::Instant;
 
@@ -34,6 +35,11 @@ struct Leaf {
     moments: Vec<(Instant, Reading)>,
     /// What it reads at the moment that is judged.
     now: Option<Reading>,
+    /// Of the log: whether such an entry could come, as its source is known to log that rule, or
+    /// has logged something.
+    is_logged: bool,
+    /// Of the log: whether the rules of its source are known, so that no other one will come.
+    is_listed: bool,
 }
 
 #[derive(Clone)]
@@ -91,10 +97,16 @@ impl Probe {
             Condition::Contact(_) => Source::Contacts(moment.rig.world.contact_count()),
             _ => Source::State,
         };
+        let logs = match condition {
+            Condition::Event(event) => moment.logs(event),
+            _ => None,
+        };
         let leaf = Leaf {
             source,
             moments: Vec::new(),
             now: None,
+            is_logged: logs == Some(true),
+            is_listed: logs.is_some(),
         };
         Ok(Self::of(condition, Node::Leaf(leaf)))
     }
@@ -174,7 +186,7 @@ impl Probe {
                 if !matches!(leaf.source, Source::State) {
                     leaf.now = at.and_then(|at| leaf.at(at)).cloned();
                 }
-                leaf.now.as_ref().map(|reading| reading.holds)
+                leaf.now.as_ref().and_then(|reading| reading.holds)
             }
         }
     }
@@ -214,19 +226,57 @@ impl Probe {
                     None => watch.lock().found.frames > 0,
                 },
                 (Source::Line(watch), _) => watch.lock().found.bytes > 0,
-                (Source::Log(_), _) => true,
+                (Source::Log(_), _) => leaf.is_logged,
                 (Source::Contacts(_), _) => has_moved,
                 (Source::State, _) => leaf.now.is_some(),
             },
         }
     }
 
-    /// Why nothing was observed, for a line that carried other frames.
+    /// Whether each part that holds for a moment only has appeared.
+    pub(super) fn have_moments_appeared(&self, has_moved: bool) -> bool {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => {
+                let mut parts = parts.iter();
+                parts.all(|part| part.have_moments_appeared(has_moved))
+            }
+            Node::Not(inner) => inner.have_moments_appeared(has_moved),
+            Node::Leaf(leaf) => {
+                matches!(leaf.source, Source::State) || self.has_appeared(has_moved)
+            }
+        }
+    }
+
+    /// Whether a part has read a value at this moment that cannot be compared: one of another type,
+    /// or no number.
+    pub(super) fn is_incomparable(&self) -> bool {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => parts.iter().any(Self::is_incomparable),
+            Node::Not(inner) => inner.is_incomparable(),
+            Node::Leaf(leaf) => {
+                let now = leaf.now.as_ref();
+                now.is_some_and(|reading| reading.holds.is_none())
+            }
+        }
+    }
+
+    /// Why nothing was observed: a line that carried other frames, a log without the source.
     pub(super) fn silence(&self) -> Option<String> {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::silence),
             Node::Not(inner) => inner.silence(),
             Node::Leaf(leaf) => {
+                if let (Source::Log(_), Condition::Event(event), false) =
+                    (&leaf.source, &self.condition, leaf.is_logged)
+                {
+                    return Some(match &event.source {
+                        Some(source) if leaf.is_listed => {
+                            format!("{} is no error that {source} is known to log", event.rule)
+                        }
+                        Some(source) => format!("{source} logged nothing"),
+                        None => format!("{} needs a source to be observed", event.rule),
+                    });
+                }
                 let (Source::Line(watch), Condition::Frame(frame)) =
                     (&leaf.source, &self.condition)
                 else {
@@ -252,7 +302,11 @@ impl Probe {
             Node::Any(parts) => parts.iter().any(|part| part.has_come(moment, contacts)),
             Node::Not(inner) => !inner.has_come(moment, contacts),
             Node::Leaf(leaf) => match (&leaf.source, &self.condition) {
-                (Source::Line(watch), _) => watch.lock().found.has_held,
+                (Source::Line(watch), _) => {
+                    let mut watch = watch.lock();
+                    watch.pause(moment.rig.now());
+                    watch.found.has_held
+                }
                 (Source::Log(since), Condition::Event(event)) => {
                     let entries = moment.rig.events().get(*since..).unwrap_or_default();
                     entries.iter().any(|logged| is_event(event, logged))
@@ -263,7 +317,7 @@ impl Probe {
                 }
                 _ => moment
                     .reading(&self.condition)
-                    .is_some_and(|reading| reading.holds),
+                    .is_some_and(|reading| reading.holds == Some(true)),
             },
         }
     }
@@ -277,16 +331,22 @@ impl Leaf {
         contacts: &[emulators::world::Contact],
     ) {
         let held = || Reading {
-            holds: true,
+            holds: Some(true),
             value: None,
         };
         self.moments.clear();
         match (&mut self.source, condition) {
-            (Source::Line(watch), _) => self.moments = watch.lock().take_moments(),
+            (Source::Line(watch), _) => {
+                let mut watch = watch.lock();
+                watch.pause(moment.rig.now());
+                self.moments = watch.take_moments();
+            }
             (Source::Log(since), Condition::Event(event)) => {
                 let events = moment.rig.events();
                 let new = events.get(*since..).unwrap_or_default();
                 *since = events.len();
+                let mut new_ones = new.iter();
+                self.is_logged |= !self.is_listed && new_ones.any(|one| is_source(event, one));
                 let new = new.iter().filter(|logged| is_event(event, logged));
                 self.moments
                     .extend(new.map(|logged| (logged.event.at, held())));
@@ -310,8 +370,15 @@ impl Leaf {
 }
 
 fn is_event(wanted: &EventCondition, logged: &crate::rig::Logged) -> bool {
-    let is_source = |source: &String| *source == logged.source;
-    logged.event.rule == wanted.rule && wanted.source.as_ref().is_none_or(is_source)
+    logged.event.rule == wanted.rule && is_source(wanted, logged)
+}
+
+/// Whether the entry is of the wanted source. A condition without one asks for the rule.
+fn is_source(wanted: &EventCondition, logged: &crate::rig::Logged) -> bool {
+    match &wanted.source {
+        Some(source) => *source == logged.source,
+        None => logged.event.rule == wanted.rule,
+    }
 }
 
 fn is_contact(

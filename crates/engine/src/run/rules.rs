@@ -278,11 +278,16 @@ impl Rule {
     }
 
     fn hold(&mut self, at: Instant, truth: Truth, is_momentary: bool) {
-        let Some(truth) = truth.filter(|_| self.applies(at)) else {
+        if !self.applies(at) {
             return;
+        }
+        // What cannot be compared is neither kept nor forbidden: the rule says so as a break.
+        let is_broken = match truth {
+            Some(truth) => truth != (self.demand == Demand::Always),
+            None if self.probes.subject.is_incomparable() => true,
+            None => return,
         };
         self.seen.moments += 1;
-        let is_broken = truth != (self.demand == Demand::Always);
         if is_broken && (is_momentary || !self.seen.was_broken) {
             self.seen.breaks += 1;
             if self.seen.broken.is_none() {

@@ -4,7 +4,7 @@ use protocols::Instant;
 
 use super::{Rule, Seen};
 use crate::robots::Check;
-use crate::scenario::Demand;
+use crate::scenario::{Condition, Demand, UntilSpec};
 
 impl Rule {
     /// The verdict; `is_over`: nothing can become true any more.
@@ -16,7 +16,13 @@ impl Rule {
             Demand::Eventually => self.came(&name, now, is_over),
             Demand::Sometimes => return self.reached(&name),
         };
-        let is_cut = self.seen.is_log_cut && self.is_moment();
+        let others = [
+            self.spec.after.as_ref(),
+            self.spec.until.as_ref().and_then(UntilSpec::condition),
+        ];
+        let mut others = others.into_iter().flatten();
+        let is_any_moment = self.is_moment() || others.any(Condition::is_momentary);
+        let is_cut = self.seen.is_log_cut && is_any_moment;
         match is_cut {
             true => check.if_observed(false),
             false => check,
@@ -53,7 +59,8 @@ impl Rule {
         if self.spec.after.is_some() && seen.triggers == 0 {
             return Some(self.no_trigger());
         }
-        if seen.moments > 0 {
+        let is_whole = self.probes.subject.have_moments_appeared(seen.has_moved);
+        if seen.moments > 0 && is_whole {
             return None;
         }
         // What only ever says yes is observed where it could have come up.

@@ -107,9 +107,12 @@ impl Condition {
             Self::Register(register) => register.check(),
             Self::Pose(pose) => {
                 let is_place = pose.near_m.iter().all(|metres| metres.is_finite());
-                match is_place && pose.within_m > 0.0 {
+                match is_place && pose.within_m > 0.0 && pose.within_m.is_finite() {
                     true => Ok(()),
-                    false => Err(Flaw::new("within_m", "expected more than 0 metres")),
+                    false => Err(Flaw::new(
+                        "within_m",
+                        "expected a number of metres, more than 0",
+                    )),
                 }
             }
             Self::Map(map) if !(0.0..=1.0).contains(&map.known_min) => {

@@ -127,19 +127,17 @@ impl Op {
         }
     }
 
-    /// The same of values of any type. Values of different types are not equal, and neither is
-    /// greater.
-    pub fn compares(self, found: &Operand, wanted: &Operand) -> bool {
+    /// The same of values of any type; `None` if they cannot be compared, as they are of different
+    /// types or one of them is no number (NaN).
+    pub fn compares(self, found: &Operand, wanted: &Operand) -> Option<bool> {
         if let Operand::Flag(wanted) = wanted {
-            return match found.flag() {
-                Some(found) => self.holds(&found, wanted),
-                None => self == Self::Unequal,
-            };
+            return found.flag().map(|found| self.holds(&found, wanted));
         }
         match (found.number(), wanted.number(), found, wanted) {
-            (Some(found), Some(wanted), ..) => self.holds(&found, &wanted),
-            (.., Operand::Text(found), Operand::Text(wanted)) => self.holds(found, wanted),
-            _ => self == Self::Unequal,
+            (Some(found), Some(wanted), ..) if found.is_nan() || wanted.is_nan() => None,
+            (Some(found), Some(wanted), ..) => Some(self.holds(&found, &wanted)),
+            (.., Operand::Text(found), Operand::Text(wanted)) => Some(self.holds(found, wanted)),
+            _ => None,
         }
     }
 
@@ -170,21 +168,23 @@ impl fmt::Display for Op {
 mod tests {
     use super::*;
 
-    /// Numbers compare as numbers, texts as texts; a text is never more than a number.
+    /// Numbers compare as numbers, texts as texts; a text and a number do not, nor does NaN.
     #[test]
     fn values_of_any_type_compare() {
         let number = |value: f64| Operand::Number(value);
         let text = |words: &str| Operand::Text(words.to_owned());
         let rows = [
-            (Op::Greater, number(3.0), number(2.5), true),
-            (Op::Equal, text("idle"), text("idle"), true),
-            (Op::Equal, text("idle"), text("busy"), false),
-            (Op::Unequal, text("idle"), number(1.0), true),
-            (Op::AtLeast, text("idle"), number(1.0), false),
-            (Op::Equal, number(2.0), Operand::Flag(true), true),
-            (Op::Equal, text("off"), Operand::Flag(false), true),
-            (Op::Equal, text("idle"), Operand::Flag(true), false),
-            (Op::Unequal, text("idle"), Operand::Flag(true), true),
+            (Op::Greater, number(3.0), number(2.5), Some(true)),
+            (Op::Equal, text("idle"), text("idle"), Some(true)),
+            (Op::Equal, text("idle"), text("busy"), Some(false)),
+            (Op::Unequal, text("idle"), number(1.0), None),
+            (Op::AtLeast, text("idle"), number(1.0), None),
+            (Op::Equal, number(2.0), Operand::Flag(true), Some(true)),
+            (Op::Equal, text("off"), Operand::Flag(false), Some(true)),
+            (Op::Equal, text("idle"), Operand::Flag(true), None),
+            (Op::Unequal, text("idle"), Operand::Flag(true), None),
+            (Op::Unequal, number(f64::NAN), number(1.0), None),
+            (Op::Less, number(f64::NAN), number(1.0), None),
         ];
         for (op, found, wanted, holds) in rows {
             assert_eq!(op.compares(&found, &wanted), holds, "{found} {op} {wanted}");
