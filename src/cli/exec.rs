@@ -164,6 +164,11 @@ impl ExecArgs {
         self.how.schedule = Some(Schedule::OfScenario);
     }
 
+    /// Whether an order of threads was chosen.
+    pub(super) const fn has_schedule(&self) -> bool {
+        self.how.schedule.is_some()
+    }
+
     /// Whether the program runs in virtual time.
     pub(super) const fn is_virtual(&self) -> bool {
         self.how.is_virtual

@@ -112,6 +112,11 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
         safefs::write(file, dut::RUNTIME).map_err(|error| CliError::write(what(), error))?;
         return Ok(Verdict::Pass);
     }
+    if args.vary.schedule {
+        let text = "--vary schedule: fuzz has no order of threads to vary; expected some of \
+                    world,mission,timing,faults; see hilrig campaign --vary schedule";
+        return Err(CliError::Usage(text.to_owned()));
+    }
     if args.exec.is_wanted() {
         return exec::run(args);
     }

@@ -60,3 +60,74 @@ fn races_are_lost_in_some_orders_of_threads_and_never_in_the_order_of_calls() {
         );
     }
 }
+
+/// An order of threads that would not vary, or not as asked, is refused before the first run.
+#[test]
+fn orders_that_would_not_vary_are_refused() {
+    let folder = folder("race-refused");
+    std::fs::create_dir_all(&folder).expect("a fresh folder");
+    std::fs::write(folder.join("sonar.toml"), SONAR).expect("a fresh file");
+    let campaign = "campaign sonar.toml --seeds 0..2 --exec true --virtual --schedule 5";
+    let fuzz = "fuzz --scenario sonar.toml";
+    for (args, expected) in [
+        (campaign, "expected no --schedule beside it"),
+        (fuzz, "fuzz has no order of threads to vary"),
+    ] {
+        let output = std::process::Command::new(env!("CARGO_BIN_EXE_hilrig"))
+            .current_dir(&folder)
+            .args(args.split(' ').chain(["--vary", "schedule"]))
+            .output()
+            .expect("the binary is built");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(expected), "{args}: {said}");
+        assert_eq!(output.status.code(), Some(2), "{args}: {said}");
+    }
+}
+
+/// Each child waits in a call until its parent ends it by a signal: sound in each order, so also in
+/// those in which the signal comes while the child is late at its call.
+const ENDED_CHILDREN: &str = "\
+#include <fcntl.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+int main(void) {
+    int files[2];
+    int port = open(getenv(\"HILRIG_PORT_SONAR\"), O_RDWR | O_NOCTTY);
+    char first;
+    if (port < 0 || pipe(files) || read(port, &first, 1) != 1) return 1;
+    for (int child = 0; child < 40; child++) {
+        pid_t pid = fork();
+        if (pid == 0) {
+            char byte;
+            struct timespec day = {86400, 0};
+            for (;;) {
+                if (child % 3 == 0) pause();
+                if (child % 3 == 1) (void)!read(files[0], &byte, 1);
+                if (child % 3 == 2) nanosleep(&day, 0);
+            }
+        }
+        struct timespec moment = {0, 10000 * (child % 5)};
+        nanosleep(&moment, 0);
+        int status;
+        kill(pid, SIGTERM);
+        if (waitpid(pid, &status, 0) != pid || !WIFSIGNALED(status)) return 2;
+    }
+    return 0;
+}
+";
+
+#[test]
+fn a_signal_reaches_a_thread_that_is_late_at_its_call() {
+    let Some(program) = compiled("race-children", "cc", ENDED_CHILDREN, &["-O1"]) else {
+        return;
+    };
+    let command = program.to_str().expect("a plain path");
+    let may_end = ["--exec-may-end", "--exec-may-idle", "--schedule"];
+    for seed in ["0", "1", "2"] {
+        let ended = run("children", command, &[&may_end[..], &[seed]].concat());
+        assert_eq!(ended.code, Some(0), "seed {seed}: {}", ended.said);
+    }
+}

@@ -53,6 +53,11 @@ pub(super) fn vary_schedule(program: &mut ExecArgs, vary: Vary) -> Result<(), Cl
                        order of threads can be chosen";
         return Err(CliError::Usage(message.to_owned()));
     }
+    if vary.schedule && program.has_schedule() {
+        let message = "--vary schedule: takes the schedule from each seed; expected no --schedule \
+                       beside it";
+        return Err(CliError::Usage(message.to_owned()));
+    }
     if vary.schedule {
         program.vary_schedule();
     }

@@ -25,6 +25,8 @@ pub(super) enum Next {
     Begin,
     /// It makes the call that it has begun.
     Call,
+    /// It has computed up to where it lets others go first, or is late.
+    Lose,
     /// It has stopped with this status, which the supervisor has not handled yet.
     Stopped(i32),
 }

@@ -34,6 +34,8 @@ pub(super) struct Schedule {
     late: Vec<(Instant, i32)>,
     /// The thread that loses the processor after so many instructions.
     fuel: Option<(i32, u64)>,
+    /// The thread for which chance has decided already: its stop is none without a debugger.
+    drawn: Option<i32>,
 }
 
 impl Schedule {
@@ -42,6 +44,7 @@ impl Schedule {
             chance: Rng::stream(seed, "schedule"),
             late: Vec::new(),
             fuel: None,
+            drawn: None,
         }
     }
 
@@ -128,8 +131,10 @@ impl Supervisor {
         let Some(schedule) = &mut self.schedule else {
             return false;
         };
+        let is_drawn = schedule.drawn.take() == Some(tid);
         match schedule.fuel {
             Some((other, _)) if other == tid => return true,
+            _ if is_drawn => return false,
             _ => schedule.fuel = None,
         }
         if schedule.below(PREEMPTS) != 0 {
@@ -147,22 +152,52 @@ impl Supervisor {
         /// What the kernel tells of an `int3` of the program's own.
         const BY_INSTRUCTION: i32 = 0x80;
         let info = ptrace::getsiginfo(Pid::from_raw(tid)).ok()?;
-        let has_others = !self.queue.is_empty();
-        let keeps_loan = self.keeps_loan;
-        let schedule = self.schedule.as_mut()?;
-        let (_, left) = schedule.fuel.filter(|(other, _)| *other == tid)?;
+        let schedule = self.schedule.as_ref()?;
+        schedule.fuel.filter(|(other, _)| *other == tid)?;
         if info.si_code == BY_INSTRUCTION || info.si_signo != libc::SIGTRAP {
             return None;
         }
-        if left > 1 || keeps_loan {
+        Some(match self.step_for_schedule(tid) {
+            Next::Lose => self.lose_processor(tid),
+            _ => Flow::Goes(None),
+        })
+    }
+
+    /// A thread has done an instruction, also by order of a debugger: how it goes on.
+    pub(super) fn step_for_schedule(&mut self, tid: i32) -> Next {
+        let keeps_loan = self.keeps_loan;
+        let Some(schedule) = &mut self.schedule else {
+            return Next::Go(None);
+        };
+        if let Some((_, left)) = schedule.fuel.filter(|(other, _)| *other == tid) {
+            if left <= 1 && !keeps_loan {
+                schedule.fuel = None;
+                return Next::Lose;
+            }
             schedule.fuel = Some((tid, left.saturating_sub(1).max(1)));
-            return Some(Flow::Goes(None));
         }
-        schedule.fuel = None;
-        match has_others && schedule.below(2) == 0 {
+        schedule.drawn = Some(tid);
+        Next::Go(None)
+    }
+
+    /// A thread goes on after a stop that no other run has: chance does not decide again.
+    pub(super) fn stop_for_schedule(&mut self, tid: i32) {
+        if let Some(schedule) = &mut self.schedule {
+            schedule.drawn = Some(tid);
+        }
+    }
+
+    /// A thread that computes lets others go first, or is late.
+    pub(super) fn lose_processor(&mut self, tid: i32) -> Flow {
+        let has_others = !self.queue.is_empty();
+        let yields = self
+            .schedule
+            .as_mut()
+            .is_some_and(|it| has_others && it.below(2) == 0);
+        match yields {
             true => self.ready(tid, Next::Go(None)),
             false => self.be_late(tid, Next::Go(None)),
         }
-        Some(Flow::Stays)
+        Flow::Stays
     }
 }

@@ -32,13 +32,21 @@ impl Supervisor {
         };
         self.watchdog.watch(tid, thread.process);
         let mut current = tid;
+        let may_have_signal = match next {
+            Next::Attempt => true,
+            Next::Call => self.schedule.is_some(),
+            _ => false,
+        };
         let mut flow = match next {
             Next::Go(signal) => Flow::Goes(signal),
             Next::Attempt => self.attempt(tid),
             Next::Begin => self.begin_call(tid),
             Next::Call => self.make_call(tid),
+            Next::Lose => self.lose_processor(tid),
             Next::Stopped(status) => self.handle(tid, status),
         };
+        // A signal that came since it was ready has interrupted no wait: the next turn looks again.
+        self.is_signalled |= may_have_signal && matches!(flow, Flow::Stays);
         while let Flow::Goes(signal) = flow {
             if !core::mem::take(&mut self.keeps_loan) {
                 self.lend_time(current);

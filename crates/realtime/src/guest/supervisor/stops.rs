@@ -21,7 +21,10 @@ impl Supervisor {
         let call = Call::of(pid).ok().filter(|call| call.number >= 0);
         match (kick, call) {
             // It was found asleep, and has gone on before the stop reached it.
-            (Kick::Sleeps, None) => Flow::Goes(None),
+            (Kick::Sleeps, None) => {
+                self.stop_for_schedule(tid);
+                Flow::Goes(None)
+            }
             (Kick::Sleeps, Some(call)) => {
                 self.note(format!(
                     "waits in the kernel in {}",
