@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use clap::builder::Resettable;
 use protocols::Instant;
 
 use super::answer::Runs;
@@ -30,6 +31,12 @@ use crate::scenario::Span;
     hilrig debug case.toml --exec ./driver --on-fail
   \
     hilrig debug bench.toml --exec 'sh start.sh' --program driver --port 4444"
+)]
+// Virtual time is implied here, so its options need no --virtual.
+#[command(
+    mut_arg("call_cost", |it| it.requires(Resettable::Reset)),
+    mut_arg("spin_max", |it| it.requires(Resettable::Reset)),
+    mut_arg("schedule", |it| it.requires(Resettable::Reset))
 )]
 pub(super) struct DebugArgs {
     /// Scenario file, or a saved case of a run
@@ -114,13 +121,17 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
         goes_on: &|| stop.signal().is_none(),
         say: &|text| eprintln!("{text}"),
     };
-    let debugged = debug(settings, surroundings)?;
+    let debugged = match debug(settings, surroundings) {
+        Ok(debugged) => debugged,
+        Err(error) => return Err(trouble.unwrap_or_else(|| error.into())),
+    };
     let was_killed = matches!(debugged, Debugged::Killed(_));
     let (mut played, cut_by) = match debugged {
         Debugged::Judged(played) => (played, None),
         Debugged::Killed(played) => (played, Some("the debugger")),
         Debugged::Cut(played) if stop.signal() == Some(SIGTERM) => (played, Some("SIGTERM")),
         Debugged::Cut(played) => (played, Some("SIGINT")),
+        Debugged::NotReached(why) => return Err(usage(why)),
         Debugged::NotStarted => return Err(trouble.unwrap_or_else(|| usage(String::new()))),
     };
     if let Some(by) = cut_by {

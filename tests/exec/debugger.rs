@@ -1,10 +1,13 @@
 //! `hilrig debug`: gdb holds a program while time stands, and the run stays what it is.
 
+use core::time::Duration;
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::{Shutdown, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, Command, Stdio};
+
+use hilrig::realtime::clock::{Clock as _, WallClock};
 
 use crate::guest::compiled;
 use crate::support::{Ended, ended_in, folder, run_in};
@@ -17,7 +20,8 @@ const DEBUGGED: &str = include_str!("programs/debugged.c");
 /// A program that waits for a debugger.
 struct Debugged {
     folder: PathBuf,
-    child: Child,
+    /// There is none only after the end.
+    child: Option<Child>,
     stderr: BufReader<ChildStderr>,
     /// What was said up to now.
     said: String,
@@ -53,7 +57,7 @@ impl Debugged {
         let stderr = BufReader::new(child.stderr.take().expect("a pipe"));
         let mut new = Self {
             folder,
-            child,
+            child: Some(child),
             stderr,
             said: String::new(),
             port: 0,
@@ -94,9 +98,10 @@ impl Debugged {
             .stdin(Stdio::null())
             .stdout(log.try_clone().expect("a descriptor"))
             .stderr(log)
-            .status();
+            .spawn();
         match gdb {
-            Ok(_) => {
+            Ok(gdb) => {
+                await_gdb(gdb);
                 let said = fs::read(self.folder.join("gdb.log")).expect("it is there");
                 Some(String::from_utf8_lossy(&said).into_owned())
             }
@@ -116,7 +121,8 @@ impl Debugged {
     fn end(mut self) -> Ended {
         let mut rest = String::new();
         self.stderr.read_to_string(&mut rest).expect("text");
-        let output = self.child.wait_with_output().expect("it ends");
+        let child = self.child.take().expect("it ends once");
+        let output = child.wait_with_output().expect("it ends");
         let mut ended = ended_in(&self.folder, output);
         ended.said += &self.said;
         ended.said += &rest;
@@ -125,11 +131,37 @@ impl Debugged {
 
     /// Ends it from outside, as Ctrl-C does.
     fn interrupt(self) -> Ended {
-        let pid = self.child.id().to_string();
+        let pid = self.child.as_ref().expect("it runs").id().to_string();
         let sent = Command::new("kill").args(["-INT", &pid]).status();
         assert!(sent.expect("kill is everywhere").success());
         self.end()
     }
+}
+
+/// A failed test leaves no debugger and no program.
+impl Drop for Debugged {
+    fn drop(&mut self) {
+        if let Some(child) = &mut self.child {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+/// Waits for gdb to end; a gdb that hangs fails the test.
+fn await_gdb(mut gdb: Child) {
+    /// Five minutes of looks.
+    const LOOKS: u32 = 6000;
+    let clock = WallClock::start();
+    for _ in 0..LOOKS {
+        if gdb.try_wait().expect("it is ours").is_some() {
+            return;
+        }
+        clock.sleep_until(clock.now() + Duration::from_millis(50));
+    }
+    let _ = gdb.kill();
+    let _ = gdb.wait();
+    panic!("gdb does not end");
 }
 
 /// The fingerprint of all bytes on all lines.
@@ -141,8 +173,14 @@ fn trace(ended: &Ended) -> String {
 
 /// The trace of the same program without a debugger.
 fn undisturbed(name: &str, command: &str, files: &[(&str, &str)]) -> String {
+    undisturbed_by(name, command, files, &[])
+}
+
+/// The same with these options.
+fn undisturbed_by(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> String {
     let folder = folder(&format!("undisturbed-{name}"));
-    trace(&run_in(&folder, files, command, &["--virtual"]))
+    let ended = run_in(&folder, files, command, &[&["--virtual"], more].concat());
+    trace(&ended)
 }
 
 fn count(text: &str, word: &str) -> usize {
@@ -184,17 +222,21 @@ detach
 
 #[test]
 fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
-    for (name, flags) in [
-        ("pie", &["-g", "-O0", "-pthread"][..]),
-        ("static", &["-g", "-O0", "-pthread", "-static"]),
+    let pie = &["-g", "-O0", "-pthread"][..];
+    for (name, flags, more) in [
+        ("pie", pie, &[][..]),
+        ("static", &["-g", "-O0", "-pthread", "-static"], &[]),
+        // A stop takes no decision of chance.
+        ("pie-3", pie, &["--schedule", "3"]),
+        ("pie-4", pie, &["--schedule", "4"]),
     ] {
         let Some(program) = compiled(&format!("debugged-{name}"), "cc", DEBUGGED, flags) else {
             return;
         };
         let command = program.to_str().expect("a plain path");
         let files = [("sonar.toml", SONAR)];
-        let expected = undisturbed(name, command, &files);
-        let debugged = Debugged::start(name, command, &files, &[]);
+        let expected = undisturbed_by(name, command, &files, more);
+        let debugged = Debugged::start(name, command, &files, more);
         let Some(said) = debugged.gdb(Some(&program), MANY_STOPS) else {
             debugged.interrupt();
             return;
@@ -206,11 +248,14 @@ fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
         // worker each 70 ms before it.
         let (worker, main) = (count(&said, "count of 1"), count(&said, "count of 2"));
         assert!(worker >= 25 && main >= 18, "{name}\n{said}");
-        assert_eq!(count(&said, "watched "), main, "{name}\n{said}");
+        if more.is_empty() {
+            assert_eq!(count(&said, "watched "), main, "{name}\n{said}");
+        }
         assert!(count(&said, "handler of 10") == 1, "{name}\n{said}");
         assert!(said.contains("received signal SIGUSR1"), "{name}\n{said}");
         assert!(said.contains("beat (port=3, number=9)"), "{name}\n{said}");
-        assert!(said.contains("waits in clock_nanosleep"), "{name}\n{said}");
+        let waits = said.contains("waits in clock_nanosleep");
+        assert!(waits || !more.is_empty(), "{name}\n{said}");
         // The child's count is no stop, and none of its business is lost.
         assert!(!said.contains("count of 3"), "{name}\n{said}");
     }
@@ -386,7 +431,7 @@ fn an_interrupt_stops_a_thread_that_computes() {
         return;
     };
     let command = program.to_str().expect("a plain path");
-    let more = ["--virtual", "--spin-max", "1h"];
+    let more = ["--spin-max", "1h", "--schedule", "3", "--call-cost", "2us"];
     let debugged = Debugged::start("spin", command, &[("sonar.toml", SONAR)], &more);
     let mut client = debugged.connect();
     client.write_all(b"+$vCont;c#a8").expect("it reads");
@@ -416,20 +461,26 @@ fn what_cannot_be_debugged_is_said() {
         ),
         (
             &["--exec", ":", "--port", "0"],
-            1,
-            "no program was started that could be debugged",
+            2,
+            "no program was started that could be debugged; the command started ",
         ),
         (
-            &["--exec", "true", "--port", "0", "--program", "robot"],
-            1,
-            "or its name by --program",
+            &["--exec", "sleep 4", "--port", "0", "--program", "sleeep"],
+            2,
+            "sleep: expected the name of one of these",
         ),
         (
             &["--exec", "sleep 1", "--port", "0", "--at", "1min"],
-            1,
+            2,
             "expected an earlier --at",
         ),
         (&["--port", "0"], 2, "--exec: is missing"),
+        // The program's options are known without --virtual.
+        (
+            &["--schedule", "3", "--call-cost", "2us", "--spin-max", "5s"],
+            2,
+            "--exec: is missing",
+        ),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .current_dir(&folder)
@@ -452,14 +503,21 @@ fn a_crash_is_seen_where_it_happens() {
         return;
     };
     let command = program.to_str().expect("a plain path");
-    let debugged = Debugged::start("crash", command, &[("sonar.toml", SONAR)], &[]);
+    let mut debugged = Debugged::start("crash", command, &[("sonar.toml", SONAR)], &[]);
+    // A debugger that dies at its breakpoint leaves none to the next one.
+    let dies = "break fall\ncontinue\nshell kill -9 $PPID\n";
+    if debugged.gdb(Some(&program), dies).is_none() {
+        debugged.interrupt();
+        return;
+    }
+    debugged.port = debugged.hear_port();
     let script = "continue\nbt\nprint place\ncontinue\n";
     let Some(said) = debugged.gdb(Some(&program), script) else {
         debugged.interrupt();
         return;
     };
     for expected in [
-        "received signal SIGSEGV",
+        "received signal SIGSEGV, Segmentation fault.\n",
         "fall (place=0x8)",
         "terminated with signal SIGSEGV",
     ] {

@@ -35,6 +35,7 @@ use super::supervisor::{Stop, Supervisor, Wanted};
 use super::trial::{Played, Trial};
 use crate::clock::{Clock as _, WallClock};
 use crate::process::Ended;
+use again::Marks;
 use back::Back;
 use registers::to_gdb;
 use target::Action;
@@ -66,6 +67,8 @@ pub enum Debugged {
     Killed(Box<Played>),
     /// The caller did not go on; the run until then.
     Cut(Box<Played>),
+    /// The program or the place to debug did not come up; the fix is named.
+    NotReached(String),
     /// The program could not be started; the caller knows why.
     NotStarted,
 }
@@ -105,6 +108,12 @@ struct Session<'a> {
     first: Option<Box<Played>>,
     /// Which program is debugged, once that is known.
     wanted: Option<Wanted>,
+    /// The debugger was told the signal of the held thread.
+    is_signal_told: bool,
+    /// A way back did not come to its place.
+    has_missed: bool,
+    /// Why the place to debug did not come up.
+    missed: Option<String>,
 }
 
 /// What a running program came to.
@@ -156,6 +165,9 @@ pub fn debug(
         last_watched: None,
         first: None,
         wanted: None,
+        is_signal_told: false,
+        has_missed: false,
+        missed: None,
     };
     let is_there = session.run_to_start();
     let leave = is_there.and_then(|is_there| match is_there {
@@ -233,10 +245,26 @@ impl Session<'_> {
                 return Ok(Leave::Cut);
             };
             match self.serve(door, wire)? {
-                Leave::Gone => (self.say)("the debugger is gone; time stands"),
+                Leave::Gone => {
+                    self.forget_debugger();
+                    (self.say)("the debugger is gone; time stands");
+                }
                 leave => return Ok(leave),
             }
         }
+    }
+
+    /// Takes away all that a debugger has set: the next one knows nothing of it.
+    fn forget_debugger(&mut self) {
+        self.set_marks(&Marks::default());
+        if let Some(debugging) = self.supervisor().debugging() {
+            debugging.set_step(None);
+            debugging.set_goal(None);
+        }
+        self.actions.clear();
+        self.kinds.clear();
+        (self.back, self.back_to, self.last_watched) = (None, None, None);
+        self.is_signal_told = false;
     }
 
     fn invite(&self, door: &Door) {
@@ -279,6 +307,8 @@ impl Session<'_> {
                     }
                 },
                 GdbStubStateMachine::CtrlCInterrupt(stub) => {
+                    let held = self.supervisor().debugging();
+                    self.current = held.and_then(|it| it.held_thread()).or(self.current);
                     let reason = self.reason(GdbSignal::SIGINT);
                     stub.interrupt_handled(self, Some(reason))
                 }
@@ -315,7 +345,15 @@ impl Session<'_> {
         wire: &mut Wire,
     ) -> Result<Option<MultiThreadStopReason<u64>>, GuestError> {
         if let Some(back) = self.back.take() {
-            return self.go_back(back).map(Some);
+            let reason = self.go_back(back)?;
+            if core::mem::take(&mut self.has_missed) {
+                let text = "the program does not repeat, so the way back missed its place; check it \
+                            with hilrig run --virtual --check";
+                (self.say)(text);
+                // The debugger may be gone; the next look at it finds out.
+                let _ = wire.say(&format!("[hilrig] {text}"));
+            }
+            return Ok(Some(reason));
         }
         if self.is_over {
             return Ok(Some(MultiThreadStopReason::Exited(0)));
@@ -355,6 +393,7 @@ impl Session<'_> {
             }
             Stop::Signal(tid, signal) => {
                 self.current = Some(tid);
+                self.is_signal_told = true;
                 self.reason(to_gdb(signal))
             }
             Stop::Reached(tid) => {
@@ -389,6 +428,12 @@ impl Session<'_> {
                 return Err(error);
             }
         };
+        if let Some(missed) = self.missed {
+            if let Some(trial) = self.trial {
+                trial.abandon();
+            }
+            return Ok(Debugged::NotReached(missed));
+        }
         let Some(mut trial) = self.trial.take() else {
             return Ok(match self.first {
                 Some(played) => Debugged::Judged(played),

@@ -53,6 +53,11 @@ pub enum GuestError {
         secs = .1.as_secs()
     )]
     Stands(String, Duration),
+    /// The program ran, and could not be started again for the debugger.
+    #[error(
+        "--exec: the program could not be started again; expected a command that can be repeated"
+    )]
+    Restart,
     /// No debugger can connect.
     #[error(
         "--port {port}: {source}; expected a free port of this machine, 0 lets the system choose one"

@@ -47,6 +47,8 @@ struct Shared {
     /// Milliseconds since its last step when it was stopped, and one more; 0: it was not.
     kicked: AtomicU32,
     sleeps: AtomicBool,
+    /// Counts single instructions for a debugger: time stands meanwhile, and that is no fault.
+    stepped: AtomicU64,
     /// Virtual time, nanoseconds; how often that was told, and whether the supervisor is at work.
     now: AtomicU64,
     turns: AtomicU64,
@@ -86,6 +88,11 @@ impl Watchdog {
     /// It did something.
     pub(super) fn count(&self) {
         self.shared.steps.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// A debugger lets it go by single instructions.
+    pub(super) fn count_step(&self) {
+        self.shared.stepped.fetch_add(1, Ordering::Relaxed);
     }
 
     /// The supervisor begins to work, and virtual time is this.
@@ -139,7 +146,7 @@ impl Drop for Watchdog {
 fn watch(shared: &Shared, root: i32, spin_max: Duration) {
     let clock = WallClock::start();
     let patience = (spin_max * STANDS).max(STANDS_MIN);
-    let (mut steps, mut looks) = (0, 0);
+    let (mut steps, mut stepped, mut looks) = (0, 0, 0);
     // What it was seen to do in all of them.
     let mut seen = None;
     let (mut since, mut time, mut turns, mut moved_at) = (Duration::ZERO, 0, 0, clock.now());
@@ -155,6 +162,10 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
         let has_turned =
             core::mem::replace(&mut turns, shared.turns.load(Ordering::Relaxed)) != turns;
         if !has_turned && !shared.is_at_work.load(Ordering::Relaxed) {
+            moved_at = wall;
+        }
+        let by_debugger = shared.stepped.load(Ordering::Relaxed);
+        if core::mem::replace(&mut stepped, by_debugger) != by_debugger {
             moved_at = wall;
         }
         let tid = shared.tid.load(Ordering::Relaxed);

@@ -19,8 +19,8 @@ pub(super) struct Marks {
 pub(super) enum Seen {
     /// A breakpoint that was looked for.
     Break,
-    /// Watched memory was touched.
-    Watch,
+    /// Watched memory was touched: its address.
+    Watch(u64),
 }
 
 /// A way to a place, and what is looked for on it.
@@ -37,10 +37,8 @@ impl Session<'_> {
         if let Some(trial) = self.trial.take() {
             trial.abandon();
         }
-        let Some(trial) = (self.start)() else {
-            return Ok(false);
-        };
-        self.trial = Some(trial);
+        // A session without a run cannot serve a debugger: it ends.
+        self.trial = Some((self.start)().ok_or(GuestError::Restart)?);
         self.load()
     }
 
@@ -150,8 +148,10 @@ impl Session<'_> {
             } => {
                 let mut marks = walk.marks.clone();
                 marks.breaks.extend(breaks);
-                marks.watches.extend(watches);
-                marks.watches.truncate(4);
+                // Those of the way come first: the processor watches no more than four.
+                let others = marks.watches.into_iter();
+                let others = others.filter(|it| !watches.contains(it));
+                marks.watches = watches.iter().copied().chain(others).take(4).collect();
                 self.set_marks(&marks);
                 let mut left = *count;
                 let found = self.pass(walk, seen, &mut |session, stop| {
@@ -214,7 +214,7 @@ impl Session<'_> {
                 Stop::Break(tid) if walk.marks.breaks.contains(&self.instruction_of(tid)) => {
                     seen(&place, Seen::Break);
                 }
-                Stop::Watch(..) => seen(&place, Seen::Watch),
+                Stop::Watch(_, address) => seen(&place, Seen::Watch(address)),
                 // It has gone by single instructions for too long.
                 Stop::Step(_) => return Ok(false),
                 _ => {}
@@ -293,9 +293,9 @@ impl Session<'_> {
                     seen(&place, Seen::Break);
                     self.leave_break(None)?;
                 }
-                Stop::Watch(other, _) => {
+                Stop::Watch(other, address) => {
                     let place = self.place();
-                    seen(&place, Seen::Watch);
+                    seen(&place, Seen::Watch(address));
                     if other == tid {
                         break;
                     }

@@ -46,23 +46,38 @@ impl Session<'_> {
             watches: it.watches().to_vec(),
         });
         self.is_over = false;
+        self.is_signal_told = false;
         let reason = match (back, self.back_to.take()) {
             (Back::Continue, Some(at)) => self.back_to_time(at)?,
             (Back::Continue, None) => self.back_to_mark(&here, &marks)?,
             (Back::Step(tid), _) => {
                 let thread = u32::try_from(tid.get() - 1).unwrap_or(0);
                 match self.predecessor(&here, thread)? {
-                    Some(place) => {
-                        self.go_to(&place)?;
+                    Some(place) if self.arrive(&place)? => {
                         self.reason(gdbstub::common::Signal::SIGTRAP)
                     }
-                    None => self.back_to_start()?,
+                    _ => self.back_to_start()?,
                 }
             }
         };
         // The debugger takes away what it had set.
         self.set_marks(&marks);
         Ok(reason)
+    }
+
+    /// Runs again to `place`; whether it came there.
+    fn arrive(&mut self, place: &Place) -> Result<bool, GuestError> {
+        let found = self.go_to(place)?;
+        Ok(self.is_as_before(found, place))
+    }
+
+    /// Whether this run came to `place` as the run before it; if not, the debugger will be told.
+    fn is_as_before(&mut self, found: bool, place: &Place) -> bool {
+        let is_it = found && self.place().moment == place.moment;
+        if !is_it && (self.goes_on)() {
+            self.has_missed = true;
+        }
+        is_it
     }
 
     fn back_to_start(&mut self) -> Result<MultiThreadStopReason<u64>, GuestError> {
@@ -93,24 +108,31 @@ impl Session<'_> {
                 marks,
                 steps: None,
             };
-            self.walk(&walk, &mut |place, seen| {
+            let is_there = self.walk(&walk, &mut |place, seen| {
                 last = Some((place.clone(), seen));
             })?;
+            if !self.is_as_before(is_there, here) {
+                last = None;
+            }
         }
         let Some((place, seen)) = last else {
             return self.back_to_start();
         };
-        self.go_to(&place)?;
-        let tid = self.current.unwrap_or(0);
-        if seen == Seen::Break {
-            return Ok(MultiThreadStopReason::SwBreak(self.number_of(tid)));
+        if !self.arrive(&place)? {
+            return self.back_to_start();
         }
+        let tid = self.current.unwrap_or(0);
+        let address = match seen {
+            Seen::Break => return Ok(MultiThreadStopReason::SwBreak(self.number_of(tid))),
+            Seen::Watch(address) => address,
+        };
         // Backwards, memory changes as its instruction is undone.
-        let watch = marks.watches.first().map_or(0, |watch| watch.address);
-        let (addr, kind) = self.watched_at(self.last_watched.unwrap_or(watch));
+        let (addr, kind) = self.watched_at(address);
         let index = self.supervisor_ref().index_of(tid).unwrap_or(0);
-        if let Some(before) = self.predecessor(&place, index)? {
-            self.go_to(&before)?;
+        match self.predecessor(&place, index)? {
+            Some(before) if !self.arrive(&before)? => return self.back_to_start(),
+            None if self.has_missed => return self.back_to_start(),
+            _ => {}
         }
         let tid = self.number_of(self.current.unwrap_or(0));
         Ok(MultiThreadStopReason::Watch { tid, kind, addr })
@@ -133,8 +155,10 @@ impl Session<'_> {
                 false => self.go_to_moment(base)?,
             };
             if !is_there {
+                self.has_missed = (self.goes_on)();
                 return Ok(None);
             }
+            let base = self.place();
             let walk = Walk {
                 to: here,
                 marks: &Marks::default(),
@@ -144,9 +168,11 @@ impl Session<'_> {
                 debugging.limit_steps(STEPS_MAX);
             }
             if !self.walk(&walk, &mut |_, _| {})? {
-                (self.say)("too many instructions back: the program goes back to an earlier call");
-                let legs = Vec::new();
-                return Ok(Some(Place { moment: base, legs }));
+                (self.say)(
+                    "too many instructions back, or one of them reads the processor's counter: the \
+                     program goes back to an earlier call",
+                );
+                return Ok(Some(base));
             }
             // Where the last instruction ended is where it stands now.
             let debugging = self.supervisor().debugging();

@@ -27,10 +27,7 @@ impl Session<'_> {
             return Ok(false);
         }
         if !is_loaded {
-            (self.say)(
-                "no program was started that could be debugged: expected one that is no shell, or \
-                 its name by --program",
-            );
+            self.miss_program();
             return Ok(false);
         }
         let is_there = match spot {
@@ -41,16 +38,46 @@ impl Session<'_> {
         };
         if !is_there && (self.goes_on)() {
             let now = self.trial().now();
-            (self.say)(&format!(
-                "the run was over at {now} s, before that place: expected an earlier --at"
-            ));
+            self.missed = Some(match self.settings.on_fail {
+                true => format!(
+                    "--on-fail: the second run was over at {now} s and did not come to the place of \
+                     the failure: the program does not repeat; check it with hilrig run --virtual \
+                     --check"
+                ),
+                false => format!(
+                    "--at: the run was over at {now} s, before that place: expected an earlier --at"
+                ),
+            });
         }
         Ok(is_there)
+    }
+
+    /// Notes that the program to debug was not started, and which ones were.
+    fn miss_program(&mut self) {
+        let debugging = self.supervisor().debugging();
+        let started = debugging.map_or_else(String::new, |it| it.started().join(", "));
+        let started = match started.is_empty() {
+            true => "the command started no program".to_owned(),
+            false => format!("the command started {started}"),
+        };
+        self.missed = Some(match &self.settings.program {
+            Some(name) => format!(
+                "--program {name}: no program of that name was started that could be debugged; \
+                 {started}: expected the name of one of these"
+            ),
+            None => format!(
+                "--exec: no program was started that could be debugged; {started}: expected one \
+                 that is no shell, or its name by --program"
+            ),
+        });
     }
 
     /// Runs once and says where the run failed, if it did.
     fn look_for_failure(&mut self) -> Result<Option<Spot>, GuestError> {
         if !self.load_again()? {
+            if (self.goes_on)() {
+                self.miss_program();
+            }
             return Ok(None);
         }
         Ok(match self.find_failure()? {

@@ -128,16 +128,15 @@ impl Session<'_> {
             let now = self.trial().now();
             match event {
                 Some(Event::Over) => break,
-                Some(Event::Stop(Stop::Signal(..))) => {
+                Some(Event::Stop(Stop::Signal(_, signal))) => {
                     watch.signals += 1;
-                    last_signal = Some(watch.signals);
+                    last_signal = Some((watch.signals, signal));
                 }
                 Some(Event::Stop(Stop::Ended(status))) => {
                     ended = Some(now);
-                    // By a signal: the last one that it was given.
-                    let by_signal = status & 0x7F != 0;
-                    let number = last_signal.filter(|_| by_signal);
-                    watch.died = number.map(|number| (number, now));
+                    // By a signal: the last one that it was given. SIGKILL gives no stop before.
+                    let last = last_signal.filter(|&(_, signal)| status & 0x7F == signal);
+                    watch.died = last.map(|(number, _)| (number, now));
                 }
                 _ => {}
             }

@@ -182,6 +182,9 @@ impl ThreadExtraInfo for Session<'_> {
 impl MultiThreadResume for Session<'_> {
     fn resume(&mut self) -> Result<(), GuestError> {
         let actions = core::mem::take(&mut self.actions);
+        // An order to go forward takes the place of an earlier one to go back.
+        self.back = None;
+        let is_told = core::mem::take(&mut self.is_signal_told);
         let mut step = None;
         let mut signals = Vec::new();
         for (number, action) in actions {
@@ -203,7 +206,9 @@ impl MultiThreadResume for Session<'_> {
         if let Some(held) = held {
             let given = signals.iter().find(|(tid, _)| *tid == held);
             let signal = given.and_then(|(_, signal)| *signal);
-            if !supervisor.set_held_signal(held, signal) {
+            // A debugger that does not know of a signal cannot mean to drop it.
+            let is_meant = is_told || given.is_some();
+            if is_meant && !supervisor.set_held_signal(held, signal) {
                 supervisor.send_signal(held, signal);
             }
         }

@@ -12,6 +12,8 @@ use crate::guest::GuestError;
 
 /// Longest wait before the caller is asked whether it goes on.
 const WAIT: Duration = Duration::from_millis(50);
+/// Longest wait for a debugger that takes no bytes; after it the debugger is gone.
+const WRITE_WAIT: Duration = Duration::from_secs(10);
 /// Bytes that are read at once.
 const READ_MAX: usize = 4096;
 
@@ -81,6 +83,7 @@ impl Wire {
     fn new(stream: TcpStream) -> io::Result<Self> {
         stream.set_nonblocking(false)?;
         stream.set_nodelay(true)?;
+        stream.set_write_timeout(Some(WRITE_WAIT))?;
         Ok(Self {
             stream,
             inbox: Vec::new(),

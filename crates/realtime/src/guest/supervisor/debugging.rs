@@ -32,6 +32,10 @@ const STARTERS: [&str; 10] = [
     "sh", "dash", "bash", "busybox", "env", "nice", "timeout", "stdbuf", "setsid", "xargs",
 ];
 
+/// Instructions one by one after which a turn ends.
+const IN_A_ROW: u32 = 2000;
+/// Most names of started programs that are kept for a message.
+const STARTED_MAX: usize = 12;
 /// Most writes that are kept for the search of a failure.
 const WRITES_MAX: usize = 4_000_000;
 
@@ -94,6 +98,8 @@ pub(in crate::guest) struct Debugging {
     /// How many programs were started, and which of them each process is.
     loads: u32,
     load_of: BTreeMap<i32, u32>,
+    /// Their file names, each once, the first ones only.
+    started: Vec<String>,
     /// The first program that used a port, as the how manieth it was started.
     port_user: Option<u32>,
     /// The debugged process.
@@ -118,6 +124,8 @@ pub(in crate::guest) struct Debugging {
     last_step: Option<(u32, Place)>,
     /// Instructions one by one after which a thread stands, wherever it is.
     steps_left: u64,
+    /// Instructions one by one since the session had a look at its debugger.
+    in_a_row: u32,
     /// Where each thread began the call at which it is.
     begun: BTreeMap<i32, Moment>,
     /// Writes to ports: the rig's time, and where the call began.
@@ -233,6 +241,31 @@ impl Supervisor {
         }
     }
 
+    /// A thread has done one instruction, if it goes by them.
+    fn stepped(&mut self, tid: i32, index: u32, instruction: u64, next: Next) -> Option<Flow> {
+        let debugging = self.debugging.as_mut()?;
+        let step = debugging.step.as_ref().filter(|step| step.tid == tid)?;
+        let is_within = step.within.contains(&instruction);
+        self.watchdog.count_step();
+        debugging.place.stepped(index);
+        debugging.last_step = Some((index, debugging.place.clone()));
+        debugging.steps_left = debugging.steps_left.saturating_sub(1);
+        if debugging.steps_left == 0 || !is_within {
+            return Some(self.hold(tid, next, Stop::Step(tid)));
+        }
+        debugging.in_a_row += 1;
+        if debugging.in_a_row < IN_A_ROW {
+            return Some(match next {
+                Next::Lose => self.lose_processor(tid),
+                _ => Flow::Goes(None),
+            });
+        }
+        // The turn ends without a stop, so that the session hears an interrupt.
+        debugging.in_a_row = 0;
+        debugging.held = Some((tid, next));
+        Some(Flow::Stays)
+    }
+
     /// A process has become another program, which may be the one to debug.
     pub(super) fn execed_for_debugger(&mut self, tid: i32, flow: Flow) -> Flow {
         let Some(debugging) = &mut self.debugging else {
@@ -252,6 +285,10 @@ impl Supervisor {
         let name = exe.file_name().unwrap_or_default().to_string_lossy();
         debugging.loads += 1;
         debugging.load_of.insert(tid, debugging.loads);
+        if debugging.started.len() < STARTED_MAX && !debugging.started.iter().any(|it| *it == name)
+        {
+            debugging.started.push(name.clone().into_owned());
+        }
         let is_it = match &debugging.wanted {
             Wanted::Nothing => false,
             Wanted::Name(wanted) => *wanted == name,
@@ -286,6 +323,10 @@ impl Supervisor {
         debugging
             .load_of
             .extend(load.map(|load| (child.as_raw(), load)));
+        // Another process has memory of its own, without breakpoints.
+        if debugging.process.is_none() || debugging.process != parent {
+            return;
+        }
         for (address, byte) in debugging.breaks.clone() {
             let _ = poke(child, address, &[byte]);
         }
@@ -323,6 +364,7 @@ impl Supervisor {
                 return Some(self.pass_break(pid, at, byte, is_set));
             }
             debugging.place.hit(at);
+            self.stop_for_schedule(tid);
             return Some(self.hold(tid, Next::Go(None), Stop::Break(tid)));
         }
         if debugging.process != Some(process) {
@@ -332,27 +374,20 @@ impl Supervisor {
         if let Some(index) = hit_watch(pid, watches.len()) {
             let address = watches[index].address;
             debugging.place.touched(&watches);
-            return Some(self.hold(tid, Next::Go(None), Stop::Watch(tid, address)));
+            let next = self.step_for_schedule(tid);
+            return Some(self.hold(tid, next, Stop::Watch(tid, address)));
         }
-        let step = debugging.step.as_ref().filter(|step| step.tid == tid)?;
-        if by_instruction {
+        let is_step = debugging.step.as_ref().is_some_and(|it| it.tid == tid);
+        if by_instruction || !is_step {
             return None;
         }
-        debugging.place.stepped(index);
-        debugging.last_step = Some((index, debugging.place.clone()));
-        debugging.steps_left = debugging.steps_left.saturating_sub(1);
-        let within = step.within.clone();
-        if debugging.steps_left == 0 {
-            return Some(self.hold(tid, Next::Go(None), Stop::Step(tid)));
-        }
-        match within.contains(&registers.rip) {
-            true => Some(Flow::Goes(None)),
-            false => Some(self.hold(tid, Next::Go(None), Stop::Step(tid))),
-        }
+        let next = self.step_for_schedule(tid);
+        self.stepped(tid, index, registers.rip, next)
     }
 
     /// A thread that is not debugged stands at a breakpoint: it goes on as if there was none.
     fn pass_break(&mut self, pid: Pid, at: u64, byte: u8, is_set: bool) -> Flow {
+        self.stop_for_schedule(pid.as_raw());
         if poke(pid, at, &[byte]).is_err() || !is_set {
             return Flow::Goes(None);
         }
@@ -363,7 +398,10 @@ impl Supervisor {
             Some((_, status)) if is_death(status) || status >> 8 != libc::SIGTRAP => {
                 self.handle(pid.as_raw(), status)
             }
-            _ => Flow::Goes(None),
+            _ => match self.step_for_schedule(pid.as_raw()) {
+                Next::Lose => self.lose_processor(pid.as_raw()),
+                _ => Flow::Goes(None),
+            },
         }
     }
 

@@ -57,6 +57,11 @@ impl Debugging {
         self.port_user
     }
 
+    /// File names of the programs that were started.
+    pub(in crate::guest) fn started(&self) -> &[String] {
+        &self.started
+    }
+
     /// What is watched.
     pub(in crate::guest) fn watches(&self) -> &[Watchpoint] {
         &self.watches
