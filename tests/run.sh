@@ -299,7 +299,7 @@ if proof protocols emulators firmware_core crates src; then
     step "a release"
     cargo build --locked --release 2> >(tee "$target/release.log" >&2)
     ! grep -A9 '^warning: ' "$target/release.log"
-    step "the figures of the reports: the page, and each band with its planted change"
+    step "the figures of the reports: the page, and each row with its planted change"
     "$target"/release/hilrig experiment --all --out "$target/experiments"
     cmp docs/experiments.md "$target/experiments/experiments.md"
     "$target"/release/hilrig experiment --all --planted --out "$target/experiments/planted"

@@ -42,7 +42,8 @@ pub(super) struct ExperimentArgs {
         conflicts_with = "name"
     )]
     rows: Vec<String>,
-    /// Measures each row with its planted change of the model. Exit code 1 if a verdict stays
+    /// Measures each row with its planted change of the model. Exit code 1 if the verdict of a row
+    /// stays that is not open
     #[arg(long, requires = "all", conflicts_with = "name")]
     planted: bool,
     /// Seeds A up to B, or a number of the experiment's own seeds [default: all of its own; with

@@ -21,27 +21,32 @@ fn rows_of_the_reports_are_judged() {
     let line = "experiment --all --rows rescue-ramp,rescue-byte,rescue-blocks --seeds 1 --out o";
     let (said, told) = run(&session, line, 0);
     assert!(
-        said.contains("1 reproduced, 1 differ, 1 refused, 0 not run"),
+        said.contains("1 reproduced, 1 differ, 0 by construction, 1 refused, 0 not run"),
         "{said}"
     );
     assert!(said.contains("partial: not all rows"), "{said}");
     // 10 bits of 460800 a second.
     assert!(
-        said.contains("time of a byte (us): 21.701, expected 17.35 to 17.37"),
+        said.contains("time of a byte (us): 0 of 1 runs inside 17.35 to 17.37, median 21.701"),
         "{said}"
     );
     assert!(told.contains("3 of 3: rescue-byte differs"), "{told}");
     for file in [
-        "experiments.md",
-        "index.html",
+        "partial.md",
+        "partial.html",
         "rescue-ramp.svg",
         "rescue-byte.svg",
     ] {
         assert!(session.path("o").join(file).is_file(), "{file}");
     }
-    let page = std::fs::read_to_string(session.path("o/experiments.md")).expect("a page");
+    let page = std::fs::read_to_string(session.path("o/partial.md")).expect("a page");
     assert!(page.contains("**Partial: 3 of "), "{page}");
+    assert!(!session.path("o/experiments.md").exists());
     run(&session, &format!("{line} --planted"), 0);
+    let planted = std::fs::read_to_string(session.path("o/planted.md")).expect("a page");
+    assert!(planted.starts_with("PLANTED CHANGES: "), "{planted}");
+    let kept = std::fs::read_to_string(session.path("o/partial.md")).expect("a page");
+    assert_eq!(kept, page);
 
     let (said, _) = run(&session, &format!("{line} --json"), 0);
     let said: Value = serde_json::from_str(&said).expect("JSON");
@@ -51,6 +56,7 @@ fn rows_of_the_reports_are_judged() {
         (&"differs".into(), &true.into())
     );
     assert_eq!(said["result"]["is_partial"], true);
+    assert_eq!(said["result"]["planted"], false);
 }
 
 #[test]

@@ -36,10 +36,14 @@ pub(in crate::cli) struct ExperimentFigure {
 /// Rows of the reports, judged.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct RowsJudged {
+    /// Whether each model has its planted change.
+    pub(in crate::cli) planted: bool,
     pub(in crate::cli) rows: Vec<RowJudged>,
     /// Number of rows by verdict.
     pub(in crate::cli) reproduced: usize,
     pub(in crate::cli) differ: usize,
+    /// Rows whose values follow from the rig's own settings.
+    pub(in crate::cli) by_construction: usize,
     pub(in crate::cli) refused: usize,
     pub(in crate::cli) not_run: usize,
     /// Whether rows are missing, were interrupted, or have too few seeds.
@@ -54,7 +58,7 @@ pub(in crate::cli) struct RowJudged {
     pub(in crate::cli) name: String,
     pub(in crate::cli) report: &'static str,
     pub(in crate::cli) place: String,
-    /// `reproduced`, `differs`, `refused` or `not run`.
+    /// `reproduced`, `differs`, `by construction`, `refused` or `not run`.
     pub(in crate::cli) verdict: &'static str,
     /// Whether the verdict is the documented one.
     pub(in crate::cli) is_expected: bool,
@@ -71,6 +75,9 @@ pub(in crate::cli) struct BandJudged {
     pub(in crate::cli) value: String,
     /// The value in the report.
     pub(in crate::cli) report: String,
+    /// Share of the runs that must lie inside, and number of those that do.
+    pub(in crate::cli) share: f64,
+    pub(in crate::cli) inside: usize,
     pub(in crate::cli) least: f64,
     pub(in crate::cli) most: f64,
     /// Our value of each seed; `null`: the run had none.

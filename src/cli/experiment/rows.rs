@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::path::Path;
 use std::sync::mpsc;
-use std::{panic, thread};
+use std::thread;
 
 use protocols::Instant;
 
@@ -17,8 +17,33 @@ use safefs::Dir;
 
 /// Interval between looks for a signal.
 const LOOK: Duration = Duration::from_millis(100);
-/// The pages.
+/// The pages of a whole run.
 const PAGES: [&str; 2] = ["experiments.md", "index.html"];
+/// The pages of a run without all rows or seeds; they replace no whole page.
+const PARTIAL: [&str; 2] = ["partial.md", "partial.html"];
+/// The pages of a run with planted changes.
+const PLANTED: [&str; 2] = ["planted.md", "planted.html"];
+
+/// Names of the files of a run.
+struct Names {
+    pages: [&'static str; 2],
+    before: &'static str,
+}
+
+impl Names {
+    fn of(done: &[Judged], model: Model) -> Self {
+        let (pages, before) = match (model, judged::is_partial(done)) {
+            (Model::Planted, _) => (PLANTED, "planted-"),
+            (Model::Sound, true) => (PARTIAL, ""),
+            (Model::Sound, false) => (PAGES, ""),
+        };
+        Self { pages, before }
+    }
+
+    fn plot(&self, row: &Row) -> String {
+        format!("{}{}.svg", self.before, row.name)
+    }
+}
 
 pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
     let rows = judged::select(&args.rows);
@@ -38,20 +63,25 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
         true => Model::Planted,
     };
     let done = judge(&rows, plan, model, &stop);
+    let names = Names::of(&done, model);
     for one in &done {
         if let Some(plot) = &one.plot {
-            let name = format!("{}.svg", one.row.name);
-            folder.write(&name, plot.svg()).map_err(failed)?;
+            folder
+                .write(names.plot(one.row), plot.svg())
+                .map_err(failed)?;
         }
     }
-    let texts = [judged::markdown(&done), judged::html(&done)];
-    for (name, text) in PAGES.iter().zip(texts) {
+    let texts = [judged::markdown(&done, model), judged::html(&done, model)];
+    for (name, text) in names.pages.iter().zip(texts) {
         folder.write(name, text).map_err(failed)?;
     }
-    answer(&done, &args.out);
-    let is_bad = done.iter().any(|one| match model {
-        Model::Sound => one.is_lost(),
-        Model::Planted => one.verdict != RowVerdict::Refused && one.is_as_expected(),
+    answer(&done, &args.out, &names, model);
+    let is_bad = done.iter().any(|one| match (one.verdict, model) {
+        // Without a signal, a measure broke.
+        (RowVerdict::NotRun, _) => true,
+        (RowVerdict::Refused, _) => false,
+        (_, Model::Sound) => one.is_lost(),
+        (_, Model::Planted) => !one.row.open && one.is_as_expected(),
     });
     Ok(match (stop.signal(), is_bad) {
         (Some(signal), _) => Verdict::Interrupted(signal),
@@ -87,8 +117,14 @@ fn judge(rows: &[&'static Row], plan: Plan, model: Model, stop: &Stop) -> Vec<Ju
             }
             Err(mpsc::RecvTimeoutError::Timeout) => {}
             Err(mpsc::RecvTimeoutError::Disconnected) => {
-                if let Err(cause) = worker.join() {
-                    panic::resume_unwind(cause);
+                // The rows that are judged are written all the same.
+                if worker.join().is_err()
+                    && let Some(row) = rows.get(done.len())
+                {
+                    eprintln!(
+                        "{}: its measure broke; the rows after it are not run",
+                        row.name
+                    );
                 }
                 break;
             }
@@ -100,11 +136,12 @@ fn judge(rows: &[&'static Row], plan: Plan, model: Model, stop: &Stop) -> Vec<Ju
     done
 }
 
-fn answer(done: &[Judged], folder: &Path) {
+fn answer(done: &[Judged], folder: &Path, names: &Names, model: Model) {
     let count = |verdict: RowVerdict| done.iter().filter(|one| one.verdict == verdict).count();
-    let [reproduced, differ, refused, not_run] = [
+    let [reproduced, differ, by_construction, refused, not_run] = [
         RowVerdict::Reproduced,
         RowVerdict::Differs,
+        RowVerdict::ByConstruction,
         RowVerdict::Refused,
         RowVerdict::NotRun,
     ]
@@ -112,13 +149,15 @@ fn answer(done: &[Judged], folder: &Path) {
     let is_partial = judged::is_partial(done);
     let file = |name: &str| folder.join(name).display().to_string();
     out::answer(&RowsJudged {
-        rows: done.iter().map(|one| row(one, folder)).collect(),
+        planted: model == Model::Planted,
+        rows: done.iter().map(|one| row(one, folder, names)).collect(),
         reproduced,
         differ,
+        by_construction,
         refused,
         not_run,
         is_partial,
-        files: PAGES.map(file).to_vec(),
+        files: names.pages.map(file).to_vec(),
     });
     for one in done {
         let unexpected = if one.is_as_expected() {
@@ -135,30 +174,40 @@ fn answer(done: &[Judged], folder: &Path) {
         for band in one.bands.iter().filter(|band| !band.holds) {
             let limits = &band.band;
             println!(
-                "  {}: {:.3}, expected {} to {} (report: {})",
+                "  {}: {} of {} runs inside {} to {}, median {:.3} (report: {})",
                 limits.of,
-                band.median(),
+                band.inside(),
+                band.values.len(),
                 limits.least,
                 limits.most,
+                band.median(),
                 limits.report
             );
         }
     }
-    println!("{reproduced} reproduced, {differ} differ, {refused} refused, {not_run} not run");
+    if model == Model::Planted {
+        println!("planted changes: each model is wrong on purpose");
+    }
+    println!(
+        "{reproduced} reproduced, {differ} differ, {by_construction} by construction, \
+         {refused} refused, {not_run} not run"
+    );
     if is_partial {
         println!(
             "partial: not all rows, or fewer than {} seeds",
             judged::SEEDS
         );
     }
-    println!("page {}", file(PAGES[1]));
+    println!("page {}", file(names.pages[1]));
 }
 
-fn row(one: &Judged, folder: &Path) -> RowJudged {
+fn row(one: &Judged, folder: &Path, names: &Names) -> RowJudged {
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     let band = |band: &judged::JudgedBand| BandJudged {
         value: band.band.of.clone(),
         report: band.band.report.clone(),
+        share: band.band.share,
+        inside: band.inside(),
         least: band.band.least,
         most: band.band.most,
         values: band.values.iter().map(|value| finite(*value)).collect(),
@@ -166,12 +215,7 @@ fn row(one: &Judged, folder: &Path) -> RowJudged {
         holds: band.holds,
     };
     let plot = one.plot.as_ref();
-    let plot = plot.map(|_| {
-        folder
-            .join(format!("{}.svg", one.row.name))
-            .display()
-            .to_string()
-    });
+    let plot = plot.map(|_| folder.join(names.plot(one.row)).display().to_string());
     RowJudged {
         name: one.row.name.clone(),
         report: one.row.report.name(),

@@ -8,7 +8,8 @@
 //!
 //! The file holds the reports' values and the bands. The source of a band is the scatter of the
 //! report's own figure or a stated physical reason, never our result. A planted change of the
-//! model proves each band: with it, the row must differ.
+//! model proves each row, not each band: with it, the verdict is the other one. An open row has
+//! no such change yet.
 
 mod measures;
 mod page;

@@ -17,9 +17,9 @@ use engine::rig::line::Direction;
 use engine::rig::trace::{Side, Tap};
 
 /// Shares of the reads that lose their byte; the share in the field is unknown.
-const LOST: [f64; 6] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3];
+pub(in super::super) const LOST: [f64; 6] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3];
 /// Share that the figures use.
-const GUESS: f64 = 0.2;
+pub(in super::super) const GUESS: f64 = 0.2;
 /// Duration of the drive along a hall at 22 cm/s.
 const DRIVEN: Duration = Duration::from_secs(60);
 /// Maximum gap between bytes of one frame.

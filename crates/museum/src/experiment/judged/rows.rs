@@ -53,9 +53,8 @@ pub struct Band {
     pub least: f64,
     /// Upper limit.
     pub most: f64,
-    /// Share of the runs that must lie inside; without it, the median of the runs must.
-    #[serde(default)]
-    pub share: Option<f64>,
+    /// Share of the runs that must lie inside, above 0 and at most 1.
+    pub share: f64,
     /// Source of the limits.
     pub because: String,
 }
@@ -84,6 +83,12 @@ pub struct Row {
     /// Whether the rig is expected to differ from the report.
     #[serde(default)]
     pub differs: bool,
+    /// Whether no change of the model was found with which the row has the other verdict.
+    #[serde(default)]
+    pub open: bool,
+    /// Whether the values follow from the rig's own settings: the row is outside the count.
+    #[serde(default)]
+    pub given: bool,
     /// Explanation: why the rig differs, or how the row is measured.
     #[serde(default)]
     pub note: String,
@@ -138,8 +143,16 @@ mod tests {
             assert_eq!(is_measured, row.refused.is_none(), "{}", row.name);
             assert_eq!(row.measure.is_some(), is_measured, "{}", row.name);
             assert!(!row.differs || row.note.len() > 100, "{}", row.name);
+            assert!(!row.given || !row.note.is_empty(), "{}", row.name);
+            assert!(!(row.given && row.differs), "{}", row.name);
+            assert!(!row.open || row.differs, "{}", row.name);
             for band in &row.bands {
                 assert!(band.least <= band.most, "{}: {}", row.name, band.of);
+                let needs_all = band.least == band.most || band.because == "All.";
+                let is_share = band.share > 0.0 && band.share <= 1.0;
+                assert!(is_share, "{}: {}", row.name, band.of);
+                let promised = band.share == 1.0 || !needs_all || band.because.contains(" ten");
+                assert!(promised, "{}: {}", row.name, band.of);
                 assert!(!band.because.is_empty(), "{}: {}", row.name, band.of);
             }
             for curve in &row.curves {

@@ -7,10 +7,12 @@ use super::{Band, Measured, Row};
 /// Verdict on a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// All values lie in their bands.
+    /// Each band has its share of the values.
     Reproduced,
-    /// A value lies outside its band.
+    /// A band has less than its share.
     Differs,
+    /// Each band has its share, but the values follow from the rig's own settings.
+    ByConstruction,
     /// The rig cannot measure it.
     Refused,
     /// The command was interrupted before.
@@ -23,6 +25,7 @@ impl Verdict {
         match self {
             Self::Reproduced => "reproduced",
             Self::Differs => "differs",
+            Self::ByConstruction => "by construction",
             Self::Refused => "refused",
             Self::NotRun => "not run",
         }
@@ -38,7 +41,7 @@ pub struct JudgedBand {
     pub values: Vec<f64>,
     /// Median and quartiles of the values.
     spread: Spread,
-    /// Whether the values lie inside.
+    /// Whether the band's share of the values lies inside.
     pub holds: bool,
 }
 
@@ -55,14 +58,8 @@ impl JudgedBand {
         });
         let is_inside = |value: &&f64| (band.least..=band.most).contains(*value);
         let spread = Spread::of(values.iter().copied());
-        let all_known = !values.is_empty() && values.iter().all(|value| value.is_finite());
-        let holds = match band.share {
-            Some(share) => {
-                let inside = values.iter().filter(is_inside).count() as f64;
-                !values.is_empty() && inside >= share * values.len() as f64
-            }
-            None => all_known && is_inside(&&spread.median),
-        };
+        let inside = values.iter().filter(is_inside).count() as f64;
+        let holds = !values.is_empty() && inside >= band.share * values.len() as f64;
         Self {
             band,
             values,
@@ -139,9 +136,10 @@ impl Judged {
         let holds = !bands.is_empty() && bands.iter().all(|band| band.holds);
         Self {
             row,
-            verdict: match holds {
-                true => Verdict::Reproduced,
-                false => Verdict::Differs,
+            verdict: match (holds, row.given) {
+                (true, false) => Verdict::Reproduced,
+                (true, true) => Verdict::ByConstruction,
+                (false, _) => Verdict::Differs,
             },
             seeds,
             plot: Some(plot(row, measured, &bands)),
@@ -172,7 +170,7 @@ impl Judged {
     /// promise nothing.
     pub fn is_as_expected(&self) -> bool {
         match self.verdict {
-            Verdict::Reproduced => !self.row.differs,
+            Verdict::Reproduced | Verdict::ByConstruction => !self.row.differs,
             Verdict::Differs => self.row.differs,
             Verdict::Refused | Verdict::NotRun => true,
         }
@@ -180,7 +178,7 @@ impl Judged {
 
     /// Whether the row was measured with fewer seeds than a verdict needs.
     pub fn is_of_few_seeds(&self) -> bool {
-        let is_measured = matches!(self.verdict, Verdict::Reproduced | Verdict::Differs);
+        let is_measured = !matches!(self.verdict, Verdict::Refused | Verdict::NotRun);
         is_measured && self.seeds < super::SEEDS
     }
 
@@ -234,7 +232,7 @@ mod tests {
         assert_eq!(at(&ours, 2.5), Some(25.0));
     }
 
-    /// A band holds for the median, or for the stated share; a value that is missing holds nowhere.
+    /// A band holds for its share of the runs; a value that is missing lies in no band.
     #[test]
     fn a_missing_value_lies_in_no_band() {
         let row = super::super::rows().iter();
@@ -248,6 +246,11 @@ mod tests {
             JudgedBand::of(row, band, &measured).holds
         };
         assert!(judged(&[middle; 3]));
+        let mut ten = [middle; 10];
+        ten[0] = band.most + 1.0;
+        assert_eq!(judged(&ten), band.share <= 0.9);
+        ten[1] = f64::NAN;
+        assert!(!judged(&ten));
         assert!(!judged(&[]) && !judged(&[f64::NAN]) && !judged(&[band.most + 1e9; 3]));
     }
 }

@@ -11,7 +11,7 @@ use protocols::car_board::Decoder;
 use protocols::{Decode as _, Instant};
 
 use crate::experiment::Plan;
-use crate::experiment::car::hall::rates;
+use crate::experiment::car::hall::{GUESS, LOST, rates};
 use crate::experiment::car::told;
 use crate::experiment::judged::Measured;
 use crate::experiment::judged::measures::{Measure, Model, Told, by_case, by_seed};
@@ -27,15 +27,21 @@ pub(in super::super) const HALL: Measure = Measure {
 fn hall(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     let found = by_seed(plan, tell, |seed| {
         let rates = rates(seed);
-        // The fielded host loses a fifth of its bytes.
-        let fielded = rates.fielded.get(4).copied();
-        [
-            model.pick(fielded.unwrap_or(f64::NAN), rates.sound),
-            rates.sound,
-        ]
+        match model {
+            Model::Sound => rates.fielded,
+            Model::Planted => vec![rates.sound; LOST.len()],
+        }
     });
+    let of = |index: usize| found.iter().map(move |rates| rates[index]);
     let mut measured = Measured::default();
-    measured.value("usable hall values (1/s)", found.iter().map(|one| one[0]));
+    for (index, lost) in LOST.into_iter().enumerate() {
+        if lost == GUESS {
+            measured.value("usable hall values (1/s)", of(index));
+        }
+    }
+    let medians = LOST.into_iter().enumerate();
+    let medians = medians.map(|(index, lost)| [lost, Spread::of(of(index)).median]);
+    measured.curve("usable hall values", medians);
     measured
 }
 
@@ -46,7 +52,7 @@ pub(in super::super) const ENCODER: Measure = Measure {
     perform: encoder,
 };
 
-const LEVELS: [i8; 6] = [-5, -4, -3, 2, 4, 5];
+const LEVELS: [i8; 7] = [-5, -4, -3, 2, 3, 4, 5];
 /// Distance per count: a wheel of 32 mm, 60 counts a turn.
 const COUNTS_PER_M: f64 = 298.4;
 
@@ -73,8 +79,8 @@ fn encoder(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     measured.value("counts a metre at level 2", of(2));
     measured.value("counts a metre at level -3", of(-3));
     let share = |level: i8| of(level).into_iter().map(|count| count / COUNTS_PER_M);
-    measured.value("share counted at level 5", share(5));
-    measured.value("share counted at level -5", share(-5));
+    measured.value("share counted at level 3", share(3));
+    measured.value("share counted at level -4", share(-4));
     let medians = LEVELS.iter().zip(&counts).map(|(level, counts)| {
         let median = Spread::of(counts.iter().copied()).median;
         [f64::from(*level), median / COUNTS_PER_M]
@@ -205,24 +211,36 @@ pub(in super::super) const STOP: Measure = Measure {
 
 /// The motor byte of a standing car.
 const MOTOR_OFF: u8 = 0x8A;
-/// Time of the emergency stop.
-const STOP_AT_S: u64 = 4;
+/// Time of the emergency stop of seed 0, and how much later it is with each seed: another phase of
+/// the program's cycle.
+const STOP_AT_MS: u64 = 4_000;
+const LATER_MS: u64 = 5;
+/// Time before the stop in which the motor must run.
+const BEFORE: Duration = Duration::from_millis(500);
 
 fn stop(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     let found = by_seed(plan, tell, |seed| {
         let text = told([12.0, 6.0], [2, 8], seed).scenario().to_toml();
         let late = "[[fault]]\nkind = \"latency\"\nlink = \"remote\"\ndirection = \"to-master\"\n\
             by = \"100ms\"\n";
+        let begin_ms = STOP_AT_MS + LATER_MS * (seed % 100);
         let text = format!(
-            "{text}\n[[mission.step]]\nat = \"{STOP_AT_S}s\"\ndo = {{ mode = \"stop\" }}\n{}",
+            "{text}\n[[mission.step]]\nat = \"{begin_ms}ms\"\ndo = {{ mode = \"stop\" }}\n{}",
             model.pick("", late)
         );
         let mut run = start(&text, seed, |_| {});
         let bytes = Recorded::default();
         run.rig.add_tap(Box::new(bytes.clone()));
-        run.go_on_until(Instant::from_secs(STOP_AT_S + 1));
+        let begin = Instant::from_millis(begin_ms);
+        run.go_on_until(begin + Duration::from_secs(1));
         let sent = bytes.of(link(&run, "car"), Direction::ToDevice);
-        let begin = Instant::from_secs(STOP_AT_S);
+        let mut before = sent
+            .iter()
+            .filter(|(at, _)| *at < begin && *at + BEFORE >= begin)
+            .peekable();
+        if before.peek().is_none() || before.any(|(_, byte)| *byte == MOTOR_OFF) {
+            return f64::NAN;
+        }
         let off = sent
             .iter()
             .find(|(at, byte)| *at >= begin && *byte == MOTOR_OFF);

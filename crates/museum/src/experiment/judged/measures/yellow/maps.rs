@@ -34,7 +34,12 @@ fn lines_found(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
             let points = polygon(corners, &mut dice);
             f64::from(u32::try_from(Lines::find(&points, &settings).as_slice().len()).unwrap_or(0))
         };
-        [count(4), count(8), count(6)]
+        let [four, eight, six] = [count(4), count(8), count(6)];
+        let mut bent = |corner_deg: f64| {
+            let points = bent(corner_deg, &mut dice);
+            f64::from(u32::try_from(Lines::find(&points, &settings).as_slice().len()).unwrap_or(0))
+        };
+        [four, eight, six, bent(169.0), bent(171.0)]
     });
     let mut measured = Measured::default();
     measured.value("lines of a square room", found.iter().map(|one| one[0]));
@@ -46,7 +51,43 @@ fn lines_found(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
         "lines of a room of six walls",
         found.iter().map(|one| one[2]),
     );
+    measured.value(
+        "lines of a square room with a corner of 169 degrees",
+        found.iter().map(|one| one[3]),
+    );
+    measured.value(
+        "lines of a square room with a corner of 171 degrees",
+        found.iter().map(|one| one[4]),
+    );
     measured
+}
+
+/// A scan of a square room, walls 1 m away, one of which has a fifth corner in its middle.
+fn bent(corner_deg: f64, dice: &mut Rng) -> Vec<Point> {
+    let half = (180.0 - corner_deg).to_radians() / 2.0;
+    // Direction of each wall and its distance. The walls lie askew to the beams, as any room does.
+    let front = 40_f64.to_radians();
+    let quarter = core::f64::consts::FRAC_PI_2;
+    let walls = [
+        (front - half, libm::cos(half)),
+        (front + half, libm::cos(half)),
+        (front + quarter, 1.0),
+        (front + 2.0 * quarter, 1.0),
+        (front + 3.0 * quarter, 1.0),
+    ];
+    let beam = |degree: u32| {
+        let bearing = f64::from(degree).to_radians();
+        let hits = walls.map(|(towards, far)| match libm::cos(bearing - towards) {
+            ahead if ahead > 0.0 => far / ahead,
+            _ => f64::INFINITY,
+        });
+        let far = hits.into_iter().fold(f64::INFINITY, f64::min) + 0.005 * dice.gauss();
+        let (sin, cos) = libm::sincos(bearing);
+        #[expect(clippy::cast_possible_truncation, reason = "millimetres")]
+        let point = Point::new((1e3 * far * cos) as f32, (1e3 * far * sin) as f32);
+        point
+    };
+    (0..360).map(beam).collect()
 }
 
 /// A scan of a room with this number of equal walls, 1 m away.

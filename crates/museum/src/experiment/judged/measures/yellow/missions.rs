@@ -8,7 +8,7 @@ use protocols::Instant;
 
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
-use crate::experiment::judged::measures::{Measure, Model, Told, by_seed, mission, passed};
+use crate::experiment::judged::measures::{Measure, Model, Told, by_seed, mission};
 use crate::experiment::runs::{Spread, start};
 
 const MAP_TEXT: &str = include_str!("../../../../../scenarios/yellow-map.toml");
@@ -86,6 +86,8 @@ pub(in super::super) const NEXT_VIEW: Measure = Measure {
     perform: next_view,
 };
 
+/// Cells of the labyrinth with its outer walls: 3.1 m by 2.5 m.
+const CELLS: f64 = 31.0 * 25.0;
 /// Number of views after which the map is looked at: half of the labyrinth's 20 tiles.
 const VIEWS: f64 = 10.0;
 
@@ -111,16 +113,19 @@ fn next_view(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
         known
     });
     let share = |known: &Vec<[f64; 2]>, views: f64| {
-        let all = known.last().map_or(f64::NAN, |[_, cells]| *cells);
         // The view after this one begins when these cells are known.
         let after = known.iter().find(|[number, _]| *number > views);
-        after.or(known.last()).map_or(0.0, |[_, cells]| cells / all)
+        after
+            .or(known.last())
+            .map_or(0.0, |[_, cells]| cells / CELLS)
     };
     let walls_known = |known: &Vec<[f64; 2]>| known.last().map_or(0.0, |[_, cells]| *cells);
     let mut measured = Measured::default();
     let shares = ends.iter().map(|known| share(known, VIEWS));
     measured.value("cells known after ten views (share)", shares);
     measured.value("cells known at the end", ends.iter().map(walls_known));
+    let views = |known: &Vec<[f64; 2]>| known.last().map_or(f64::NAN, |[views, _]| *views);
+    measured.value("views of the drive", ends.iter().map(views));
     let median = |views: u32| {
         let views = f64::from(views);
         let shares = ends.iter().map(|known| share(known, views));
@@ -199,13 +204,17 @@ pub(in super::super) const REACTIVE: Measure = Measure {
 
 fn reactive(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     let ends = by_seed(plan, tell, |seed| {
-        let outcome = mission(REACTIVE_TEXT, seed, |scenario| {
+        let mut run = start(REACTIVE_TEXT, seed, |scenario| {
             if model == Model::Sound {
                 with_defect(scenario, "YR-01");
             }
         });
-        let [visited, demanded] = outcome.waypoints;
-        [f64::from(u8::from(visited == demanded)), passed(&outcome)]
+        while !run.is_over() {
+            run.step();
+        }
+        let untouched = run.contacts().count() == 0;
+        let [visited, demanded] = run.judge().waypoints;
+        [visited == demanded, untouched].map(|is| f64::from(u8::from(is)))
     });
     let share = |index: usize| {
         let sum: f64 = ends.iter().map(|end| end[index]).sum();
