@@ -69,7 +69,10 @@ impl Setup {
             };
             let read = match key {
                 "port" | "optional" => {
-                    let line = line_of(ports, value);
+                    let line = line_of(ports, value).and_then(|line| match setup.has(line.port) {
+                        true => Err("two ports of the rig are connected to this one"),
+                        false => Ok(line),
+                    });
                     let place = setup.lines.get_mut(next).ok_or("expected at most 8 ports");
                     next += 1;
                     match line {
@@ -90,6 +93,10 @@ impl Setup {
             }
         }
         setup
+    }
+
+    fn has(&self, port: Port) -> bool {
+        self.lines.iter().flatten().any(|line| line.port == port)
     }
 
     /// Plays the node `program` until the rig ends it.

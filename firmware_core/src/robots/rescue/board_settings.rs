@@ -4,7 +4,9 @@ use protocols::pcui::{self, message::Mode};
 use super::{Config, Display, Turning};
 use crate::navigation::Sought;
 use crate::pc_link::Diagnose;
-use crate::robots::board_settings::{Report, number, set_start, tell_start};
+use crate::robots::board_settings::{
+    Report, check_basis, number, set_start, tell_basis, tell_start,
+};
 use crate::{radio_setup, slam};
 
 /// Name of the radio on the air.
@@ -26,6 +28,7 @@ impl Config {
     /// Reports the settings that [`set`](Self::set) makes of the default, except enabled defects.
     /// Other settings have no words: compare the result.
     pub fn tell(&self, report: &mut Report<'_>) {
+        tell_basis(&Self::DEFAULT, report);
         if self.mapping.mode == slam::Mode::Document {
             report("mapper", &"document");
         }
@@ -61,6 +64,9 @@ impl Config {
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), &'static str> {
         if let Some(is_set) = set_start(&mut self.mapping.start, key, value) {
             return is_set;
+        }
+        if let Some(is_same) = check_basis(&Self::DEFAULT, key, value) {
+            return is_same;
         }
         match (key, value) {
             ("mapper", "document") => {

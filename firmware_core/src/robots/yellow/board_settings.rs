@@ -1,9 +1,10 @@
 use super::Config;
-use crate::robots::board_settings::{Report, set_start, tell_start};
+use crate::robots::board_settings::{Report, check_basis, set_start, tell_basis, tell_start};
 
 impl Config {
     /// Reports the settings that [`set`](Self::set) makes of the default, except enabled defects.
     pub fn tell(&self, report: &mut Report<'_>) {
+        tell_basis(&Self::DEFAULT, report);
         tell_start(self.start, report);
     }
 
@@ -14,6 +15,9 @@ impl Config {
     pub fn set(&mut self, key: &str, value: &str) -> Result<(), &'static str> {
         if let Some(is_set) = set_start(&mut self.start, key, value) {
             return is_set;
+        }
+        if let Some(is_same) = check_basis(&Self::DEFAULT, key, value) {
+            return is_same;
         }
         match key {
             "defect" => {
