@@ -89,12 +89,13 @@ if proof emulators protocols tests/simavr; then
     command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] ||
         missing+=(gcc-avr avr-libc arduino-core-avr libsimavr-dev libelf-dev)
 fi
-if proof nodes boards crates/boards crates/nodes crates/engine tests/firmware; then
+if proof nodes boards protocols emulators crates src tests/firmware; then
     command -v avr-g++ >/dev/null && [[ -f /usr/include/simavr/sim_avr.h ]] &&
         [[ -d /usr/share/arduino/hardware/mighty-1284p ]] ||
         missing+=(gcc-avr avr-libc arduino-core-avr arduino-mighty-1284p libsimavr-dev libelf-dev)
 fi
-if proof nodes boards crates/boards crates/nodes crates/engine firmware_core tests/cortex_m4; then
+if proof nodes boards protocols emulators firmware_core crates src scenarios tests/bare_metal \
+    tests/cortex_m4 tests/firmware; then
     # Runs the robots' programs on a Cortex-M4.
     command -v qemu-system-arm >/dev/null && command -v arm-none-eabi-gcc >/dev/null ||
         missing+=(qemu-system-arm gcc-arm-none-eabi)
@@ -249,11 +250,12 @@ if proof emulators protocols tests/simavr; then
     step "chips on the bus of a simulated microcontroller"
     CARGO_TARGET_DIR=$target bash tests/simavr/run.sh
 fi
-if proof nodes boards crates/boards crates/nodes crates/engine tests/firmware; then
+if proof nodes boards protocols emulators crates src tests/firmware; then
     step "firmware without a board: sketches in simavr, as programs and as a device"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/firmware/run.sh
 fi
-if proof nodes boards crates/boards crates/nodes crates/engine firmware_core tests/cortex_m4; then
+if proof nodes boards protocols emulators firmware_core crates src scenarios tests/bare_metal \
+    tests/cortex_m4 tests/firmware; then
     step "the robots' programs on a Cortex-M4 in QEMU, byte for byte"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/cortex_m4/run.sh
 fi

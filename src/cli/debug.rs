@@ -10,7 +10,7 @@ use super::answer::Runs;
 use super::ends::EndArgs;
 use super::exec::ExecArgs;
 use super::run::{Beginning, Runnable, make_folder, ports_in, report, warn};
-use super::stop::{SIGTERM, Stop};
+use super::stop::{SIGTERM, Stop, name_of};
 use super::{CliError, Verdict, default_out, out};
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::realtime::guest::{DebugSettings, Debugged, Surroundings, debug};
@@ -129,8 +129,7 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
     let (mut played, cut_by) = match debugged {
         Debugged::Judged(played) => (played, None),
         Debugged::Killed(played) => (played, Some("the debugger")),
-        Debugged::Cut(played) if stop.signal() == Some(SIGTERM) => (played, Some("SIGTERM")),
-        Debugged::Cut(played) => (played, Some("SIGINT")),
+        Debugged::Cut(played) => (played, Some(stop.signal().map_or("SIGINT", name_of))),
         Debugged::NotReached(why) => return Err(usage(why)),
         Debugged::NotStarted => return Err(trouble.unwrap_or_else(|| usage(String::new()))),
     };

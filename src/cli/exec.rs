@@ -90,6 +90,7 @@ impl ExecHow {
             may_end: self.exec_may_end,
             may_idle: self.exec_may_idle,
             needs: self.exec_needs.clone(),
+            prints: true,
             has_lines: HAS_LINES && !self.exec_no_lines && !self.is_virtual,
             supervision: self.is_virtual.then_some(Supervision {
                 call_cost: self.call_cost.0,

@@ -37,7 +37,7 @@ pub(super) use judged::{Clocking, Ran, Talk, judged_run, make_folder, write_resu
 /// Each run writes a result folder. If a check fails, the command that repeats the case is
 /// printed. With --exec your program replaces the robot's own and is judged, too: it must open its
 /// ports, not crash, keep reading, and leave no child process. Its output is in program.log of the
-/// result folder. Ctrl-C and SIGTERM end the run and judge it.
+/// result folder. Ctrl-C, SIGTERM and SIGHUP end the run and judge it.
 #[derive(Debug, Args)]
 #[command(
     after_long_help = "Examples:\n  hilrig run scenarios/rescue-flat.toml\n  \
@@ -68,12 +68,7 @@ pub(super) struct RunArgs {
     firmware: FirmwareArgs,
     /// Start this shell command as a node program in the place of the robot's own: it speaks the
     /// node protocol on its standard input and output (docs/nodes.md)
-    #[arg(
-        long,
-        value_name = "CMD",
-        conflicts_with_all = ["exec", "firmware"],
-        help_heading = "Your program"
-    )]
+    #[arg(long, value_name = "CMD", help_heading = "Your program")]
     node: Option<String>,
     /// Run the program twice in virtual time; if the runs differ, name the first different call
     #[arg(long, requires = "is_virtual")]
@@ -100,6 +95,15 @@ pub(super) struct RunArgs {
     junit: Option<PathBuf>,
 }
 
+impl RunArgs {
+    /// The options that choose the program under test and its ports, each after a blank.
+    fn repeat(&self) -> String {
+        let node = self.node.as_ref();
+        let node = node.map_or(String::new(), |node| format!(" --node {}", quoted(node)));
+        self.program.repeat() + &self.firmware.repeat() + &node + &self.ends.repeat()
+    }
+}
+
 pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     // All files are read before the first run, so that an error in the last one is not found after
     // an hour.
@@ -108,7 +112,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         .iter()
         .map(|path| Ok((path, Runnable::read(path)?)));
     let files = files.collect::<Result<Vec<_>, CliError>>()?;
-    check(&args)?;
+    check(&args, &files)?;
     check_folders(&args, &files)?;
     if args.json_nodes {
         nodes::set_form(nodes::Form::Json);
@@ -141,12 +145,8 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let out = folder_of(&args, &file.0.name, seed, several);
         let ran = one(&args, file, &out, &mut show, &stop)?;
         wall += ran.wall;
-        let node = args.node.as_ref();
-        let node = node.map_or(String::new(), |node| format!(" --node {}", quoted(node)));
-        let other = args.firmware.repeat() + &args.ends.repeat() + &node;
-        let exec = args.program.repeat() + &other;
         let path = path.display();
-        let repeat = format!("hilrig run {path} --seed {seed}{exec}");
+        let repeat = format!("hilrig run {path} --seed {seed}{}", args.repeat());
         let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
         if let Some(repeat) = &repeat {
             eprintln!("repeat with: {repeat}");
@@ -212,6 +212,8 @@ fn one(
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let node = args.node.as_ref();
+    let case = out.join("case.toml");
+    let again = Some(format!("hilrig run {}{}", case.display(), args.repeat()));
     let foreign = match args.firmware.is_given() {
         true => args.firmware.foreign(&scenario, &source)?,
         false => args.program.foreign(),
@@ -225,7 +227,7 @@ fn one(
             true => Clocking::Realtime(show),
             false => Clocking::Virtual,
         };
-        return judged_with(run, out, pace, Talk::Verdict, stop);
+        return judged_with(run, out, pace, Talk::Verdict, again, stop);
     }
     let Some(foreign) = foreign else {
         if is_bare(&scenario, &source)? {
@@ -238,12 +240,8 @@ fn one(
         };
         return judged_run(scenario, &source, args.seed, out, pace, Talk::Verdict, stop);
     };
-    let exec = args.program.repeat() + &args.firmware.repeat() + &args.ends.repeat();
     let place = Placement {
-        again: Some(format!(
-            "hilrig run {}{exec}",
-            out.join("case.toml").display()
-        )),
+        again,
         out,
         dir: args.dir.as_deref(),
         ends: &args.ends,
@@ -274,7 +272,8 @@ fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgem
 }
 
 /// Rejects contradicting options.
-fn check(args: &RunArgs) -> Result<(), CliError> {
+fn check(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
+    check_programs(args, files)?;
     let is_exec = args.program.exec.is_some();
     let wrong = match () {
         () if args.show.is_wanted() && !args.realtime && !is_exec => {
@@ -292,6 +291,39 @@ fn check(args: &RunArgs) -> Result<(), CliError> {
         () => return Ok(()),
     };
     Err(CliError::Usage(wrong.to_owned()))
+}
+
+/// Rejects two programs under test, and one that a case of bytes would not be played to. `clap`'s
+/// own conflicts would switch off what options require: those of `--exec` would be ignored.
+fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
+    let given = [
+        ("--exec", args.program.exec.is_some()),
+        ("--firmware", args.firmware.is_given()),
+        ("--node", args.node.is_some()),
+    ];
+    let mut given = given
+        .iter()
+        .filter(|(_, is_given)| *is_given)
+        .map(|(name, _)| *name);
+    let Some(first) = given.next() else {
+        return Ok(());
+    };
+    if let Some(second) = given.next() {
+        return Err(CliError::Usage(format!(
+            "{second}: {first} is given too, expected one program under test; leave one out"
+        )));
+    }
+    let mut cases = files
+        .iter()
+        .filter(|(_, file)| matches!(file, Runnable::Case(_)));
+    match cases.next() {
+        Some((path, _)) if first != "--exec" => Err(CliError::Usage(format!(
+            "{first}: {} is a case of bytes, which is played to a program of --exec only; expected \
+             a scenario",
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Rejects two runs with the same result folder; names the file that writes no folder.

@@ -18,6 +18,7 @@ use super::CliError;
 /// a pipe for signals and copies of them.
 const SPARE_PAIRS: usize = 4;
 /// Numbers of the handled signals, the same on all processors of Linux.
+const SIGHUP: u8 = 1;
 const SIGINT: u8 = 2;
 pub(super) const SIGTERM: u8 = 15;
 
@@ -29,7 +30,7 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Stops at SIGINT or SIGTERM, or `duration` after the start.
+    /// Stops at SIGINT, SIGTERM or the SIGHUP of a closed terminal, or `duration` after the start.
     pub(super) fn new(duration: Option<Duration>) -> Result<Self, CliError> {
         let signal = Arc::<AtomicU8>::default();
         listen(Arc::clone(&signal)).map_err(CliError::Signals)?;
@@ -62,6 +63,15 @@ impl Stop {
     }
 }
 
+/// Name of a signal that [`Stop::signal`] gives.
+pub(super) const fn name_of(signal: u8) -> &'static str {
+    match signal {
+        SIGHUP => "SIGHUP",
+        SIGTERM => "SIGTERM",
+        _ => "SIGINT",
+    }
+}
+
 /// Waits for signals on a separate thread. The handlers are installed before this returns, so that
 /// no later signal ends the process without removing its ports.
 fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
@@ -71,11 +81,14 @@ fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
         .collect::<io::Result<_>>()?;
     drop(spare);
     let runtime = runtime::Builder::new_current_thread().enable_io().build()?;
-    let (mut interrupt, mut terminate) = {
+    let (mut interrupt, mut terminate, mut hangup) = {
         let _context = runtime.enter();
         (
             signal(SignalKind::interrupt())?,
             signal(SignalKind::terminate())?,
+            is_hangup_heard()
+                .then(|| signal(SignalKind::hangup()))
+                .transpose()?,
         )
     };
     thread::Builder::new()
@@ -85,10 +98,43 @@ fn listen(caught: Arc<AtomicU8>) -> io::Result<()> {
                 if interrupt.poll_recv(context).is_ready() {
                     return core::task::Poll::Ready(SIGINT);
                 }
+                let hangup = hangup.as_mut();
+                if hangup.is_some_and(|hangup| hangup.poll_recv(context).is_ready()) {
+                    return core::task::Poll::Ready(SIGHUP);
+                }
                 terminate.poll_recv(context).map(|_| SIGTERM)
             }));
             caught.store(number, Ordering::Relaxed);
             stop_waiting();
         })?;
     Ok(())
+}
+
+/// Whether a SIGHUP would end this process: below `nohup` it is ignored and must stay ignored.
+fn is_hangup_heard() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status");
+    status.is_ok_and(|status| ignores_hangup(&status) == Some(false))
+}
+
+/// Whether SIGHUP, the lowest bit, is among the ignored signals of a `/proc/PID/status`.
+fn ignores_hangup(status: &str) -> Option<bool> {
+    let mut lines = status.lines();
+    let mask = lines.find_map(|line| line.strip_prefix("SigIgn:"))?;
+    let mask = u64::from_str_radix(mask.trim(), 16).ok()?;
+    Some(mask & 1 == 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The lines are those of a shell and of the same below `nohup`.
+    #[test]
+    fn a_hangup_that_is_ignored_stays_ignored() {
+        let status =
+            |mask: &str| format!("SigBlk:\t0000000000000001\nSigIgn:\t{mask}\nSigCgt:\t0\n");
+        assert_eq!(ignores_hangup(&status("0000000000000004")), Some(false));
+        assert_eq!(ignores_hangup(&status("0000000000000005")), Some(true));
+        assert_eq!(ignores_hangup("Name:\tsh\n"), None);
+    }
 }

@@ -175,3 +175,91 @@ fn no_command_is_a_question_for_help() {
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("Usage: hilrig [OPTIONS] <COMMAND>"));
 }
+
+/// Options of one program under test have no effect on another: each is refused, not ignored.
+#[test]
+fn options_of_another_program_under_test_are_refused() {
+    let session = Session::new("other-program");
+    let firmware = &["--firmware", "x.elf", "--board", "cortex-m4"][..];
+    let node = &["--node", "exit 0"][..];
+    let flat = format!(
+        "{}/scenarios/yellow-reactive.toml",
+        env!("CARGO_MANIFEST_DIR")
+    );
+    let bytes = format!("{}/tests/replay/cases/v1.toml", env!("CARGO_MANIFEST_DIR"));
+    let of_exec = [
+        &["--virtual"][..],
+        &["--exec-wait", "10s"],
+        &["--exec-may-end"],
+        &["--exec-may-idle"],
+        &["--exec-needs", "lidar"],
+        &["--exec-no-lines"],
+        &["--call-cost", "1us"],
+        &["--check"],
+        &["--trace-calls", "calls.txt"],
+        &["--dir", "ports"],
+        &["--exec", "true"],
+    ];
+    let of_firmware = [
+        &["--board", "cortex-m4"][..],
+        &["--wire", "a=b"],
+        &["--gdb", "3333"],
+        &["--firmware-may-idle"],
+        firmware,
+    ];
+    let tell = |words: &[&str]| {
+        let output = session.hilrig(words);
+        let said = text(&output.stderr).to_owned();
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        said
+    };
+    for (program, others) in [
+        (firmware, &of_exec[..]),
+        (node, &of_exec),
+        (node, &of_firmware),
+    ] {
+        for other in others {
+            let said = tell(&[&["run", &flat], program, other].concat());
+            assert!(said.contains("--"), "{other:?}: {said}");
+        }
+        let said = tell(&[&["run", &bytes][..], program].concat());
+        assert!(said.contains("v1.toml is a case of bytes"), "{said}");
+    }
+    // Nor are wires that lead to one place.
+    for (wires, expected) in [
+        (
+            &["--wire", "a=b", "--wire", "a=c"][..],
+            "port \"a\" of the rig is connected twice",
+        ),
+        (
+            &["--wire", "lidar=board"],
+            "both connected to the port \"board\" of the firmware",
+        ),
+        (&["--firmware-may-idle"], "runs in lockstep"),
+    ] {
+        let said = tell(&[&["run", &flat], firmware, wires].concat());
+        assert!(said.contains(expected), "{wires:?}: {said}");
+    }
+}
+
+/// A robot whose program takes no words on a board.
+#[test]
+fn settings_that_do_not_reach_a_board_are_refused() {
+    let session = Session::new("board-settings");
+    session.write("s.toml", &shipped("apollo13-wall"));
+    let words = [
+        "run",
+        "s.toml",
+        "--firmware",
+        "x.elf",
+        "--board",
+        "cortex-m4",
+    ];
+    let output = session.hilrig(&words);
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(
+        said.contains("has no words for settings on a simulated board"),
+        "{said}"
+    );
+}

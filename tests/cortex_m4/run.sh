@@ -57,6 +57,19 @@ PATH=/nowhere "$hilrig" run scenarios/yellow-reactive.toml --firmware "$elf/yell
 [[ $status -eq 2 ]] && grep -q 'apt install qemu-system-arm' "$out/missing" ||
     die "exit code $status: $(<"$out/missing")"
 
+say "words that do not fit the firmware end it"
+# refused WORDS EXPECTED
+refused() {
+    local status=0
+    qemu-system-arm -M mps2-an386 -kernel "$elf/yellow" -display none -monitor none -serial none \
+        -nic none -icount shift=2,sleep=off -semihosting-config \
+        "enable=on,target=native,arg=firmware$1" </dev/null >"$out/refused" 2>&1 || status=$?
+    [[ $status -eq 2 ]] && grep -q "$2" "$out/refused" || die "$1: exit code $status: $(<"$out/refused")"
+}
+refused ,arg=defaults=7 'of other defaults or another version'
+refused ,arg=map=7 "expected that of this firmware"
+refused ,arg=port=lidar:1,arg=port=lidar:1 'two ports of the rig'
+
 say "the board layer by itself"
 python3 $here/test_echo.py "$elf/echo" tests/firmware
 "$hilrig" node check "exec qemu-system-arm -M mps2-an386 -kernel '$elf/echo' -display none \
@@ -90,15 +103,36 @@ say "rescue: 14 s with breaks, an unplugged lidar, a wrong rate, an overrun and 
 sed '/^heading_rms_deg_max/d; s/^duration = .*/duration = "14s"/' scenarios/rescue-flat.toml |
     cat - $here/faults.toml >"$out/faults.toml"
 both rescue "$out/faults.toml" 1
+say "rescue: 4 s without orders, which the scripted PC hears alike"
+sed '/^waypoints_m/,/^\]/d; /^\[expect\]/,/^$/d
+    s/^duration = .*/duration = "4s"\nprogram.start_mode = "explore"/' scenarios/rescue-flat.toml \
+    >"$out/orders.toml"
+both rescue "$out/orders.toml" 0
 say "yellow: a whole mission, byte for byte"
 both yellow scenarios/yellow-reactive.toml 0
 
+say "QEMU ends with hilrig, even while it waits for gdb"
+"$hilrig" run scenarios/yellow-reactive.toml --firmware "$elf/yellow" --board cortex-m4 --gdb 47133 \
+    --out "$out/killed" >/dev/null 2>&1 &
+started=$!
+is_there() { pgrep -f 'tcp::47133 -S' >/dev/null; }
+for _ in {1..100}; do is_there && break || sleep 0.1; done
+is_there || die "QEMU never waited for gdb"
+kill -KILL $started
+wait $started 2>/dev/null || true
+for _ in {1..100}; do is_there || break; sleep 0.1; done
+! is_there || die "QEMU stayed behind"
+
 say "a firmware with a defect gives other bytes"
 sed '/^robot = /a program.defects = ["YM-03"]' scenarios/yellow-reactive.toml >"$out/defect.toml"
+status=0
 "$hilrig" run "$out/defect.toml" --firmware "$elf/yellow" --board cortex-m4 \
-    --out "$out/defect" >/dev/null || true
+    --out "$out/defect" >/dev/null 2>&1 || status=$?
+[[ $status -le 1 && -n $(hash_of "$out/defect") ]] || die "exit code $status of the defect's run"
+[[ $(hash_of "$out/defect") != "$(hash_of "$out/yellow-native")" ]] || die "the hash sees no defect"
 ! python3 $here/same.py "$out/yellow-native/capture.pcapng" "$out/defect/capture.pcapng" \
-    >/dev/null 2>&1 || die "the comparison sees no defect"
+    >"$out/defect.txt" 2>&1 || die "the comparison sees no defect"
+grep -q . "$out/defect.txt" || die "the comparison does not say where they differ"
 
 # smoke BOARD FLASH-START SENSOR-UART PC-UART [OPTION]: what the firmware says is judged by the
 # device that it reports to. The rig's time stands while the machine is late, QEMU's does not: then
@@ -118,6 +152,22 @@ smoke() {
 say "unmodified UART firmware, in real time"
 smoke mps2-an386 0 uart0 uart1
 smoke netduinoplus2 0x08000000 usart1 usart2 -DSTM32
+
+say "unmodified firmware that only reads: nothing is observed, at a rate that stty does not know"
+printf '%s\n' 'schema = 1' 'name = "mute"' 'robot = "none"' 'duration = "2s"' \
+    'device.rx = { description = "crsf" }' >"$out/mute.toml"
+arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -O2 -ffreestanding -nostdlib -DMUTE \
+    -Wl,--defsym=FLASH_START=0 -T $here/uart/board.ld $here/uart/mh_z19.c -o "$out/mute.elf"
+# mute FAILURES [OPTION]: how often the check may fail.
+mute() {
+    local status=0
+    "$hilrig" run "$out/mute.toml" --firmware "$out/mute.elf" --board mps2-an386 --wire rx=uart0 \
+        ${2:+"$2"} --out "$out/mute" >"$out/mute.txt" 2>&1 || status=$?
+    [[ $status -ne 2 && $(grep -c 'FAIL program-goes-on .* nothing and printed' "$out/mute.txt") -eq $1 ]] ||
+        die "mute firmware ${2:-}: exit code $status: $(<"$out/mute.txt")"
+}
+mute 1
+mute 0 --firmware-may-idle
 
 if [[ ${1:-} == --bench ]]; then
     say "speed beside life"

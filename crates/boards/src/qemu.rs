@@ -70,25 +70,26 @@ impl Machine {
     }
 
     /// Shell command that runs `elf` in real time. `ports` are the numbers of UARTs with the names
-    /// of the variables that hold their ports, and the rates of these.
+    /// of the variables that hold their ports.
     ///
     /// # Errors
     /// If QEMU is missing.
-    pub fn real_time(&self, elf: &str, ports: &[(u8, String, u32)]) -> Result<String, String> {
+    pub fn real_time(&self, elf: &str, ports: &[(u8, String)]) -> Result<String, String> {
         let mut opened = String::new();
         let mut serials = String::new();
-        let most = ports.iter().map(|(number, ..)| *number).max().unwrap_or(0);
+        let most = ports.iter().map(|(number, _)| *number).max().unwrap_or(0);
         for number in 0..=most {
-            let port = ports.iter().find(|(known, ..)| *known == number);
-            let Some((_, variable, rate)) = port else {
+            let port = ports.iter().find(|(known, _)| *known == number);
+            let Some((_, variable)) = port else {
                 serials += NO_SERIAL;
                 continue;
             };
             // QEMU's own backend for serial ports would set 115200 baud; the one for pipes sets
-            // nothing. Named by its number, the port may have any path.
+            // nothing. Named by its number, the port may have any path. It has the rate of its line
+            // already: stty knows only some rates.
             let fd = 3 + number;
             opened += &format!(
-                "exec {fd}<>\"${variable}\" && stty {rate} cs8 -parenb -cstopb raw -echo <&{fd} && "
+                "exec {fd}<>\"${variable}\" && stty cs8 -parenb -cstopb raw -echo <&{fd} && "
             );
             serials +=
                 &format!(" -chardev pipe,id=u{number},path=/dev/fd/{fd} -serial chardev:u{number}");
@@ -98,8 +99,14 @@ impl Machine {
 
     fn start(&self, elf: &str) -> Result<String, String> {
         let qemu = find()?;
+        // QEMU does not notice the end of this process while gdb holds it, or while its program
+        // computes. util-linux, which has `setpriv`, is part of each usual Linux.
+        let bound = match find_program("setpriv", env::var_os("PATH")) {
+            Some(_) => "setpriv --pdeathsig KILL ",
+            None => "",
+        };
         Ok(format!(
-            "exec {} -M {} -kernel {} -display none -monitor none -parallel none -nic none",
+            "exec {bound}{} -M {} -kernel {} -display none -monitor none -parallel none -nic none",
             quoted(&qemu.to_string_lossy()),
             quoted(&self.machine),
             quoted(elf),
@@ -140,11 +147,18 @@ fn find() -> Result<PathBuf, String> {
     find_in(env::var_os(VARIABLE), env::var_os("PATH"))
 }
 
+fn is_program(path: &Path) -> bool {
+    path.metadata()
+        .is_ok_and(|known| known.is_file() && known.permissions().mode() & 0o111 != 0)
+}
+
+fn find_program(name: &str, path: Option<OsString>) -> Option<PathBuf> {
+    let folders = path.iter().flat_map(env::split_paths);
+    let mut found = folders.map(|folder| folder.join(name));
+    found.find(|path| is_program(path))
+}
+
 fn find_in(named: Option<OsString>, path: Option<OsString>) -> Result<PathBuf, String> {
-    let is_program = |path: &Path| {
-        path.metadata()
-            .is_ok_and(|known| known.is_file() && known.permissions().mode() & 0o111 != 0)
-    };
     if let Some(named) = named.map(PathBuf::from) {
         return match is_program(&named) {
             true => Ok(named),
@@ -154,9 +168,7 @@ fn find_in(named: Option<OsString>, path: Option<OsString>) -> Result<PathBuf, S
             )),
         };
     }
-    let folders = path.iter().flat_map(env::split_paths);
-    let mut found = folders.map(|folder| folder.join(NAME));
-    found.find(|path| is_program(path)).ok_or_else(|| {
+    find_program(NAME, path).ok_or_else(|| {
         format!(
             "{NAME} is missing: apt install {NAME} (Debian, Ubuntu); elsewhere install QEMU 7.2 or \
              later, or name the program in {VARIABLE}"
@@ -230,10 +242,10 @@ mod tests {
             // Without QEMU there is no command.
             return;
         };
-        let ports = [(2, "HILRIG_PORT_GPS".to_owned(), 9_600)];
+        let ports = [(2, "HILRIG_PORT_GPS".to_owned())];
         let command = machine.real_time("a.elf", &ports).expect("QEMU is there");
         assert!(
-            command.starts_with("exec 5<>\"$HILRIG_PORT_GPS\" && stty 9600 "),
+            command.starts_with("exec 5<>\"$HILRIG_PORT_GPS\" && stty cs8 "),
             "{command}"
         );
         let serials =

@@ -97,10 +97,15 @@ pub trait Robot: Sync {
     /// If the scenario has settings without words.
     fn board_settings(
         &self,
-        _scenario: &Scenario,
-        _source: &Source,
+        scenario: &Scenario,
+        source: &Source,
     ) -> Result<Vec<(&'static str, String)>, ScenarioError> {
-        Ok(Vec::new())
+        if !scenario.program.has_settings() {
+            return Ok(Vec::new());
+        }
+        let message = "this robot's program has no words for settings on a simulated board, \
+                       expected none but \"cpu\"; leave the others out";
+        Err(source.invalid(source.find("program"), "program", message))
     }
 
     /// What suits it, for worlds and missions that are made by chance; `None`: only the scenario's

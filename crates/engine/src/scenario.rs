@@ -166,6 +166,17 @@ pub struct ProgramSpec {
     pub tuning: Option<toml::Spanned<TuningSpec>>,
 }
 
+impl ProgramSpec {
+    /// Whether it sets something of the program itself; the processor around it is the rig's.
+    pub fn has_settings(&self) -> bool {
+        let default = Self {
+            cpu: self.cpu,
+            ..Self::default()
+        };
+        *self != default
+    }
+}
+
 /// Mapping algorithms.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

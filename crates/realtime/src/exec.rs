@@ -79,6 +79,8 @@ pub struct Foreign {
     pub may_idle: bool,
     /// Names of the ports that it needs; none: all that are not optional.
     pub needs: Vec<String>,
+    /// Whether its output is its own, and not only that of an emulator around it.
+    pub prints: bool,
     /// Whether its ports have modem lines in real time; in virtual time they always do.
     pub has_lines: bool,
     /// How it is put into virtual time; `None`: it runs in real time.

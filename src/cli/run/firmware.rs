@@ -15,7 +15,7 @@ use super::super::CliError;
 use super::super::exec::quoted;
 use crate::realtime::exec::{Foreign, pc_end};
 use crate::rig::LinkKind;
-use crate::robots::{self, Dut, OpenEnd, Wired};
+use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use crate::run::Run;
 use crate::scenario::device::firmware::node_of;
 use crate::scenario::{Scenario, Source};
@@ -30,7 +30,7 @@ const HELD_MAX: Duration = Duration::from_secs(30 * 24 * 3_600);
 #[command(next_help_heading = "Firmware without a board")]
 pub(super) struct FirmwareArgs {
     /// Run this ELF file on a simulated board instead of the robot's program
-    #[arg(long, value_name = "ELF", requires = "board", conflicts_with = "exec")]
+    #[arg(long, value_name = "ELF", requires = "board")]
     firmware: Option<PathBuf>,
     /// Its board: arduino-uno, arduino-mega, leonardo, mighty-1284p (unmodified AVR firmware),
     /// cortex-m4 (firmware linked with nodes/cortex-m4), mps2-an386, netduinoplus2 (unmodified
@@ -40,6 +40,9 @@ pub(super) struct FirmwareArgs {
     /// Connect a port of the rig to one of the board, e.g. gps=serial1; may be given several times
     #[arg(long, value_name = "PORT=NAME", requires = "firmware")]
     wire: Vec<String>,
+    /// Firmware in real time may send nothing, e.g. if it only reads; nothing is known of it then
+    #[arg(long, requires = "firmware")]
+    firmware_may_idle: bool,
     /// Wait for gdb on this TCP port; the rig's time stands while gdb holds the program
     #[arg(long, value_name = "PORT", requires = "firmware", value_parser = clap::value_parser!(u16).range(1..))]
     gdb: Option<u16>,
@@ -60,10 +63,12 @@ impl FirmwareArgs {
         let wires = wires.map(|wire| format!(" --wire {}", quoted(wire)));
         let elf = quoted(&elf.display().to_string());
         let board = quoted(board);
-        format!(
-            " --firmware {elf} --board {board}{}",
-            wires.collect::<String>()
-        )
+        let may_idle = match self.firmware_may_idle {
+            true => " --firmware-may-idle",
+            false => "",
+        };
+        let wires = wires.collect::<String>();
+        format!(" --firmware {elf} --board {board}{wires}{may_idle}")
     }
 
     /// Firmware that runs in real time, as a program at the ports of `scenario`; `None`: it runs in
@@ -79,7 +84,14 @@ impl FirmwareArgs {
             .as_ref()
             .filter(|qemu| qemu.firmware == Tier::RealTime)
         else {
-            return Ok(None);
+            return match self.firmware_may_idle {
+                true => Err(CliError::Usage(format!(
+                    "--firmware-may-idle: the board {} runs in lockstep, expected a board in real \
+                     time; leave the option out",
+                    board.name
+                ))),
+                false => Ok(None),
+            };
         };
         if self.gdb.is_some() {
             return Err(CliError::Usage(format!(
@@ -91,14 +103,17 @@ impl FirmwareArgs {
         let wired = robots::wire(scenario, source, Dut::External, pc_end(scenario))?;
         let wanted = self.wanted(&wired, &wired.open_ends, &board)?;
         let told = self.wired(&board, &wanted)?;
-        qemu::foreign(machine, elf, &wired.open_ends, &told).map(Some)
+        warn_of_program(scenario, &board);
+        let mut foreign = qemu::foreign(machine, elf, &wired.open_ends, &told)?;
+        foreign.may_idle = self.firmware_may_idle;
+        Ok(Some(foreign))
     }
 
     /// A run of `scenario` with the firmware at its open ends.
     pub(super) fn run(&self, scenario: Scenario, source: &Source) -> Result<Run, CliError> {
         let (elf, board) = self.loaded()?;
-        let pc = pc_end(&scenario);
-        let mut wired = robots::wire(&scenario, source, Dut::External, pc)?;
+        // As natively: the run differs in the program alone.
+        let mut wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
         let ends = core::mem::take(&mut wired.open_ends);
         let mut spec = match &board.qemu {
             Some(machine) => {
@@ -107,6 +122,7 @@ impl FirmwareArgs {
                 qemu::node(NODE, machine, elf, &words, self.gdb)?
             }
             None => {
+                warn_of_program(&scenario, &board);
                 let wanted = self.wanted(&wired, &ends, &board)?;
                 let mut spec = node_of(NODE, elf, &board, self.wired(&board, &wanted)?)
                     .map_err(|message| CliError::Usage(format!("--firmware: {message}")))?;
@@ -192,7 +208,27 @@ impl FirmwareArgs {
                  gps=serial1"
             ))),
         };
-        self.wire.iter().map(wire).collect()
+        let mut wires = BTreeMap::new();
+        for (port, to) in self.wire.iter().map(wire).collect::<Result<Vec<_>, _>>()? {
+            if let Some(first) = wires.insert(port.clone(), to.clone()) {
+                return Err(CliError::Usage(format!(
+                    "--wire: port \"{port}\" of the rig is connected twice, to \"{first}\" and to \
+                     \"{to}\"; leave one out"
+                )));
+            }
+        }
+        Ok(wires)
+    }
+}
+
+/// Warns about settings of the robot's program: other firmware does not know them.
+fn warn_of_program(scenario: &Scenario, board: &Board) {
+    if scenario.program.has_settings() {
+        eprintln!(
+            "warning: program: its settings do not reach firmware on the board {}, which runs with \
+             its own; only the robot's program on the board cortex-m4 gets them",
+            board.name
+        );
     }
 }
 

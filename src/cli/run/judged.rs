@@ -10,7 +10,7 @@ use crate::cli::answer::RunEnded;
 use crate::cli::exec::show_words;
 use crate::cli::progress;
 use crate::cli::show::Show;
-use crate::cli::stop::{SIGTERM, Stop};
+use crate::cli::stop::{Stop, name_of};
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::{Lateness, PortReport, Realtime, exec};
@@ -117,15 +117,17 @@ pub(in crate::cli) fn judged_run(
 ) -> Result<Ran, CliError> {
     make_folder(out)?;
     let run = Run::new(scenario, source, seed)?;
-    judged_with(run, out, pace, talk, stop)
+    judged_with(run, out, pace, talk, None, stop)
 }
 
-/// The same for a run that is wired already.
+/// The same for a run that is wired already. `again` is the command that repeats it, if that is not
+/// the usual one.
 pub(super) fn judged_with(
     mut run: Run,
     out: &Path,
     mut pace: Clocking<'_>,
     talk: Talk,
+    again: Option<String>,
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     make_folder(out)?;
@@ -157,6 +159,7 @@ pub(super) fn judged_with(
     let recorded = run.rig.finish_taps();
     let mut outcome = run.judge();
     outcome.checks.extend(was_cut);
+    outcome.again = again;
     let wall = clock.now() - Instant::ZERO;
     let signal = stop.signal();
     let ran = Ran {
@@ -216,10 +219,7 @@ impl Progress {
 /// The verdict on a run that a signal ended early: the missing part is unknown, so it cannot pass.
 pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
     let signal = stop.signal().filter(|_| !run.is_over())?;
-    let name = match signal {
-        SIGTERM => "SIGTERM",
-        _ => "SIGINT",
-    };
+    let name = name_of(signal);
     let (now, all) = (run.rig.now(), run.scenario().duration);
     let detail = format!("ended by {name} at {now} s, its time is {all}");
     Some(Check::new("ran-to-its-end", false, detail))

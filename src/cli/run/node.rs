@@ -3,8 +3,7 @@
 use nodes::{NodeDevice, NodePort, NodeSpec, Role};
 
 use super::super::CliError;
-use crate::realtime::exec::pc_end;
-use crate::robots::{self, Dut, OpenEnd};
+use crate::robots::{self, Dut, OpenEnd, PcEnd};
 use crate::run::Run;
 use crate::scenario::{Scenario, Source};
 
@@ -13,8 +12,8 @@ const NODE: &str = "program";
 
 /// A run of `scenario` with the node program of `command` at all open ends.
 pub(super) fn run(scenario: Scenario, source: &Source, command: &str) -> Result<Run, CliError> {
-    let pc = pc_end(&scenario);
-    let mut wired = robots::wire(&scenario, source, Dut::External, pc)?;
+    // As natively: the run differs in the program alone.
+    let mut wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
     let ends = core::mem::take(&mut wired.open_ends);
     let port = |end: &OpenEnd| NodePort {
         name: end.name.clone(),

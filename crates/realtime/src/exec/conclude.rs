@@ -75,7 +75,7 @@ impl Ending<'_> {
             now: Instant::ZERO + outcome.ran,
             has_ended: self.ended.is_some(),
             is_cut: !self.is_over && self.ended.is_none() && ports.is_complete(),
-            is_mute: self.farewell.said.trim().is_empty()
+            is_mute: (!foreign.prints || self.farewell.said.trim().is_empty())
                 && !self.ended.is_some_and(|(how, _)| how == Ended::Code(0)),
             may_idle: foreign.may_idle,
             is_told,

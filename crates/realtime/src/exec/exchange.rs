@@ -19,6 +19,9 @@ pub(super) const SILENT_MAX: Duration = Duration::from_secs(2);
 /// A program may be silent for as many times its longest pause so far.
 const PAUSES_MAX: u32 = 3;
 
+/// Options that allow it.
+pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle)";
+
 /// Frames that a device does not understand are no slip any more from so many on, if there is one
 /// of them among so many bytes.
 const FEW: u64 = 3;
@@ -73,7 +76,7 @@ impl Ports {
         if sent == 0 && rest.is_mute && !may_rest {
             return fail(format!(
                 "{passed}; it sent nothing and printed nothing: what it made of them was not \
-                 observed; let it print that, or allow it with --exec-may-idle"
+                 observed; let it print that, or {ALLOW_IT}"
             ));
         }
         let mut wrong = seen.iter().filter(|port| port.is_mostly_wrong());
@@ -100,7 +103,7 @@ impl Ports {
         if silent_for <= limit || may_rest {
             return Check::new(GOES_ON, true, detail);
         }
-        fail(detail + "; allow it with --exec-may-idle")
+        fail(format!("{detail}; {ALLOW_IT}"))
     }
 
     /// How long the program has neither sent nor read, while a device had something for it or

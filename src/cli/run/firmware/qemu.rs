@@ -46,6 +46,18 @@ pub(super) fn words(
             known.join(", ")
         )));
     }
+    let name_of = |end: &OpenEnd| wires.get(&end.name).unwrap_or(&end.name).clone();
+    let mut taken = BTreeMap::new();
+    for end in ends {
+        let name = name_of(end);
+        if let Some(first) = taken.insert(name.clone(), &end.name) {
+            return Err(CliError::Usage(format!(
+                "--wire: the ports \"{first}\" and \"{}\" of the rig are both connected to the port \
+                 \"{name}\" of the firmware, expected one; connect the other elsewhere",
+                end.name
+            )));
+        }
+    }
     let ports = ends.iter().map(|end| {
         let lines = rig.links().iter().flat_map(|link| &link.lines);
         let mut lines = lines.filter(|line| line.from.node == end.node);
@@ -55,8 +67,7 @@ pub(super) fn words(
             true => "optional",
             false => "port",
         };
-        let name = wires.get(&end.name).unwrap_or(&end.name);
-        format!("{key}={name}:{piece}")
+        format!("{key}={}:{piece}", name_of(end))
     });
     let [scan, one_try, point] =
         [rig.cpu.per_scan, rig.cpu.per_try, rig.cpu.per_point].map(|cost| cost.as_nanos());
@@ -97,7 +108,7 @@ pub(super) fn foreign(
     let wired: Vec<_> = wired.collect();
     let ports: Vec<_> = wired
         .iter()
-        .map(|(end, number)| (*number, port_variable(&end.name), end.line.baud))
+        .map(|(end, number)| (*number, port_variable(&end.name)))
         .collect();
     Ok(Foreign {
         command: machine.real_time(&elf, &ports).map_err(wrong)?,
@@ -105,6 +116,8 @@ pub(super) fn foreign(
         may_end: false,
         may_idle: false,
         needs: wired.iter().map(|(end, _)| end.name.clone()).collect(),
+        // Its output is that of QEMU: warnings about the machine.
+        prints: false,
         has_lines: false,
         supervision: None,
     })

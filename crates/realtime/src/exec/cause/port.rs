@@ -6,7 +6,7 @@ use protocols::Instant;
 
 use super::trigger::Trigger;
 use super::{Cause, Evidence, weight};
-use crate::exec::exchange::{GOES_ON, SILENT_MAX};
+use crate::exec::exchange::{ALLOW_IT, GOES_ON, SILENT_MAX};
 use crate::exec::ports::Port;
 use crate::process::waits::Wait;
 use crate::transport::Setting;
@@ -204,7 +204,7 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
             weight::NOTHING_SENT,
             format!(
                 "nothing was observed of the program: it read (last at {} s), but sent and printed \
-                 nothing{}; let it print what it reads, or allow it with --exec-may-idle",
+                 nothing{}; let it print what it reads, or {ALLOW_IT}",
                 ports.active_at.unwrap_or_default(),
                 what_for(evidence)
             ),

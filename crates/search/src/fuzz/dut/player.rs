@@ -80,6 +80,7 @@ impl Player {
                     may_end: false,
                     may_idle: true,
                     needs: known.opens.iter().cloned().collect(),
+                    prints: true,
                     has_lines: false,
                     supervision: Some(supervision),
                 };
