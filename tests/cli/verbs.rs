@@ -35,6 +35,11 @@ impl Verb {
         Self { code: 1, ..self }
     }
 
+    /// It ends with an error, behind what it writes.
+    const fn errs(self) -> Self {
+        Self { code: 2, ..self }
+    }
+
     /// It writes nothing but to its standard output.
     const fn reads_only(self) -> Self {
         Self {
@@ -48,8 +53,8 @@ impl Verb {
 pub(crate) const VERBS: [Verb; 33] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
-    // A shell alone is nothing to debug, and opens no port.
-    verb("debug", "debug s.toml --exec : --port 0 --out o/debug").fails(),
+    // A shell alone is nothing to debug.
+    verb("debug", "debug s.toml --exec : --port 0 --out o/debug").errs(),
     verb("new", "new o/new"),
     // Its ports stay unused, and that is judged.
     verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),
