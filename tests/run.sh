@@ -167,18 +167,21 @@ step "tests"
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 # An eighth of them at each landing.
 $all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
-# These wait for browsers, ports and programs most of their time; the others compute.
-waiting=(cli exec page transport)
+# These wait for programs and ports, or for commands and browsers, most of their time; the others
+# compute.
+waiting=(exec transport)
+showing=(cli page)
 names='import json, sys
 targets = [t for p in json.load(sys.stdin)["packages"] for t in p["targets"] if t["kind"] == ["test"]]
 print("\n".join(sorted({t["name"] for t in targets} - set(sys.argv[1:]))))'
 cargo metadata --locked --no-deps --format-version 1 |
-    python3 -c "$names" "${waiting[@]}" >"$target/computing"
+    python3 -c "$names" "${waiting[@]}" "${showing[@]}" >"$target/computing"
 computing() {
     # shellcheck disable=SC2046 # One name a line.
     tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
     tests --doc
 }
+showing() { tests --no-fail-fast "${showing[@]/#/--test=}"; }
 built=$target/debug
 # What users run: the examples, the package for Python, the programs of the docs, the described
 # devices as pip's drivers read them, the demo. All of it is built by the tests.
@@ -202,16 +205,18 @@ lane() {
 }
 trap '[[ ${#lanes[@]} -eq 0 ]] || kill -- "${lanes[@]/#/-}" 2>/dev/null || true' EXIT
 lane computing
+lane showing
 lane as_users
 status=0
 tests --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 | tee "$target/waiting.log" || status=$?
 for lane in "${lanes[@]}"; do wait "$lane" || status=$?; done
 lanes=()
-cat "$target/computing.log" "$target/as_users.log"
+cat "$target/computing.log" "$target/showing.log" "$target/as_users.log"
 if [[ $status -ne 0 ]]; then
     # Once more what failed: some readers see only the end of a log.
     printf '\n== what failed\n'
-    sed -n '/^failures:$/,/^test result/p; /^error/p' "$target/waiting.log" "$target/computing.log"
+    sed -n '/^failures:$/,/^test result/p; /^error/p' "$target/waiting.log" "$target/showing.log" \
+        "$target/computing.log"
     tail -n 40 "$target/as_users.log"
     exit 1
 fi
