@@ -167,21 +167,19 @@ step "tests"
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 # An eighth of them at each landing.
 $all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
-# These wait for programs and ports, or for commands and browsers, most of their time; the others
-# compute.
-waiting=(exec transport)
-showing=(cli page)
+# These wait for browsers, ports and programs most of their time, some of them in real time; the
+# others compute. Two lanes, not more: a page and its robot in real time need a processor.
+waiting=(cli exec page transport)
 names='import json, sys
 targets = [t for p in json.load(sys.stdin)["packages"] for t in p["targets"] if t["kind"] == ["test"]]
 print("\n".join(sorted({t["name"] for t in targets} - set(sys.argv[1:]))))'
 cargo metadata --locked --no-deps --format-version 1 |
-    python3 -c "$names" "${waiting[@]}" "${showing[@]}" >"$target/computing"
+    python3 -c "$names" "${waiting[@]}" >"$target/computing"
 computing() {
     # shellcheck disable=SC2046 # One name a line.
     tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
     tests --doc
 }
-showing() { tests --no-fail-fast "${showing[@]/#/--test=}"; }
 built=$target/debug
 # What users run: the examples, the package for Python, the programs of the docs, the described
 # devices as pip's drivers read them, the demo. All of it is built by the tests.
@@ -195,29 +193,28 @@ as_users() {
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh
     "$built/hilrig" demo --out "$target/demo/tests"
 }
-# lane NAME: runs a function in a process group of its own, which ends with this script.
-lanes=()
-lane() {
-    set -m
-    ("$1"; echo "== $1: $SECONDS s") >"$target/$1.log" 2>&1 &
-    lanes+=("$!")
-    set +m
+computing_then_users() {
+    computing
+    echo "== computing: $SECONDS s"
+    as_users
+    echo "== as users: $SECONDS s"
 }
-trap '[[ ${#lanes[@]} -eq 0 ]] || kill -- "${lanes[@]/#/-}" 2>/dev/null || true' EXIT
-lane computing
-lane showing
-lane as_users
+# A process group of its own, which ends with this script.
+set -m
+(computing_then_users) >"$target/computing.log" 2>&1 &
+computes=$!
+set +m
+trap 'kill -- -"$computes" 2>/dev/null || true' EXIT
 status=0
 tests --no-fail-fast "${waiting[@]/#/--test=}" 2>&1 | tee "$target/waiting.log" || status=$?
-for lane in "${lanes[@]}"; do wait "$lane" || status=$?; done
-lanes=()
-cat "$target/computing.log" "$target/showing.log" "$target/as_users.log"
+wait "$computes" || status=$?
+trap - EXIT
+cat "$target/computing.log"
 if [[ $status -ne 0 ]]; then
     # Once more what failed: some readers see only the end of a log.
     printf '\n== what failed\n'
-    sed -n '/^failures:$/,/^test result/p; /^error/p' "$target/waiting.log" "$target/showing.log" \
-        "$target/computing.log"
-    tail -n 40 "$target/as_users.log"
+    sed -n '/^failures:$/,/^test result/p; /^error/p' "$target/waiting.log" "$target/computing.log"
+    tail -n 40 "$target/computing.log"
     exit 1
 fi
 
