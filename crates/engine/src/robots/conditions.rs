@@ -16,8 +16,9 @@ use crate::scenario::{
 
 /// A cell of a map that was never seen.
 const UNKNOWN: u8 = 127;
-/// Sources of log entries that are neither a device nor a link.
-const SOURCES: [&str; 3] = ["rig", "robot", "program"];
+/// Sources of log entries that are neither a device nor a link; the PC of a built-in robot may be
+/// outside of the rig.
+const SOURCES: [&str; 4] = ["pc", "program", "rig", "robot"];
 
 /// Rules of the log that a slave of registers logs.
 const OF_REGISTERS: [&str; 10] = [
