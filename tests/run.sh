@@ -168,7 +168,7 @@ export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
 # An eighth of them at each landing.
 $all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
 # These wait for browsers, ports and programs most of their time, some of them in real time; the
-# others compute. Two lanes, not more: a page and its robot in real time need a processor.
+# others compute. Two lanes on two processors: more of them delay what runs in real time.
 waiting=(cli exec page transport)
 names='import json, sys
 targets = [t for p in json.load(sys.stdin)["packages"] for t in p["targets"] if t["kind"] == ["test"]]
