@@ -7,10 +7,7 @@ use core::f64::consts::PI;
 use protocols::Instant;
 use protocols::xv11::{RawReading, Reading};
 
-use super::optics::{
-    Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, range_sigma_21_mm, range_sigma_mm, strength_mean,
-    strength_sigma,
-};
+use super::optics::{Laws, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, strength_mean};
 use super::surface::Place;
 use super::{Detail, Profile};
 use crate::lidar::beam::{Beam, aside, normal};
@@ -29,9 +26,6 @@ mod code {
 
 /// Distance below which the camera does not see the dot at all. A guess.
 const BLIND_MM: f64 = 60.0;
-/// Angular jitter of a beam. A guess; it lets the dot fall on either side of an edge, and is small
-/// enough to leave the noise of slanting walls to the range law.
-const JITTER_RAD: f64 = 0.01 * PI / 180.0;
 /// Half the width of the dot: the first reading on the hand of (A) is mostly a dim one.
 const DOT_RAD: f64 = 0.45 * PI / 180.0;
 /// Bend of a surface that calls for a corner check: in the middle of the dot, in its outer part,
@@ -62,20 +56,13 @@ const STRENGTH_MIN: f64 = 2.5;
 const STRENGTH_DIM: f64 = 2.0;
 /// Strongest return of a white surface, seen in (A).
 const STRENGTH_MAX: f64 = 1_200.0;
-/// Odds that a wall spoils the dot for no visible reason: (A) outside of hand and corners.
-const FLAW_TOO_WIDE: f64 = 7e-4;
-const FLAW_TOO_DIM: f64 = 3e-4;
+/// Odds that a wall spoils the dot in both ways: (A) outside of hand and corners.
 const FLAW_BOTH: f64 = 3e-5;
 
-/// Correlation of a degree's noise from turn to turn: the von Neumann ratios of (A) are 0.89 of
-/// distances and 0.77 of strengths; 1 means none.
-const RANGE_KEPT: f64 = 0.11;
-const STRENGTH_KEPT: f64 = 0.23;
-/// Factors on the noise laws of even surfaces. A beam that moves over rough and uneven surfaces
-/// gets more noise in its distances and less in its strengths than these laws predict. Fitted to
-/// the repeats of (A).
-const RANGE_PART: f64 = 0.75;
-const STRENGTH_PART: f64 = 1.1;
+/// Correlation of a degree's noise from turn to turn: the von Neumann ratios of (A), over degrees
+/// without the hand, are 0.95 of distances and 0.86 of strengths; 1 means none.
+const RANGE_KEPT: f64 = 0.10;
+const STRENGTH_KEPT: f64 = 0.18;
 
 /// Height of the beam above the floor, metres: it lies on the robot. A guess.
 const HEIGHT_M: f64 = 0.10;
@@ -90,8 +77,7 @@ pub(super) struct Eye {
     /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
     detail: Detail,
-    /// Law of the deviation of a range.
-    sigma_mm: fn(f64) -> f64,
+    laws: Laws,
     /// Noise of each degree in the turn before, of range and strength.
     before: Box<[[f64; 2]; 360]>,
     range: Rng,
@@ -112,7 +98,7 @@ impl Eye {
             dark: false,
             range_factor: 1.0,
             detail: Detail::default(),
-            sigma_mm: range_sigma_mm,
+            laws: Laws::EVEN,
             before: Box::new([[0.0; 2]; 360]),
             range: Rng::stream(seed, &format!("{name}.range")),
             strength: Rng::stream(seed, &format!("{name}.strength")),
@@ -127,10 +113,7 @@ impl Eye {
     #[must_use]
     pub(super) fn of(mut self, profile: Profile, detail: Detail) -> Self {
         self.detail = detail;
-        self.sigma_mm = match (detail, profile) {
-            (Detail::Captured, Profile::Fw21) => range_sigma_21_mm,
-            _ => range_sigma_mm,
-        };
+        self.laws = Laws::of(profile, detail);
         self
     }
 
@@ -146,8 +129,8 @@ impl Eye {
         let strength = kept(STRENGTH_KEPT, strength, noise.strength);
         self.before[slot] = [range, strength];
         Noise {
-            range: RANGE_PART * range,
-            strength: STRENGTH_PART * strength,
+            range,
+            strength,
             ..noise
         }
     }
@@ -219,13 +202,17 @@ impl Eye {
             reflectivity: hit.reflectivity * place.reflects,
             ..hit
         };
-        let law = self.sigma_mm;
+        let noise = Noise {
+            range: place.speckle.sqrt() * noise.range,
+            strength: place.speckle * noise.strength,
+            ..noise
+        };
         if is_rough(behind, mm, ahead)
             && let Some(reading) = self.rough(beam, hit, [behind, ahead], &noise)
         {
             return reading;
         }
-        smooth(mm + place.deeper_mm, hit, &noise, law)
+        smooth(mm + place.deeper_mm, hit, &noise, self.laws)
     }
 
     /// Renews the lidar's view of `scene` if the scene has changed.
@@ -253,7 +240,7 @@ impl Eye {
             at,
             self.mount,
             degrees,
-            JITTER_RAD * jitter,
+            self.laws.jitter_rad * jitter,
             offset_m,
         )
     }
@@ -293,7 +280,7 @@ impl Eye {
             // A slanting wall has less than half of a degree's difference within the dot.
             other_mm.is_infinite() || (other_mm - mm).abs() > 0.5 * (side_mm - mm).abs()
         })?;
-        Some(edge(mm, other_mm, hit, noise, self.sigma_mm))
+        Some(edge(mm, other_mm, hit, noise, self.laws))
     }
 
     /// Whether something near follows within the next degrees, as far as known, that may hide the
@@ -378,7 +365,7 @@ fn corner_share(mm: f64, sides_mm: [f64; 2], neighbours_mm: [f64; 2]) -> f64 {
 
 /// A dot on an edge between two distances: (A) shows double dots, bad shapes, nothing at all, or a
 /// dim dot of the near side.
-fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) -> RawReading {
+fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise, laws: Laws) -> RawReading {
     let (near, far) = (mm.min(other_mm), mm.max(other_mm));
     match noise.chance {
         ..0.25 => invalid(code::DOUBLE_DOT),
@@ -397,13 +384,13 @@ fn edge(mm: f64, other_mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) ->
             } else {
                 near
             };
-            smooth(mixed, part, noise, law)
+            smooth(mixed, part, noise, laws)
         }
     }
 }
 
 /// A dot on an even surface.
-fn smooth(mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) -> RawReading {
+fn smooth(mm: f64, hit: Hit, noise: &Noise, laws: Laws) -> RawReading {
     if mm < RANGE_MIN_MM {
         return invalid(if mm < BLIND_MM {
             code::NO_DOT
@@ -415,7 +402,7 @@ fn smooth(mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) -> RawReading {
     let facing = (hit.incidence * 2.0).min(1.0);
     let ceiling = STRENGTH_MAX * hit.reflectivity.max(1.0);
     let mean = (strength_mean(mm) * hit.reflectivity * facing).min(ceiling);
-    let strength = (mean + strength_sigma(mean) * noise.strength).max(1.0);
+    let strength = (mean + (laws.strength)(mean) * noise.strength).max(1.0);
     if mean < STRENGTH_MIN {
         return invalid(if mean < STRENGTH_DIM {
             code::NO_DOT
@@ -423,18 +410,18 @@ fn smooth(mm: f64, hit: Hit, noise: &Noise, law: fn(f64) -> f64) -> RawReading {
             code::TOO_DIM
         });
     }
-    if noise.chance > 1.0 - FLAW_TOO_WIDE - FLAW_TOO_DIM - FLAW_BOTH {
-        let rest = 1.0 - noise.chance;
+    let rest = 1.0 - noise.chance;
+    if rest < laws.too_wide + laws.too_dim + FLAW_BOTH {
         return match rest {
             ..FLAW_BOTH => RawReading::from(Reading::Invalid {
                 code: code::BOTH,
                 strength: 12,
             }),
-            ..FLAW_TOO_DIM => invalid(code::TOO_DIM),
+            rest if rest < laws.too_dim => invalid(code::TOO_DIM),
             _ => invalid(code::TOO_WIDE),
         };
     }
-    let noisy = (mm + law(mm) * noise.range).max(1.0);
+    let noisy = (mm + (laws.range_mm)(mm) * noise.range).max(1.0);
     let quantised = if noisy < UNQUANTISED_MM {
         noisy
     } else {
@@ -504,14 +491,14 @@ mod tests {
     }
 
     fn smooth_at(mm: f64, chance: f64) -> Reading {
-        Reading::from(smooth(mm, WALL, &quiet(chance), range_sigma_mm))
+        Reading::from(smooth(mm, WALL, &quiet(chance), Laws::EVEN))
     }
 
     /// T4: an edge from 1 m to 3 m: 25 % double, 5 % too wide, 3 % too dim, 12 % nothing. Else the
     /// near side; a tenth of these readings lies between: half way, a quarter, an eightieth.
     #[test]
     fn the_dot_on_an_edge_is_what_the_draw_says() {
-        let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance), range_sigma_mm));
+        let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance), Laws::EVEN));
         assert_eq!([0.0, 0.249].map(of), [code(0x02, 0); 2]);
         assert_eq!([0.25, 0.299].map(of), [code(0x03, 0); 2]);
         assert_eq!([0.30, 0.329].map(of), [code(0x25, 0); 2]);
@@ -529,13 +516,8 @@ mod tests {
     #[test]
     fn a_dot_that_hardly_touches_is_seen_in_between() {
         let chance = 0.45 + 0.55 * 0.05;
-        let of = |mm, other| match Reading::from(edge(
-            mm,
-            other,
-            WALL,
-            &quiet(chance),
-            range_sigma_mm,
-        )) {
+        let of = |mm, other| match Reading::from(edge(mm, other, WALL, &quiet(chance), Laws::EVEN))
+        {
             Reading::Range {
                 distance_mm,
                 strength,
@@ -584,7 +566,7 @@ mod tests {
                 incidence,
                 ..WALL
             };
-            Reading::from(smooth(mm, hit, &quiet(0.0), range_sigma_mm))
+            Reading::from(smooth(mm, hit, &quiet(0.0), Laws::EVEN))
         };
         assert_eq!(of(0.0251, 1.0, 1000.0), range(1000, 3));
         assert_eq!(of(0.0249, 1.0, 1000.0), code(0x25, 0));
@@ -619,7 +601,7 @@ mod tests {
                 range,
                 ..quiet(0.0)
             };
-            match Reading::from(smooth(mm, WALL, &noise, range_sigma_mm)) {
+            match Reading::from(smooth(mm, WALL, &noise, Laws::EVEN)) {
                 Reading::Range { distance_mm, .. } => distance_mm,
                 Reading::Invalid { .. } => 0,
             }

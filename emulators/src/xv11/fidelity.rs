@@ -5,13 +5,17 @@
 //! with stable names. One capture shows steady turning, a hand, the coast-down and the restart.
 //! [`hand_in_box`] is the emulator's version of it, and [`CAPTURED`] has its figures.
 
+mod blind;
 mod coast;
 mod compare;
 mod figures;
+mod logistic;
 mod noise;
 mod replica;
 #[cfg(test)]
 mod tests;
+mod turns;
+mod twin;
 
 use std::collections::BTreeMap;
 
@@ -21,6 +25,7 @@ use protocols::{Decode, Format};
 use coast::Teeth;
 use noise::Repeats;
 
+pub use blind::{Figure, Told, blind};
 pub use compare::{Column, Comparison, Limit, compare};
 pub use figures::{CAPTURED, Row};
 pub use noise::{BIN_MM, Bin};

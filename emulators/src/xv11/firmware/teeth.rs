@@ -39,6 +39,7 @@ impl Xv11 {
         self.rotor.wander(normal);
         let tooth = self.encoder.tooth();
         let edge_deg = self.rotor.angle_deg();
+        let ahead_deg = self.encoder.ahead_deg();
         if self.encoder.pass() {
             self.rotor.wrap();
         }
@@ -56,6 +57,7 @@ impl Xv11 {
             at,
             tooth,
             edge_deg,
+            ahead_deg,
             took_s,
         };
         match self.firmware.phase {
@@ -139,7 +141,7 @@ impl Xv11 {
                 edge: at,
                 first: pace.first + 5,
                 count: pace.count - 5,
-                angle_deg: edge_deg,
+                angle_deg: edge_deg + seen.ahead_deg,
                 ..pace
             },
             doubled: false,
@@ -164,7 +166,7 @@ impl Xv11 {
                 edge: at,
                 first: (pace.first + 24 + 5) % 360,
                 count: DOUBLING_SLOTS,
-                angle_deg: edge_deg,
+                angle_deg: edge_deg + seen.ahead_deg,
                 ..pace
             },
             doubled: true,
@@ -256,7 +258,8 @@ impl Xv11 {
     fn pace(&self, seen: Tooth, tooth_s: f64) -> Pace {
         let deg_per_s = match self.edge_at {
             Some(next) if next > seen.at => {
-                let way = self.encoder.edge_deg() - self.rotor.angle_deg();
+                let turned = self.encoder.edge_deg() - self.rotor.angle_deg();
+                let way = turned + self.encoder.ahead_deg() - seen.ahead_deg;
                 way / (next - seen.at).as_secs_f64()
             }
             _ => self.rotor.speed_rpm() * DEG_PER_S,
@@ -266,7 +269,7 @@ impl Xv11 {
             first: first_slot(seen.tooth),
             count: 24,
             slot_s: tooth_s / TOOTH_DEG,
-            angle_deg: seen.edge_deg,
+            angle_deg: seen.edge_deg + seen.ahead_deg,
             deg_per_s,
         }
     }
@@ -296,8 +299,10 @@ impl Xv11 {
 struct Tooth {
     at: Instant,
     tooth: u8,
-    /// Angle of the head.
+    /// Angle of the motor's shaft, as the rotor counts it.
     edge_deg: f64,
+    /// Angle by which belt and gear have the head ahead of the shaft.
+    ahead_deg: f64,
     /// Time since the tooth before.
     took_s: f64,
 }
@@ -338,6 +343,7 @@ mod tests {
             at: now,
             tooth,
             edge_deg: lidar.rotor.angle_deg(),
+            ahead_deg: 0.0,
             took_s,
         };
         (lidar, seen)

@@ -1,0 +1,109 @@
+//! A plain classifier: logistic regression on scaled figures.
+//!
+//! A crate for machine learning brings an algebra library; four figures and some hundred rows need
+//! neither.
+
+/// Steps of the descent, and their length.
+const STEPS: usize = 400;
+const LENGTH: f64 = 0.5;
+/// Weight of the penalty on large weights, so that few windows are not learned by heart.
+const PENALTY: f64 = 0.01;
+
+/// A trained classifier.
+#[derive(Clone, Debug)]
+pub(super) struct Logistic {
+    mean: Vec<f64>,
+    scale: Vec<f64>,
+    weights: Vec<f64>,
+    bias: f64,
+}
+
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let n = values.clone().count().max(1);
+    values.sum::<f64>() / n as f64
+}
+
+impl Logistic {
+    /// Learns to tell `yes` from `no`; both count the same, whatever their numbers of rows.
+    pub(super) fn trained(yes: &[Vec<f64>], no: &[Vec<f64>]) -> Self {
+        let width = yes.first().or(no.first()).map_or(0, Vec::len);
+        let rows: Vec<&Vec<f64>> = yes.iter().chain(no).collect();
+        let column = |index: usize| rows.iter().map(move |row| row[index]);
+        let means: Vec<f64> = (0..width).map(|index| mean(column(index))).collect();
+        let scale = (0..width).map(|index| {
+            let variance = mean(column(index).map(|value| (value - means[index]).powi(2)));
+            variance.sqrt().max(1e-9)
+        });
+        let mut found = Self {
+            scale: scale.collect(),
+            mean: means,
+            weights: vec![0.0; width],
+            bias: 0.0,
+        };
+        let parts = [(yes, 1.0), (no, 0.0)];
+        for _ in 0..STEPS {
+            let mut slope = vec![0.0; width];
+            let mut lift = 0.0;
+            for (rows, truth) in parts {
+                for row in rows {
+                    let weight = 0.5 / rows.len().max(1) as f64;
+                    let miss = weight * (truth - found.chance(row));
+                    lift += miss;
+                    for (sum, value) in slope.iter_mut().zip(found.scaled(row)) {
+                        *sum += miss * value;
+                    }
+                }
+            }
+            found.bias += LENGTH * lift;
+            for (weight, sum) in found.weights.iter_mut().zip(slope) {
+                *weight += LENGTH * (sum - PENALTY * *weight);
+            }
+        }
+        found
+    }
+
+    fn scaled(&self, row: &[f64]) -> Vec<f64> {
+        let parts = row.iter().zip(self.mean.iter().zip(&self.scale));
+        parts
+            .map(|(value, (mean, scale))| (value - mean) / scale)
+            .collect()
+    }
+
+    /// Chance that `row` is a `yes`.
+    pub(super) fn chance(&self, row: &[f64]) -> f64 {
+        let scaled = self.scaled(row);
+        let sum: f64 = self.weights.iter().zip(scaled).map(|(a, b)| a * b).sum();
+        1.0 / (1.0 + libm::exp(-(sum + self.bias)))
+    }
+
+    /// Indices of the figures, those with the largest weights first.
+    pub(super) fn heaviest_first(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.weights.len()).collect();
+        order.sort_by(|a, b| self.weights[*b].abs().total_cmp(&self.weights[*a].abs()));
+        order
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn heap(from: f64) -> Vec<Vec<f64>> {
+        (0..40)
+            .map(|k| vec![f64::from(k % 3), from + f64::from(k * 7 % 20) * 0.1])
+            .collect()
+    }
+
+    /// Two separate groups are always told apart, by the figure in which they differ; a group and
+    /// itself never.
+    #[test]
+    fn what_differs_is_told_and_what_does_not_is_not() {
+        let apart = Logistic::trained(&heap(5.0), &heap(0.0));
+        assert!(heap(5.0).iter().all(|row| apart.chance(row) > 0.5));
+        assert!(heap(0.0).iter().all(|row| apart.chance(row) < 0.5));
+        assert_eq!(apart.heaviest_first(), [1, 0]);
+        let alike = Logistic::trained(&heap(0.0), &heap(0.0));
+        let chances = heap(0.0).into_iter().map(|row| alike.chance(&row));
+        assert!(chances.clone().all(|chance| (chance - 0.5).abs() < 1e-6));
+    }
+}
