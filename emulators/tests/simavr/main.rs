@@ -5,6 +5,8 @@
 //! `tests/simavr/run.sh` builds sketches and harness and passes their folder; without it nothing is
 //! judged, and a message says so.
 
+mod base;
+
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};

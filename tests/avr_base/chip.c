@@ -1,0 +1,189 @@
+/* The fielded base's firmware in simavr: an ATmega2560 at 16 MHz that plays sequences of bytes on
+ * its register bus. Each sequence runs in a child of the process that has started the chip, so that no
+ * sequence leaves a trace in the next one.
+ *
+ *   usage: chip FIRMWARE.elf
+ *
+ * Standard input, a sequence a line:  BEGIN END (CYCLE BYTE)*
+ * Standard output, a line for each:   (CYCLE BYTE)* [!]
+ *
+ * BEGIN never falls from line to line. A received byte's stop bit ends at CYCLE, a sent byte's start
+ * bit begins there. An exclamation mark follows if the chip crashed.
+ *
+ * Cycles count from the start of the chip, bytes are decimal. simavr's own receiver has 64 places and
+ * a character of eleven bits; here it has the data sheet's two places and a shift register, and ten
+ * bits.
+ */
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <avr_adc.h>
+#include <avr_uart.h>
+#include <sim_avr.h>
+#include <sim_elf.h>
+#include <sim_io.h>
+
+enum { BYTES_MAX = 1024, SENT_MAX = 4096, PLACES = 3, CYCLES_PER_BYTE = 160 };
+
+/* What the converter's channels read: nothing in sight, a floor, a battery of 12.4 V. */
+static const struct {
+    unsigned channel, reading;
+} INPUTS[] = {{7, 500}, {9, 846}};
+
+static avr_t *avr;
+static avr_uart_t *uart;
+static uint8_t waiting[PLACES];
+static size_t waiting_len;
+static avr_cycle_count_t free_at;
+static struct {
+    avr_cycle_count_t cycle;
+    uint8_t byte;
+} sent[SENT_MAX];
+static size_t sent_len;
+
+static void hand_over(void) {
+    if (waiting_len == 0 || uart->input.read != uart->input.write)
+        return;
+    uint8_t byte = waiting[0];
+    memmove(waiting, waiting + 1, --waiting_len);
+    uart->cycles_per_byte = 2;
+    avr_raise_irq(uart->io.irq + UART_IRQ_INPUT, byte);
+    uart->cycles_per_byte = CYCLES_PER_BYTE;
+}
+
+static void on_room(struct avr_irq_t *irq, uint32_t value, void *param) {
+    (void)irq;
+    (void)value;
+    (void)param;
+    hand_over();
+}
+
+static void receive(uint8_t byte) {
+    size_t places = PLACES - (uart->input.read != uart->input.write);
+    if (waiting_len == places)
+        waiting[waiting_len - 1] = byte;
+    else
+        waiting[waiting_len++] = byte;
+    hand_over();
+}
+
+static avr_cycle_count_t room(struct avr_t *chip, avr_cycle_count_t when, void *param) {
+    (void)when;
+    (void)param;
+    if (avr_regbit_get(chip, uart->txen))
+        avr_raise_interrupt(chip, &uart->udrc);
+    return 0;
+}
+
+static void on_sent(struct avr_irq_t *irq, uint32_t value, void *param) {
+    (void)irq;
+    (void)param;
+    uart->cycles_per_byte = CYCLES_PER_BYTE;
+    avr_cycle_count_t start = free_at > avr->cycle ? free_at : avr->cycle;
+    free_at = start + CYCLES_PER_BYTE;
+    avr_cycle_timer_register(avr, start - avr->cycle + 2, room, NULL);
+    if (sent_len < SENT_MAX) {
+        sent[sent_len].cycle = start;
+        sent[sent_len++].byte = (uint8_t)value;
+    }
+}
+
+static int is_alive(void) { return avr->state != cpu_Crashed && avr->state != cpu_Done; }
+
+static void run_to(avr_cycle_count_t cycle) {
+    while (avr->cycle < cycle && is_alive())
+        avr_run(avr);
+}
+
+static void quiet(avr_t *chip, const int level, const char *format, va_list arguments) {
+    (void)chip;
+    (void)level;
+    (void)format;
+    (void)arguments;
+}
+
+/* The chip wakes at once: its time is that of the cycles. */
+static void no_sleep(avr_t *chip, avr_cycle_count_t how_long) {
+    (void)chip;
+    (void)how_long;
+}
+
+static void start(const char *path) {
+    static elf_firmware_t firmware;
+    avr_global_logger_set(quiet);
+    if (elf_read_firmware(path, &firmware) != 0) {
+        fprintf(stderr, "chip: %s is no ELF file\n", path);
+        exit(2);
+    }
+    avr = avr_make_mcu_by_name("atmega2560");
+    avr_init(avr);
+    avr->frequency = 16000000;
+    avr->sleep = no_sleep;
+    avr_load_firmware(avr, &firmware);
+    avr->vcc = avr->avcc = avr->aref = 5000;
+    for (avr_io_t *io = avr->io_port; io; io = io->next) {
+        uint32_t no_flags = 0;
+        if (strcmp(io->kind, "uart") == 0) {
+            char name = ((avr_uart_t *)io)->name;
+            avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS(name), &no_flags);
+            if (name == '1')
+                uart = (avr_uart_t *)io;
+        }
+    }
+    avr_irq_register_notify(uart->io.irq + UART_IRQ_OUTPUT, on_sent, NULL);
+    avr_irq_register_notify(uart->io.irq + UART_IRQ_OUT_XON, on_room, NULL);
+    /* A reading is the voltage's share of the reference, rounded down: half a step more is safe. */
+    for (size_t i = 0; i < sizeof INPUTS / sizeof *INPUTS; i++) {
+        uint32_t millivolts = (INPUTS[i].reading * 2 + 1) * 5000 / 2048;
+        avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, (int)INPUTS[i].channel), millivolts);
+    }
+}
+
+/* Plays the rest of a line; prints what the chip sent. */
+static void play(char *at) {
+    avr_cycle_count_t end = strtoull(at, &at, 10);
+    sent_len = 0;
+    for (;;) {
+        char *behind;
+        avr_cycle_count_t cycle = strtoull(at, &behind, 10);
+        if (behind == at)
+            break;
+        uint8_t byte = (uint8_t)strtoul(behind, &at, 10);
+        run_to(cycle);
+        if (is_alive())
+            receive(byte);
+    }
+    run_to(end);
+    for (size_t i = 0; i < sent_len; i++)
+        printf("%llu %u ", (unsigned long long)sent[i].cycle, sent[i].byte);
+    puts(is_alive() ? "" : "!");
+    fflush(stdout);
+}
+
+int main(int argc, char **argv) {
+    if (argc != 2) {
+        fprintf(stderr, "usage: chip FIRMWARE.elf\n");
+        return 2;
+    }
+    start(argv[1]);
+    static char line[BYTES_MAX * 16];
+    while (fgets(line, sizeof line, stdin)) {
+        char *rest;
+        run_to(strtoull(line, &rest, 10));
+        pid_t child = fork();
+        if (child == 0) {
+            play(rest);
+            _exit(0);
+        }
+        int status;
+        if (child < 0 || waitpid(child, &status, 0) != child || status != 0) {
+            fprintf(stderr, "chip: a sequence could not be played\n");
+            return 1;
+        }
+    }
+    return 0;
+}
