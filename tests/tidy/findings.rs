@@ -127,6 +127,76 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
         "p5_a_coded_row_may_end_in_a_lone_count_of_0", "p5_a_second_size_keeps_the_map",
     ])),
     ("P6", "docs of functions without their errors, figures without unit", Left("Docs of items")),
+    ("F1", "memory of the AVR base behind its map was wrong", Tests(&[
+        "f1_the_memory_behind_the_map_is_that_of_the_chip",
+        "f1_a_read_over_the_end_of_the_sensors_is_the_chips",
+        "random_sequences_are_answered_as_by_the_chip",
+    ])),
+    ("F2", "a write over 53 or 59 was answered wrongly", Tests(&[
+        "f2_a_write_that_covers_59_is_acknowledged_with_that_byte",
+        "f2_a_write_over_53_does_not_redirect_its_remaining_bytes",
+        "f2_a_pointer_that_is_overwritten_stays",
+    ])),
+    ("F3", "a write over the motors' state had no effect", Tests(&[
+        "f3_a_write_over_the_motors_state_changes_it",
+    ])),
+    ("F4", "the map of the 2014 build lay where that of 2015 lies", Tests(&[
+        "f4_the_map_of_2014_begins_one_byte_higher",
+    ])),
+    ("F5", "requests back to back had 1.2 answers over phases, the chip has 2.9", Left(
+        "AVR base, requests back to back",
+    )),
+    ("F6", "public tools did not wait for the radio's answer", Tests(&[
+        "f6_the_waits_of_six_public_tools_are_long_enough", "f6_the_silence_can_be_set",
+    ])),
+    ("F7", "the client at the right rate was blamed", Tests(&[
+        "f7_the_line_that_the_module_tells_is_the_one_it_uses",
+    ])),
+    ("F8", "statistics told the emulated XV-11 from a real one", Tests(&[
+        "f8_a_classifier_hardly_tells_real_windows_from_emulated_ones",
+        "f8_the_speed_wanders_over_teeth_as_captured",
+        "f8_reflectivity_varies_smoothly_along_a_wall",
+    ])),
+    ("F9", "figures of the room were judged, 2.1 had the noise of 2.4", Tests(&[
+        "f9_figures_of_the_room_are_not_judged_against_another_room", "f9_the_noise_of_2_1_is_its_own",
+    ])),
+    ("F10", "a scan request right behind a stop was thrown away", Tests(&[
+        "f10_a_scan_right_behind_a_stop_is_answered",
+        "f10_requests_back_to_back_are_answered_in_their_order",
+    ])),
+    ("F11", "firmware 1.29 of the RPLIDAR had not the modes of real units", Tests(&[
+        "f11_firmware_1_29_tells_its_five_modes_and_streams_each",
+        "f11_scans_of_the_kind_84_show_the_same_room",
+    ])),
+    ("F12", "the start text was another, and missing at power-up", Tests(&[
+        "f12_a_reset_and_power_up_print_the_start_text",
+    ])),
+    ("F13", "the RPLIDAR had no invalid readings", Tests(&[
+        "f13_edges_and_spots_give_no_measurement", "f13_the_quality_says_valid_or_not",
+    ])),
+    ("F14", "the odometer went on without its sensor, and had no bootloader", Tests(&[
+        "f14_a_sensor_that_is_lost_silences_the_board",
+        "f14_a_board_without_sensor_says_so_until_it_has_one",
+        "f14_the_later_sketch_prints_as_on_the_chip", "opening_the_port_begins_anew",
+    ])),
+    ("F15", "a board without its encoder said 0 for ever", Tests(&[
+        "f15_a_board_without_its_encoder_is_refused",
+    ])),
+    ("F16", "walls in a world without a robot were taken in silence", Tests(&[
+        "a_world_and_what_measures_it_are_told_where_there_is_no_robot",
+    ])),
+    ("F17", "chips on I2C could not be used from outside and forgot registers", Tests(&[
+        "f17_frames_keep_messages_apart", "f17_registers_keep_what_is_written",
+        "f17_a_sample_is_ready_at_the_sample_rate", "f17_the_fifo_holds_samples_until_they_are_read",
+        "f17_an_odd_address_is_none", "f17_ann_mode_tells_the_slice_of_the_echo",
+        "f17_nobody_answers_a_general_call_and_a_busy_bus_reads_ff",
+    ])),
+    ("F18", "the phone's packets were not checked to their end", Tests(&[
+        "f18_bytes_behind_a_packet_of_the_phone_make_it_bad",
+    ])),
+    ("F18, the rest", "address patterns, kill and fader, details of yellow", Left(
+        "Phone of the car and radio of yellow",
+    )),
     ("T1", "conversions of time, parity, and the limit of two rates", Tests(&[
         "conversions_agree_with_arithmetic_by_hand", "every_bit_of_a_character_is_counted",
         "lines_agree_up_to_one_per_cent", "lines_of_another_coding_never_agree",

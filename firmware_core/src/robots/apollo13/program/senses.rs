@@ -337,8 +337,9 @@ impl Apollo13 {
 
     pub(super) fn hear_phone(&mut self, packet: &[u8]) {
         match rosc::decoder::decode_udp(packet) {
-            Ok((_, packet)) => self.take_packet(packet, 0),
-            Err(_) => self.counters.bad_packets += 1,
+            Ok(([], packet)) => self.take_packet(packet, 0),
+            // Also bytes behind a packet: a datagram holds one.
+            _ => self.counters.bad_packets += 1,
         }
     }
 

@@ -336,3 +336,15 @@ fn a_terminal_driver_may_change_what_the_board_says() {
     };
     assert_eq!([false, true].map(front), [Some(0.13), Some(0.10)]);
 }
+
+/// A datagram holds one packet. `/ping` without arguments is 12 bytes: the address with its NUL and
+/// padding, and the type tag.
+#[test]
+fn f18_bytes_behind_a_packet_of_the_phone_make_it_bad() {
+    let mut car = car();
+    let ping = b"/ping\0\0\0,\0\0\0";
+    car.hear_phone(ping);
+    assert_eq!([car.counters.packets, car.counters.bad_packets], [1, 0]);
+    car.hear_phone(&[&ping[..], b"\0\0\0\0"].concat());
+    assert_eq!([car.counters.packets, car.counters.bad_packets], [1, 1]);
+}
