@@ -13,7 +13,8 @@
 #
 # What neither runs, because it takes longer or needs a cluster: tests/mutants.sh,
 # tests/browser/run.sh, tests/slurm/run.sh, tests/kubernetes/run.sh, tests/ci/run.sh,
-# tests/exec/many.sh, tests/exec/generated.sh, tests/fuzz_programs/run.sh, tests/large/prove.sh.
+# tests/exec/many.sh, tests/exec/generated.sh, tests/fuzz_programs/run.sh, tests/large/prove.sh; and
+# what needs sources from GitHub: tests/avr_base/run.sh, tests/lidar_clients/vendor.sh.
 #
 # Needs Debian 12 and Rust 1.95 by rustup; installs what else is missing.
 set -euo pipefail
@@ -248,6 +249,10 @@ fi
 if proof protocols emulators crates tests/osc_clients; then
     step "the model car, driven by what pip and Debian give"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/osc_clients/run.sh
+fi
+if proof protocols emulators crates tests/i2c_clients; then
+    step "chips on I2C, read by the calls of smbus2"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/i2c_clients/run.sh
 fi
 if proof emulators protocols tests/simavr; then
     step "chips on the bus of a simulated microcontroller"
