@@ -17,28 +17,37 @@ pub use engine::Polynomial;
 pub struct Algorithm {
     engine: Arc<Engine>,
     name: Arc<str>,
+    /// Bits of the result that are sent.
+    kept: u128,
+    /// Number that is added to them.
+    plus: u64,
 }
 
-/// A sum: its names, and the constructor of its engine with the width of the result in bytes.
+/// A sum: its names, and the constructor of its engine with the width of the result in bits.
 type Sum = (&'static [&'static str], fn() -> (Engine, u8));
 
-/// Sums, with their aliases.
-const SUMS: [Sum; 15] = [
-    (&["SUM", "SUM8"], || (Engine::Sum, 1)),
-    (&["SUM16"], || (Engine::Sum, 2)),
-    (&["SUM24"], || (Engine::Sum, 3)),
-    (&["SUM32"], || (Engine::Sum, 4)),
-    (&["TWOS_COMPLEMENT", "LRC"], || (Engine::TwosComplement, 1)),
-    (&["TWOS_COMPLEMENT16"], || (Engine::TwosComplement, 2)),
-    (&["ONES_COMPLEMENT"], || (Engine::OnesComplement, 1)),
-    (&["ONES_COMPLEMENT16"], || (Engine::OnesComplement, 2)),
-    (&["XOR", "XOR8", "BCC", "NMEA"], || (Engine::Xor8, 1)),
-    (&["XOR16"], || (Engine::Xor16, 2)),
-    (&["FLETCHER8", "UBX"], || (Engine::Fletcher(256), 2)),
-    (&["FLETCHER16"], || (Engine::Fletcher(255), 2)),
-    (&["FLETCHER32"], || (Engine::Fletcher32, 4)),
-    (&["ADLER32"], || (Engine::Adler32, 4)),
-    (&["INTERNET"], || (Engine::Internet, 2)),
+/// Sums, with their aliases. Sums of 7 bits are those of protocols whose bytes are below 128.
+const SUMS: [Sum; 20] = [
+    (&["SUM", "SUM8"], || (Engine::Sum, 8)),
+    (&["SUM7"], || (Engine::Sum, 7)),
+    (&["SUM15"], || (Engine::Sum, 15)),
+    (&["SUM16"], || (Engine::Sum, 16)),
+    (&["SUM24"], || (Engine::Sum, 24)),
+    (&["SUM32"], || (Engine::Sum, 32)),
+    (&["TWOS_COMPLEMENT", "LRC"], || (Engine::TwosComplement, 8)),
+    (&["TWOS_COMPLEMENT7"], || (Engine::TwosComplement, 7)),
+    (&["TWOS_COMPLEMENT16"], || (Engine::TwosComplement, 16)),
+    (&["ONES_COMPLEMENT"], || (Engine::OnesComplement, 8)),
+    (&["ONES_COMPLEMENT7"], || (Engine::OnesComplement, 7)),
+    (&["ONES_COMPLEMENT16"], || (Engine::OnesComplement, 16)),
+    (&["XOR", "XOR8", "BCC", "NMEA"], || (Engine::Xor8, 8)),
+    (&["XOR7"], || (Engine::Xor8, 7)),
+    (&["XOR16"], || (Engine::Xor16, 16)),
+    (&["FLETCHER8", "UBX"], || (Engine::Fletcher(256), 16)),
+    (&["FLETCHER16"], || (Engine::Fletcher(255), 16)),
+    (&["FLETCHER32"], || (Engine::Fletcher32, 32)),
+    (&["ADLER32"], || (Engine::Adler32, 32)),
+    (&["INTERNET"], || (Engine::Internet, 16)),
 ];
 
 /// Aliases of algorithms in the catalogue.
@@ -88,8 +97,13 @@ impl Algorithm {
             return Ok((Self::new(Engine::Xv11, "xv11"), 2));
         }
         if let Some((_, make)) = SUMS.iter().find(|(names, _)| names.contains(&wanted)) {
-            let (engine, bytes) = make();
-            return Ok((Self::new(engine, &pretty(wanted)), bytes));
+            let (engine, bits) = make();
+            let sum = Self::new(engine, &pretty(wanted));
+            let sum = match bits % 8 {
+                0 => sum,
+                _ => sum.of_low_bits(bits),
+            };
+            return Ok((sum, bits.div_ceil(8)));
         }
         if let Some(engine) = catalogue::find(wanted) {
             let bytes = engine.bits().div_ceil(8);
@@ -126,10 +140,43 @@ impl Algorithm {
         Ok((Self::new(Engine::of(polynomial), &name), bytes))
     }
 
+    /// The same algorithm; only the low `bits` bits of its result are sent.
+    #[must_use]
+    pub fn of_low_bits(self, bits: u8) -> Self {
+        let kept = u128::MAX >> (128 - u32::from(bits.clamp(1, 128)));
+        Self { kept, ..self }
+    }
+
+    /// The same algorithm with a number that is added to its result.
+    #[must_use]
+    pub fn plus(self, plus: u64) -> Self {
+        Self { plus, ..self }
+    }
+
     /// The checksum of `bytes`, cut to its low `width` bytes.
     pub fn compute(&self, bytes: &[u8], width: u8) -> u128 {
-        let kept = u128::MAX >> (128 - 8 * u32::from(width.clamp(1, 16)));
-        self.engine.compute(bytes) & kept
+        let sent = u128::MAX >> (128 - 8 * u32::from(width.clamp(1, 16)));
+        let result = self.engine.compute(bytes) & self.kept;
+        result.wrapping_add(self.plus.into()) & sent
+    }
+
+    /// Whether results have at most 64 bits.
+    pub(crate) fn is_short(&self) -> bool {
+        self.engine.is_short()
+    }
+
+    /// The low 64 bits of the checksum of `bytes`, not cut to a width.
+    #[inline]
+    pub(crate) fn short(&self, bytes: &[u8]) -> u64 {
+        #[expect(clippy::cast_possible_truncation, reason = "the low 64 bits are meant")]
+        let kept = self.kept as u64;
+        (self.engine.short(bytes) & kept).wrapping_add(self.plus)
+    }
+
+    /// The number of bits that are sent if these are not all, and the number that is added.
+    pub(crate) fn part(&self) -> Option<(u32, u64)> {
+        let is_whole = self.kept == u128::MAX && self.plus == 0;
+        (!is_whole).then(|| (self.kept.count_ones(), self.plus))
     }
 
     /// The name in the catalogue, or a description of a user-defined algorithm.
@@ -141,6 +188,8 @@ impl Algorithm {
         Self {
             engine: Arc::new(engine),
             name: name.into(),
+            kept: u128::MAX,
+            plus: 0,
         }
     }
 
@@ -250,6 +299,28 @@ mod tests {
         assert_eq!(of("adler32", b"Wikipedia"), 0x11e6_0398);
         let words = [0x00, 0x01, 0xf2, 0x03, 0xf4, 0xf5, 0xf6, 0xf7];
         assert_eq!(of("internet", &words), 0x220d);
+    }
+
+    /// 0x7F + 0x02 = 0x81, of which 7 bits are 1; 128 - 1 = 127; 127 - 1 = 126; 0x81 ^ 0x02 = 0x83.
+    /// For a Roland MT-32 a note of 1988 gives the checksum 11 of these bytes. `IINST 002 Y` is a
+    /// line of a French meter (forum.arduino.cc, topic 289581): 6 bits of the sum, plus 0x20.
+    #[test]
+    fn some_bits_of_a_sum_are_sent() {
+        let bytes = [0x7F, 0x02];
+        assert_eq!(of("sum7", &bytes), 1);
+        assert_eq!(of("twos-complement7", &bytes), 127);
+        assert_eq!(of("twos-complement7", &[0x40, 0x40]), 0);
+        assert_eq!(of("ones-complement7", &bytes), 126);
+        assert_eq!(of("xor7", &[0x81, 0x02]), 3);
+        assert_eq!(of("sum15", &[0xFF; 129]), 0x7F);
+        let mt32 = [0x03, 0x02, 0x00, 0x7F, 0x64, 0x07, 0x01, 0x7F];
+        assert_eq!(of("twos-complement7", &mt32), 0x11);
+        let (sum, width) = Algorithm::named("sum8").expect("known");
+        let tic = sum.of_low_bits(6).plus(0x20);
+        assert_eq!(
+            (tic.compute(b"IINST 002", width), width),
+            (u128::from(b'Y'), 1)
+        );
     }
 
     #[test]

@@ -32,6 +32,14 @@ macro_rules! crc {
 impl Algorithm {
     /// The function in Lua.
     pub(crate) fn lua(&self) -> String {
+        match self.part() {
+            None => self.whole_lua(),
+            Some((bits, plus)) => format!("D.part({}, {bits}, {plus})", self.whole_lua()),
+        }
+    }
+
+    /// The function without the limit of its bits.
+    fn whole_lua(&self) -> String {
         let name = match &*self.engine {
             Engine::U8(of) => return crc!(of),
             Engine::U16(of) => return crc!(of),

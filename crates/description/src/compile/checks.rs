@@ -101,6 +101,7 @@ impl Compiler<'_> {
                 format!("is {width}, expected 1 to {bytes}"),
             );
         }
+        let algorithm = self.sent_part(key, spec, algorithm, width.clamp(1, 16));
         // Modbus sends its CRC low byte first; this fixed order is part of the algorithm's name.
         let named = |name: &str| {
             spec.algorithm
@@ -132,5 +133,27 @@ impl Compiler<'_> {
             to: spec.to.map(i64::from),
             at: spec.at.unwrap_or(-1).into(),
         })
+    }
+    /// The algorithm with the bits of its result that are sent.
+    fn sent_part(
+        &mut self,
+        key: &str,
+        spec: &ChecksumSpec,
+        algorithm: Algorithm,
+        width: u8,
+    ) -> Algorithm {
+        let algorithm = match spec.bits {
+            None => algorithm,
+            Some(bits) if (1..=8 * width).contains(&bits) => algorithm.of_low_bits(bits),
+            Some(bits) => {
+                let message = format!("is {bits}, expected 1 to {}", 8 * width);
+                self.wrong(format!("{key}.bits"), message);
+                algorithm
+            }
+        };
+        match spec.plus {
+            None => algorithm,
+            Some(plus) => algorithm.plus(plus.into()),
+        }
     }
 }

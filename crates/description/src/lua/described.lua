@@ -422,6 +422,20 @@ local function each_byte(s)
   end
 end
 
+-- The low bits of a checksum, and a number that is added to them.
+function D.part(sum, bits, plus)
+  return function(s, count)
+    local out, carry, all = {}, plus, sum(s, count)
+    for i = count, 1, -1 do
+      local kept = math.min(math.max(bits - 8 * (count - i), 0), 8)
+      carry = carry + all:byte(i) % 2 ^ kept
+      out[i] = string.char(math.floor(carry % 256))
+      carry = math.floor(carry / 256)
+    end
+    return table.concat(out)
+  end
+end
+
 D.sum = {
   add = function(s, count) return wide(byte_sum(s), count) end,
   twos = function(s, count)

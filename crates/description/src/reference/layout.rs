@@ -138,8 +138,22 @@ fn checksum(check: &Check) -> String {
         [] => String::new(),
         before => format!("the bytes {}, then ", hex(before)),
     };
+    let part = match check.algorithm.part() {
+        None => String::new(),
+        Some((bits, plus)) => {
+            let bits = match bits {
+                128 => String::new(),
+                bits => format!(", its low {bits} bits"),
+            };
+            let plus = match plus {
+                0 => String::new(),
+                plus => format!(", plus {plus}"),
+            };
+            bits + &plus
+        }
+    };
     format!(
-        "Checksum: {}{order}{digits}, over {before}the bytes from {} up to {to}{extra}.",
+        "Checksum: {}{part}{order}{digits}, over {before}the bytes from {} up to {to}{extra}.",
         check.algorithm.name(),
         place(check.from)
     )

@@ -211,6 +211,13 @@ pub struct ChecksumSpec {
     /// Number of bytes that are sent, if fewer than the result has.
     #[serde(default)]
     pub bytes: Option<u8>,
+    /// Number of low bits of the result that are sent, e.g. 7 if bytes are below 128; all bits if
+    /// not given.
+    #[serde(default)]
+    pub bits: Option<u8>,
+    /// Number that is added to the result, e.g. 32 if the checksum is a printable character.
+    #[serde(default)]
+    pub plus: Option<u32>,
     /// Byte order of the checksum.
     #[serde(default)]
     pub endian: Option<Endian>,
