@@ -228,3 +228,39 @@ fn nothing_is_claimed_of_random_bytes_and_of_prose() {
         .filter(|claim| claim.confidence == Confidence::Sure);
     assert_eq!(sure.count(), 0, "{learned:?}");
 }
+
+/// A device with each sum of 7 bits: the draft names the sum, and the values of a byte with few.
+#[test]
+fn a_sum_of_seven_bits_and_a_choice_are_learned() {
+    for sum in ["sum7", "twos-complement7", "ones-complement7", "xor7"] {
+        let of = parse(&format!(
+            r#"
+name = "seven"
+about = "Device with a checksum of 7 bits"
+endian = "big"
+line = {{ baud = 9600 }}
+frame = {{ sync = [0xA5], size = 9, checksum = "{sum}" }}
+state = {{ load = {{ source = {{ noise = {{ mean = 30000, deviation = 9000 }} }} }} }}
+enums = {{ modes = {{ 0 = "off", 1 = "on", 7 = "hold" }} }}
+message = [
+  {{ name = "ask", from = "host", fields = [
+    {{ type = "u8", value = 1 }}, {{ name = "mode", type = "u8", enum = "modes" }},
+    {{ name = "tag", type = "u32" }}, {{ type = "pad", size = 1 }},
+  ] }},
+  {{ name = "told", from = "device", fields = [
+    {{ type = "u8", value = 2 }}, {{ name = "mode", type = "u8", enum = "modes" }},
+    {{ name = "load", type = "u16" }}, {{ name = "tag", type = "u24" }},
+  ] }},
+]
+on = [{{ message = "ask", reply = "told" }}]
+"#
+        ));
+        let draft = conversation(&of).learned().draft.expect("frames");
+        assert_eq!(is_right(&of, &draft), (true, true), "{sum}: {draft}");
+        assert!(draft.contains(&format!("\"{sum}\"")), "{sum}: {draft}");
+        assert!(
+            draft.contains("about = \"seen: 00 01 07\""),
+            "{sum}: {draft}"
+        );
+    }
+}

@@ -345,7 +345,7 @@ impl Checksum {
     /// Whether the position is unambiguous. If an exclusive or covers the whole frame, each byte is
     /// the exclusive or of the others; the byte that changes most is then the likeliest.
     fn has_certain_place(&self, bodies: &[&[u8]]) -> bool {
-        if self.sum.name != "exclusive or" {
+        if !self.sum.name.starts_with("exclusive or") {
             return true;
         }
         let Place::End { tail, .. } = self.place else {

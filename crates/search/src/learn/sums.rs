@@ -24,7 +24,9 @@ enum How {
     Xor,
     Add,
     Subtract,
+    Xor7,
     Add7,
+    Subtract7,
     Fletcher(u32),
     Adler,
 }
@@ -47,21 +49,26 @@ impl Sum {
 
     /// Whether zero bytes do not change the sum.
     pub(crate) const fn skips_zeros(&self) -> bool {
-        matches!(self.how, How::Xor | How::Add | How::Subtract | How::Add7)
+        self.is_of_7_bits() || matches!(self.how, How::Xor | How::Add | How::Subtract)
+    }
+
+    /// Whether the highest bit of the value is 0.
+    const fn is_of_7_bits(&self) -> bool {
+        matches!(self.how, How::Xor7 | How::Add7 | How::Subtract7)
     }
 
     /// Evidence of one matching value, bits.
     pub(crate) const fn bits(&self) -> usize {
-        match self.how {
-            How::Add7 => 7,
-            _ => 8 * self.bytes,
+        match self.is_of_7_bits() {
+            true => 7,
+            false => 8 * self.bytes,
         }
     }
 
     /// The checksum over the concatenation of `parts`.
     pub(crate) fn of<'a>(&self, parts: impl IntoIterator<Item = &'a [u8]>) -> u64 {
         let mut parts = parts.into_iter();
-        let mask = u64::MAX >> (64 - 8 * self.bytes);
+        let mask = self.mask();
         let each = |fold: fn(u64, u8) -> u64, parts: &mut dyn Iterator<Item = &'a [u8]>| {
             parts.flatten().fold(0, |sum, byte| fold(sum, *byte)) & mask
         };
@@ -81,10 +88,11 @@ impl Sum {
                 parts.for_each(|part| digest.update(part));
                 digest.finalize().into()
             }
-            How::Xor => each(|sum, byte| sum ^ u64::from(byte), &mut parts),
-            How::Add => each(|sum, byte| sum.wrapping_add(byte.into()), &mut parts),
-            How::Subtract => each(|sum, byte| sum.wrapping_sub(byte.into()), &mut parts),
-            How::Add7 => each(|sum, byte| (sum + u64::from(byte)) & 0x7F, &mut parts),
+            How::Xor | How::Xor7 => each(|sum, byte| sum ^ u64::from(byte), &mut parts),
+            How::Add | How::Add7 => each(|sum, byte| sum.wrapping_add(byte.into()), &mut parts),
+            How::Subtract | How::Subtract7 => {
+                each(|sum, byte| sum.wrapping_sub(byte.into()), &mut parts)
+            }
             How::Fletcher(modulus) => {
                 let (first, second) = parts.flatten().fold((0, 0), |(first, second), byte| {
                     let first = (first + u32::from(*byte)) % modulus;
@@ -102,23 +110,24 @@ impl Sum {
         }
     }
 
+    /// The bits of a value.
+    const fn mask(&self) -> u64 {
+        u64::MAX >> (64 - self.bits())
+    }
+
     /// `value` combined with the constant `free`.
     pub(crate) const fn with(&self, value: u64, free: u64) -> u64 {
-        let mask = u64::MAX >> (64 - 8 * self.bytes);
         match self.how {
-            How::Xor => value ^ free,
-            How::Add7 => (value + free) & 0x7F,
-            _ => value.wrapping_add(free) & mask,
+            How::Xor | How::Xor7 => value ^ free,
+            _ => value.wrapping_add(free) & self.mask(),
         }
     }
 
     /// The constant that turns `value` into `wanted`.
     pub(crate) const fn free(&self, value: u64, wanted: u64) -> u64 {
-        let mask = u64::MAX >> (64 - 8 * self.bytes);
         match self.how {
-            How::Xor => value ^ wanted,
-            How::Add7 => wanted.wrapping_sub(value) & 0x7F,
-            _ => wanted.wrapping_sub(value) & mask,
+            How::Xor | How::Xor7 => (value ^ wanted) & self.mask(),
+            _ => wanted.wrapping_sub(value) & self.mask(),
         }
     }
 
@@ -148,7 +157,9 @@ pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
         Sum::new("exclusive or", 1, true, How::Xor),
         Sum::new("sum of bytes", 1, true, How::Add),
         Sum::new("negative sum of bytes", 1, true, How::Subtract),
+        Sum::new("exclusive or, 7 bits", 1, true, How::Xor7),
         Sum::new("sum of bytes, 7 bits", 1, true, How::Add7),
+        Sum::new("negative sum of bytes, 7 bits", 1, true, How::Subtract7),
         Sum::new("sum of bytes, 16 bits", 2, true, How::Add),
         Sum::new("negative sum of bytes, 16 bits", 2, true, How::Subtract),
         Sum::new("Fletcher, modulus 256", 2, false, How::Fletcher(256)),
@@ -186,8 +197,12 @@ pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
 });
 
 /// Sums with a name in descriptions: the name here, the constant, and the name there.
-pub(crate) const DESCRIBED: [(&str, u64, &str); 12] = [
+pub(crate) const DESCRIBED: [(&str, u64, &str); 16] = [
     ("exclusive or", 0, "xor"),
+    ("exclusive or, 7 bits", 0, "xor7"),
+    ("sum of bytes, 7 bits", 0, "sum7"),
+    ("negative sum of bytes, 7 bits", 0, "twos-complement7"),
+    ("negative sum of bytes, 7 bits", 0x7F, "ones-complement7"),
     ("sum of bytes", 0, "sum8"),
     ("negative sum of bytes", 0, "lrc"),
     ("negative sum of bytes", 0xFF, "ones-complement"),

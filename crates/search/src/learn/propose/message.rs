@@ -239,9 +239,24 @@ fn fields(bodies: &[Vec<u8>]) -> String {
             at += size;
             continue;
         }
-        let same = |other: usize| is_constant(other) == is_constant(at);
+        if let Some(seen) = few(column(at)) {
+            let seen: Vec<_> = seen.iter().map(|byte| format!("{byte:02X}")).collect();
+            writeln!(
+                out,
+                "  {{ name = \"choice_{at}\", type = \"u8\", about = \"seen: {}\" }},",
+                seen.join(" ")
+            )
+            .expect(TAKES_ALL);
+            at += 1;
+            continue;
+        }
+        let is_alike = |other: usize| {
+            is_constant(other) == is_constant(at)
+                && counter(bodies, other).is_none()
+                && few(column(other)).is_none()
+        };
         let mut end = at + 1;
-        while end < len && same(end) && counter(bodies, end).is_none() {
+        while end < len && is_alike(end) {
             end += 1;
         }
         let about = match is_constant(at) && is_enough {
@@ -264,6 +279,22 @@ fn fields(bodies: &[Vec<u8>]) -> String {
         out += "  { name = \"data\", type = \"bytes\", size = \"rest\" },\n";
     }
     out
+}
+
+/// Maximum number of values of a byte that is a choice.
+const CHOICES_MAX: usize = 4;
+/// Minimum number of bodies for each value of a choice.
+const BODIES_PER_CHOICE: usize = 8;
+
+/// The values of a byte that takes few different ones, each of them repeatedly.
+fn few(column: impl Iterator<Item = u8>) -> Option<Vec<u8>> {
+    let mut counts: BTreeMap<u8, usize> = BTreeMap::new();
+    column.for_each(|byte| *counts.entry(byte).or_default() += 1);
+    let all: usize = counts.values().sum();
+    let is_choice = (2..=CHOICES_MAX).contains(&counts.len())
+        && all >= BODIES_PER_CHOICE * counts.len()
+        && counts.values().all(|count| *count > 1);
+    is_choice.then(|| counts.into_keys().collect())
 }
 
 /// The type of a counter at `at`, if the numbers there rise by one from body to body.
