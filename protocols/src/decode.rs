@@ -190,6 +190,15 @@ impl<F: Format, const N: usize> Decoder<F, N> {
         &mut self.format
     }
 
+    /// The frame that consists of all `bytes`, if no bytes are pending. Feeding the bytes, in any
+    /// pieces, would give this frame with the last of them, and nothing else. With `None` nothing
+    /// has changed.
+    pub fn whole(&self, bytes: &[u8]) -> Option<F::Frame> {
+        let is_free = self.start == self.end && !bytes.is_empty() && bytes.len() <= N;
+        let is_whole = is_free && self.format.judge(bytes) == Candidate::Complete(bytes.len());
+        is_whole.then(|| self.format.frame(bytes))
+    }
+
     /// Judges the pending bytes. `Some` if there is a result; skipped noise alone is none.
     fn settle(&mut self) -> Option<Result<F::Frame, FrameError>> {
         while self.start < self.end {

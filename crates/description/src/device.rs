@@ -3,6 +3,7 @@
 mod act;
 mod faults;
 mod hear;
+mod scope;
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -55,6 +56,8 @@ pub struct Described {
     is_silence_framed: bool,
     /// Bytes received since the last poll, with the time at which the last byte ended.
     inbox: VecDeque<(Instant, Vec<u8>)>,
+    /// Memory of bytes that have been processed, for the next ones.
+    spare: Vec<u8>,
     /// When the silence is long enough to end a frame.
     quiet_at: Option<Instant>,
     /// Bytes of a frame that a silence will end.
@@ -91,6 +94,7 @@ impl Described {
                 || description.ends_with_silence(),
             state,
             inbox: VecDeque::new(),
+            spare: Vec::new(),
             quiet_at: None,
             silent: Vec::new(),
             watchdog_at: None,
@@ -214,6 +218,18 @@ impl Described {
         }
     }
 
+    /// Whether a poll at `now` changes nothing but the transmitter.
+    fn is_at_rest(&self, now: Instant) -> bool {
+        let is_due = |at: Option<Instant>| at.is_some_and(|at| at <= now);
+        self.inbox.is_empty()
+            && self.events.is_empty()
+            && !self.faults.is_changed()
+            && !is_due(self.boot_until)
+            && !is_due(self.quiet_at)
+            && !is_due(self.watchdog_at)
+            && self.timers.iter().all(|timer| timer.at > now)
+    }
+
     fn is_modbus(&self) -> bool {
         self.description.protocol.is_some()
     }
@@ -222,7 +238,10 @@ impl Described {
 impl Device for Described {
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
         if port == Self::UART && !self.faults.is_off() {
-            self.inbox.push_back((now, bytes.to_vec()));
+            let mut own = core::mem::take(&mut self.spare);
+            own.clear();
+            own.extend_from_slice(bytes);
+            self.inbox.push_back((now, own));
             if self.description.echoes {
                 self.output.extend(bytes);
             }
@@ -254,24 +273,25 @@ impl Device for Described {
             self.output.clear();
             return;
         }
+        if self.is_at_rest(now) {
+            return self.send_due(now);
+        }
         if let Some(up) = self.boot_until.filter(|up| *up <= now) {
             self.boot_until = None;
             self.events.push_back((up, EventSpec::Start));
         }
         self.lay_faults(now, world);
+        let description = self.description.clone();
         let mut doer = Doer {
+            of: &description,
             device: self,
             world,
         };
         doer.hear(now);
         doer.run_timers(now);
         doer.run_events(now);
-        self.watch(now);
-        Doer {
-            device: self,
-            world,
-        }
-        .run_events(now);
+        doer.device.watch(now);
+        doer.run_events(now);
         self.send_due(now);
     }
 

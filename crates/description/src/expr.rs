@@ -19,6 +19,7 @@ mod lua;
 mod parse;
 
 use core::fmt;
+use std::borrow::Cow;
 
 use crate::value::{Record, Value};
 
@@ -54,6 +55,11 @@ pub trait Scope {
     /// The value called `name`.
     fn value(&self, name: &str) -> Option<Value>;
 
+    /// Like [`value`](Self::value), without a copy if the scope holds the value.
+    fn find(&self, name: &str) -> Option<Cow<'_, Value>> {
+        self.value(name).map(Cow::Owned)
+    }
+
     /// Bytes of the register table from `address` on, if there is a table.
     fn registers(&self, _address: i128, _count: i128) -> Option<Vec<u8>> {
         None
@@ -73,6 +79,10 @@ impl Scope for Nothing {
 impl Scope for Record {
     fn value(&self, name: &str) -> Option<Value> {
         self.get(name).cloned()
+    }
+
+    fn find(&self, name: &str) -> Option<Cow<'_, Value>> {
+        self.get(name).map(Cow::Borrowed)
     }
 }
 
@@ -206,7 +216,12 @@ impl Expr {
     /// # Errors
     /// If a name is unknown in `scope`, or a value does not fit an operator.
     pub fn eval(&self, scope: &dyn Scope) -> Result<Value, ExprError> {
-        self.root.eval(scope)
+        self.root.eval(scope).map(Cow::into_owned)
+    }
+
+    /// Like [`eval`](Self::eval), for an integer; `None` if there is none.
+    pub(crate) fn int(&self, scope: &dyn Scope) -> Option<i128> {
+        self.root.eval(scope).ok()?.as_int()
     }
 
     /// The name, if the expression is a single name.
@@ -240,7 +255,7 @@ impl Node {
             for (name, value) in [(first, second), (second, first)] {
                 let unknown = name.name().filter(|name| scope.value(name).is_none());
                 if let (Some(name), Ok(value)) = (unknown, value.eval(scope)) {
-                    found.push((name.to_owned(), value));
+                    found.push((name.to_owned(), value.into_owned()));
                 }
             }
         }

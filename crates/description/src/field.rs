@@ -5,7 +5,7 @@ mod encode;
 mod example;
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::expr::{Expr, Scope};
@@ -38,6 +38,10 @@ pub(crate) struct Field {
     pub(crate) about: String,
     /// The field whose size or count this field holds, if its value is not given.
     pub(crate) counts: Option<Arc<str>>,
+    /// Whether the message reads the value of this field, or has another field of this name.
+    pub(crate) is_read: bool,
+    /// Whether an earlier field counts this one and is its size: any length of a value then fits.
+    pub(crate) is_counted: bool,
 }
 
 /// The encoding of a field.
@@ -87,13 +91,21 @@ pub(crate) enum Size {
 pub(crate) const COUNT_MAX: usize = 4_096;
 
 impl Size {
+    /// The expression that computes it.
+    const fn expr(&self) -> Option<&Expr> {
+        match self {
+            Self::Computed(expr) => Some(expr),
+            Self::Fixed(_) | Self::Rest => None,
+        }
+    }
+
     /// Evaluates the number; `left` is the number of remaining bytes.
     fn of(&self, scope: &dyn Scope, left: usize) -> Option<usize> {
         match self {
             Self::Fixed(size) => Some(*size),
             Self::Rest => Some(left),
             Self::Computed(expr) => {
-                let size = usize::try_from(expr.eval(scope).ok()?.as_int()?).ok()?;
+                let size = usize::try_from(expr.int(scope)?).ok()?;
                 (size <= COUNT_MAX).then_some(size)
             }
         }
@@ -110,6 +122,13 @@ impl Scope for Nested<'_> {
     fn value(&self, name: &str) -> Option<Value> {
         let own = self.own.get(name).cloned();
         own.or_else(|| self.outer.value(name))
+    }
+
+    fn find(&self, name: &str) -> Option<Cow<'_, Value>> {
+        match self.own.get(name) {
+            Some(value) => Some(Cow::Borrowed(value)),
+            None => self.outer.find(name),
+        }
     }
 
     fn registers(&self, address: i128, count: i128) -> Option<Vec<u8>> {
@@ -206,6 +225,100 @@ impl Field {
         match self.unit.as_str() {
             "" => value.to_string(),
             unit => format!("{value} {unit}"),
+        }
+    }
+}
+
+/// Marks the fields whose size is their own length: `count`, then bytes with `size = "count"`.
+pub(crate) fn mark_counted(fields: &mut [Field]) {
+    for index in 0..fields.len() {
+        let (before, field) = (&fields[..index], &fields[index]);
+        let (Kind::Str(Size::Computed(size)) | Kind::Bytes(Size::Computed(size))) = &field.kind
+        else {
+            continue;
+        };
+        let is_counted = before.iter().any(|count| {
+            let is_free = count.constant.is_none() && count.calc.is_none();
+            let is_sure = count.condition.is_none() && count.repeat.is_none();
+            let is_size = Some(&*count.name) == size.single_name();
+            is_free && is_sure && is_size && count.counts.as_ref() == Some(&field.name)
+        });
+        fields[index].is_counted = is_counted && fields[index].repeat.is_none();
+    }
+}
+
+/// Marks the fields of a message whose value another field needs.
+pub(crate) fn mark_read(fields: &mut [Field]) {
+    let mut names = Named::default();
+    names.collect(fields);
+    let Named { all, read } = names;
+    let is_twice = |name: &str| all.iter().filter(|other| *other == name).count() > 1;
+    each(fields, &mut |field| {
+        field.is_read = read.contains(&*field.name) || is_twice(&field.name);
+    });
+}
+
+/// The names in the fields of a message.
+#[derive(Default)]
+struct Named {
+    all: Vec<String>,
+    read: BTreeSet<String>,
+}
+
+impl Named {
+    fn collect(&mut self, fields: &[Field]) {
+        for field in fields {
+            self.all.push(field.name.to_string());
+            self.read
+                .extend(field.counts.iter().map(ToString::to_string));
+            let on = match &field.kind {
+                Kind::Switch { on, .. } => Some(on),
+                _ => None,
+            };
+            let size = match &field.kind {
+                Kind::Bcd { size, .. }
+                | Kind::Decimal(size)
+                | Kind::Hex(size)
+                | Kind::Str(size)
+                | Kind::Bytes(size)
+                | Kind::Pad(size) => size.expr().filter(|_| !field.is_counted),
+                _ => None,
+            };
+            let repeat = field.repeat.as_ref().and_then(Size::expr);
+            let exprs = [
+                on,
+                size,
+                repeat,
+                field.condition.as_ref(),
+                field.calc.as_ref(),
+            ];
+            for name in exprs.into_iter().flatten().flat_map(Expr::names) {
+                let outer = name.split('.').next().unwrap_or(name);
+                self.read.insert(outer.to_owned());
+            }
+            match &field.kind {
+                Kind::Group(fields) => self.collect(fields),
+                Kind::Switch { cases, other, .. } => {
+                    cases.iter().for_each(|(_, fields)| self.collect(fields));
+                    other.iter().for_each(|fields| self.collect(fields));
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Calls `act` for each field, also for those in groups and in the cases of a switch.
+fn each(fields: &mut [Field], act: &mut dyn FnMut(&mut Field)) {
+    for field in fields {
+        act(field);
+        match &mut field.kind {
+            Kind::Group(fields) => each(fields, act),
+            Kind::Switch { cases, other, .. } => {
+                cases.iter_mut().for_each(|(_, fields)| each(fields, act));
+                other.iter_mut().for_each(|fields| each(fields, act));
+            }
+            _ => {}
         }
     }
 }

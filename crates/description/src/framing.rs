@@ -5,7 +5,9 @@
 
 mod bytes;
 mod cut;
+mod head;
 mod judge;
+mod plain;
 
 use core::time::Duration;
 use std::borrow::Cow;
@@ -18,8 +20,10 @@ use crate::schema::wire::Stuffing;
 
 pub use bytes::FrameBytes;
 pub(crate) use cut::{hex_bytes, hex_text};
+pub(crate) use head::HeadSize;
 pub use judge::{Cutter, Frame, Frames};
-pub(crate) use judge::{HeadSize, Unused, cutter};
+pub(crate) use judge::{Unused, cutter};
+pub(crate) use plain::Plain;
 
 /// Maximum number of bytes of a frame.
 pub(crate) const FRAME_MAX: usize = 2_000;
@@ -34,6 +38,8 @@ pub(crate) struct Framing {
     /// Whether the content is written as hexadecimal digits.
     pub(crate) is_hex: bool,
     pub(crate) checks: Vec<Check>,
+    /// The same checksums with computed places, if all of them are plain.
+    pub(crate) plain: Option<Box<[Plain]>>,
     /// Parts of the content that are not body, except the end: offset and length, in order.
     pub(crate) holes: Vec<(usize, usize)>,
     /// Number of bytes at the end of the content that are not body.
@@ -209,6 +215,25 @@ impl Check {
 }
 
 impl Framing {
+    /// A format with this rule for the end of its frames and these checksums; without sync bytes,
+    /// and with no other limit than the longest frame.
+    pub(crate) fn new(cut: Cut, checks: Vec<Check>) -> Self {
+        Self {
+            name: String::new(),
+            plain: Plain::all(&checks, &cut),
+            cut,
+            sync: Vec::new(),
+            is_hex: false,
+            checks,
+            holes: Vec::new(),
+            trailer: 0,
+            end: Vec::new(),
+            has_blank: false,
+            max: FRAME_MAX,
+            idle: Duration::ZERO,
+        }
+    }
+
     /// The body of a frame.
     pub(crate) fn body<'a>(&self, frame: &'a [u8]) -> Option<Cow<'a, [u8]>> {
         let content = self.content(frame).ok()?;
@@ -223,9 +248,7 @@ impl Framing {
             });
         }
         // Without holes behind the body, the bytes in front of it are skipped without a copy.
-        let mut holes = self.holes.iter();
-        let front = holes.try_fold(0, |end, (at, len)| (*at == end).then_some(end + len));
-        if let (Cow::Borrowed(content), Some(front)) = (&content, front) {
+        if let (Cow::Borrowed(content), Some(front)) = (&content, self.front()) {
             return content.get(front..len).map(Cow::Borrowed);
         }
         let mut body = Vec::with_capacity(len);
@@ -240,7 +263,24 @@ impl Framing {
 
     /// The frame of a body; `None` if the frame is too long or contradicts its length.
     pub(crate) fn frame(&self, body: &[u8]) -> Option<Vec<u8>> {
-        let mut content = self.around(body)?;
+        let content = self.around(body)?;
+        self.finished(content)
+    }
+
+    /// Like [`frame`](Self::frame), for a body behind space for the bytes [before it](Self::front).
+    pub(crate) fn frame_behind(&self, mut content: Vec<u8>) -> Option<Vec<u8>> {
+        self.enclose(&mut content)?;
+        self.finished(content)
+    }
+
+    /// The number of bytes before the body, if no others lie within it.
+    pub(crate) fn front(&self) -> Option<usize> {
+        let mut holes = self.holes.iter();
+        holes.try_fold(0, |end, (at, len)| (*at == end).then_some(end + len))
+    }
+
+    /// The frame of a content whose length and checksums are still empty.
+    fn finished(&self, mut content: Vec<u8>) -> Option<Vec<u8>> {
         self.finish(&mut content)?;
         let wire = self.wire(content);
         (wire.len() <= self.max).then_some(wire)
@@ -273,13 +313,19 @@ impl Framing {
             content.resize(content.len() + len, 0);
         }
         content.extend_from_slice(rest);
+        self.enclose(&mut content)?;
+        Some(content)
+    }
+
+    /// Adds the trailer to a content that ends with its body, and writes the constant bytes.
+    fn enclose(&self, content: &mut Vec<u8>) -> Option<()> {
         content.resize(content.len() + self.trailer, 0);
         content
             .get_mut(..self.sync.len())?
             .copy_from_slice(&self.sync);
         let len = content.len();
         content[len - self.end.len()..].copy_from_slice(&self.end);
-        Some(content)
+        Some(())
     }
 
     /// Whether the length field has bits that belong to the message.
@@ -343,10 +389,10 @@ impl Framing {
             }
             _ => {}
         }
-        for check in &self.checks {
-            check.fill(content)?;
+        if let Some(plain) = &self.plain {
+            return plain.iter().try_for_each(|check| check.fill(content));
         }
-        Some(())
+        self.checks.iter().try_for_each(|check| check.fill(content))
     }
 
     /// Corrects the length and the checksums of a damaged frame where they fit into it.
@@ -388,6 +434,11 @@ impl Framing {
 
     /// Verifies all checksums.
     fn checked(&self, content: &[u8]) -> Result<(), FrameError> {
+        if let Some(plain) = &self.plain
+            && plain.iter().all(|check| check.holds(content))
+        {
+            return Ok(());
+        }
         self.checks
             .iter()
             .try_for_each(|check| check.holds(content))

@@ -144,9 +144,14 @@ impl Message {
 
     /// The body with the values of `scope`.
     pub(crate) fn encode(&self, scope: &dyn Scope) -> Written {
+        self.encode_behind(0, scope)
+    }
+
+    /// Like [`encode`](Self::encode), behind space for `front` bytes.
+    pub(crate) fn encode_behind(&self, front: usize, scope: &dyn Scope) -> Written {
         match &self.layout {
             Layout::Fields(fields) => {
-                let encoding = field::encode(fields, scope);
+                let encoding = field::encode(fields, front, scope);
                 Written {
                     bytes: encoding.bytes,
                     cut: encoding.cut,
@@ -157,7 +162,8 @@ impl Message {
                 let mut failed = Vec::new();
                 let text = pattern::encode(pieces, fields, scope, &mut failed);
                 let byte = |c: char| u8::try_from(u32::from(c)).unwrap_or(b'?');
-                let bytes = text.chars().map(byte).collect();
+                let space = core::iter::repeat_n(0, front);
+                let bytes = space.chain(text.chars().map(byte)).collect();
                 Written {
                     bytes,
                     cut: Vec::new(),

@@ -99,6 +99,20 @@ impl Number {
         }
     }
 
+    /// The bits of an integer that this integer type can hold.
+    pub(crate) fn exact_bits(self, int: i128) -> Option<u64> {
+        let int = i64::try_from(int).ok()?;
+        let len = 8 * u32::from(self.bytes);
+        let rest = match self.kind {
+            NumberKind::Unsigned if len < 64 => int >> len,
+            NumberKind::Unsigned => int >> 63,
+            // The sign bit and all bits above it are equal.
+            NumberKind::Signed => (int >> (len - 1)) ^ (int >> 63),
+            NumberKind::Float => return None,
+        };
+        (rest == 0).then(|| int.cast_unsigned() & (u64::MAX >> (64 - len)))
+    }
+
     /// Converts between the wire order and highest byte first.
     fn arrange(self, bytes: &mut [u8]) {
         if self.words == Endian::Little && bytes.len().is_multiple_of(2) {
@@ -133,7 +147,16 @@ impl Number {
     pub(crate) fn put(self, bits: u64, out: &mut Vec<u8>) {
         let len = usize::from(self.bytes);
         if (self.endian, self.words) == (Endian::Little, Endian::Little) {
-            return out.extend_from_slice(&bits.to_le_bytes()[..len]);
+            let bytes = bits.to_le_bytes();
+            // A copy of known length needs no call.
+            return match (len, bytes) {
+                (1, [one, ..]) => out.push(one),
+                (2, [one, two, ..]) => out.extend_from_slice(&[one, two]),
+                (4, [one, two, three, four, ..]) => {
+                    out.extend_from_slice(&[one, two, three, four]);
+                }
+                _ => out.extend_from_slice(&bytes[..len]),
+            };
         }
         let mut ordered = bits.to_be_bytes();
         let bytes = &mut ordered[8 - len..];

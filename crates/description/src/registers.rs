@@ -76,6 +76,11 @@ pub(crate) enum Refusal {
 type Values<'a> = &'a dyn Fn(usize) -> Value;
 
 impl Cell {
+    /// Whether the register ends before `place`.
+    const fn is_before(&self, place: u32) -> bool {
+        self.at <= place && place - self.at >= self.len
+    }
+
     /// The bytes of the register on the wire.
     pub(crate) fn bytes(&self, value: &Value) -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -150,10 +155,15 @@ impl Table {
         self.cells.is_empty()
     }
 
-    fn cell_at(&self, at: u32) -> Option<&Cell> {
+    /// The index of the last register that does not begin behind `at`, or 0.
+    fn index_at(&self, at: u32) -> usize {
         let behind = self.cells.partition_point(|cell| cell.at <= at);
-        let cell = self.cells.get(behind.checked_sub(1)?)?;
-        (at - cell.at < cell.len).then_some(cell)
+        behind.saturating_sub(1)
+    }
+
+    fn cell_at(&self, at: u32) -> Option<&Cell> {
+        let cell = self.cells.get(self.index_at(at))?;
+        (cell.at <= at && at - cell.at < cell.len).then_some(cell)
     }
 
     /// The bytes of `count` addresses from `at` on.
@@ -161,8 +171,17 @@ impl Table {
         let mut out = Vec::with_capacity(count as usize * self.unit);
         let end = u64::from(at) + u64::from(count);
         let mut place = at;
+        let mut index = self.index_at(at);
         while u64::from(place) < end {
-            let Some(cell) = self.cell_at(place) else {
+            // The next register usually begins where the last one ends.
+            while self
+                .cells
+                .get(index)
+                .is_some_and(|cell| cell.is_before(place))
+            {
+                index += 1;
+            }
+            let Some(cell) = self.cells.get(index).filter(|cell| cell.at <= place) else {
                 if !self.has_gaps {
                     return Err(Refusal::Unknown(place));
                 }
@@ -174,7 +193,9 @@ impl Table {
             cell.put(&values(cell.variable), &mut out);
             // Of a register that is read in part, only the requested bytes are returned.
             let first = (place - cell.at) as usize * self.unit;
-            out.drain(start..start + first);
+            if first > 0 {
+                out.drain(start..start + first);
+            }
             let left = usize::try_from(end - u64::from(place)).unwrap_or(usize::MAX);
             out.truncate(start.saturating_add(left.saturating_mul(self.unit)));
             place = cell.at + cell.len;

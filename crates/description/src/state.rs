@@ -4,6 +4,7 @@ mod recording;
 
 use core::f64::consts::TAU;
 use core::time::Duration;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use emulators::rng::Rng;
@@ -100,6 +101,11 @@ impl Scope for Reading<'_> {
     fn value(&self, name: &str) -> Option<Value> {
         let index = self.state.find(name)?;
         Some(self.state.read(index, self.now, self.world))
+    }
+
+    fn find(&self, name: &str) -> Option<Cow<'_, Value>> {
+        let index = self.state.find(name)?;
+        Some(self.state.look(index, self.now, self.world))
     }
 }
 
@@ -239,6 +245,12 @@ impl State {
 
     /// The value at `now` with the effects of faults.
     pub(crate) fn read(&self, index: usize, now: Instant, world: &World) -> Value {
+        if self.overlays.is_empty() {
+            return match self.known[index].source {
+                Source::Stored => self.values[index].clone(),
+                _ => self.sound(index, now, world),
+            };
+        }
         let mut value = self.sound(index, now, world);
         for overlay in self
             .overlays
@@ -276,10 +288,18 @@ impl State {
         value
     }
 
+    /// Like [`read`](Self::read), without a copy of a stored value.
+    pub(crate) fn look(&self, index: usize, now: Instant, world: &World) -> Cow<'_, Value> {
+        match self.known[index].source {
+            Source::Stored if self.overlays.is_empty() => Cow::Borrowed(&self.values[index]),
+            _ => Cow::Owned(self.read(index, now, world)),
+        }
+    }
+
     fn sound(&self, index: usize, now: Instant, world: &World) -> Value {
         let variable = &self.known[index];
         let elapsed = now - self.began;
-        let periods = |period: Duration| elapsed.as_nanos() / period.as_nanos().max(1);
+        let periods = |period: Duration| periods(elapsed, period);
         let phase = |period: Duration| {
             let period = period.as_nanos().max(1);
             #[expect(clippy::cast_precision_loss, reason = "a share of a period")]
@@ -323,6 +343,16 @@ impl State {
                 expr.eval(&reading).unwrap_or(Value::Int(0))
             }
         }
+    }
+}
+
+/// The number of whole periods in a time.
+fn periods(elapsed: Duration, period: Duration) -> u128 {
+    let (elapsed, period) = (elapsed.as_nanos(), period.as_nanos().max(1));
+    // A division of 64 bits costs a fraction of one of 128 bits; 64 bits are 584 years.
+    match (u64::try_from(elapsed), u64::try_from(period)) {
+        (Ok(elapsed), Ok(period)) => (elapsed / period).into(),
+        _ => elapsed / period,
     }
 }
 

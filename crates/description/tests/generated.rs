@@ -139,6 +139,9 @@ const ALL: &[&str] = &[
     "CRC-8/SMBUS",
     "sum8",
     "lrc",
+    "sum7",
+    "ones-complement7",
+    "sum15",
     "xor",
     "fletcher16",
     "ubx",
@@ -369,6 +372,18 @@ proptest! {
         let whole = found(&description, &bytes, &[bytes.len().max(1)]);
         prop_assert_eq!(found(&description, &bytes, &sizes), whole.clone());
         prop_assert_eq!(found(&description, &bytes, &[1]), whole);
+        for bytes in frames.iter().chain([&bytes]).filter(|bytes| !bytes.is_empty()) {
+            let (last, begin) = bytes.split_last().expect("not empty");
+            let mut cutter = description.cutter();
+            let Some(frame) = cutter.whole(bytes) else {
+                continue;
+            };
+            // A frame that is taken at once is the only result, and comes with its last byte.
+            prop_assert!(begin.iter().all(|byte| cutter.push(&[*byte]).count() == 0));
+            prop_assert!(cutter.pending() == 0 || cutter.whole(bytes).is_none());
+            prop_assert_eq!(cutter.push(&[*last]).collect::<Vec<_>>(), [Ok(frame)]);
+            prop_assert_eq!(cutter.pending(), 0);
+        }
     }
 
     #[test]

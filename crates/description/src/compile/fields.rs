@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Compiler;
 use crate::expr::Expr;
-use crate::field::{COUNT_MAX, Field, Kind, Size};
+use crate::field::{self, COUNT_MAX, Field, Kind, Size};
 use crate::framing::Framing;
 use crate::message::{Layout, Message};
 use crate::number::NumberKind;
@@ -71,12 +71,10 @@ impl Compiler<'_> {
                 if spec.fields.is_empty() {
                     self.wrong(&key, "is empty, expected \"fields\" or \"text\"");
                 }
-                Layout::Fields(self.fields(
-                    &format!("{key}.fields"),
-                    &spec.fields,
-                    &mut Vec::new(),
-                    0,
-                ))
+                let key = format!("{key}.fields");
+                let mut fields = self.fields(&key, &spec.fields, &mut Vec::new(), 0);
+                field::mark_read(&mut fields);
+                Layout::Fields(fields)
             }
         };
         Message {
@@ -185,6 +183,7 @@ impl Compiler<'_> {
         }
         self.check_bits(key, &fields);
         link_counts(&mut fields);
+        field::mark_counted(&mut fields);
         fields
     }
 
@@ -269,6 +268,8 @@ impl Compiler<'_> {
             flags: spec.flags.clone(),
             about: spec.about.clone(),
             counts: None,
+            is_read: false,
+            is_counted: false,
         }
     }
 

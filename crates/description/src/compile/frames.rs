@@ -102,16 +102,15 @@ impl Compiler<'_> {
         };
         let mut framing = Framing {
             name: spec.name.clone(),
-            cut,
             sync,
             is_hex: spec.encoding == Some(Encoding::Hex),
-            checks,
             holes,
             trailer,
             end,
             has_blank: self.has_blank(&spec.name),
             max: usize::from(most).min(FRAME_MAX),
             idle: spec.idle.map_or(quiet, |span| span.0),
+            ..Framing::new(cut, checks)
         };
         if framing.is_hex && !is_marked {
             let message = "hex digits need markers, expected \"start\" and \"end\"";
@@ -423,20 +422,14 @@ fn of_protocol(protocol: Protocol, line: LineConfig) -> Framing {
         }
     };
     Framing {
-        name: String::new(),
-        cut,
-        sync: Vec::new(),
         is_hex: protocol == Protocol::ModbusAscii,
-        checks: vec![check],
-        holes: Vec::new(),
         trailer: usize::from(width),
-        end: Vec::new(),
-        has_blank: false,
         max: if protocol == Protocol::ModbusRtu {
             MODBUS_MAX
         } else {
             2 * MODBUS_MAX + 1
         },
         idle,
+        ..Framing::new(cut, vec![check])
     }
 }

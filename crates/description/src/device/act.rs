@@ -7,10 +7,11 @@ use emulators::world::World;
 use protocols::Instant;
 
 use super::Described;
+use super::scope::{Filled, Seen};
 use crate::behaviour::{Deed, On, Trigger};
 use crate::description::Description;
-use crate::expr::{Expr, Scope};
-use crate::framing::Frame;
+use crate::expr::Expr;
+use crate::framing::{Frame, Framing};
 use crate::modbus::{self, Wrong};
 use crate::registers::Refusal;
 use crate::schema::behaviour::EventSpec;
@@ -51,60 +52,13 @@ impl Timer {
 
 /// A device that acts in its world.
 pub(super) struct Doer<'a> {
+    /// The device's description: a reference of its own, because actions change the device.
+    pub(super) of: &'a Description,
     pub(super) device: &'a mut Described,
     pub(super) world: &'a World,
 }
 
-/// The scope of behaviour expressions: fields of a request, then the state.
-struct Seen<'a> {
-    request: &'a Record,
-    reading: Reading<'a>,
-    device: &'a Described,
-}
-
-impl Scope for Seen<'_> {
-    fn value(&self, name: &str) -> Option<Value> {
-        if let Some(name) = name.strip_prefix("request.") {
-            return self.request.get(name).cloned();
-        }
-        if let Some(value) = self.request.get(name) {
-            return Some(value.clone());
-        }
-        match name {
-            "own_address" => Some(Value::Int(self.device.address().into())),
-            name => self.reading.value(name),
-        }
-    }
-
-    fn registers(&self, address: i128, count: i128) -> Option<Vec<u8>> {
-        let registers = self.device.description.registers.as_ref()?;
-        let (at, count) = (u32::try_from(address).ok()?, u32::try_from(count).ok()?);
-        let Reading { state, now, world } = self.reading;
-        let values = |index: usize| state.read(index, now, world);
-        registers.bytes.read(at, count.min(4_096), &values).ok()
-    }
-}
-
-/// The scope that fills a message: explicit values, then the state, then the request.
-struct Filled<'a> {
-    given: Record,
-    seen: Seen<'a>,
-}
-
-impl Scope for Filled<'_> {
-    fn value(&self, name: &str) -> Option<Value> {
-        let given = self.given.get(name).cloned();
-        given
-            .or_else(|| self.seen.reading.value(name))
-            .or_else(|| self.seen.value(name))
-    }
-
-    fn registers(&self, address: i128, count: i128) -> Option<Vec<u8>> {
-        self.seen.registers(address, count)
-    }
-}
-
-impl Doer<'_> {
+impl<'d> Doer<'d> {
     fn seen<'a>(&'a self, now: Instant, request: &'a Record) -> Seen<'a> {
         let reading = Reading {
             state: &self.device.state,
@@ -149,7 +103,7 @@ impl Doer<'_> {
 
     /// Handles a frame of a protocol other than Modbus.
     pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8]) {
-        let description = self.device.description.clone();
+        let description = self.of;
         let Some((index, request)) = description.decode(frame.format, body, From::Host) else {
             let words = description.words(frame);
             self.wrong(at, "unknown-message", words);
@@ -251,7 +205,7 @@ impl Doer<'_> {
         let (Some(address), Some(bytes)) = (address, bytes) else {
             return false;
         };
-        let description = self.device.description.clone();
+        let description = self.of;
         let Some(registers) = &description.registers else {
             return false;
         };
@@ -273,7 +227,7 @@ impl Doer<'_> {
     }
 
     fn refused(&mut self, at: Instant, refusal: &Refusal) {
-        let description = self.device.description.clone();
+        let description = self.of;
         let name = |variable: usize| &description.variables[variable].name;
         match refusal {
             Refusal::Unknown(address) => {
@@ -308,7 +262,7 @@ impl Doer<'_> {
             }
             return;
         }
-        let description = self.device.description.clone();
+        let description = self.of;
         let Some(registers) = &description.registers else {
             return;
         };
@@ -340,7 +294,7 @@ impl Doer<'_> {
 
     /// Starts the timers of `trigger`.
     fn begin_timers(&mut self, at: Instant, trigger: Trigger, request: &Record) {
-        let description = self.device.description.clone();
+        let description = self.of;
         for (index, after) in description.after.iter().enumerate() {
             let fits = after.trigger == trigger
                 || (after.trigger == Trigger::AnyMessage && matches!(trigger, Trigger::Message(_)));
@@ -375,7 +329,7 @@ impl Doer<'_> {
         };
         while let Some(index) = due(&self.device.timers) {
             let timer = self.device.timers.remove(index);
-            let description = self.device.description.clone();
+            let description = self.of;
             let deed = match timer.what {
                 Timed::After(after) => &description.after[after].deed,
                 Timed::Every(every) => {
@@ -414,7 +368,7 @@ impl Doer<'_> {
     }
 
     fn run_events_of(&mut self, at: Instant, event: EventSpec, request: &Record) {
-        let description = self.device.description.clone();
+        let description = self.of;
         let trigger = Trigger::Event(event);
         self.begin_timers(at, trigger, request);
         for on in description.on.iter().filter(|on| on.trigger == trigger) {
@@ -426,9 +380,9 @@ impl Doer<'_> {
 
     /// Sends the messages of an action at `due`.
     fn send(&mut self, at: Instant, due: Instant, deed: &Deed, request: &Record) {
-        let description = self.device.description.clone();
+        let description = self.of;
         for &index in &deed.send {
-            let mut given = Record::default();
+            let mut given = Record(Vec::with_capacity(deed.with.len()));
             for (field, expr) in &deed.with {
                 if let Some(value) = self.eval(at, expr, request) {
                     given.set_shared(field, value);
@@ -437,8 +391,16 @@ impl Doer<'_> {
             let index = self.device.replaced(index);
             let message = &description.messages[index];
             let seen = self.seen(at, request);
-            let written = message.encode(&Filled { given, seen });
-            let frame = description.frame_of(message.frame, &written.bytes);
+            let framing = description.frames.0.get(message.frame);
+            // In the usual place the body needs no copy into its frame.
+            let front = framing.and_then(Framing::front);
+            let filled = Filled { given, seen };
+            let mut written = message.encode_behind(front.unwrap_or(0), &filled);
+            let bytes = core::mem::take(&mut written.bytes);
+            let frame = framing.and_then(|framing| match front {
+                Some(_) => framing.frame_behind(bytes),
+                None => framing.frame(&bytes),
+            });
             for (name, value) in written.cut {
                 let detail = || format!("{}: {name} cannot be {value}", message.name);
                 self.device

@@ -22,6 +22,11 @@ pub(super) struct Faults {
 }
 
 impl Faults {
+    /// Whether the faults changed since the last poll.
+    pub(super) const fn is_changed(&self) -> bool {
+        self.is_changed
+    }
+
     /// Whether the device has no power.
     pub(super) fn is_off(&self) -> bool {
         self.figure("off").is_some()
@@ -134,11 +139,11 @@ impl Described {
 
     /// A latency with the effects of faults.
     pub(super) fn slowed(&self, latency: Duration) -> Duration {
-        let factor = self
-            .faults
-            .figure("slow")
-            .map_or(1.0, |figure| figure.unwrap_or(SLOW));
-        latency.mul_f64(factor.clamp(0.0, 1e6)) + self.delayed()
+        let slowed = match self.faults.figure("slow") {
+            None => latency,
+            Some(figure) => latency.mul_f64(figure.unwrap_or(SLOW).clamp(0.0, 1e6)),
+        };
+        slowed + self.delayed()
     }
 
     /// The replacement of a message.

@@ -4,8 +4,9 @@ use protocols::{Decode, FrameError, Instant};
 
 use emulators::device::{EventKind, byte_end};
 
+use super::Described;
 use super::act::Doer;
-use crate::framing::Frame;
+use crate::framing::{FRAME_MAX, Frame};
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
 
@@ -24,13 +25,42 @@ impl Doer<'_> {
                 log.repeated(at, EventKind::Violation, "not-ready", detail);
                 continue;
             }
-            let line = self.device.description.line;
-            for (index, &byte) in bytes.iter().enumerate() {
-                let end = || byte_end(at, line, index, bytes.len());
-                self.byte(&end, byte, index + 1 == bytes.len());
-            }
+            self.chunk(at, &bytes);
+            self.device.spare = bytes;
         }
         self.end_of_silence(now);
+    }
+
+    /// Processes bytes that arrived back to back, the last of them at `at`.
+    fn chunk(&mut self, at: Instant, bytes: &[u8]) {
+        if self.is_free(at, bytes.len()) {
+            if self.device.is_silence_framed {
+                self.device.heard(at);
+                return self.device.hear_silently(bytes);
+            }
+            // A usual request arrives at once; one look at all of it saves one for each byte.
+            if let Some(frame) = self.device.cutter.whole(bytes) {
+                self.device.heard(at);
+                return self.frame(at, &frame);
+            }
+        }
+        let line = self.device.description.line;
+        for (index, &byte) in bytes.iter().enumerate() {
+            let end = || byte_end(at, line, index, bytes.len());
+            self.byte(&end, byte, index + 1 == bytes.len());
+        }
+    }
+
+    /// Whether the device hears all of `count` bytes that end at `at`: on a half-duplex line it
+    /// hears none while it sends.
+    fn is_free(&self, at: Instant, count: usize) -> bool {
+        let device = &*self.device;
+        if !device.description.is_half_duplex {
+            return true;
+        }
+        let line = device.description.line;
+        let started = line.byte_end(byte_end(at, line, 0, count), 1);
+        device.pending.is_empty() && !device.is_sending(started)
     }
 
     /// Ends a frame if the line was silent for long enough before `now`.
@@ -54,10 +84,7 @@ impl Doer<'_> {
             let at = end();
             let started = device.description.line.byte_end(at, 1);
             let is_waiting = !device.pending.is_empty();
-            // Byte times are rounded. No receiver detects an overlap of less than a bit.
-            let line = device.description.line;
-            let bit = line.byte_time() / line.bits_per_byte();
-            if is_waiting || started + bit < device.sending_until {
+            if is_waiting || device.is_sending(started) {
                 let detail = || match is_waiting {
                     true => "bytes came before the reply to the last request".to_owned(),
                     false => "bytes came while the device sends, and are lost".to_owned(),
@@ -75,11 +102,7 @@ impl Doer<'_> {
             device.heard(end());
         }
         if device.is_silence_framed {
-            // A frame that is too long stays invalid, whatever bytes follow.
-            if device.silent.len() <= crate::framing::FRAME_MAX {
-                device.silent.push(byte);
-            }
-            return;
+            return device.hear_silently(&[byte]);
         }
         let mut rest = &[byte][..];
         if let Some(outcome) = self.device.cutter.step(&mut rest) {
@@ -164,14 +187,30 @@ impl Doer<'_> {
         let watchdog = device.description.watchdog;
         device.watchdog_at = watchdog.map(|time| at + time);
         let is_modbus = device.is_modbus();
-        let description = device.description.clone();
-        let Some(body) = description.body_of(frame) else {
+        let Some(body) = self.of.body_of(frame) else {
             return;
         };
         match is_modbus {
             true => self.modbus(at, &body),
             false => self.message(at, frame, &body),
         }
+    }
+}
+
+impl Described {
+    /// Whether the device still sends when a byte starts at `started`.
+    fn is_sending(&self, started: Instant) -> bool {
+        // Byte times are rounded. No receiver detects an overlap of less than a bit.
+        let line = self.description.line;
+        let bit = line.byte_time() / line.bits_per_byte();
+        started + bit < self.sending_until
+    }
+
+    /// Keeps the bytes of a frame that a silence will end.
+    fn hear_silently(&mut self, bytes: &[u8]) {
+        // A frame that is too long stays invalid, whatever bytes follow.
+        let room = (FRAME_MAX + 1).saturating_sub(self.silent.len());
+        self.silent.extend(&bytes[..bytes.len().min(room)]);
     }
 }
 

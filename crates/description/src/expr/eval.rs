@@ -1,6 +1,7 @@
 //! Evaluation of a tree.
 
 use core::cmp::Ordering;
+use std::borrow::Cow;
 
 use super::{Binary, ExprError, Function, Node, Scope, Unary};
 use crate::value::Value;
@@ -12,16 +13,23 @@ fn error(message: impl Into<String>) -> ExprError {
 
 impl Node {
     /// Evaluates the node.
-    pub(super) fn eval(&self, scope: &dyn Scope) -> Result<Value, ExprError> {
-        match self {
-            Self::Const(value) => Ok(value.clone()),
+    pub(super) fn eval<'a>(&'a self, scope: &'a dyn Scope) -> Result<Cow<'a, Value>, ExprError> {
+        let value = match self {
+            Self::Const(value) => return Ok(Cow::Borrowed(value)),
             Self::Name(name) => {
-                let value = scope.value(name);
-                value.ok_or_else(|| error(format!("there is no value \"{name}\"")))
+                let value = scope.find(name);
+                return value.ok_or_else(|| error(format!("there is no value \"{name}\"")));
             }
-            Self::Unary(operator, of) => unary(*operator, &of.eval(scope)?),
+            Self::Choice(parts) => {
+                let [condition, yes, no] = &**parts;
+                return match condition.eval(scope)?.is_true() {
+                    true => yes.eval(scope),
+                    false => no.eval(scope),
+                };
+            }
+            Self::Unary(operator, of) => unary(*operator, &*of.eval(scope)?),
             Self::Binary(operator, left, right) => {
-                binary(*operator, &left.eval(scope)?, &right.eval(scope)?)
+                binary(*operator, &*left.eval(scope)?, &*right.eval(scope)?)
             }
             Self::And(left, right) => {
                 let both = left.eval(scope)?.is_true() && right.eval(scope)?.is_true();
@@ -31,26 +39,17 @@ impl Node {
                 let either = left.eval(scope)?.is_true() || right.eval(scope)?.is_true();
                 Ok(Value::Bool(either))
             }
-            Self::Choice(parts) => {
-                let [condition, yes, no] = &**parts;
-                match condition.eval(scope)?.is_true() {
-                    true => yes.eval(scope),
-                    false => no.eval(scope),
+            Self::Index(of, index) => element(&*of.eval(scope)?, &*index.eval(scope)?),
+            Self::Call(function, arguments) => match &arguments[..] {
+                [one] => call(*function, &[one.eval(scope)?], scope),
+                [one, other] => call(*function, &[one.eval(scope)?, other.eval(scope)?], scope),
+                all => {
+                    let all = all.iter().map(|argument| argument.eval(scope));
+                    call(*function, &all.collect::<Result<Vec<_>, _>>()?, scope)
                 }
-            }
-            Self::Index(of, index) => element(&of.eval(scope)?, &index.eval(scope)?),
-            Self::Call(function, arguments) => {
-                let value = |argument: &Self| argument.eval(scope);
-                match &arguments[..] {
-                    [one] => call(*function, &[value(one)?], scope),
-                    [one, other] => call(*function, &[value(one)?, value(other)?], scope),
-                    all => {
-                        let all = all.iter().map(value).collect::<Result<Vec<_>, _>>()?;
-                        call(*function, &all, scope)
-                    }
-                }
-            }
-        }
+            },
+        };
+        value.map(Cow::Owned)
     }
 }
 
@@ -250,8 +249,12 @@ fn element(of: &Value, index: &Value) -> Result<Value, ExprError> {
     })
 }
 
-fn call(function: Function, arguments: &[Value], scope: &dyn Scope) -> Result<Value, ExprError> {
-    let first = &arguments[0];
+fn call(
+    function: Function,
+    arguments: &[Cow<'_, Value>],
+    scope: &dyn Scope,
+) -> Result<Value, ExprError> {
+    let first = &*arguments[0];
     let number = |value: &Value| {
         let number = value.as_f64().filter(|number| !number.is_nan());
         number.ok_or_else(|| error(format!("expected a number, found {}", value.kind())))
@@ -280,7 +283,7 @@ fn call(function: Function, arguments: &[Value], scope: &dyn Scope) -> Result<Va
             Ok(Value::Int((whole(first)? >> place) & 1))
         }
         Function::Bytes => {
-            let bytes = arguments.iter().map(|value| match value {
+            let bytes = arguments.iter().map(|value| match &**value {
                 Value::Bytes(bytes) => Ok(bytes.clone()),
                 Value::Text(text) => Ok(text.clone().into_bytes()),
                 other => u8::try_from(whole(other)?)

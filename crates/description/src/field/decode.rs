@@ -9,7 +9,7 @@ use crate::value::{Record, Value};
 /// Decodes `bytes` if the fields consume all of them.
 pub(crate) fn decode(fields: &[Field], bytes: &[u8], scope: &dyn Scope) -> Option<Record> {
     let mut reader = Reader::of(bytes);
-    let mut record = Record::default();
+    let mut record = Record(Vec::with_capacity(fields.len()));
     reader.fields(fields, &mut record, scope)?;
     (reader.bytes.is_empty() && reader.bit == 0).then_some(record)
 }
@@ -83,17 +83,18 @@ impl<'a> Reader<'a> {
     }
 
     fn bits(&mut self, count: u8, is_low_first: bool) -> Option<u64> {
-        let mut value = 0_u64;
-        for place in 0..count {
+        let (mut value, mut place) = (0_u64, 0);
+        while place < count {
             let byte = *self.bytes.first()?;
-            let shift = if is_low_first { self.bit } else { 7 - self.bit };
-            let bit = u64::from(byte >> shift & 1);
+            let len = (count - place).min(8 - self.bit);
             value = if is_low_first {
-                value | bit << place
+                let part = (byte >> self.bit) & (0xFF >> (8 - len));
+                value | u64::from(part) << place
             } else {
-                value << 1 | bit
+                value << len | u64::from((byte << self.bit) >> (8 - len))
             };
-            self.bit += 1;
+            place += len;
+            self.bit += len;
             if self.bit == 8 {
                 self.bit = 0;
                 self.bytes = &self.bytes[1..];

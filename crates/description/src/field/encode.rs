@@ -17,21 +17,23 @@ pub(crate) struct Encoding {
     pub(crate) cut: Vec<(String, Value)>,
     /// Expressions that could not be evaluated.
     pub(crate) failed: Vec<String>,
-    /// Bits of an incomplete byte.
-    bits: [bool; 8],
-    bit_count: usize,
+    /// Bits of an incomplete byte, the first one lowest, and their number.
+    bits: u8,
+    bit_count: u8,
     is_low_first: bool,
 }
 
 /// Initial capacity for the body of a usual message.
 const BODY: usize = 64;
 
-/// Encodes `fields` with the values of `scope`; a field without value becomes 0 or empty.
-pub(crate) fn encode(fields: &[Field], scope: &dyn Scope) -> Encoding {
+/// Encodes `fields` with the values of `scope`, behind space for `front` bytes; a field without
+/// value becomes 0 or empty.
+pub(crate) fn encode(fields: &[Field], front: usize, scope: &dyn Scope) -> Encoding {
     let mut encoding = Encoding {
-        bytes: Vec::with_capacity(BODY),
+        bytes: Vec::with_capacity(front + BODY),
         ..Encoding::default()
     };
+    encoding.bytes.resize(front, 0);
     encoding.fields(fields, &Record::default(), scope);
     encoding.flush();
     encoding
@@ -51,6 +53,12 @@ pub(crate) fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bo
         number.put(number.float_bits(float.unwrap_or(0.0)), out);
         return float.is_some();
     }
+    if let Value::Int(int) = value
+        && let Some(bits) = number.exact_bits(*int)
+    {
+        number.put(bits, out);
+        return true;
+    }
     let wanted = value.as_int();
     let [least, greatest] = number.range();
     let int = wanted.unwrap_or(0).clamp(least, greatest);
@@ -62,15 +70,25 @@ pub(crate) fn put_number(number: Number, value: &Value, out: &mut Vec<u8>) -> bo
 
 impl Encoding {
     fn fields(&mut self, fields: &[Field], own: &Record, outer: &dyn Scope) {
-        // Values written so far, for expressions over earlier fields.
-        let mut written = own.clone();
+        let inner = Nested { own, outer };
+        // Names are looked up in fewer scopes if some of them are empty.
+        let outer: &dyn Scope = match own.0.is_empty() {
+            true => outer,
+            false => &inner,
+        };
+        // Values written so far that the message reads.
+        let mut written = Record::default();
         for field in fields {
-            let scope = Nested {
+            let inner = Nested {
                 own: &written,
                 outer,
             };
+            let scope: &dyn Scope = match written.0.is_empty() {
+                true => outer,
+                false => &inner,
+            };
             if let Some(condition) = &field.condition {
-                match condition.eval(&scope) {
+                match condition.eval(scope) {
                     Ok(value) if value.is_true() => {}
                     Ok(_) => continue,
                     Err(error) => {
@@ -80,25 +98,23 @@ impl Encoding {
                 }
             }
             if let Kind::Switch { on, cases, other } = &field.kind {
-                let on = on.eval(&scope).unwrap_or(Value::Int(0));
+                let on = on.eval(scope).unwrap_or(Value::Int(0));
                 if let Some(chosen) = choose(&on, cases, other.as_deref()) {
                     self.fields(chosen, &written, outer);
                 }
                 continue;
             }
-            let known = match field.name.is_empty() {
-                true => None,
-                false => scope.value(&field.name),
-            };
-            if field.is_optional && known.is_none() && field.constant.is_none() {
+            let is_named = !field.name.is_empty();
+            let known = || scope.find(&field.name).filter(|_| is_named);
+            if field.is_optional && field.constant.is_none() && known().is_none() {
                 return;
             }
-            let is_known = known.is_some();
-            let value = self.value_of(field, fields, &scope, known);
+            let value = self.value_of(field, fields, scope);
             match &field.repeat {
-                None => self.value(field, &value, &scope),
+                None => self.value(field, &value, scope),
                 Some(size) => {
-                    let list = match &value {
+                    let is_known = known().is_some();
+                    let list = match &*value {
                         Value::List(list) => list.clone(),
                         Value::Bytes(bytes) => {
                             bytes.iter().map(|&byte| Value::Int(byte.into())).collect()
@@ -107,14 +123,14 @@ impl Encoding {
                         one => {
                             let count = match size {
                                 Size::Rest => usize::from(is_known),
-                                size => size.of(&scope, 0).unwrap_or(1),
+                                size => size.of(scope, 0).unwrap_or(1),
                             };
                             vec![one.clone(); count]
                         }
                     };
                     let count = match size {
                         Size::Rest => list.len(),
-                        size => size.of(&scope, 0).unwrap_or(list.len()),
+                        size => size.of(scope, 0).unwrap_or(list.len()),
                     };
                     if count != list.len() && is_known {
                         self.cut
@@ -122,50 +138,49 @@ impl Encoding {
                     }
                     let nothing = Value::Int(0);
                     for index in 0..count {
-                        self.value(field, list.get(index).unwrap_or(&nothing), &scope);
+                        self.value(field, list.get(index).unwrap_or(&nothing), scope);
                     }
                 }
             }
-            if !field.name.is_empty() {
+            if is_named && field.is_read {
+                let value = value.into_owned();
                 written.set_shared(&field.name, value);
             }
         }
     }
 
-    /// The value that `field` encodes; `known` is its value in `scope`.
-    fn value_of(
+    /// The value that `field` encodes with the values of `scope`.
+    fn value_of<'a>(
         &mut self,
-        field: &Field,
-        fields: &[Field],
-        scope: &dyn Scope,
-        known: Option<Value>,
-    ) -> Value {
+        field: &'a Field,
+        fields: &'a [Field],
+        scope: &'a dyn Scope,
+    ) -> Cow<'a, Value> {
         if let Some(constant) = &field.constant {
-            return constant.clone();
+            return Cow::Borrowed(constant);
         }
         if let Some(calc) = &field.calc {
-            return calc.eval(scope).unwrap_or_else(|error| {
+            return Cow::Owned(calc.eval(scope).unwrap_or_else(|error| {
                 self.failed.push(format!("{}: {error}", field.name));
                 Value::Int(0)
-            });
+            }));
         }
         if let Some(counted) = &field.counts
             && let Some(of) = fields.iter().find(|other| other.name == *counted)
         {
-            let known = match of.name.is_empty() {
-                true => None,
-                false => scope.value(&of.name),
-            };
-            let value = self.value_of(of, fields, scope, known);
-            let len = match &value {
-                Value::List(list) => list.len(),
-                Value::Bytes(bytes) => bytes.len(),
-                Value::Text(text) => text.chars().count(),
-                _ => 0,
-            };
-            return Value::Int(i128::try_from(len).unwrap_or(0));
+            let value = self.value_of(of, fields, scope);
+            let len = i128::try_from(length_of(&value)).unwrap_or(0);
+            return Cow::Owned(Value::Int(len));
         }
-        known.map_or(Value::Int(0), |value| field.unnamed(value))
+        let known = match field.name.is_empty() {
+            true => None,
+            false => scope.find(&field.name),
+        };
+        match known {
+            None => Cow::Owned(Value::Int(0)),
+            Some(value) if field.names.is_some() => Cow::Owned(field.unnamed(value.into_owned())),
+            Some(value) => value,
+        }
     }
 
     fn value(&mut self, field: &Field, value: &Value, scope: &dyn Scope) {
@@ -174,7 +189,7 @@ impl Encoding {
             return self.put_bits(field, raw, *bits, *is_low_first);
         }
         self.flush();
-        let is_given = *value != Value::Int(0);
+        let is_given = !matches!(value, Value::Int(0));
         let fits = match &field.kind {
             Kind::Number(number) => put_number(*number, raw, &mut self.bytes),
             Kind::Bcd { size, is_low_first } => {
@@ -217,6 +232,7 @@ impl Encoding {
                 let bytes = plain_bytes(raw);
                 let len = match size {
                     Size::Rest => bytes.len(),
+                    _ if field.is_counted => length_of(value),
                     size => size.of(scope, 0).unwrap_or(bytes.len()),
                 };
                 let kept = bytes.len().min(len);
@@ -271,14 +287,17 @@ impl Encoding {
             self.cut.push((field.name.to_string(), raw.clone()));
         }
         self.is_low_first = is_low_first;
-        let bit = |place: u8| int >> place & 1 == 1;
-        for place in 0..count {
-            let place = match is_low_first {
-                true => place,
-                false => count - 1 - place,
+        let bits = u64::try_from(int).unwrap_or(0);
+        let mut place = 0;
+        while place < count {
+            let len = (count - place).min(8 - self.bit_count);
+            let next = match is_low_first {
+                true => low_bits(bits >> place, len),
+                false => low_bits(bits >> (count - place - len), len).reverse_bits() >> (8 - len),
             };
-            self.bits[self.bit_count] = bit(place);
-            self.bit_count += 1;
+            self.bits |= next << self.bit_count;
+            self.bit_count += len;
+            place += len;
             if self.bit_count == 8 {
                 self.flush();
             }
@@ -290,16 +309,28 @@ impl Encoding {
         if self.bit_count == 0 {
             return;
         }
-        let count = core::mem::take(&mut self.bit_count);
-        let byte = self.bits[..count]
-            .iter()
-            .enumerate()
-            .fold(0_u8, |byte, (place, &bit)| {
-                let shift = if self.is_low_first { place } else { 7 - place };
-                byte | u8::from(bit) << shift
-            });
-        self.bytes.push(byte);
+        self.bit_count = 0;
+        let bits = core::mem::take(&mut self.bits);
+        self.bytes.push(match self.is_low_first {
+            true => bits,
+            false => bits.reverse_bits(),
+        });
     }
+}
+
+/// The number that a field which counts `value` holds.
+fn length_of(value: &Value) -> usize {
+    match value {
+        Value::List(list) => list.len(),
+        Value::Bytes(bytes) => bytes.len(),
+        Value::Text(text) => text.chars().count(),
+        _ => 0,
+    }
+}
+
+/// The low `len` bits, 1 to 8.
+fn low_bits(bits: u64, len: u8) -> u8 {
+    bits.to_le_bytes()[0] & (0xFF >> (8 - len))
 }
 
 fn plain_bytes(value: &Value) -> Cow<'_, [u8]> {

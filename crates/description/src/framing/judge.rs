@@ -5,9 +5,7 @@ use std::sync::Arc;
 use protocols::{Candidate, Decoder, Format, FrameError};
 
 use super::{Cut, FRAME_MAX, FrameBytes, Framing, Length, Lengths};
-use crate::expr::{Expr, Scope};
 use crate::schema::wire::Stuffing;
-use crate::value::Value;
 
 /// The frame formats of a description.
 #[derive(Clone, Debug)]
@@ -175,7 +173,10 @@ impl Format for Frames {
     type Frame = Frame;
 
     fn judge(&self, bytes: &[u8]) -> Candidate {
-        self.verdict(bytes, false).1
+        match self.2 {
+            Looked::One(index) => self.0[index].judge(bytes, false),
+            Looked::Many => self.verdict(bytes, false).1,
+        }
     }
 
     fn judge_last(&self, bytes: &[u8]) -> Candidate {
@@ -192,86 +193,49 @@ impl Format for Frames {
     }
 }
 
-/// The first bytes of a frame as variables `b0`, `b1`, ..
-struct Head<'a>(&'a [u8]);
-
-impl Scope for Head<'_> {
-    fn value(&self, name: &str) -> Option<Value> {
-        self.0
-            .get(place_of(name)?)
-            .map(|&byte| Value::Int(byte.into()))
-    }
-}
-
-/// The size of a frame, computed from its first bytes.
-#[derive(Clone, Debug)]
-pub(crate) struct HeadSize {
-    expr: Expr,
-    /// The offset of a byte and the sizes by its value (0: no frame), if the size depends on one
-    /// byte only.
-    by_byte: Option<(usize, Box<[u16; 256]>)>,
-}
-
-impl HeadSize {
-    /// The size that `expr` gives over the first `head` bytes.
-    pub(crate) fn new(expr: Expr, head: usize) -> Self {
-        let mut places = expr.names().into_iter().map(place_of);
-        let first = places.next().unwrap_or(Some(0));
-        let is_one = places.all(|place| place == first);
-        let by_byte = first.filter(|at| is_one && *at < head).map(|at| {
-            let mut sizes = Box::new([0; 256]);
-            let mut bytes = vec![0; head];
-            for (byte, size) in (0..=255).zip(sizes.iter_mut()) {
-                bytes[at] = byte;
-                let found = computed(&expr, &bytes);
-                *size = found.and_then(|size| u16::try_from(size).ok()).unwrap_or(0);
-            }
-            (at, sizes)
-        });
-        Self { expr, by_byte }
-    }
-
-    /// The source text of the expression.
-    pub(crate) fn source(&self) -> &str {
-        self.expr.source()
-    }
-
-    /// The expression.
-    pub(crate) const fn expr(&self) -> &Expr {
-        &self.expr
-    }
-
-    /// The size of the frame that begins with `head`; `None` if no frame begins so.
-    pub(super) fn of(&self, head: &[u8]) -> Option<usize> {
-        match &self.by_byte {
-            Some((at, sizes)) => {
-                let size = usize::from(sizes[usize::from(*head.get(*at)?)]);
-                (size > 0).then_some(size)
-            }
-            None => computed(&self.expr, head),
-        }
-    }
-}
-
-/// The offset of the byte called `b0`, `b1`, ..
-fn place_of(name: &str) -> Option<usize> {
-    name.strip_prefix('b')?.parse().ok()
-}
-
-fn computed(size: &Expr, head: &[u8]) -> Option<usize> {
-    let size = size.eval(&Head(head)).ok()?.as_int()?;
-    usize::try_from(size)
-        .ok()
-        .filter(|size| (1..=FRAME_MAX).contains(size))
-}
-
 fn len_u32(bytes: usize) -> u32 {
     u32::try_from(bytes).unwrap_or(u32::MAX)
 }
 
 impl Framing {
     /// Checks whether a frame begins at the first byte; `is_last` if no more bytes will come.
+    #[inline]
     pub(super) fn judge(&self, bytes: &[u8], is_last: bool) -> Candidate {
+        match self.sound(bytes) {
+            Some(size) => Candidate::Complete(size),
+            None => self.judge_all(bytes, is_last),
+        }
+    }
+
+    /// The size of the sound frame at the beginning of `bytes`, if it takes no search: most frames
+    /// have a known size and plain checksums. `None` says nothing.
+    #[inline]
+    fn sound(&self, bytes: &[u8]) -> Option<usize> {
+        let plain = self.plain.as_deref()?;
+        let mut begin = bytes.iter().zip(&self.sync);
+        begin.all(|(found, sync)| found == sync).then_some(())?;
+        let size = match &self.cut {
+            Cut::Fixed(size) => *size,
+            Cut::Table { at, sizes } => sizes[usize::from(*bytes.get(*at)?)].into(),
+            Cut::Sized { head, size } => {
+                let size = size.of(bytes.get(..*head)?);
+                size.filter(|size| *size >= self.least())?
+            }
+            Cut::Length(_) | Cut::Marked { .. } | Cut::Silence { .. } => return None,
+        };
+        let frame = bytes.get(..size)?;
+        let is_sound = (1..=self.max).contains(&size)
+            && (self.end.is_empty() || frame.ends_with(&self.end))
+            && match plain {
+                [only] => only.holds(frame),
+                all => all.iter().all(|check| check.holds(frame)),
+            };
+        is_sound.then_some(size)
+    }
+
+    /// Like [`judge`](Self::judge), for every format. Not inlined: a sound frame needs none of it.
+    #[inline(never)]
+    fn judge_all(&self, bytes: &[u8], is_last: bool) -> Candidate {
         if let Cut::Marked { .. } = self.cut {
             return self.judge_marked(bytes);
         }
