@@ -34,15 +34,19 @@ try() {
     wait_for
     "$@" >device.log 2>&1 &
     pids+=($!)
-    sleep 2
     mkdir -p ports
     ln -sfn "$work/drv" ports/dev
-    HILRIG_DIR=$work/ports PYTHONPATH=$here/../drivers timeout 20 "$python" \
-        "$here/../drivers/with_$reader.py" >read.log 2>&1 || {
-        echo "FAIL $name" >&2
-        cat read.log device.log >&2
-        exit 1
-    }
+    # A simulator takes seconds to start, on a busy machine many; it does not tell when it is ready.
+    for attempt in $(seq 10); do
+        sleep 2
+        HILRIG_DIR=$work/ports PYTHONPATH=$here/../drivers timeout 20 "$python" \
+            "$here/../drivers/with_$reader.py" >read.log 2>&1 && break
+        if ((attempt == 10)); then
+            echo "FAIL $name" >&2
+            cat read.log device.log >&2
+            exit 1
+        fi
+    done
     echo "$name: $(paste -sd ';' read.log)"
     kill "${pids[@]}" 2>/dev/null || true
     wait 2>/dev/null || true
