@@ -124,6 +124,7 @@ impl FirmwareArgs {
             None => {
                 warn_of_program(&scenario, &board);
                 let wanted = self.wanted(&wired, &ends, &board)?;
+                by_character(&mut wired, &ends);
                 let mut spec = node_of(NODE, elf, &board, self.wired(&board, &wanted)?)
                     .map_err(|message| CliError::Usage(format!("--firmware: {message}")))?;
                 if let Some(port) = self.gdb {
@@ -218,6 +219,16 @@ impl FirmwareArgs {
             }
         }
         Ok(wires)
+    }
+}
+
+/// Lets the lines of `ends` deliver single characters: of a frame that arrives at once, a board's
+/// receiver would keep three.
+fn by_character(wired: &mut Wired, ends: &[OpenEnd]) {
+    for end in ends {
+        if let Some(link) = wired.rig.link_mut(&end.link) {
+            link.lines.iter_mut().for_each(|line| line.piece = 1);
+        }
     }
 }
 
