@@ -1,7 +1,9 @@
 """Judges the emulated RPLIDAR A1 by clients of others: `hilrig up` on pseudo-terminals, each client
 in its modes, right ranges and no error; then a byte is lost.
 
-usage: judge.py SECONDS    of scan a client; HILRIG and LIDAR_CLIENT_RS name the programs
+usage: judge.py SECONDS [vendor]    of scan a client; HILRIG and LIDAR_CLIENT_RS name the programs
+
+With the word vendor: the vendor's own clients alone, which VENDOR_SDK and ROS_NODE name.
 """
 
 import os
@@ -31,6 +33,11 @@ SOUND = [
     ("adafruit", "fw1.20", {}),
     ("adafruit", "fw1.29", {}),
 ]
+# The vendor's own programs, built by vendor.sh: its SDK for C++ and its ROS node, in each mode of
+# firmware 1.29.
+MODES = ["Standard", "Express", "Boost", "Sensitivity", "Stability"]
+VENDORS = [("vendor", "fw1.29", {"mode": mode}) for mode in range(len(MODES))]
+VENDORS += [("ros", "fw1.29", {"mode": mode}) for mode in MODES]
 # Clients that read the angles of capsules wrongly, from any sender: this crate shifts the offset
 # where the vendor's code shifts the difference; rplidar-roboticia takes the offset for signed.
 ANGLES_WRONG = [
@@ -141,6 +148,8 @@ def main():
     jobs = [(sound, case) for case in SOUND]
     jobs += [(angles_wrong, case) for case in ANGLES_WRONG]
     jobs += [(lost_byte, case) for case in LOST]
+    if sys.argv[2:] == ["vendor"]:
+        jobs = [(sound, case) for case in VENDORS]
     failed = 0
     with ThreadPoolExecutor(AT_ONCE) as pool:
         for passed, what, words, (outcome, rig) in pool.map(lambda job: job[0](job[1], seconds), jobs):

@@ -36,6 +36,8 @@ path_m = [[0, 0], [2.6, 0], [2.6, 2.2], [0, 2.2], [0, 0]]
 ANGLE_DEG = 0.3
 # 3.5 standard deviations of 0.25 % where there are no tails, and the roundings.
 RANGE_PART, RANGE_MM = 0.01, 3.0
+# The vendor's ROS node spreads the points of a turn evenly over its angles.
+ANGLE_ROS_DEG = 1.5
 # Clients that set DTR and cannot do without.
 PYSERIAL = ("roboticia", "adafruit")
 # Fewer points than this are no turn of a lidar that sends 2,000 a second.
@@ -53,9 +55,9 @@ def range_mm(degrees):
     return min(ways)
 
 
-def is_right(degrees, mm):
+def is_right(degrees, mm, slack_deg=ANGLE_DEG):
     """Whether a wall is where a point says."""
-    around = [range_mm(degrees + off * ANGLE_DEG) for off in (-1, -0.5, 0, 0.5, 1)]
+    around = [range_mm(degrees + off * slack_deg) for off in (-1, -0.5, 0, 0.5, 1)]
     low = min(around) * (1 - RANGE_PART) - RANGE_MM
     return low <= mm <= max(around) * (1 + RANGE_PART) + RANGE_MM
 
@@ -69,12 +71,12 @@ def is_distance(mm):
 class Turn:
     """A turn as a client gave it; `at` seconds after the client was started."""
 
-    def __init__(self, at, points):
+    def __init__(self, at, points, slack_deg=ANGLE_DEG):
         self.at = at
         # A point at distance 0 is no measurement, which some clients leave to the caller.
         self.points = [point for point in points if point[1] > 0]
         self.len = len(self.points)
-        self.off = sum(not is_right(*point) for point in self.points)
+        self.off = sum(not is_right(*point, slack_deg) for point in self.points)
 
     @property
     def right(self):
@@ -104,6 +106,11 @@ class Outcome:
 def client_command(name, port, seconds, options):
     """How a client is started."""
     options = [f"{key}={value}" for key, value in options.items()]
+    if name == "vendor":
+        return [os.environ["VENDOR_SDK"], port, str(seconds), *options]
+    if name == "ros":
+        # Debian's modules are those of Debian's Python.
+        return ["/usr/bin/python3", str(HERE / "ros_node.py"), port, str(seconds), *options]
     if name == "rs":
         return [os.environ["LIDAR_CLIENT_RS"], port, str(seconds), *options]
     return [sys.executable, str(HERE / "clients.py"), name, port, str(seconds), *options]
@@ -192,5 +199,6 @@ class Rig:
             thread.join()
         # A killed client may leave half a line.
         whole = [(at, line) for at, line in lines if line.endswith("\n")]
-        turns = [Turn(at, json.loads(line)["turn"]) for at, line in whole]
+        slack_deg = ANGLE_ROS_DEG if name == "ros" else ANGLE_DEG
+        turns = [Turn(at, json.loads(line)["turn"], slack_deg) for at, line in whole]
         return Outcome(turns, code, "".join(talk), ended_at)
