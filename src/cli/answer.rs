@@ -22,7 +22,7 @@ pub(super) use described::{
 pub(super) use experiment::{
     BandJudged, ExperimentDone, ExperimentFigure, Experiments, RowJudged, RowsJudged,
 };
-pub(super) use fidelity::{FigureCompared, Figures};
+pub(super) use fidelity::{FigureCompared, Figures, GroupTold};
 
 use super::{CliError, Verdict};
 use crate::TOOL;

@@ -9,6 +9,8 @@ use crate::cli::fidelity::ledger::Row;
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct Figures {
     pub(in crate::cli) figures: Vec<FigureCompared>,
+    /// The blind test: whether a classifier tells the capture from the emulation.
+    pub(in crate::cli) blind: Vec<GroupTold>,
     /// The sources that judge the device, and the properties that cannot be checked.
     pub(in crate::cli) ledger: Vec<Row>,
 }
@@ -22,5 +24,17 @@ pub(in crate::cli) struct FigureCompared {
     pub(in crate::cli) real: Option<f64>,
     pub(in crate::cli) emulated: Option<f64>,
     /// Whether both values agree; none if that is not judged.
+    pub(in crate::cli) holds: Option<bool>,
+}
+
+/// A group of figures in the blind test.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct GroupTold {
+    pub(in crate::cli) group: String,
+    /// Part of the windows whose origin the classifier found, percent; 50 is chance.
+    pub(in crate::cli) accuracy: f64,
+    /// Windows of the capture.
+    pub(in crate::cli) windows: usize,
+    /// Whether the accuracy is within its limit; none if there are too few windows.
     pub(in crate::cli) holds: Option<bool>,
 }
