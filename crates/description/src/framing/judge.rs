@@ -202,15 +202,15 @@ impl Framing {
     #[inline]
     pub(super) fn judge(&self, bytes: &[u8], is_last: bool) -> Candidate {
         match self.sound(bytes) {
-            Some(size) => Candidate::Complete(size),
+            Some(found) => found,
             None => self.judge_all(bytes, is_last),
         }
     }
 
-    /// The size of the sound frame at the beginning of `bytes`, if it takes no search: most frames
-    /// have a known size and plain checksums. `None` says nothing.
+    /// The sound frame at the beginning of `bytes`, or its beginning, if it takes no search: most
+    /// frames have a known size and plain checksums. `None` says nothing.
     #[inline]
-    fn sound(&self, bytes: &[u8]) -> Option<usize> {
+    fn sound(&self, bytes: &[u8]) -> Option<Candidate> {
         let plain = self.plain.as_deref()?;
         let mut begin = bytes.iter().zip(&self.sync);
         begin.all(|(found, sync)| found == sync).then_some(())?;
@@ -223,14 +223,18 @@ impl Framing {
             }
             Cut::Length(_) | Cut::Marked { .. } | Cut::Silence { .. } => return None,
         };
-        let frame = bytes.get(..size)?;
-        let is_sound = (1..=self.max).contains(&size)
-            && (self.end.is_empty() || frame.ends_with(&self.end))
+        if !(1..=self.max).contains(&size) {
+            return None;
+        }
+        let Some(frame) = bytes.get(..size) else {
+            return Some(Candidate::Incomplete);
+        };
+        let is_sound = (self.end.is_empty() || frame.ends_with(&self.end))
             && match plain {
                 [only] => only.holds(frame),
                 all => all.iter().all(|check| check.holds(frame)),
             };
-        is_sound.then_some(size)
+        is_sound.then_some(Candidate::Complete(size))
     }
 
     /// Like [`judge`](Self::judge), for every format. Not inlined: a sound frame needs none of it.
