@@ -30,9 +30,7 @@
 enum { BYTES_MAX = 1024, SENT_MAX = 4096, PLACES = 3, CYCLES_PER_BYTE = 160 };
 
 /* What the converter's channels read: nothing in sight, a floor, a battery of 12.4 V. */
-static const struct {
-    unsigned channel, reading;
-} INPUTS[] = {{7, 500}, {9, 846}};
+static const unsigned READINGS[16] = {[7] = 500, [9] = 846};
 
 static avr_t *avr;
 static avr_uart_t *uart;
@@ -136,10 +134,11 @@ static void start(const char *path) {
     }
     avr_irq_register_notify(uart->io.irq + UART_IRQ_OUTPUT, on_sent, NULL);
     avr_irq_register_notify(uart->io.irq + UART_IRQ_OUT_XON, on_room, NULL);
-    /* A reading is the voltage's share of the reference, rounded down: half a step more is safe. */
-    for (size_t i = 0; i < sizeof INPUTS / sizeof *INPUTS; i++) {
-        uint32_t millivolts = (INPUTS[i].reading * 2 + 1) * 5000 / 2048;
-        avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, (int)INPUTS[i].channel), millivolts);
+    /* A reading is 1023 times the voltage's share of the reference, rounded down: half a step more
+     * is safe. */
+    for (int channel = 0; channel < 16; channel++) {
+        uint32_t millivolts = (READINGS[channel] * 2 + 1) * 5000 / 2046;
+        avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, channel), millivolts);
     }
 }
 

@@ -130,7 +130,6 @@ const FINDINGS: &[(&str, &str, Kept)] = &[
     ("F1", "memory of the AVR base behind its map was wrong", Tests(&[
         "f1_the_memory_behind_the_map_is_that_of_the_chip",
         "f1_a_read_over_the_end_of_the_sensors_is_the_chips",
-        "random_sequences_are_answered_as_by_the_chip",
     ])),
     ("F2", "a write over 53 or 59 was answered wrongly", Tests(&[
         "f2_a_write_that_covers_59_is_acknowledged_with_that_byte",
