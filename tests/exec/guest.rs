@@ -48,7 +48,7 @@ pub(crate) fn run(name: &str, command: &str, files: &[(&str, &str)], more: &[&st
 }
 
 /// The fingerprint of all bytes on all lines.
-fn trace(ended: &Ended) -> String {
+pub(crate) fn trace(ended: &Ended) -> String {
     let line = ended
         .said
         .lines()

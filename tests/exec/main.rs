@@ -18,6 +18,8 @@ mod generated;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod guest;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lent;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod lines;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod own_drivers;

@@ -18,6 +18,7 @@ mod node_programs;
 #[path = "rig/no_node_programs.rs"]
 mod node_programs;
 mod paced;
+mod preview;
 mod reach;
 pub(crate) mod resample;
 mod round;
@@ -45,6 +46,7 @@ pub use logged::Logged;
 use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
 pub use paced::Paced;
+pub use preview::Arrival;
 
 /// A connection between two nodes, or a node and the outside.
 #[derive(Clone, Debug)]

@@ -224,6 +224,15 @@ impl Run {
         self.next_look.min(self.scenario.duration.instant())
     }
 
+    /// Time of the next look of the checkers, or of the next action on robot and devices if that
+    /// is earlier. Until then the rig alone decides what happens, if nothing comes from outside.
+    pub fn undisturbed_until(&self) -> Instant {
+        let push = self.pushes.first().map(|push| push.at.instant());
+        let due = push.into_iter().chain(self.agenda.due());
+        let due = due.chain(self.deeds.due());
+        due.fold(self.next_look(), Instant::min)
+    }
+
     /// Runs on until the next look of the checkers.
     pub fn step(&mut self) {
         self.advance(self.next_look());

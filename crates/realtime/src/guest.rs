@@ -22,6 +22,8 @@ mod call;
 mod clock_page;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod debugger;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod detour;
 mod error;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod high_signals;

@@ -287,6 +287,19 @@ impl<C: Clock> Realtime<C> {
         adapters.map(Adapter::expires_at).min()
     }
 
+    /// Whether bytes from the rig reach each client as they arrive, and nothing is on its way from
+    /// one.
+    pub(crate) fn is_plain(&self) -> bool {
+        self.ports
+            .iter()
+            .all(|port| port.adapter.is_none() && port.spread.is_empty() && port.transport.rests())
+    }
+
+    /// The outside end of the port `index`.
+    pub(crate) fn node(&self, index: usize) -> usize {
+        self.ports[index].end.node
+    }
+
     /// Bytes that were brought to the client of the port `index` so far, and whether there is one.
     pub(crate) fn state(&self, index: usize) -> (u64, bool) {
         let port = &self.ports[index];

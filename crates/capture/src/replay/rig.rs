@@ -206,10 +206,19 @@ impl Device for Silent {
 }
 
 /// A node that replies in the place of the captured device.
-#[derive(Clone)]
 struct Speaker {
     line: LineConfig,
     talk: Shared<Conversation>,
+}
+
+/// A copy goes on by itself; only the original is reported.
+impl Clone for Speaker {
+    fn clone(&self) -> Self {
+        Self {
+            line: self.line,
+            talk: Shared::new(self.talk.lock().clone()),
+        }
+    }
 }
 
 impl Device for Speaker {

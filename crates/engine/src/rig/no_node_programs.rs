@@ -7,6 +7,10 @@ impl Rig {
         false
     }
 
+    pub(super) const fn has_node_programs(&self) -> bool {
+        false
+    }
+
     pub(super) const fn can_save_nodes(&self) -> bool {
         true
     }

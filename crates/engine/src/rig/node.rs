@@ -17,7 +17,7 @@ use crate::rig::line::{MESSAGE_MAX, Mark, MarkDamage, NEVER};
 /// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
 /// can continue from one state in several ways.
 pub trait AnyDevice: Device + Any + Send {
-    /// The same device in the same state.
+    /// The same device in the same state; what happens to one of the two does not reach the other.
     fn clone_device(&self) -> Box<dyn AnyDevice>;
 }
 

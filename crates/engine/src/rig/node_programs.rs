@@ -37,6 +37,11 @@ impl Rig {
         self.lost_nodes().any(|(_, error)| !stopped(&error))
     }
 
+    /// Whether a node program takes part.
+    pub(super) fn has_node_programs(&self) -> bool {
+        self.node_programs().next().is_some()
+    }
+
     /// Whether copies of all node programs could continue as they do.
     pub(super) fn can_save_nodes(&self) -> bool {
         self.node_programs().all(|(_, node)| node.can_save())

@@ -96,6 +96,11 @@ impl File {
         (!self.opened.contains(OFlags::PATH)).then_some(self.opened & OFlags::RWMODE)
     }
 
+    /// Whether only calls that are stopped put something into it: a pipe, or a counter.
+    pub(super) const fn is_inner(&self) -> bool {
+        matches!(self.kind, Kind::Stream) && matches!(self.form, Form::Pipe | Form::Counter)
+    }
+
     /// Whether its owner does not want to wait.
     pub(super) fn never_waits(&self) -> bool {
         fcntl_getfl(&self.fd).is_ok_and(|flags| flags.contains(OFlags::NONBLOCK))

@@ -3,6 +3,7 @@
 //! The program's time and the rig's run together, but the rig's begins when the program has opened
 //! its ports.
 
+mod ahead;
 mod terminals;
 
 use core::time::Duration;
@@ -272,7 +273,14 @@ impl Stage {
     /// Transfers pending bytes in both directions now.
     pub(super) fn carry(&mut self) -> Result<(), TransportError> {
         let is_stirred = core::mem::take(&mut self.is_stirred);
-        match core::mem::take(&mut self.is_touched) || self.now >= self.next_look {
+        let is_looked_at = core::mem::take(&mut self.is_touched) || self.now >= self.next_look;
+        // What the program does is done now, however far the rig was run before.
+        if (is_stirred || is_looked_at)
+            && let Some(rig_now) = self.rig_time(self.now)
+        {
+            self.advance(rig_now);
+        }
+        match is_looked_at {
             true => self.realtime.carry(&mut self.run)?,
             false if is_stirred => self.realtime.carry_stirred(&mut self.run)?,
             false => self.realtime.carry_resting(&mut self.run)?,

@@ -54,6 +54,7 @@ use super::watchdog::Watchdog;
 use crate::exec::Supervision;
 pub(super) use debugging::{Debugging, Goal, Step, Stop, Wanted, Watchpoint};
 use fifos::Meeting;
+use lent::Lease;
 use notices::Notice;
 use schedule::Schedule;
 
@@ -135,8 +136,9 @@ pub(super) struct Supervisor {
     has_bound: bool,
     /// Named pipes that are being opened from both sides.
     meetings: Vec<Meeting>,
-    /// Looks at clocks that were no calls, and calls by their numbers.
+    /// Looks at clocks and calls about ports that were no stops, and stopped calls by their numbers.
     pub(super) looks: u64,
+    pub(super) served: u64,
     pub(super) spent: BTreeMap<i64, u64>,
     /// Virtual time that has passed while a thread asked for the same over and over.
     pub(super) idled: Duration,
@@ -154,6 +156,8 @@ pub(super) struct Supervisor {
     held_over: Option<(i32, Next)>,
     /// Another order of threads than that of their calls.
     schedule: Option<Schedule>,
+    /// What is lent to the thread that runs.
+    lease: Lease,
     /// A thread stands in the code of its clocks, whose counts stay with it.
     keeps_loan: bool,
 }
@@ -205,6 +209,7 @@ impl Supervisor {
             has_bound: false,
             meetings: Vec::new(),
             looks: 0,
+            served: 0,
             spent: BTreeMap::new(),
             idled: Duration::ZERO,
             watchdog: Watchdog::start(root.as_raw(), settings.supervision.spin_max),
@@ -218,6 +223,7 @@ impl Supervisor {
                 .supervision
                 .schedule
                 .map(|it| Schedule::new(it.seed(settings.seed))),
+            lease: Lease::default(),
             keeps_loan: false,
         };
         new.add_thread(root, root, None);

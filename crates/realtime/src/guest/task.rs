@@ -124,6 +124,10 @@ pub(super) struct Thread {
     pub(super) timeout: [u8; 16],
     /// It waits for bytes of ports that the supervisor holds, and for nothing else.
     pub(super) waits_for_ports: bool,
+    /// Its call is about a port whose bytes the supervisor holds.
+    pub(super) asks_port: bool,
+    /// Pipes and counters of its last `select`, in which nothing was.
+    pub(super) quiet: Vec<i32>,
     /// What it asks for over and over.
     pub(super) idle: Option<Idle>,
     /// The thread that waits in the kernel until this one has become another program.
@@ -251,6 +255,8 @@ pub(super) struct Process {
     pub(super) sites: BTreeSet<u64>,
     /// Its clocks that are no calls.
     pub(super) clocks: Option<ClockPage>,
+    /// Instructions at which it makes calls that its page may answer, and whether the page is asked.
+    pub(super) detours: BTreeMap<u64, bool>,
     pub(super) random: Rng,
     /// Signals, as bits, whose handlers ask for interrupted calls to be made again.
     pub(super) restarts: u64,

@@ -23,7 +23,7 @@ pub(super) struct Record {
     pub(super) thread: u32,
     /// Its number.
     pub(super) number: i64,
-    /// Looks at a clock that were no calls, in its place; 0: it is one.
+    /// Looks at a clock, or calls about ports, that were no stops, in its place; 0: it is one.
     pub(super) looks: u32,
     /// What the supervisor answered; nothing if the kernel did.
     pub(super) result: Option<i64>,
@@ -33,7 +33,11 @@ impl fmt::Display for Record {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { at, thread, .. } = self;
         if self.looks > 0 {
-            return write!(f, "{at} thread {thread} {} looks at a clock", self.looks);
+            let what = match self.number {
+                nix::libc::SYS_clock_gettime => "looks at a clock",
+                _ => "reads and selects without a stop",
+            };
+            return write!(f, "{at} thread {thread} {} {what}", self.looks);
         }
         write!(f, "{at} thread {thread} {}", call::name(self.number))?;
         match self.result {
@@ -75,6 +79,11 @@ impl Calls {
             // A full disk must not stop the program.
             let _ = writeln!(file, "{record}");
         }
+    }
+
+    /// Whether each call is written to a file.
+    pub(super) const fn is_written(&self) -> bool {
+        self.file.is_some()
     }
 
     /// How many calls there were.

@@ -149,6 +149,33 @@ impl Terminal {
         }
     }
 
+    /// Whether each character that arrives can be read as it is, as soon as it is there.
+    pub(crate) fn is_transparent(&self) -> bool {
+        const CHANGES: u32 = bits::ISTRIP
+            | bits::IUCLC
+            | bits::IXON
+            | bits::IGNCR
+            | bits::ICRNL
+            | bits::INLCR
+            | bits::PARMRK;
+        const EDITS: u32 = bits::ISIG | bits::ICANON | bits::ECHO | bits::ECHONL;
+        let code = |code| self.settings.code(code);
+        self.is_whole
+            && self.holds()
+            && !self.is_literal
+            && self.settings.input & CHANGES == 0
+            && self.settings.local & EDITS == 0
+            && self.settings.character_mask() == u8::MAX
+            && code(Code::Time) == 0
+            && code(Code::Least) <= 1
+    }
+
+    /// The first held bytes, at most `most`.
+    pub(crate) fn first_held(&self, most: usize) -> impl Iterator<Item = u8> {
+        let held = self.held.iter().flatten();
+        held.copied().take(most)
+    }
+
     /// Whether what waits is enough for a read to return.
     pub fn is_readable(&self) -> bool {
         match self.is_canonical() {

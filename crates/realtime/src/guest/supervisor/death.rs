@@ -34,6 +34,7 @@ impl Supervisor {
                 files: BTreeMap::new(),
                 sites: BTreeSet::new(),
                 clocks: None,
+                detours: BTreeMap::new(),
                 random: Rng::stream(self.settings.seed, &stream),
                 restarts: 0,
                 alarm: Timer::default(),
@@ -63,6 +64,8 @@ impl Supervisor {
             watched: Vec::new(),
             timeout: [0; 16],
             waits_for_ports: false,
+            asks_port: false,
+            quiet: Vec::new(),
             idle: None,
             vfork_parent,
         };
@@ -91,10 +94,14 @@ impl Supervisor {
         let is_vfork = event == libc::PTRACE_EVENT_VFORK;
         self.add_thread(pid, group, is_vfork.then_some(tid));
         let parent = self.threads.get(&tid).map(|thread| thread.process);
-        let clocks = parent.and_then(|pid| self.processes.get(&pid)?.clocks);
-        if let Some(process) = self.processes.get_mut(&group.as_raw()) {
+        let parent = parent.and_then(|pid| self.processes.get(&pid));
+        let inherited = parent.map(|parent| (parent.clocks, parent.detours.clone()));
+        if let Some(process) = self.processes.get_mut(&group.as_raw())
+            && let Some((clocks, detours)) = inherited
+            && process.clocks.is_none()
+        {
             // Its memory is a copy, or the same.
-            process.clocks = process.clocks.or(clocks);
+            (process.clocks, process.detours) = (clocks, detours);
         }
         if !is_vfork {
             return Flow::Goes(None);
@@ -151,6 +158,7 @@ impl Supervisor {
             process.files.clear();
             process.sites.clear();
             process.clocks = None;
+            process.detours.clear();
             process.posix_timers.clear();
         }
         self.keep_open_timers(tid);

@@ -1,12 +1,85 @@
-//! Time that is lent to the thread that runs: it looks at clocks without a stop.
+//! Time that is lent to the thread that runs: it looks at clocks and reads ports without a stop.
+
+use core::time::Duration;
 
 use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
+use protocols::Instant;
+use rustix::event::PollFlags;
 
-use super::{SLICE, Supervisor};
-use crate::guest::clock_page::{ClockPage, Loan};
+use super::files::{File, Kind};
+use super::{On, SLICE, State, Supervisor, Thread};
+use crate::guest::clock_page::{ClockPage, LentPort, Loan, Taken};
+use crate::guest::detour;
 use crate::guest::trace::Record;
+use crate::transport::Code;
+
+/// Looks and calls of a new turn.
+const TURN: u64 = SLICE as u64 - 1;
+/// Shortest and longest time ahead for which bytes are lent.
+const AHEAD: [Duration; 2] = [Duration::from_micros(500), Duration::from_millis(10)];
+/// So many times in a row bytes are lent to a program that does not take them; then once in so many
+/// calls.
+const UNUSED_MAX: u32 = 8;
+const RETRY_EVERY: u64 = 64;
+/// Files below this are bits of a word.
+const BITS: i32 = 63;
+/// Most ports that are lent at once.
+const PORTS_MAX: usize = 4;
+
+/// What is lent besides time.
+#[derive(Debug)]
+pub(super) struct Lease {
+    ports: Vec<LentPort>,
+    /// When it began, and its limit.
+    from: Instant,
+    limit: Instant,
+    /// Looks and calls that were lent.
+    calls: u64,
+    /// For how long ahead bytes are looked for next, and how often in a row none was taken.
+    ahead: Duration,
+    unused: u32,
+    has_waited: bool,
+}
+
+impl Default for Lease {
+    fn default() -> Self {
+        Self {
+            ports: Vec::new(),
+            from: Instant::ZERO,
+            limit: Instant::ZERO,
+            calls: 0,
+            ahead: 4 * AHEAD[0],
+            unused: 0,
+            has_waited: false,
+        }
+    }
+}
+
+impl Lease {
+    /// Whether the thread has waited without a stop since the last call.
+    pub(super) const fn take_has_waited(&mut self) -> bool {
+        core::mem::replace(&mut self.has_waited, false)
+    }
+
+    /// The next one is as long as this one was of use.
+    fn learn(&mut self, ports: &[LentPort], taken: &Taken) {
+        let is_used = !taken.reads.is_empty() || taken.selects > 0;
+        self.unused = if is_used { 0 } else { self.unused + 1 };
+        let is_empty = |(index, port): (usize, &LentPort)| {
+            let reads = taken.reads.iter().filter(|read| read.index == index);
+            let len: usize = reads.map(|read| read.len).sum();
+            len > 0 && len == port.bytes.len()
+        };
+        let used = Instant::from_nanos(taken.now) - self.from;
+        if ports.iter().enumerate().any(is_empty) {
+            self.ahead = (2 * self.ahead).min(AHEAD[1]);
+        } else if used < self.ahead / 4 {
+            self.ahead = (self.ahead / 2).max(AHEAD[0]);
+        }
+    }
+}
 
 impl Supervisor {
     fn clocks_of(&self, tid: i32) -> Option<ClockPage> {
@@ -15,36 +88,151 @@ impl Supervisor {
     }
 
     /// The thread goes on: up to the next event its clocks are its own.
-    pub(super) fn lend_time(&self, tid: i32) {
+    pub(super) fn lend_time(&mut self, tid: i32) {
+        self.lease.ports.clear();
         let Some(clocks) = self.clocks_of(tid) else {
             return;
         };
         let slice = self.threads.get(&tid).map_or(0, |thread| thread.slice);
-        let nanos =
-            |at: protocols::Instant| u64::try_from((at - protocols::Instant::ZERO).as_nanos());
-        let now = nanos(self.stage.now()).unwrap_or(u64::MAX);
-        let limit = self
-            .stage
-            .quiet_until()
-            .map_or(i64::MAX.unsigned_abs(), |at| {
-                nanos(at).unwrap_or(0).saturating_sub(1)
-            });
+        let nanos = |at: Instant| at.as_nanos();
+        let now = self.stage.now();
+        let looks = TURN.saturating_sub(slice.into());
+        let known = if looks > 0 {
+            self.lend_ports(tid)
+        } else {
+            None
+        };
+        let limit = match known {
+            Some(_) => nanos(self.lease.limit),
+            None => self
+                .stage
+                .quiet_until()
+                .map_or(i64::MAX.unsigned_abs(), |at| nanos(at).saturating_sub(1)),
+        };
+        (self.lease.from, self.lease.calls) = (now, looks);
         let cost = self.settings.supervision.call_cost.as_nanos();
-        clocks.lend(
-            Pid::from_raw(tid),
-            Loan {
-                now,
-                limit,
-                cost: u64::try_from(cost).unwrap_or(0),
-                looks: u64::from((SLICE - 1).saturating_sub(slice)),
-            },
-        );
+        let loan = Loan {
+            now: nanos(now),
+            limit,
+            cost: u64::try_from(cost).unwrap_or(0),
+            looks,
+            turn: TURN,
+            known: known.unwrap_or(0),
+        };
+        clocks.lend(Pid::from_raw(tid), loan, &self.lease.ports);
+    }
+
+    /// Lends the thread the bytes of its ports, if no other thread has to do with them; the files of
+    /// which is known what is ready, as bits.
+    fn lend_ports(&mut self, tid: i32) -> Option<u64> {
+        let thread = self.threads.get(&tid)?;
+        let process = self.processes.get(&thread.process)?;
+        let has_detour = process.detours.values().any(|&is_made| is_made);
+        let is_asked = !has_detour
+            || self.debugging.is_some()
+            || self.schedule.is_some()
+            || self.hears_by_signal
+            || self.is_signalled
+            || self.calls.is_written()
+            || !self.queue.is_empty();
+        let is_of_use =
+            self.lease.unused < UNUSED_MAX || self.calls.count.is_multiple_of(RETRY_EVERY);
+        if is_asked || !is_of_use || self.threads.values().any(|it| meddles(it, tid)) {
+            return None;
+        }
+        let files = process.files.iter();
+        let files = files.filter(|(fd, _)| (0..BITS).contains(*fd));
+        let files: Vec<(i32, usize, bool)> = files
+            .filter_map(|(&fd, file)| match file.kind {
+                Kind::Port(port) => Some((fd, port, file.is_readable())),
+                _ => None,
+            })
+            .collect();
+        let mut ports: Vec<(usize, i32, bool)> = Vec::new();
+        for (fd, port, is_readable) in files {
+            if !is_readable || ports.iter().any(|&(other, ..)| other == port) {
+                continue;
+            }
+            let settings = *self.stage.terminal(port)?.settings();
+            let waits = settings.code(Code::Least) > 0 && !self.file(tid, fd)?.never_waits();
+            ports.push((port, fd, waits));
+        }
+        if ports.is_empty() || ports.len() > PORTS_MAX {
+            return None;
+        }
+        let mut until = self.stage.now() + self.lease.ahead;
+        if let Some(deadline) = self.next_deadline() {
+            until = until.min(deadline);
+        }
+        let ahead = self.stage.look_ahead(&ports, until)?;
+        let bits = ports.iter().map(|&(_, fd, _)| 1_u64 << fd);
+        let known = bits.fold(self.quiet_files(tid), |all, bit| all | bit);
+        (self.lease.limit, self.lease.ports) = (ahead.limit, ahead.ports);
+        Some(known)
+    }
+
+    /// The pipes and counters of the thread's last `select` in which nothing is, as bits.
+    fn quiet_files(&mut self, tid: i32) -> u64 {
+        let quiet = self.threads.get(&tid).map(|thread| thread.quiet.clone());
+        let mut bits = 0;
+        for fd in quiet.unwrap_or_default() {
+            let file = self.file(tid, fd).filter(|_| (0..BITS).contains(&fd));
+            let is_quiet = |file: &File| file.readiness(PollFlags::IN).is_empty();
+            if file.is_some_and(|file| file.is_inner() && is_quiet(&file)) {
+                bits |= 1 << fd;
+            }
+        }
+        bits
+    }
+
+    /// Makes the program ask its page before the call at which the thread stands, if that is about a
+    /// port.
+    pub(super) fn make_detour(&mut self, tid: i32) {
+        let Some(thread) = self.threads.get(&tid).filter(|thread| thread.asks_port) else {
+            return;
+        };
+        let Some(call) = thread.call.filter(|call| detour::is_served(call.number)) else {
+            return;
+        };
+        let is_free = self.debugging.is_none() && self.schedule.is_none();
+        let Some(process) = self.processes.get_mut(&thread.process) else {
+            return;
+        };
+        let place = call.instruction();
+        if !is_free || self.calls.is_written() || process.detours.contains_key(&place) {
+            return;
+        }
+        let Some(page) = &mut process.clocks else {
+            return;
+        };
+        let is_made = detour::make(Pid::from_raw(tid), page, call.number, place);
+        process.detours.insert(place, is_made);
+    }
+
+    /// Whether the fault at which `tid` stands is of a call that its page was about to answer: then
+    /// the program makes the call.
+    pub(super) fn gives_up(&self, tid: i32) -> bool {
+        let pid = Pid::from_raw(tid);
+        let Some(clocks) = self.clocks_of(tid) else {
+            return false;
+        };
+        let Ok(mut registers) = ptrace::getregs(pid) else {
+            return false;
+        };
+        let Some(place) = clocks.gives_up_at(registers.rip) else {
+            return false;
+        };
+        registers.rip = place;
+        ptrace::setregs(pid, registers).is_ok()
     }
 
     /// Whether a thread has stopped in the middle of a look at its clocks, with incomplete counts.
     pub(super) fn stands_in_clocks(&self, tid: i32, status: i32) -> bool {
-        let is_trap = status >> 8 == libc::SIGTRAP;
-        if !is_trap || self.debugging.is_none() && self.schedule.is_none() {
+        let signal = status >> 8;
+        let is_trap = signal == libc::SIGTRAP;
+        let is_kick = signal == libc::SIGSTOP && !self.lease.ports.is_empty();
+        let is_stepped = self.debugging.is_some() || self.schedule.is_some();
+        if !(is_trap && is_stepped || is_kick) {
             return false;
         }
         let registers = ptrace::getregs(Pid::from_raw(tid));
@@ -53,43 +241,99 @@ impl Supervisor {
     }
 
     /// The thread goes on where virtual time does not count: each look is a call.
-    pub(super) fn keep_time(&self, tid: i32) {
+    pub(super) fn keep_time(&mut self, tid: i32) {
+        self.lease.ports.clear();
         if let Some(clocks) = self.clocks_of(tid) {
             let nothing = Loan {
                 now: 0,
                 limit: 0,
                 cost: 1,
                 looks: 0,
+                turn: 0,
+                known: 0,
             };
-            clocks.lend(Pid::from_raw(tid), nothing);
+            clocks.lend(Pid::from_raw(tid), nothing, &[]);
         }
     }
 
-    /// The thread has stopped: what it has counted has passed.
+    /// The thread has stopped: what it has counted has passed, what it has read is taken.
     pub(super) fn take_time(&mut self, tid: i32) {
+        self.lease.has_waited = false;
         let Some(clocks) = self.clocks_of(tid) else {
             return;
         };
-        let Some(taken) = clocks.take(Pid::from_raw(tid)).filter(|it| it.looks > 0) else {
+        let ports = core::mem::take(&mut self.lease.ports);
+        let Some(taken) = clocks.take(Pid::from_raw(tid), !ports.is_empty()) else {
             return;
         };
-        let looks = u32::try_from(taken.looks).unwrap_or(u32::MAX);
+        if !ports.is_empty() {
+            self.lease.learn(&ports, &taken);
+        }
+        let served = taken.reads.len() as u64 + taken.selects;
+        let count = taken.looks + served;
+        if count == 0 {
+            return;
+        }
         let Some(thread) = self.threads.get_mut(&tid) else {
             return;
         };
-        thread.slice = thread.slice.saturating_add(looks);
-        thread.computed = core::time::Duration::ZERO;
+        self.lease.has_waited = self.lease.calls.saturating_sub(count) != taken.left;
+        thread.slice = u32::try_from(TURN.saturating_sub(taken.left)).unwrap_or(SLICE);
+        thread.computed = Duration::ZERO;
+        if served > 0 {
+            thread.idle = None;
+        }
         let index = thread.index;
-        self.calls.count += taken.looks;
+        self.calls.count += count;
         self.looks += taken.looks;
-        self.stage
-            .has_counted(protocols::Instant::from_nanos(taken.now));
-        self.calls.add(Record {
-            at: self.stage.now(),
-            thread: index,
-            number: libc::SYS_clock_gettime,
-            looks,
-            result: Some(0),
-        });
+        self.served += served;
+        if ports.is_empty() {
+            self.stage.has_counted(Instant::from_nanos(taken.now));
+        } else {
+            self.follow(&ports, &taken);
+        }
+        let passed = [
+            (libc::SYS_clock_gettime, taken.looks),
+            (libc::SYS_read, served),
+        ];
+        for (number, count) in passed.into_iter().filter(|(_, count)| *count > 0) {
+            self.calls.add(Record {
+                at: self.stage.now(),
+                thread: index,
+                number,
+                looks: u32::try_from(count).unwrap_or(u32::MAX),
+                result: Some(0),
+            });
+        }
     }
+
+    /// Rig and ports do what has come of what was lent.
+    fn follow(&mut self, ports: &[LentPort], taken: &Taken) {
+        for read in &taken.reads {
+            if let Err(error) = self.stage.follow(read.at) {
+                self.trouble = Some(error.into());
+            }
+            if let Some(lent) = ports.get(read.index) {
+                self.stage.has_read(lent.port, read.len);
+            }
+        }
+        if let Err(error) = self.stage.follow(Instant::from_nanos(taken.now)) {
+            self.trouble = Some(error.into());
+        }
+        if self.lease.has_waited {
+            self.stage.end_fruitless();
+        }
+    }
+}
+
+/// Whether a thread besides `tid` may run or read before the next stop.
+fn meddles(thread: &Thread, tid: i32) -> bool {
+    if thread.tid.as_raw() == tid {
+        return false;
+    }
+    let State::Blocked(wait) = thread.state else {
+        return true;
+    };
+    let waits_elsewhere = matches!(wait.on, On::Futex(..) | On::Child | On::Others | On::Queue);
+    !waits_elsewhere || thread.lines_before.is_some()
 }

@@ -96,8 +96,15 @@ impl Supervisor {
             .map(|&(fd, _)| self.file(tid, fd).filter(|_| fd >= 0))
             .collect();
         let are_held = files.iter().flatten().all(|file| self.holds(file));
+        let is_any_held = are_held || files.iter().flatten().any(|file| self.holds(file));
+        let pipes = files.iter().zip(wanted);
+        let pipes = pipes.filter(|(file, _)| file.as_ref().is_some_and(|it| it.is_inner()));
+        let pipes = pipes.map(|(_, &(fd, _))| fd);
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.waits_for_ports = are_held;
+            thread.asks_port = is_any_held;
+            thread.quiet.clear();
+            thread.quiet.extend(pipes);
         }
         let mut polled: Vec<PollFd<'_>> = files
             .iter()

@@ -41,6 +41,7 @@ impl Supervisor {
         let there = terminal.readable(wanted).unwrap_or(0);
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.waits_for_ports = is_held;
+            thread.asks_port = is_held;
         }
         if let Some(outcome) = self.not_yet(tid, file, port, &settings, [there, wanted]) {
             return outcome;

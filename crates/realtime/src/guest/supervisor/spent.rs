@@ -33,6 +33,9 @@ impl Supervisor {
         if self.looks > 0 {
             text += &format!(", {} looks at clocks without a stop", self.looks);
         }
+        if self.served > 0 {
+            text += &format!(", {} reads and selects without a stop", self.served);
+        }
         if !self.idled.is_zero() {
             let seconds = self.idled.as_secs_f64();
             text += &format!(", {seconds:.3} s passed while it asked for the same over and over");

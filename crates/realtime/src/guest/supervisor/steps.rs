@@ -49,6 +49,7 @@ impl Supervisor {
         self.is_signalled |= may_have_signal && matches!(flow, Flow::Stays);
         while let Flow::Goes(signal) = flow {
             if !core::mem::take(&mut self.keeps_loan) {
+                self.make_detour(current);
                 self.lend_time(current);
             }
             if self.resume(current, signal).is_err() {
@@ -67,6 +68,13 @@ impl Supervisor {
                 self.take_time(current);
             }
             flow = self.handle(current, status);
+            if let Flow::Goes(signal) = flow
+                && self.lease.take_has_waited()
+            {
+                // It has waited without a stop: here its turn would have been over.
+                self.held_over = Some((current, Next::Go(signal)));
+                break;
+            }
         }
         self.watchdog.rest();
     }
@@ -144,6 +152,7 @@ impl Supervisor {
             0 if signal == libc::SIGSTOP => self.kicked(tid),
             0 if is_stop(signal) => self.stopped(tid, signal),
             0 if signal == libc::SIGSEGV && self.reads_counter(tid) => self.read_counter(tid),
+            0 if is_fault(signal) && self.gives_up(tid) => Flow::Goes(None),
             0 if signal & 0x80 == 0 => {
                 if signal == libc::SIGTRAP
                     && let Some(flow) = self.trapped(tid).or_else(|| self.stepped_by_schedule(tid))
@@ -211,6 +220,7 @@ impl Supervisor {
         thread.is_woken = false;
         thread.watched.clear();
         thread.waits_for_ports = false;
+        thread.asks_port = false;
         thread.slice += 1;
         *self.spent.entry(call.number).or_default() += 1;
         match self.calls_for_debugger(tid) {
@@ -310,6 +320,11 @@ impl Supervisor {
             }
         }
     }
+}
+
+/// Whether a signal comes of memory that is not there.
+const fn is_fault(signal: i32) -> bool {
+    matches!(signal, libc::SIGSEGV | libc::SIGBUS)
 }
 
 /// Whether a call changes no port; it may take received bytes.

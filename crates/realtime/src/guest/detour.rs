@@ -1,0 +1,239 @@
+//! Detours: the program's own `select` and `read` of ports ask the code in its clock page first.
+//!
+//! One instruction of the program before the call is replaced by a jump of the same length or
+//! shorter. So each place to which the program may jump, return or be at remains the beginning of an
+//! instruction, and a call that the page does not answer is made where it was.
+//!
+//! | found at a stop, in glibc | is replaced | after an answer |
+//! |---|---|---|
+//! | `mov $number, %eax; syscall` | `mov` | goes on behind the call |
+//! | `cmpb $0, single(%rip); je ..; xor %eax, %eax; syscall`, first in a function | `cmpb` | returns |
+//! | `mov %fs:24, %eax; test; jne ..; xor %eax, %eax; syscall`, the same before 2.34 | `mov` | returns |
+
+use nix::libc;
+use nix::unistd::Pid;
+use std::os::unix::fs::FileExt as _;
+
+use super::call::INSTRUCTION;
+use super::clock_page::ClockPage;
+use super::memory::Memory;
+
+/// The call instruction.
+const SYSCALL: [u8; 2] = [0x0F, 0x05];
+const JUMP: u8 = 0xE9;
+const NOP: u8 = 0x90;
+/// Calls that the page may answer.
+const SERVED: [i64; 2] = [libc::SYS_read, libc::SYS_pselect6];
+/// Bytes before a call at which is looked.
+const BEFORE: usize = 24;
+/// Functions begin at multiples of this.
+const ALIGNMENT: u64 = 16;
+const ENDBR: [u8; 4] = [0xF3, 0x0F, 0x1E, 0xFA];
+
+/// What is replaced at a call.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Found {
+    /// Bytes from the beginning of the replaced instruction to the call.
+    before: u64,
+    /// Its length.
+    len: u64,
+    form: Form,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Form {
+    /// It sets the number of the call, which is next.
+    Number,
+    /// It is the first one of its function, and compares a byte at this distance behind it with 0.
+    Compare(i32),
+    /// The same, and reads a word of the thread.
+    Thread,
+}
+
+/// Whether the page may answer a call of this number.
+pub(super) fn is_served(number: i64) -> bool {
+    SERVED.contains(&number)
+}
+
+/// Makes the program ask `page` before the call `number` behind which `tid` stands, at `place`;
+/// whether it does from now on.
+pub(super) fn make(tid: Pid, page: &mut ClockPage, number: i64, place: u64) -> bool {
+    made(tid, page, number, place).is_some()
+}
+
+fn made(tid: Pid, page: &mut ClockPage, number: i64, place: u64) -> Option<()> {
+    let call = place.checked_sub(INSTRUCTION)?;
+    let from = call.checked_sub(BEFORE as u64)?;
+    let mut code = [0; BEFORE + SYSCALL.len()];
+    Memory(tid).read(from, &mut code).ok()?;
+    let found = find(&code, number, call)?;
+    let replaced = call - found.before;
+    let mut taken = *page;
+    let at = taken.detour(DETOUR)?;
+    let detour = assemble(found, at, replaced, page.serve(), number)?;
+    let mut jump = vec![NOP; usize::try_from(found.len).ok()?];
+    jump[..5].copy_from_slice(&jump_to(replaced, at)?);
+    // The program's code is not to be written to, but by its tracer.
+    let memory = format!("/proc/{tid}/mem");
+    let memory = std::fs::OpenOptions::new().write(true).open(memory).ok()?;
+    memory.write_all_at(&detour, at).ok()?;
+    memory.write_all_at(&jump, replaced).ok()?;
+    *page = taken;
+    Some(())
+}
+
+/// What of the `code` up to a call can be replaced.
+fn find(code: &[u8], number: i64, call: u64) -> Option<Found> {
+    let before = code.strip_suffix(&SYSCALL)?;
+    let number = u32::try_from(number).ok()?;
+    let [a, b, c, d] = number.to_le_bytes();
+    if before.ends_with(&[0xB8, a, b, c, d]) {
+        return Some(Found {
+            before: 5,
+            len: 5,
+            form: Form::Number,
+        });
+    }
+    if number != 0 {
+        return None;
+    }
+    // xor %eax, %eax; where the word of the thread was 0, compilers leave it out.
+    let short = before.strip_suffix(&[0x31, 0xC0]);
+    let before = short.unwrap_or(before);
+    let xor = if short.is_some() { 2 } else { 0 };
+    let is_first = |before: u64, rest: &[u8]| {
+        (call - before).is_multiple_of(ALIGNMENT) || rest.ends_with(&ENDBR)
+    };
+    if let Some([rest @ .., 0x80, 0x3D, a, b, c, d, 0, 0x74, _]) = short
+        && is_first(11, rest)
+    {
+        return Some(Found {
+            before: 11,
+            len: 7,
+            form: Form::Compare(i32::from_le_bytes([*a, *b, *c, *d])),
+        });
+    }
+    let thread = [0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0, 0x85, 0xC0, 0x75];
+    let (_, rest) = before.split_last()?;
+    let rest = rest.strip_suffix(&thread)?;
+    let before = 12 + xor;
+    is_first(before, rest).then_some(Found {
+        before,
+        len: 8,
+        form: Form::Thread,
+    })
+}
+
+/// Most bytes of a detour.
+const DETOUR: u64 = 48;
+
+/// The detour at `at` of what was at `replaced`.
+fn assemble(found: Found, at: u64, replaced: u64, serve: u64, number: i64) -> Option<Vec<u8>> {
+    let [a, b, c, d] = u32::try_from(number).ok()?.to_le_bytes();
+    let set_number = [0xB8, a, b, c, d];
+    // lea -128(%rsp), %rsp: the program may use what is below.
+    let mut code = vec![0x48, 0x8D, 0x64, 0x24, 0x80];
+    code.extend(set_number);
+    // call serve
+    code.push(0xE8);
+    code.extend(distance(at + code.len() as u64 + 4, serve)?);
+    // lea 128(%rsp), %rsp; jc over the next piece
+    code.extend([0x48, 0x8D, 0xA4, 0x24, 0x80, 0, 0, 0, 0x72]);
+    match found.form {
+        Form::Number => {
+            code.push(5);
+            let behind = replaced + found.len + INSTRUCTION;
+            code.extend(jump_to(at + code.len() as u64, behind)?);
+            code.extend(set_number);
+        }
+        Form::Compare(place) => {
+            // ret; cmpb $0, place(%rip)
+            code.extend([1, 0xC3, 0x80, 0x3D]);
+            let place = (replaced + found.len).checked_add_signed(place.into())?;
+            code.extend(distance(at + code.len() as u64 + 5, place)?);
+            code.push(0);
+        }
+        Form::Thread => {
+            code.extend([1, 0xC3, 0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0]);
+        }
+    }
+    code.extend(jump_to(at + code.len() as u64, replaced + found.len)?);
+    debug_assert!(code.len() as u64 <= DETOUR, "{}", code.len());
+    Some(code)
+}
+
+fn jump_to(at: u64, to: u64) -> Option<[u8; 5]> {
+    let [a, b, c, d] = distance(at + 5, to)?;
+    Some([JUMP, a, b, c, d])
+}
+
+/// The distance from the end of an instruction, as the processor takes it.
+fn distance(from: u64, to: u64) -> Option<[u8; 4]> {
+    let distance = to.cast_signed().checked_sub(from.cast_signed())?;
+    Some(i32::try_from(distance).ok()?.to_le_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CALL: u64 = 0x7FFF_F7EC_82AB;
+
+    fn padded(end: &[u8]) -> Vec<u8> {
+        let mut code = vec![0xCC; BEFORE - end.len()];
+        code.extend(end);
+        code.extend(SYSCALL);
+        code
+    }
+
+    /// The beginnings of `select` and `read` of glibc 2.36, and of `read` of 2.31, as a disassembler
+    /// shows them.
+    #[test]
+    fn the_instruction_before_a_call_is_replaced() {
+        let select = padded(&[0x89, 0xDF, 0xB8, 0x0E, 1, 0, 0]);
+        let found = find(&select, libc::SYS_pselect6, CALL).expect("known");
+        assert_eq!((found.before, found.len, found.form), (5, 5, Form::Number));
+        let read = [0x80, 0x3D, 0x31, 0x33, 0x0E, 0, 0, 0x74, 0x17, 0x31, 0xC0];
+        let found = find(&padded(&read), libc::SYS_read, CALL).expect("known");
+        assert_eq!((found.before, found.len), (11, 7));
+        assert_eq!(found.form, Form::Compare(0xE_3331));
+        let old = [
+            0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0, 0x85, 0xC0, 0x75, 0x10, 0x31, 0xC0,
+        ];
+        let found = find(&padded(&old), libc::SYS_read, CALL + 3).expect("known");
+        assert_eq!((found.before, found.len, found.form), (14, 8, Form::Thread));
+        let short = [&ENDBR[..], &old[..12]].concat();
+        let found = find(&padded(&short), libc::SYS_read, CALL + 2).expect("known");
+        assert_eq!((found.before, found.form), (12, Form::Thread));
+    }
+
+    /// The number of another call, an instruction inside a function, and any other code stay.
+    #[test]
+    fn other_code_stays() {
+        let select = padded(&[0xB8, 0x0E, 1, 0, 0]);
+        assert_eq!(find(&select, libc::SYS_read, CALL), None);
+        assert_eq!(find(&select, libc::SYS_poll, CALL), None);
+        let read = [0x80, 0x3D, 0x31, 0x33, 0x0E, 0, 0, 0x74, 0x17, 0x31, 0xC0];
+        assert_eq!(find(&padded(&read), libc::SYS_read, CALL + 1), None);
+        assert_eq!(find(&padded(&[0x31, 0xC0]), libc::SYS_read, CALL), None);
+        assert_eq!(find(&[0xB8, 0, 0, 0, 0, 0x0F], libc::SYS_read, CALL), None);
+        assert_eq!(find(&[], libc::SYS_read, CALL), None);
+    }
+
+    /// A detour too far away for a jump is none. By hand: the jumps of a near one.
+    #[test]
+    fn a_detour_is_near() {
+        let found = Found {
+            before: 5,
+            len: 5,
+            form: Form::Number,
+        };
+        let far = assemble(found, 1 << 40, 0x40_0000, 1 << 40, 270);
+        assert_eq!(far, None);
+        let code = assemble(found, 0x1_0000, 0x1_1000, 0x1_0F00, 270).expect("near");
+        assert_eq!(code[10..15], [0xE8, 0xF1, 0x0E, 0, 0]);
+        // Behind the call, at 11007, from 1001E; to the call itself, at 11005, from 10028.
+        assert_eq!(code[25..30], [JUMP, 0xE9, 0x0F, 0, 0]);
+        assert_eq!(code[35..40], [JUMP, 0xDD, 0x0F, 0, 0]);
+    }
+}

@@ -1,0 +1,45 @@
+//! Reads of ports that are answered in the program itself: with `--trace-calls` each call is a stop,
+//! and both runs are the same to the nanosecond.
+
+use crate::guest::{compiled, run, trace};
+use crate::support::Ended;
+
+const LENT: &str = include_str!("programs/lent.c");
+/// A line of 7 bytes and its end every 40 ms, at 9600 baud.
+const SONAR: &str = include_str!("programs/sonar.toml");
+
+/// How many reads and selects were no stops, by the run's own words.
+fn served(ended: &Ended) -> u32 {
+    let words = ended.said.split(" reads and selects without a stop").next();
+    let count = words.and_then(|words| words.rsplit(' ').next());
+    count.and_then(|count| count.parse().ok()).unwrap_or(0)
+}
+
+#[test]
+fn reads_without_a_stop_are_those_of_stops() {
+    let Some(program) = compiled("lent", "cc", LENT, &[]) else {
+        return;
+    };
+    let rig = SONAR.replace("\"3s\"", "\"40s\"").replace("100ms", "40ms");
+    let files = [("sonar.toml", rig.as_str())];
+    let program = program.display().to_string();
+    let lent = run("lent", &program, &files, &["--exec-may-end"]);
+    let stopped = run(
+        "lent-stops",
+        &program,
+        &files,
+        &["--trace-calls", "calls.txt"],
+    );
+    assert_eq!(
+        lent.failed(),
+        Vec::<&str>::new(),
+        "{}\n{}",
+        lent.said,
+        lent.log
+    );
+    assert_eq!(lent.log, stopped.log, "{}\n{}", lent.said, stopped.said);
+    assert_eq!(trace(&lent), trace(&stopped));
+    assert_eq!(served(&stopped), 0, "{}", stopped.said);
+    // The rest waits for a stop: the last byte that is known, a request, a time-out, a signal.
+    assert!(served(&lent) > 1_500, "{}\n{}", lent.said, lent.log);
+}

@@ -1,0 +1,137 @@
+/* Reads of ports that need no stop: each line is the same if every call is a stop. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/select.h>
+#include <sys/time.h>
+#include <termios.h>
+#include <time.h>
+#include <unistd.h>
+
+static int port, pipes[2];
+static volatile int alarms;
+
+static long now(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return t.tv_sec * 1000000000L + t.tv_nsec;
+}
+static void on_alarm(int signal) {
+    (void)signal;
+    alarms++;
+}
+static void set(int least, int tenths) {
+    struct termios raw;
+    tcgetattr(port, &raw);
+    cfmakeraw(&raw);
+    cfsetspeed(&raw, B9600);
+    raw.c_cc[VMIN] = least;
+    raw.c_cc[VTIME] = tenths;
+    tcsetattr(port, TCSANOW, &raw);
+}
+/* As pyserial does it: a pipe by which another thread may end the wait is in the set. */
+static int wait_for(long micros, long *left) {
+    fd_set set;
+    struct timeval time = {micros / 1000000, micros % 1000000};
+    FD_ZERO(&set);
+    FD_SET(port, &set);
+    FD_SET(pipes[0], &set);
+    int ready = select((port > pipes[0] ? port : pipes[0]) + 1, &set, 0, 0, &time);
+    *left = time.tv_sec * 1000000 + time.tv_usec;
+    return ready < 0 ? -errno : 10 * !!FD_ISSET(port, &set) + 100 * !!FD_ISSET(pipes[0], &set) + ready;
+}
+static void report(const char *name, unsigned long sum) { printf("%s: %lu\n", name, sum); }
+/* All that a program can tell of its reads: when, what, how much, and how much time was left. */
+static unsigned long reads(int count, int length, int selects) {
+    unsigned long sum = 0;
+    char bytes[100];
+    for (int i = 0; i < count; i++) {
+        long left = 0;
+        int ready = selects ? wait_for(150000, &left) : 0;
+        int got = read(port, bytes, length);
+        sum = sum * 31 + now() + left * 7 + ready + got;
+        for (int k = 0; k < got; k++)
+            sum = sum * 31 + bytes[k];
+    }
+    return sum;
+}
+
+int main(void) {
+    long left;
+    char bytes[100];
+    setvbuf(stdout, 0, _IONBF, 0);
+    port = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
+    if (pipe(pipes))
+        return 1;
+    set(0, 0);
+    report("selects", reads(300, 1, 1));
+    report("pieces", reads(100, 5, 1));
+    set(1, 0);
+    report("waits", reads(300, 1, 0));
+    /* Requests between the reads. */
+    unsigned long sum = 0;
+    for (int i = 0; i < 20; i++) {
+        sum = sum * 31 + write(port, "ping\r\n", 6);
+        sum = sum * 31 + reads(9, 1, 1);
+    }
+    report("requests", sum);
+    /* More than is lent at once waits. */
+    usleep(900000);
+    report("full", reads(60, 3, 1));
+    set(0, 0);
+    report("times out", reads(40, 1, 1));
+    sum = 0;
+    for (int i = 0; i < 200; i++)
+        sum = sum * 31 + wait_for(20000, &left) + left + now();
+    report("short times", sum);
+    /* Buffers that are none. */
+    wait_for(1000000, &left);
+    sum = reads(3, 1, 1);
+    wait_for(1000000, &left);
+    int got = read(port, (void *)8, 1);
+    sum = sum * 31 + (got < 0 ? errno : 1000);
+    got = syscall(270, port + 1, (void *)8, 0, 0, 0, 0);
+    sum = sum * 31 + (got < 0 ? errno : 1000) + now();
+    sum = sum * 31 + reads(3, 1, 1);
+    report("faults", sum);
+    /* A copy of the file, another mode of it, and the pipe. */
+    int copy = dup(port);
+    sum = reads(4, 1, 1) + read(copy, bytes, 2) + bytes[0] + reads(4, 1, 1);
+    close(copy);
+    fcntl(port, F_SETFL, O_NONBLOCK);
+    for (int i = 0; i < 20; i++) {
+        got = read(port, bytes, 1);
+        sum = sum * 31 + (got < 0 ? errno : got + bytes[0]) + now();
+    }
+    fcntl(port, F_SETFL, 0);
+    report("copies", sum);
+    sum = reads(4, 1, 1) + write(pipes[1], "x", 1);
+    sum = sum * 31 + wait_for(100000, &left) + left;
+    sum = sum * 31 + read(pipes[0], bytes, 9) + reads(4, 1, 1);
+    report("pipe", sum);
+    /* Signals that come between and in reads. */
+    struct sigaction action = {.sa_handler = on_alarm};
+    sigaction(SIGALRM, &action, 0);
+    struct itimerval timer = {{0, 7000}, {0, 7000}};
+    setitimer(ITIMER_REAL, &timer, 0);
+    set(1, 0);
+    sum = reads(200, 1, 0) + reads(200, 1, 1);
+    timer = (struct itimerval){0};
+    setitimer(ITIMER_REAL, &timer, 0);
+    report("signals", sum * 31 + alarms);
+    /* Two processes take turns. */
+    int child = fork();
+    report(child ? "parent" : "child", reads(20, 1, 1) + !!child);
+    if (!child)
+        _exit(0);
+    set(0, 2);
+    report("tenths", reads(30, 1, 1) + reads(30, 1, 0));
+    set(4, 1);
+    report("four", reads(20, 8, 1) + reads(20, 8, 0));
+    printf("%ld\n", now());
+    return 0;
+}
