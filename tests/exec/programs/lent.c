@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/select.h>
 #include <sys/time.h>
 #include <termios.h>
@@ -79,6 +80,17 @@ int main(void) {
         sum = sum * 31 + reads(9, 1, 1);
     }
     report("requests", sum);
+    /* How many there are, asked for a while, and asked too often. */
+    sum = 0;
+    for (int i = 0; i < 400; i++) {
+        int there = -1;
+        sum = sum * 31 + ioctl(port, FIONREAD, &there) + there + now();
+        if (there >= 3 + i % 4)
+            sum = sum * 31 + read(port, bytes, there - 1) + bytes[0];
+        if (i % 40 == 39)
+            sum = sum * 31 + reads(30, 1, 1);
+    }
+    report("counts", sum);
     /* More than is lent at once waits. */
     usleep(900000);
     report("full", reads(60, 3, 1));

@@ -180,7 +180,7 @@ def main():
     words.add_argument("names", nargs="*")
     words.add_argument("--seeds", type=int, default=3)
     words.add_argument("--most", type=int, default=60)
-    words = words.parse_args()
+    words = words.parse_intermixed_args()
     hilrig = os.path.realpath(words.hilrig)
     sources = words.sources.resolve()
     sources.mkdir(parents=True, exist_ok=True)

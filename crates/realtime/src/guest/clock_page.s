@@ -1,8 +1,9 @@
 # Clocks without a call, and reads of ports without one. Data behind it, see clock_page.rs:
 #   0 time, 8 limit, 16 cost, 24 looks, 32 calls left, 40 calls of a turn, 48 known files,
-#   56 ports, 64 reads, 72 selects; 80 ports of 552 bytes each: file, whether a read waits, time
-#   from which nothing is known, bytes, bytes taken, then 64 of time << 8 | byte; 2304 reads:
-#   time << 10 | port << 8 | bytes.
+#   56 ports, 64 reads, 72 selects, 80 counts of bytes since the last of these, 88 all counts; 96
+#   ports of 552 bytes each: file, whether a read waits, time from which nothing is known, bytes,
+#   bytes taken, then 64 of time << 8 | byte; 2304 reads: time << 10 | port << 8 | bytes; 2816
+#   counts: time << 10 | port << 8 | bytes, address.
         .text
         .set    DATA, start + 4096
 start:
@@ -110,6 +111,8 @@ serve:                          # eax: number of a call; rax: its answer, or car
         js      give_up
         test    %eax, %eax
         je      read
+        cmp     $16, %eax
+        je      ask
         cmp     $270, %eax
         je      select
 give_up:
@@ -120,16 +123,9 @@ read:                           # edi: file, rsi: buffer, rdx: length
         je      give_up
         cmpq    $64, 64(%r11)
         jae     give_up
-        lea     80(%r11), %rbx          # rbx, r12: the port
-        xor     %r12d, %r12d
-1:      cmp     56(%r11), %r12
-        jae     give_up
-        cmp     (%rbx), %edi
-        je      2f
-        add     $552, %rbx
-        inc     %r12
-        jmp     1b
-2:      xor     %edi, %edi              # rdi: bytes so far
+        call    find
+        jc      give_up
+        xor     %edi, %edi              # rdi: bytes so far
 3:      mov     32(%rbx), %rax
         add     %rdi, %rax
         cmp     24(%rbx), %rax
@@ -167,12 +163,63 @@ has_read:
         or      %rdi, %rdx
         mov     %rdx, 2304(%r11,%rax,8)
         incq    64(%r11)
+        movq    $0, 80(%r11)
         add     %rdi, 32(%rbx)
         mov     %rcx, (%r11)
         mov     %r14, 32(%r11)
         mov     %rdi, %rax
         clc
         jmp     leave
+ask:                            # edi: file, esi: request, rdx: where the count goes
+        cmp     $0x541B, %esi
+        jne     give_up
+        cmpq    $7, 80(%r11)
+        jae     give_up
+        call    find
+        jc      give_up
+        xor     %edi, %edi              # rdi: bytes that are there
+1:      mov     32(%rbx), %rax
+        add     %rdi, %rax
+        cmp     24(%rbx), %rax
+        jae     2f
+        mov     40(%rbx,%rax,8), %rax
+        shr     $8, %rax
+        cmp     %rcx, %rax
+        ja      3f
+        inc     %rdi
+        jmp     1b
+2:      cmp     16(%rbx), %rcx          # there may be more
+        jae     give_up
+3:      mov     %edi, (%rdx)
+        mov     80(%r11), %rax
+        shl     $4, %rax
+        mov     %rdx, 2824(%r11,%rax)
+        mov     %rcx, %rdx
+        shl     $10, %rdx
+        shl     $8, %r12
+        or      %r12, %rdx
+        or      %rdi, %rdx
+        mov     %rdx, 2816(%r11,%rax)
+        incq    80(%r11)
+        incq    88(%r11)
+        mov     %rcx, (%r11)
+        mov     %r14, 32(%r11)
+        xor     %eax, %eax
+        jmp     leave
+find:                           # edi: file; rbx, r12: the port, or carry
+        lea     96(%r11), %rbx
+        xor     %r12d, %r12d
+1:      cmp     56(%r11), %r12
+        jae     2f
+        cmp     (%rbx), %edi
+        je      3f
+        add     $552, %rbx
+        inc     %r12
+        jmp     1b
+2:      stc
+        ret
+3:      clc
+        ret
 select:                         # edi: files, rsi, rdx, r10: sets, r8: timespec, r9: signals
         test    %r9, %r9
         jne     give_up
@@ -215,7 +262,7 @@ select:                         # edi: files, rsi, rdx, r10: sets, r8: timespec,
 3:      xor     %edi, %edi              # rdi: files that are ready
         movabs  $0x7fffffffffffffff, %r12
         mov     %r12, %r15              # r12: next byte, r15: nothing is known from then on
-        lea     80(%r11), %rbx
+        lea     96(%r11), %rbx
         mov     56(%r11), %r9
 4:      test    %r9, %r9
         je      7f
@@ -264,6 +311,7 @@ select:                         # edi: files, rsi, rdx, r10: sets, r8: timespec,
         mov     %rax, (%r8)
         mov     %rdx, 8(%r8)
 1:      incq    72(%r11)
+        movq    $0, 80(%r11)
         mov     %rcx, (%r11)
         mov     %r14, 32(%r11)
         popcnt  %rdi, %rax

@@ -1,4 +1,5 @@
-//! Detours: the program's own `select` and `read` of ports ask the code in its clock page first.
+//! Detours: the program's own `select`, `read` and `ioctl` of ports ask the code in its clock page
+//! first.
 //!
 //! One instruction of the program before the call is replaced by a jump of the same length or
 //! shorter. So each place to which the program may jump, return or be at remains the beginning of an
@@ -23,7 +24,7 @@ const SYSCALL: [u8; 2] = [0x0F, 0x05];
 const JUMP: u8 = 0xE9;
 const NOP: u8 = 0x90;
 /// Calls that the page may answer.
-const SERVED: [i64; 2] = [libc::SYS_read, libc::SYS_pselect6];
+const SERVED: [i64; 3] = [libc::SYS_read, libc::SYS_ioctl, libc::SYS_pselect6];
 /// Bytes before a call at which is looked.
 const BEFORE: usize = 24;
 /// Functions begin at multiples of this.

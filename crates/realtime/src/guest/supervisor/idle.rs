@@ -8,10 +8,12 @@ use core::time::Duration;
 
 use nix::libc;
 use nix::unistd::Pid;
+use protocols::Instant;
 
 use super::polls::{POLLFD, entries, watched};
-use super::{Flow, Memory, Next, Outcome, Supervisor};
+use super::{Flow, Memory, Next, Outcome, Supervisor, Thread};
 use crate::guest::call::Call;
+use crate::guest::clock_page::LentCount;
 use crate::guest::task::{Fruitless, Idle};
 
 /// So many fruitless calls in a row take no longer than others.
@@ -90,35 +92,32 @@ impl Supervisor {
         let Some(thread) = self.threads.get_mut(&tid) else {
             return;
         };
-        let answer = match sign {
-            Sign::Neutral => return,
-            Sign::Fruitful => {
-                thread.idle = None;
-                return;
+        match sign {
+            Sign::Neutral => {}
+            Sign::Fruitful => thread.idle = None,
+            Sign::Fruitless(answer) => {
+                let fruitless = Fruitless {
+                    call: key(call),
+                    watched: thread.watched.clone(),
+                    answer,
+                };
+                thread.note_fruitless(fruitless, now);
             }
-            Sign::Fruitless(answer) => answer,
-        };
-        let idle = thread.idle.get_or_insert_with(|| Idle {
-            seen: Vec::new(),
-            count: 0,
-            since: now,
-        });
-        let is_it = |seen: &&Fruitless| seen.call == key(call) && seen.watched == thread.watched;
-        let known = idle.seen.iter().find(is_it);
-        let is_same = known.map(|known| known.answer == answer);
-        if is_same != Some(true) {
-            // Another answer is news: the wait begins anew.
-            if is_same.is_some() || idle.seen.len() >= KINDS_MAX {
-                idle.seen.clear();
-                (idle.count, idle.since) = (0, now);
-            }
-            idle.seen.push(Fruitless {
-                call: key(call),
-                watched: thread.watched.clone(),
-                answer,
-            });
         }
-        idle.count = idle.count.saturating_add(1);
+    }
+
+    /// The page has told the thread how many bytes are there, as a call would have.
+    pub(super) fn note_count(&mut self, tid: i32, fd: i32, count: &LentCount) {
+        let Some(thread) = self.threads.get_mut(&tid) else {
+            return;
+        };
+        let file = u64::from(fd.cast_unsigned());
+        let fruitless = Fruitless {
+            call: (libc::SYS_ioctl, [file, libc::FIONREAD, count.address]),
+            watched: Vec::new(),
+            answer: i64::try_from(count.len).unwrap_or(0),
+        };
+        thread.note_fruitless(fruitless, count.at);
     }
 
     fn sign_of(&self, tid: i32, call: &Call, outcome: &Outcome) -> Sign {
@@ -170,5 +169,28 @@ impl Supervisor {
             },
             _ => Sign::Fruitful,
         }
+    }
+}
+
+impl Thread {
+    fn note_fruitless(&mut self, fruitless: Fruitless, now: Instant) {
+        let idle = self.idle.get_or_insert_with(|| Idle {
+            seen: Vec::new(),
+            count: 0,
+            since: now,
+        });
+        let is_it =
+            |seen: &&Fruitless| seen.call == fruitless.call && seen.watched == fruitless.watched;
+        let known = idle.seen.iter().find(is_it);
+        let is_same = known.map(|known| known.answer == fruitless.answer);
+        if is_same != Some(true) {
+            // Another answer is news: the wait begins anew.
+            if is_same.is_some() || idle.seen.len() >= KINDS_MAX {
+                idle.seen.clear();
+                (idle.count, idle.since) = (0, now);
+            }
+            idle.seen.push(fruitless);
+        }
+        idle.count = idle.count.saturating_add(1);
     }
 }

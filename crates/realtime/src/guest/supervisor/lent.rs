@@ -65,7 +65,7 @@ impl Lease {
 
     /// The next one is as long as this one was of use.
     fn learn(&mut self, ports: &[LentPort], taken: &Taken) {
-        let is_used = !taken.reads.is_empty() || taken.selects > 0;
+        let is_used = !taken.reads.is_empty() || taken.selects + taken.counts > 0;
         self.unused = if is_used { 0 } else { self.unused + 1 };
         let is_empty = |(index, port): (usize, &LentPort)| {
             let reads = taken.reads.iter().filter(|read| read.index == index);
@@ -118,6 +118,8 @@ impl Supervisor {
             looks,
             turn: TURN,
             known: known.unwrap_or(0),
+            // A wait that has begun is a matter of the supervisor.
+            counts: self.threads.get(&tid).is_some_and(|it| it.idle.is_none()),
         };
         clocks.lend(Pid::from_raw(tid), loan, &self.lease.ports);
     }
@@ -141,20 +143,21 @@ impl Supervisor {
             return None;
         }
         let files = process.files.iter();
-        let files = files.filter(|(fd, _)| (0..BITS).contains(*fd));
-        let files: Vec<(i32, usize, bool)> = files
-            .filter_map(|(&fd, file)| match file.kind {
-                Kind::Port(port) => Some((fd, port, file.is_readable())),
-                _ => None,
-            })
-            .collect();
+        let files = files.filter(|(fd, file)| {
+            (0..BITS).contains(*fd) && matches!(file.kind, Kind::Port(_)) && file.is_readable()
+        });
+        let files: Vec<i32> = files.map(|(&fd, _)| fd).collect();
         let mut ports: Vec<(usize, i32, bool)> = Vec::new();
-        for (fd, port, is_readable) in files {
-            if !is_readable || ports.iter().any(|&(other, ..)| other == port) {
+        for fd in files {
+            let file = self.file(tid, fd)?;
+            let Kind::Port(port) = file.kind else {
+                continue;
+            };
+            if ports.iter().any(|&(other, ..)| other == port) {
                 continue;
             }
             let settings = *self.stage.terminal(port)?.settings();
-            let waits = settings.code(Code::Least) > 0 && !self.file(tid, fd)?.never_waits();
+            let waits = settings.code(Code::Least) > 0 && !file.never_waits();
             ports.push((port, fd, waits));
         }
         if ports.is_empty() || ports.len() > PORTS_MAX {
@@ -251,6 +254,7 @@ impl Supervisor {
                 looks: 0,
                 turn: 0,
                 known: 0,
+                counts: false,
             };
             clocks.lend(Pid::from_raw(tid), nothing, &[]);
         }
@@ -269,7 +273,8 @@ impl Supervisor {
         if !ports.is_empty() {
             self.lease.learn(&ports, &taken);
         }
-        let served = taken.reads.len() as u64 + taken.selects;
+        let fruitful = taken.reads.len() as u64 + taken.selects;
+        let served = fruitful + taken.counts;
         let count = taken.looks + served;
         if count == 0 {
             return;
@@ -280,7 +285,7 @@ impl Supervisor {
         self.lease.has_waited = self.lease.calls.saturating_sub(count) != taken.left;
         thread.slice = u32::try_from(TURN.saturating_sub(taken.left)).unwrap_or(SLICE);
         thread.computed = Duration::ZERO;
-        if served > 0 {
+        if fruitful > 0 {
             thread.idle = None;
         }
         let index = thread.index;
@@ -291,6 +296,11 @@ impl Supervisor {
             self.stage.has_counted(Instant::from_nanos(taken.now));
         } else {
             self.follow(&ports, &taken);
+        }
+        for count in &taken.last_counts {
+            if let Some(lent) = ports.get(count.index) {
+                self.note_count(tid, lent.fd, count);
+            }
         }
         let passed = [
             (libc::SYS_clock_gettime, taken.looks),

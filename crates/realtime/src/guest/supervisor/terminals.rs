@@ -45,7 +45,11 @@ impl Supervisor {
         match request {
             libc::FIONREAD => {
                 self.stage.settle(port, &file.fd);
-                let unread = self.stage.terminal(port).map_or(0, |it| it.unread());
+                let terminal = self.stage.terminal(port);
+                let (unread, is_held) = terminal.map_or((0, false), |it| (it.unread(), it.holds()));
+                if let Some(thread) = self.threads.get_mut(&tid) {
+                    thread.asks_port = is_held;
+                }
                 put_number(memory, argument, unread)
             }
             libc::TIOCOUTQ => put_number(memory, argument, self.stage.backlog(port)),
