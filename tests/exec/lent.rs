@@ -1,5 +1,5 @@
-//! Reads of ports that are answered in the program itself: with `--trace-calls` each call is a stop,
-//! and both runs are the same to the nanosecond.
+//! Reads of ports that are answered in the program itself: with `--trace-calls` each call is a
+//! stop, and both runs are the same to the nanosecond.
 
 use crate::guest::{compiled, run, trace};
 use crate::support::Ended;

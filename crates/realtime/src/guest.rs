@@ -32,6 +32,8 @@ mod inject;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod launch;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lent;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod lines;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod links;

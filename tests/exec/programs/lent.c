@@ -61,6 +61,8 @@ static unsigned long reads(int count, int length, int selects) {
     return sum;
 }
 
+static unsigned long reads_of(int count) { return reads(count, 1, 1); }
+
 int main(void) {
     long left;
     char bytes[100];
@@ -78,6 +80,20 @@ int main(void) {
     for (int i = 0; i < 20; i++) {
         sum = sum * 31 + write(port, "ping\r\n", 6);
         sum = sum * 31 + reads(9, 1, 1);
+    }
+    for (int i = 0; i < 20; i++) {
+        /* As pyserial writes: it waits until the port takes bytes. */
+        fd_set reads, writes;
+        sum = sum * 31 + write(port, "ping\r\n", 6);
+        FD_ZERO(&reads);
+        FD_SET(pipes[0], &reads);
+        if (i % 2)
+            FD_SET(port, &reads);
+        FD_ZERO(&writes);
+        FD_SET(port, &writes);
+        sum = sum * 31 + select(20, &reads, &writes, 0, 0) + FD_ISSET(port, &reads);
+        sum = sum * 31 + FD_ISSET(port, &writes) + FD_ISSET(pipes[0], &reads) + now();
+        sum = sum * 31 + reads_of(7);
     }
     report("requests", sum);
     /* How many there are, asked for a while, and asked too often. */

@@ -211,7 +211,7 @@ struct Speaker {
     talk: Shared<Conversation>,
 }
 
-/// A copy goes on by itself; only the original is reported.
+/// A copy continues alone: reports are about the original.
 impl Clone for Speaker {
     fn clone(&self) -> Self {
         Self {

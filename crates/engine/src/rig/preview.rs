@@ -84,8 +84,8 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// At 9600 baud a byte takes 1.0417 ms: two of three bytes come within 3 ms. The rig stays where
-    /// it is, and does the same later, to the nanosecond.
+    /// At 9600 baud a byte takes 1.0417 ms: two of three bytes come within 3 ms. The rig stays
+    /// where it is, and does the same later, to the nanosecond.
     #[test]
     fn a_preview_is_what_comes() {
         let (mut rig, [[device, master]]) = bare::linked(["line"], 9600);

@@ -3,7 +3,7 @@
 #   56 ports, 64 reads, 72 selects, 80 counts of bytes since the last of these, 88 all counts; 96
 #   ports of 552 bytes each: file, whether a read waits, time from which nothing is known, bytes,
 #   bytes taken, then 64 of time << 8 | byte; 2304 reads: time << 10 | port << 8 | bytes; 2816
-#   counts: time << 10 | port << 8 | bytes, address.
+#   counts: time << 10 | port << 8 | bytes, address; 2928 files that take bytes; 2936 of select.
         .text
         .set    DATA, start + 4096
 start:
@@ -101,6 +101,7 @@ serve:                          # eax: number of a call; rax: its answer, or car
         push    %r13
         push    %r14
         push    %r15
+        push    %rbp
         lea     DATA(%rip), %r11
         mov     (%r11), %rcx
         add     16(%r11), %rcx          # rcx: time of the answer
@@ -228,20 +229,28 @@ select:                         # edi: files, rsi, rdx, r10: sets, r8: timespec,
         lea     -1(%rdi), %eax
         cmp     $62, %eax
         ja      give_up
-        test    %rdx, %rdx
+        test    %r10, %r10
         je      1f
-        cmpq    $0, (%rdx)
-        jne     give_up
-1:      test    %r10, %r10
-        je      2f
         cmpq    $0, (%r10)
         jne     give_up
-2:      mov     %edi, %edi
+1:      mov     %edi, %edi
         xor     %eax, %eax
         bts     %rdi, %rax
         dec     %rax
-        mov     (%rsi), %rdx            # rdx: the files
+        mov     %rdx, %rbp              # rbp: the set of files to write to, or 0
+        xor     %edi, %edi
+        test    %rdx, %rdx
+        je      2f
+        mov     (%rdx), %rdi
+        and     %rax, %rdi
+        mov     2928(%r11), %r12        # all of them take bytes
+        not     %r12
+        test    %rdi, %r12
+        jne     give_up
+2:      mov     %rdi, 2936(%r11)
+        mov     (%rsi), %rdx            # rdx: the files to read
         and     %rax, %rdx
+        or      %rdx, %rdi
         je      give_up
         mov     48(%r11), %rax
         not     %rax
@@ -289,7 +298,8 @@ select:                         # edi: files, rsi, rdx, r10: sets, r8: timespec,
         jmp     4b
 7:      cmp     %r15, %rcx
         jae     give_up
-        test    %rdi, %rdi
+        mov     %rdi, %rax
+        or      2936(%r11), %rax
         jne     9f
         cmp     %r15, %r12
         jae     give_up
@@ -310,13 +320,20 @@ select:                         # edi: files, rsi, rdx, r10: sets, r8: timespec,
         div     %r9
         mov     %rax, (%r8)
         mov     %rdx, 8(%r8)
-1:      incq    72(%r11)
+1:      popcnt  %rdi, %rax
+        test    %rbp, %rbp
+        je      2f
+        mov     2936(%r11), %rdx
+        mov     %rdx, (%rbp)
+        popcnt  %rdx, %rdx
+        add     %rdx, %rax
+2:      incq    72(%r11)
         movq    $0, 80(%r11)
         mov     %rcx, (%r11)
         mov     %r14, 32(%r11)
-        popcnt  %rdi, %rax
         clc
 leave:
+        pop     %rbp
         pop     %r15
         pop     %r14
         pop     %r13

@@ -2,22 +2,22 @@
 //! first.
 //!
 //! One instruction of the program before the call is replaced by a jump of the same length or
-//! shorter. So each place to which the program may jump, return or be at remains the beginning of an
+//! shorter. So each place to which the program may jump or return remains the beginning of an
 //! instruction, and a call that the page does not answer is made where it was.
 //!
 //! | found at a stop, in glibc | is replaced | after an answer |
 //! |---|---|---|
-//! | `mov $number, %eax; syscall` | `mov` | goes on behind the call |
-//! | `cmpb $0, single(%rip); je ..; xor %eax, %eax; syscall`, first in a function | `cmpb` | returns |
-//! | `mov %fs:24, %eax; test; jne ..; xor %eax, %eax; syscall`, the same before 2.34 | `mov` | returns |
+//! | `mov $number, %eax` or `xor %eax, %eax`; `syscall` | `mov` | goes on behind the call |
+//! | the same behind `cmpb $0, single(%rip); je ..`, first in a function | `cmpb` | returns |
+//! | the same behind `mov %fs:24, %eax; test; jne ..`, before 2.34 | `mov` | returns |
 
 use nix::libc;
 use nix::unistd::Pid;
-use std::os::unix::fs::FileExt as _;
 
 use super::call::INSTRUCTION;
 use super::clock_page::ClockPage;
 use super::memory::Memory;
+use super::supervisor::poke;
 
 /// The call instruction.
 const SYSCALL: [u8; 2] = [0x0F, 0x05];
@@ -74,11 +74,9 @@ fn made(tid: Pid, page: &mut ClockPage, number: i64, place: u64) -> Option<()> {
     let detour = assemble(found, at, replaced, page.serve(), number)?;
     let mut jump = vec![NOP; usize::try_from(found.len).ok()?];
     jump[..5].copy_from_slice(&jump_to(replaced, at)?);
-    // The program's code is not to be written to, but by its tracer.
-    let memory = format!("/proc/{tid}/mem");
-    let memory = std::fs::OpenOptions::new().write(true).open(memory).ok()?;
-    memory.write_all_at(&detour, at).ok()?;
-    memory.write_all_at(&jump, replaced).ok()?;
+    // Only a tracer may write to the program's code.
+    poke(tid, at, &detour).ok()?;
+    poke(tid, replaced, &jump).ok()?;
     *page = taken;
     Some(())
 }
@@ -187,8 +185,8 @@ mod tests {
         code
     }
 
-    /// The beginnings of `select` and `read` of glibc 2.36, and of `read` of 2.31, as a disassembler
-    /// shows them.
+    /// The beginnings of `select` and `read` of glibc 2.36, and of `read` of 2.31, as a
+    /// disassembler shows them.
     #[test]
     fn the_instruction_before_a_call_is_replaced() {
         let select = padded(&[0x89, 0xDF, 0xB8, 0x0E, 1, 0, 0]);

@@ -17,6 +17,7 @@ use crate::clock::SimClock;
 use crate::exec::{Ports, Readiness};
 use crate::inputs::INPUTS;
 use crate::transport::TransportError;
+use ahead::Foreseen;
 use engine::rig::Paced as _;
 use engine::run::Run;
 
@@ -95,6 +96,7 @@ pub(super) struct Stage {
     /// The program may have sent to, opened or closed a port.
     is_stirred: bool,
     next_look: Instant,
+    foreseen: Option<Foreseen>,
     /// The rig's time when the ports were looked at last.
     observed_at: Instant,
     /// The pipe for what the program says: device and number.
@@ -153,6 +155,7 @@ impl Stage {
             is_touched: false,
             is_stirred: false,
             next_look: Instant::ZERO,
+            foreseen: None,
             observed_at: Instant::ZERO,
             mouth,
         }
@@ -275,10 +278,11 @@ impl Stage {
         let is_stirred = core::mem::take(&mut self.is_stirred);
         let is_looked_at = core::mem::take(&mut self.is_touched) || self.now >= self.next_look;
         // What the program does is done now, however far the rig was run before.
-        if (is_stirred || is_looked_at)
-            && let Some(rig_now) = self.rig_time(self.now)
-        {
-            self.advance(rig_now);
+        if is_stirred || is_looked_at {
+            self.forget_foreseen();
+            if let Some(rig_now) = self.rig_time(self.now) {
+                self.advance(rig_now);
+            }
         }
         match is_looked_at {
             true => self.realtime.carry(&mut self.run)?,
@@ -405,8 +409,12 @@ impl Stage {
         self.realtime.room(port, &self.run.rig)
     }
 
-    /// Bytes of a client that the line has not taken.
+    /// Bytes of a client that the line has not taken. After the run it takes none, and a program
+    /// that waits for them to leave could not end.
     pub(super) fn backlog(&self, port: usize) -> usize {
+        if self.is_frozen {
+            return 0;
+        }
         self.realtime.backlog(port, &self.run.rig)
     }
 
@@ -427,6 +435,7 @@ impl Stage {
 
     /// The client sets its modem lines.
     pub(super) fn set_modem(&mut self, port: usize, lines: u32) {
+        self.forget_foreseen();
         let slot = &mut self.slots[port];
         let changed = (slot.outputs ^ lines) & OUTPUTS;
         slot.outputs = lines & OUTPUTS;
@@ -441,6 +450,7 @@ impl Stage {
 
     /// The client sends a break.
     pub(super) fn send_break(&mut self, port: usize) {
+        self.forget_foreseen();
         self.realtime
             .change_line(port, LineEvent::Break, &mut self.run);
     }

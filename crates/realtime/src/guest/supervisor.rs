@@ -52,7 +52,7 @@ use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::exec::Supervision;
-pub(super) use debugging::{Debugging, Goal, Step, Stop, Wanted, Watchpoint};
+pub(super) use debugging::{Debugging, Goal, Step, Stop, Wanted, Watchpoint, poke};
 use fifos::Meeting;
 use lent::Lease;
 use notices::Notice;
@@ -136,7 +136,7 @@ pub(super) struct Supervisor {
     has_bound: bool,
     /// Named pipes that are being opened from both sides.
     meetings: Vec<Meeting>,
-    /// Looks at clocks and calls about ports that were no stops, and stopped calls by their numbers.
+    /// Looks at clocks and calls about ports that were no stops; stopped calls by their numbers.
     pub(super) looks: u64,
     pub(super) served: u64,
     pub(super) spent: BTreeMap<i64, u64>,

@@ -126,7 +126,7 @@ pub(super) struct Thread {
     pub(super) waits_for_ports: bool,
     /// Its call is about a port whose bytes the supervisor holds.
     pub(super) asks_port: bool,
-    /// Pipes and counters of its last `select`, in which nothing was.
+    /// Pipes and counters of its last calls of `select` and `poll`.
     pub(super) quiet: Vec<i32>,
     /// What it asks for over and over.
     pub(super) idle: Option<Idle>,
@@ -255,7 +255,7 @@ pub(super) struct Process {
     pub(super) sites: BTreeSet<u64>,
     /// Its clocks that are no calls.
     pub(super) clocks: Option<ClockPage>,
-    /// Instructions at which it makes calls that its page may answer, and whether the page is asked.
+    /// Instructions at which it makes calls that its page may answer; whether the page is asked.
     pub(super) detours: BTreeMap<u64, bool>,
     pub(super) random: Rng,
     /// Signals, as bits, whose handlers ask for interrupted calls to be made again.

@@ -143,7 +143,8 @@ impl Trial {
     }
 
     /// The run.
-    pub const fn run(&mut self) -> &mut Run {
+    pub fn run(&mut self) -> &mut Run {
+        self.supervisor.stage.forget_foreseen();
         &mut self.supervisor.stage.run
     }
 

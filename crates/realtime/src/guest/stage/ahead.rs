@@ -2,10 +2,11 @@
 
 use core::time::Duration;
 
+use engine::rig::Arrival;
 use protocols::Instant;
 
 use super::Stage;
-use crate::guest::clock_page::{LENT_BYTES, LentPort};
+use crate::guest::lent::{LENT_BYTES, LentPort};
 use crate::transport::TransportError;
 
 /// The near future, in the program's time.
@@ -16,7 +17,22 @@ pub(in crate::guest) struct Ahead {
     pub(in crate::guest) ports: Vec<LentPort>,
 }
 
+/// What the rig brings if nothing comes from outside, in the rig's time.
+#[derive(Debug)]
+pub(in crate::guest) struct Foreseen {
+    arrivals: Vec<Arrival>,
+    /// Up to here, this included, they are complete.
+    until: Instant,
+    /// When something else than the rig may change it.
+    valid_until: Instant,
+}
+
 impl Stage {
+    /// Something comes from outside: what was foreseen is not what comes.
+    pub(in crate::guest) fn forget_foreseen(&mut self) {
+        self.foreseen = None;
+    }
+
     /// What comes at `ports` up to `until` at most; each is given with its file and whether a read
     /// of it waits. `None`: that is not known.
     pub(in crate::guest) fn look_ahead(
@@ -30,16 +46,44 @@ impl Stage {
         }
         // At these times the stage and the run's checkers look.
         let looks = self.next_look.min(until);
-        let undisturbed = self.now + (self.run.undisturbed_until() - rig_now);
-        let limit = looks.min(undisturbed);
+        let valid_until = self.run.undisturbed_until();
+        let limit = looks.min(self.now + (valid_until - rig_now));
         let limit = Instant::from_nanos(limit.as_nanos().checked_sub(1)?);
-        let span = limit - self.now;
         if limit <= self.now {
             return None;
         }
-        let arrivals = self.run.rig.preview(rig_now + span)?;
+        let is_valid = |it: &Foreseen| it.valid_until == valid_until && it.until > rig_now;
+        if !self.foreseen.as_ref().is_some_and(is_valid) {
+            let until = rig_now + (limit - self.now);
+            self.foreseen = Some(Foreseen {
+                arrivals: self.run.rig.preview(until)?,
+                until,
+                valid_until,
+            });
+        }
+        let foreseen = self.foreseen.take()?;
+        let limit = limit.min(self.now + (foreseen.until - rig_now));
+        let lent = self.bytes_ahead(ports, &foreseen, [rig_now, limit]);
+        self.foreseen = Some(foreseen);
+        Some(Ahead {
+            limit,
+            ports: lent?,
+        })
+    }
+
+    /// The bytes of `ports` up to the second of two times: the rig's now, and a limit.
+    fn bytes_ahead(
+        &mut self,
+        ports: &[(usize, i32, bool)],
+        foreseen: &Foreseen,
+        [rig_now, limit]: [Instant; 2],
+    ) -> Option<Vec<LentPort>> {
+        let coming = foreseen.arrivals.iter();
+        let coming = coming.filter(|it| rig_now < it.at && it.at <= rig_now + (limit - self.now));
+        let arrivals: Vec<&Arrival> = coming.collect();
         let mut lent = Vec::with_capacity(ports.len());
         for &(port, fd, waits) in ports {
+            let node = self.realtime.node(port);
             let terminal = self.realtime.terminal(port)?;
             if !terminal.is_transparent() {
                 return None;
@@ -50,7 +94,6 @@ impl Stage {
             if terminal.unread() > bytes.len() {
                 known_until = Instant::ZERO;
             }
-            let node = self.realtime.node(port);
             for arrival in arrivals.iter().filter(|arrival| arrival.node == node) {
                 let at = self.now + (arrival.at - rig_now);
                 let has_room = bytes.len() + arrival.bytes.len() <= LENT_BYTES;
@@ -64,11 +107,12 @@ impl Stage {
                 port,
                 fd,
                 waits,
+                takes: !terminal.is_stopped(),
                 known_until,
                 bytes,
             });
         }
-        Some(Ahead { limit, ports: lent })
+        Some(lent)
     }
 
     /// The program has come to `at` without a stop: the rig follows.

@@ -104,6 +104,7 @@ impl Stage {
     /// The client throws away what it has sent and the line has not taken.
     pub(in crate::guest) fn discard_sent(&mut self, port: usize) -> Result<(), TransportError> {
         self.carry()?;
+        self.forget_foreseen();
         self.realtime.discard_input(port, &mut self.run.rig);
         Ok(())
     }

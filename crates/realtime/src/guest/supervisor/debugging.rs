@@ -21,7 +21,8 @@ use rustix::process::WaitOptions;
 use super::{Flow, Next, Supervisor, is_death, wait};
 use crate::guest::place::{Moment, Place};
 use engine::run::Watch;
-use memory::{TRAP, poke};
+use memory::TRAP;
+pub(in crate::guest) use memory::poke;
 pub(in crate::guest) use watch::Watchpoint;
 use watch::{hit_watch, write_watches};
 

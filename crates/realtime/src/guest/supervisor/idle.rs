@@ -13,7 +13,7 @@ use protocols::Instant;
 use super::polls::{POLLFD, entries, watched};
 use super::{Flow, Memory, Next, Outcome, Supervisor, Thread};
 use crate::guest::call::Call;
-use crate::guest::clock_page::LentCount;
+use crate::guest::lent::LentCount;
 use crate::guest::task::{Fruitless, Idle};
 
 /// So many fruitless calls in a row take no longer than others.

@@ -1,24 +1,26 @@
 //! Time that is lent to the thread that runs: it looks at clocks and reads ports without a stop.
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
 use protocols::Instant;
-use rustix::event::PollFlags;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use super::files::{File, Kind};
 use super::{On, SLICE, State, Supervisor, Thread};
-use crate::guest::clock_page::{ClockPage, LentPort, Loan, Taken};
+use crate::guest::clock_page::ClockPage;
 use crate::guest::detour;
+use crate::guest::lent::{LentPort, Loan, Taken};
 use crate::guest::trace::Record;
 use crate::transport::Code;
 
 /// Looks and calls of a new turn.
 const TURN: u64 = SLICE as u64 - 1;
 /// Shortest and longest time ahead for which bytes are lent.
-const AHEAD: [Duration; 2] = [Duration::from_micros(500), Duration::from_millis(10)];
+const AHEAD: [Duration; 2] = [Duration::from_millis(2), Duration::from_millis(10)];
 /// So many times in a row bytes are lent to a program that does not take them; then once in so many
 /// calls.
 const UNUSED_MAX: u32 = 8;
@@ -50,7 +52,7 @@ impl Default for Lease {
             from: Instant::ZERO,
             limit: Instant::ZERO,
             calls: 0,
-            ahead: 4 * AHEAD[0],
+            ahead: AHEAD[0],
             unused: 0,
             has_waited: false,
         }
@@ -124,8 +126,8 @@ impl Supervisor {
         clocks.lend(Pid::from_raw(tid), loan, &self.lease.ports);
     }
 
-    /// Lends the thread the bytes of its ports, if no other thread has to do with them; the files of
-    /// which is known what is ready, as bits.
+    /// Lends the thread the bytes of its ports, if no other thread has to do with them. Returns the
+    /// files of which is known what is ready, as bits.
     fn lend_ports(&mut self, tid: i32) -> Option<u64> {
         let thread = self.threads.get(&tid)?;
         let process = self.processes.get(&thread.process)?;
@@ -174,22 +176,29 @@ impl Supervisor {
         Some(known)
     }
 
-    /// The pipes and counters of the thread's last `select` in which nothing is, as bits.
+    /// The pipes and counters of the thread's last selects in which nothing is, as bits.
     fn quiet_files(&mut self, tid: i32) -> u64 {
         let quiet = self.threads.get(&tid).map(|thread| thread.quiet.clone());
-        let mut bits = 0;
-        for fd in quiet.unwrap_or_default() {
-            let file = self.file(tid, fd).filter(|_| (0..BITS).contains(&fd));
-            let is_quiet = |file: &File| file.readiness(PollFlags::IN).is_empty();
-            if file.is_some_and(|file| file.is_inner() && is_quiet(&file)) {
-                bits |= 1 << fd;
-            }
+        let quiet = quiet.unwrap_or_default();
+        let quiet = quiet.into_iter().filter(|fd| (0..BITS).contains(fd));
+        let files: Vec<(i32, Arc<File>)> = quiet
+            .filter_map(|fd| Some((fd, self.file(tid, fd)?)))
+            .filter(|(_, file)| file.is_inner())
+            .collect();
+        let mut polled: Vec<PollFd<'_>> = files
+            .iter()
+            .map(|(_, file)| PollFd::new(&file.fd, PollFlags::IN))
+            .collect();
+        if polled.is_empty() || poll(&mut polled, Some(&Timespec::default())).is_err() {
+            return 0;
         }
-        bits
+        let quiet = files.iter().zip(&polled);
+        let quiet = quiet.filter(|(_, polled)| polled.revents().is_empty());
+        quiet.fold(0, |bits, ((fd, _), _)| bits | 1 << fd)
     }
 
-    /// Makes the program ask its page before the call at which the thread stands, if that is about a
-    /// port.
+    /// Makes the program ask its page before the call at which the thread stands, if that is about
+    /// a port.
     pub(super) fn make_detour(&mut self, tid: i32) {
         let Some(thread) = self.threads.get(&tid).filter(|thread| thread.asks_port) else {
             return;

@@ -22,6 +22,8 @@ pub(super) const POLLFD: usize = 8;
 /// What of a `pollfd` its thread asks for: all but the answer.
 const WANTED: usize = 6;
 const EPOLL_EVENT: usize = 12;
+/// Most pipes of a thread's selects that are remembered.
+const QUIET_MAX: usize = 16;
 /// Most pieces of memory that the kernel writes in one call (UIO_MAXIOV).
 const PIECES_MAX: usize = 1024;
 
@@ -103,8 +105,13 @@ impl Supervisor {
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.waits_for_ports = are_held;
             thread.asks_port = is_any_held;
-            thread.quiet.clear();
-            thread.quiet.extend(pipes);
+            for fd in pipes {
+                // The latest ones: pyserial has two for each port.
+                thread.quiet.retain(|&other| other != fd);
+                thread.quiet.push(fd);
+            }
+            let surplus = thread.quiet.len().saturating_sub(QUIET_MAX);
+            thread.quiet.drain(..surplus);
         }
         let mut polled: Vec<PollFd<'_>> = files
             .iter()

@@ -147,7 +147,7 @@ impl Supervisor {
 }
 
 /// Writes memory word by word, also where the program itself must not.
-pub(super) fn poke(pid: Pid, address: u64, bytes: &[u8]) -> nix::Result<()> {
+pub(in crate::guest) fn poke(pid: Pid, address: u64, bytes: &[u8]) -> nix::Result<()> {
     let mut done = 0;
     while done < bytes.len() {
         let at = address.wrapping_add(done as u64);
