@@ -74,6 +74,12 @@ pub trait Device {
     fn broken_rules(&self) -> Option<&BrokenRules> {
         None
     }
+
+    /// The logs of which each moment is known, also those that are folded into one entry of
+    /// [`take_events`](Self::take_events); none: each entry is a moment of its own.
+    fn logs(&self) -> Vec<&BrokenRules> {
+        self.broken_rules().into_iter().collect()
+    }
 }
 
 /// Meaning of an [`Event`].
@@ -101,27 +107,60 @@ pub struct Event {
     pub bytes: Vec<u8>,
 }
 
-/// Number of violations of each rule, by its name.
+/// Moments of a log that are kept, folded ones included; older ones are only counted.
+const MOMENTS_MAX: usize = 1024;
+
+/// Number of violations of each rule by its name, and the latest moments of the log, also those
+/// that it folds into one entry.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct BrokenRules(Vec<(&'static str, u64)>);
+pub struct BrokenRules {
+    counts: Vec<(&'static str, u64)>,
+    moments: VecDeque<(Instant, &'static str)>,
+    /// Number of all moments, also of those that are not kept.
+    seen: u64,
+}
 
 impl BrokenRules {
-    /// Counts one more break of `rule`.
-    pub fn count(&mut self, rule: &'static str) {
-        match self.0.iter_mut().find(|(known, _)| *known == rule) {
+    /// Counts one more break of `rule`, at `at`.
+    pub fn count(&mut self, at: Instant, rule: &'static str) {
+        match self.counts.iter_mut().find(|(known, _)| *known == rule) {
             Some((_, count)) => *count += 1,
-            None => self.0.push((rule, 1)),
+            None => self.counts.push((rule, 1)),
         }
+        self.note(at, rule);
+    }
+
+    /// Keeps the moment of a note, which is no break.
+    pub fn note(&mut self, at: Instant, rule: &'static str) {
+        if self.moments.len() == MOMENTS_MAX {
+            self.moments.pop_front();
+        }
+        self.moments.push_back((at, rule));
+        self.seen += 1;
     }
 
     /// Each broken rule, with the number of violations.
     pub fn iter(&self) -> impl Iterator<Item = (&'static str, u64)> {
-        self.0.iter().copied()
+        self.counts.iter().copied()
     }
 
     /// All breaks together.
     pub fn total(&self) -> u64 {
         self.iter().map(|(_, count)| count).sum()
+    }
+
+    /// Number of moments so far: notes and breaks.
+    pub const fn seen(&self) -> u64 {
+        self.seen
+    }
+
+    /// The moments after the first `seen` that are kept, in the order in which the device logged
+    /// them, and the number of those that are lost.
+    pub fn since(&self, seen: u64) -> (impl Iterator<Item = (Instant, &'static str)>, u64) {
+        let gone = self.seen - self.moments.len() as u64;
+        let lost = gone.saturating_sub(seen);
+        let skip = usize::try_from(seen.saturating_sub(gone)).unwrap_or(usize::MAX);
+        (self.moments.iter().skip(skip).copied(), lost)
     }
 }
 
@@ -220,6 +259,7 @@ mod tests {
         let mut mute = Mute;
         assert_eq!(mute.peek(0), None);
         assert_eq!(mute.known_faults(), [""; 0]);
+        assert_eq!(mute.logs(), [&BrokenRules::default(); 0]);
         assert_eq!(mute.line_change(Port(0)), None);
         // By default a device is asked each time.
         assert!(mute.may_send(Port(0)));

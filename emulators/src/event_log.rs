@@ -36,12 +36,13 @@ struct Repeat {
 impl EventLog {
     /// Something happened.
     pub fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.broken.note(at, rule);
         self.push(at, EventKind::Note, rule, detail, &[]);
     }
 
     /// The master broke a rule that it cannot break often.
     pub fn violation(&mut self, at: Instant, rule: &'static str, detail: String, bytes: &[u8]) {
-        self.broken.count(rule);
+        self.broken.count(at, rule);
         self.push(at, EventKind::Violation, rule, detail, bytes);
     }
 
@@ -54,8 +55,9 @@ impl EventLog {
         rule: &'static str,
         detail: impl FnOnce() -> String,
     ) {
-        if kind == EventKind::Violation {
-            self.broken.count(rule);
+        match kind {
+            EventKind::Violation => self.broken.count(at, rule),
+            EventKind::Note => self.broken.note(at, rule),
         }
         if let Some(repeat) = self.repeats.iter_mut().find(|repeat| repeat.rule == rule) {
             repeat.count += 1;
@@ -165,6 +167,10 @@ mod tests {
         assert_eq!(events[1].detail, "9 more times until 0.090000 s");
         // Ten violations, although fewer entries report them.
         assert_eq!(log.broken().iter().collect::<Vec<_>>(), [("too-fast", 10)]);
+        // Each has its moment; the entry that counts them has none.
+        let (moments, lost) = log.broken().since(7);
+        let moments: Vec<_> = moments.map(|(at, _)| at.as_millis()).collect();
+        assert_eq!((moments, lost), (vec![70, 80, 90], 0));
         assert_eq!(log.poll_at(), None);
     }
 

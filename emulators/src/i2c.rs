@@ -323,7 +323,7 @@ impl<C: RegisterChip> Device for OnBus<C> {
 
     fn take_events(&mut self) -> Vec<Event> {
         let log = &mut self.chip.log().0;
-        if log.broken() != &self.broken {
+        if log.broken().seen() != self.broken.seen() {
             self.broken = log.broken().clone();
         }
         log.take()

@@ -245,6 +245,8 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
         causes: Vec::new(),
         never_came_up: Vec::new(),
         missed_goals: Vec::new(),
+        unobserved_rules: Vec::new(),
+        unjudged_rules: Vec::new(),
         mutants: None,
     });
     println!("results in {}", out.display());
@@ -455,9 +457,16 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
     for goal in merged.missed_goals() {
         println!("  FAIL {goal} was not reached in any of the runs");
     }
+    for rule in merged.unobserved_rules() {
+        println!("  FAIL {rule} was not observed in any of the runs");
+    }
+    for rule in merged.lost_rules() {
+        println!("  not judged: {rule} names what no generated mission of this campaign has");
+    }
     println!("table in {}", out.join("campaign.html").display());
     answer(&CampaignEnded::of(merged, out));
-    let all_came_up = merged.missed_goals().next().is_none() && (all_came_up || !all_situations);
+    let mut missed = merged.missed_goals().chain(merged.unobserved_rules());
+    let all_came_up = missed.next().is_none() && (all_came_up || !all_situations);
     let all_hold = merged.failed + merged.missing == 0 && all_came_up;
     if all_hold {
         Verdict::Pass

@@ -396,6 +396,7 @@ impl Ended {
                 name,
                 seed: None,
                 checks,
+                unproved: Vec::new(),
                 again: Some(again),
                 probable_cause: None,
             },

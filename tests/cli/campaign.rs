@@ -106,6 +106,11 @@ fn a_campaign_whose_goal_never_came_up_fails() {
     };
     let reachable = scenario + &goal("drives", "0.05");
     session.write("sound.toml", &reachable);
+    // A rule whose `after` never comes true, though a single run may pass without it.
+    let unseen = "\n[[expect.rule]]\nname = \"wet\"\nmay_be_unobserved = true\n\
+                  after = { robot = { of = \"speed-m-s\", op = \">\", value = 9 } }\n\
+                  never = { contact = {} }\n";
+    session.write("rules.toml", &format!("{reachable}{unseen}"));
     session.write("goals.toml", &(reachable + &goal("flies", "9")));
     let run = |arguments: &str| {
         let arguments: Vec<&str> = arguments.split_whitespace().collect();
@@ -118,6 +123,32 @@ fn a_campaign_whose_goal_never_came_up_fails() {
         "{}",
         text(&run(one).stdout)
     );
+    let run_alone = run("run rules.toml --out alone");
+    assert_eq!(
+        run_alone.status.code(),
+        Some(0),
+        "{}",
+        text(&run_alone.stdout)
+    );
+    session.write(
+        "strict.toml",
+        &session
+            .read("rules.toml")
+            .replace("may_be_unobserved = true\n", ""),
+    );
+    let strict = run("run strict.toml --out alone --junit junit.xml");
+    assert_eq!(strict.status.code(), Some(1));
+    let said = text(&strict.stdout);
+    assert!(
+        said.contains("not observed, so not passed: rule-wet"),
+        "{said}"
+    );
+    assert!(session.read("junit.xml").contains("failures=\"1\""));
+    let rules = run("campaign rules.toml --seeds 0..2 --out rules");
+    assert_eq!(rules.status.code(), Some(1));
+    let said = text(&rules.stdout);
+    let unobserved = "  FAIL rule wet of empty-room was not observed in any of the runs\n";
+    assert!(said.contains(unobserved), "{said}");
     let all = "campaign goals.toml --seeds 0..2 --jobs 2";
     let missed = "  FAIL goal flies of empty-room was not reached in any of the runs\n";
     let output = run(&format!("{all} --out whole"));

@@ -82,6 +82,28 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
     );
 }
 
+/// Names of outputs are known once the program shows them: then a rule on one is judged, and a name
+/// that is none of them fails.
+#[test]
+fn a_rule_on_an_output_is_judged_when_the_program_shows_it() {
+    for (name, status, says) in [
+        ("net_g", Status::Pass, "held at all"),
+        ("net_kg", Status::Fail, "did you mean \"net_g\"?"),
+    ] {
+        let rule = format!(
+            "[[expect.rule]]\nname = \"net\"\nnever = {{ register = {{ device = \"scale\", \
+             name = \"{name}\", op = \">\", value = 500 }} }}\n"
+        );
+        let (_, outcome) = weighed(&rule);
+        let mut checks = outcome.checks.iter();
+        let check = checks
+            .find(|check| check.name == "rule-net")
+            .expect("judged");
+        assert_eq!(check.status, status, "{check}");
+        assert!(check.detail.contains(says), "{check}");
+    }
+}
+
 /// Only the first exchange takes place: a program without requests is not called.
 #[test]
 fn an_idle_program_costs_nothing() {

@@ -187,6 +187,13 @@ impl Device for Wire {
         }
     }
 
+    fn logs(&self) -> Vec<&BrokenRules> {
+        self.units
+            .iter()
+            .flat_map(|(_, unit)| unit.logs())
+            .collect()
+    }
+
     fn take_events(&mut self) -> Vec<Event> {
         let is_single = self.units.len() == 1;
         let mut all = Vec::new();

@@ -43,6 +43,7 @@ use deadlines::Plan;
 pub use disturb::Disturbance;
 pub use link_kind::{LinkKind, PortRate};
 pub use logged::Logged;
+pub(crate) use logged::{LogMoment, LogPoint};
 use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
 pub use paced::Paced;
@@ -475,11 +476,12 @@ impl Rig {
 
     /// Adds an entry to the log.
     pub fn log(&mut self, source: &str, event: Event) {
-        self.log_from(source, event, true);
+        self.log_from(source, event, true, false);
     }
 
-    /// The same; `counts`: a broken rule counts, because its source does not count by itself.
-    fn log_from(&mut self, source: &str, mut event: Event, counts: bool) {
+    /// The same; `counts`: a broken rule counts, because its source does not count by itself;
+    /// `is_kept`: the source keeps the moments of its log.
+    fn log_from(&mut self, source: &str, mut event: Event, counts: bool, is_kept: bool) {
         if event.kind == EventKind::Violation && event.at < self.excused_until {
             event.kind = EventKind::Note;
             event.detail.push_str(" (not charged: the rig was late)");
@@ -490,6 +492,7 @@ impl Rig {
             self.events.push(Logged {
                 source: source.to_owned(),
                 event,
+                is_kept,
             });
         } else {
             self.events_dropped += 1;

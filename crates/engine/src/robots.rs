@@ -14,6 +14,7 @@ pub(crate) mod conditions;
 pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
+mod log_rules;
 pub mod overlay;
 #[cfg(feature = "rescue")]
 pub mod rescue;

@@ -73,11 +73,10 @@ use deeds::Deeds;
 pub use expectations::is_of_the_end;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
-pub use outcome::Outcome;
+pub use outcome::{Outcome, unobserved};
 use steps::Steps;
 
-/// Virtual time between two looks of the checkers: shorter than the shortest rule, tens of ms.
-pub const LOOK_EVERY: Duration = Duration::from_millis(10);
+pub use crate::scenario::LOOK_EVERY;
 /// Virtual time between two points of the true way that is kept.
 const WAY_EVERY: u32 = 5;
 /// Maximum time from an order to the robot's confirmation, with a failing radio.

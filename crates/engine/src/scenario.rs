@@ -52,7 +52,7 @@ pub use own::{
     TextSpec, VariableSpec, WidthSpec,
 };
 pub use phases::{BudgetSpec, PhasesSpec};
-pub use rule::{Demand, RuleSpec, UntilSpec};
+pub use rule::{Demand, LOOK_EVERY, RuleSpec, UntilSpec};
 pub use safety::SafetySpec;
 pub use source::{ScenarioError, Source};
 pub use span::Span;

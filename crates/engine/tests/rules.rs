@@ -19,7 +19,7 @@ struct Driver {
     again_ms: u64,
     /// Reverses at this time.
     back_ms: u64,
-    /// Damages its checksum at this time.
+    /// Damages the checksums of three orders from this time on.
     damage_ms: u64,
 }
 
@@ -72,7 +72,7 @@ fn drive(driver: Driver, text: String) -> Outcome {
         let mut frame = Frame::write(1, &bytes, ChecksumOrder::LowFirst)
             .as_bytes()
             .to_vec();
-        if ms == driver.damage_ms {
+        if (driver.damage_ms..driver.damage_ms.saturating_add(300)).contains(&ms) {
             frame[3] ^= 1;
         }
         run.rig.inject(wheels, &frame);
@@ -230,14 +230,14 @@ const MUTANTS: [Mutant; 11] = [
         "; expected after frame on wheels to-device with \"left=0\", within 500ms always speed in m/s == 0 for 1s, from 6600ms",
     ),
     (
-        "a damaged frame",
+        "damaged frames, which the device's log folds",
         Driver {
             damage_ms: 3_000,
             ..SOUND
         },
         "",
         &["sound-frames"],
-        "event bad-checksum of wheels; expected never event bad-checksum of wheels",
+        "event bad-checksum of wheels; expected never event bad-checksum of wheels; 3 times in all",
     ),
 ];
 
@@ -267,16 +267,26 @@ fn each_rule_is_broken_by_its_mutant_and_says_how() {
 
 /// Rules that a sound run must not pass, as their subject never came or cannot be compared: what is
 /// added, its verdict, and what that says.
-const UNPROVED: [(&str, Status, &str); 4] = [
+const UNPROVED: [(&str, Status, &str); 6] = [
     (
         "never = { event = { rule = \"bad-cheksum\", source = \"wheels\" } }",
         Status::NotObserved,
-        "bad-cheksum is no error that wheels is known to log",
+        "bad-cheksum is no event of wheels, did you mean \"bad-checksum\"?",
+    ),
+    (
+        "never = { event = { rule = \"to-fast\", source = \"scale\" } }",
+        Status::NotObserved,
+        "to-fast is no event of scale, did you mean \"too-fast\"?",
     ),
     (
         "never = { event = { rule = \"wieght\", source = \"scale\" } }",
         Status::NotObserved,
-        "scale logged nothing",
+        "wieght is no event that scale is known to log",
+    ),
+    (
+        "never = { event = { rule = \"over-run\", source = \"pc\" } }",
+        Status::NotObserved,
+        "pc logged nothing",
     ),
     (
         "never = { all = [{ frame = { link = \"scale\", direction = \"to-master\", \
@@ -299,6 +309,7 @@ fn what_was_not_observed_is_not_passed() {
         text += &format!("\n[[expect.rule]]\nname = \"unproved-{index}\"\n{rule}\n");
     }
     let outcome = drive(SOUND, text);
+    assert_eq!(outcome.unobserved_rules().count(), 5);
     for (index, (rule, status, says)) in UNPROVED.iter().enumerate() {
         let check = detail(&outcome, &format!("rule-unproved-{index}"));
         assert_eq!(check.status, *status, "{rule}: {check}");
@@ -308,6 +319,110 @@ fn what_was_not_observed_is_not_passed() {
                  name = \"left\", value = \"fast\" } }\n";
     let error = wired(porter() + wrong).err().expect("refused").to_string();
     assert!(error.contains("expected one of its type"), "{error}");
+}
+
+/// A sound run that leaves one rule unobserved does not pass, unless the rule allows it.
+#[test]
+fn a_run_passes_only_with_each_rule_observed() {
+    let rule = "\n[[expect.rule]]\nname = \"wet\"\nafter = { event = { rule = \"made-safe\", \
+                source = \"wheels\" } }\nnever = { contact = {} }\n";
+    for (more, passes) in [("", false), ("may_be_unobserved = true\n", true)] {
+        let outcome = drive(SOUND, porter() + rule + more);
+        assert_eq!(detail(&outcome, "rule-wet").status, Status::NotObserved);
+        let is_failed = |check: &Check| check.status == Status::Fail;
+        assert!(
+            !outcome.checks.iter().any(is_failed),
+            "{:#?}",
+            outcome.checks
+        );
+        assert_eq!(outcome.passed(), passes, "{more}");
+    }
+}
+
+/// Times of rules: what is added to the scenario, the verdict and what it says. The scale is asked
+/// each second and answers within 22 ms. The left wheel turns from 0.5 s to 6.5 s, and the robot is
+/// beyond x = 1.5 m from about 3 s on.
+const TIMES: [(&str, Status, &str); 8] = [
+    // The requests of 5, 6 and 7 s have no answer until 8.022 s: that is in time for the last.
+    (
+        "after = { frame = { link = \"scale\", direction = \"to-device\", contains = \"weigh\" } }\n\
+         within = \"1200ms\"\neventually = { frame = { link = \"scale\", direction = \"to-master\", \
+         contains = \"reading\" } }\n[[fault]]\nkind = \"off\"\ndevice = \"scale\"\n\
+         from = \"4500ms\"\nuntil = \"7500ms\"",
+        Status::Fail,
+        "; 2 times in all",
+    ),
+    // One heavy reading, at 6.022 s, for the requests of 5 and 6 s.
+    (
+        "after = { frame = { link = \"scale\", direction = \"to-device\", contains = \"weigh\" } }\n\
+         within = \"1500ms\"\nfrom = \"4500ms\"\nuntil = \"6900ms\"\neventually = { frame = { \
+         link = \"scale\", direction = \"to-master\", field = \"weight\", op = \">\", value = 100 } }\n\
+         [[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"overloaded\"\n\
+         from = \"5500ms\"\nuntil = \"6500ms\"",
+        Status::Pass,
+        "2 times; the slowest after 1.0",
+    ),
+    (
+        "each = true\nafter = { frame = { link = \"scale\", direction = \"to-device\", contains = \"weigh\" } }\n\
+         within = \"1500ms\"\nfrom = \"4500ms\"\nuntil = \"6900ms\"\neventually = { frame = { \
+         link = \"scale\", direction = \"to-master\", field = \"weight\", op = \">\", value = 100 } }\n\
+         [[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"overloaded\"\n\
+         from = \"5500ms\"\nuntil = \"6500ms\"",
+        Status::Fail,
+        "asked at 6.0",
+    ),
+    // The same frame sets both wheels: the answer comes with its question.
+    (
+        "after = { frame = { link = \"wheels\", direction = \"to-device\", contains = \"left=0\" } }\n\
+         eventually = { frame = { link = \"wheels\", direction = \"to-device\", \
+         contains = \"right=0\" } }\nwithin = \"5ms\"",
+        Status::Pass,
+        "; the slowest after 0.000 s",
+    ),
+    // `after` stays true, so that it begins the rule once: before its end at the first reading.
+    (
+        "after = { axis = { name = \"left\", op = \">\", value = 0.1 } }\n\
+         never = { robot = { of = \"x-m\", op = \">\", value = 1.5 } }\n\
+         until = { frame = { link = \"scale\", direction = \"to-master\", contains = \"reading\" } }",
+        Status::Pass,
+        "begun once",
+    ),
+    (
+        "after = { axis = { name = \"left\", op = \">\", value = 0.1 } }\nfrom = \"2s\"\n\
+         never = { robot = { of = \"x-m\", op = \">\", value = 1.5 } }",
+        Status::NotObserved,
+        "did not come true",
+    ),
+    // The state answers at the look that follows the moment.
+    (
+        "after = { frame = { link = \"scale\", direction = \"to-master\", contains = \"reading\" } }\n\
+         within = \"10ms\"\nuntil = \"6s\"\nfrom = \"1s\"\n\
+         eventually = { axis = { name = \"left\", op = \">\", value = 0.1 } }",
+        Status::Pass,
+        "; the slowest after 0.00",
+    ),
+    // Seven times in a run, one of them in this window.
+    (
+        "after = { frame = { link = \"scale\", direction = \"to-device\", contains = \"weigh\" } }\n\
+         from = \"3500ms\"\nuntil = \"4500ms\"\neventually = { frame = { link = \"scale\", \
+         direction = \"to-master\", contains = \"reading\" } }",
+        Status::Pass,
+        "once; the slowest after 0.02",
+    ),
+];
+
+#[test]
+fn times_of_rules_are_kept_to_the_letter() {
+    let mut wrong = Vec::new();
+    for (rule, status, says) in TIMES {
+        let text = format!("{}\n[[expect.rule]]\nname = \"time\"\n{rule}\n", porter());
+        let outcome = drive(SOUND, text);
+        let check = detail(&outcome, "rule-time");
+        if check.status != status || !check.detail.contains(says) {
+            wrong.push(format!("{rule}: {check}"));
+        }
+    }
+    assert_eq!(wrong, [""; 0]);
 }
 
 /// Frames that only a silence ends count as others do, and a broken rule finds them.

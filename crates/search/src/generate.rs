@@ -18,6 +18,7 @@ mod ground;
 mod mission;
 mod profile;
 mod rooms;
+mod rules;
 mod world;
 
 use core::str::FromStr;
@@ -140,6 +141,7 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));
         made.expect.return_within_mm = None;
         made.expect.wall_overlap_min = None;
+        rules::keep_fitting(&mut made, place.is_some());
     }
     if vary.timing {
         made.mission.connect = Span::from_millis(dice.timing.between(100, 1500));

@@ -9,7 +9,7 @@ use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 
 /// Verdicts of one run or case.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Suite<'a> {
     /// Name of the scenario or case.
     pub name: &'a str,
@@ -17,6 +17,8 @@ pub struct Suite<'a> {
     pub seed: Option<u64>,
     /// All verdicts.
     pub checks: &'a [Check],
+    /// Names of checks that count as failed if they were not observed.
+    pub unproved: Vec<&'a str>,
     /// The command that repeats the run.
     pub again: Option<&'a str>,
     /// The probable cause, if the program under test failed.
@@ -29,6 +31,7 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
             name: &outcome.case.name,
             seed: Some(outcome.seed),
             checks: &outcome.checks,
+            unproved: outcome.unobserved_rules().map(|one| &*one.name).collect(),
             again: outcome.again.as_deref(),
             probable_cause: outcome.probable_cause.as_deref(),
         }
@@ -44,6 +47,7 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
         name,
         seed,
         checks,
+        unproved,
         again,
         probable_cause,
     } in suites
@@ -56,7 +60,10 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
             let status = match check.status {
                 Status::Pass => TestCaseStatus::success(),
                 Status::NotObserved => {
-                    let mut status = TestCaseStatus::skipped();
+                    let mut status = match unproved.contains(&&*check.name) {
+                        true => TestCaseStatus::non_success(NonSuccessKind::Failure),
+                        false => TestCaseStatus::skipped(),
+                    };
                     status.set_message(format!("not observed: {}", check.detail));
                     status
                 }

@@ -27,6 +27,14 @@ impl fmt::Display for Summary<'_> {
         for check in &outcome.checks {
             writeln!(f, "  {check}")?;
         }
+        let unobserved: Vec<&str> = outcome.unobserved_rules().map(|one| &*one.name).collect();
+        if !unobserved.is_empty() {
+            writeln!(
+                f,
+                "  not observed, so not passed: {}; a rule with may_be_unobserved = true may be",
+                unobserved.join(", ")
+            )?;
+        }
         if let Some(cause) = &outcome.probable_cause {
             writeln!(f, "  probable cause: {cause}")?;
         }

@@ -147,7 +147,11 @@ impl MapperDesk {
             .timeline
             .write()
             .unwrap_or_else(PoisonError::into_inner);
-        timeline.event(&Logged { source, event });
+        timeline.event(&Logged {
+            source,
+            event,
+            is_kept: false,
+        });
     }
 
     /// Shows the state. `began` is the wall clock time at which drawing began.

@@ -66,6 +66,7 @@ struct Repeats {
 impl Journal {
     /// Something that the base did.
     pub(super) fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
+        self.broken.note(at, rule);
         self.push(Event {
             at,
             kind: EventKind::Note,
@@ -83,7 +84,7 @@ impl Journal {
         bytes: &[u8],
         detail: impl FnOnce() -> String,
     ) {
-        self.broken.count(rule);
+        self.broken.count(at, rule);
         let mut text = String::new();
         if let Some(repeats) = self.repeats.get_mut(rule) {
             if at - repeats.reported < REPEAT {
@@ -160,6 +161,7 @@ mod tests {
         let details: Vec<_> = journal.take().into_iter().map(|e| e.detail).collect();
         assert_eq!(details, ["low", "low; 2 more since the last report", "low"]);
         assert_eq!(journal.broken().total(), 5);
+        assert_eq!(journal.broken().since(0).0.count(), 5);
     }
 
     #[test]

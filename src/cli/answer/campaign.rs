@@ -25,6 +25,10 @@ pub(in crate::cli) struct CampaignEnded {
     pub(in crate::cli) never_came_up: Vec<String>,
     /// Goals (`sometimes`) that no run reached; none for a shard.
     pub(in crate::cli) missed_goals: Vec<String>,
+    /// Rules that no run observed; none for a shard.
+    pub(in crate::cli) unobserved_rules: Vec<String>,
+    /// Rules and goals that no generated mission has, so that no run judged them.
+    pub(in crate::cli) unjudged_rules: Vec<String>,
     /// With `--mutants`: planted defects, and the checks that found them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(in crate::cli) mutants: Option<Vec<MutantJudged>>,
@@ -51,6 +55,8 @@ impl CampaignEnded {
             causes: causes.collect(),
             never_came_up: merged.missed_situations().map(str::to_owned).collect(),
             missed_goals: merged.missed_goals().map(str::to_owned).collect(),
+            unobserved_rules: merged.unobserved_rules().map(str::to_owned).collect(),
+            unjudged_rules: merged.lost_rules().map(str::to_owned).collect(),
             mutants: None,
         }
     }

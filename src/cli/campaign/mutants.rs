@@ -123,6 +123,8 @@ fn ended(mutants: &Mutants<'_>) -> CampaignEnded {
         causes: Vec::new(),
         never_came_up: Vec::new(),
         missed_goals: Vec::new(),
+        unobserved_rules: Vec::new(),
+        unjudged_rules: Vec::new(),
         mutants: Some(judged.collect()),
     }
 }

@@ -24,15 +24,18 @@ pub fn value_in<'a>(words: &'a str, name: &str) -> Option<&'a str> {
     assigned.or_else(beside).or_else(unit)
 }
 
-/// What stands before and after each place where `name` is a whole word.
+/// What stands before and after each place where `name` is a whole word, outside of quoted text.
 fn places_of<'a>(words: &'a str, name: &str) -> impl Iterator<Item = (&'a str, &'a str)> {
     let is_part = |c: char| c.is_alphanumeric() || "_-.".contains(c);
+    let quotes = |text: &str| text.matches('"').count();
+    let has_pairs = quotes(words).is_multiple_of(2);
     let places = words.match_indices(name);
     places.filter_map(move |(at, found)| {
         let (before, after) = (&words[..at], &words[at + found.len()..]);
         let begins = !before.ends_with(is_part);
         let ends = !after.starts_with(is_part);
-        (begins && ends).then_some((before, after))
+        let is_quoted = has_pairs && !quotes(before).is_multiple_of(2);
+        (begins && ends && !is_quoted).then_some((before, after))
     })
 }
 
@@ -82,6 +85,8 @@ mod tests {
             ("all: at [1, 2], of {x 1, y 2}", "at", Some("[1, 2]")),
             ("all: at [1, 2], of {x 1, y 2}", "y", Some("2")),
             ("say: text \"a, b\"", "text", Some("a, b")),
+            ("say: text \"x=5\" x=7", "x", Some("7")),
+            ("say: text \"x=5\"", "x", None),
             ("ping", "ping", None),
             ("", "x", None),
         ];

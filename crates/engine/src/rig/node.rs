@@ -226,6 +226,14 @@ impl Node {
         }
     }
 
+    /// The logs of its device of which each moment is known.
+    pub(super) fn logs(&self) -> Vec<&BrokenRules> {
+        match &self.body {
+            Body::Device(device) => device.logs(),
+            Body::Program { .. } | Body::Outside(_) => Vec::new(),
+        }
+    }
+
     /// Rules broken from now on may be excused.
     pub(super) fn note_breaks(&mut self) {
         self.excused_from = self.broken_rules().map_or(0, BrokenRules::total);

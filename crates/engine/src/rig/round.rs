@@ -138,9 +138,11 @@ impl Rig {
                     self.excused_counts += fresh;
                 }
                 if !events.is_empty() {
+                    let is_kept = !device.logs().is_empty();
                     let name = node.name.clone();
-                    let events = events.into_iter();
-                    events.for_each(|event| self.log_from(&name, event, !counts));
+                    for event in events {
+                        self.log_from(&name, event, !counts, is_kept);
+                    }
                 }
             }
         }

@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 use super::axis::Axis;
 use super::instruments::Instruments;
+use super::log_rules;
+pub(crate) use super::log_rules::Known;
 use crate::near;
 use crate::rig::Rig;
 use crate::rig::direction::Direction;
@@ -19,20 +21,6 @@ const UNKNOWN: u8 = 127;
 /// Sources of log entries that are neither a device nor a link; the PC of a built-in robot may be
 /// outside of the rig.
 const SOURCES: [&str; 4] = ["pc", "program", "rig", "robot"];
-
-/// Rules of the log that a slave of registers logs.
-const OF_REGISTERS: [&str; 10] = [
-    "bad-checksum",
-    "break",
-    "frame-cut-off",
-    "out-of-range",
-    "queue-full",
-    "request-before-reply",
-    "stray-bytes",
-    "unknown-register",
-    "value-cut",
-    "write-read-only",
-];
 
 /// A run at one moment, as conditions see it.
 pub(crate) struct Moment<'a> {
@@ -276,6 +264,11 @@ impl Moment<'_> {
         if !known.contains(&device.as_str()) {
             return Err(Flaw::new("device", near::expected(device, &known)));
         }
+        // A program that plays a device says the names of its values when it has begun.
+        let own = self.devices.get(device);
+        if register.name.is_some() && own.is_some_and(DeviceSpec::has_late_values) {
+            return Ok(());
+        }
         let values = self.values(device);
         let Some(name) = &register.name else {
             let address = register.address.unwrap_or_default();
@@ -318,11 +311,20 @@ impl Moment<'_> {
         }
     }
 
-    /// Whether the source of `event` is known to log that rule; `None` if its rules are not known.
-    pub(crate) fn logs(&self, event: &EventCondition) -> Option<bool> {
-        let device = self.devices.get(event.source.as_ref()?)?;
-        device.register_names()?;
-        Some(OF_REGISTERS.contains(&&*event.rule))
+    /// What is known of the rule of `event` by its name and source.
+    pub(crate) fn known_rule(&self, event: &EventCondition) -> Known {
+        let source = event.source.as_ref();
+        let device = source.and_then(|source| self.devices.get(source));
+        log_rules::known(device.map(DeviceSpec::kind), &event.rule)
+    }
+
+    /// The names of values that `register` can have, if it names none of them now.
+    pub(crate) fn missing_value(&self, register: &RegisterCondition) -> Option<String> {
+        let name = register.name.as_ref()?;
+        let values = self.values(&register.device);
+        let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
+        let is_there = names.contains(&name.as_str());
+        (!is_there).then(|| near::expected(name, &names))
     }
 
     fn check_body(&self, key: &'static str) -> Result<(), Flaw> {

@@ -30,7 +30,7 @@ impl Run {
 
     /// Whether the condition of `watch` has become true.
     pub fn has_come(&self, watch: &Watch) -> bool {
-        watch.0.has_come(&self.moment(), &self.contacts)
+        watch.0.has_come(&self.moment(), &self.contacts) == Some(true)
     }
 
     /// Whether a condition on the current state is true.

@@ -228,6 +228,8 @@ pub(super) struct Found {
     pub(super) bytes: u64,
     pub(super) frames: u64,
     pub(super) readings: u64,
+    /// Moments beyond [`FOUND_MAX`] between two looks.
+    pub(super) lost: u64,
     pub(super) last: String,
 }
 
@@ -237,6 +239,8 @@ impl Found {
         self.readings += 1;
         if self.moments.len() < FOUND_MAX {
             self.moments.push((at, reading));
+        } else {
+            self.lost += 1;
         }
     }
 }

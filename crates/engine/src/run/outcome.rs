@@ -13,7 +13,7 @@ use super::score::{PoseError, PosePair, WallOverlap};
 use crate::picture::Picture;
 use crate::rig::Logged;
 use crate::robots::{Axis, KeptMap, Panel};
-use crate::scenario::Scenario;
+use crate::scenario::{Expect, Scenario};
 
 /// The end of a run.
 pub struct Outcome {
@@ -77,10 +77,16 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Whether something was judged and nothing failed.
+    /// Whether something was judged, nothing failed, and each rule was observed.
     pub fn passed(&self) -> bool {
         let is = |status| self.checks.iter().any(|check| check.status == status);
-        is(Status::Pass) && !is(Status::Fail)
+        let is_whole = self.unobserved_rules().next().is_none();
+        is(Status::Pass) && !is(Status::Fail) && is_whole
+    }
+
+    /// The checks of rules that the run did not observe, though it had to.
+    pub fn unobserved_rules(&self) -> impl Iterator<Item = &Check> {
+        unobserved(&self.case.expect, &self.checks)
     }
 
     /// For tests: the run must have passed.
@@ -96,7 +102,8 @@ impl Outcome {
             .checks
             .iter()
             .filter(|check| check.status == Status::Fail);
-        let mut lines: Vec<String> = failed.map(ToString::to_string).collect();
+        let open = failed.chain(self.unobserved_rules());
+        let mut lines: Vec<String> = open.map(ToString::to_string).collect();
         if lines.is_empty() {
             lines = self.checks.iter().map(ToString::to_string).collect();
             lines.insert(0, "nothing was judged".to_owned());
@@ -104,4 +111,16 @@ impl Outcome {
         let (name, seed) = (&self.case.name, self.seed);
         panic!("{name}, seed {seed}, did not pass:\n{}", lines.join("\n"));
     }
+}
+
+/// Those of `checks` that are of rules of `expect` which a run must observe, and that were not
+/// observed.
+pub fn unobserved<'a>(expect: &'a Expect, checks: &'a [Check]) -> impl Iterator<Item = &'a Check> {
+    let open = checks
+        .iter()
+        .filter(|one| one.status == Status::NotObserved);
+    open.filter(move |check| {
+        let mut rules = expect.rules().filter(|rule| rule.must_be_observed());
+        rules.any(|rule| rule.check_name() == check.name)
+    })
 }

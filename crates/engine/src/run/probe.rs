@@ -1,15 +1,16 @@
 //! Evaluates a condition over a run: for a rule at each moment, for a wait since its start.
 //!
 //! Conditions on the state (registers, axes, figures of the robot, the map) are read at each look,
-//! 10 ms apart. Bytes, frames, contacts and log entries have moments of their own. Devices fold
-//! repeated entries of their log into one, which is one moment. Between its moments such a
-//! condition says neither yes nor no.
+//! 10 ms apart. Bytes, frames, contacts and events of the log have moments of their own, also events
+//! that a device folds into one entry. Between its moments such a condition says neither yes nor no.
 
 use protocols::Instant;
 
 use super::line_watch::{LineWatch, LineWatches, Wanted};
 use crate::Shared;
-use crate::robots::conditions::{Moment, Reading};
+use crate::near;
+use crate::rig::{LogMoment, LogPoint};
+use crate::robots::conditions::{Known, Moment, Reading};
 use crate::scenario::{Condition, EventCondition, Flaw};
 
 /// A condition under watch.
@@ -35,11 +36,16 @@ struct Leaf {
     moments: Vec<(Instant, Reading)>,
     /// What it reads at the moment that is judged.
     now: Option<Reading>,
-    /// Of the log: whether such an entry could come, as its source is known to log that rule, or
-    /// has logged something.
+    /// Of the log: what is known of its rule.
+    known: Known,
+    /// Of the log: whether its source has logged something.
     is_logged: bool,
-    /// Of the log: whether the rules of its source are known, so that no other one will come.
-    is_listed: bool,
+    /// Of the log: a rule that its source has logged, and whose name is nearly the wanted one.
+    near: Option<String>,
+    /// Number of moments that were lost.
+    lost: u64,
+    /// Of a register: why its name is none of the device's, as of the last look.
+    missing: Option<String>,
 }
 
 #[derive(Clone)]
@@ -48,8 +54,8 @@ enum Source {
     State,
     /// A line.
     Line(Shared<LineWatch>),
-    /// The log, from this entry on.
-    Log(usize),
+    /// The log, from this point on.
+    Log(LogPoint),
     /// The contacts, from this one on.
     Contacts(u64),
 }
@@ -93,20 +99,23 @@ impl Probe {
                 let wanted = Wanted::frame(frame, moment)?;
                 line(&frame.link, frame.direction, wanted)?
             }
-            Condition::Event(_) => Source::Log(moment.rig.events().len()),
+            Condition::Event(_) => Source::Log(moment.rig.log_end()),
             Condition::Contact(_) => Source::Contacts(moment.rig.world.contact_count()),
             _ => Source::State,
         };
-        let logs = match condition {
-            Condition::Event(event) => moment.logs(event),
-            _ => None,
+        let known = match condition {
+            Condition::Event(event) => moment.known_rule(event),
+            _ => Known::Open,
         };
         let leaf = Leaf {
             source,
             moments: Vec::new(),
             now: None,
-            is_logged: logs == Some(true),
-            is_listed: logs.is_some(),
+            known,
+            is_logged: false,
+            near: None,
+            lost: 0,
+            missing: None,
         };
         Ok(Self::of(condition, Node::Leaf(leaf)))
     }
@@ -226,7 +235,7 @@ impl Probe {
                     None => watch.lock().found.frames > 0,
                 },
                 (Source::Line(watch), _) => watch.lock().found.bytes > 0,
-                (Source::Log(_), _) => leaf.is_logged,
+                (Source::Log(_), _) => leaf.could_be_logged(),
                 (Source::Contacts(_), _) => has_moved,
                 (Source::State, _) => leaf.now.is_some(),
             },
@@ -266,16 +275,11 @@ impl Probe {
             Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::silence),
             Node::Not(inner) => inner.silence(),
             Node::Leaf(leaf) => {
-                if let (Source::Log(_), Condition::Event(event), false) =
-                    (&leaf.source, &self.condition, leaf.is_logged)
-                {
-                    return Some(match &event.source {
-                        Some(source) if leaf.is_listed => {
-                            format!("{} is no error that {source} is known to log", event.rule)
-                        }
-                        Some(source) => format!("{source} logged nothing"),
-                        None => format!("{} needs a source to be observed", event.rule),
-                    });
+                if let (Source::Log(_), Condition::Event(event)) = (&leaf.source, &self.condition) {
+                    return leaf.silence_of_log(event);
+                }
+                if let (Some(_), Condition::Register(register)) = (&leaf.missing, &self.condition) {
+                    return Some(format!("{} showed no values", register.device));
                 }
                 let (Source::Line(watch), Condition::Frame(frame)) =
                     (&leaf.source, &self.condition)
@@ -295,29 +299,53 @@ impl Probe {
         }
     }
 
-    /// Whether it has held since its start; of a state, whether it holds now.
-    pub(super) fn has_come(&self, moment: &Moment<'_>, contacts: &super::Contacts) -> bool {
+    /// The first name of a register that its device has not, with the known ones.
+    pub(super) fn missing(&self) -> Option<&str> {
         match &self.node {
-            Node::All(parts) => parts.iter().all(|part| part.has_come(moment, contacts)),
-            Node::Any(parts) => parts.iter().any(|part| part.has_come(moment, contacts)),
-            Node::Not(inner) => !inner.has_come(moment, contacts),
+            Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::missing),
+            Node::Not(inner) => inner.missing(),
+            Node::Leaf(leaf) => leaf.missing.as_deref().filter(|words| !words.is_empty()),
+        }
+    }
+
+    /// Whether moments of a part were lost, so that what it forbids may have come.
+    pub(super) fn has_lost(&self) -> bool {
+        match &self.node {
+            Node::All(parts) | Node::Any(parts) => parts.iter().any(Self::has_lost),
+            Node::Not(inner) => inner.has_lost(),
+            Node::Leaf(leaf) => match &leaf.source {
+                Source::Line(watch) => watch.lock().found.lost > 0,
+                _ => leaf.lost > 0,
+            },
+        }
+    }
+
+    /// Whether it has held since its start; of a state, whether it holds now. `None`: it has no
+    /// value that could be compared.
+    pub(super) fn has_come(&self, moment: &Moment<'_>, contacts: &super::Contacts) -> Truth {
+        let truths = |parts: &[Self]| -> Vec<Truth> {
+            let parts = parts.iter();
+            parts.map(|part| part.has_come(moment, contacts)).collect()
+        };
+        match &self.node {
+            Node::All(parts) => together(&truths(parts), false),
+            Node::Any(parts) => together(&truths(parts), true),
+            Node::Not(inner) => inner.has_come(moment, contacts).map(|truth| !truth),
             Node::Leaf(leaf) => match (&leaf.source, &self.condition) {
                 (Source::Line(watch), _) => {
                     let mut watch = watch.lock();
                     watch.pause(moment.rig.now());
-                    watch.found.has_held
+                    Some(watch.found.has_held)
                 }
                 (Source::Log(since), Condition::Event(event)) => {
-                    let entries = moment.rig.events().get(*since..).unwrap_or_default();
-                    entries.iter().any(|logged| is_event(event, logged))
+                    let (moments, _) = moment.rig.log_since(since);
+                    Some(moments.iter().any(|one| is_event(event, one)))
                 }
                 (Source::Contacts(since), Condition::Contact(contact)) => {
                     let mut since = contacts.since(*since);
-                    since.any(|one| is_contact(contact, one))
+                    Some(since.any(|one| is_contact(contact, one)))
                 }
-                _ => moment
-                    .reading(&self.condition)
-                    .is_some_and(|reading| reading.holds == Some(true)),
+                _ => moment.reading(&self.condition)?.holds,
             },
         }
     }
@@ -342,14 +370,18 @@ impl Leaf {
                 self.moments = watch.take_moments();
             }
             (Source::Log(since), Condition::Event(event)) => {
-                let events = moment.rig.events();
-                let new = events.get(*since..).unwrap_or_default();
-                *since = events.len();
-                let mut new_ones = new.iter();
-                self.is_logged |= !self.is_listed && new_ones.any(|one| is_source(event, one));
-                let new = new.iter().filter(|logged| is_event(event, logged));
-                self.moments
-                    .extend(new.map(|logged| (logged.event.at, held())));
+                let (new, lost) = moment.rig.log_since(since);
+                *since = moment.rig.log_end();
+                self.lost += lost;
+                let of_source = new.iter().filter(|one| is_source(event, one));
+                for one in of_source {
+                    self.is_logged = true;
+                    if near::misspelt(&event.rule, &[one.rule]).is_some() {
+                        self.near = Some(one.rule.to_owned());
+                    }
+                }
+                let new = new.iter().filter(|one| is_event(event, one));
+                self.moments.extend(new.map(|one| (one.at, held())));
             }
             (Source::Contacts(_), Condition::Contact(contact)) => {
                 let new = contacts.iter().filter(|one| is_contact(contact, one));
@@ -359,7 +391,49 @@ impl Leaf {
                 };
                 self.moments.extend(new.map(|one| (one.at, reading(one))));
             }
-            _ => self.now = moment.reading(condition),
+            _ => {
+                self.now = moment.reading(condition);
+                self.missing = match condition {
+                    Condition::Register(register) if self.now.is_none() => {
+                        Some(moment.missing_value(register).unwrap_or_default())
+                    }
+                    _ => None,
+                };
+            }
+        }
+    }
+
+    /// Whether an entry of its rule could come: its source is known to log it, or is one whose
+    /// rules are not known, and has logged something.
+    fn could_be_logged(&self) -> bool {
+        match self.known {
+            Known::Logged => true,
+            Known::NeverLogged | Known::Misspelt(_) => false,
+            Known::OfOthers => self.is_logged,
+            Known::Open => self.is_logged && self.near.is_none(),
+        }
+    }
+
+    /// Why the log says nothing of it, if it does not.
+    fn silence_of_log(&self, event: &EventCondition) -> Option<String> {
+        let rule = &event.rule;
+        let source = event.source.as_deref();
+        let of = source.unwrap_or("any device");
+        let meant = match (self.known, &self.near) {
+            (Known::Misspelt(meant), _) => Some(meant),
+            (Known::Open, near) => near.as_deref(),
+            _ => None,
+        };
+        match (self.could_be_logged(), meant, source) {
+            (true, ..) => None,
+            (_, Some(meant), _) => Some(format!(
+                "{rule} is no event of {of}, did you mean \"{meant}\"?"
+            )),
+            (_, None, None) => Some(format!("{rule} needs a source to be observed")),
+            (_, None, Some(source)) if self.known == Known::NeverLogged => {
+                Some(format!("{rule} is no event that {source} is known to log"))
+            }
+            (_, None, Some(source)) => Some(format!("{source} logged nothing")),
         }
     }
 
@@ -369,15 +443,15 @@ impl Leaf {
     }
 }
 
-fn is_event(wanted: &EventCondition, logged: &crate::rig::Logged) -> bool {
-    logged.event.rule == wanted.rule && is_source(wanted, logged)
+fn is_event(wanted: &EventCondition, logged: &LogMoment<'_>) -> bool {
+    logged.rule == wanted.rule && is_source(wanted, logged)
 }
 
-/// Whether the entry is of the wanted source. A condition without one asks for the rule.
-fn is_source(wanted: &EventCondition, logged: &crate::rig::Logged) -> bool {
+/// Whether the moment is of the wanted source. A condition without one asks for the rule.
+fn is_source(wanted: &EventCondition, logged: &LogMoment<'_>) -> bool {
     match &wanted.source {
         Some(source) => *source == logged.source,
-        None => logged.event.rule == wanted.rule,
+        None => logged.rule == wanted.rule,
     }
 }
 

@@ -3,7 +3,7 @@
 mod verdict;
 
 use core::time::Duration;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use emulators::world::Contact;
@@ -17,9 +17,14 @@ use crate::robots::conditions::Moment;
 use crate::robots::{Axis, Check, Instruments};
 use crate::scenario::{Condition, Demand, DeviceSpec, Flaw, RuleSpec, Scenario, UntilSpec};
 
+/// Times that wait for their answer; the oldest is broken beyond this number.
+const PENDING_MAX: usize = 1024;
+
 /// The rules of a run.
 pub(super) struct Rules {
     rules: Vec<Rule>,
+    /// Rules that name what this rig has not.
+    refused: Vec<Check>,
     devices: Arc<BTreeMap<String, DeviceSpec>>,
     /// Visits of waypoints, which conditions count.
     progress: Progress,
@@ -53,8 +58,8 @@ struct Seen {
     was_after: Truth,
     /// Since when a rule with `after` applies.
     armed_since: Option<Instant>,
-    /// The time of `after` that waits for its answer.
-    pending: Option<Instant>,
+    /// The times of `after` that wait for their answers, oldest first.
+    pending: VecDeque<Instant>,
     /// Whether `until` has ended the rule.
     is_over: bool,
     /// When an awaited condition first came true, and what it read.
@@ -85,15 +90,20 @@ impl Rules {
             devices: &devices,
             waypoints: [0, progress.waypoints()],
         };
-        let specs = scenario.expect.rules();
-        // The names were checked as the rig was wired.
-        let rules = specs.filter_map(|spec| Rule::new(spec, &moment, &lines).ok());
-        let rules = rules.collect();
+        let (mut rules, mut refused) = (Vec::new(), Vec::new());
+        // The names were checked as the rig was wired; a rig of another crate may lack some.
+        for spec in scenario.expect.rules() {
+            match Rule::new(spec, &moment, &lines) {
+                Ok(rule) => rules.push(rule),
+                Err(flaw) => refused.push(Check::new(&spec.check_name(), false, flaw.to_string())),
+            }
+        }
         if !lines.is_empty() {
             rig.add_tap(Box::new(lines.clone()));
         }
         Self {
             rules,
+            refused,
             devices,
             progress,
         }
@@ -114,6 +124,7 @@ impl Rules {
         }
         Self {
             rules,
+            refused: self.refused.clone(),
             devices: Arc::clone(&self.devices),
             progress: self.progress.clone(),
         }
@@ -155,7 +166,8 @@ impl Rules {
     /// The verdict of each rule; `is_over`: nothing can become true any more.
     pub(super) fn checks(&self, now: Instant, is_over: bool) -> impl Iterator<Item = Check> {
         let checks = self.rules.iter();
-        checks.map(move |rule| rule.check(now, is_over))
+        let checks = checks.map(move |rule| rule.check(now, is_over));
+        checks.chain(self.refused.iter().cloned())
     }
 }
 
@@ -229,16 +241,21 @@ impl Rule {
         let (_, until) = self.window();
         let is_late = until.is_some_and(|until| now > until);
         match (self.demand, &self.spec.after) {
-            (Demand::Eventually, Some(_)) => self.seen.pending.is_some(),
+            (Demand::Eventually, Some(_)) => !self.seen.pending.is_empty(),
             (Demand::Eventually, None) => self.seen.met.is_none() && !is_late && !self.seen.is_over,
             _ => false,
         }
     }
 
     fn judge(&mut self, at: Instant, place: Option<(Instant, usize)>) {
+        if self.seen.is_over {
+            return;
+        }
+        // `after` is followed at all times, so that it becomes true only once.
+        let is_begun = self.has_begun_again(place);
         let (from, until) = self.window();
         let is_late = until.is_some_and(|until| at > until);
-        if at < from || self.seen.is_over || (is_late && self.seen.pending.is_none()) {
+        if at < from || (is_late && self.seen.pending.is_empty()) {
             return;
         }
         self.seen.has_applied = true;
@@ -247,14 +264,28 @@ impl Rule {
             return self.seen.end(self.spec.after.is_some());
         }
         let truth = self.probes.subject.judge(place);
-        let trigger = self.probes.after.as_mut().map(|after| after.judge(place));
         match self.demand {
             Demand::Always | Demand::Never => self.hold(at, truth, place.is_some()),
             Demand::Eventually | Demand::Sometimes => self.await_it(at, truth),
         }
-        if let Some(trigger) = trigger.filter(|_| !is_late) {
-            self.start(at, trigger, truth, place.is_some());
+        if is_begun && !is_late {
+            self.start(at, truth, place.is_some());
         }
+    }
+
+    /// Whether `after` has become true at this moment.
+    fn has_begun_again(&mut self, place: Option<(Instant, usize)>) -> bool {
+        let Some(after) = &mut self.probes.after else {
+            return false;
+        };
+        let truth = after.judge(place);
+        let is_momentary = self.spec.after.as_ref();
+        let is_momentary = is_momentary.is_some_and(Condition::is_momentary);
+        let is_again = self.seen.was_after == Some(true) && !(place.is_some() && is_momentary);
+        if truth.is_some() {
+            self.seen.was_after = truth;
+        }
+        truth == Some(true) && !is_again
     }
 
     /// Whether an `always` or `never` applies at `at`.
@@ -307,47 +338,46 @@ impl Rule {
         }
     }
 
-    /// The condition holds at `at`, or not, while `after` may wait for it.
+    /// The condition holds at `at`, or not, while `after` may wait for it. One answer is that of
+    /// all times that wait, unless each needs its own.
     fn answer(&mut self, at: Instant, holds: bool) {
-        let Some(asked) = self.seen.pending else {
-            return;
-        };
-        let deadline = self.spec.within.map(|within| asked + within.0);
-        if let Some(deadline) = deadline.filter(|deadline| at > *deadline) {
-            self.seen.pending = None;
-            self.seen.breaks += 1;
-            let words = || format!("not {}", self.subject());
-            let words = format!("asked at {asked} s, {} until then", words());
-            self.seen.broken.get_or_insert((deadline, words));
+        if let Some(within) = self.spec.within {
+            let is_due = |asked: &Instant| at > *asked + within.0;
+            while let Some(asked) = self.seen.pending.pop_front_if(|asked| is_due(asked)) {
+                self.miss(asked, asked + within.0);
+            }
+        }
+        if !holds {
             return;
         }
-        if holds {
-            self.seen.pending = None;
+        let waiting = self.seen.pending.len();
+        let answered = match self.spec.each {
+            true => waiting.min(1),
+            false => waiting,
+        };
+        for asked in self.seen.pending.drain(..answered) {
             self.seen.answers += 1;
             let took = at - asked;
             if self.seen.slowest.is_none_or(|(most, _)| took > most) {
                 self.seen.slowest = Some((took, asked));
             }
-            if self.seen.met.is_none() {
-                self.seen.met = Some((at, self.probes.subject.words()));
-            }
+        }
+        if answered > 0 && self.seen.met.is_none() {
+            self.seen.met = Some((at, self.probes.subject.words()));
         }
     }
 
-    /// `after` says `trigger`.
-    fn start(&mut self, at: Instant, trigger: Truth, truth: Truth, is_moment: bool) {
-        let is_momentary = self
-            .spec
-            .after
-            .as_ref()
-            .is_some_and(Condition::is_momentary);
-        let is_again = self.seen.was_after == Some(true) && !(is_moment && is_momentary);
-        if trigger.is_some() {
-            self.seen.was_after = trigger;
+    /// No answer came to `asked` by `deadline`.
+    fn miss(&mut self, asked: Instant, deadline: Instant) {
+        self.seen.breaks += 1;
+        if self.seen.broken.is_none() {
+            let words = format!("asked at {asked} s, not {} until then", self.subject());
+            self.seen.broken = Some((deadline, words));
         }
-        if trigger != Some(true) || is_again {
-            return;
-        }
+    }
+
+    /// `after` has become true.
+    fn start(&mut self, at: Instant, truth: Truth, is_moment: bool) {
         self.seen.triggers += 1;
         let is_done = self
             .seen
@@ -357,13 +387,30 @@ impl Rule {
             self.seen.armed_since = Some(at);
         }
         self.seen.last_trigger = Some(at);
-        if matches!(self.demand, Demand::Eventually | Demand::Sometimes) {
-            self.seen.pending.get_or_insert(at);
-            // A state that holds already is the answer; a moment must be another one.
-            if truth == Some(true) && !self.is_moment() {
-                self.answer(at, true);
-            }
+        if !matches!(self.demand, Demand::Eventually | Demand::Sometimes) {
+            return;
         }
+        if self.seen.pending.len() == PENDING_MAX
+            && let Some(oldest) = self.seen.pending.pop_front()
+        {
+            self.miss(oldest, at);
+        }
+        self.seen.pending.push_back(at);
+        // A frame of the same instant is an answer unless it is the question itself. A state answers
+        // at its look, which a moment precedes.
+        let is_answer = match self.is_moment() {
+            true => !self.is_its_own_answer(),
+            false => !is_moment,
+        };
+        if truth == Some(true) && is_answer {
+            self.answer(at, true);
+        }
+    }
+
+    /// Whether `after` asks for the same as the rule, so that each time would be its own answer.
+    fn is_its_own_answer(&self) -> bool {
+        let subject = self.spec.demand().map(|(_, condition)| condition);
+        subject == self.spec.after.as_ref()
     }
 
     fn subject(&self) -> String {
@@ -381,9 +428,8 @@ impl Seen {
     /// `until` holds: a rule with `after` applies again from the next time on.
     fn end(&mut self, is_for_now: bool) {
         self.armed_since = None;
-        self.pending = None;
+        self.pending.clear();
         self.was_broken = false;
-        self.was_after = None;
         self.is_over = !is_for_now;
     }
 }

@@ -137,6 +137,11 @@ impl DeviceSpec {
         self.kind.name()
     }
 
+    /// Whether the names of its values are known only once the run has begun.
+    pub fn has_late_values(&self) -> bool {
+        self.kind.has_late_values()
+    }
+
     /// Adds a touch, if it is a display.
     pub fn tap(&mut self, tap: TapSpec) {
         if let Some(spec) = self.settings_mut::<TouchPanelSpec>() {

@@ -1,6 +1,7 @@
 //! Rules of the user's own robot: `[[expect.rule]]`.
 
 use core::fmt;
+use core::time::Duration;
 use std::borrow::Cow;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
@@ -9,6 +10,9 @@ use serde::de::{Error, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{Condition, Flaw, Span};
+
+/// Time between two looks at the state: registers, axes, figures of the robot.
+pub const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// A rule of the robot that the run checks from its start to its end: give `always`, `never`,
 /// `eventually` or `sometimes`.
@@ -37,6 +41,10 @@ pub struct RuleSpec {
     /// from this time on. Without `after`, `eventually` must hold within this time from `from` on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within: Option<Span>,
+    /// With `after` and `eventually`: whether each time needs an answer of its own. By default one
+    /// answer is that of all times that wait for it.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub each: bool,
     /// With `after`, and `always` or `never`: how long it applies, counted after `within`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lasting: Option<Span>,
@@ -47,6 +55,10 @@ pub struct RuleSpec {
     /// else for good. Until the end of the run if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<UntilSpec>,
+    /// Whether a single run passes that does not observe the rule; a campaign must observe it in one
+    /// run at least.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub may_be_unobserved: bool,
 }
 
 /// A time, or a condition that ends something.
@@ -184,6 +196,11 @@ impl RuleSpec {
         }
     }
 
+    /// Whether a single run must observe it.
+    pub const fn must_be_observed(&self) -> bool {
+        self.sometimes.is_none() && !self.may_be_unobserved
+    }
+
     /// Whether only the end of a run shows that it was not met, so that a run that is too short
     /// breaks it.
     pub const fn is_of_the_end(&self) -> bool {
@@ -220,10 +237,38 @@ impl RuleSpec {
         self.check_times(demand)
     }
 
+    /// The keys of times that lie beyond the end of a run, each with its time from the start.
+    pub(super) fn times_beyond(&self, end: Span) -> Vec<(&'static str, Span)> {
+        let from = self.from.unwrap_or_default();
+        if from >= end {
+            return vec![("from", from)];
+        }
+        let sum = |a: Span, b: Option<Span>| Some(Span(a.0 + b?.0));
+        let within = sum(from, self.within);
+        let lasting = sum(within.unwrap_or(from), self.lasting);
+        let until = self.until.as_ref().and_then(UntilSpec::time);
+        let until = until.filter(|until| *until > end);
+        let spans = [
+            ("within", within.filter(|at| *at >= end)),
+            ("lasting", lasting.filter(|at| *at >= end)),
+            ("until", until),
+        ];
+        let spans = spans.into_iter();
+        spans.filter_map(|(key, at)| Some((key, at?))).collect()
+    }
+
     fn check_times(&self, demand: Demand) -> Result<(), Flaw> {
         let holds_throughout = matches!(demand, Demand::Always | Demand::Never);
         let has_after = self.after.is_some();
         let key = demand.key();
+        if self.each && !(has_after && demand == Demand::Eventually) {
+            return Err(Flaw::new("each", "expected only with after and eventually"));
+        }
+        if self.may_be_unobserved && demand == Demand::Sometimes {
+            let message = "expected none: a single run may always miss a goal";
+            return Err(Flaw::new("may_be_unobserved", message));
+        }
+        self.check_against_looks()?;
         match (self.within, self.lasting) {
             (_, Some(_)) if !has_after || !holds_throughout => {
                 let message = "expected only with after, and always or never";
@@ -252,6 +297,26 @@ impl RuleSpec {
     }
 }
 
+impl RuleSpec {
+    /// Checks that no time is shorter than the pause between two looks at the state.
+    fn check_against_looks(&self) -> Result<(), Flaw> {
+        let mut conditions = self.conditions();
+        let is_sampled = conditions.any(|(_, condition)| condition.is_of_state());
+        let times = [("within", self.within), ("lasting", self.lasting)];
+        for (key, time) in times {
+            if let Some(time) = time.filter(|time| is_sampled && time.0 < LOOK_EVERY) {
+                let message = format!(
+                    "is {time}, but the state is read each {} ms: expected at least that, or a rule \
+                     on frames, bytes, events and contacts alone",
+                    LOOK_EVERY.as_millis()
+                );
+                return Err(Flaw::new(key, message));
+            }
+        }
+        Ok(())
+    }
+}
+
 impl fmt::Display for RuleSpec {
     /// `after event bump, within 300ms eventually axis left, set-point == 0`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -263,6 +328,9 @@ impl fmt::Display for RuleSpec {
         }
         if let Some((demand, condition)) = self.demand() {
             write!(f, "{} {condition}", demand.key())?;
+        }
+        if self.each {
+            write!(f, " each time")?;
         }
         if let Some(lasting) = self.lasting {
             write!(f, " for {lasting}")?;
@@ -308,6 +376,11 @@ mod tests {
                  never = { not = { visited = 1 } }\nuntil = { visited = 2 }",
                 "after contact, within 1s never not (visited waypoints >= 1) for 2s, until visited \
                  waypoints >= 2",
+            ),
+            (
+                "after = { event = { rule = \"a\" } }\nwithin = \"5ms\"\neach = true\n\
+                 eventually = { event = { rule = \"b\" } }",
+                "after event a, within 5ms eventually event b each time",
             ),
             (
                 "sometimes = { any = [{ contact = { faster_than_m_s = 0.1 } }, { all = [\
@@ -356,6 +429,24 @@ mod tests {
             (
                 "name = \"a\"\nnever = { visited = 0 }".to_owned(),
                 "never: visited: is 0",
+            ),
+            (
+                format!("name = \"a\"\neventually = {visited}\nwithin = \"9ms\""),
+                "within: is 9ms, but the state is read each 10 ms",
+            ),
+            (
+                "name = \"a\"\nnever = { contact = {} }\nafter = { visited = 1 }\n\
+                 lasting = \"5ms\""
+                    .to_owned(),
+                "lasting: is 5ms",
+            ),
+            (
+                format!("name = \"a\"\neventually = {visited}\neach = true"),
+                "each: expected only with after",
+            ),
+            (
+                format!("name = \"a\"\nsometimes = {visited}\nmay_be_unobserved = true"),
+                "may_be_unobserved: expected none",
             ),
             (
                 format!("name = \"a\"\nnever = {visited}\nuntil = 3"),

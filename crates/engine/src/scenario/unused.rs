@@ -152,11 +152,11 @@ impl Warnings<'_> {
             }
         }
         for (index, rule) in scenario.expect.rule.iter().enumerate() {
-            if let Some(from) = rule.get_ref().from.filter(|from| *from >= end) {
-                let span = self.source.find_in_list("expect.rule", index, "from");
-                let key = format!("expect.rule[{index}].from");
+            for (key, at) in rule.get_ref().times_beyond(end) {
+                let span = self.source.find_in_list("expect.rule", index, key);
                 let span = span.or(Some(rule.span()));
-                self.found.push(self.source.invalid(span, key, late(from)));
+                let key = format!("expect.rule[{index}].{key}");
+                self.found.push(self.source.invalid(span, key, late(at)));
             }
         }
         for (index, push) in scenario.world.push.iter().enumerate() {
@@ -256,11 +256,26 @@ mod tests {
         let text = format!(
             "robot = \"rescue\"\n{WORLD}[[fault]]\nkind = \"flip\"\nlink = \"base\"\n\
              direction = \"to-master\"\nrate = 0.5\nfrom = \"5s\"\n\
-             [[mission.step]]\nat = \"9s\"\ndo = \"connect\"\n"
+             [[mission.step]]\nat = \"9s\"\ndo = \"connect\"\n{}",
+            [
+                "from = \"5s\"",
+                "within = \"4s\"\nlasting = \"2s\"\nfrom = \"1s\"",
+                "until = \"6s\""
+            ]
+            .map(|times| format!(
+                "[[expect.rule]]\nname = \"{0}\"\nnever = {{ visited = 1 }}\n\
+                     after = {{ contact = {{}} }}\n{times}\n",
+                times.len()
+            ))
+            .concat()
         );
         let expected = [
             "t.toml:12: fault[0].from: has no effect: the run ends at 5s, and this is at 5s",
             "t.toml:14: mission.step[0].at: has no effect: the run ends at 5s, and this is at 9s",
+            "t.toml:20: expect.rule[0].from: has no effect: the run ends at 5s, and this is at 5s",
+            "t.toml:25: expect.rule[1].within: has no effect: the run ends at 5s, and this is at 5s",
+            "t.toml:26: expect.rule[1].lasting: has no effect: the run ends at 5s, and this is at 7s",
+            "t.toml:32: expect.rule[2].until: has no effect: the run ends at 5s, and this is at 6s",
         ];
         assert_eq!(warnings(&text), expected);
     }

@@ -71,7 +71,8 @@ mod weight {
 
 /// The probable cause of what failed; `None` if nothing did.
 pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
-    if evidence.outcome.passed() {
+    let mut checks = evidence.outcome.checks.iter();
+    if !checks.any(|check| check.status == Status::Fail) {
         return None;
     }
     let mut causes = port::causes(evidence);

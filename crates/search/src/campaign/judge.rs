@@ -118,13 +118,21 @@ impl Record {
         self.ran_ms = u64::try_from(outcome.ran.as_millis()).unwrap_or(u64::MAX);
         self.trace.clone_from(&outcome.trace_hash);
         self.reached = situations(scenario, outcome);
-        let met = outcome
-            .checks
-            .iter()
-            .filter(|check| check.status == Status::Pass);
-        let is_met = |name: &str| met.clone().any(|check| check.name == name);
-        let goals = goals_of(scenario).filter(|(name, _)| is_met(name));
-        self.reached.extend(goals.map(|(_, goal)| goal));
+        let status = |name: &str| {
+            let mut checks = outcome.checks.iter();
+            let check = checks.find(|check| check.name == name);
+            check.map_or(Status::NotObserved, |check| check.status)
+        };
+        for rule in rules_of(scenario) {
+            self.reached.insert(rule.asked());
+            let is_reached = match rule.is_goal {
+                true => status(&rule.check) == Status::Pass,
+                false => status(&rule.check) != Status::NotObserved,
+            };
+            if is_reached {
+                self.reached.insert(rule.name);
+            }
+        }
         (self.cause, self.detail) = cause_of(outcome).unzip();
     }
 }
@@ -177,16 +185,34 @@ pub(super) fn situations_of(scenario: &Scenario) -> &'static [&'static str] {
     robots::find(&scenario.robot).map_or(&[], |robot| robot.situations())
 }
 
-/// The goals of the scenario that a campaign must reach: names of their checks, and the names under
-/// which runs count them.
-pub(super) fn goals_of(scenario: &Scenario) -> impl Iterator<Item = (String, String)> {
-    let goals = scenario
-        .expect
-        .rules()
-        .filter(|rule| rule.sometimes.is_some());
-    goals.map(|rule| {
-        let goal = format!("goal {} of {}", rule.name, scenario.name);
-        (rule.check_name(), goal)
+/// A rule of a scenario, as a campaign counts it.
+pub(super) struct CountedRule {
+    /// Name of its check.
+    check: String,
+    /// Name under which runs count that they observed it, or reached it.
+    pub(super) name: String,
+    /// Whether it is a goal.
+    pub(super) is_goal: bool,
+}
+
+impl CountedRule {
+    /// Name under which runs count that they have the rule: generated missions may have lost it.
+    pub(super) fn asked(&self) -> String {
+        format!("asked: {}", self.name)
+    }
+}
+
+/// The rules and goals of the scenario that a campaign must observe or reach.
+pub(super) fn rules_of(scenario: &Scenario) -> impl Iterator<Item = CountedRule> {
+    let rules = scenario.expect.rules();
+    rules.map(|rule| {
+        let is_goal = rule.sometimes.is_some();
+        let kind = if is_goal { "goal" } else { "rule" };
+        CountedRule {
+            check: rule.check_name(),
+            name: format!("{kind} {} of {}", rule.name, scenario.name),
+            is_goal,
+        }
     })
 }
 

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::judge::{self, goals_of, situations_of};
+use super::judge::{self, rules_of, situations_of};
 use super::strip::Strip;
 use super::{CampaignPlan, Comparison, Store, compare, page};
 use crate::error::StoreError;
@@ -41,14 +41,27 @@ pub struct Group {
     pub picture: Option<String>,
 }
 
-/// Number of runs that reached a situation or a goal.
+/// What a campaign counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Counted {
+    /// A situation of the robot.
+    Situation,
+    /// A goal of a scenario, without which the campaign fails.
+    Goal,
+    /// A rule of a scenario, which a run must have observed, or the campaign fails.
+    Rule,
+    /// A rule or goal that the generated missions of all runs have lost.
+    LostRule,
+}
+
+/// Number of runs that reached a situation or a goal, or observed a rule.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct SituationCount {
-    /// Name of the situation.
+    /// Name of the situation, goal or rule.
     pub situation: String,
-    /// Whether it is a goal of a scenario, without which the campaign fails.
-    #[serde(skip_serializing_if = "core::ops::Not::not")]
-    pub is_goal: bool,
+    /// What it is.
+    pub kind: Counted,
     /// Number of runs.
     pub runs: usize,
 }
@@ -83,15 +96,27 @@ pub struct Merged {
 impl Merged {
     /// Goals that no run reached, in the order of their scenarios.
     pub fn missed_goals(&self) -> impl Iterator<Item = &str> {
-        let goals = self.situations.iter().filter(|one| one.is_goal);
-        let missed = goals.filter(|one| one.runs == 0);
-        missed.map(|one| one.situation.as_str())
+        self.missed(Counted::Goal)
     }
 
-    /// Situations that no run reached, without the goals.
+    /// Rules that no run observed.
+    pub fn unobserved_rules(&self) -> impl Iterator<Item = &str> {
+        self.missed(Counted::Rule)
+    }
+
+    /// Rules and goals that no run has judged, as their missions and worlds were generated.
+    pub fn lost_rules(&self) -> impl Iterator<Item = &str> {
+        self.missed(Counted::LostRule)
+    }
+
+    /// Situations that no run reached, without rules and goals.
     pub fn missed_situations(&self) -> impl Iterator<Item = &str> {
-        let situations = self.situations.iter().filter(|one| !one.is_goal);
-        let missed = situations.filter(|one| one.runs == 0);
+        self.missed(Counted::Situation)
+    }
+
+    fn missed(&self, kind: Counted) -> impl Iterator<Item = &str> {
+        let all = self.situations.iter();
+        let missed = all.filter(move |one| one.kind == kind && one.runs == 0);
         missed.map(|one| one.situation.as_str())
     }
 }
@@ -190,27 +215,34 @@ fn count(store: &Store) -> Merged {
 /// Counts the runs that reached each required situation; `reached` counts runs by sets of
 /// situations.
 fn situations(plan: &CampaignPlan, reached: &BTreeMap<&[String], usize>) -> Vec<SituationCount> {
-    let mut wanted: Vec<(String, bool)> = Vec::new();
+    let runs_with = |name: &String| -> usize {
+        let sets = reached.iter().filter(|(set, _)| set.contains(name));
+        sets.map(|(_, runs)| runs).sum()
+    };
+    let mut wanted: Vec<(String, Counted)> = Vec::new();
     for text in plan.scenarios.values() {
         let parsed = Scenario::parse(Path::new("<campaign>"), text.clone());
         let Ok((scenario, _)) = parsed else { continue };
-        wanted.extend(goals_of(&scenario).map(|(_, goal)| (goal, true)));
+        wanted.extend(rules_of(&scenario).map(|rule| {
+            let kind = match (runs_with(&rule.asked()), rule.is_goal) {
+                (0, _) => Counted::LostRule,
+                (_, true) => Counted::Goal,
+                (_, false) => Counted::Rule,
+            };
+            (rule.name, kind)
+        }));
         // Only the built-in program counts its situations.
         if plan.exec.is_none() {
             let situations = situations_of(&scenario).iter();
-            wanted.extend(situations.map(|&name| (name.to_owned(), false)));
+            wanted.extend(situations.map(|&name| (name.to_owned(), Counted::Situation)));
         }
     }
     let mut known = BTreeSet::new();
     wanted.retain(|(name, _)| known.insert(name.clone()));
-    let counts = wanted.into_iter().map(|(situation, is_goal)| {
-        let has_it = |set: &[String]| set.contains(&situation);
-        let sets = reached.iter().filter(|(set, _)| has_it(set));
-        SituationCount {
-            runs: sets.map(|(_, runs)| runs).sum(),
-            situation,
-            is_goal,
-        }
+    let counts = wanted.into_iter().map(|(situation, kind)| SituationCount {
+        runs: runs_with(&situation),
+        situation,
+        kind,
     });
     counts.collect()
 }

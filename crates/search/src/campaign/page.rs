@@ -78,10 +78,12 @@ fn write_plan(plan: &CampaignPlan, out: &mut String) -> fmt::Result {
 }
 
 fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
-    let verdict = match (merged.failed, merged.missed_goals().count()) {
-        (0, 0) => "<b class=\"good\">all pass</b>".to_owned(),
-        (0, goals) => format!("<b class=\"bad\">{goals} goals not reached</b>"),
-        (failed, _) => format!("<b class=\"bad\">{failed} fail</b>"),
+    let goals = merged.missed_goals().count();
+    let verdict = match (merged.failed, goals, merged.unobserved_rules().count()) {
+        (0, 0, 0) => "<b class=\"good\">all pass</b>".to_owned(),
+        (0, 0, rules) => format!("<b class=\"bad\">{rules} rules not observed</b>"),
+        (0, goals, _) => format!("<b class=\"bad\">{goals} goals not reached</b>"),
+        (failed, ..) => format!("<b class=\"bad\">{failed} fail</b>"),
     };
     out.write_str("<h1>Campaign</h1><p>")?;
     write_plan(&merged.plan, out)?;
@@ -159,14 +161,20 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
 /// Writes the situations that never occurred, and a folded list of the others.
 fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
     let (met, never): (Vec<_>, Vec<_>) = merged.situations.iter().partition(|one| one.runs > 0);
-    let goals: Vec<&str> = merged.missed_goals().collect();
-    if !goals.is_empty() {
-        let goals = goals.join(", ");
-        write!(
-            out,
-            "<p class=\"bad\">Not reached in any run: {}.",
-            Escaped(&goals)
-        )?;
+    let lists: [(&str, Vec<&str>); 3] = [
+        ("Not reached in any run", merged.missed_goals().collect()),
+        (
+            "Not observed in any run",
+            merged.unobserved_rules().collect(),
+        ),
+        (
+            "Not judged, no generated mission has it",
+            merged.lost_rules().collect(),
+        ),
+    ];
+    for (what, names) in lists.iter().filter(|(_, names)| !names.is_empty()) {
+        let names = names.join(", ");
+        write!(out, "<p class=\"bad\">{what}: {}.", Escaped(&names))?;
     }
     out.write_str("<h2>Situations that must come up</h2>")?;
     if !never.is_empty() {

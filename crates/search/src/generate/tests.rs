@@ -88,6 +88,40 @@ fn worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done() {
     assert!(worlds.len() > 40, "{} worlds", worlds.len());
 }
 
+/// A generated mission keeps the rules that it can still judge: on its waypoints, and on places in the
+/// scenario's own world only. Each can be wired.
+#[test]
+fn rules_of_generated_missions_name_what_these_have() {
+    let rules = "\n[[expect.rule]]\nname = \"all\"\nsometimes = { visited = 2 }\n\
+                 [[expect.rule]]\nname = \"place\"\nnever = { any = [{ contact = {} }, { not = { pose = \
+                 { near_m = [1, 1], within_m = 9 } } }] }\n\
+                 [[expect.rule]]\nname = \"slow\"\nnever = { robot = { of = \"speed-m-s\", op = \">\", value = 9 } }\n";
+    let text = base().to_toml() + rules;
+    let (base, source) = Scenario::from_text(&text).expect("sound");
+    let mut kept = std::collections::BTreeSet::new();
+    for seed in 0..12 {
+        let made = scenario(
+            &base,
+            Vary::ALL,
+            &Profile::default(),
+            &mut Dice::of_seed(seed, "base"),
+        );
+        let names: Vec<&str> = made.expect.rules().map(|rule| &*rule.name).collect();
+        assert_eq!(
+            names.contains(&"all"),
+            made.mission.waypoints_m.len() > 1,
+            "seed {seed}"
+        );
+        assert!(names.contains(&"slow"), "seed {seed}");
+        assert!(
+            engine::run::Run::new(made.clone(), &source, None).is_ok(),
+            "seed {seed}"
+        );
+        kept.insert(names.join(" "));
+    }
+    assert!(kept.len() > 1, "{kept:?}");
+}
+
 /// A car with a tolerance of 300 mm stopped 203 mm from a goal with a tolerance of 200 mm.
 #[test]
 fn a_made_up_mission_asks_for_no_more_than_the_scenarios_own() {

@@ -31,9 +31,10 @@ pub(super) fn header(outcome: &Outcome) -> String {
     )
 }
 
-/// The first failed check, and the number of further ones.
+/// The first failed check, and the number of further ones; if none failed, rules that were not
+/// observed.
 fn cause(outcome: &Outcome) -> String {
-    let mut failed = of(&outcome.checks, Status::Fail);
+    let mut failed = of(&outcome.checks, Status::Fail).chain(outcome.unobserved_rules());
     let Some(first) = failed.next() else {
         return String::new();
     };
@@ -41,8 +42,8 @@ fn cause(outcome: &Outcome) -> String {
     let meaning = meaning(&first.name).unwrap_or_default();
     let more = match failed.count() {
         0 => String::new(),
-        1 => " One more check failed.".to_owned(),
-        more => format!(" {more} more checks failed."),
+        1 => " One more check did not pass.".to_owned(),
+        more => format!(" {more} more checks did not pass."),
     };
     let probable = outcome
         .probable_cause
@@ -53,7 +54,13 @@ fn cause(outcome: &Outcome) -> String {
                 with_jumps(cause)
             )
         });
-    format!("<p id=\"cause\"><strong>{name}</strong>: {detail}.{probable}<br>{meaning}{more}</p>\n")
+    let about = match first.status {
+        Status::NotObserved => "not observed: ",
+        Status::Pass | Status::Fail => "",
+    };
+    format!(
+        "<p id=\"cause\"><strong>{name}</strong>: {about}{detail}.{probable}<br>{meaning}{more}</p>\n"
+    )
 }
 
 /// Up to four figures that characterise a run.

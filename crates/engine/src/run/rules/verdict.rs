@@ -3,8 +3,9 @@
 use protocols::Instant;
 
 use super::{Rule, Seen};
-use crate::robots::Check;
-use crate::scenario::{Condition, Demand, UntilSpec};
+use crate::robots::{Check, Status};
+use crate::run::probe::Probe;
+use crate::scenario::{Condition, Demand};
 
 impl Rule {
     /// The verdict; `is_over`: nothing can become true any more.
@@ -16,17 +17,24 @@ impl Rule {
             Demand::Eventually => self.came(&name, now, is_over),
             Demand::Sometimes => return self.reached(&name),
         };
-        let others = [
-            self.spec.after.as_ref(),
-            self.spec.until.as_ref().and_then(UntilSpec::condition),
-        ];
-        let mut others = others.into_iter().flatten();
-        let is_any_moment = self.is_moment() || others.any(Condition::is_momentary);
-        let is_cut = self.seen.is_log_cut && is_any_moment;
-        match is_cut {
-            true => check.if_observed(false),
-            false => check,
+        if let Some(missing) = self.probes.all().find_map(Probe::missing) {
+            let detail = format!("{missing}; expected {}", self.spec);
+            return Check::new(&name, false, detail);
         }
+        let is_cut = self.probes.all().any(Probe::has_lost)
+            || (self.seen.is_log_cut && self.conditions().any(Condition::is_of_log));
+        // What is missing may have been lost.
+        match (is_cut, check.status, self.demand) {
+            (true, Status::Pass, _) | (true, Status::Fail, Demand::Eventually) => {
+                let detail = format!("{}; the run kept only a part of the log", check.detail);
+                Check::not_observed(&name, detail)
+            }
+            _ => check,
+        }
+    }
+
+    fn conditions(&self) -> impl Iterator<Item = &Condition> {
+        self.spec.conditions().map(|(_, condition)| condition)
     }
 
     fn held(&self, name: &str) -> Check {
@@ -99,7 +107,7 @@ impl Rule {
             };
             return Check::not_observed(name, format!("{why}; expected {spec}"));
         }
-        match (seen.pending, spec.within) {
+        match (seen.pending.front(), spec.within) {
             (Some(asked), None) if is_over => {
                 let detail = format!("asked at {asked} s, nothing until the end; expected {spec}");
                 return Check::new(name, false, detail);
@@ -113,7 +121,11 @@ impl Rule {
         let slowest = seen.slowest.map(|(took, at)| {
             format!("; the slowest after {:.3} s, at {at} s", took.as_secs_f64())
         });
-        let (answers, slowest) = (times(seen.answers), slowest.unwrap_or_default());
+        let slowest = slowest.unwrap_or_default();
+        let answers = match seen.answers == seen.triggers {
+            true => times(seen.answers),
+            false => format!("{} of {}", times(seen.answers), seen.triggers),
+        };
         Check::new(name, true, format!("{answers}{slowest}: {spec}")).if_observed(seen.answers > 0)
     }
 

@@ -150,15 +150,36 @@ impl Condition {
         }
     }
 
+    /// Whether it, or a part of it, is one of those that `is` accepts.
+    pub fn has(&self, is: &dyn Fn(&Self) -> bool) -> bool {
+        match self {
+            Self::All(parts) | Self::Any(parts) => parts.iter().any(|part| part.has(is)),
+            Self::Not(inner) => inner.has(is),
+            leaf => is(leaf),
+        }
+    }
+
     /// Whether it, or a part of it, holds for a moment only: as bytes, a frame, a contact or an
     /// entry of the log comes.
     pub fn is_momentary(&self) -> bool {
-        match self {
-            Self::Bytes(_) | Self::Frame(_) | Self::Event(_) | Self::Contact(_) => true,
-            Self::All(parts) | Self::Any(parts) => parts.iter().any(Self::is_momentary),
-            Self::Not(inner) => inner.is_momentary(),
-            _ => false,
-        }
+        self.has(&|leaf| !leaf.is_leaf_of_state())
+    }
+
+    /// Whether it, or a part of it, is on the log.
+    pub fn is_of_log(&self) -> bool {
+        self.has(&|leaf| matches!(leaf, Self::Event(_)))
+    }
+
+    /// Whether it, or a part of it, is on the state, which is read at each look only.
+    pub fn is_of_state(&self) -> bool {
+        self.has(&Self::is_leaf_of_state)
+    }
+
+    fn is_leaf_of_state(&self) -> bool {
+        !matches!(
+            self,
+            Self::Bytes(_) | Self::Frame(_) | Self::Event(_) | Self::Contact(_)
+        )
     }
 
     /// Whether a moment of it says yes or no: a frame's field does, a mere event only says yes.

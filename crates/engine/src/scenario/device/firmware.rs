@@ -330,6 +330,10 @@ impl DeviceKind for FirmwareKind {
         played::values_of(rig, name)
     }
 
+    fn has_late_values(&self) -> bool {
+        true
+    }
+
     fn check(
         &self,
         context: &BuildContext<'_>,

@@ -70,6 +70,11 @@ pub trait DeviceKind: Send + Sync {
         rows.map(DeviceValue::from).collect()
     }
 
+    /// Whether the names of its [`values`](Self::values) are known only once the run has begun.
+    fn has_late_values(&self) -> bool {
+        false
+    }
+
     /// Sets the value called `value` of the device `name`.
     ///
     /// # Errors

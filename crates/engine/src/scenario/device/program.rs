@@ -263,6 +263,10 @@ impl DeviceKind for ProgramKind {
         played::values_of(rig, name)
     }
 
+    fn has_late_values(&self) -> bool {
+        true
+    }
+
     fn check(
         &self,
         context: &BuildContext<'_>,

@@ -244,10 +244,10 @@ impl<'a> Page<'a> {
         }
         let node = if node["anyOf"].is_array() {
             let choices = node["anyOf"].as_array().into_iter().flatten();
-            let mut known = choices.filter(|choice| choice["type"] != "null");
-            return known
-                .next()
-                .map_or_else(String::new, |node| self.type_of(node));
+            let known = choices.filter(|choice| choice["type"] != "null");
+            let mut kinds: Vec<String> = known.map(|node| self.type_of(node)).collect();
+            kinds.dedup();
+            return kinds.join(" or ");
         } else {
             self.resolve(node)
         };

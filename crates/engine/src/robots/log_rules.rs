@@ -1,0 +1,241 @@
+//! Names of the rules that devices log, by which a misspelt name is found.
+
+use crate::near;
+
+/// Rules of a slave of registers.
+const OF_REGISTERS: [&str; 14] = [
+    "bad-checksum",
+    "board-deaf",
+    "board-reset",
+    "break",
+    "frame-cut-off",
+    "made-safe",
+    "not-driven",
+    "out-of-range",
+    "queue-full",
+    "request-before-reply",
+    "stray-bytes",
+    "unknown-register",
+    "value-cut",
+    "write-read-only",
+];
+
+/// Rules of a slave of text lines.
+const OF_TEXT: [&str; 9] = [
+    "board-deaf",
+    "board-reset",
+    "break",
+    "line-too-long",
+    "made-safe",
+    "not-driven",
+    "out-of-range",
+    "queue-full",
+    "unknown-request",
+];
+
+/// Rules of a device that a file describes.
+const OF_DESCRIPTION: [&str; 24] = [
+    "bad-character",
+    "bad-checksum",
+    "bad-frame",
+    "bad-length",
+    "bad-request",
+    "expression-failed",
+    "frame-cut-off",
+    "frame-too-long",
+    "made-safe",
+    "not-answered",
+    "not-ready",
+    "off",
+    "out-of-range",
+    "output-full",
+    "queue-full",
+    "request-before-reply",
+    "restarted",
+    "too-fast",
+    "too-many-delays",
+    "unknown-function",
+    "unknown-message",
+    "unknown-register",
+    "value-cut",
+    "wrong-address",
+];
+
+/// Rules that other devices, the links and the rig log. A name that nearly is one of these is
+/// misspelt; other names may be those of a program or of another crate.
+const OF_OTHERS: [&str; 74] = [
+    "bad-message",
+    "bad-row",
+    "battery-low",
+    "booted",
+    "bytes-injected",
+    "bytes-while-busy",
+    "bytes-while-starting",
+    "command-too-slow",
+    "command-while-connected",
+    "connected",
+    "count-too-large",
+    "data-in-command-mode",
+    "dead-man",
+    "disconnected",
+    "display-off",
+    "display-on",
+    "duty-without-driver",
+    "encoder-lost",
+    "fault-added",
+    "fault-begun",
+    "fault-ended",
+    "fifo-overflow",
+    "frame-vanished",
+    "framing-error",
+    "gap-in-frame",
+    "host-gave-up",
+    "host-overflow",
+    "host-port-closed",
+    "imu-off",
+    "imu-stuck",
+    "imu-wrong",
+    "line-coding-changed",
+    "line-end-after-command",
+    "line-end-missing",
+    "line-lost",
+    "lower-case-command",
+    "map-complete",
+    "map-size",
+    "message-lost",
+    "mode-not-supported",
+    "motor-not-wired",
+    "motors-on",
+    "motors-stopped",
+    "no-answer",
+    "no-pause-between-commands",
+    "open-channel",
+    "order-confirmed",
+    "order-not-confirmed",
+    "out-of-reach",
+    "pixel-count",
+    "port-closed",
+    "port-opened",
+    "port-overrun",
+    "power-off",
+    "power-on",
+    "protection-stop",
+    "radio-back",
+    "radio-lost",
+    "request-cut",
+    "request-damaged",
+    "request-not-supported",
+    "request-unknown",
+    "request-while-busy",
+    "robot-says",
+    "rotation-stable",
+    "rotation-unstable",
+    "set-point-out-of-range",
+    "settings-changed",
+    "stand-by",
+    "unknown-command",
+    "value-set",
+    "waypoints-confirmed",
+    "window-outside",
+    "wrong-baud",
+];
+
+/// What is known of a rule by its name and the device that is to log it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Known {
+    /// The device logs it.
+    Logged,
+    /// The device logs other rules only.
+    NeverLogged,
+    /// It nearly is a known name, which was probably meant.
+    Misspelt(&'static str),
+    /// Other devices log it, and this one may.
+    OfOthers,
+    /// The name says nothing: the device may be a program.
+    Open,
+}
+
+/// What is known of `rule`, if a device of the kind `kind` is to log it.
+pub(crate) fn known(kind: Option<&str>, rule: &str) -> Known {
+    let own: &[&str] = match kind {
+        Some("registers") => &OF_REGISTERS,
+        Some("text") => &OF_TEXT,
+        Some("description") => &OF_DESCRIPTION,
+        _ => {
+            let all = [&OF_REGISTERS[..], &OF_TEXT, &OF_DESCRIPTION, &OF_OTHERS].concat();
+            return match near::misspelt(rule, &all) {
+                Some(meant) => Known::Misspelt(meant),
+                None if all.contains(&rule) => Known::OfOthers,
+                None => Known::Open,
+            };
+        }
+    };
+    match (own.contains(&rule), near::misspelt(rule, own)) {
+        (true, _) => Known::Logged,
+        (false, Some(meant)) => Known::Misspelt(meant),
+        (false, None) => Known::NeverLogged,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// Each name of the lists is one that the devices' own code has.
+    #[test]
+    fn the_lists_hold_names_of_the_code() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let mut code = String::new();
+        for folder in ["emulators/src", "crates"] {
+            read(&root.join(folder), &mut code);
+        }
+        let all = [&OF_REGISTERS[..], &OF_TEXT, &OF_DESCRIPTION, &OF_OTHERS].concat();
+        let unknown = all
+            .iter()
+            .filter(|name| !code.contains(&format!("\"{name}\"")));
+        assert_eq!(unknown.collect::<Vec<_>>(), [&""; 0]);
+        for list in [&OF_REGISTERS[..], &OF_TEXT, &OF_DESCRIPTION, &OF_OTHERS] {
+            assert!(list.is_sorted(), "{list:?}");
+        }
+    }
+
+    fn read(folder: &Path, into: &mut String) {
+        for entry in std::fs::read_dir(folder).expect("is there").flatten() {
+            let path = entry.path();
+            let is_this = path.ends_with("log_rules.rs") || path.ends_with("target");
+            match path.extension() {
+                _ if is_this => {}
+                Some(end) if end == "rs" => *into += &std::fs::read_to_string(path).expect("text"),
+                _ if path.is_dir() => read(&path, into),
+                _ => {}
+            }
+        }
+    }
+
+    #[test]
+    fn a_misspelt_rule_is_found_for_each_kind_of_source() {
+        let rows = [
+            (Some("registers"), "bad-checksum", Known::Logged),
+            (
+                Some("registers"),
+                "bad-cheksum",
+                Known::Misspelt("bad-checksum"),
+            ),
+            (Some("description"), "wieght", Known::NeverLogged),
+            (Some("description"), "to-fast", Known::Misspelt("too-fast")),
+            (
+                Some("text"),
+                "unknown-reqest",
+                Known::Misspelt("unknown-request"),
+            ),
+            (Some("program"), "tare-lost", Known::Open),
+            (None, "motor-stopped", Known::Misspelt("motors-stopped")),
+            (None, "motors-stopped", Known::OfOthers),
+        ];
+        for (kind, rule, known_of_it) in rows {
+            assert_eq!(known(kind, rule), known_of_it, "{kind:?} {rule}");
+        }
+    }
+}
