@@ -34,6 +34,7 @@ impl Conclusion {
         let verdict = if outcome.passed() { "pass" } else { "fail" };
         let failed = |check: &&Check| check.status == Status::Fail;
         let failed = outcome.checks.iter().filter(failed);
+        let failed = failed.chain(outcome.unobserved_rules());
         let failed: Vec<&str> = failed.map(|check| &*check.name).collect();
         let program = match command {
             Some(command) => format!("exec\ncommand={}", command.replace('\n', " ")),

@@ -67,7 +67,11 @@ class Result:
 
     def __str__(self) -> str:
         lines = [f"the rig's verdict is {self.verdict}"]
-        lines += [f"  {check}" for check in self.failures]
+        shown = self.failures
+        if self.verdict != "pass" and not shown:
+            # A rule that was not observed is not passed.
+            shown = [one for one in self.checks if one.status == "not-observed" and one.name.startswith("rule-")]
+        lines += [f"  {check}" for check in shown]
         if self.probable_cause is not None:
             lines.append(f"  probable cause: {self.probable_cause}")
         if self.folder is not None:
