@@ -86,6 +86,8 @@ impl ExecHow {
     fn foreign(&self, command: String) -> Foreign {
         Foreign {
             command,
+            name: String::new(),
+            others: Vec::new(),
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
             may_idle: self.exec_may_idle,

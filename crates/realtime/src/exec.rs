@@ -71,6 +71,10 @@ pub fn is_fact(check: &Check) -> bool {
 pub struct Foreign {
     /// For the shell.
     pub command: String,
+    /// Its name among several programs; else empty.
+    pub name: String,
+    /// Further programs of the same run, in virtual time only.
+    pub others: Vec<Companion>,
     /// Wall time within which it must open what it needs.
     pub wait: Duration,
     /// Whether it may end with exit code 0 before the run is over.
@@ -87,6 +91,15 @@ pub struct Foreign {
     pub supervision: Option<Supervision>,
 }
 
+/// A further program of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Companion {
+    /// Its name, for verdicts.
+    pub name: String,
+    /// For the shell.
+    pub command: String,
+}
+
 /// How a program is supervised in virtual time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Supervision {
@@ -96,6 +109,17 @@ pub struct Supervision {
     pub spin_max: Duration,
     /// Another order of threads; `None`: that of their calls.
     pub schedule: Option<Schedule>,
+}
+
+impl Default for Supervision {
+    /// As the command line has it without options.
+    fn default() -> Self {
+        Self {
+            call_cost: Duration::from_micros(1),
+            spin_max: Duration::from_secs(10),
+            schedule: None,
+        }
+    }
 }
 
 /// An end of a link and the port that it is on.
@@ -319,6 +343,7 @@ impl Trial {
             ports: &self.ports,
             foreign: &self.foreign,
             ended: self.ended,
+            each: vec![(String::new(), self.ended)],
             waits: &waits,
             farewell: &farewell,
             is_over,

@@ -45,6 +45,8 @@ fn judge_motors(outcome: &mut Outcome, ended: Option<Instant>) {
 pub(crate) struct Ending<'a> {
     /// What was seen at its ports.
     pub(crate) ports: &'a Ports,
+    /// The same of each program by its name.
+    pub(crate) each: Vec<(String, Option<(Ended, Instant)>)>,
     /// How it was to be started and judged.
     pub(crate) foreign: &'a Foreign,
     /// How it ended by itself, and the rig's time then.
@@ -60,6 +62,23 @@ pub(crate) struct Ending<'a> {
 }
 
 impl Ending<'_> {
+    /// Whether each program was there as long as it had to be.
+    fn alive(&self) -> Check {
+        let (foreign, farewell) = (self.foreign, self.farewell);
+        let one = |ended| alive(ended, self.is_over, foreign.may_end, farewell);
+        if let [(_, ended)] = self.each[..] {
+            return one(ended);
+        }
+        let each = self.each.iter().map(|(name, ended)| (name, one(*ended)));
+        let each: Vec<(&String, Check)> = each.collect();
+        let words = each
+            .iter()
+            .map(|(name, check)| format!("{name} {}", check.detail));
+        let words: Vec<String> = words.collect();
+        let pass = each.iter().all(|(_, check)| check.status == Status::Pass);
+        Check::new("program-alive", pass, words.join("; "))
+    }
+
     /// Adds the checks about the program to `outcome`, and the probable cause if it failed.
     pub(crate) fn conclude(self, outcome: &mut Outcome) {
         let (ports, foreign) = (self.ports, self.foreign);
@@ -87,7 +106,7 @@ impl Ending<'_> {
         }
         let mut own = vec![
             connected,
-            alive(self.ended, self.is_over, foreign.may_end, self.farewell),
+            self.alive(),
             reads,
             goes_on,
             ports.settings(),

@@ -103,7 +103,10 @@ pub(super) struct Settings {
 pub(super) struct Supervisor {
     pub(super) stage: Stage,
     settings: Settings,
-    root: Pid,
+    /// The first process of each program, and how those ended that have: the system's status.
+    roots: BTreeMap<i32, Option<i32>>,
+    /// Launchers that have not become their program yet.
+    launchers: BTreeSet<i32>,
     threads: BTreeMap<i32, Thread>,
     processes: BTreeMap<i32, Process>,
     queue: VecDeque<i32>,
@@ -112,7 +115,6 @@ pub(super) struct Supervisor {
     /// How many threads and processes there were.
     born: [u32; 2],
     blocks: u64,
-    is_launched: bool,
     /// Something happened that files may have to do with.
     is_changed: bool,
     /// The only thread that ran since all that wait for files tried once more.
@@ -145,8 +147,6 @@ pub(super) struct Supervisor {
     watchdog: Watchdog,
     pub(super) calls: Calls,
     notes: Vec<String>,
-    /// How the first process ended: the system's status.
-    pub(super) root_status: Option<i32>,
     /// Where the last fault was.
     fault: Option<String>,
     pub(super) trouble: Option<GuestError>,
@@ -162,40 +162,46 @@ pub(super) struct Supervisor {
     keeps_loan: bool,
 }
 
+/// Begins to trace the launcher `root`, which stops by itself.
+fn take_over(root: i32) -> Result<(), GuestError> {
+    let root = Pid::from_raw(root);
+    let status = wait(Some(root), WaitOptions::empty()).map(|(_, status)| status);
+    if status.is_none_or(is_death) {
+        return Err(GuestError::NotTraced);
+    }
+    let options = Options::PTRACE_O_TRACESECCOMP
+        | Options::PTRACE_O_TRACECLONE
+        | Options::PTRACE_O_TRACEFORK
+        | Options::PTRACE_O_TRACEVFORK
+        | Options::PTRACE_O_TRACEVFORKDONE
+        | Options::PTRACE_O_TRACEEXEC
+        | Options::PTRACE_O_TRACESYSGOOD
+        | Options::PTRACE_O_EXITKILL;
+    ptrace::setoptions(root, options).map_err(|_| GuestError::NotTraced)
+}
+
 impl Supervisor {
-    /// Supervises the launcher `root`, which has just been started.
+    /// Supervises the launchers `roots`, which have just been started: one of each program.
     pub(super) fn new(
-        root: i32,
+        roots: &[i32],
         stage: Stage,
         settings: Settings,
         trace: Option<&Path>,
     ) -> Result<Self, GuestError> {
-        let root = Pid::from_raw(root);
-        let status = wait(Some(root), WaitOptions::empty()).map(|(_, status)| status);
-        if status.is_none_or(is_death) {
-            return Err(GuestError::NotTraced);
-        }
-        let options = Options::PTRACE_O_TRACESECCOMP
-            | Options::PTRACE_O_TRACECLONE
-            | Options::PTRACE_O_TRACEFORK
-            | Options::PTRACE_O_TRACEVFORK
-            | Options::PTRACE_O_TRACEVFORKDONE
-            | Options::PTRACE_O_TRACEEXEC
-            | Options::PTRACE_O_TRACESYSGOOD
-            | Options::PTRACE_O_EXITKILL;
-        ptrace::setoptions(root, options).map_err(|_| GuestError::NotTraced)?;
+        roots.iter().try_for_each(|&root| take_over(root))?;
+        let first = roots.first().copied().unwrap_or_default();
         let mut new = Self {
             calls: Calls::new(trace)?,
             stage,
             settings,
-            root,
+            roots: roots.iter().map(|&root| (root, None)).collect(),
+            launchers: roots.iter().copied().collect(),
             threads: BTreeMap::new(),
             processes: BTreeMap::new(),
             queue: VecDeque::new(),
             early: BTreeSet::new(),
             born: [0; 2],
             blocks: 0,
-            is_launched: false,
             is_changed: false,
             ran: None,
             is_signalled: false,
@@ -212,9 +218,8 @@ impl Supervisor {
             served: 0,
             spent: BTreeMap::new(),
             idled: Duration::ZERO,
-            watchdog: Watchdog::start(root.as_raw(), settings.supervision.spin_max),
+            watchdog: Watchdog::start(first, settings.supervision.spin_max),
             notes: Vec::new(),
-            root_status: None,
             fault: None,
             trouble: None,
             debugging: None,
@@ -226,7 +231,9 @@ impl Supervisor {
             lease: Lease::default(),
             keeps_loan: false,
         };
-        new.add_thread(root, root, None);
+        for root in roots.iter().map(|&root| Pid::from_raw(root)) {
+            new.add_thread(root, root, None);
+        }
         Ok(new)
     }
 
@@ -235,9 +242,19 @@ impl Supervisor {
         &self.notes
     }
 
-    /// Whether the launcher has become the program.
-    pub(super) const fn is_launched(&self) -> bool {
-        self.is_launched
+    /// Whether the launcher `root` has become its program.
+    pub(super) fn is_launched(&self, root: i32) -> bool {
+        !self.launchers.contains(&root)
+    }
+
+    /// How the first process of a program ended, if it did: the system's status.
+    pub(super) fn status(&self, root: i32) -> Option<i32> {
+        self.roots.get(&root).copied().flatten()
+    }
+
+    /// Whether all programs have ended.
+    pub(super) fn have_all_ended(&self) -> bool {
+        self.roots.values().all(Option::is_some)
     }
 
     /// Kills all that is there.
@@ -259,13 +276,10 @@ impl Supervisor {
         }
     }
 
-    /// The processes that are there, the first one left out.
+    /// The processes that are there, the first one of each program left out.
     pub(super) fn others(&self) -> impl Iterator<Item = i32> {
-        let root = self.root.as_raw();
-        self.processes
-            .keys()
-            .copied()
-            .filter(move |&pid| pid != root)
+        let all = self.processes.keys().copied();
+        all.filter(|pid| !self.roots.contains_key(pid))
     }
 
     /// Whether any process is left.

@@ -49,13 +49,11 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 /// A program on trial.
 pub struct Trial {
     supervisor: Supervisor,
-    root: i32,
+    programs: Vec<Started>,
     dir: PortDir,
     foreign: Foreign,
     words: Arc<Mutex<Words>>,
     listener: JoinHandle<()>,
-    /// How the program ended, and the rig's time then.
-    ended: Option<(Ended, Instant)>,
     /// Time at which the last client left the ports, in the program's time.
     gone_at: Option<Instant>,
     /// The thread that computes without a system call.
@@ -63,6 +61,15 @@ pub struct Trial {
     clock: WallClock,
     /// On which processors this thread may run.
     processors: Option<CpuSet>,
+}
+
+/// One of the programs.
+struct Started {
+    name: String,
+    /// Its first process.
+    root: i32,
+    /// How it ended, and the rig's time then.
+    ended: Option<(Ended, Instant)>,
 }
 
 /// What came of it.
@@ -119,22 +126,32 @@ impl Trial {
         let mouth = File::from(std::os::fd::OwnedFd::from(mouth));
         let pipe = mouth.metadata().map_err(not_started)?;
         let processors = stay_here();
-        let child = launch::start(&foreign.command, &env, mouth).map_err(not_started)?;
-        let root = i32::try_from(child.id()).unwrap_or_default();
+        let mut programs = Vec::new();
+        let others = foreign.others.iter().map(|one| (&one.name, &one.command));
+        for (name, command) in core::iter::once((&foreign.name, &foreign.command)).chain(others) {
+            let mouth = mouth.try_clone().map_err(not_started)?;
+            let child = launch::start(command, &env, mouth).map_err(not_started)?;
+            programs.push(Started {
+                name: name.clone(),
+                root: i32::try_from(child.id()).unwrap_or_default(),
+                ended: None,
+            });
+        }
+        drop(mouth);
         let hearing = Arc::clone(&words);
         let listener = thread::spawn(move || listen(ears, &hearing));
         let seed = run.scenario().seed;
         let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
         let settings = Settings { seed, supervision };
         let stage = Stage::new(run, realtime, ports, foreign.wait, (pipe.dev(), pipe.ino()));
+        let roots: Vec<i32> = programs.iter().map(|one| one.root).collect();
         Ok(Self {
-            supervisor: Supervisor::new(root, stage, settings, trace)?,
-            root,
+            supervisor: Supervisor::new(&roots, stage, settings, trace)?,
+            programs,
             dir,
             foreign,
             words,
             listener,
-            ended: None,
             gone_at: None,
             spins: None,
             clock: WallClock::start(),
@@ -193,22 +210,31 @@ impl Trial {
             done => done?,
         }
         let stage = &self.supervisor.stage;
-        if self.ended.is_none()
-            && let Some(status) = self.supervisor.root_status
-        {
+        let now = stage.run.rig.now();
+        for program in self.programs.iter_mut().filter(|one| one.ended.is_none()) {
+            let Some(status) = self.supervisor.status(program.root) else {
+                continue;
+            };
             let ended = Ended::of(ExitStatus::from_raw(status));
-            if ended == Ended::Code(launch::NOT_LAUNCHED) && !self.supervisor.is_launched() {
+            let is_launched = self.supervisor.is_launched(program.root);
+            if ended == Ended::Code(launch::NOT_LAUNCHED) && !is_launched {
                 return Err(GuestError::NotLaunched(self.said()));
             }
-            self.ended = Some((ended, stage.run.rig.now()));
+            program.ended = Some((ended, now));
         }
-        let is_gone = self.ended.is_some_and(|(ended, _)| {
-            !(self.foreign.may_end && ended == Ended::Code(0) && stage.ports.any_open())
-        });
-        if is_gone && self.gone_at.is_none() {
-            self.gone_at = Some(stage.now());
+        if self.is_gone() && self.gone_at.is_none() {
+            self.gone_at = Some(self.supervisor.stage.now());
         }
         Ok(())
+    }
+
+    /// Whether a program has ended that has to be there, or all have and left no port open.
+    fn is_gone(&self) -> bool {
+        let may_end = self.foreign.may_end;
+        let ends = || self.programs.iter().map(|one| one.ended);
+        let is_wrong = |(ended, _)| !(may_end && ended == Ended::Code(0));
+        let are_all_gone = ends().all(|ended| ended.is_some());
+        ends().flatten().any(is_wrong) || are_all_gone && !self.supervisor.stage.ports.any_open()
     }
 
     /// From now on the run goes on when its mission is over.
@@ -241,9 +267,15 @@ impl Trial {
         self.supervisor.stage.realtime.signs()
     }
 
-    /// How the program ended, if it did.
+    /// How the program ended, if it did; of several the first that ended.
     pub fn ended(&self) -> Option<Ended> {
-        self.ended.map(|(ended, _)| ended)
+        self.first_end().map(|(ended, _)| ended)
+    }
+
+    /// How the program ended, and when; of several the first that ended.
+    fn first_end(&self) -> Option<(Ended, Instant)> {
+        let ends = self.programs.iter().filter_map(|one| one.ended);
+        ends.min_by_key(|(_, at)| *at)
     }
 
     /// Where the program was when a signal such as SIGSEGV came.
@@ -284,6 +316,12 @@ impl Trial {
         let is_over = self.supervisor.stage.run.is_over();
         self.supervisor.note_halted();
         let waits = self.waits();
+        let ended = self.first_end();
+        let each = self
+            .programs
+            .iter()
+            .map(|one| (one.name.clone(), one.ended));
+        let each = each.collect();
         let farewell = self.finish();
         let notes = self.supervisor.notes().to_vec();
         let spent = self.supervisor.spent_on();
@@ -304,7 +342,8 @@ impl Trial {
         let ending = Ending {
             ports: &ports,
             foreign: &self.foreign,
-            ended: self.ended,
+            ended,
+            each,
             waits: &waits,
             farewell: &farewell,
             is_over,
@@ -324,8 +363,8 @@ impl Trial {
 
     /// What the program's threads wait for.
     fn waits(&self) -> Vec<Wait> {
-        let root = core::iter::once(self.root);
-        let pids = root.chain(self.supervisor.others());
+        let roots = self.programs.iter().map(|one| one.root);
+        let pids = roots.chain(self.supervisor.others());
         waits(pids.filter_map(|pid| u32::try_from(pid).ok()))
     }
 
@@ -354,19 +393,23 @@ impl Trial {
     /// Ends the program and its child processes: first by a request, then by SIGKILL. Returns the
     /// processes that were left behind, and whether the program itself was killed.
     fn stop(&mut self) -> (Vec<Left>, bool) {
-        let is_running = self.supervisor.root_status.is_none();
+        let is_running = !self.supervisor.have_all_ended();
         let mut left = match is_running {
             true => Vec::new(),
             false => self.others(),
         };
-        if let Some(group) = Pid::from_raw(self.root) {
+        for group in self
+            .programs
+            .iter()
+            .filter_map(|one| Pid::from_raw(one.root))
+        {
             let _ = kill_process_group(group, Signal::TERM);
         }
         self.supervisor.expect_signals();
         let mut was_killed = false;
         if is_running {
-            self.go_on(PATIENCE, |it| it.root_status.is_some());
-            was_killed = self.supervisor.root_status.is_none();
+            self.go_on(PATIENCE, Supervisor::have_all_ended);
+            was_killed = !self.supervisor.have_all_ended();
             if !was_killed {
                 self.go_on(TOGETHER, |it| !it.is_anybody_there());
                 left = self.others();

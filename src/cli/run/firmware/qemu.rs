@@ -112,6 +112,8 @@ pub(super) fn foreign(
         .collect();
     Ok(Foreign {
         command: machine.real_time(&elf, &ports).map_err(wrong)?,
+        name: String::new(),
+        others: Vec::new(),
         wait: START,
         may_end: false,
         may_idle: false,

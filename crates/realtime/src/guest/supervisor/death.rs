@@ -133,7 +133,7 @@ impl Supervisor {
     /// A process has become another program: its clock page is hidden, so that each look at a clock
     /// is a call.
     pub(super) fn execed(&mut self, tid: i32) -> Flow {
-        self.is_launched = true;
+        self.launchers.remove(&tid);
         let others = self.threads.values().filter(|thread| thread.process == tid);
         let others: Vec<i32> = others.map(|thread| thread.tid.as_raw()).collect();
         let mut parent = None;
@@ -309,8 +309,8 @@ impl Supervisor {
         self.notices.retain(|&(process, _), _| process != tid);
         self.threads.retain(|_, other| other.process != tid);
         self.fatal.extend(fatal.map(|signal| (tid, signal)));
-        if tid == self.root.as_raw() {
-            self.root_status = Some(fatal.unwrap_or(status));
+        if let Some(ended) = self.roots.get_mut(&tid) {
+            *ended = Some(fatal.unwrap_or(status));
         }
         // What it had of semaphores the kernel may have given back.
         self.has_queues_changed = true;

@@ -175,7 +175,7 @@ impl Supervisor {
     }
 
     pub(super) fn called(&mut self, tid: i32) -> Flow {
-        if !self.is_launched {
+        if !self.is_launched(tid) {
             return Flow::Goes(None);
         }
         let Ok(call) = Call::of(Pid::from_raw(tid)) else {

@@ -76,6 +76,8 @@ impl Player {
             (Whose::Command { command, .. }, Some(supervision), Some(dir)) => {
                 let foreign = Foreign {
                     command: harness.command(command),
+                    name: String::new(),
+                    others: Vec::new(),
                     wait: harness.start,
                     may_end: false,
                     may_idle: true,
