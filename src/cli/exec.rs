@@ -5,7 +5,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::realtime::exec::{Foreign, ProgramEnd, Schedule, Supervision};
+use crate::realtime::exec::{Companion, Foreign, ProgramEnd, Schedule, Supervision};
 use crate::realtime::guest::HAS_LINES;
 use crate::robots;
 use crate::scenario::{Scenario, ScenarioError, Source, Span};
@@ -140,6 +140,23 @@ impl ExecArgs {
     /// The program, if there is one.
     pub(super) fn foreign(&self) -> Option<Foreign> {
         Some(self.how.foreign(self.exec.clone()?))
+    }
+
+    /// The programs that the scenario names, in virtual time.
+    pub(super) fn of_file(&self, scenario: &Scenario) -> Option<Foreign> {
+        let programs = scenario.exec.iter();
+        let mut programs = programs.map(|(name, spec)| Companion {
+            name: name.clone(),
+            command: spec.shell(),
+        });
+        let first = programs.next()?;
+        Some(Foreign {
+            name: first.name,
+            others: programs.collect(),
+            has_lines: false,
+            supervision: Some(Supervision::default()),
+            ..self.how.foreign(first.command)
+        })
     }
 
     /// The same program, started by another command.

@@ -218,6 +218,7 @@ fn one(
         true => args.firmware.foreign(&scenario, &source)?,
         false => args.program.foreign(),
     };
+    let foreign = foreign.or_else(|| args.program.of_file(&scenario));
     if node.is_some() || (args.firmware.is_given() && foreign.is_none()) {
         let run = match node {
             Some(command) => node::run(scenario, &source, command)?,
@@ -308,6 +309,14 @@ fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), 
     let Some(first) = given.next() else {
         return Ok(());
     };
+    let mut files_with = files.iter().filter(|(_, file)| file.has_programs());
+    if let Some((path, _)) = files_with.next() {
+        return Err(CliError::Usage(format!(
+            "{first}: {} starts the programs of its [exec.NAME], expected no other one; leave {first} \
+             out, or the tables",
+            path.display()
+        )));
+    }
     if let Some(second) = given.next() {
         return Err(CliError::Usage(format!(
             "{second}: {first} is given too, expected one program under test; leave one out"
@@ -360,6 +369,11 @@ pub(super) enum Runnable {
 }
 
 impl Runnable {
+    /// Whether it is a scenario that names its programs.
+    fn has_programs(&self) -> bool {
+        matches!(self, Self::Scenario(scenario) if !scenario.0.exec.is_empty())
+    }
+
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
         let text = std::fs::read_to_string(path).map_err(|source| {
             let path = path.to_owned();

@@ -24,6 +24,8 @@ mod lines;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod own_drivers;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod pair;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod probes;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod races;

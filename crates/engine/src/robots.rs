@@ -14,6 +14,7 @@ pub(crate) mod conditions;
 pub(crate) mod custom;
 pub mod instruments;
 mod kept_map;
+mod links;
 mod log_rules;
 pub mod overlay;
 #[cfg(feature = "rescue")]
@@ -49,7 +50,6 @@ pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 use crate::codec::Codec;
 pub use crate::registry::NameTaken;
 use crate::registry::{Named, Registry};
-use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{PortRate, Program, Rig};
 use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
@@ -322,28 +322,6 @@ impl Wired {
     }
 }
 
-/// Plans the scenario's latencies and faults on the links of a wired rig.
-fn plan_links(rig: &mut Rig, scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
-    for (name, spec) in &scenario.link {
-        let Some(link) = rig.link_mut(name) else {
-            let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
-            let message = format!("no such link, expected one of {}", known.join(", "));
-            return Err(source.invalid(source.find(name), format!("link.{name}"), message));
-        };
-        let lines = link.lines.iter_mut();
-        lines.for_each(|line| line.latency = spec.latency.0);
-    }
-    rig.budget = scenario.budget.unwrap_or_default().into();
-    for (index, fault) in scenario.fault.iter().enumerate() {
-        let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
-        planned.map_err(|flaw| {
-            let span = source.find_in_list("fault", index, flaw.key);
-            source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
-        })?;
-    }
-    Ok(())
-}
-
 /// What suits a robot, for worlds and missions that are made by chance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arena {
@@ -398,7 +376,8 @@ pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     add_devices(&mut wired, scenario, source, |name, spec| {
         spec.is_own() && is_new(name)
     })?;
-    plan_links(&mut wired.rig, scenario, source)?;
+    links::add_cables(&mut wired, scenario, source)?;
+    links::plan(&mut wired.rig, scenario, source)?;
     bounds::check_safety_links(&wired.rig, scenario, source)?;
     bounds::check_conditions(&wired, scenario, source)?;
     Ok(wired)

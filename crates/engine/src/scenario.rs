@@ -2,6 +2,7 @@
 //! closed schema: an unknown key is an error.
 
 mod board;
+mod cable;
 mod chassis;
 mod condition;
 pub mod device;
@@ -30,6 +31,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use board::{RaisesSpec, ResetSpec};
+pub use cable::{CableSpec, ExecSpec};
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use condition::{
     AxisCondition, BytesCondition, Condition, ContactCondition, EventCondition, Figure,
@@ -104,6 +106,12 @@ pub struct Scenario {
     #[serde(default)]
     #[schemars(schema_with = "schema::devices")]
     pub device: BTreeMap<String, DeviceSpec>,
+    /// Programs of your own, by their names: `hilrig run FILE` starts them together.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub exec: BTreeMap<String, ExecSpec>,
+    /// Serial cables between your programs, by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub cable: BTreeMap<String, CableSpec>,
     /// Settings of links, by the names that the robot gives them.
     #[serde(default)]
     pub link: BTreeMap<String, LinkSpec>,
@@ -274,8 +282,8 @@ impl Scenario {
             let (path, source) = (source.path.clone(), Box::new(error));
             ScenarioError::Parse { path, source }
         })?;
-        #[cfg(feature = "described")]
         let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
+        scenario.exec.values_mut().for_each(|exec| exec.embed(base));
         #[cfg(feature = "described")]
         for device in scenario.device.values_mut() {
             if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {

@@ -73,8 +73,8 @@ impl Robot for Bare {
         refuse_orders(&plan)?;
         refuse_expectations(&plan, false)?;
         let (scenario, source) = (plan.scenario, plan.source);
-        if scenario.device.is_empty() {
-            let message = "is missing, expected a device, as there is no robot";
+        if scenario.device.is_empty() && scenario.cable.is_empty() {
+            let message = "is missing, expected a device or a cable, as there is no robot";
             return Err(source.invalid(None, "device", message));
         }
         wire(plan, false)

@@ -233,6 +233,8 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         link,
         budget,
         phases,
+        exec,
+        cable,
         world,
         fault: _,
     } = a;
@@ -242,6 +244,7 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         && (budget, phases) == (&b.budget, &b.phases)
         && ends_alike(expect, &b.expect)
         && expect.safety == b.expect.safety
+        && (exec, cable) == (&b.exec, &b.cable)
         && expect.rules().eq(b.expect.rules())
 }
 

@@ -32,7 +32,7 @@ pub fn examples() -> Vec<(String, String)> {
     paths.chain(kinds).filter_map(whole).collect()
 }
 
-const EXAMPLES: [(&str, &str); 22] = [
+const EXAMPLES: [(&str, &str); 24] = [
     (
         "",
         r#"
@@ -64,6 +64,28 @@ connect = "1s"
 waypoints_m = [[1.0, 2.0], [1.0, 1.0]]
 to_the_end = true
 any_order = true
+"#,
+    ),
+    (
+        "exec.NAME",
+        r#"
+[exec.planner]
+command = 'python3 planner.py "$HILRIG_PORT_ORDERS"'
+"#,
+    ),
+    (
+        "cable.NAME",
+        r#"
+[cable.plan]
+baud = 115200
+master = "orders"
+device = "drives"
+
+[[fault]]
+link = "plan"
+direction = "to-device"
+kind = "drop"
+rate = 0.01
 "#,
     ),
     (

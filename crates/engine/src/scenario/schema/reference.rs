@@ -24,9 +24,9 @@ The examples run as they are with the first one's lines before `[mission]` above
 ";
 
 /// Tables at the top; the others follow in alphabetical order.
-const ORDER: [&str; 11] = [
-    "mission", "expect", "program", "chassis", "link", "device", "world", "fault", "budget",
-    "phases", "origin",
+const ORDER: [&str; 13] = [
+    "mission", "expect", "program", "chassis", "link", "device", "exec", "cable", "world", "fault",
+    "budget", "phases", "origin",
 ];
 
 /// Limit of nested tables, larger than any real nesting.

@@ -1,0 +1,99 @@
+//! Latencies and faults of links, and cables between programs.
+
+use protocols::Port;
+
+use super::{OpenEnd, Wired};
+use crate::rig::fault::FaultId;
+use crate::rig::line::End;
+use crate::rig::{LinkKind, PortRate, Rig};
+use crate::scenario::{CableSpec, Scenario, ScenarioError, Source};
+
+/// Adds the cables of the scenario: each end is a port for a program.
+///
+/// # Errors
+/// If two ports or links have one name.
+pub(super) fn add_cables(
+    wired: &mut Wired,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    for (name, spec) in &scenario.cable {
+        let invalid = |key: &str, message: String| {
+            let span = source.find(name);
+            Err(source.invalid(span, format!("cable.{name}{key}"), message))
+        };
+        if let Err(flaw) = spec.check() {
+            return invalid(&format!(".{}", flaw.key), flaw.message);
+        }
+        if wired.rig.link(name).is_some() {
+            return invalid(
+                "",
+                "there is a link of this name, expected another name".to_owned(),
+            );
+        }
+        for (key, port) in [(".master", &spec.master), (".device", &spec.device)] {
+            let ports = wired.open_ends.iter().map(|end| &*end.name);
+            let mut taken: Vec<&str> = ports.collect();
+            if key == ".device" {
+                taken.push(&spec.master);
+            }
+            if taken.contains(&port.as_str()) {
+                let message = format!("is {port:?} once more, expected another name of a port");
+                return invalid(key, message);
+            }
+        }
+        let [device, master] =
+            [&spec.device, &spec.master].map(|port| end(wired, name, port, spec));
+        let rig = &mut wired.rig;
+        rig.connect_by(LinkKind::Uart, name, device, master, 1);
+    }
+    Ok(())
+}
+
+/// Adds the end `port` of the cable `link`.
+fn end(wired: &mut Wired, link: &str, port: &str, spec: &CableSpec) -> End {
+    let line = spec.line();
+    let node = wired.rig.add_outside(port, line);
+    wired.open_ends.push(OpenEnd {
+        name: port.to_owned(),
+        link: link.to_owned(),
+        node,
+        line,
+        rate: PortRate::OfLine,
+        connect: "a program of the scenario",
+        is_optional: false,
+    });
+    End {
+        node,
+        port: Port(0),
+    }
+}
+
+/// Plans the scenario's latencies and faults on the links of a wired rig.
+///
+/// # Errors
+/// The first link that there is not, or a fault that does not fit its link.
+pub(super) fn plan(
+    rig: &mut Rig,
+    scenario: &Scenario,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    for (name, spec) in &scenario.link {
+        let Some(link) = rig.link_mut(name) else {
+            let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
+            let message = format!("no such link, expected one of {}", known.join(", "));
+            return Err(source.invalid(source.find(name), format!("link.{name}"), message));
+        };
+        let lines = link.lines.iter_mut();
+        lines.for_each(|line| line.latency = spec.latency.0);
+    }
+    rig.budget = scenario.budget.unwrap_or_default().into();
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
+        planned.map_err(|flaw| {
+            let span = source.find_in_list("fault", index, flaw.key);
+            source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
+        })?;
+    }
+    Ok(())
+}

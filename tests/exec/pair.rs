@@ -1,0 +1,91 @@
+//! Two foreign programs of one scenario, joined by a cable that loses bytes, in virtual time.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::support::{Ended, ended_in};
+
+const SCENARIO: &str = include_str!("programs/pair/pair.toml");
+
+fn folder(name: &str) -> PathBuf {
+    let folder = format!("pair-{name}-{}", std::process::id());
+    PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder)
+}
+
+/// A fresh folder with both programs and the scenario.
+fn prepared(name: &str, scenario: &str) -> PathBuf {
+    let folder = folder(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    let programs = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exec/programs/pair");
+    fs::copy(programs.join("planner.py"), folder.join("planner.py")).expect("is there");
+    fs::write(folder.join("pair.toml"), scenario).expect("a fresh file");
+    let mut compiler = Command::new("cc");
+    compiler.arg("-O1").arg("-o").arg(folder.join("driver"));
+    let built = compiler.arg(programs.join("driver.c")).status();
+    assert!(built.is_ok_and(|status| status.success()), "cc is needed");
+    folder
+}
+
+fn run(folder: &Path, more: &[&str]) -> Ended {
+    let mut run = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+    let run = run
+        .current_dir(folder)
+        .args(["run", "pair.toml", "--out", "out"]);
+    ended_in(
+        folder,
+        run.args(more).output().expect("the binary is built"),
+    )
+}
+
+fn trace(ended: &Ended) -> String {
+    let mut lines = ended.said.lines();
+    let line = lines.find_map(|line| line.trim().strip_prefix("trace "));
+    line.expect("each run says it").to_owned()
+}
+
+/// The planner repeats lost orders, so that the robot reaches its waypoint; each run gives the same
+/// bytes, another seed other ones.
+#[test]
+fn a_planner_and_a_driver_make_the_same_bytes_each_time() {
+    let folder = prepared("same", SCENARIO);
+    let first = run(&folder, &[]);
+    assert_eq!(first.code, Some(0), "{}\n{}", first.said, first.log);
+    let orders = first.log.lines().filter(|line| line.starts_with("order "));
+    let last = orders.last().expect("it gave orders").to_owned();
+    assert!(
+        !last.contains("after 110 tries"),
+        "nothing was lost: {last}"
+    );
+    let second = run(&folder, &[]);
+    assert_eq!((trace(&first), &first.log), (trace(&second), &second.log));
+    assert_ne!(trace(&first), trace(&run(&folder, &["--seed", "9"])));
+    let _ = fs::remove_dir_all(&folder);
+}
+
+/// The program that ends is named; other programs beside those of the file are refused.
+#[test]
+fn the_program_that_ended_is_named() {
+    let dies = SCENARIO.replace(
+        "exec.driver]\ncommand = './driver",
+        "exec.driver]\ncommand = 'timeout 2 ./driver",
+    );
+    let folder = prepared("dies", &dies);
+    let ended = run(&folder, &[]);
+    assert_eq!(ended.code, Some(1), "{}", ended.said);
+    let alive = ended
+        .said
+        .lines()
+        .find(|line| line.contains("program-alive"));
+    let alive = alive.expect("judged");
+    assert!(
+        alive.contains("FAIL") && alive.contains("driver ended with exit code 124 at 2."),
+        "{alive}"
+    );
+    assert!(alive.contains("planner to the end"), "{alive}");
+    let refused = run(&folder, &["--exec", "true"]);
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.said.contains("[exec.NAME]"), "{}", refused.said);
+    let _ = fs::remove_dir_all(&folder);
+}
