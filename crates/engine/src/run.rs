@@ -100,6 +100,8 @@ pub struct Run {
     /// Faults that wait for a condition.
     waiting: Vec<FaultId>,
     truth: Vec<(Instant, Pose)>,
+    /// Watches on the conditions of faults, by fault and key.
+    fault_watches: BTreeMap<(FaultId, &'static str), Watch>,
     pairs: Vec<PosePair>,
     history: History,
     contacts: Contacts,
@@ -160,6 +162,7 @@ impl Run {
             deeds: Deeds::of(&scenario.mission),
             waiting: Vec::new(),
             truth: Vec::new(),
+            fault_watches: BTreeMap::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
             contacts: Contacts::default(),
@@ -172,6 +175,7 @@ impl Run {
         };
         run.plan_agenda();
         run
+        run.watch_faults();
     }
 
     /// The scenario being run.

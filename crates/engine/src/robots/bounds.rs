@@ -82,6 +82,15 @@ pub(super) fn check_conditions(
             })?;
         }
     }
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        for (key, condition) in fault.conditions() {
+            moment.check(condition).map_err(|flaw| {
+                let span = source.find_in_list("fault", index, key);
+                let key = format!("fault[{index}].{key}.{}", flaw.key);
+                source.invalid(span, key, flaw.message)
+            })?;
+        }
+    }
     for (index, step) in scenario.mission.step.iter().enumerate() {
         moment.check_action(&step.action).map_err(|flaw| {
             let span = source.find_in_list("mission.step", index, "do");

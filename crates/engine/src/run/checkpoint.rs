@@ -11,6 +11,7 @@
 //! does. Another scenario may start from a checkpoint if it differs only in what has not begun by
 //! then: faults and steps that are left out, added, begun later or ended earlier.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use protocols::Instant;
@@ -38,7 +39,8 @@ impl Run {
     }
 
     fn fork(&self) -> Option<Self> {
-        if self.line_watches.is_some() {
+        // Watches read the lines of this rig.
+        if self.line_watches.is_some() || !self.fault_watches.is_empty() {
             return None;
         }
         let mut rig = self.rig.fork()?;
@@ -55,6 +57,7 @@ impl Run {
             agenda: self.agenda.clone(),
             deeds: self.deeds.clone(),
             waiting: self.waiting.clone(),
+            fault_watches: BTreeMap::new(),
             truth: self.truth.clone(),
             pairs: self.pairs.clone(),
             history: self.history.clone(),
@@ -127,7 +130,7 @@ impl Checkpoint {
         let (all, mut wanted) = (wanted, wanted.iter().peekable());
         let (mut changes, mut number) = (Changes::default(), 0);
         for (index, fault) in self.0.asked.fault.iter().enumerate() {
-            if fault.when.is_some() {
+            if fault.waits_for_condition() {
                 return None;
             }
             let is_it = |other: &&FaultSpec| *other == fault || is_moved(other, fault);
@@ -160,7 +163,7 @@ impl Checkpoint {
     /// Whether a fault would have made no difference by now. One that strikes at random would have
     /// thrown its dice.
     fn can_add(&self, fault: &FaultSpec) -> bool {
-        fault.when.is_none() && fault.rate.is_none() && self.is_to_come(fault)
+        !fault.waits_for_condition() && fault.rate.is_none() && self.is_to_come(fault)
     }
 
     /// Whether it would have made no difference by now had the fault been at work in `window`.
@@ -230,21 +233,21 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         program,
         chassis,
         device,
+        exec,
+        cable,
         link,
         budget,
         phases,
-        exec,
-        cable,
         world,
         fault: _,
     } = a;
     (schema, seed, name, robot) == (&b.schema, &b.seed, &b.name, &b.robot)
         && (mission, program, chassis) == (&b.mission, &b.program, &b.chassis)
         && (device, link, world) == (&b.device, &b.link, &b.world)
+        && (exec, cable) == (&b.exec, &b.cable)
         && (budget, phases) == (&b.budget, &b.phases)
         && ends_alike(expect, &b.expect)
         && expect.safety == b.expect.safety
-        && (exec, cable) == (&b.exec, &b.cable)
         && expect.rules().eq(b.expect.rules())
 }
 

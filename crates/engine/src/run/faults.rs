@@ -6,7 +6,7 @@ use emulators::{Event, EventKind};
 use protocols::Instant;
 use serde::Serialize;
 
-use super::Run;
+use super::{Run, Watch};
 use crate::rig::fault::{Activity, FaultId, LineFaults, Window};
 use crate::rig::line::{Direction, Line};
 use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span};
@@ -67,7 +67,11 @@ impl Run {
         let waits = fault.byte.is_some()
             || fault.at_byte.is_some()
             || fault.at_frame.is_some()
-            || fault.when.is_some();
+            || fault.waits_for_condition();
+        for (key, condition) in fault.conditions() {
+            let flawed = |flaw: Flaw| Flaw::new(key, format!("{}: {}", flaw.key, flaw.message));
+            self.moment().check(condition).map_err(flawed)?;
+        }
         if !waits {
             let begins = fault.window().from.max(now);
             fault.from = Some(Span(begins - Instant::ZERO));
@@ -75,6 +79,7 @@ impl Run {
         self.plan(&fault, id)?;
         let words = format!("fault {id}: {} on {}", fault.kind.name(), fault.place());
         self.scenario.fault.push(fault);
+        self.watch_faults();
         self.note("fault-added", words);
         Ok(id)
     }
@@ -82,7 +87,7 @@ impl Run {
     /// Schedules a fault on the rig, and its actions on the agenda.
     pub(super) fn plan(&mut self, fault: &FaultSpec, id: FaultId) -> Result<(), Flaw> {
         let what = self.rig.plan_fault(fault, id, self.seed)?;
-        if fault.when.is_some() {
+        if fault.waits_for_condition() {
             self.waiting.push(id);
         } else {
             self.agenda.add(id, fault.activity(id, self.seed), what);
@@ -95,7 +100,7 @@ impl Run {
     pub(super) fn plan_agenda(&mut self) {
         for (index, fault) in self.scenario.fault.iter().enumerate() {
             let id = FaultId(index);
-            if fault.when.is_some() {
+            if fault.waits_for_condition() {
                 self.waiting.push(id);
             } else if let Ok(what) = self.rig.disturbances(fault) {
                 self.agenda.add(id, fault.activity(id, self.seed), what);
@@ -103,8 +108,64 @@ impl Run {
         }
     }
 
-    /// Begins the faults whose conditions hold now.
+    /// Watches the conditions of faults: those of a begin at once, those of an end from the begin on.
+    pub(super) fn watch_faults(&mut self) {
+        let now = self.rig.now();
+        let mut wanted = Vec::new();
+        for (index, fault) in self.scenario.fault.iter().enumerate() {
+            let id = FaultId(index);
+            let is_new = |key| !self.fault_watches.contains_key(&(id, key));
+            if let Some(begins) = fault.begins_when.as_ref().filter(|_| is_new("begins_when")) {
+                wanted.push(((id, "begins_when"), begins.clone()));
+            }
+            if let Some(ends) = fault.ends_when.as_ref().filter(|_| is_new("ends_when"))
+                && self.state_of(id, fault, now) == FaultState::Active
+            {
+                wanted.push(((id, "ends_when"), ends.clone()));
+            }
+        }
+        for (key, condition) in wanted {
+            // The names were checked as the rig was wired, or as the fault was added.
+            if let Ok(watch) = self.watch(&condition) {
+                self.fault_watches.insert(key, watch);
+            }
+        }
+    }
+
+    /// Ends the faults whose conditions for that have come true.
+    fn end_what_is_held(&mut self) {
+        let has_come = |((id, key), watch): (&(FaultId, &'static str), &Watch)| {
+            (*key == "ends_when" && self.has_come(watch)).then_some(*id)
+        };
+        let over: Vec<FaultId> = self.fault_watches.iter().filter_map(has_come).collect();
+        for id in over {
+            self.fault_watches.remove(&(id, "ends_when"));
+            let ends = self.scenario.fault[id.0].ends_when.take();
+            // A fault whose time is over has ended by itself.
+            if self.end_fault(id).is_ok() {
+                let ends = ends.map(|ends| ends.to_string()).unwrap_or_default();
+                self.note("fault-ended", format!("fault {id} ended by {ends}"));
+            }
+        }
+    }
+
+    /// Begins and ends the faults whose conditions have come true.
     pub(super) fn begin_what_waited(&mut self) {
+        if !self.fault_watches.is_empty() {
+            self.end_what_is_held();
+        }
+        self.begin_faults();
+        if self
+            .scenario
+            .fault
+            .iter()
+            .any(|fault| fault.ends_when.is_some())
+        {
+            self.watch_faults();
+        }
+    }
+
+    fn begin_faults(&mut self) {
         if self.waiting.is_empty() {
             return;
         }
@@ -112,12 +173,17 @@ impl Run {
         for id in core::mem::take(&mut self.waiting) {
             let fault = &self.scenario.fault[id.0];
             let condition = fault.when.as_ref().and_then(|when| when.condition().ok());
-            if condition.is_some_and(|condition| self.holds_now(&condition)) {
+            let watch = self.fault_watches.get(&(id, "begins_when"));
+            let begins = condition.is_some_and(|condition| self.holds_now(&condition))
+                || watch.is_some_and(|watch| self.has_come(watch));
+            if begins {
                 let begun = FaultSpec {
                     from,
                     when: None,
+                    begins_when: None,
                     ..fault.clone()
                 };
+                self.fault_watches.remove(&(id, "begins_when"));
                 let words = format!("fault {id}: {} on {}", begun.kind.name(), begun.place());
                 if self.plan(&begun, id).is_ok() {
                     self.note("fault-begun", words);
@@ -134,6 +200,12 @@ impl Run {
     /// # Errors
     /// If there is no such fault, or if it is over.
     pub fn withdraw(&mut self, id: FaultId) -> Result<(), Flaw> {
+        self.end_fault(id)?;
+        self.note("fault-ended", format!("fault {id} withdrawn"));
+        Ok(())
+    }
+
+    fn end_fault(&mut self, id: FaultId) -> Result<(), Flaw> {
         let (now, next) = (self.rig.now(), self.next_instant());
         let count = self.scenario.fault.len();
         let Some(fault) = self.scenario.fault.get(id.0).cloned() else {
@@ -158,7 +230,8 @@ impl Run {
         // A fault that never began has an empty window from now on.
         let fault = &mut self.scenario.fault[id.0];
         fault.until = Some(Span(next - Instant::ZERO));
-        self.note("fault-ended", format!("fault {id} withdrawn"));
+        fault.ends_when = None;
+        self.fault_watches.retain(|(watched, _), _| *watched != id);
         Ok(())
     }
 
@@ -202,7 +275,8 @@ impl Run {
             self.line_of(fault)
                 .is_some_and(|line| line.traffic().sent > byte)
         });
-        let waits = activity.trigger.is_some() || fault.when.is_some() || fault.byte.is_some();
+        let waits =
+            activity.trigger.is_some() || fault.waits_for_condition() || fault.byte.is_some();
         let is_over = activity.window.until <= now + NEXT;
         if withdrawn || passed || (is_over && !waits) {
             FaultState::Over
@@ -269,7 +343,7 @@ impl Run {
     fn resolved(&self, id: FaultId, fault: &FaultSpec) -> Vec<FaultSpec> {
         let activity = self.activity_of(id, fault);
         let mut fault = fault.clone();
-        if fault.when.is_some() || activity.trigger.is_some() {
+        if fault.waits_for_condition() || activity.trigger.is_some() {
             // It never began, but may yet in a longer run, unless it was withdrawn.
             return Vec::from_iter(fault.until.is_none().then_some(fault));
         }
@@ -343,6 +417,46 @@ mod tests {
         });
         let expected = [Planned, Planned, Active, Active, Over];
         assert_eq!(told, expected.map(|state| vec![state]));
+    }
+
+    /// A bus is cut from when the robot drives until the base has stopped its motors. A case has the
+    /// times, and gives the same bytes.
+    #[test]
+    fn a_fault_is_held_until_a_condition_comes_true() {
+        use FaultState::{Over, Planned};
+        let mut run = run();
+        let cut = "kind = \"cut\"\n\
+                   begins_when = { robot = { of = \"speed-m-s\", op = \">\", value = 0.05 } }\n\
+                   ends_when = { event = { rule = \"motors-stopped\", source = \"base\" } }";
+        let misspelt = on_the_bus(&cut.replace("\"base\" } }", "\"bsae\" } }"));
+        let refused = run.inject(misspelt).expect_err("no such source");
+        assert!(refused.key == "ends_when" && refused.message.contains("did you mean"));
+        run.inject(on_the_bus(cut)).expect("sound");
+        assert_eq!(states(&run), [Planned]);
+        run.go_on_until(Instant::from_secs(8));
+        assert_eq!(states(&run), [Over]);
+        let told = |rule: &str| {
+            let mut events = run.rig.events().iter();
+            events
+                .find(|one| one.event.rule == rule)
+                .map(|one| one.event.at)
+        };
+        let [begun, stopped, ended] = ["fault-begun", "motors-stopped", "fault-ended"].map(told);
+        let [begun, stopped, ended] = [begun, stopped, ended].map(|at| at.expect("logged"));
+        assert!(
+            begun < stopped && stopped <= ended,
+            "{begun} {stopped} {ended}"
+        );
+        assert!(
+            ended - stopped <= crate::run::LOOK_EVERY,
+            "{stopped} {ended}"
+        );
+        let case = run.case();
+        assert!(case.fault[0].from.is_some() && case.fault[0].until.is_some());
+        let (read, source) = Scenario::from_text(&case.to_toml()).expect("sound");
+        let mut again = Run::new(read, &source, None).expect("can be wired");
+        again.go_on_until(Instant::from_secs(8));
+        assert_eq!(again.rig.trace_hash(), run.rig.trace_hash());
     }
 
     /// A byte that has passed is over, and so is what lasted for a while from a byte on; all is in

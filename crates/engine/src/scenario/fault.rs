@@ -11,7 +11,7 @@ use protocols::Instant;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Span;
+use super::{Condition, Span};
 use crate::rig::fault::{Damage, Strike, Window};
 use crate::rig::line::Direction;
 
@@ -141,6 +141,10 @@ fault_spec! {
     at_frame: u64;
     /// Begins when this condition is true.
     when: WhenSpec;
+    /// Begins when this condition is true: any condition of rules and steps.
+    begins_when: Condition;
+    /// Ends when this condition is true after its begin, at `until` or after `lasting` at the latest.
+    ends_when: Condition;
     /// Name of the random stream; by default the position in the list selects it.
     stream: String;
 }
@@ -198,6 +202,31 @@ impl FaultSpec {
             until = until.min(from + lasting.0);
         }
         Window { from, until }
+    }
+
+    /// Whether it waits for a condition before it begins.
+    pub const fn waits_for_condition(&self) -> bool {
+        self.when.is_some() || self.begins_when.is_some()
+    }
+
+    /// The condition that it waits for before it begins.
+    ///
+    /// # Errors
+    /// If the keys of `when` do not go together.
+    pub fn begin_condition(&self) -> Result<Option<Condition>, Flaw> {
+        match (&self.when, &self.begins_when) {
+            (Some(when), _) => when.condition().map(Some),
+            (None, begins) => Ok(begins.clone()),
+        }
+    }
+
+    /// Each condition of its begin and end, with its key.
+    pub fn conditions(&self) -> impl Iterator<Item = (&'static str, &Condition)> {
+        let both = [
+            ("begins_when", self.begins_when.as_ref()),
+            ("ends_when", self.ends_when.as_ref()),
+        ];
+        both.into_iter().filter_map(|(key, one)| Some((key, one?)))
     }
 
     /// Where it acts, for a list.

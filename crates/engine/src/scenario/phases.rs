@@ -49,7 +49,7 @@ impl PhasesSpec {
         let waits = fault.byte.is_some()
             || fault.at_byte.is_some()
             || fault.at_frame.is_some()
-            || fault.when.is_some();
+            || fault.waits_for_condition();
         if waits || (fault.from.is_some() && fault.rate.is_none()) {
             return;
         }

@@ -193,7 +193,8 @@ fn shorter(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
 /// as long as the run.
 fn earlier(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     let begin = |fault: &FaultSpec| {
-        let waits = fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();
+        let waits =
+            fault.at_byte.is_some() || fault.at_frame.is_some() || fault.waits_for_condition();
         let is_timed = fault.byte.is_none() && !waits;
         fault.from.filter(|_| is_timed)
     };

@@ -26,7 +26,10 @@ pub fn catalogue() -> Value {
     });
     let kinds: Vec<Value> = kinds.collect();
     let when = WhenSpec::FORMS.map(|(about, keys)| json!({"about": about, "keys": keys}));
-    json!({"kinds": kinds, "time": TIME_KEYS, "when": when, "keys": keys()})
+    // A form has no fields for conditions of any depth; a request on the control socket does.
+    let time = TIME_KEYS.iter().filter(|key| !key.ends_with("_when"));
+    let time: Vec<&&str> = time.collect();
+    json!({"kinds": kinds, "time": time, "when": when, "keys": keys()})
 }
 
 /// The schema of each key, references followed.

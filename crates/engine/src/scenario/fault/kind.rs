@@ -154,8 +154,17 @@ impl FaultPlace {
 }
 
 /// Keys for the time, valid for all kinds.
-pub(super) const TIME_KEYS: [&str; 8] = [
-    "from", "until", "lasting", "every", "count", "at_byte", "at_frame", "when",
+pub(super) const TIME_KEYS: [&str; 10] = [
+    "from",
+    "until",
+    "lasting",
+    "every",
+    "count",
+    "at_byte",
+    "at_frame",
+    "when",
+    "begins_when",
+    "ends_when",
 ];
 
 impl FaultKind {

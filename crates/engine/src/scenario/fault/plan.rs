@@ -65,9 +65,10 @@ impl FaultSpec {
             self.at_byte.is_some(),
             self.at_frame.is_some(),
             self.when.is_some(),
+            self.begins_when.is_some(),
         ];
         if events.into_iter().filter(|&given| given).count() > 1 {
-            let message = "expected one of at_byte, at_frame and when";
+            let message = "expected one of at_byte, at_frame, when and begins_when";
             return Err(Flaw::new("when", message));
         }
         if events.contains(&true) && (self.from.is_some() || self.until.is_some()) {
@@ -82,6 +83,14 @@ impl FaultSpec {
         }
         if let Some(when) = &self.when {
             when.condition()?;
+        }
+        for (key, condition) in self.conditions() {
+            let flawed = |flaw: Flaw| Flaw::new(key, format!("{}: {}", flaw.key, flaw.message));
+            condition.check().map_err(flawed)?;
+        }
+        if self.ends_when.is_some() && self.byte.is_some() {
+            let message = "means nothing to the damage of one byte, expected a rate or no end";
+            return Err(Flaw::new("ends_when", message));
         }
         match (self.every, self.lasting) {
             (Some(every), Some(lasting)) if EVERY_MIN <= every.0 && lasting <= every => {}

@@ -24,7 +24,7 @@ impl Rig {
         let effect = fault.effect(id, seed)?;
         let disturbances = self.disturbances(fault)?;
         let lines = self.lines_of(fault)?;
-        if fault.when.is_some() {
+        if fault.waits_for_condition() {
             return Ok(disturbances);
         }
         let activity = fault.activity(id, seed);
