@@ -34,6 +34,7 @@ mod deeds;
 mod expectations;
 mod explored;
 mod faults;
+mod golden;
 pub mod history;
 mod line_watch;
 pub(crate) mod mission;
@@ -99,9 +100,9 @@ pub struct Run {
     deeds: Deeds,
     /// Faults that wait for a condition.
     waiting: Vec<FaultId>,
-    truth: Vec<(Instant, Pose)>,
     /// Watches on the conditions of faults, by fault and key.
     fault_watches: BTreeMap<(FaultId, &'static str), Watch>,
+    truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
     contacts: Contacts,
@@ -161,8 +162,8 @@ impl Run {
             agenda: Agenda::default(),
             deeds: Deeds::of(&scenario.mission),
             waiting: Vec::new(),
-            truth: Vec::new(),
             fault_watches: BTreeMap::new(),
+            truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
             contacts: Contacts::default(),
@@ -174,8 +175,8 @@ impl Run {
             scenario,
         };
         run.plan_agenda();
-        run
         run.watch_faults();
+        run
     }
 
     /// The scenario being run.

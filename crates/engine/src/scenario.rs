@@ -8,6 +8,7 @@ mod condition;
 pub mod device;
 mod drives;
 mod fault;
+mod golden;
 mod limits;
 mod maze;
 mod mission;
@@ -47,6 +48,7 @@ pub use fault::{
     AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec,
     catalogue as fault_catalogue,
 };
+pub use golden::{GoldenSpec, Walls};
 pub use maze::MazeSpec;
 pub use mission::{Action, Expect, InjectSpec, Mission, SetPoint, SetSpec, Step};
 pub use own::{
@@ -284,6 +286,11 @@ impl Scenario {
         })?;
         let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
         scenario.exec.values_mut().for_each(|exec| exec.embed(base));
+        scenario
+            .expect
+            .golden
+            .iter_mut()
+            .for_each(|golden| golden.embed(base));
         #[cfg(feature = "described")]
         for device in scenario.device.values_mut() {
             if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {

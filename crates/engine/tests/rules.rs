@@ -425,6 +425,44 @@ fn times_of_rules_are_kept_to_the_letter() {
     assert_eq!(wrong, [""; 0]);
 }
 
+/// A run keeps its own path and breaks it if it stops on the way; a file that is not there is refused.
+#[test]
+fn a_golden_path_is_kept_or_broken() {
+    let line = |(at, pose): &(Instant, emulators::world::Pose)| {
+        format!("{at} {} {} 0 0 0 0 1\n", pose.x, pose.y)
+    };
+    let lines: String = drive(SOUND, porter()).truth.iter().map(line).collect();
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("golden.tum");
+    std::fs::write(&path, lines).expect("a fresh file");
+    let golden = format!("\n[expect.golden]\npath = {path:?}\npath_within_mm = 30\n");
+    let stopped = Driver {
+        stops_ms: 4_000,
+        ..SOUND
+    };
+    for (driver, status) in [(SOUND, Status::Pass), (stopped, Status::Fail)] {
+        let outcome = drive(driver, porter() + &golden);
+        let check = detail(&outcome, "golden-path");
+        assert_eq!(check.status, status, "{check}");
+    }
+    for (wrong, says) in [
+        (
+            golden.replace("golden.tum", "gone.tum"),
+            "expect.golden.path: ",
+        ),
+        (
+            golden.replace("path_within_mm = 30\n", ""),
+            "expect.golden.path_within_mm: expected",
+        ),
+        (
+            golden.replace("path_within_mm", "map_walls_min"),
+            "expect.golden.path_within_mm: expected",
+        ),
+    ] {
+        let error = wired(porter() + &wrong).err().expect("refused").to_string();
+        assert!(error.contains(says), "{error}");
+    }
+}
+
 /// Frames that only a silence ends count as others do, and a broken rule finds them.
 #[test]
 fn frames_that_a_silence_ends_are_judged() {

@@ -141,6 +141,7 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         made.expect.settle = Some(Span::from_millis(dice.mission.between(2_000, 4_000)));
         made.expect.return_within_mm = None;
         made.expect.wall_overlap_min = None;
+        made.expect.golden = None;
         rules::keep_fitting(&mut made, place.is_some());
     }
     if vary.timing {

@@ -5,7 +5,8 @@ use emulators::world::Pose;
 use super::check::Check;
 use super::check::safety::overruns;
 use super::score::{PoseError, WallOverlap, wall_overlap};
-use super::{Run, WAY_EVERY, explored, victims};
+use super::{Run, WAY_EVERY, explored, golden, victims};
+use crate::scenario::Flaw;
 
 /// Whether the check `name` judges an expectation at the end: a run that is too short also fails
 /// it.
@@ -18,6 +19,8 @@ pub fn is_of_the_end(name: &str) -> bool {
         "home",
         "explored",
         "victims-found",
+        "golden-path",
+        "golden-map",
     ];
     names.contains(&name) || name.starts_with("mission-step-")
 }
@@ -49,6 +52,33 @@ impl Run {
             };
             let pass = share.is_some_and(|share| share >= least);
             checks.push(Check::new("explored", pass, detail));
+        }
+    }
+
+    /// Resemblance to an earlier run.
+    fn golden_expectations(&self, checks: &mut Vec<Check>) {
+        let Some(spec) = &self.scenario.expect.golden else {
+            return;
+        };
+        let refused = |name: &str, flaw: Flaw| Check::new(name, false, flaw.to_string());
+        match spec.read_path() {
+            Ok(Some(path)) => {
+                let ours: Vec<_> = self.truth.iter().map(|(_, pose)| pose.point()).collect();
+                let within = spec.path_within_mm.unwrap_or_default();
+                checks.push(golden::path_check(&path, &ours, within));
+            }
+            Ok(None) => {}
+            Err(flaw) => checks.push(refused("golden-path", flaw)),
+        }
+        match spec.read_map() {
+            Ok(Some(walls)) => {
+                let map = self.instruments.map(&self.rig);
+                let within = spec.map_within_cells.unwrap_or(1);
+                let least = spec.map_walls_min.unwrap_or_default();
+                checks.push(golden::map_check(&walls, map, within, least));
+            }
+            Ok(None) => {}
+            Err(flaw) => checks.push(refused("golden-map", flaw)),
         }
     }
 
@@ -116,6 +146,7 @@ impl Run {
             "mm from the last waypoint",
         );
         self.search_expectations(&mut checks);
+        self.golden_expectations(&mut checks);
         if let Some(within) = expect.visit_within_mm {
             let (visits, all) = (self.progress.visits().len(), self.progress.waypoints());
             let detail = match all {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use emulators::world::PRIMITIVES_MAX;
 
-use super::{Action, Expect, Flaw, Scenario, ScenarioError, Source};
+use super::{Action, Expect, Flaw, GoldenSpec, Scenario, ScenarioError, Source};
 
 /// Maximum distance from the origin, metres.
 const FAR_M: f64 = 10_000.0;
@@ -53,6 +53,11 @@ pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), Scenario
         }
     }
     check_rules(scenario, source)?;
+    if let Some(Err(flaw)) = scenario.expect.golden.as_ref().map(GoldenSpec::check) {
+        let span = source.find(flaw.key);
+        let key = format!("expect.golden.{}", flaw.key);
+        return Err(source.invalid(span, key, flaw.message));
+    }
     if let Some(message) = beyond(&scenario.mission.waypoints_m) {
         let span = source.find("waypoints_m");
         return Err(source.invalid(span, "mission.waypoints_m", message));

@@ -5,7 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use toml::Spanned;
 
-use super::{BytesCondition, Condition, DirectionSpec, Flaw, Operand, RuleSpec, SafetySpec, Span};
+use super::{
+    BytesCondition, Condition, DirectionSpec, Flaw, GoldenSpec, Operand, RuleSpec, SafetySpec, Span,
+};
 
 /// Task of the robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -241,6 +243,9 @@ pub struct Expect {
     /// Whether the PC must have received every row of the map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_received: Option<bool>,
+    /// Earlier results that the run must resemble.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub golden: Option<GoldenSpec>,
     /// Safety during the whole run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub safety: Option<SafetySpec>,
