@@ -13,10 +13,11 @@ const REPORTS: [Report; 3] = [Report::Rescue, Report::Car, Report::Yellow];
 const HEAD: &str = "# The reports' figures in the rig\n\n\
     The three robots come from three student reports. This page has rows for their figures, tables and\n\
     measured statements; its end lists what is missing. Each row is measured in virtual time over ten seeds,\n\
-    or by the medians of twenty seeds where it says that. A band holds if its share of the runs lies inside: all, or nine of ten. A row whose bands\n\
-    all hold is **reproduced**, else it **differs**. A row whose values follow from the rig's own settings\n\
-    is **by construction**: it shows that the rig is consistent, and does not count. A row that shows\n\
-    nothing measurable is **refused**. Column \"rig\" has the median and the quartiles, for reading only.\n\n\
+    or by the medians of twenty seeds where it says that. A band holds if its share of the runs lies inside:\n\
+    all, or nine of ten. A row whose bands all hold is **reproduced**, else it **differs**. A row whose\n\
+    values follow from the rig's own settings is **by construction**: it shows that the rig is consistent,\n\
+    and does not count. A row that shows nothing measurable is **refused**. Column \"rig\" has the median\n\
+    and the quartiles, for reading only.\n\n\
     The limits of a band come from the scatter of the report's own figure or from a physical reason, never\n\
     from a run of the rig. With a planted change of the model the row has the other verdict. That proves\n\
     the row, not each of its bands. For a row that differs, the planted change is the cause that was found;\n\
@@ -86,9 +87,9 @@ fn sums(judged: &[Judged]) -> String {
     let of = |verdict: Verdict| judged.iter().filter(|one| one.verdict == verdict).count();
     let measured = of(Verdict::Reproduced) + of(Verdict::Differs);
     let mut text = format!(
-        "Of {} figures, tables and statements, {measured} are measured: {} are reproduced, {} \
-         differ. {} more follow from the rig's own settings, by construction. {} are refused: they show \
-         nothing that a run could measure.",
+        "Figures, tables and statements: {}. Measured: {measured}, of which reproduced: {}, different: {}.\n\
+         By construction, as they follow from the rig's own settings: {}. Refused, as they show nothing that\n\
+         a run could measure: {}.",
         judged.len(),
         of(Verdict::Reproduced),
         of(Verdict::Differs),
@@ -98,7 +99,7 @@ fn sums(judged: &[Judged]) -> String {
     if of(Verdict::NotRun) > 0 {
         write!(
             text,
-            " **Interrupted: {} rows were not run.**",
+            "\n**Interrupted: {} rows were not run.**",
             of(Verdict::NotRun)
         )
         .expect("a string takes everything");
@@ -106,7 +107,7 @@ fn sums(judged: &[Judged]) -> String {
     if judged.len() < rows().len() {
         write!(
             text,
-            " **Partial: {} of {} rows.**",
+            "\n**Partial: {} of {} rows.**",
             judged.len(),
             rows().len()
         )
@@ -116,7 +117,7 @@ fn sums(judged: &[Judged]) -> String {
     if few > 0 {
         write!(
             text,
-            " **Partial: {few} rows have fewer than {} seeds.**",
+            "\n**Partial: {few} rows have fewer than {} seeds.**",
             super::SEEDS
         )
         .expect("a string takes everything");
