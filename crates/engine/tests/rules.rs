@@ -425,7 +425,7 @@ fn times_of_rules_are_kept_to_the_letter() {
     assert_eq!(wrong, [""; 0]);
 }
 
-/// A run keeps its own path and breaks it if it stops on the way; a file that is not there is refused.
+/// A run keeps its own path and breaks it if it stops on the way; a missing file is refused.
 #[test]
 fn a_golden_path_is_kept_or_broken() {
     let line = |(at, pose): &(Instant, emulators::world::Pose)| {

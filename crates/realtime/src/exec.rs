@@ -10,6 +10,7 @@
 //! if it has sent something and opened nothing more for a second, time continues as well.
 
 mod cause;
+mod companion;
 mod conclude;
 mod error;
 mod exchange;
@@ -37,6 +38,7 @@ use engine::run::check::{Check, NODE_PROGRAMS};
 use engine::run::{Outcome, Run};
 use engine::scenario::{Scenario, Source};
 
+pub use companion::{Companion, Supervision};
 pub(crate) use conclude::Ending;
 pub use error::ExecError;
 pub(crate) use ports::Ports;
@@ -89,37 +91,6 @@ pub struct Foreign {
     pub has_lines: bool,
     /// How it is put into virtual time; `None`: it runs in real time.
     pub supervision: Option<Supervision>,
-}
-
-/// A further program of a run.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Companion {
-    /// Its name, for verdicts.
-    pub name: String,
-    /// For the shell.
-    pub command: String,
-}
-
-/// How a program is supervised in virtual time.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Supervision {
-    /// Virtual time that each stopped call takes.
-    pub call_cost: Duration,
-    /// Processor time for which a thread may compute without a call.
-    pub spin_max: Duration,
-    /// Another order of threads; `None`: that of their calls.
-    pub schedule: Option<Schedule>,
-}
-
-impl Default for Supervision {
-    /// As the command line has it without options.
-    fn default() -> Self {
-        Self {
-            call_cost: Duration::from_micros(1),
-            spin_max: Duration::from_secs(10),
-            schedule: None,
-        }
-    }
 }
 
 /// An end of a link and the port that it is on.

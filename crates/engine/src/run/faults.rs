@@ -108,7 +108,8 @@ impl Run {
         }
     }
 
-    /// Watches the conditions of faults: those of a begin at once, those of an end from the begin on.
+    /// Watches the conditions of faults: those of a begin at once, those of an end from the begin
+    /// on.
     pub(super) fn watch_faults(&mut self) {
         let now = self.rig.now();
         let mut wanted = Vec::new();
@@ -419,8 +420,8 @@ mod tests {
         assert_eq!(told, expected.map(|state| vec![state]));
     }
 
-    /// A bus is cut from when the robot drives until the base has stopped its motors. A case has the
-    /// times, and gives the same bytes.
+    /// A bus is cut from when the robot drives until the base has stopped its motors. A case has
+    /// the times, and gives the same bytes.
     #[test]
     fn a_fault_is_held_until_a_condition_comes_true() {
         use FaultState::{Over, Planned};

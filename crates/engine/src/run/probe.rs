@@ -1,8 +1,11 @@
 //! Evaluates a condition over a run: for a rule at each moment, for a wait since its start.
 //!
 //! Conditions on the state (registers, axes, figures of the robot, the map) are read at each look,
-//! 10 ms apart. Bytes, frames, contacts and events of the log have moments of their own, also events
-//! that a device folds into one entry. Between its moments such a condition says neither yes nor no.
+//! 10 ms apart. Bytes, frames, contacts and events of the log have moments of their own, also
+//! events that a device folds into one entry. Between its moments such a condition says neither yes
+//! nor no.
+
+mod words;
 
 use protocols::Instant;
 
@@ -12,6 +15,7 @@ use crate::near;
 use crate::rig::{LogMoment, LogPoint};
 use crate::robots::conditions::{Known, Moment, Reading};
 use crate::scenario::{Condition, EventCondition, Flaw};
+use words::told;
 
 /// A condition under watch.
 #[derive(Clone)]
@@ -462,40 +466,6 @@ fn is_contact(
     wanted
         .faster_than_m_s
         .is_none_or(|speed| contact.own_m_s > speed)
-}
-
-/// `axis left, set-point is 0.52`.
-fn told(condition: &Condition, reading: &Reading) -> String {
-    let value = match &reading.value {
-        Some(value) => format!(" is {value}"),
-        None => String::new(),
-    };
-    match condition {
-        Condition::Frame(frame) => match &frame.field {
-            Some(field) => format!("{field} on {}{value}", frame.link),
-            None => condition.to_string(),
-        },
-        Condition::Register(one) => match (&one.name, one.address) {
-            (Some(name), _) => format!("{} {name}{value}", one.device),
-            (None, address) => {
-                let address = address.unwrap_or_default();
-                format!("{} register {address}{value}", one.device)
-            }
-        },
-        Condition::Pose(place) => {
-            let [x, y] = place.near_m;
-            format!("distance from {x}, {y}{value} m")
-        }
-        Condition::Map(_) => format!("known share of the map{value}"),
-        Condition::Visited(_) => format!("number of visited waypoints{value}"),
-        Condition::Axis(axis) => format!("axis {}, {}{value}", axis.name, axis.of.name()),
-        Condition::Robot(robot) => format!("{}{value}", robot.of.name()),
-        Condition::Contact(_) => match &reading.value {
-            Some(speed) => format!("contact at {speed} m/s"),
-            None => "contact".to_owned(),
-        },
-        other => other.to_string(),
-    }
 }
 
 /// The moments of several conditions since the last look, in their order, without repetition.

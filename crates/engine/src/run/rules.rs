@@ -396,8 +396,8 @@ impl Rule {
             self.miss(oldest, at);
         }
         self.seen.pending.push_back(at);
-        // A frame of the same instant is an answer unless it is the question itself. A state answers
-        // at its look, which a moment precedes.
+        // A frame of the same instant is an answer unless it is the question itself. A state
+        // answers at its look, which a moment precedes.
         let is_answer = match self.is_moment() {
             true => !self.is_its_own_answer(),
             false => !is_moment,

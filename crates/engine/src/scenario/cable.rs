@@ -22,8 +22,8 @@ pub struct ExecSpec {
     pub folder: Option<PathBuf>,
 }
 
-/// A serial cable between two programs, each with a port of its own. It is a link: faults, rules and
-/// `[link.NAME]` name it.
+/// A serial cable between two programs, each with a port of its own. It is a link: faults, rules
+/// and `[link.NAME]` name it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CableSpec {

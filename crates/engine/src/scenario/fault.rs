@@ -143,7 +143,8 @@ fault_spec! {
     when: WhenSpec;
     /// Begins when this condition is true: any condition of rules and steps.
     begins_when: Condition;
-    /// Ends when this condition is true after its begin, at `until` or after `lasting` at the latest.
+    /// Ends when this condition is true after its begin, at `until` or after `lasting` at the
+    /// latest.
     ends_when: Condition;
     /// Name of the random stream; by default the position in the list selects it.
     stream: String;

@@ -55,8 +55,8 @@ pub struct RuleSpec {
     /// else for good. Until the end of the run if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<UntilSpec>,
-    /// Whether a single run passes that does not observe the rule; a campaign must observe it in one
-    /// run at least.
+    /// Whether a single run passes that does not observe the rule; a campaign must observe it in
+    /// one run at least.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub may_be_unobserved: bool,
 }

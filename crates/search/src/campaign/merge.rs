@@ -60,7 +60,7 @@ pub enum Counted {
 pub struct SituationCount {
     /// Name of the situation, goal or rule.
     pub situation: String,
-    /// What it is.
+    /// Situation, goal or rule.
     pub kind: Counted,
     /// Number of runs.
     pub runs: usize,

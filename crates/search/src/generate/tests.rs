@@ -88,8 +88,8 @@ fn worlds_are_the_scenarios_own_or_made_up_and_every_mission_can_be_done() {
     assert!(worlds.len() > 40, "{} worlds", worlds.len());
 }
 
-/// A generated mission keeps the rules that it can still judge: on its waypoints, and on places in the
-/// scenario's own world only. Each can be wired.
+/// A generated mission keeps the rules that it can still judge: on its waypoints, and on places in
+/// the scenario's own world only. Each can be wired.
 #[test]
 fn rules_of_generated_missions_name_what_these_have() {
     let rules = "\n[[expect.rule]]\nname = \"all\"\nsometimes = { visited = 2 }\n\

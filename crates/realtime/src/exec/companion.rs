@@ -1,0 +1,36 @@
+//! Further programs of a run, and how programs are supervised in virtual time.
+
+use core::time::Duration;
+
+use super::Schedule;
+
+/// A further program of a run.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Companion {
+    /// Its name, for verdicts.
+    pub name: String,
+    /// For the shell.
+    pub command: String,
+}
+
+/// How a program is supervised in virtual time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Supervision {
+    /// Virtual time that each stopped call takes.
+    pub call_cost: Duration,
+    /// Processor time for which a thread may compute without a call.
+    pub spin_max: Duration,
+    /// Another order of threads; `None`: that of their calls.
+    pub schedule: Option<Schedule>,
+}
+
+impl Default for Supervision {
+    /// As the command line has it without options.
+    fn default() -> Self {
+        Self {
+            call_cost: Duration::from_micros(1),
+            spin_max: Duration::from_secs(10),
+            schedule: None,
+        }
+    }
+}
