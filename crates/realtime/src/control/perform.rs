@@ -54,7 +54,7 @@ pub(super) enum Reply {
 #[derive(Debug)]
 pub(super) enum Pending {
     /// A condition, until a moment.
-    Condition(Watch, Instant),
+    Condition(Box<Watch>, Instant),
     /// The end of a step.
     Step(Instant),
 }
@@ -185,7 +185,7 @@ impl Office<'_> {
     fn wait(&mut self, condition: &Condition, timeout: Span) -> Result<Reply, Refusal> {
         let watch = self.run.watch(condition)?;
         let until = self.run.rig.now() + timeout.0;
-        Ok(self.look_again(Pending::Condition(watch, until)))
+        Ok(self.look_again(Pending::Condition(Box::new(watch), until)))
     }
 
     fn step(&mut self, by: Span) -> Result<Reply, Refusal> {
