@@ -418,7 +418,7 @@ fn judge(folder: &Path, build: &str, profile: Profile, count: usize) -> Vec<Stri
 #[test]
 fn random_sequences_are_answered_as_by_the_chip() {
     let Some(folder) = std::env::var_os("HILRIG_AVR_BASE").map(PathBuf::from) else {
-        eprintln!("SKIPPED: no simulated base, run tests/avr_base/run.sh");
+        crate::skipped("no simulated base, run tests/avr_base/run.sh");
         return;
     };
     let count = std::env::var("HILRIG_SEQUENCES").ok();

@@ -29,9 +29,14 @@ const EDGES_PER_M: f64 = 298.415_518;
 fn built() -> Option<PathBuf> {
     let folder = std::env::var_os("HILRIG_SIMAVR").map(PathBuf::from);
     if folder.is_none() {
-        eprintln!("SKIPPED: no simulated chip, run tests/simavr/run.sh");
+        skipped("no simulated chip, run tests/simavr/run.sh");
     }
     folder
+}
+
+/// Prints the message directly, because the test runner hides the output of passing tests.
+fn skipped(reason: &str) {
+    let _ = writeln!(std::io::stderr(), "SKIPPED: simavr: {reason}");
 }
 
 /// The motion: a speed in m/s and a steering angle in radians, each from a time on, milliseconds.
