@@ -22,9 +22,32 @@ pub fn text(walls: &[WallPoint]) -> String {
         normal: [nx, ny],
     } in walls
     {
-        writeln!(out, "{x:.3} {y:.3} 0 {nx:.3} {ny:.3} 0").expect("a string takes everything");
+        for (number, behind) in [(x, " "), (y, " 0 "), (nx, " "), (ny, " 0\n")] {
+            write_rounded(&mut out, *number);
+            out.push_str(behind);
+        }
     }
     out
+}
+
+/// Largest number that [`write_rounded`] takes apart.
+const PLAIN_MAX: f32 = 1e6;
+
+/// Writes a number as `{:.3}` does: an `f64` holds a thousand times an `f32` exactly. The formatting
+/// of the standard library takes a tenth of the time of a whole building.
+fn write_rounded(out: &mut String, number: f32) {
+    let thousandths = (f64::from(number) * 1000.0).round_ties_even().abs();
+    let written = if number.abs() <= PLAIN_MAX {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 1e9")]
+        #[expect(clippy::cast_sign_loss, reason = "its absolute value")]
+        let thousandths = thousandths as u32;
+        let sign = if number.is_sign_negative() { "-" } else { "" };
+        let (whole, part) = (thousandths / 1000, thousandths % 1000);
+        write!(out, "{sign}{whole}.{part:03}")
+    } else {
+        write!(out, "{number:.3}")
+    };
+    written.expect("a string takes everything");
 }
 
 /// Reads a file.
@@ -105,6 +128,29 @@ mod tests {
         assert!(text.contains("WIDTH 2\n") && text.contains("POINTS 2\nDATA ascii\n"));
         assert!(text.ends_with("1.000 2.000 0 0.600 -0.800 0\n-0.500 0.250 0 0.000 0.000 0\n"));
         assert_eq!(parse(&text), Ok(walls.to_vec()));
+    }
+
+    /// The standard library is the judge: ties, signs of zero, limits, and 100,000 patterns of bits.
+    #[test]
+    fn numbers_are_rounded_as_the_standard_library_does() {
+        let odd = [
+            0.0,
+            -0.0,
+            0.0625,
+            0.1875,
+            -0.0005,
+            999.9995,
+            1e6,
+            1e7,
+            f32::NAN,
+            f32::MIN,
+        ];
+        let spread = (0..100_000_u32).map(|index| f32::from_bits(index.wrapping_mul(0x9E37_79B9)));
+        for number in odd.into_iter().chain(spread) {
+            let mut written = String::new();
+            write_rounded(&mut written, number);
+            assert_eq!(written, format!("{number:.3}"));
+        }
     }
 
     /// Files of other programs have other orders of fields, and no normals.

@@ -13,26 +13,37 @@ const RIM: i32 = 2;
 
 /// The content of a cell: sums of points and of their normals.
 #[derive(Clone, Copy, Debug, Default)]
-struct Surfel {
+struct Sums {
     count: f32,
     at: [f32; 2],
     normal: [f32; 2],
-    /// The means of the sums, cached because they are read far more often than they change.
-    mean: [f32; 2],
-    unit: Option<[f32; 2]>,
-    /// Whether the sums have changed since.
+    /// Index of the cell.
+    flat: usize,
+    /// Whether they have changed since the means were taken.
     is_fresh: bool,
 }
 
+/// The means of a cell's sums. They are read far more often than they change, and lie by themselves:
+/// more of them share a line of the cache.
+#[derive(Clone, Copy, Debug, Default)]
+struct Surfel {
+    at: [f32; 2],
+    /// The normal; zero if unknown.
+    normal: [f32; 2],
+    /// Number of observations, at most [`COUNT_MAX`].
+    count: f32,
+}
+
 /// A square of cells.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Surfels {
     /// Lower left corner in cells of the world frame.
     corner: [i32; 2],
     side: i32,
     /// The index of each cell's surfel plus one; 0: none.
     index: Vec<u16>,
-    items: Vec<Surfel>,
+    sums: Vec<Sums>,
+    surfels: Vec<Surfel>,
     /// Indices of surfels whose sums have changed.
     fresh: Vec<u16>,
     likely: Vec<u8>,
@@ -59,19 +70,19 @@ pub(crate) fn cell(metres: f32) -> i32 {
 impl Surfels {
     /// An empty square with `reach_m` around `middle`.
     pub(crate) fn around(middle: [f32; 2], reach_m: f32) -> Self {
-        let mut surfels = Self {
-            corner: [0; 2],
-            side: 2 * cell(reach_m) + 1,
-            index: Vec::new(),
-            items: Vec::new(),
-            fresh: Vec::new(),
-            likely: Vec::new(),
-        };
-        let cells = usize::try_from(surfels.side * surfels.side).unwrap_or(0);
-        surfels.index = vec![0; cells];
-        surfels.likely = vec![0; cells];
-        surfels.corner = surfels.corner_for(middle);
+        let mut surfels = Self::default();
+        surfels.aim(middle, reach_m);
         surfels
+    }
+
+    /// Clears the square, moves it and changes its size.
+    pub(crate) fn aim(&mut self, middle: [f32; 2], reach_m: f32) {
+        self.empty();
+        self.side = 2 * cell(reach_m) + 1;
+        let cells = usize::try_from(self.side * self.side).unwrap_or(0);
+        self.index.resize(cells, 0);
+        self.likely.resize(cells, 0);
+        self.corner = self.corner_for(middle);
     }
 
     fn corner_for(&self, middle: [f32; 2]) -> [i32; 2] {
@@ -80,10 +91,20 @@ impl Surfels {
 
     /// Clears the square and moves it to another position.
     pub(crate) fn clear(&mut self, middle: [f32; 2]) {
+        self.empty();
         self.corner = self.corner_for(middle);
-        self.index.fill(0);
-        self.likely.fill(0);
-        self.items.clear();
+    }
+
+    /// Removes all walls. A square has many more cells than walls.
+    fn empty(&mut self) {
+        let side = self.side.unsigned_abs() as usize;
+        for sums in self.sums.drain(..) {
+            self.index[sums.flat] = 0;
+            for row in [sums.flat - side, sums.flat, sums.flat + side] {
+                self.likely[row - 1..row + 2].fill(0);
+            }
+        }
+        self.surfels.clear();
     }
 
     /// Centre of the square, metres.
@@ -116,7 +137,8 @@ impl Surfels {
             self.add(pose, cloud);
         }
         for number in core::mem::take(&mut self.fresh) {
-            self.items[usize::from(number)].settle();
+            let number = usize::from(number);
+            self.surfels[number] = self.sums[number].settle();
         }
     }
 
@@ -159,23 +181,27 @@ impl Surfels {
         }
         let flat = self.flat(x, y);
         if self.index[flat] == 0 {
-            let Ok(number) = u16::try_from(self.items.len() + 1) else {
+            let Ok(number) = u16::try_from(self.sums.len() + 1) else {
                 return;
             };
-            self.items.push(Surfel::default());
+            self.sums.push(Sums {
+                flat,
+                ..Sums::default()
+            });
+            self.surfels.push(Surfel::default());
             self.index[flat] = number;
             self.stamp(x, y);
         }
         let [x, y] = self.inner(at);
         let number = self.index[flat] - 1;
-        let item = &mut self.items[usize::from(number)];
-        if !item.is_fresh {
-            item.is_fresh = true;
+        let sums = &mut self.sums[usize::from(number)];
+        if !sums.is_fresh {
+            sums.is_fresh = true;
             self.fresh.push(number);
         }
-        item.count += 1.0;
-        item.at = [item.at[0] + x, item.at[1] + y];
-        item.normal = [item.normal[0] + normal[0], item.normal[1] + normal[1]];
+        sums.count += 1.0;
+        sums.at = [sums.at[0] + x, sums.at[1] + y];
+        sums.normal = [sums.normal[0] + normal[0], sums.normal[1] + normal[1]];
     }
 
     fn stamp(&mut self, x: i32, y: i32) {
@@ -229,35 +255,47 @@ impl Surfels {
             return None;
         }
         let here = self.inner(at);
-        let mut best: Option<(f32, Near)> = None;
+        let is_unsure = is_unknown(normal);
+        let mut least = f32::INFINITY;
+        let mut nearest = None;
         let mut blend = Blend::default();
         for dy in -1..=1 {
             let row = self.flat(x - 1, y + dy);
             for number in &self.index[row..row + 3] {
-                let Some(item) = usize::from(*number).checked_sub(1) else {
+                let Some(number) = usize::from(*number).checked_sub(1) else {
                     continue;
                 };
-                let item = &self.items[item];
-                let Some((far, near)) = item.seen_from(here, normal) else {
+                let surfel = &self.surfels[number];
+                let [dx, dy] = [here[0] - surfel.at[0], here[1] - surfel.at[1]];
+                let squared = dx * dx + dy * dy;
+                if is_unsure || is_unknown(surfel.normal) {
+                    if squared * UNSURE < least {
+                        (least, nearest) = (squared * UNSURE, Some(surfel.at));
+                    }
                     continue;
-                };
-                blend.add(item.count, far, &near);
-                if best.as_ref().is_none_or(|(least, _)| far < *least) {
-                    best = Some((far, near));
+                }
+                let [nx, ny] = surfel.normal;
+                if nx * normal[0] + ny * normal[1] < ALIKE {
+                    continue;
+                }
+                let across = nx * dx + ny * dy;
+                let far = across * across + ALONG * (squared - across * across);
+                blend.add(surfel, far);
+                if far < least {
+                    (least, nearest) = (far, None);
                 }
             }
         }
-        let (_, near) = best?;
-        let near = if is_unknown(near.normal) {
-            near
-        } else {
-            blend.near()
+        let (at, normal) = match nearest {
+            _ if least == f32::INFINITY => return None,
+            Some(at) => (at, [0.0; 2]),
+            None => blend.wall(),
         };
         let at = [
-            near.at[0] + self.corner[0] as f32 * CELL_M,
-            near.at[1] + self.corner[1] as f32 * CELL_M,
+            at[0] + self.corner[0] as f32 * CELL_M,
+            at[1] + self.corner[1] as f32 * CELL_M,
         ];
-        Some(Near { at, ..near })
+        Some(Near { at, normal })
     }
 }
 
@@ -277,27 +315,23 @@ const COUNT_MAX: f32 = 10.0;
 
 impl Blend {
     #[inline]
-    fn add(&mut self, count: f32, far: f32, near: &Near) {
-        if is_unknown(near.normal) {
-            return;
-        }
+    fn add(&mut self, surfel: &Surfel, far: f32) {
         let part = 1.0 / (far + BLEND);
-        let weight = count.min(COUNT_MAX) * part * part;
+        let weight = surfel.count * part * part;
         self.weight += weight;
-        self.at[0] += weight * near.at[0];
-        self.at[1] += weight * near.at[1];
-        self.normal[0] += weight * near.normal[0];
-        self.normal[1] += weight * near.normal[1];
+        self.at[0] += weight * surfel.at[0];
+        self.at[1] += weight * surfel.at[1];
+        self.normal[0] += weight * surfel.normal[0];
+        self.normal[1] += weight * surfel.normal[1];
     }
 
+    /// A point and the normal.
     #[inline]
-    fn near(&self) -> Near {
+    fn wall(&self) -> ([f32; 2], [f32; 2]) {
         let [x, y] = self.normal;
         let length = (x * x + y * y).sqrt();
-        Near {
-            at: [self.at[0] / self.weight, self.at[1] / self.weight],
-            normal: [x / length, y / length],
-        }
+        let at = [self.at[0] / self.weight, self.at[1] / self.weight];
+        (at, [x / length, y / length])
     }
 }
 
@@ -323,38 +357,20 @@ const ALONG: f32 = 0.1;
 /// Factor for a distance from or to a point without a known normal.
 const UNSURE: f32 = 1.5;
 
-impl Surfel {
-    fn settle(&mut self) {
+impl Sums {
+    fn settle(&mut self) -> Surfel {
         self.is_fresh = false;
         let part = 1.0 / self.count;
-        self.mean = [self.at[0] * part, self.at[1] * part];
         let [x, y] = self.normal;
         let length = (x * x + y * y).sqrt();
-        self.unit = (length > 0.5 * self.count).then(|| [x / length, y / length]);
-    }
-
-    #[inline]
-    fn seen_from(&self, here: [f32; 2], normal: [f32; 2]) -> Option<(f32, Near)> {
-        let at = self.mean;
-        let [dx, dy] = [here[0] - at[0], here[1] - at[1]];
-        let squared = dx * dx + dy * dy;
-        let Some([nx, ny]) = self.unit.filter(|_| !is_unknown(normal)) else {
-            let near = Near {
-                at,
-                normal: [0.0; 2],
-            };
-            return Some((squared * UNSURE, near));
-        };
-        if nx * normal[0] + ny * normal[1] < ALIKE {
-            return None;
+        Surfel {
+            at: [self.at[0] * part, self.at[1] * part],
+            normal: match length > 0.5 * self.count {
+                true => [x / length, y / length],
+                false => [0.0; 2],
+            },
+            count: self.count.min(COUNT_MAX),
         }
-        let across = nx * dx + ny * dy;
-        let far = across * across + ALONG * (squared - across * across);
-        let near = Near {
-            at,
-            normal: [nx, ny],
-        };
-        Some((far, near))
     }
 }
 
@@ -398,6 +414,16 @@ mod tests {
         let walls = wall();
         let likely = [2.05, 2.15, 2.25].map(|x| walls.likelihood([x, 0.05]));
         assert_eq!(likely, [255, 150, 0]);
+    }
+
+    /// A square that was used before is as good as a new one.
+    #[test]
+    fn a_square_is_used_again() {
+        let mut used = wall();
+        used.aim([1.0, 0.5], 3.0);
+        assert!(used.likely.iter().all(|likely| *likely == 0));
+        let new = Surfels::around([1.0, 0.5], 3.0);
+        assert_eq!(format!("{used:?}"), format!("{new:?}"));
     }
 
     /// Two spots of a wall one metre apart: a line is drawn between them only if it runs along the

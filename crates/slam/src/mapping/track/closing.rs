@@ -36,6 +36,8 @@ pub(crate) struct Closing {
     pub(crate) ambiguous: usize,
     /// Number of loops that turned out to be false.
     pub(crate) dropped: usize,
+    /// Walls that the next search draws over.
+    spare: Surfels,
 }
 
 /// Length of path between two searches, metres.
@@ -179,13 +181,16 @@ impl Mapper {
         first..end
     }
 
+    /// The walls that these keyframes have seen around `middle`. Most searches give them back as
+    /// `closing.spare`: their memory is a megabyte.
     pub(super) fn walls_of(
-        &self,
+        &mut self,
         keys: core::ops::Range<usize>,
         middle: Pose,
         reach_m: f32,
     ) -> Surfels {
-        let mut walls = Surfels::around(Frame::new(middle).at, reach_m);
+        let mut walls = core::mem::take(&mut self.closing.spare);
+        walls.aim(Frame::new(middle).at, reach_m);
         walls.draw_all(keys.map(|key| (self.graph.poses[key], &self.keyframes[key].cloud)));
         walls
     }
@@ -203,6 +208,7 @@ impl Mapper {
         let step = step_for(&spots);
         let window = window(&prior, step, 3.0);
         let (fit, others) = best_and_others(&walls, &spots, &window, &prior);
+        self.closing.spare = walls;
         if fit.explained < EXPLAINED.max(self.usual - DROP) {
             return false;
         }
