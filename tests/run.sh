@@ -118,9 +118,9 @@ python3 -c 'import venv, ensurepip' 2>/dev/null || missing+=(python3-venv)
 # Read what is exported; pip has them, Debian 12 does not.
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 [[ -x $target/tools/bin/evo_ape ]] || {
-    python3 -m venv "$target/tools"
-    "$target/tools/bin/pip" install -q mcap==1.6.0 evo==1.38.1
-}
+    python3 -m venv "$target/tools" && "$target/tools/bin/pip" install -q mcap==1.6.0 evo==1.38.1
+} &
+readers=$!
 # A port is watched by inotify, of which a user has 128 instances. Tests run side by side need more.
 instances=/proc/sys/fs/inotify/max_user_instances
 if [[ -w $instances && $(<$instances) -lt 1024 ]]; then echo 1024 >$instances; fi
@@ -140,7 +140,8 @@ rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src
 
 # Clippy's driver is the compiler with the lints: the build of the tests is the pass of the lints,
 # too. A pass of its own checks each crate of the registry once more.
-clippy=$(rustc --print sysroot)/bin/clippy-driver
+CLIPPY_DRIVER=$(rustc --print sysroot)/bin/clippy-driver
+export CLIPPY_DRIVER
 denied=-D__CLIPPY_HACKERY__warnings__CLIPPY_HACKERY__
 step "a lint is an error"
 # Cargo passes lints to Clippy in this variable, which is not documented: a planted lint shows that
@@ -148,19 +149,19 @@ step "a lint is an error"
 planted=$target/planted
 mkdir -p "$planted"
 echo 'fn main() { let _ = 1 == 1; }' >"$planted/main.rs"
-if CLIPPY_ARGS=$denied "$clippy" rustc --emit=metadata --out-dir "$planted" "$planted/main.rs" \
+if CLIPPY_ARGS=$denied tests/compiler.sh rustc --emit=metadata --out-dir "$planted" "$planted/main.rs" \
     2>"$planted/log" || ! grep -q clippy::eq_op "$planted/log"; then
     cat "$planted/log" >&2
-    echo "tests/run.sh: $clippy lets a planted lint pass" >&2
+    echo "tests/run.sh: $CLIPPY_DRIVER lets a planted lint pass" >&2
     exit 1
 fi
 
 step "compiling the tests, with lints"
 # By an option and not in the environment: tests that call Cargo get the compiler itself.
-wrapper="build.rustc-workspace-wrapper='$clippy'"
+wrapper="build.rustc-workspace-wrapper='$PWD/tests/compiler.sh'"
 tests() { CLIPPY_ARGS=$denied cargo --config "$wrapper" test --locked --workspace "$@"; }
 tests --no-run
-tests --benches --no-run
+wait "$readers"
 
 step "tests"
 # The same cases on every run: a check that is red today and green tomorrow judges no change.
@@ -219,6 +220,10 @@ if [[ $status -ne 0 ]]; then
     exit 1
 fi
 
+if proof Cargo.toml protocols emulators firmware_core crates src benches; then
+    step "the benches, with lints"
+    tests --benches --no-run
+fi
 if proof Cargo.toml protocols emulators firmware_core crates src fuzz; then
     step "the docs of the crates"
     RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
