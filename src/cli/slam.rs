@@ -278,14 +278,15 @@ fn warn(result: &Survey, path: &Path) {
     let parts = result.parts.unwrap_or_default();
     if parts > 1 {
         eprintln!(
-            "{path}: warning: the map has {parts} parts that were not joined: the robot moved \
-             unseen, and no place of one part was recognised in another. How the parts lie to each \
-             other is unknown. The column part of scans.csv names the part of each scan"
+            "{path}: warning: the map has {parts} separate parts: the robot moved without usable \
+             scans, and no place of one part was recognised in another. The pose of one part \
+             relative to another is unknown. The column part of scans.csv names the part of each \
+             scan"
         );
     } else if doubt > DOUBT_MOST {
         eprintln!(
-            "{path}: warning: {:.0} % of the way leads between no two sights of a place; there \
-             the map may be worse than the wheels alone",
+            "{path}: warning: no loop closure corrects {:.0} % of the path; there the map may be \
+             worse than the odometry",
             100.0 * doubt
         );
     }
@@ -296,22 +297,22 @@ fn warn(result: &Survey, path: &Path) {
     if let Some(Jump { at_s, far_m, .. }) = farthest {
         let count = result.jumps.len();
         eprintln!(
-            "{path}: jumps away from the wheels: {count}, the farthest {far_m:.2} m at {at_s} s"
+            "{path}: jumps against the odometry: {count}, the farthest {far_m:.2} m at {at_s} s"
         );
     }
     if result.outside > 0 {
         eprintln!(
-            "{path}: {} scans lie outside the map; larger --cell-mm",
+            "{path}: {} scans lie outside the map; increase --cell-mm",
             result.outside
         );
     }
     if result.dropped_loops > 0 {
         let count = result.dropped_loops;
-        eprintln!("{path}: loops closed and opened again, since all others contradict: {count}");
+        eprintln!("{path}: {count} loop closures were removed, because all others contradict them");
     }
     let poor = result.poor();
     if poor > 0 {
-        eprintln!("{path}: {poor} scans lie less than half on walls known before");
+        eprintln!("{path}: {poor} scans have less than half of their readings on known walls");
     }
 }
 
@@ -325,7 +326,7 @@ fn print_findings(log: &Log, path: &Path) {
     }
     if log.findings.absurd_readings > 0 {
         eprintln!(
-            "{path}: skipped {} absurd readings",
+            "{path}: skipped {} readings that are negative or not a number",
             log.findings.absurd_readings
         );
     }

@@ -103,7 +103,7 @@ fn the_draw_has_a_seed_and_jumps_are_told() {
     let timing: serde_json::Value = serde_json::from_str(&session.read("out/timing.json")).unwrap();
     assert_eq!(timing["jumps"].as_array().map(Vec::len), Some(1));
     let told = text(&output.stderr);
-    assert!(told.contains("jumps away from the wheels: 1,"), "{told}");
+    assert!(told.contains("jumps against the odometry: 1,"), "{told}");
 }
 
 /// A line of the log; from the 160th line on, its poses are moved along x.

@@ -30,19 +30,20 @@ impl Wire {
     pub fn new(units: Vec<(String, Described)>) -> Result<Self, WireError> {
         let Some((_, first)) = units.first() else {
             return Err(WireError(
-                "is empty, expected at least one device".to_owned(),
+                "no device is on the wire, expected at least one".to_owned(),
             ));
         };
         for (index, (name, unit)) in units.iter().enumerate() {
             let before = &units[..index];
             if unit.line_config(Described::UART) != first.line_config(Described::UART) {
-                let message = format!("\"{name}\" has another line than \"{}\"", units[0].0);
+                let message = format!("\"{name}\" and \"{}\" have different lines", units[0].0);
                 return Err(WireError(format!(
-                    "{message}, expected one rate and format"
+                    "{message}, expected the same baud rate and format on one wire"
                 )));
             }
             if before.iter().any(|(other, _)| other == name) {
-                let message = format!("\"{name}\" is there twice, expected a name for each");
+                let message =
+                    format!("two devices are called \"{name}\", expected one name for each");
                 return Err(WireError(message));
             }
             let twin = before

@@ -75,7 +75,8 @@ impl Bridge {
     /// If it makes no sense on these lines.
     pub fn add_fault(&mut self, fault: &FaultSpec) -> Result<(), Flaw> {
         if fault.when.is_some() {
-            let message = "waits for a robot or a device, expected a time or a byte";
+            let message = "waits for a robot or a device, which a link between two ports does not \
+                           have; expected a time (from) or a byte (at_byte)";
             return Err(Flaw::new("when", message));
         }
         let id = FaultId(self.faults);

@@ -292,12 +292,12 @@ impl Profile {
             return wrong(
                 "faults",
                 "rates",
-                "expected at least one chance, 0 to 1".to_owned(),
+                "expected at least one probability from 0 to 1".to_owned(),
             );
         }
         let is_far = |factor: &f64| !(-1e6..=1e6).contains(factor);
         if faults.factors.is_empty() || faults.factors.iter().any(is_far) {
-            let message = "expected at least one factor, -1000000 to 1000000";
+            let message = "expected at least one factor from -1000000 to 1000000";
             return wrong("faults", "factors", message.to_owned());
         }
         self.check_times(&wrong)
@@ -310,7 +310,7 @@ impl Profile {
         let time = &self.time;
         let (from, least) = (time.from, Span::from_millis(LEAST_MS));
         if time.until.is_some() == time.heal.is_some() {
-            let message = "expected until (with afterwards) or heal, and not both";
+            let message = "expected until (with afterwards) or heal: exactly one of them";
             return wrong("time", "until", message.to_owned());
         }
         let ends = time.until.map(|until| ("until", until.0));
@@ -325,7 +325,7 @@ impl Profile {
             }
         }
         if time.phases && time.until.is_none_or(|until| until.0 < PHASES_MIN.0) {
-            let message = format!("expected false, or until of at least {PHASES_MIN}");
+            let message = format!("expected false, or time.until of at least {PHASES_MIN}");
             return wrong("time", "phases", message);
         }
         for (key, most) in [
@@ -335,16 +335,18 @@ impl Profile {
             ("other_max", time.other_max),
         ] {
             if most.is_some_and(|most| most < Span::from_millis(10) || most > LONGEST) {
-                return wrong("time", key, format!("expected 10ms to {LONGEST}"));
+                let message = format!("expected a time from 10ms to {LONGEST}");
+                return wrong("time", key, message);
             }
         }
         let must_heal = self.judge.mission == MissionJudged::AfterFaults;
         if must_heal && self.faults.stays_broken_percent > 0 {
-            let message = "expected 0 beside judge.mission = \"after-faults\": a mission needs all";
+            let message = "expected 0 with judge.mission = \"after-faults\": a permanent fault can \
+                           prevent the mission's end";
             return wrong("faults", "stays_broken_percent", message.to_owned());
         }
         if time.triggered && time.heal.is_some() {
-            let message = "expected false beside heal: a trigger may come after it";
+            let message = "expected false with time.heal: a triggered fault can begin after it";
             return wrong("time", "triggered", message.to_owned());
         }
         if self
@@ -360,7 +362,7 @@ impl Profile {
             .as_ref()
             .and_then(|safety| safety.alive_for);
         if alive.is_some_and(|alive| time.heal.is_none_or(|heal| alive >= heal)) {
-            let message = "expected less than time.heal, in which the robot recovers";
+            let message = "expected less than time.heal: the robot needs time to recover";
             return wrong("judge.safety", "alive_for", message.to_owned());
         }
         Ok(())
@@ -427,12 +429,12 @@ mod tests {
             (
                 "count_max = 12",
                 "count_max = 12\nstays_broken_percent = 5",
-                "my.toml:8: faults.stays_broken_percent: expected 0 beside",
+                "my.toml:8: faults.stays_broken_percent: expected 0 with",
             ),
             (
                 "0.03]",
                 "1.5]",
-                "my.toml:9: faults.rates: expected at least one chance, 0 to 1",
+                "my.toml:9: faults.rates: expected at least one probability from 0 to 1",
             ),
             (
                 "until = \"14s\"",
