@@ -67,10 +67,10 @@ def page(trophies):
     packages = {trophy["package"] for trophy in trophies}
     text = f"""# Defects found in published drivers
 
-Public drivers were run against the [described devices](devices.md) in virtual time, with damaged and
-lost bytes, late replies and silence. {len(trophies)} defects of {len(packages)} packages are shown here.
-Each was found again in the driver's code. Most of these drivers work well with a device that works well;
-the table helps their authors and users, and shows what such a run finds.
+hilrig ran public drivers with the [described devices](devices.md) in virtual time, with damaged and lost bytes,
+late replies and silence. This page shows {len(trophies)} defects of {len(packages)} packages. Each defect was also
+located in the driver's code. Most of these drivers work well as long as the device works well. The page helps their
+authors and users, and shows which defects such a run finds.
 
 ```console
 $ bash tests/devices/run.sh                       # installs the drivers
@@ -105,7 +105,7 @@ $ hilrig run scenario.toml --virtual --exec-may-end --exec 'python3 program.py'
         text += (f"## {number}. {name} {known[name.lower()]}\n\n{trophy['what']}.\n\n"
                  f"- Device: `{trophy['device']}`; "
                  + (f"fault: `{keys}`" if keys else "no fault") + "\n"
-                 + "".join(f"- With `{new}` in place of `{old}` in the description\n"
+                 + "".join(f"- Change in the description: `{new}` instead of `{old}`\n"
                            for old, new in trophy.get("settings", {}).items())
                  + f"- Where: {trophy['where']}\n- Right: {trophy['right']}\n\n"
                  f"```python\n{trophy['program'].strip()}\n```\n\n")
