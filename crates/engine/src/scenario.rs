@@ -67,7 +67,7 @@ pub use world::{PillarSpec, StartSpec, WallSpec};
 /// The only schema version so far. Later versions will still read it.
 pub const SCHEMA: u32 = 1;
 
-/// A run as data: a TOML file with these keys and tables, and no others.
+/// The keys and tables at the top of the file. Others are errors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scenario {
@@ -100,8 +100,7 @@ pub struct Scenario {
     /// The robot's program.
     #[serde(default)]
     pub program: ProgramSpec,
-    /// The drive train of a custom robot; two wheels with the figures of `[world.body]` if not
-    /// given.
+    /// Drive train of a custom robot; two wheels with the figures of `[world.body]` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chassis: Option<ChassisSpec>,
     /// Settings of the robot's devices, by their names, and your own devices.
@@ -120,7 +119,7 @@ pub struct Scenario {
     /// Limits of random faults.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub budget: Option<BudgetSpec>,
-    /// Times of random faults, and the time when the robot must work again.
+    /// Phases of the run: times of random faults, and the time in which the robot must work again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phases: Option<PhasesSpec>,
     /// The true world; only `robot = "none"` may omit it.
@@ -140,7 +139,7 @@ pub struct Scenario {
 pub struct Origin {
     /// Tool and version that wrote the case.
     pub tool: String,
-    /// Fingerprint of all bytes of the run that it was saved from.
+    /// Hash of all bytes of the original run.
     pub trace_hash: String,
 }
 
@@ -157,20 +156,21 @@ pub struct ProgramSpec {
     /// Processor of the program.
     #[serde(default)]
     pub cpu: CpuSpec,
-    /// Enabled defects of the fielded program, by their numbers in `hilrig bugs`; none if not
-    /// given.
+    /// Enabled defects of the fielded program, by their IDs in `hilrig bugs`; none if not given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<String>")]
     pub defects: Vec<toml::Spanned<String>>,
-    /// Also reports battery, errors and findings to the PC, if the robot's program supports it.
+    /// Whether the program also reports battery, errors and findings to the PC, if it supports
+    /// this.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub diagnosis: bool,
-    /// UART rate of the radio at the robot's start, bit/s, e.g. 9600 for a new module. The program,
-    /// if it supports this, first sets name, PIN and its own rate by commands; this takes about
-    /// five seconds, in which no PC may connect. If not given, the radio is already configured.
+    /// UART rate of the radio at the robot's start, bit/s, e.g. 9600 for a new module. If the
+    /// program supports this, it first sets name, PIN and its own rate by commands. This takes
+    /// about five seconds, in which no PC may connect. If not given, the radio is already
+    /// configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radio_baud: Option<NonZeroU32>,
-    /// Figures in place of the program's own.
+    /// Figures that replace the program's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<TuningSpec>")]
     pub tuning: Option<toml::Spanned<TuningSpec>>,
@@ -191,10 +191,10 @@ impl ProgramSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum MapperSpec {
-    /// The best that the program has.
+    /// The best algorithm of the program.
     #[default]
     Best,
-    /// As the seed document describes it.
+    /// The algorithm of the seed document.
     Document,
 }
 
@@ -202,10 +202,10 @@ pub enum MapperSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CpuSpec {
-    /// 168 MHz Cortex-M4, prices from the seed document.
+    /// Cortex-M4 at 168 MHz, with the costs of the seed document.
     #[default]
     Stm32f4,
-    /// Never busy.
+    /// A processor without computing time.
     Ideal,
 }
 

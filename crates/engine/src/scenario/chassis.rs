@@ -18,7 +18,7 @@ pub enum ChassisSpec {
     /// and encoders `left` and `right`.
     Differential(DifferentialSpec),
     /// A car: driven rear axle, steered front wheels. Actuators `drive` and `steering`, encoders
-    /// `drive`, `rear_left` and `rear_right`; its place is the middle of the rear axle.
+    /// `drive`, `rear_left` and `rear_right`; its position is the middle of the rear axle.
     Ackermann(Box<AckermannSpec>),
 }
 
@@ -64,8 +64,8 @@ pub struct AckermannSpec {
     /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_trim_deg: Option<f64>,
-    /// How that wanders while the car rolls: standard deviation after one metre, degrees; 0 if not
-    /// given.
+    /// Random change of the trim while the car rolls: standard deviation after one metre, degrees;
+    /// 0 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_wander_deg: Option<f64>,
     /// Fastest turn of the servo, degrees per second; 172 if not given.

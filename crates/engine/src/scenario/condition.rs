@@ -22,9 +22,9 @@ pub enum Condition {
     Frame(FrameCondition),
     /// A register of a device has a value.
     Register(RegisterCondition),
-    /// The robot truly is near a place.
+    /// The robot's true position is near a point.
     Pose(PoseCondition),
-    /// A device or the rig logged something.
+    /// A device or the rig logged an event.
     Event(EventCondition),
     /// The share of known cells in the robot's map.
     Map(MapCondition),
@@ -40,7 +40,7 @@ pub enum Condition {
     All(Vec<Self>),
     /// At least one condition of a list holds.
     Any(Vec<Self>),
-    /// A condition does not hold; it may not be on bytes, frames, contacts or events.
+    /// A condition does not hold; not for conditions on bytes, frames, contacts or events.
     Not(Box<Self>),
 }
 
@@ -107,7 +107,7 @@ pub struct RegisterCondition {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PoseCondition {
-    /// The place, metres in the world's frame.
+    /// The point, metres in the world's frame.
     pub near_m: [f64; 2],
     /// Maximum distance, metres, more than 0.
     pub within_m: f64,
@@ -117,7 +117,7 @@ pub struct PoseCondition {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EventCondition {
-    /// Its rule, e.g. `motors-stopped`.
+    /// Rule of the event, e.g. `motors-stopped`.
     pub rule: String,
     /// Name of the device or link that logged it; any if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -139,7 +139,7 @@ pub struct MapCondition {
 pub struct AxisCondition {
     /// Name of the axis.
     pub name: String,
-    /// Which of its figures.
+    /// Figure of the axis: set-point or measured value.
     #[serde(default, skip_serializing_if = "Figure::is_set_point")]
     pub of: Figure,
     /// How it compares.
@@ -176,7 +176,7 @@ impl Figure {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RobotCondition {
-    /// Which figure.
+    /// Figure of the robot.
     pub of: Quantity,
     /// How it compares.
     #[serde(default)]

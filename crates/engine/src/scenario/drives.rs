@@ -4,14 +4,14 @@ use emulators::quantity::{Sink, SinkKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Actuator of the chassis that follows a value, and one of the other keys as its scale.
+/// Actuator of the chassis that follows a value. One of the other keys gives the scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DrivesSpec {
     /// Name of the actuator: `left` and `right` of a differential chassis, `drive` and `steering`
     /// of an Ackermann chassis.
     pub actuator: String,
-    /// Motor power per count, of 255 as in an 8-bit compare register.
+    /// Motor power per count; 255 is full power, as in an 8-bit compare register.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
     /// Regulated speed per count, metres per second.

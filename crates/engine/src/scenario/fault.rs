@@ -23,11 +23,12 @@ pub use when::WhenSpec;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkSpec {
-    /// Time between the last bit on the wire and the receiver seeing it, both ways.
+    /// Time from the last bit of a byte on the wire to its arrival at the receiver, in both
+    /// directions.
     #[serde(default)]
     pub latency: Span,
-    /// USB adapter at the client's end of the link, in real time: reads are grouped and split as by
-    /// this adapter. It has no effect in virtual time.
+    /// USB adapter at the client's end of the link: it groups and splits the bytes that a client
+    /// reads. It has no effect in virtual time.
     #[serde(default, skip_serializing_if = "AdapterSpec::is_direct")]
     pub adapter: AdapterSpec,
 }
@@ -39,11 +40,11 @@ pub enum AdapterSpec {
     /// No adapter: bytes arrive as the device sends them.
     #[default]
     Direct,
-    /// Up to 62 bytes each 16 ms.
+    /// Up to 62 bytes every 16 ms.
     Ftdi,
-    /// Up to 64 bytes each 4 ms.
+    /// Up to 64 bytes every 4 ms.
     Cp2102,
-    /// Up to 32 bytes each millisecond.
+    /// Up to 32 bytes every millisecond.
     Ch340,
 }
 
@@ -57,7 +58,7 @@ impl AdapterSpec {
 /// Declares the keys of a fault: each is optional, and which are given can be listed.
 macro_rules! fault_spec {
     ($($(#[doc = $doc:literal])+ $key:ident: $type:ty $(, $least:literal to $most:literal)?;)+) => {
-        /// Something that goes wrong. Which keys belong together depends on the kind.
+        /// A fault. Its kind decides which keys it has.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
         #[serde(deny_unknown_fields)]
         #[schemars(transform = keys::add_to_schema)]
@@ -96,13 +97,13 @@ fault_spec! {
     device: String;
     /// Names of the devices.
     devices: Vec<String>;
-    /// Chance per byte, or per message of an I2C or datagram link, 0 to 1.
+    /// Probability per byte, or per message of an I2C or datagram link, 0 to 1.
     rate: f64, 0.0 to 1.0;
-    /// Number of the damaged byte, or message, counted from 0 in the order sent.
+    /// Number of the damaged byte or message, counted from 0 in the order sent.
     byte: u64;
-    /// For `flip`: which bit, 0 to 7.
+    /// For `flip`: number of the bit, 0 to 7.
     bit: u8, 0 to 7;
-    /// For `insert`: which value; for `burst`: the bits inverted; 0 to 255.
+    /// For `insert`: the inserted value; for `burst`: the inverted bits; 0 to 255.
     value: u8;
     /// Number of bytes, 1 to 65535; 4 for `burst`, 4096 for `truncate`, 1 for `short-read` if not
     /// given.
@@ -115,31 +116,31 @@ fault_spec! {
     baud: u32, 50 to 50_000_000;
     /// Millionths by which the sender is too fast, -1000000 to 1000000.
     ppm: f64, -1_000_000.0 to 1_000_000.0;
-    /// Millionths by which it gets faster each second, -1000000 to 1000000.
+    /// Increase of `ppm` per second, -1000000 to 1000000.
     ppm_per_s: f64, -1_000_000.0 to 1_000_000.0;
     /// Name of the other link.
     with: String;
-    /// For `unplugged`: new name of the client's port afterwards, if it changes.
+    /// For `unplugged`: name of the client's port after the fault; the old name if not given.
     back_as: String;
-    /// Name of a fault of this device.
+    /// Name of the device's own fault.
     fault: String;
     /// Factor or amount, -1000000 to 1000000.
     factor: f64, -1_000_000.0 to 1_000_000.0;
-    /// Begins here instead of at the start of the run.
+    /// Begin of the fault; the start of the run if not given.
     from: Span;
-    /// Ends here instead of at the end of the run.
+    /// End of the fault; the end of the run if not given.
     until: Span;
-    /// Ends after this time; with `every`, each repetition does.
+    /// Duration of the fault; with `every`, duration of each repetition.
     lasting: Span;
     /// Period of repetition, at least 100us.
     every: Span;
     /// Maximum number of damaged bytes or repetitions.
     count: u32;
-    /// Begins with this byte of its line, counted from 0 in the order sent.
+    /// The fault begins with this byte of its line, counted from 0 in the order sent.
     at_byte: u64;
-    /// Begins with this frame of its line, counted from 0.
+    /// The fault begins with this frame of its line, counted from 0.
     at_frame: u64;
-    /// Begins when this condition is true.
+    /// The fault begins when this condition becomes true.
     when: WhenSpec;
     /// Begins when this condition is true: any condition of rules and steps.
     begins_when: Condition;

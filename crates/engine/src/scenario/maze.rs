@@ -35,9 +35,9 @@ pub struct MazeSpec {
     /// Tiles along y, 1 to 100.
     #[schemars(range(min = 1, max = 100))]
     pub rows: usize,
-    /// From the middle of a board to that of the next one, metres, 0.1 to 10. RoboCup's tiles of
-    /// 0.30 m are for robots that are narrower than this one: its body of 0.32 m and the 45 mm that
-    /// it keeps on each side ask for 0.41 m, and the cells of its planner for 0.1 m more.
+    /// Distance between the middles of two neighbouring boards, metres, 0.1 to 10. RoboCup's tiles
+    /// of 0.30 m are too narrow for the rescue robot: its body of 0.32 m and its margin of 45 mm on
+    /// each side need 0.41 m, and the cells of its planner 0.1 m more.
     #[serde(default = "tile")]
     #[schemars(range(min = 0.1, max = 10.0))]
     pub tile_m: f64,
@@ -48,12 +48,12 @@ pub struct MazeSpec {
     /// Lower left corner of the arena, metres: the middle of its boards.
     #[serde(default = "corner")]
     pub corner_m: [f64; 2],
-    /// Share of the boards that are not needed to be a maze and are taken out, 0 to 1.
+    /// Share of removed boards, 0 to 1, among those that the maze does not need.
     #[serde(default = "open")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub open: f64,
-    /// Number of warm plates on boards, each on another tile and none on the first; 10 cm wide, at
-    /// body temperature. 0 to the number of tiles minus one.
+    /// Number of warm plates on boards, 10 cm wide, at body temperature; from 0 to the number of
+    /// tiles minus one. Each is on a tile of its own, and none on the first tile.
     #[serde(default)]
     pub victims: usize,
 }

@@ -23,10 +23,10 @@ pub struct Mission {
     /// Further orders of the PC, at given times or after a condition.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub step: Vec<Step>,
-    /// Continues until the scenario's `duration`, even if all waypoints are visited earlier.
+    /// Whether the run continues until the scenario's `duration` after all waypoints are visited.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub to_the_end: bool,
-    /// The waypoints count in any order, for a robot that finds them itself.
+    /// Whether the waypoints count in any order, for a robot that finds them itself.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub any_order: bool,
 }
@@ -42,15 +42,15 @@ impl Mission {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
-    /// When, counted from the start of the run.
+    /// Time of the order, counted from the start of the run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<Span>,
-    /// Instead of `at`: condition, as in `docs/control.md`, checked after the earlier steps are
-    /// done. If it stays false, the run fails.
+    /// Instead of `at`: condition for the order, as in `docs/control.md`. The rig checks it after
+    /// the earlier steps are done. If it stays false, the run fails.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub when: Option<Condition>,
     /// With `when`: maximum wait; until the end of the run if not given. After a timeout, later
-    /// steps with a condition are skipped, too.
+    /// steps with a condition are also skipped.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub timeout: Option<Span>,
     /// Order of the PC.
@@ -100,8 +100,8 @@ pub enum Action {
     Mode(String),
     /// Drives by hand: a set-point for each of the robot's axes, in their order and unit.
     Drive(Vec<SetPoint>),
-    /// Not an order of the PC: puts bytes on a line, as if its sender had sent them. Faults of the
-    /// line do not touch them.
+    /// Not an order of the PC: puts bytes on a line, as if the line's sender had sent them. Faults
+    /// of the line do not change these bytes.
     Inject(InjectSpec),
     /// Not an order of the PC: sets a value of your own device.
     Set(SetSpec),
@@ -206,8 +206,9 @@ pub struct Expect {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub home_within_mm: Option<f64>,
-    /// Minimum share of the reachable floor that is known in the robot's map, 0 to 1. Reachable is
-    /// the floor that the robot's body can cover. Gaps of 20 mm between beams count as seen.
+    /// Minimum share of the reachable floor that is known in the robot's map, 0 to 1. The reachable
+    /// floor is the area that the robot's body can cover. Gaps of 20 mm between beams count as
+    /// seen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub explored_min: Option<f64>,
@@ -227,8 +228,8 @@ pub struct Expect {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub heading_rms_deg_max: Option<f64>,
-    /// Minimum of two shares, 0 to 1: true walls that are mapped, and mapped walls that are true,
-    /// within one cell or `wall_within_mm`.
+    /// Minimum of two shares, 0 to 1: the share of true walls that are in the map, and the share of
+    /// mapped walls that are true; within one cell or `wall_within_mm`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub wall_overlap_min: Option<f64>,
@@ -240,7 +241,7 @@ pub struct Expect {
     /// Maximum number of violations of device rules by the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_max: Option<u64>,
-    /// Whether the PC must have received every row of the map.
+    /// Whether the PC must receive every row of the map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub map_received: Option<bool>,
     /// Earlier results that the run must resemble.

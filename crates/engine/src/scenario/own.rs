@@ -131,9 +131,9 @@ pub enum SourceSpec {
     /// The last written value, or the initial value.
     #[default]
     Stored,
-    /// Counts one up each such time.
+    /// Counts up by one after each such time.
     Counter(Span),
-    /// Rises evenly, again and again.
+    /// Rises evenly and starts again, like a sawtooth.
     Ramp {
         /// At the beginning.
         from: i32,
@@ -151,7 +151,7 @@ pub enum SourceSpec {
     TurnRateMradS,
     /// 1 while the robot touches something, else 0.
     Touching,
-    /// Times that the robot ran into something.
+    /// Number of collisions of the robot.
     Contacts,
     /// Encoder counts of the left wheel.
     EncoderLeft,

@@ -22,19 +22,19 @@ pub struct RuleSpec {
     /// Name of the rule: letters, digits, `-`, `_` and `.`. The check is called `rule-NAME`, a
     /// goal's `goal-NAME`.
     pub name: String,
-    /// Must hold at each moment.
+    /// Condition that must hold at each moment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub always: Option<Condition>,
-    /// Must hold at no moment.
+    /// Condition that must not hold at any moment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub never: Option<Condition>,
-    /// Must hold at one moment at least; with `after`, once after each time.
+    /// Condition that must hold at least once; with `after`, at least once each time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub eventually: Option<Condition>,
-    /// A goal: a run may miss it, but a campaign must reach it in one run at least.
+    /// Condition of a goal: a run may miss it, but a campaign must reach it in at least one run.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sometimes: Option<Condition>,
-    /// Applies from each time that this condition becomes true.
+    /// The rule applies each time this condition becomes true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub after: Option<Condition>,
     /// With `after`: time to comply. `eventually` must hold within this time, `always` and `never`
@@ -48,11 +48,12 @@ pub struct RuleSpec {
     /// With `after`, and `always` or `never`: how long it applies, counted after `within`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lasting: Option<Span>,
-    /// Applies from this time on; from the start of the run if not given.
+    /// The rule applies from this time on; from the start of the run if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub from: Option<Span>,
-    /// Applies until this time, or until this condition holds: with `after` until the next time,
-    /// else for good. Until the end of the run if not given.
+    /// The rule applies until this time, or until this condition holds. With `after`, the rule
+    /// applies again the next time; otherwise it ends for the rest of the run. Until the end of the
+    /// run if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<UntilSpec>,
     /// Whether a single run passes that does not observe the rule; a campaign must observe it in

@@ -18,33 +18,34 @@ pub struct SafetySpec {
     /// robots have their own list; for a custom robot it is the link of its lidar if not given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rests_without: Vec<String>,
-    /// The robot does not move before a frame with a valid checksum has arrived on `orders_link`.
+    /// Whether the robot must rest until a frame with a valid checksum has arrived on
+    /// `orders_link`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub sound_orders: bool,
     /// Link that carries the orders to the robot; built-in robots have their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orders_link: Option<String>,
-    /// The pose and the speeds that the robot reports to its station are those that it has.
+    /// The pose and the speeds that the robot reports to its station must be its own.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub true_telemetry: bool,
-    /// Silence of a device after which the program must have noticed: its counter of such failures
-    /// has grown.
+    /// Maximum silence of a device until the program notices: its counter of such failures must
+    /// grow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub says_within: Option<Span>,
     /// Maximum number of times that a queue of a device or a port overflowed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overruns_max: Option<u64>,
-    /// In this last part of the run, each line of a device that was busy before carries bytes, and
-    /// the program finds its pose.
+    /// Length of the last part of the run, in which each line of a device that was busy before must
+    /// carry bytes, and the program must find its pose.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub alive_for: Option<Span>,
-    /// Links that stay broken to the end: `alive_for` does not ask for them, nor for the pose.
+    /// Links that stay broken to the end: `alive_for` ignores them, and does not require a pose.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub alive_without: Vec<String>,
-    /// A person steers by hand: a contact is not the robot's fault.
+    /// Whether a person steers by hand: then a contact is not a failure of the robot.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub by_hand: bool,
-    /// A step of the mission whose condition stays false is no failure.
+    /// Whether a step of the mission may wait to the end: then a false condition is no failure.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub steps_may_wait: bool,
 }

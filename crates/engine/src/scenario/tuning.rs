@@ -26,10 +26,10 @@ pub struct TuningSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 255))]
     pub weight: Option<u16>,
-    /// Reduction of that while the robot turns.
+    /// Reduction of `weight` while the robot turns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fading: Option<FadingSpec>,
-    /// Keeps the robot's motion in the scans instead of taking it out.
+    /// Whether scans stay distorted by the robot's motion, instead of being corrected.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub smear: bool,
     /// Radius of the body that the program keeps free, mm, 50 to 500.
@@ -55,9 +55,9 @@ pub struct TuningSpec {
 pub enum FadingSpec {
     /// Not at all.
     None,
-    /// A tenth for each tick.
+    /// By a tenth for each tick.
     Linear,
-    /// The square of that.
+    /// By the square of `linear`.
     Quadratic,
 }
 

@@ -28,7 +28,7 @@ pub use slick::SlickSpec;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorldSpec {
-    /// Start pose of the robot; its program knows it.
+    /// Start pose of the robot; the robot's program knows this pose.
     #[schemars(with = "StartSpec")]
     pub start: Spanned<StartSpec>,
     /// Rectangle that contains the whole world; ±1 km if not given.
@@ -41,7 +41,7 @@ pub struct WorldSpec {
     /// The robot's body.
     #[serde(default)]
     pub body: BodySpec,
-    /// An arena of tiles, made from a seed.
+    /// An arena of tiles, generated from a seed.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<MazeSpec>")]
     pub maze: Option<Spanned<MazeSpec>>,
@@ -82,7 +82,7 @@ pub struct WorldSpec {
     is_nowhere: bool,
 }
 
-/// Where the robot starts.
+/// Start pose of the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StartSpec {
@@ -126,15 +126,15 @@ pub struct WallSpec {
     #[serde(default = "white")]
     pub reflectivity: f64,
     /// Height above the floor, metres, more than 0; to the ceiling if not given. Sensors at this
-    /// height or higher see over it.
+    /// height or higher do not see it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
-    /// Is missing on the floor plan for robots.
+    /// Whether the object is missing on the floor plan for robots.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
-    /// Is of glass: an `xv11` sees through it; infrared sensors detect it, and a robot collides
-    /// with it.
+    /// Whether the wall is of glass. An `xv11` does not see it; infrared sensors detect it, and a
+    /// robot collides with it.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub glass: bool,
 }
@@ -150,11 +150,11 @@ pub struct PolygonSpec {
     #[serde(default = "white")]
     pub reflectivity: f64,
     /// Height above the floor, metres, more than 0; to the ceiling if not given. Sensors at this
-    /// height or higher see over it.
+    /// height or higher do not see it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
-    /// Is missing on the floor plan for robots.
+    /// Whether the object is missing on the floor plan for robots.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
 }
@@ -173,11 +173,11 @@ pub struct PillarSpec {
     #[serde(default = "white")]
     pub reflectivity: f64,
     /// Height above the floor, metres, more than 0; to the ceiling if not given. Sensors at this
-    /// height or higher see over it.
+    /// height or higher do not see it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.000_001))]
     pub height_m: Option<f64>,
-    /// Is missing on the floor plan for robots.
+    /// Whether the object is missing on the floor plan for robots.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub unmapped: bool,
 }
@@ -206,16 +206,16 @@ pub struct MovingSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum RepeatSpec {
-    /// It stops there.
+    /// It stops.
     #[default]
     Once,
-    /// It begins again; the path ends where it begins.
+    /// It starts again; the path must end at its first point.
     Loop,
     /// It turns back.
     PingPong,
 }
 
-/// A push of the robot: the body moves, the wheels do not turn.
+/// A push of the robot: the body moves, but the wheels do not turn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PushSpec {

@@ -18,18 +18,20 @@ pub struct AvrBaseSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<String>")]
     pub profile: Option<toml::Spanned<String>>,
-    /// Time since its tasks last ran together, before the run, up to 200.8 ms; random if not given.
+    /// Time between the last common start of the base's tasks and the start of the run, up to 200.8
+    /// ms; random if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub phase: Option<Span>,
-    /// Has a thermometer on each side, and rescue kits; only with the firmware `document`. The
-    /// robot then searches for victims as well.
+    /// Whether the base has a thermometer on each side, and rescue kits; only with the firmware
+    /// `document`. The robot then also searches for victims.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub heat: bool,
-    /// Has a gyroscope; the robot uses its integral as heading. Only with the firmware `document`.
+    /// Whether the base has a gyroscope; the robot uses the integral of its turn rate as heading.
+    /// Only with the firmware `document`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub imu: bool,
-    /// Reports its stop button to the robot immediately; the fault `stop-button` holds the button.
-    /// Only with the firmware `document`.
+    /// Whether the base reports its stop button to the robot immediately; the fault `stop-button`
+    /// holds the button. Only with the firmware `document`.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub announce: bool,
 }

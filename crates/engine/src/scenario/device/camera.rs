@@ -26,7 +26,8 @@ pub struct CameraSpec {
     /// know it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mount: Option<MountSpec>,
-    /// Height above the floor, metres, 0 to 5; 0.34 if not given. It does not see lower objects.
+    /// Height above the floor, metres, 0 to 5; 0.34 if not given. The camera does not see lower
+    /// objects.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 5.0))]
     pub height_m: Option<f64>,
@@ -50,7 +51,7 @@ pub struct CameraSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 1.0))]
     pub gaps: Option<f64>,
-    /// Sends scans, ranges at even bearings, instead of rows of depths.
+    /// Whether the camera sends scans, i.e. ranges at even bearings, instead of rows of depths.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub scans: bool,
     /// The run's seed shuffles the numbers of the markers.

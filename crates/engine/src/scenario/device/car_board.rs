@@ -24,7 +24,7 @@ pub struct CarBoardSpec {
     /// Silence of the host after which the motor stops; never, as fielded, if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dead_man: Option<Span>,
-    /// Clamps a command outside its range, instead of ignoring it.
+    /// Whether the board clamps a command outside its range, instead of ignoring it.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub clamps: bool,
     /// Voltage of the battery at the start, 6 to 10; 8 if not given. Below 6.8 V the board is off.

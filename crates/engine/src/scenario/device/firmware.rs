@@ -31,29 +31,29 @@ pub(super) const FIRMWARE: &dyn DeviceKind = &FirmwareKind;
 
 struct FirmwareKind;
 
-/// A device that its own firmware plays, on a simulated board.
+/// A device whose firmware runs on a simulated board.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FirmwareSpec {
-    /// The firmware: the ELF file that the linker wrote, from the scenario's folder on.
+    /// The firmware: an ELF file, relative to the scenario's folder.
     pub elf: PathBuf,
-    /// Its board: `arduino-uno`, `arduino-mega`, `leonardo`, `mighty-1284p`, or a file that ends
-    /// with `.toml`, from the scenario's folder on.
+    /// The board: `arduino-uno`, `arduino-mega`, `leonardo`, `mighty-1284p`, or a file that ends
+    /// with `.toml`, relative to the scenario's folder.
     pub board: String,
-    /// UARTs of the board that are ports of the device, the first one is its link; the board's
-    /// first UART if not given. What the others send is shown in the log.
+    /// UARTs of the board that are ports of the device; the board's first UART if not given. The
+    /// first one is the device's link. Bytes of other UARTs go to the log.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub ports: Vec<String>,
     /// Rate of its lines until the firmware sets one, bit/s, 300 to 4000000; 115200 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 300, max = 4_000_000))]
     pub rate: Option<u32>,
-    /// Pins that the rig drives, by their names: millivolts at an analog pin; at another one the
-    /// level, high unless the value is 0.
+    /// Pins that the rig drives, by their names. The value of an analog pin is in millivolts. Any
+    /// other pin is high unless the value is 0.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub inputs: BTreeMap<String, SourceSpec>,
-    /// Pins whose level or duty, 0 to 1, is shown, and the width of whose last pulse, microseconds,
-    /// as `PIN_us`.
+    /// Pins whose level or duty the rig shows, 0 to 1. `PIN_us` is the width of the pin's last
+    /// pulse, microseconds.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outputs: Vec<String>,
     /// Actuators of the robot's chassis that follow a pin of `outputs`, or its `PIN_us`.
@@ -65,33 +65,33 @@ pub struct FirmwareSpec {
     /// Encoders of wheels.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub encoders: BTreeMap<String, ContactsSpec>,
-    /// Delay of all that the board puts out, microseconds, 10 to 10000; 200 if not given. A longer
-    /// one is faster.
+    /// Delay of all outputs of the board, microseconds, 10 to 10000; 200 if not given. A longer
+    /// delay makes the run faster.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 10.0, max = 10_000.0))]
     pub slice_us: Option<f64>,
-    /// Folder from which `elf` and `board` are named, from the scenario's folder on. Saved cases
-    /// have it.
+    /// Folder of the paths in `elf` and `board`, relative to the scenario's folder. Saved cases
+    /// include it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
 }
 
-/// A motor driver with a pin for its power and two for its direction. Its value is -1 to 1.
+/// A motor driver with one pin for its power and two for its direction. Its value is -1 to 1.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BridgeSpec {
     /// Pin whose duty is the power.
     pub power: String,
-    /// Pin that is high to go ahead.
+    /// Pin that is high for forward motion.
     pub forward: String,
-    /// Pin that is high to go back.
+    /// Pin that is high for backward motion.
     pub backward: String,
     /// Actuator of the robot's chassis that it drives.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drives: Option<DrivesSpec>,
 }
 
-/// An encoder with two contacts: while its count rises, A goes ahead of B.
+/// An encoder with two contacts: while its count rises, contact A switches before B.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactsSpec {
@@ -99,7 +99,7 @@ pub struct ContactsSpec {
     pub a: String,
     /// Pin of contact B.
     pub b: String,
-    /// What it counts, one for each edge.
+    /// Source of the count; each edge counts one.
     pub count: SourceSpec,
 }
 

@@ -36,8 +36,8 @@ pub struct Hc06Spec {
     /// 0.5 s if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silence: Option<Span>,
-    /// Time from the PC opening its port to the first byte passing; the firmware's own if not
-    /// given.
+    /// Time from the opening of the PC's port to the first byte that passes; the firmware's own if
+    /// not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub connect_delay: Option<Span>,
 }

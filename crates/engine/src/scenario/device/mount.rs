@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::BuildContext;
 use crate::scenario::ScenarioError;
 
-/// Where a sensor sits on the robot, in the robot's own axes.
+/// Pose of a sensor on the robot, in the robot's own axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct MountSpec {

@@ -14,11 +14,11 @@ use crate::scenario::ScenarioError;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Mpu6050Spec {
-    /// Turn rates about x, y and z that it shows at rest, degrees a second, -20 to 20; a guess if
-    /// not given.
+    /// Measured turn rates about x, y and z at rest, degrees per second, -20 to 20; a guess if not
+    /// given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gyro_bias_dps: Option<[f64; 3]>,
-    /// Standard deviation of a turn rate, degrees a second, 0 to 10; 0.05 if not given.
+    /// Standard deviation of a turn rate, degrees per second, 0 to 10; 0.05 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 10.0))]
     pub gyro_noise_dps: Option<f64>,

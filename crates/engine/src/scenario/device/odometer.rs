@@ -20,7 +20,7 @@ pub struct OdometerSpec {
     /// Format of its lines.
     #[serde(default)]
     pub program: LinesSpec,
-    /// A loop that takes too long delays the next one, instead of blocking it for 49 days.
+    /// Whether a loop that takes too long delays the next one, instead of blocking it for 49 days.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub survives_overrun: bool,
     /// Whether the sensor of the program `raw` has a magnetometer; the published sketch prints 0
@@ -30,7 +30,7 @@ pub struct OdometerSpec {
     /// Encoder of the chassis that it counts; `drive` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub encoder: Option<String>,
-    /// Bias of the gyroscope at rest, degrees a second, -20 to 20; a guess if not given.
+    /// Bias of the gyroscope at rest, degrees per second, -20 to 20; a guess if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = -20.0, max = 20.0))]
     pub gyro_bias_dps: Option<f64>,
@@ -40,10 +40,10 @@ pub struct OdometerSpec {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LinesSpec {
-    /// As the sketch of March 2016 printed them.
+    /// The lines of the sketch of March 2016.
     #[default]
     AsCoded,
-    /// As the report describes them.
+    /// The lines of the report.
     Seed,
     /// Whole numbers and a CRC.
     Fixed,

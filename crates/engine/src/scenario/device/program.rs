@@ -40,7 +40,7 @@ pub(super) const PROGRAM: &dyn DeviceKind = &ProgramKind;
 
 struct ProgramKind;
 
-/// A device that a program plays.
+/// A device that a program implements.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NodeProgramSpec {
@@ -50,7 +50,7 @@ pub struct NodeProgramSpec {
     /// Rate of its line, bit/s, 300 to 4000000; the description's if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate: Option<u32>,
-    /// Data bits, parity and stop bits of its line, e.g. `8N1`, which it is if not given.
+    /// Data bits, parity and stop bits of its line; `8N1` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<String>,
     /// Description of the device: a file that ends with `.toml`, relative to the scenario's folder,
@@ -58,8 +58,8 @@ pub struct NodeProgramSpec {
     /// used; the program defines the behaviour.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub description: Option<String>,
-    /// Maximum number of bytes in one message to the program, 1 to 64. More is faster, but all of
-    /// them arrive when the last one is complete; 1 if not given.
+    /// Maximum number of bytes in one message to the program, 1 to 64; 1 if not given. A larger
+    /// number is faster, but all bytes of a message arrive when the last one is complete.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 64))]
     pub piece: Option<u8>,
@@ -89,7 +89,7 @@ pub struct NodePortSpec {
     /// Rate of its line, bit/s, 300 to 4000000.
     #[schemars(range(min = 300, max = 4_000_000))]
     pub rate: u32,
-    /// Data bits, parity and stop bits of its line, e.g. `8N1`, which it is if not given.
+    /// Data bits, parity and stop bits of its line; `8N1` if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub format: Option<String>,
 }

@@ -13,7 +13,7 @@ use crate::scenario::{ScenarioError, Span};
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TouchPanelSpec {
-    /// When it is touched, and where.
+    /// Times and positions of touches.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tap: Vec<TapSpec>,
 }

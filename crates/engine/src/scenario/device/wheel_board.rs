@@ -29,8 +29,8 @@ pub struct WheelBoardSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.1, max = 10_000.0))]
     pub rpm_per_v: Option<f64>,
-    /// Greatest relative deviation of a motor from that, drawn once a run, 0 to 0.5; 0.05 if not
-    /// given.
+    /// Greatest relative deviation of a motor from `rpm_per_v`, drawn once per run, 0 to 0.5; 0.05
+    /// if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0, max = 0.5))]
     pub rpm_spread: Option<f64>,
@@ -57,12 +57,12 @@ pub struct WheelBoardSpec {
     /// clockwise from ahead, if none is given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub range_sensor: Vec<MountSpec>,
-    /// When the button is pressed.
+    /// Times at which the button is pressed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub press: Vec<PressSpec>,
 }
 
-/// A finger on a button.
+/// A press of the button.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PressSpec {

@@ -59,8 +59,8 @@ pub struct Xv11Spec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum DetailSpec {
-    /// As in a capture of a real unit: the speed within a turn, the reflectivity and roughness of
-    /// surfaces, the noise from turn to turn; firmware 2.1 has its own noise.
+    /// Variation of a captured real unit: the speed within a turn, the reflectivity and roughness
+    /// of surfaces, the noise from turn to turn. Firmware 2.1 has its own noise.
     Captured,
     /// No variation: all surfaces are equal.
     Even,
@@ -70,9 +70,9 @@ pub enum DetailSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TurnSpec {
-    /// As in all reports but one.
+    /// Direction of all reports except one.
     CounterClockwise,
-    /// As in that one report.
+    /// Direction of that one report.
     Clockwise,
 }
 

@@ -66,21 +66,21 @@ kinds! {
     Insert "insert" Line SERIAL ["rate", "byte", "value"],
     /// A byte or packet arrives twice.
     Duplicate "duplicate" Line PACKETS ["rate", "byte"],
-    /// Some bytes in a row are garbled.
+    /// Several bytes in a row are garbled.
     Burst "burst" Line SERIAL ["rate", "byte", "len", "value"],
-    /// The rest of the bytes sent without a pause is lost.
+    /// A byte and all bytes after it, up to the sender's next pause, are lost.
     Truncate "truncate" Line SERIAL ["rate", "byte", "len"],
-    /// Two neighbouring bytes or packets change places.
+    /// Two neighbouring bytes or packets are swapped.
     Swap "swap" | "reorder" Line PACKETS ["rate", "byte"],
     /// A byte arrives with wrong parity.
     ParityError "parity-error" Line SERIAL ["rate", "byte"],
-    /// The sender pauses in the middle.
+    /// The sender pauses before a byte.
     Idle "idle" Line SERIAL ["rate", "byte", "by"],
-    /// NUL is taken out.
+    /// NUL is removed.
     StripNul "strip-nul" Line SERIAL [],
     /// CR becomes LF.
     CrToLf "cr-to-lf" Line SERIAL [],
-    /// XON and XOFF are taken out.
+    /// XON and XOFF are removed.
     EatXonXoff "eat-xon-xoff" Line SERIAL [],
     /// The highest bit is cleared.
     ClearBit7 "clear-bit7" Line SERIAL [],
@@ -88,7 +88,7 @@ kinds! {
     Echo "echo" Line SERIAL [],
     /// Bytes are held back, then delivered all at once.
     Stall "stall" Line EVERY [],
-    /// The line is clogged now and then, by chance; each time a stall.
+    /// A stall at random times.
     Clog "clog" Line EVERY ["stream"],
     /// The receiver does not read; its FIFO overflows.
     Overrun "overrun" Line SERIAL ["fifo"],
@@ -98,7 +98,7 @@ kinds! {
     Latency "latency" Line PACKETS ["by"],
     /// Bytes arrive later at random, and delayed bytes arrive in a burst.
     Jitter "jitter" Line PACKETS ["by", "stream"],
-    /// Nothing gets through, without a sign: a half-open line.
+    /// All bytes are lost without notice: a half-open line.
     Cut "cut" Line EVERY [],
     /// The plug is pulled: all bytes are lost, the receiver gets an error, and a client's port
     /// hangs up, disappears and later returns.
@@ -113,19 +113,19 @@ kinds! {
     PowerDip "power-dip" Devices NONE [],
     /// The device has no supply.
     Off "off" Device NONE [],
-    /// The device has no supply now and then.
+    /// The device repeatedly has no supply.
     Intermittent "intermittent" Device NONE [],
     /// The device starts again.
     Restart "restart" Device NONE [],
-    /// Its measured values no longer change, or its moving part does not move.
+    /// Measured values of the device no longer change, or its moving part stands still.
     Stuck "stuck" Device NONE [],
-    /// It sends nonsense.
+    /// The device sends garbage.
     Garbage "garbage" Device NONE [],
-    /// It measures wrongly.
+    /// The device measures wrong values.
     Wrong "wrong" Device NONE ["factor"],
-    /// It works too slowly.
+    /// The device works too slowly.
     Slow "slow" Device NONE [],
-    /// All its bytes are sent late.
+    /// All bytes of the device are sent late.
     Delayed "delayed" Device NONE ["by"],
     /// A fault specific to this device.
     Device "device" Device NONE ["fault", "factor"],

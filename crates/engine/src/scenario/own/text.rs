@@ -54,7 +54,7 @@ pub struct TextSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<VariableSpec>")]
     pub variable: Vec<Spanned<VariableSpec>>,
-    /// Its requests; the first match is used.
+    /// Requests of the slave; the first match is used.
     #[schemars(with = "Vec<CommandSpec>")]
     pub command: Vec<Spanned<CommandSpec>>,
 }

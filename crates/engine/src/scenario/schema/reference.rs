@@ -10,17 +10,17 @@ use crate::scenario::FaultKind;
 const INTRODUCTION: &str = "\
 # The scenario file
 
-A scenario is a TOML file that says what is run: robot, world, mission, what goes wrong, what must
-come true. Its schema is closed: an unknown key is an error with file, line and key.
-`hilrig schema` prints it as JSON Schema for editors and generators; this page is
-`hilrig schema --markdown`.
+A scenario is a TOML file that describes a run: robot, world, mission, faults and expectations. An
+unknown key is an error that names file, line and key. `hilrig schema` prints the JSON Schema for
+editors and generators. This page is the output of `hilrig schema --markdown`.
 
-A time is a text of a number and its unit, one of `ns`, `us`, `ms`, `s`, `min`, `h`: `\"90s\"`, `\"1.5 s\"`,
-`\"200ms\"`; a week at most. Lengths are metres, angles degrees counter-clockwise, x points to the right
-of a map and y up. A default of `-` means that the key may be left out and nothing is set then.
+A time is a text with a number and a unit: `ns`, `us`, `ms`, `s`, `min` or `h`. Examples: `\"90s\"`, `\"1.5 s\"`,
+`\"200ms\"`; at most a week. Lengths are in metres, angles in degrees counter-clockwise; x points to the
+right of a map and y up. In the column \"default\", `needed` marks a required key. The default `-` marks
+an optional key without a default value.
 
-The examples run as they are with the first one's lines before `[mission]` above them and a
-`[world]` with a `start` below them, unless they have these.
+Each example runs after two additions, unless it contains these parts itself: before it, the lines of
+the first example up to `[mission]`; after it, a `[world]` with a `start`.
 ";
 
 /// Tables at the top; the others follow in alphabetical order.
@@ -221,8 +221,8 @@ impl<'a> Page<'a> {
 
     /// Effect and keys of each kind of fault.
     fn fault_kinds(&mut self) {
-        self.line("\nEach kind has keys of its own besides those of its place and of time:\n");
-        self.line("| `kind` | acts on | own keys | what happens |\n|---|---|---|---|");
+        self.line("\nEach kind has its own keys, in addition to the keys of its target and of its time:\n");
+        self.line("| `kind` | acts on | own keys | effect |\n|---|---|---|---|");
         for kind in FaultKind::ALL {
             let code = |words: &[&str]| {
                 let words = words.iter().map(|word| format!("`{word}`"));

@@ -5,7 +5,7 @@ use toml::Spanned;
 
 use crate::scenario::{ScenarioError, Source};
 
-/// A straight line on the floor for light sensors under a bumper; no obstacle.
+/// A straight line on the floor for light sensors under a bumper. It is not an obstacle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FloorLineSpec {
@@ -13,7 +13,7 @@ pub struct FloorLineSpec {
     pub from_m: [f64; 2],
     /// The other end, metres.
     pub to_m: [f64; 2],
-    /// Its width, metres, 0.001 to 1; that of a strip of tape if not given.
+    /// Its width, metres, 0.001 to 1; the width of a strip of tape if not given.
     #[serde(default = "tape")]
     #[schemars(range(min = 0.001, max = 1.0))]
     pub width_m: f64,
