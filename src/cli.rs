@@ -81,8 +81,8 @@ use engine::workers;
 )]
 #[command(
     after_help = "Exit codes: 0 all expectations hold, 1 some fail, 2 usage or set-up, \
-    3 some fail while the rig was too late to tell why, 129, 130 or 143 a run or a campaign ended \
-    by SIGHUP, SIGINT or SIGTERM."
+    3 some fail but are not judged, because the rig was late, 129, 130 or 143 a run or a campaign \
+    ended by SIGHUP, SIGINT or SIGTERM."
 )]
 struct Cli {
     #[command(subcommand)]

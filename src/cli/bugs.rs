@@ -16,13 +16,13 @@ use crate::realtime::clock::{Clock, WallClock};
 /// virtual time. It prints the decisive bytes and figures of both.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
-    hilrig bugs                # number and symptom of each, by robot and place\n  \
-    hilrig bugs AV-02          # this one, live\n  \
-    hilrig bugs --all          # all of them, one line each, and how many show\n  \
+    hilrig bugs                # ID and symptom of each, by robot and component\n  \
+    hilrig bugs AV-02          # reproduce this defect\n  \
+    hilrig bugs --all          # reproduce all, one line each\n  \
     hilrig bugs PU-01 --json\n\n\
-    Exit code 1: a defect did not show, or the sound variant has it too.")]
+    Exit code 1: a defect did not occur, or it also occurred in the sound variant.")]
 pub(super) struct Bugs {
-    /// Numbers of defects to reproduce [default: list them]
+    /// IDs of defects to reproduce [default: list all]
     #[arg(value_name = "ID")]
     ids: Vec<String>,
     /// Reproduce all reproducible defects, one line each

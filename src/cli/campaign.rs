@@ -64,17 +64,18 @@ pub(super) struct CampaignArgs {
     /// program in virtual time (--exec CMD --virtual); all does not include it
     #[arg(long, value_name = "WHAT")]
     vary: Option<Vary>,
-    /// Faults to draw and what to expect: gentle, field, harsh, or a TOML file [default: gentle]
+    /// Fault profile, i.e. faults and expectations: gentle, field, harsh, or a TOML file [default:
+    /// gentle]
     #[arg(long, value_name = "NAME|FILE")]
     profile: Option<String>,
-    /// Print a built-in profile, to be changed and given to --profile
+    /// Print a built-in profile as a start for your own one, see --profile
     #[arg(long, value_name = "NAME", conflicts_with_all = ["scenarios", "profile", "mutants"],
         value_parser = Profile::names().collect::<Vec<_>>())]
     print_profile: Option<String>,
-    /// Switch on the planted defects of the robots one by one, and print the share found
+    /// Enable the planted defects of the robots one by one, and print the share that is found
     #[arg(long, conflicts_with_all = ["shard", "exec", "against", "all_situations"])]
     mutants: bool,
-    /// With --mutants: only this defect, by its number in "hilrig bugs"; may be repeated
+    /// With --mutants: only this defect, by its ID in "hilrig bugs"; may be repeated
     #[arg(long = "defect", value_name = "ID", requires = "mutants")]
     defects: Vec<String>,
     /// Run only every N-th run, starting at number I; auto: take I from the queue's environment

@@ -56,12 +56,12 @@ enum Command {
     hilrig run case.toml\n\n\
     Rules for --expect:\n  \
     no-crash, no-hang            always expected\n  \
-    talks, talks=LINK            sends to the end on all links where it talked, or on LINK\n  \
+    talks, talks=LINK            sends until the end, on each link on which it sent, or on LINK\n  \
     exits=CODE                   ends by itself with this exit code\n  \
-    prints=TEXT, never-prints=TEXT   a printed line has TEXT, or none has\n  \
+    prints=TEXT, never-prints=TEXT   a printed line contains TEXT, or none does\n  \
     sends=[LINK:]HEX, never-sends=[LINK:]HEX   bytes that it sends, or never sends\n  \
-    ignores-damage               sends the same, as soon, as without the damaged frames\n  \
-    recovers=TIME                no pause longer than TIME in what it sends")]
+    ignores-damage               sends the same, equally early, as without the damaged frames\n  \
+    recovers=TIME                never pauses its sending for longer than TIME")]
 struct From {
     /// Capture to take the bytes from
     #[arg(value_name = "FILE")]
@@ -274,8 +274,8 @@ fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
 
 fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, Source), CliError> {
     let case = Case::of_decoders(stem, recorded)?.ok_or_else(|| {
-        let error = "goes one way only and has no frame of any known protocol: expected both ways, \
-                     or frames";
+        let error = "contains one direction only and no frame of a known protocol; expected both \
+                     directions, or frames";
         CliError::content(&args.file, error)
     })?;
     Ok((case, no_source(&args.out)))
@@ -293,14 +293,14 @@ fn say_what_is_expected(args: &From, case: &Case, failed: Option<Vec<&str>>) {
     if case.play == Some(Play::Devices) {
         println!("  the devices of the scenario answer, and each check of the run passes");
         if let Some(failed) = failed {
-            println!("  in the captured run failed: {}", failed.join(", "));
+            println!("  failed in the captured run: {}", failed.join(", "));
         }
     }
     if case.is_foreign {
-        println!("  the program lives and reads its ports to the end");
+        println!("  the program does not crash and reads its ports to the end");
     }
     for link in &case.expect.talks {
-        println!("  the program talks on {link} to the end");
+        println!("  the program sends on {link} to the end");
     }
     for rule in &case.expect.never {
         println!("  never again: {rule}");
@@ -319,7 +319,7 @@ fn say_what_is_expected(args: &From, case: &Case, failed: Option<Vec<&str>>) {
     let has_rules = !args.expect.is_empty() || args.sound.is_some();
     if case.play == Some(Play::Conversation) && !has_rules {
         println!(
-            "  no more than that: what is right, --expect RULE or --sound CMD says, \
+            "  nothing else: define the right behaviour with --expect RULE or --sound CMD, \
              e.g. --expect prints=TEXT"
         );
     }

@@ -50,7 +50,7 @@ struct ExecHow {
     /// Ports that the program must open [default: all but the optional ones]
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', requires = "exec")]
     exec_needs: Vec<String>,
-    /// In real time, no modem lines on its ports: for a program that traces others (gdb, strace,
+    /// Provide no modem lines in real time: for a program that traces other programs (gdb, strace,
     /// LeakSanitizer) or needs more rights (sudo)
     #[arg(long, requires = "exec", conflicts_with = "is_virtual")]
     exec_no_lines: bool,
@@ -229,7 +229,7 @@ const LINES: usize = 20;
 /// Prints the last lines of a program's output.
 pub(super) fn print(seen: &ProgramEnd, passed: bool, is_doubtful: bool, log: &Path) {
     if is_doubtful {
-        eprintln!("  the rig itself was late, so the program may not be to blame");
+        eprintln!("  the rig itself was late, which may be the cause of the failure");
     }
     if !passed {
         show_words("the program", &seen.said, log);

@@ -19,7 +19,7 @@ use safefs::Dir;
 /// figure, table and measured statement of the three reports by a band: reproduced, or differs.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
-    hilrig experiment                      # which there are\n  \
+    hilrig experiment                      # list all\n  \
     hilrig experiment push                 # figure 8 of the report, 20 seeds\n  \
     hilrig experiment mazes --out mazes    # 100 mazes; mazes/mazes.csv and mazes/mazes.svg\n  \
     hilrig experiment mazes --seeds 500..520 # other mazes, on which nothing was tuned\n  \
@@ -29,7 +29,7 @@ use safefs::Dir;
 pub(super) struct ExperimentArgs {
     /// Name of the experiment [default: list them]
     name: Option<String>,
-    /// Judges all figures, tables and measured statements of the reports: a plot for each, and one
+    /// Judge all figures, tables and measured statements of the reports: a plot for each, and one
     /// page. Exit code 1 if a row that must be reproduced differs
     #[arg(long, conflicts_with = "name")]
     all: bool,
@@ -42,8 +42,8 @@ pub(super) struct ExperimentArgs {
         conflicts_with = "name"
     )]
     rows: Vec<String>,
-    /// Measures each row with its planted change of the model. Exit code 1 if the verdict of a row
-    /// stays that is not open
+    /// Measure each row with a model that is wrong on purpose. Exit code 1 if the verdict of a row
+    /// does not change, except for open rows
     #[arg(long, requires = "all", conflicts_with = "name")]
     planted: bool,
     /// Seeds A up to B, or a number of the experiment's own seeds [default: all of its own; with

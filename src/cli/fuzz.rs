@@ -34,7 +34,7 @@ use crate::show::folder::factor;
     hilrig fuzz --for 60s                        # every target in turn\n  \
     hilrig fuzz pcui avr-low-first --cases 1000000\n  \
     hilrig fuzz rescue base --for 5min           # the robot's program, and its base\n  \
-    hilrig fuzz --defect MA-05 --cases 5000      # does it find a known one?\n  \
+    hilrig fuzz --defect MA-05 --cases 5000      # does it find a known defect?\n  \
     hilrig fuzz --scenario scenarios/empty-room.toml --for 10min --out night\n  \
     hilrig fuzz --scenario my.toml --link base   # the wire format of that link\n  \
     hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n  \
@@ -60,7 +60,7 @@ pub(super) struct FuzzArgs {
         requires = "scenario"
     )]
     vary: Vary,
-    /// Faults to draw and what to expect: gentle, field, harsh, or a TOML file
+    /// Fault profile, i.e. faults and expectations: gentle, field, harsh, or a TOML file
     #[arg(
         long,
         value_name = "NAME|FILE",
@@ -68,7 +68,7 @@ pub(super) struct FuzzArgs {
         requires = "scenario"
     )]
     profile: String,
-    /// Enable a defect of the fielded programs, by its number in "hilrig bugs"; may be repeated
+    /// Enable a defect of the fielded programs, by its ID in "hilrig bugs"; may be repeated
     #[arg(long = "defect", value_name = "ID", conflicts_with = "scenario")]
     defects: Vec<String>,
     /// Stop after this time, for all targets together [default: 60s, none with --cases]
@@ -90,8 +90,8 @@ pub(super) struct FuzzArgs {
     /// Run one finding, a file or its folder, instead of searching
     #[arg(long, value_name = "FILE")]
     repeat: Option<PathBuf>,
-    /// Write the C file for coverage-guided search to be linked into your program, and end;
-    /// comments in the file explain its use
+    /// Write a C file to link into your program for coverage-guided search, and end; comments in the
+    /// file explain its use
     #[arg(long, value_name = "FILE", exclusive = true)]
     coverage_runtime: Option<PathBuf>,
     /// Folder of the results; an existing search there is continued

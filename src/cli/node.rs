@@ -9,7 +9,7 @@ use super::{CliError, Verdict, out};
 use crate::run::check::{Check, Status};
 use crate::scenario::Scenario;
 
-/// Work with node programs: processes that play a device or the program under test.
+/// Work with node programs: processes that implement a device or the program under test.
 #[derive(Debug, Args)]
 pub(super) struct NodeArgs {
     #[command(subcommand)]
@@ -23,9 +23,9 @@ enum NodeCommand {
 
 /// Test whether a program keeps the contract of node programs.
 ///
-/// The command starts the program several times and plays the rig: greeting, a version that the
-/// program cannot know, bytes and line events, requests that come in pieces, faults, saved state,
-/// the end. Each line is one part of the contract. docs/nodes.md is the contract.
+/// The command starts the program several times and acts as the rig. It sends the greeting, an
+/// unknown version, bytes and line events, requests in pieces, faults, requests to save and load,
+/// and the end. Each printed line is the result for one part of the contract, see docs/nodes.md.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig node check 'python3 scale.py'\n  \
@@ -36,7 +36,7 @@ struct CheckArgs {
     /// Shell command that starts the program, or a scenario with it
     #[arg(value_name = "CMD|SCENARIO")]
     command: String,
-    /// The scenario's device that the program plays [default: the only one]
+    /// The scenario's device that the program implements [default: the only one]
     #[arg(long, value_name = "NAME")]
     device: Option<String>,
     /// Port of the program, with its rate and coding; may be given several times

@@ -278,16 +278,16 @@ fn check(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError>
     let is_exec = args.program.exec.is_some();
     let wrong = match () {
         () if args.show.is_wanted() && !args.realtime && !is_exec => {
-            "--ui: expected --realtime or --exec beside it; \"hilrig ui\" runs at any speed"
+            "--ui: needs --realtime or --exec; \"hilrig ui\" runs at any speed"
         }
         () if args.ends.is_given() && !is_exec => {
-            "--dut-at, --device-at: expected --exec beside it, or \"hilrig up\""
+            "--dut-at, --device-at: needs --exec; or use \"hilrig up\""
         }
         () if args.show.is_wanted() && args.program.is_virtual() => {
-            "--ui: expected no --virtual beside it: a page cannot follow at that speed"
+            "--ui: not possible with --virtual, because a page cannot follow at that speed"
         }
         () if args.ends.is_given() && args.program.is_virtual() => {
-            "--dut-at, --device-at: expected no --virtual: what is on a real port keeps real time"
+            "--dut-at, --device-at: not possible with --virtual, because a real port is in real time"
         }
         () => return Ok(()),
     };
@@ -319,7 +319,7 @@ fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), 
     }
     if let Some(second) = given.next() {
         return Err(CliError::Usage(format!(
-            "{second}: {first} is given too, expected one program under test; leave one out"
+            "{second}: {first} is given too, expected one program under test; remove one of them"
         )));
     }
     let mut cases = files
@@ -327,8 +327,7 @@ fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), 
         .filter(|(_, file)| matches!(file, Runnable::Case(_)));
     match cases.next() {
         Some((path, _)) if first != "--exec" => Err(CliError::Usage(format!(
-            "{first}: {} is a case of bytes, which is played to a program of --exec only; expected \
-             a scenario",
+            "{first}: {} is a case of bytes, which needs a program of --exec; expected a scenario",
             path.display()
         ))),
         _ => Ok(()),
@@ -346,14 +345,14 @@ fn check_folders(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), C
                 if let Some(first) = first {
                     let (name, first, path) = (&scenario.0.name, first.display(), path.display());
                     return Err(CliError::Usage(format!(
-                        "{first} and {path} are both \"{name}\" with seed {seed}: the result of one \
-                         would take the place of the other's"
+                        "{first} and {path} are both \"{name}\" with seed {seed} and would write the \
+                         same result folder; change one of the names, or run one file at a time"
                     )));
                 }
             }
             Runnable::Case(_) if args.out.is_some() && args.program.exec.is_none() => {
                 let path = path.display();
-                eprintln!("{path}: a case of bytes leaves no folder, so --out is not used for it");
+                eprintln!("{path}: a case of bytes writes no result folder, so --out is ignored");
             }
             Runnable::Case(_) => {}
         }

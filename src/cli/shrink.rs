@@ -75,7 +75,7 @@ pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         }
         Some("pcapng") => shrink_capture(args),
         _ if args.scenario.is_some() => {
-            let error = "--scenario: expected a capture (.pcapng), a case says it itself";
+            let error = "--scenario: expected a capture (.pcapng); a case contains its scenario";
             Err(CliError::Usage(error.to_owned()))
         }
         _ => shrink_file(args),

@@ -40,8 +40,8 @@ use page::{Page, PageArgs};
     hilrig slam hilrig-out/rescue-flat-1 --cell-mm 10     # the capture of a run\n  \
     hilrig slam field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig slam rosbag2_2026_11_23     # the folder, or one .mcap or .db3 file\n  \
-    hilrig slam intel.log --ui=8080    # watched on a page while it is mapped\n\n\
-    Leaves map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json in the folder; mode\n\
+    hilrig slam intel.log --ui=8080    # a page shows the map while it grows\n\n\
+    Writes map.png, map.pgm + map.yaml (ROS), trajectory.tum and timing.json to the folder; mode\n\
     graph also scans.csv (how sure each pose is, and its part of the map), graph.g2o and walls.pcd.\n\
     With --map the map is not changed: trajectory.tum, scans.csv, timing.json, and map.png with\n\
     walls and way.")]
@@ -52,7 +52,7 @@ pub(super) struct SlamArgs {
     /// Scenario of the robot in a capture [default: the one in the capture]
     #[arg(long, value_name = "FILE")]
     scenario: Option<PathBuf>,
-    /// Which mapper [default: core for a capture or a result folder, graph for any other log]
+    /// Mapper [default: core for a capture or a result folder, graph for any other log]
     #[arg(long, value_enum)]
     mode: Option<ModeArg>,
     /// Only localise, on an existing map: a folder written by slam (its walls.pcd), a .pcd file in

@@ -11,11 +11,11 @@ use super::port::PortPeer;
 use super::{CliError, Verdict, described, out};
 use crate::scenario::Span;
 
-/// Speak to a device in the words of its description.
+/// Send requests to a device, and print its replies by the names of its description.
 ///
 /// A request is a message with its fields, or for Modbus `read NAME` and `write NAME=VALUE`. The
-/// reply is printed in words with its latency. Without a request the command reads requests from
-/// standard input, one a line; `help` lists them.
+/// command prints the reply in words with its latency. Without a request the command reads requests
+/// from standard input, one per line; `help` lists them.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig talk /dev/ttyUSB0 --description meter.toml read voltage\n  \

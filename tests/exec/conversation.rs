@@ -201,7 +201,7 @@ fn the_case_of_a_client_that_fell_silent_is_red_until_it_goes_on() {
             let (code, said) = bench.hilrig(&[&from[..], &["--exec", &exec]].concat());
             assert_eq!(code, Some(0), "{said}");
             assert!(
-                said.contains("the program talks on meter to the end"),
+                said.contains("the program sends on meter to the end"),
                 "{said}"
             );
             assert!(said.contains("the case is red today"), "{said}");
@@ -284,7 +284,7 @@ fn the_case_of_a_parser_that_trusts_a_length_is_red_until_it_does_not() {
     let (code, said) = bench.hilrig(&[&from[..], &exec].concat());
     assert_eq!(code, Some(0), "{said}");
     assert!(
-        said.contains("in the captured run failed: violations"),
+        said.contains("failed in the captured run: violations"),
         "{said}"
     );
     let (code, said) = bench.tells("case.toml", "trusts", "checks", &[]);
@@ -378,7 +378,7 @@ fn what_is_right_is_said_by_rules_or_by_a_reference() {
         );
     }
     let said = from(&[], sound);
-    assert!(said.contains("no more than that"), "{said}");
+    assert!(said.contains("nothing else: define"), "{said}");
     let reference = format!("exec python3 client.py {sound}");
     let said = from(&["--sound", &reference], "0.2 0.05 volts,volts 3");
     assert!(said.contains("the case is red today"), "{said}");
