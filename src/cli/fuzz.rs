@@ -90,8 +90,8 @@ pub(super) struct FuzzArgs {
     /// Run one finding, a file or its folder, instead of searching
     #[arg(long, value_name = "FILE")]
     repeat: Option<PathBuf>,
-    /// Write a C file to link into your program for coverage-guided search, and end; comments in the
-    /// file explain its use
+    /// Write a C file to link into your program for coverage-guided search, and end; comments in
+    /// the file explain its use
     #[arg(long, value_name = "FILE", exclusive = true)]
     coverage_runtime: Option<PathBuf>,
     /// Folder of the results; an existing search there is continued
