@@ -1,5 +1,5 @@
-//! A USB adapter between a port and its client: it gathers what the line brings and hands it over
-//! when its timer expires or one of its packets is full, so a read ends anywhere in a frame.
+//! A USB adapter between a port and its client. It collects the bytes of the line and delivers them
+//! when its timer expires or a packet is full, so a read can end anywhere in a frame.
 
 use core::time::Duration;
 
@@ -13,18 +13,18 @@ use engine::scenario::AdapterSpec;
 #[derive(Debug)]
 pub(super) struct Adapter {
     period: Duration,
-    /// Bytes of a full packet.
+    /// Size of a full packet, bytes.
     packet: usize,
     expires_at: Instant,
     gathered: BytesMut,
 }
 
 impl Adapter {
-    /// The adapter of the link `name` at `now`; its timer's phase comes of `seed`. `None` if
-    /// there is none.
+    /// The adapter of the link `name` at `now`; `seed` sets the phase of its timer. `None` without
+    /// an adapter.
     pub(super) fn new(spec: AdapterSpec, name: &str, seed: u64, now: Instant) -> Option<Self> {
-        // The latency timer of 16 ms and 62 bytes beside two of status are FTDI's defaults; the
-        // others are a guess at USB full speed.
+        // FTDI's defaults are a latency timer of 16 ms and packets of 62 bytes beside two of
+        // status. The other figures are a guess at USB full speed.
         let (millis, packet) = match spec {
             AdapterSpec::Direct => return None,
             AdapterSpec::Ftdi => (16, 62),
@@ -42,12 +42,12 @@ impl Adapter {
         })
     }
 
-    /// When it hands over what it has.
+    /// Time of the next delivery.
     pub(super) const fn expires_at(&self) -> Instant {
         self.expires_at
     }
 
-    /// What it has, now, as one piece: its chip hands a damaged character over at once.
+    /// Delivers its bytes now, as one piece: the chip delivers a damaged character at once.
     pub(super) fn pass_all(&mut self, now: Instant) -> Vec<Bytes> {
         let mut pieces = self.pass(now, &[]);
         if !self.gathered.is_empty() {
@@ -56,7 +56,7 @@ impl Adapter {
         pieces
     }
 
-    /// Takes what the line brought; what the client gets at `now`, each as one piece.
+    /// Takes bytes of the line; returns the pieces that the client gets at `now`.
     pub(super) fn pass(&mut self, now: Instant, bytes: &[u8]) -> Vec<Bytes> {
         self.gathered.extend_from_slice(bytes);
         let mut pieces = Vec::new();
@@ -79,7 +79,7 @@ impl Adapter {
 mod tests {
     use super::*;
 
-    /// At 115,200 baud 16 ms bring 184 bytes: two packets of 62 and a rest of 60.
+    /// At 115,200 baud, 16 ms are 184 bytes: two packets of 62 and a rest of 60.
     #[test]
     fn ftdi_hands_over_full_packets_and_the_rest_when_its_timer_expires() {
         let adapter = Adapter::new(AdapterSpec::Ftdi, "lidar", 1, Instant::ZERO);

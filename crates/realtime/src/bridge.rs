@@ -1,5 +1,5 @@
-//! A line of the rig between two ports that are not the rig's: with its byte times, its latency and
-//! its faults, and no device.
+//! A line between two ports outside of the rig: with its byte times, latency and faults, and
+//! without a device.
 //!
 //! ```text
 //!   one port <--> outside end | line | outside end <--> another port
@@ -18,7 +18,7 @@ use engine::robots::OpenEnd;
 use engine::run::agenda::Agenda;
 use engine::scenario::{FaultSpec, Flaw};
 
-/// Lines between ports, and what goes wrong on them.
+/// Lines between ports, and their faults.
 pub struct Bridge {
     rig: Rig,
     agenda: Agenda,
@@ -27,7 +27,7 @@ pub struct Bridge {
 }
 
 impl Bridge {
-    /// No line yet; `seed` chooses the dice of the faults.
+    /// A bridge without lines; `seed` selects the random numbers of the faults.
     pub fn new(seed: u64) -> Self {
         let nothing = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("nothing overlaps");
         let body = BodyConfig::default().ideal();
@@ -40,7 +40,7 @@ impl Bridge {
         }
     }
 
-    /// Adds a link that has the name of the first of `names`: what that end sends is on its way to
+    /// Adds a link with the name of the first of `names`. Bytes of this end have the direction to
     /// the master.
     pub fn connect(
         &mut self,
@@ -69,10 +69,10 @@ impl Bridge {
         ends
     }
 
-    /// Lets `fault` happen; times count from the start.
+    /// Adds `fault`; its times count from the start.
     ///
     /// # Errors
-    /// If it makes no sense on these lines.
+    /// If the fault is impossible on these lines.
     pub fn add_fault(&mut self, fault: &FaultSpec) -> Result<(), Flaw> {
         if fault.when.is_some() {
             let message = "waits for a robot or a device, which a link between two ports does not \
@@ -86,7 +86,7 @@ impl Bridge {
         Ok(())
     }
 
-    /// What passed each line: the names of its ends, and how much.
+    /// Traffic of each line: the names of its ends, and the number of bytes.
     pub fn lines(&self) -> impl Iterator<Item = ([&str; 2], Traffic)> {
         let ways = [Direction::ToMaster, Direction::ToDevice];
         let lines = self

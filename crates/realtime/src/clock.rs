@@ -1,8 +1,8 @@
-//! Time for a runner: the wall clock, or one that jumps.
+//! Clocks of a runner: the wall clock, and a clock that jumps.
 //!
-//! Everything below a runner takes time as an argument. This module holds the only reader of an
-//! operating-system clock and the only place that waits, so that whatever is built on a [`Clock`]
-//! can also be run, and tested, without waiting.
+//! All code below a runner gets time as an argument. Only this module reads a clock of the
+//! operating system, and only this module waits. Code on top of a [`Clock`] can therefore be run
+//! and tested without waiting.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -11,15 +11,16 @@ use std::time;
 
 use protocols::Instant;
 
-/// Tells the time since the run began, and waits.
+/// Measures the time since the run began, and waits.
 ///
 /// Time never runs backwards. `sleep_until` returns at once if the deadline has passed; it may
 /// return late, never early.
 pub trait Clock {
-    /// The time now.
+    /// Current time.
     fn now(&self) -> Instant;
 
-    /// Time stands for the last `by`, as if it had not passed; whether this clock can do that.
+    /// Stops time for the last `by`, as if it had not passed. Returns whether this clock can do
+    /// that.
     fn slip(&self, by: Duration) -> bool {
         let _ = by;
         false
@@ -29,7 +30,7 @@ pub trait Clock {
     fn sleep_until(&self, deadline: Instant);
 }
 
-/// The operating system's monotonic clock, zero when it was made.
+/// The operating system's monotonic clock, which is zero at its creation.
 #[derive(Clone, Copy, Debug)]
 pub struct WallClock {
     start: time::Instant,
@@ -37,13 +38,13 @@ pub struct WallClock {
 }
 
 impl WallClock {
-    /// A clock that begins now and sleeps to the deadline: some 80 us late on Linux, and idle.
+    /// A clock that begins now and sleeps to a deadline: some 80 us late on Linux, without load.
     pub fn start() -> Self {
         Self::spinning(Duration::ZERO)
     }
 
-    /// A clock that spins through the last `spin` before a deadline: within a microsecond mostly,
-    /// for the price of a busy core. 150 us cover the usual lateness of a sleep.
+    /// A clock that spins during the last `spin` before a deadline: mostly exact to a microsecond,
+    /// but it keeps a core busy. 150 us cover the usual lateness of a sleep.
     #[expect(
         clippy::disallowed_methods,
         reason = "the one reader of an operating-system clock"
@@ -76,8 +77,8 @@ impl Clock for WallClock {
     }
 }
 
-/// Wakes this thread when it asked for it, not up to 50 us later; where the system cannot, it is as
-/// late as usual.
+/// Wakes this thread at the requested time instead of up to 50 us later, where the system supports
+/// this.
 #[cfg(target_os = "linux")]
 pub(super) fn be_prompt() {
     let _ = rustix::thread::set_current_timer_slack(core::num::NonZeroU64::new(1));
@@ -95,7 +96,7 @@ pub(super) fn be_usual() {
 #[cfg(not(target_os = "linux"))]
 pub(super) const fn be_usual() {}
 
-/// The time of the world now: nanoseconds since 1970, UTC. Zero if the system's calendar is wrong.
+/// Current calendar time: nanoseconds since 1970, UTC. Zero if the system's calendar is wrong.
 #[expect(
     clippy::disallowed_methods,
     reason = "the one reader of the system's calendar"
@@ -105,14 +106,14 @@ pub fn utc() -> Instant {
     Instant::ZERO + since_1970.unwrap_or_default()
 }
 
-/// A clock that stands still until its owner sleeps, then jumps to the end of that sleep.
+/// A clock that stands until its owner sleeps, then jumps to the end of the sleep.
 #[derive(Clone, Debug, Default)]
 pub struct SimClock {
     now: Cell<Instant>,
 }
 
 impl SimClock {
-    /// Lets time pass, as a busy processor would.
+    /// Advances time, like a busy processor.
     pub fn advance(&self, by: Duration) {
         self.now.set(self.now.get() + by);
     }
@@ -128,8 +129,8 @@ impl Clock for SimClock {
     }
 }
 
-/// Processor time that the calling thread has used so far; `None` where the system does not tell.
-/// For figures beside a result, never for a verdict.
+/// Processor time of the calling thread so far; `None` if the system does not provide it. For
+/// information beside a result, never for a verdict.
 pub fn thread_cpu_time() -> Option<Duration> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     let nanos = text.split_ascii_whitespace().next()?.parse().ok()?;

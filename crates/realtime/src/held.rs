@@ -1,4 +1,4 @@
-//! A clock that can be held: rig time that stands, continues, steps, and goes slower or faster.
+//! A clock that can be stopped: rig time pauses, continues, steps, and runs slower or faster.
 
 use core::cell::Cell;
 use core::time::Duration;
@@ -7,28 +7,28 @@ use protocols::Instant;
 
 use super::clock::{Clock, WallClock};
 
-/// Slowest and fastest that rig time may go while ports are open, seconds per second. Beyond the
-/// fastest the rig would not keep up with what it has to carry.
+/// Minimum and maximum speed of rig time while ports are open, seconds per second. A rig at a
+/// higher speed could not transfer its bytes in time.
 pub(crate) const SPEEDS: [f64; 2] = [0.01, 4.0];
-/// Longest step.
+/// Maximum step.
 pub(crate) const STEP_MAX: Duration = Duration::from_secs(600);
 
-/// A wall clock that stands at a moment until it is let go, and can be held again: the rig waits
-/// there, its devices at work, its ports open. What clients send meanwhile waits at their ports.
+/// A wall clock that stands until it is released, and can be stopped again. While it stands, the
+/// rig waits with its devices and with open ports. Bytes that clients send wait at their ports.
 #[derive(Debug)]
 pub struct Held {
     wall: WallClock,
-    /// A pair of moments that belong together: of the wall clock, of the rig.
+    /// Two corresponding times: of the wall clock, of the rig.
     anchor: Cell<[Instant; 2]>,
     goes: Cell<bool>,
     has_begun: Cell<bool>,
     speed: Cell<f64>,
-    /// Where a step ends.
+    /// End of the current step.
     stops_at: Cell<Option<Instant>>,
 }
 
 impl Held {
-    /// Stands at `moment`.
+    /// A clock that stands at `moment`.
     pub fn at(moment: Instant) -> Self {
         Self {
             wall: WallClock::start(),
@@ -40,12 +40,12 @@ impl Held {
         }
     }
 
-    /// Wall time since it was made, standing or not.
+    /// Wall time since its creation, also while it stands.
     pub fn waited(&self) -> Duration {
         self.wall.now() - Instant::ZERO
     }
 
-    /// From now on it goes.
+    /// Starts the clock.
     pub fn let_go(&self) {
         self.set_anchor();
         self.goes.set(true);
@@ -53,13 +53,13 @@ impl Held {
         self.stops_at.set(None);
     }
 
-    /// From now on it stands.
+    /// Stops the clock.
     pub fn hold(&self) {
         self.set_anchor();
         self.goes.set(false);
     }
 
-    /// Goes on for `by` and then stands; where that is.
+    /// Runs for `by` and then stops; returns the time of the stop.
     pub fn step(&self, by: Duration) -> Instant {
         let end = self.now() + by.min(STEP_MAX);
         self.let_go();
@@ -67,23 +67,23 @@ impl Held {
         end
     }
 
-    /// Goes at `speed`, seconds of the rig per second within `SPEEDS`, now or when it goes next.
+    /// Sets the speed, seconds of the rig per second within `SPEEDS`.
     pub fn set_speed(&self, speed: f64) {
         self.set_anchor();
         self.speed.set(speed.clamp(SPEEDS[0], SPEEDS[1]));
     }
 
-    /// Whether it was ever let go.
+    /// Whether the clock was ever started.
     pub const fn has_begun(&self) -> bool {
         self.has_begun.get()
     }
 
-    /// Whether it stands.
+    /// Whether the clock stands.
     pub fn stands(&self) -> bool {
         !self.goes.get() || self.stops_at.get().is_some_and(|end| self.now() >= end)
     }
 
-    /// Seconds of the rig per second, when it goes.
+    /// Seconds of the rig per second, while the clock runs.
     pub const fn speed(&self) -> f64 {
         self.speed.get()
     }
@@ -100,7 +100,7 @@ impl Clock for Held {
             return moment;
         }
         let (since, speed) = (self.wall.now() - wall, self.speed.get());
-        // The usual case, to the nanosecond.
+        // At real time, avoid the rounding of floating-point numbers.
         let is_real = (speed - 1.0).abs() < f64::EPSILON;
         let now = moment + if is_real { since } else { since.mul_f64(speed) };
         self.stops_at.get().map_or(now, |end| now.min(end))

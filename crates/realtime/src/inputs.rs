@@ -6,22 +6,22 @@ use engine::rig::Rig;
 /// A modem line towards the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Input {
-    /// Its name, and behind a port's name that of the link at whose end it is set.
+    /// Its name. With the port's name before it, the name of the link that sets it.
     pub(crate) name: &'static str,
     /// Its bit, as TIOCMGET has it.
     pub(crate) bit: u32,
-    /// Whether it is on where no device sets it.
+    /// Its level if no device sets it.
     pub(crate) is_usual: bool,
 }
 
-/// All of them, in the order in which drivers count their changes.
+/// All input lines, in the order in which drivers count their changes.
 pub(crate) const INPUTS: [Input; 4] = [
     input("cts", 0x020, true),
     input("dsr", 0x100, true),
     input("ri", 0x080, false),
     input("dcd", 0x040, true),
 ];
-/// The first of them.
+/// Bit of CTS.
 const CTS: u32 = INPUTS[0].bit;
 
 const fn input(name: &'static str, bit: u32, is_usual: bool) -> Input {
@@ -32,17 +32,17 @@ const fn input(name: &'static str, bit: u32, is_usual: bool) -> Input {
     }
 }
 
-/// Where the lines of one port come from.
+/// Sources of the modem lines of one port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Inputs {
     /// The port's own node.
     node: usize,
-    /// The ends of the links on which a device sets them, a byte a level.
+    /// Ends of the links on which a device sets the lines, one byte per level.
     pins: [Option<usize>; 4],
 }
 
 impl Inputs {
-    /// Those of the port `name` among all `places`.
+    /// The sources for the port `name` among all `places`.
     pub(crate) fn of<'a>(name: &str, places: impl Iterator<Item = Place<'a>> + Clone) -> Self {
         let node = |name: &str| {
             let mut places = places.clone();
@@ -55,7 +55,7 @@ impl Inputs {
         }
     }
 
-    /// How they are now, as TIOCMGET has them.
+    /// Current levels, as TIOCMGET returns them.
     pub(crate) fn bits(&self, rig: &Rig) -> u32 {
         let forced = rig.forced_lines(self.node);
         let mut bits = 0;
@@ -69,7 +69,7 @@ impl Inputs {
         bits
     }
 
-    /// Whether the device wants to be sent something.
+    /// Whether the device accepts bytes (CTS).
     pub(crate) fn is_clear_to_send(&self, rig: &Rig) -> bool {
         self.bits(rig) & CTS != 0
     }

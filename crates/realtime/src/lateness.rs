@@ -1,4 +1,4 @@
-//! How late things were: a histogram of fixed size.
+//! Lateness of events: a histogram of fixed size.
 
 use core::fmt;
 use core::time::Duration;
@@ -7,20 +7,20 @@ use core::time::Duration;
 const FINE_STEP_US: u64 = 10;
 const FINE_US: u64 = 2_000;
 const FINE: usize = (FINE_US / FINE_STEP_US) as usize;
-/// Width of the coarse classes, up to [`COARSE_US`]; what is later than that is in the last one.
+/// Width of the coarse classes, up to [`COARSE_US`]; the last class contains all later events.
 const COARSE_STEP_US: u64 = 1_000;
 const COARSE_US: u64 = 500_000;
 const CLASSES: usize = FINE + ((COARSE_US - FINE_US) / COARSE_STEP_US) as usize + 1;
 
-/// A rig that is later than this waits, and is not to be blamed on its clients.
+/// A rig that is later than this stops its clock, and its lateness may explain a failure.
 pub const LATE: Duration = Duration::from_millis(20);
-/// Nor is one that was once later than this.
+/// Maximum lateness of a single event.
 const LATE_ONCE: Duration = Duration::from_millis(250);
-/// Nor is one whose time stood for longer than this in all: a timeout of a client continues
+/// Maximum time for which rig time may stand in total, because timeouts of clients continue
 /// meanwhile.
 const STOOD_MAX: Duration = Duration::from_millis(500);
 
-/// Lateness of many events: how many were how late.
+/// Lateness of many events.
 #[derive(Clone, Debug)]
 pub struct Lateness {
     classes: Vec<u64>,
@@ -41,41 +41,41 @@ impl Default for Lateness {
 }
 
 impl Lateness {
-    /// One more event, `late` late.
+    /// Records an event that was `late` late.
     pub fn record(&mut self, late: Duration) {
         self.classes[class_of(late)] += 1;
         self.count += 1;
         self.max = self.max.max(late);
     }
 
-    /// Rig time stood for `time` more, while the wall clock continued.
+    /// Adds `time` during which rig time stood while the wall clock continued.
     pub fn stand(&mut self, time: Duration) {
         self.stood += time;
     }
 
-    /// For how long rig time stood in all.
+    /// Total time during which rig time stood.
     pub const fn stood(&self) -> Duration {
         self.stood
     }
 
-    /// Events recorded.
+    /// Number of recorded events.
     pub const fn count(&self) -> u64 {
         self.count
     }
 
-    /// Whether clients may have suffered from it: more than 20 ms in one of a hundred events, more
-    /// than 250 ms once, or rig time that stood for more than 500 ms in all.
+    /// Whether clients may have suffered: more than 20 ms in 1 % of the events, more than 250 ms
+    /// once, or rig time that stood for more than 500 ms in total.
     pub fn is_too_much(&self) -> bool {
         self.quantile(990) > LATE || self.max > LATE_ONCE || self.stood > STOOD_MAX
     }
 
-    /// The latest of all.
+    /// Maximum lateness.
     pub const fn max(&self) -> Duration {
         self.max
     }
 
-    /// What `per_mille` of a thousand events were not later than; rounded up to 10 us, from 2 ms
-    /// on to 1 ms, and never more than the latest. Zero if nothing was recorded.
+    /// Lateness that `per_mille` of a thousand events did not exceed; rounded up to 10 us, above 2
+    /// ms to 1 ms, and never more than the maximum. Zero if no event was recorded.
     pub fn quantile(&self, per_mille: u64) -> Duration {
         let wanted = (self.count * per_mille).div_ceil(1000);
         let mut seen = 0;
@@ -91,7 +91,7 @@ impl Lateness {
 
 impl fmt::Display for Lateness {
     /// `late by 0.09 ms (p50), 0.12 ms (p99), 3.40 ms (max) over 12345 events`; then `, rig time
-    /// stood for 1.234 s in all` if it did.
+    /// stood for 1.234 s in all` if it stood.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ms = |late: Duration| late.as_secs_f64() * 1e3;
         write!(
@@ -120,7 +120,7 @@ fn class_of(late: Duration) -> usize {
     usize::try_from(class).map_or(CLASSES - 1, |class| class.min(CLASSES - 1))
 }
 
-/// Upper end of a class; the last one has none.
+/// Upper end of a class; the last class has none.
 fn end_of(class: usize) -> Duration {
     let class = class as u64;
     let fine = FINE as u64;
@@ -153,8 +153,8 @@ mod tests {
         assert_eq!(lateness.quantile(1000), Duration::from_micros(2817));
     }
 
-    /// A client with a timeout of 2 s gives up after 0.9 s of rig time if that stood for 1.1 s,
-    /// however few events were late.
+    /// A client with a timeout of 2 s gives up after 0.9 s of rig time if rig time stood for 1.1 s.
+    /// The number of late events does not matter.
     #[test]
     fn rig_time_that_stood_is_told_and_is_too_much_above_half_a_second() {
         let mut lateness = lateness(core::iter::repeat_n(84, 1000));

@@ -1,4 +1,4 @@
-//! The rig at the pace of the wall clock, some of its link ends on transports.
+//! The rig at the pace of the wall clock, with some of its link ends on transports.
 //!
 //! ```text
 //!   client <--> transport <--> outside end | line | device ...  rig, virtual time
@@ -56,21 +56,22 @@ pub use place::{Place, Sign, Traffic};
 pub use port_report::PortReport;
 use spread::Spread;
 
-/// Most virtual time that passes in one turn. Late by more than this, the rig takes several turns,
-/// between which clients get a chance to read and to answer.
+/// Maximum virtual time of one turn. A rig that is later than this takes several turns, so that
+/// clients can read and answer in between.
 const SLICE: Duration = Duration::from_millis(5);
 /// Minimum time between two turns while no client sends. Single bytes at 1 Mbaud are 10 us apart;
 /// waking up for each would take a whole processor, and no client could tell the difference.
 const GRAIN: Duration = Duration::from_micros(200);
-/// Minimum time between two turns while catching up: room for a client to breathe.
+/// Minimum time between two turns while catching up, so that clients can run.
 const BREATH: Duration = Duration::from_millis(1);
 /// Maximum wait, because some ports cannot wake this thread.
 const WAIT_MAX: Duration = Duration::from_millis(5);
-/// After the rig was late, clients have the same time and this more until rules count again.
+/// Time after a late turn, in addition to the lateness itself, until rules count again.
 const SETTLES: Duration = Duration::from_millis(100);
-/// Rig time between two notes of that: a rig that is late all the time must not fill the log.
+/// Rig time between two notes about a late rig: a rig that is always late must not fill the log.
 const NOTES_EVERY: Duration = Duration::from_secs(1);
-/// Bytes of a client that may wait for the line before no more are read, as in a UART's driver.
+/// Maximum number of a client's bytes that wait for the line; then the rig reads no more, as a
+/// UART's driver.
 const BACKLOG_MAX: usize = 4096;
 
 /// Runs a rig at the pace of a clock.
@@ -81,12 +82,12 @@ pub struct Realtime<C> {
     /// Number of times that rig time stopped because the rig was late, and the length of the last
     /// stop.
     stalls: (u64, Duration),
-    /// When the log last said so.
+    /// Time of the last note about lateness.
     noted_at: Option<Instant>,
     is_prompt: bool,
 }
 
-/// An end of a link and the transport that it is on.
+/// An end of a link, and its transport.
 struct Port {
     end: OpenEnd,
     transport: Box<dyn Transport>,
@@ -94,14 +95,14 @@ struct Port {
     is_open: bool,
     openings: u64,
     baud: u32,
-    /// Rates of client and other end, as they were last told to differ.
+    /// Rates of client and other end, as last logged, if they differ.
     wrong_rate: Option<(u32, u32)>,
     special: [Special; 2],
     adapter: Option<Adapter>,
     spread: Spread,
     losses: Losses,
     is_unplugged: bool,
-    /// Modem lines that it may have to wait for.
+    /// Modem lines for which the client may have to wait.
     inputs: Option<Inputs>,
 }
 
@@ -143,7 +144,7 @@ impl<C: Clock> Realtime<C> {
             let ports = self.ports.iter_mut().filter(|port| port.end.link == *name);
             for port in ports {
                 port.adapter = Adapter::new(spec.adapter, name, scenario.seed, rig.now());
-                // It cuts between bytes, so they have to come one by one.
+                // The adapter cuts between bytes, so they must arrive one by one.
                 if let Some(link) = rig.link_mut(name).filter(|_| port.adapter.is_some()) {
                     link.lines.iter_mut().for_each(|line| line.piece = 1);
                 }
@@ -160,7 +161,7 @@ impl<C: Clock> Realtime<C> {
         &self.clock
     }
 
-    /// How late the rig did what was due, over all events so far.
+    /// Lateness of all events so far.
     pub const fn lateness(&self) -> &Lateness {
         &self.lateness
     }
@@ -171,7 +172,7 @@ impl<C: Clock> Realtime<C> {
         self.stalls
     }
 
-    /// What passed each port so far.
+    /// Bytes that passed each port so far, and the lost ones.
     pub fn reports(&self) -> impl Iterator<Item = PortReport> {
         self.ports.iter().map(|port| PortReport {
             name: port.end.name.clone(),
@@ -185,7 +186,7 @@ impl<C: Clock> Realtime<C> {
         self.ports.iter().map(|port| port.end.name.as_str())
     }
 
-    /// Each port and where it is.
+    /// Names and addresses of the ports.
     pub fn places(&self) -> impl Iterator<Item = Place<'_>> + Clone {
         self.ports.iter().map(|port| Place {
             name: &port.end.name,
@@ -195,7 +196,7 @@ impl<C: Clock> Realtime<C> {
         })
     }
 
-    /// What can be seen of each client, without a byte of what it says.
+    /// Observations of each client, without the content of its bytes.
     pub fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
         self.ports.iter_mut().map(|port| Sign {
             name: &port.end.name,
@@ -215,14 +216,14 @@ impl<C: Clock> Realtime<C> {
     /// Carries bytes and events across in both directions, without reading the clock.
     ///
     /// # Errors
-    /// If a port went away.
+    /// If a port disappeared.
     pub fn carry(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         let all = vec![true; self.ports.len()];
         self.carry_from(&all, paced)
     }
 
-    /// The same, but for rates that clients have changed: those are seen with their next bytes. One
-    /// look at all ports tells at which something has happened.
+    /// Carries bytes and events across, except for changed rates of clients, which are noticed with
+    /// the client's next bytes. One poll of all ports finds the active ones.
     ///
     /// # Errors
     /// As [`carry`](Self::carry).
@@ -232,7 +233,7 @@ impl<C: Clock> Realtime<C> {
         self.carry_from(&stirred, paced)
     }
 
-    /// The same while no supervised client has touched its port: reads no port.
+    /// Carries bytes and events across while no supervised client has used its port. Reads no port.
     ///
     /// # Errors
     /// As [`carry`](Self::carry).
@@ -267,13 +268,13 @@ impl<C: Clock> Realtime<C> {
         Ok(())
     }
 
-    /// The modem lines that the client of the port `index` sees, as TIOCMGET has them.
+    /// Modem lines as the client of the port `index` gets them from TIOCMGET.
     pub(crate) fn input_lines(&self, index: usize, rig: &Rig) -> u32 {
         let inputs = self.ports[index].inputs;
         inputs.map_or(0, |inputs| inputs.bits(rig))
     }
 
-    /// Whether the rig has something for a client now.
+    /// Whether the rig has bytes for a client now.
     pub(crate) fn has_output(&self, rig: &Rig) -> bool {
         let is_due = |adapter: &Adapter| adapter.expires_at() <= rig.now();
         self.ports.iter().any(|port| {
@@ -281,7 +282,7 @@ impl<C: Clock> Realtime<C> {
         })
     }
 
-    /// When an adapter next hands over what it has.
+    /// Time at which an adapter next delivers its bytes.
     pub(crate) fn next_expiry(&self) -> Option<Instant> {
         let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
         adapters.map(Adapter::expires_at).min()
@@ -311,17 +312,17 @@ impl<C: Clock> Realtime<C> {
         rig.backlog(self.ports[index].end.node)
     }
 
-    /// As many bytes as that client may send now.
+    /// Number of bytes that the client of the port `index` may send now.
     pub(crate) fn room(&self, index: usize, rig: &Rig) -> usize {
         BACKLOG_MAX.saturating_sub(self.backlog(index, rig))
     }
 
-    /// The client's side of the port `index`, if this process can have it.
+    /// The client's side of the port `index`, if this process can open it.
     pub(crate) fn client_side(&self, index: usize) -> Option<OwnedFd> {
         self.ports[index].transport.client_side()
     }
 
-    /// The client of the port `index` does something to its line.
+    /// Applies a line event of the client of the port `index`.
     pub(crate) fn change_line(&self, index: usize, event: LineEvent, paced: &mut impl Paced) {
         let node = self.ports[index].end.node;
         paced.rig().change_line(node, event);
@@ -329,30 +330,30 @@ impl<C: Clock> Realtime<C> {
         paced.run_until(now);
     }
 
-    /// Bytes reach the rig as if the client of the port `index` had sent them.
+    /// Passes bytes to the rig as if the client of the port `index` had sent them.
     pub(crate) fn inject(&self, index: usize, bytes: &[u8], paced: &mut impl Paced) {
         paced.rig().inject(self.ports[index].end.node, bytes);
         let now = paced.rig().now();
         paced.run_until(now);
     }
 
-    /// Gives the transports back, in the order in which they were served.
+    /// Returns the transports in the order in which they were served.
     pub fn into_transports(self) -> Vec<Box<dyn Transport>> {
         self.ports.into_iter().map(|port| port.transport).collect()
     }
 
-    /// Brings `paced` up to the present, or one slice nearer to it, carries across what came, and
-    /// waits until something is due.
+    /// Advances `paced` to the present, or by one slice; carries bytes and events across; waits for
+    /// the next event.
     ///
     /// # Errors
-    /// If a port went away. The rig has been told; it may continue without that port.
+    /// If a port disappeared. The rig has handled it and may continue without that port.
     pub fn turn(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         if !self.is_prompt {
-            // Not when it is made: a program that is started before the first turn keeps what is
-            // usual.
+            // In the first turn, not in `new`: a program that is started before the first turn
+            // keeps the usual scheduling.
             self.is_prompt = true;
             clock::be_prompt();
-            // A slow answer makes the rig late, and is the node program's doing.
+            // The time of slow node programs: their answers make the rig late.
             let wall = WallClock::start();
             let stopwatch: engine::rig::Stopwatch = Arc::new(move || wall.now() - Instant::ZERO);
             paced.rig().measure_nodes(&stopwatch);
@@ -381,8 +382,8 @@ impl<C: Clock> Realtime<C> {
         Ok(())
     }
 
-    /// The rig was late, and its time stood meanwhile: says so, and does not charge clients with
-    /// what the bytes that they sent meanwhile break when they come all at once.
+    /// Logs that rig time stood because the rig was late. Rules that clients break in the following
+    /// burst of bytes do not count.
     fn wait_for_clients(&mut self, rig: &mut Rig, late: Duration) {
         let at = rig.now();
         rig.excuse_until(at + late + SETTLES);
@@ -400,7 +401,7 @@ impl<C: Clock> Realtime<C> {
         rig.log("rig", event);
     }
 
-    /// Waits for the next event, but at least `earliest`, unless a client sends.
+    /// Waits for the next event, at least `earliest`, unless a client sends.
     fn wait(&self, rig: &Rig, earliest: Duration) {
         let now = self.clock.now();
         let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
@@ -413,7 +414,7 @@ impl<C: Clock> Realtime<C> {
         let timeout = next.min(WAIT_MAX).max(earliest);
         let mut fds = Vec::new();
         for port in &self.ports {
-            // A port that is not read for want of room would end the wait at once.
+            // A port that is not read because its backlog is full would end the wait at once.
             if rig.backlog(port.end.node) < BACKLOG_MAX && port.spread.is_empty() {
                 port.transport.readiness(&mut fds);
             }

@@ -1,31 +1,31 @@
-//! Bytes that a port lost because its client did not read: told when it begins and when it is over,
-//! so that a client which is always a little late does not fill the log.
+//! Bytes that a port lost because its client did not read. The log gets a note at the begin and at
+//! the end of a loss, so that a client which is always a little late does not fill it.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// The name of the notes.
+/// Rule of the notes.
 pub(super) const RULE: &str = "port-overrun";
-/// Rig time without a loss after which it is over.
+/// Rig time without a further loss after which the loss has ended.
 const OVER: Duration = Duration::from_millis(200);
-/// Rig time between two beginnings that are reported.
+/// Minimum rig time between two notes about a begin.
 const TOLD_EVERY: Duration = Duration::from_secs(1);
 
-/// What one port has lost.
+/// Lost bytes of one port.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Losses {
-    /// Bytes so far, those that were told, and when the last was lost.
+    /// Lost bytes so far, those already reported, and the time of the last loss.
     lost: u64,
     told: u64,
     last_at: Instant,
-    /// When the loss that continues began.
+    /// Begin of the current loss.
     began: Option<Instant>,
     told_at: Option<Instant>,
 }
 
 impl Losses {
-    /// Updates the count to `lost` bytes by `now`; returns the text for the log, if any is due.
+    /// Updates the count to `lost` bytes at `now`; returns a text for the log if one is due.
     pub(super) fn see(&mut self, now: Instant, lost: u64) -> Option<String> {
         if lost > self.lost {
             self.lost = lost;

@@ -1,10 +1,10 @@
-//! What others see of a port: where it is, and what its client does.
+//! A port as others see it: name, path, and the activity of its client.
 
 use std::path::Path;
 
 use super::transport::{Counters, Modes, Special};
 
-/// A port and where it is.
+/// Name and address of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place<'a> {
     /// The port's name.
@@ -17,7 +17,7 @@ pub struct Place<'a> {
     pub node: usize,
 }
 
-/// What passed a port.
+/// Number of bytes that passed a port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Bytes that clients sent.
@@ -26,14 +26,15 @@ pub struct Traffic {
     pub to_client: u64,
 }
 
-/// A sign of life of the client at a port.
+/// Observations of the client of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sign<'a> {
     /// The port's name.
     pub name: &'a str,
     /// Whether a client has it open.
     pub is_open: bool,
-    /// Number of openings. Only this shows a client that closed and reopened it between two looks.
+    /// Number of openings. Only this number shows a client that closed and reopened the port
+    /// between two polls.
     pub openings: u64,
     /// Bytes that clients sent so far.
     pub from_client: u64,
@@ -41,15 +42,15 @@ pub struct Sign<'a> {
     pub to_client: u64,
     /// Bytes for the client that were lost.
     pub lost: Counters,
-    /// Bytes among them that line settings may change: to the client, from it.
+    /// Bytes that line settings may change: to the client, from the client.
     pub special: [Special; 2],
-    /// Rates of the client and of the other end, bit/s, if the client is at a wrong one.
+    /// Rates of the client and of the other end, bit/s, if they differ.
     pub wrong_rate: Option<(u32, u32)>,
-    /// Line settings of the client, if they can be seen.
+    /// Line settings of the client, if they are visible.
     pub settings: Option<Modes>,
     /// Whether the client has read since the last write, see
     /// [`super::transport::Transport::is_drained`].
     pub is_drained: bool,
-    /// How often the client took bytes, see [`super::transport::Transport::reads`].
+    /// Number of times that the client took bytes, see [`super::transport::Transport::reads`].
     pub reads: Option<u64>,
 }

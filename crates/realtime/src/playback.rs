@@ -1,4 +1,4 @@
-//! A capture played into ports, in the place of a device or of a program.
+//! A capture that is played to ports, instead of a device or a program.
 
 use core::ops::Range;
 use core::time::Duration;
@@ -11,18 +11,18 @@ use capture::divergence::{Divergence, Track, compare};
 use capture::replay::{Conversation, Passage, Played, Recorded, Talked, are_over};
 use engine::rig::line::Direction;
 
-/// Whose part the capture takes.
+/// Side of the link that the capture replaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Side {
-    /// The device's: a program on the port is told what it was told
+    /// The device: a program at the port receives the recorded bytes of the device
     Device,
-    /// The program's: a device on the port is told what it was told
+    /// The program: a device at the port receives the recorded bytes of the program
     Program,
 }
 
 impl Side {
-    /// The direction in which the capture speaks.
+    /// Direction of the played bytes.
     pub const fn speaks(self) -> Direction {
         match self {
             Self::Device => Direction::ToMaster,
@@ -30,7 +30,7 @@ impl Side {
         }
     }
 
-    /// The direction in which it listens.
+    /// Direction of the received bytes.
     pub const fn hears(self) -> Direction {
         match self {
             Self::Device => Direction::ToDevice,
@@ -39,24 +39,24 @@ impl Side {
     }
 }
 
-/// How fast a capture is played.
+/// Speed of a playback.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReplayPace {
-    /// This many times as fast as it was recorded.
+    /// Multiple of the recorded speed.
     Times(f64),
-    /// A piece whenever [`Playback::step`] is called.
+    /// One piece for each call of [`Playback::step`].
     Stepped,
 }
 
-/// What is said at a port.
+/// Source of the bytes for a port.
 enum Voice {
-    /// Pieces of the capture, each at its time.
+    /// Pieces of the capture with their times.
     Clock(std::vec::IntoIter<(Instant, Vec<u8>)>),
-    /// Answers of the capture to what the program asks.
+    /// Answers of the capture to requests of the program.
     Conversation(Box<Conversation>),
 }
 
-/// A link of the capture and the port that it is played into.
+/// A link of the capture and its port.
 pub struct Socket {
     link: String,
     side: Side,
@@ -64,7 +64,7 @@ pub struct Socket {
     is_open: bool,
     was_opened: bool,
     voice: Voice,
-    /// Said, and not taken by the port yet.
+    /// Bytes that the port has not taken yet.
     pending: Vec<u8>,
     expected: Track,
     got: Track,
@@ -72,7 +72,7 @@ pub struct Socket {
 }
 
 impl Socket {
-    /// Answers at `port` as the device did on `passage` in the `session` of a capture.
+    /// Answers at `port` like the device on `passage` in the `session` of a capture.
     pub fn talking(passage: &Passage, session: &Range<Instant>, port: Box<dyn Transport>) -> Self {
         let talk = Conversation::new(passage, session, false);
         Self {
@@ -81,7 +81,7 @@ impl Socket {
         }
     }
 
-    /// Plays one `side` of `passage` into `port`, each piece at its time.
+    /// Plays one `side` of `passage` to `port`, each piece at its time.
     pub fn new(passage: &Passage, side: Side, port: Box<dyn Transport>) -> Self {
         let mut answers = Track::default();
         for arrival in &passage.arrivals {
@@ -111,12 +111,12 @@ impl Socket {
         &self.link
     }
 
-    /// Bytes said and heard so far.
+    /// Number of bytes sent and received so far.
     pub fn counts(&self) -> [u64; 2] {
         [self.said, self.got.bytes().len() as u64]
     }
 
-    /// Where what was received first differs from the capture.
+    /// First difference between the received bytes and the capture.
     pub fn divergence(&self) -> Option<Divergence> {
         match &self.voice {
             Voice::Conversation(talk) => talk.divergence(),
@@ -132,7 +132,7 @@ impl Socket {
         }
     }
 
-    /// Bytes that the port has not taken, and bytes that are still to be said by time.
+    /// Number of bytes that the port has not taken, or that are not yet due.
     fn left(&self) -> usize {
         let lines = match &self.voice {
             Voice::Clock(lines) => lines.as_slice().iter().map(|(_, bytes)| bytes.len()).sum(),
@@ -141,7 +141,7 @@ impl Socket {
         self.pending.len() + lines
     }
 
-    /// What is wrong with its client: it closed the port before all was said, or does not read.
+    /// Problem of the client: it closed the port too early, or does not read.
     pub fn trouble(&self) -> Option<String> {
         let (link, left) = (&self.link, self.left());
         let talk = self.talk().filter(|talk| !talk.is_done());
@@ -163,7 +163,7 @@ impl Socket {
         }
     }
 
-    /// What was received, beside what the capture says.
+    /// Received bytes, beside those of the capture.
     pub fn played(&self) -> Played {
         Played {
             link: self.link.clone(),
@@ -180,7 +180,7 @@ impl Socket {
         }
     }
 
-    /// The next piece that is said by time.
+    /// The next piece in a playback by time.
     fn next_line(&mut self) -> Option<(Instant, Vec<u8>)> {
         match &mut self.voice {
             Voice::Clock(lines) => lines.next(),
@@ -188,7 +188,7 @@ impl Socket {
         }
     }
 
-    /// Gathers what is due at `now`.
+    /// Collects the bytes that are due at `now`.
     fn gather(&mut self, now: Instant) {
         if let Voice::Conversation(talk) = &mut self.voice {
             talk.poll(now);
@@ -197,7 +197,7 @@ impl Socket {
                 self.pending.extend_from_slice(&buf[..len]);
             }
             if self.was_closed() {
-                // As on a wire without a listener: the bytes are lost.
+                // Without a client the bytes are lost, as on a wire.
                 self.pending.clear();
             }
             return;
@@ -241,8 +241,8 @@ impl Socket {
         self.was_opened && !self.is_open
     }
 
-    /// Hands over as much as the port takes; the rest waits, so that nothing is lost however fast
-    /// the capture is played.
+    /// Writes as many bytes as the port takes. The rest waits, so that no byte is lost at any speed
+    /// of the playback.
     fn say(&mut self) {
         while !self.pending.is_empty() {
             let len = self.pending.len().min(PIECE_MAX);
@@ -257,42 +257,42 @@ impl Socket {
 }
 
 const READS_MAX: usize = 16;
-/// Maximum number of bytes handed over in one go.
+/// Maximum number of bytes in one write.
 const PIECE_MAX: usize = 256;
-/// Bytes of a link that wait for a port before the capture is held up.
+/// Maximum number of bytes of a link that wait for a port; then the playback stops.
 const PENDING_MAX: usize = 1 << 16;
-/// Time of the clock for which a port may take nothing before that is trouble.
+/// Time without a taken byte after which the playback reports a problem.
 const STUCK: Duration = Duration::from_secs(5);
 /// Maximum wait, because some ports cannot wake this thread.
 const WAIT_MAX: Duration = Duration::from_millis(5);
 
-/// A port went away while a capture was played into it.
+/// A port disappeared during a playback.
 #[derive(Debug, thiserror::Error)]
 #[error("link {link}: {source}")]
 pub struct PlaybackError {
-    /// The link that belongs there.
+    /// Link of the port.
     pub link: String,
-    /// What happened.
+    /// Error of the port.
     pub source: TransportError,
 }
 
-/// A capture being played into ports.
+/// A playback of a capture to ports.
 pub struct Playback<C> {
     clock: C,
     pace: ReplayPace,
     sockets: Vec<Socket>,
     /// The clock's time at which the capture begins; `None`: the ports are not open yet.
     started: Option<Instant>,
-    /// Time of the capture; of a conversation, since its beginning.
+    /// Time in the capture; in a conversation, time since its beginning.
     now: Instant,
     end: Instant,
-    /// When a port last took something, and how much all had taken then.
+    /// Time at which a port last took bytes, and the number of taken bytes.
     taken: (Instant, u64),
 }
 
 impl<C: Clock> Playback<C> {
-    /// Plays `recorded` into `sockets`: by time from when each of them has been opened, as a
-    /// conversation from when one has.
+    /// Plays `recorded` to `sockets`. A playback by time begins when all ports have been opened, a
+    /// conversation when one has been.
     pub fn new(clock: C, recorded: &Recorded, sockets: Vec<Socket>, pace: ReplayPace) -> Self {
         let is_talk = sockets.iter().any(|socket| socket.talk().is_some());
         let end = match is_talk {
@@ -325,7 +325,7 @@ impl<C: Clock> Playback<C> {
         &self.sockets
     }
 
-    /// A port that has not been opened yet, if that is what is waited for.
+    /// An unopened port for which the playback waits.
     pub fn waits_for(&self) -> Option<&Socket> {
         self.unopened().filter(|_| self.started.is_none())
     }
@@ -335,7 +335,7 @@ impl<C: Clock> Playback<C> {
         self.sockets.iter().find(|socket| !socket.was_opened)
     }
 
-    /// Whether all was said and taken; of a conversation, whether it has come to its end.
+    /// Whether all bytes were sent and taken; in a conversation, whether it has ended.
     pub fn is_over(&self) -> bool {
         let talks: Vec<&Conversation> = self.sockets.iter().filter_map(Socket::talk).collect();
         let mut sockets = self.sockets.iter();
@@ -348,7 +348,7 @@ impl<C: Clock> Playback<C> {
         sockets.all(is_done) && (self.now >= self.end || self.pace == ReplayPace::Stepped)
     }
 
-    /// Why nothing continues: for some time a port has taken nothing of what is due.
+    /// Reason for a stopped playback: for some time, a port has not taken bytes that are due.
     pub fn trouble(&self) -> Option<String> {
         if self.clock.now() - self.taken.0 < STUCK || self.started.is_none() {
             return None;
@@ -363,17 +363,17 @@ impl<C: Clock> Playback<C> {
         self.started.is_some() && self.sockets.iter().all(Socket::was_closed)
     }
 
-    /// Whether all that the capture says was received.
+    /// Whether as many bytes were received as the capture contains.
     pub fn has_heard_all(&self) -> bool {
         let has_all = |one: &Socket| one.got.bytes().len() >= one.expected.bytes().len();
         let mut sockets = self.sockets.iter();
         sockets.all(|one| one.talk().is_some() || has_all(one))
     }
 
-    /// Says what is due, listens, and waits a little.
+    /// Sends the bytes that are due, receives, and waits a little.
     ///
     /// # Errors
-    /// If a port went away.
+    /// If a port disappeared.
     pub fn turn(&mut self) -> Result<(), PlaybackError> {
         self.listen()?;
         let clock = self.clock.now();
@@ -407,8 +407,7 @@ impl<C: Clock> Playback<C> {
         Ok(())
     }
 
-    /// Says the next piece, whenever it was due: its time, its link and its bytes. `None`: all
-    /// was said.
+    /// Sends the next piece at once: its time, its link and its bytes. `None` after the last piece.
     pub fn step(&mut self) -> Option<(Instant, String, Vec<u8>)> {
         let due = self
             .sockets
@@ -422,8 +421,8 @@ impl<C: Clock> Playback<C> {
         Some((at, socket.link.clone(), bytes))
     }
 
-    /// Whether a client has read since the last line was sent, where the transport can tell. Call
-    /// it after the last line, before the ports are closed.
+    /// Whether a client has read since the last write, if the transport can detect this. Call it
+    /// after the last write, before the ports are closed.
     pub fn is_drained(&mut self) -> bool {
         let mut sockets = self.sockets.iter_mut();
         sockets.all(|socket| socket.port.is_drained())
@@ -473,7 +472,7 @@ mod tests {
         track
     }
 
-    /// A link whose program said `sent`, played as the program.
+    /// A link whose program sent `sent`, played as the program.
     fn socket(link: &str, sent: &[(u64, &[u8])]) -> (Socket, Memory) {
         let (port, far) = Memory::pair(link);
         let passage = Passage {
@@ -490,7 +489,7 @@ mod tests {
         buf[..len].to_vec()
     }
 
-    /// A port that holds 4096 bytes blocks until a client reads; nothing is lost.
+    /// A port that holds 4096 bytes blocks until a client reads; no byte is lost.
     #[test]
     fn what_a_port_does_not_take_waits() {
         let (mut socket, mut far) = socket("base", &[]);
@@ -521,7 +520,7 @@ mod tests {
         assert!(!socket.is_open && socket.played().got.bytes() == b"abc");
     }
 
-    /// Pieces go by their times over all links.
+    /// Pieces are sent in the order of their times over all links.
     #[test]
     fn a_step_says_what_is_next() {
         let (one, mut far) = socket("one", &[(10, b"a"), (30, b"c")]);
@@ -543,7 +542,7 @@ mod tests {
         assert!(playback.is_over() && read(&mut far) == b"ac");
     }
 
-    /// Twice as fast: what was said at 10 ms is due after 5.
+    /// Twice as fast: bytes recorded at 10 ms are due after 5 ms.
     #[test]
     fn a_capture_is_played_at_its_pace_once_all_ports_are_open() {
         let (one, mut far) = socket("one", &[(10, b"a"), (30, b"c")]);

@@ -1,34 +1,33 @@
-//! What happens at a port besides bytes: its plug is pulled, it loses bytes, its terminal is
-//! modelled here.
+//! Events of a port besides bytes: a pulled plug, lost bytes, a modelled terminal.
 
 use super::transport::{Settings, Terminal, TransportError};
 use super::{Clock, Paced, Port, PortRate, Realtime, Rig, Traffic, losses};
 
 impl<C: Clock> Realtime<C> {
-    /// From now on the terminals of all ports are modelled here.
+    /// Models the terminals of all ports in this process from now on.
     pub(crate) fn model_terminals(&mut self) {
         self.ports
             .iter_mut()
             .for_each(|port| port.transport.model());
     }
 
-    /// The terminal of the port `index`, if it is modelled here and there.
+    /// The terminal of the port `index`, if this process models it.
     pub(crate) fn terminal(&mut self, index: usize) -> Option<&mut Terminal> {
         self.ports[index].transport.terminal()
     }
 
-    /// Hands the unread bytes of the port `index` to the kernel, for good.
+    /// Passes the unread bytes of the port `index` to the kernel, permanently.
     pub(crate) fn release(&mut self, index: usize) {
         self.ports[index].transport.release();
     }
 
-    /// The client of the port `index` changes the settings of a terminal that is modelled here.
+    /// Applies new settings of the client to the modelled terminal of the port `index`.
     pub(crate) fn set_terminal(&mut self, index: usize, settings: Settings) {
         let port = &mut self.ports[index];
         port.traffic.to_client += port.transport.set_terminal(settings) as u64;
     }
 
-    /// How many ports there were one after the other at the place `index`.
+    /// Number of ports that existed at `index` so far: a new one after each plugging.
     pub(crate) fn made(&self, index: usize) -> u64 {
         self.ports[index].transport.made()
     }
@@ -38,14 +37,14 @@ impl<C: Clock> Realtime<C> {
         self.ports[index].traffic
     }
 
-    /// Throws away what the client of the port `index` has sent and the line has not taken.
+    /// Discards the bytes that the client of the port `index` has sent and the line has not taken.
     pub(crate) fn discard_input(&self, index: usize, rig: &mut Rig) {
         rig.discard_input(self.ports[index].end.node);
     }
 }
 
 impl Port {
-    /// Tells the log of bytes that were lost because the client does not read.
+    /// Logs bytes that were lost because the client does not read.
     pub(super) fn tell_losses(&mut self, rig: &mut Rig) {
         let lost = self.transport.counters().overrun;
         if let Some(detail) = self.losses.see(rig.now(), lost) {
@@ -53,7 +52,7 @@ impl Port {
         }
     }
 
-    /// A plug that a fault pulls, or gives back.
+    /// Pulls or plugs in the port as the fault `unplugged` demands.
     pub(super) fn carry_plug(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         let node = self.end.node;
         let is_unplugged = paced.rig().is_unplugged(node);
@@ -72,7 +71,7 @@ impl Port {
             (rule, detail) = ("port-plugged", format!("back as {path}, a fresh port"));
         }
         self.log(paced.rig(), rule, detail);
-        // What its client was told ends with it.
+        // Settings of the old port do not apply to the next one.
         paced.rig().set_terminal_modes(node, None);
         while let Some(event) = self.transport.next_event() {
             self.report(paced.rig(), event);
@@ -82,7 +81,7 @@ impl Port {
         Ok(())
     }
 
-    /// A client with RTS/CTS flow control sends nothing while CTS is off, as its driver would not.
+    /// Stops a client with RTS/CTS flow control while CTS is off, as its driver would.
     pub(super) fn hold_back(&mut self, rig: &mut Rig) {
         let inputs = self.inputs;
         let must_wait = inputs.is_some_and(|inputs| !inputs.is_clear_to_send(rig));
@@ -92,7 +91,7 @@ impl Port {
         rig.hold(self.end.node, is_held || is_stopped);
     }
 
-    /// The rate of the other end as it is set up now; `None` where clients are right at any.
+    /// Current rate of the other end; `None` if it accepts any rate.
     fn far_rate(&self, rig: &Rig) -> Option<u32> {
         let link = rig.link(&self.end.link)?;
         let mut lines = link.lines.iter();
@@ -100,7 +99,7 @@ impl Port {
         (self.end.rate == PortRate::OfLine).then(|| rig.line_configs(line)[1].baud)
     }
 
-    /// Logs it once if the client is open at another rate than the other end.
+    /// Logs once if the client of an open port uses another rate than the other end.
     pub(super) fn judge_baud(&mut self, rig: &mut Rig) {
         let far = match self.is_open {
             true => self.far_rate(rig),

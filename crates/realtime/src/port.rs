@@ -1,4 +1,4 @@
-//! Bytes and events across one port, in both directions.
+//! Transfer of bytes and events at one port, in both directions.
 
 use core::time::Duration;
 
@@ -10,9 +10,9 @@ use crate::transport::{PortEvent, Settings, Special, TransportError};
 use engine::rig::{Paced, PortRate, Rig};
 
 impl Port {
-    /// What the client did and sent, in the order in which it did.
+    /// Takes the actions and bytes of the client in their order.
     pub(super) fn carry_in(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
-        // A packet of a network comes whole.
+        // Large enough for a whole network packet.
         let mut buf = [0; 2048];
         let node = self.end.node;
         if let Some([input, control]) = paced.rig().terminal_modes(node) {
@@ -32,7 +32,7 @@ impl Port {
         Ok(())
     }
 
-    /// What the client did and sent while rig time stood for as long as `late`.
+    /// Takes the actions and bytes of the client after rig time stood for `late`.
     pub(super) fn carry_late(
         &mut self,
         paced: &mut impl Paced,
@@ -45,8 +45,8 @@ impl Port {
         Ok(())
     }
 
-    /// Reads what the client sent into `buf`; what it did before is told to the rig, behind what
-    /// it had sent until then.
+    /// Reads bytes of the client into `buf`. Applies earlier events of the client first, after the
+    /// bytes that it sent before them.
     pub(super) fn read(
         &mut self,
         paced: &mut impl Paced,
@@ -57,7 +57,7 @@ impl Port {
             let before = self.spread.rest();
             paced.rig().inject(self.end.node, &before);
             self.report(paced.rig(), event);
-            // The rig holds one change of the line at a time.
+            // The rig stores one change of the line at a time.
             let now = paced.rig().now();
             paced.run_until(now);
         }
@@ -74,9 +74,9 @@ impl Port {
         [Special { cut, ..to_client }, from_client]
     }
 
-    /// What the rig has for the client.
+    /// Passes bytes of the rig to the client.
     pub(super) fn carry_out(&mut self, rig: &mut Rig) {
-        // The other end may have changed its rate as well.
+        // The other end may also have changed its rate.
         self.judge_baud(rig);
         let link = rig.link(&self.end.link);
         if link.is_some_and(|link| link.kind.carries_messages()) {
@@ -89,7 +89,7 @@ impl Port {
         let bytes = rig.take_output(self.end.node);
         let pieces = match &mut self.adapter {
             Some(adapter) if marks.is_empty() => adapter.pass(rig.now(), &bytes),
-            // A damaged character has its place among the others.
+            // A damaged character keeps its position among the others.
             Some(adapter) => {
                 for piece in adapter.pass_all(rig.now()) {
                     self.traffic.to_client += self.transport.write(&piece) as u64;
@@ -102,7 +102,7 @@ impl Port {
         for piece in pieces {
             let written = self.transport.write_marked(&piece, &marks);
             self.traffic.to_client += written as u64;
-            // What the line settings hold back has arrived as well.
+            // Count bytes that the line settings hold back, too.
             if self.is_open {
                 self.special[0].count(&piece);
             }
@@ -110,7 +110,7 @@ impl Port {
         self.tell_losses(rig);
     }
 
-    /// Tells the rig and the log what happened to the port.
+    /// Reports an event of the port to the rig and to the log.
     pub(super) fn report(&mut self, rig: &mut Rig, event: PortEvent) {
         let node = self.end.node;
         match event {

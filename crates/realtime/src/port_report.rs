@@ -1,23 +1,23 @@
-//! What passed a port, for people.
+//! Figures of a port for the user.
 
 use core::fmt;
 
 use super::Traffic;
 use crate::transport::Counters;
 
-/// A port's name with what passed it.
+/// Name and figures of a port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PortReport {
     /// The port's name.
     pub name: String,
-    /// What passed.
+    /// Bytes that passed.
     pub traffic: Traffic,
-    /// What did not.
+    /// Bytes that were lost.
     pub lost: Counters,
 }
 
 impl fmt::Display for PortReport {
-    /// One line for people.
+    /// One line for the user.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Traffic {
             from_client,

@@ -1,41 +1,41 @@
-//! What a client sent while rig time stood: it goes on its way over as long a time as it was sent
-//! in. All at once it would reach a device at the line's full rate, faster than any client sends,
-//! and overflow buffers that hold what comes at its usual rate. Byte by byte, a request would come
-//! apart, and a device that waits for the rest of a frame for some milliseconds would give it up:
-//! so it goes in bursts, a short one at once.
+//! Bytes that a client sent while rig time stood. They are sent over the time in which the client
+//! sent them: all at once they would reach a device at the line's full rate, faster than any client
+//! sends, and overflow its buffers. They are sent in bursts: byte by byte a request would be split,
+//! and a device that waits some milliseconds for the rest of a frame would discard it. A short
+//! burst is sent at once.
 
 use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocols::Instant;
 
-/// Bytes that stay together: more than the longest request of a small bus.
+/// Size of a burst, bytes: more than the longest request of a small bus.
 const BURST: u128 = 64;
 
-/// See the module's documentation.
+/// Bytes that are sent over a time, see the module's documentation.
 #[derive(Debug, Default)]
 pub(super) struct Spread {
     bytes: VecDeque<u8>,
-    /// Bytes when the last began, when that was, and how long they take.
+    /// Number of bytes at the last begin, its time, and the duration of the sending.
     total: usize,
     from: Instant,
     over: Duration,
 }
 
 impl Spread {
-    /// `bytes` were sent while rig time stood at `from`, for as long as `over`; what is left of an
-    /// earlier time goes with them.
+    /// Adds `bytes`, which were sent within `over` while rig time stood at `from`. Bytes that are
+    /// left from an earlier stop are sent with them.
     pub(super) fn begin(&mut self, bytes: &[u8], from: Instant, over: Duration) {
         self.bytes.extend(bytes);
         (self.total, self.from, self.over) = (self.bytes.len(), from, over);
     }
 
-    /// Whether nothing is left.
+    /// Whether no bytes are left.
     pub(super) fn is_empty(&self) -> bool {
         self.bytes.is_empty()
     }
 
-    /// Takes what is due at `now`.
+    /// Takes the bytes that are due at `now`.
     pub(super) fn due(&mut self, now: Instant) -> Vec<u8> {
         let (since, over) = ((now - self.from).as_nanos(), self.over.as_nanos());
         let sent = self.total - self.bytes.len();
@@ -49,7 +49,7 @@ impl Spread {
         self.bytes.drain(..due).collect()
     }
 
-    /// Takes all that is left.
+    /// Takes all bytes that are left.
     pub(super) fn rest(&mut self) -> Vec<u8> {
         self.bytes.drain(..).collect()
     }
@@ -68,7 +68,7 @@ mod tests {
         assert_eq!(spread.due(at(10)).len(), 64);
         assert_eq!(spread.due(at(11)).len(), 0);
         assert_eq!(spread.due(at(12)).len(), 64);
-        // Late once more: what is left goes with what came.
+        // A second stop: the bytes that are left are sent with the new ones.
         spread.begin(&[5; 64], at(13), Duration::from_millis(4));
         assert_eq!(spread.due(at(13)).len(), 64);
         assert_eq!(spread.due(at(99)), [[7; 64], [5; 64]].concat());

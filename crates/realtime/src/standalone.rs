@@ -1,9 +1,9 @@
-//! A robot's program by itself, on serial ports, at the pace of the wall clock.
+//! A robot's program without a rig, on serial ports, at the pace of the wall clock.
 //!
-//! This is what a board does: the program's four verbs, a port for each of its UARTs, and nothing
-//! known of any rig. The one thing that a UART does and a port does not is to take its time: bytes
-//! are handed out no faster than the line could carry them, so that the program decides what to
-//! send when it is sent, and not seconds before.
+//! It does the work of a board: it calls the program, and connects a port to each of its UARTs. A
+//! UART takes time to send, but a port does not. Bytes are therefore written no faster than the
+//! line could carry them, so that the program decides about a byte when it is sent and not seconds
+//! before.
 
 use core::time::Duration;
 use std::os::fd::BorrowedFd;
@@ -14,13 +14,13 @@ use protocols::{Instant, Port};
 use crate::clock::Clock;
 use crate::transport::{Transport, TransportError, wait};
 
-/// Bytes handed to a port ahead of the line: more would be out of the program's hands, fewer would
-/// mean to wake up for each.
+/// Time by which bytes are written ahead of the line. More bytes would be out of the program's
+/// control; fewer would wake this thread for each byte.
 const AHEAD: Duration = Duration::from_millis(1);
-/// Minimum and longest wait between two turns when nothing comes in.
+/// Minimum and maximum wait between two turns without input.
 const WAIT_MIN: Duration = Duration::from_micros(200);
 const WAIT_MAX: Duration = Duration::from_millis(5);
-/// Maximum number of bytes handed over in one go.
+/// Maximum number of bytes in one write.
 const PIECE_MAX: usize = 256;
 
 /// A program, its ports and a clock.
@@ -30,16 +30,16 @@ pub struct Standalone<P: ?Sized, C> {
     uarts: Vec<Uart>,
 }
 
-/// A port of the program and where it is connected.
+/// A port of the program and its transport.
 struct Uart {
     port: Port,
     transport: Box<dyn Transport>,
-    /// When the line will have carried what it was given.
+    /// Time at which the line has carried all written bytes.
     free_at: Instant,
 }
 
 impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
-    /// `program` without any port.
+    /// `program` without ports.
     pub fn new(program: Box<P>, clock: C) -> Self {
         Self {
             program,
@@ -67,14 +67,14 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
         &self.clock
     }
 
-    /// Hears, thinks and speaks once, then waits until there is something to do.
+    /// Reads input, runs the program and sends its output once, then waits for the next event.
     ///
     /// # Errors
-    /// If a port went away.
+    /// If a port disappeared.
     pub fn turn(&mut self) -> Result<(), TransportError> {
         let mut buf = [0; 1024];
         for uart in &mut self.uarts {
-            // As much as has come, but not forever: a port may be faster than we are.
+            // Read all available input, but not forever: a port may be faster than this loop.
             for _ in 0..READS_MAX {
                 let len = uart.transport.read(&mut buf)?;
                 while uart.transport.next_event().is_some() {}
@@ -96,7 +96,7 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
 
     fn wait(&self) {
         let now = self.clock.now();
-        // A port that was given something is checked again when its line can take more.
+        // A port with written bytes is due again when its line can take more.
         let lines = self
             .uarts
             .iter()
@@ -118,7 +118,7 @@ impl<P: Master + ?Sized, C: Clock> Standalone<P, C> {
 const READS_MAX: usize = 16;
 
 impl Uart {
-    /// Hands over what the program has, as far as the line would carry it by [`AHEAD`] from now.
+    /// Writes the program's bytes, as far as the line would carry them by [`AHEAD`] from now.
     fn send(&mut self, now: Instant, program: &mut (impl Master + ?Sized)) {
         let line = program.line_config(self.port);
         let mut buf = [0; PIECE_MAX];
@@ -144,7 +144,7 @@ mod tests {
     use firmware_core::Work;
     use protocols::LineConfig;
 
-    /// Sends zeros without end, and remembers what it receives.
+    /// Sends zeros without end, and stores its input.
     #[derive(Default)]
     struct Talker {
         heard: Vec<u8>,
@@ -170,7 +170,7 @@ mod tests {
         }
     }
 
-    /// 115200 baud carry 11,520 bytes a second; a port would take whatever it is given.
+    /// 115200 baud carry 11,520 bytes per second; a port would accept any number.
     #[test]
     fn a_program_that_always_has_something_to_send_keeps_to_the_rate_of_its_line() {
         let (near, mut far) = Memory::pair("line");

@@ -1,4 +1,5 @@
-//! Between two ports: passes bytes both ways and writes down what passed, and when.
+//! A recorder between two ports: it forwards bytes in both directions and records them with their
+//! times.
 //!
 //! ```text
 //!   device <--> port A | Recorder | port B <--> program
@@ -6,9 +7,9 @@
 //!                       capture
 //! ```
 //!
-//! What a port gives is handed on first and written down afterwards, so that recording holds
-//! nothing back. A byte's time is when it was read: later than on the wire by what the system and
-//! its driver took.
+//! Bytes are forwarded first and recorded afterwards, so that recording delays nothing. The time of
+//! a byte is the time of its read: later than on the wire by the delay of the system and its
+//! driver.
 
 mod file;
 
@@ -27,26 +28,26 @@ use capture::{Interface, Kind, Record, Section};
 use engine::TOOL;
 use engine::rig::line::Direction;
 
-/// Two ports that belong together.
+/// Two connected ports.
 pub struct Wire {
     /// Name of the link in the capture.
     pub name: String,
     /// Bits per second of both ends.
     pub baud: u32,
-    /// Where the device is, then where the program is.
+    /// The device's end, then the program's end.
     pub ends: [Box<dyn Transport>; 2],
 }
 
-/// What passed a wire in one direction.
+/// Bytes of one direction of a wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Passed {
     /// Bytes read at one end.
     pub read: u64,
-    /// Of those, bytes that were lost because the other end was closed.
+    /// Bytes among them that were lost because the other end was closed.
     pub lost: u64,
 }
 
-/// Why recording ended early. The file is whole in any case.
+/// The reason for an early end of a recording. The file is complete in any case.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     /// A port disappeared.
@@ -57,14 +58,14 @@ pub enum RecordError {
     File(#[from] FileError),
 }
 
-/// Passes and records.
+/// Forwards and records bytes.
 pub struct Recorder<C> {
     clock: C,
     /// Time of the capture at the clock's zero.
     epoch: Instant,
     wires: Vec<Wire>,
     passed: Vec<[Passed; 2]>,
-    /// Read and noted, and not taken by the other end yet.
+    /// Bytes that were read and recorded, and not yet taken by the other end.
     waiting: Vec<[VecDeque<u8>; 2]>,
     file: CaptureFile,
     held: Lateness,
@@ -72,11 +73,11 @@ pub struct Recorder<C> {
 
 /// Maximum wait, because some ports cannot wake this thread.
 const WAIT_MAX: Duration = Duration::from_millis(5);
-/// The same while a other end has no room: nothing tells when it has.
+/// Maximum wait while the other end has no room, because no event reports new room.
 const WAIT_FOR_ROOM: Duration = Duration::from_millis(1);
-/// Bytes that may wait for a other end before no more are read.
+/// Maximum number of bytes that wait for the other end; then no more are read.
 const WAITING_MAX: usize = 64 << 10;
-/// Reads of one end before the others get their turn.
+/// Reads of one end before the others are served.
 const READS_MAX: usize = 16;
 
 impl<C: Clock> Recorder<C> {
@@ -129,21 +130,22 @@ impl<C: Clock> Recorder<C> {
         &self.clock
     }
 
-    /// How long chunks were held between being read and being handed on.
+    /// Time between the read and the forwarding of chunks.
     pub const fn held(&self) -> &Lateness {
         &self.held
     }
 
-    /// The wires' names with what passed them: towards the program, then towards the device.
+    /// The wires' names and traffic: towards the program, then towards the device.
     pub fn reports(&self) -> impl Iterator<Item = (&str, [Passed; 2])> {
         let names = self.wires.iter().map(|wire| &*wire.name);
         names.zip(self.passed.iter().copied())
     }
 
-    /// Passes what has come, then waits until more may come.
+    /// Forwards available bytes, then waits until more may arrive.
     ///
     /// # Errors
-    /// If a port went away or the file cannot be written; what passed before is in the file.
+    /// If a port disappeared or the file cannot be written. The file contains all bytes before the
+    /// error.
     pub fn turn(&mut self) -> Result<(), RecordError> {
         for link in 0..self.wires.len() {
             for direction in [Direction::ToMaster, Direction::ToDevice] {
@@ -196,8 +198,8 @@ impl<C: Clock> Recorder<C> {
         Ok(())
     }
 
-    /// Gives the other end what it takes. What it has no room for waits, as long as it is open; the
-    /// bytes that were lost because it is closed.
+    /// Writes waiting bytes to the other end as far as it has room. Returns the number of bytes
+    /// that were lost because the other end is closed.
     fn hand_on(&mut self, link: usize, direction: Direction) -> u64 {
         let waiting = &mut self.waiting[link][direction as usize];
         let to = &mut self.wires[link].ends[1 - direction as usize];
@@ -283,7 +285,7 @@ mod tests {
     use crate::transport::Memory;
     use capture::Capture;
 
-    /// A recorder between two ports, the far ends of both, and its file.
+    /// A recorder between two ports, the clients' ends of both, and its file.
     struct Bench {
         recorder: Recorder<SimClock>,
         device: Memory,
@@ -338,8 +340,8 @@ mod tests {
         }
     }
 
-    /// A port holds 4096 bytes: what its program does not read yet waits, in order, and is in the
-    /// file when it came.
+    /// A port holds 4096 bytes. Further bytes for a program that does not read wait in order; the
+    /// file has them with their times of arrival.
     #[test]
     fn what_a_program_does_not_read_yet_waits_for_it() {
         let mut bench = bench("waits");
@@ -367,8 +369,8 @@ mod tests {
         );
     }
 
-    /// Ports that do not say when more comes are checked again after 5 ms, and after 1 ms while a
-    /// other end has no room. How long each chunk was held is counted.
+    /// Ports without an event for new bytes are polled after 5 ms, and after 1 ms while the other
+    /// end has no room. The delay of each chunk is measured.
     #[test]
     fn a_turn_waits_longer_when_nothing_waits_for_room() {
         let mut bench = bench("turn");

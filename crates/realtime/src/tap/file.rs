@@ -1,4 +1,4 @@
-//! A capture file that is whole at any moment, also on a disk that is full.
+//! A capture file that consists of complete blocks at any moment, also on a full disk.
 
 use core::time::Duration;
 use std::fs::File;
@@ -7,22 +7,22 @@ use std::path::{Path, PathBuf};
 
 use protocols::Instant;
 
-/// A capture cannot be written. What was written before is whole.
+/// A capture cannot be written. All blocks before the error are complete.
 #[derive(Debug, thiserror::Error)]
 #[error(
     "cannot write {}: {source}; its first {whole} bytes are a whole capture",
     .path.display()
 )]
 pub struct FileError {
-    /// Which file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// Bytes of it that are whole blocks.
+    /// Number of its bytes in complete blocks.
     pub whole: u64,
     /// The error of the operating system.
     pub source: io::Error,
 }
 
-/// Blocks on their way to a file. Only whole blocks stay in it.
+/// A buffered file that keeps only complete blocks.
 #[derive(Debug)]
 pub struct CaptureFile {
     path: PathBuf,
@@ -33,16 +33,16 @@ pub struct CaptureFile {
     flushed_at: Instant,
 }
 
-/// Bytes gathered before they are written.
+/// Maximum number of buffered bytes.
 const BUFFER: usize = 64 << 10;
-/// What a killed process may lose.
+/// Maximum time of data that a killed process loses.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
 
 impl CaptureFile {
-    /// Makes the file, or empties it.
+    /// Creates or truncates the file.
     ///
     /// # Errors
-    /// Those of the system.
+    /// Errors of the operating system.
     pub fn create(path: &Path) -> Result<Self, FileError> {
         let file = safefs::create(path).map_err(|source| FileError {
             path: path.to_owned(),
@@ -64,17 +64,17 @@ impl CaptureFile {
         &self.path
     }
 
-    /// A number for the next record; each is given once.
+    /// A unique number for the next record.
     pub const fn next_sequence(&mut self) -> u64 {
         let sequence = self.sequence;
         self.sequence += 1;
         sequence
     }
 
-    /// Appends what `block` appends: one whole block.
+    /// Appends the block that `block` writes.
     ///
     /// # Errors
-    /// If the file can take no more.
+    /// If the disk is full or the file cannot be written.
     pub fn put(&mut self, block: impl FnOnce(&mut Vec<u8>)) -> Result<(), FileError> {
         block(&mut self.buf);
         if self.buf.len() >= BUFFER {
@@ -83,10 +83,10 @@ impl CaptureFile {
         Ok(())
     }
 
-    /// Writes what was gathered, if the last time is long ago.
+    /// Writes the buffer if the last write is long ago.
     ///
     /// # Errors
-    /// If the file can take no more.
+    /// If the disk is full or the file cannot be written.
     pub fn flush_if_due(&mut self, now: Instant) -> Result<(), FileError> {
         if now - self.flushed_at >= FLUSH_EVERY {
             self.flushed_at = now;
@@ -95,17 +95,18 @@ impl CaptureFile {
         Ok(())
     }
 
-    /// Writes what was gathered.
+    /// Writes the buffer.
     ///
     /// # Errors
-    /// If the file can take no more; it is cut back to its last whole block.
+    /// If the disk is full or the file cannot be written; the file is then truncated to its last
+    /// complete block.
     pub fn flush(&mut self) -> Result<(), FileError> {
         let written = self.file.write_all(&self.buf);
         let len = self.buf.len() as u64;
         self.buf.clear();
         written.map_err(|source| {
-            // As many of the blocks may have come through as there was room for, and a piece of
-            // the next. What cannot be cut off, e.g. of a pipe, is for the reader to skip.
+            // The disk may have taken some blocks and a part of the next one. If the file cannot be
+            // truncated, e.g. a pipe, the reader must skip this part.
             let _ = self.file.set_len(self.whole);
             FileError {
                 path: self.path.clone(),
