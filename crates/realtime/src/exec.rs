@@ -1,13 +1,14 @@
-//! A user's program in a run: started on the rig's ports, watched, judged, ended.
+//! A user's program in a run: its start on the rig's ports, its observation, verdict and end.
 //!
 //! ```text
 //!  start --> opens its ports --> rig time runs --> run over, or program gone --> end, verdict
 //!            (rig stands at 0)
 //! ```
 //!
-//! Rig time stands until the program has opened what it needs, so that a slow interpreter costs no
-//! time of the mission. A program may have to hear something on one port before it opens the next:
-//! if it has sent something and opened nothing more for a second, time continues as well.
+//! Rig time starts when the program has opened its required ports, so that a slow interpreter costs
+//! no time of the mission. Some programs need an answer on one port before they open the next one.
+//! If a program has sent a byte and has opened no further port for 1 s, rig time therefore also
+//! starts.
 
 mod cause;
 mod companion;
@@ -48,16 +49,16 @@ pub use verdict::{alive, childless};
 
 /// Environment variable with the directory of the ports.
 pub const PORTS_VARIABLE: &str = "HILRIG_DIR";
-/// What the variables begin with that name ports in `/dev`.
+/// Prefix of the variables with the names of ports in `/dev`.
 pub(crate) const TERMINAL_VARIABLE: &str = "HILRIG_TTY_";
-/// Rig time for which a run continues when its program is gone: the devices must notice that.
+/// Rig time for which a run continues after the program's end, so that the devices notice it.
 pub(crate) const SETTLE: Duration = Duration::from_secs(2);
 
-/// Rig time between two looks at why a program does not read: all processes are listed for that.
+/// Rig time between two checks of the reason for unread bytes. Each check lists all processes.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
-/// Whether a failed check holds however late the rig was. A program that gives up with an exit code
-/// is none: a timeout of its own continues while rig time stands.
+/// Whether a failed check is valid for a late rig, too. A program's exit with an error code is not,
+/// because the program's own timeouts continue while rig time stands.
 pub fn is_fact(check: &Check) -> bool {
     match &*check.name {
         "program-connected" | "no-children-left" | NODE_PROGRAMS => true,
@@ -71,7 +72,7 @@ pub fn is_fact(check: &Check) -> bool {
 /// A user's program, and its permissions.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Foreign {
-    /// For the shell.
+    /// Shell command.
     pub command: String,
     /// Its name among several programs; else empty.
     pub name: String,
@@ -83,13 +84,13 @@ pub struct Foreign {
     pub may_end: bool,
     /// Whether it may stop sending and reading before the run is over.
     pub may_idle: bool,
-    /// Names of the ports that it needs; none: all that are not optional.
+    /// Names of its required ports; if empty, all ports that are not optional.
     pub needs: Vec<String>,
-    /// Whether its output is its own, and not only that of an emulator around it.
+    /// Whether its output is its own. The output of firmware is only that of its emulator.
     pub prints: bool,
-    /// Whether its ports have modem lines in real time; in virtual time they always do.
+    /// Whether its ports have modem lines in real time; in virtual time they always have.
     pub has_lines: bool,
-    /// How it is put into virtual time; `None`: it runs in real time.
+    /// Supervision in virtual time; `None` for real time.
     pub supervision: Option<Supervision>,
 }
 
@@ -99,8 +100,8 @@ pub struct Seat {
     pub end: OpenEnd,
     /// Its port.
     pub transport: Box<dyn Transport>,
-    /// Whether the program finds it in the directory of ports. If not, it is a real port, and the
-    /// rig cannot see its clients.
+    /// Whether the program finds the port in the directory of ports. If not, the port is a real
+    /// one, and the rig cannot see its clients.
     pub is_terminal: bool,
 }
 
@@ -112,7 +113,7 @@ pub fn pc_end(scenario: &Scenario) -> PcEnd {
     }
 }
 
-/// A program under trial.
+/// A run of the program under test.
 pub struct Trial {
     run: Run,
     realtime: Realtime<Held>,
@@ -124,40 +125,40 @@ pub struct Trial {
     readiness: Readiness,
     has_begun: bool,
     gave_up: bool,
-    /// How the program ended, and the rig's time then.
+    /// The program's end, and the rig time of it.
     ended: Option<(Ended, Instant)>,
-    /// The rig's time at which the last client left the ports.
+    /// Rig time at which the last client closed its port.
     gone_at: Option<Instant>,
-    /// When it was last looked whether the machine holds the program up, and what was seen.
+    /// Time and result of the last check whether the machine delays the program.
     held_up: (Instant, bool),
 }
 
-/// The result.
+/// Result of a trial.
 pub struct Judged {
-    /// The run, its first checks being about the program.
+    /// Outcome of the run; its first checks are about the program.
     pub outcome: Outcome,
     /// Whether the captures of the run were written.
     pub recorded: io::Result<()>,
-    /// What else was seen.
+    /// Further observations.
     pub seen: ProgramEnd,
 }
 
-/// What was seen of a program besides its verdicts.
+/// Observations of a program besides its verdicts.
 pub struct ProgramEnd {
-    /// The end of what the program said.
+    /// The last part of the program's output.
     pub said: String,
-    /// How late the rig was.
+    /// Lateness of the rig.
     pub lateness: Lateness,
-    /// What passed each port.
+    /// Traffic of each port.
     pub reports: Vec<PortReport>,
 }
 
 impl Trial {
-    /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
-    /// to `log`.
+    /// Starts the program on the ports of `run`; `seats` are the ends of its links. The program's
+    /// output is written to `log`.
     ///
     /// # Errors
-    /// If it cannot be started, or needs a port that there is not.
+    /// If the program cannot be started, or requires a port that does not exist.
     pub fn start(
         mut run: Run,
         seats: Vec<Seat>,
@@ -202,7 +203,7 @@ impl Trial {
         &mut self.run
     }
 
-    /// Rig time on the wall clock.
+    /// Rig time by the wall clock.
     pub fn now(&self) -> Instant {
         self.realtime.clock().now()
     }
@@ -218,12 +219,12 @@ impl Trial {
         self.has_begun
     }
 
-    /// How the program ended, and when, if it did.
+    /// The program's end and its time, if the program has ended.
     pub const fn ended(&self) -> Option<(Ended, Instant)> {
         self.ended
     }
 
-    /// Whether there is nothing more to see.
+    /// Whether the trial is over.
     pub fn is_over(&self) -> bool {
         let now = self.run.rig.now();
         let is_done = self.run.is_over() || self.control.has_quit();
@@ -233,12 +234,12 @@ impl Trial {
     /// Advances the rig and checks the program.
     ///
     /// # Errors
-    /// If a real port went away.
+    /// If a real port disappeared.
     pub fn turn(&mut self) -> Result<(), TransportError> {
         let before = self.run.rig.now();
         let behind = self.realtime.clock().now() - before;
         let mut turned = self.realtime.turn(&mut self.run);
-        // A program that reads the modem lines right after it opens a port sees them raised.
+        // A program that reads the modem lines immediately after it opens a port sees them on.
         if self.control.hear() {
             turned = turned.and(self.realtime.carry(&mut self.run));
         }
@@ -261,7 +262,7 @@ impl Trial {
         turned
     }
 
-    /// Whether the machine holds up a program that does not read, as of the last look at that.
+    /// Whether the machine delays a program that does not read, according to the last check.
     fn is_held_up(&mut self, now: Instant) -> bool {
         if !self.ports.any_waits_long() {
             return false;
@@ -307,7 +308,7 @@ impl Trial {
         let recorded = self.run.rig.finish_taps();
         let lateness = self.realtime.lateness().clone();
         let reports = self.realtime.reports().collect();
-        // The ports stay until the program has ended: it is not to be told that they went away.
+        // The ports exist until the program has ended, so that it does not notice their end.
         drop((self.realtime, self.control, self.dir));
         let mut outcome = self.run.judge();
         let ending = Ending {
@@ -333,9 +334,9 @@ impl Trial {
     }
 }
 
-/// Puts the checks about a program before those of its run.
+/// Puts the checks of a program before those of its run.
 pub(crate) fn add_checks(outcome: &mut Outcome, own: Vec<Check>) {
-    // A run in this process has a check of one of these names as well; it saw no program.
+    // The run has its own checks with some of these names, which observed no program.
     let others = core::mem::take(&mut outcome.checks);
     let is_new = |check: &Check| own.iter().all(|one| one.name != check.name);
     let others: Vec<Check> = others.into_iter().filter(is_new).collect();
@@ -343,10 +344,10 @@ pub(crate) fn add_checks(outcome: &mut Outcome, own: Vec<Check>) {
     outcome.checks.extend(others);
 }
 
-/// The ports that a program on `seats` is seen at.
+/// The ports of a program on `seats`, for observation.
 ///
 /// # Errors
-/// If it is said to need one that there is not.
+/// If the program requires a port that does not exist.
 pub(crate) fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecError> {
     let seen = || seats.iter().filter(|seat| seat.is_terminal);
     for name in &foreign.needs {
@@ -389,8 +390,7 @@ pub(crate) fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(Stri
     env
 }
 
-/// The variable by which a program is told the name of a port in `/dev`, and that name: some accept
-/// no other.
+/// The variable with the name of a port in `/dev`, and this name: some libraries accept no other.
 pub(crate) fn terminal_of(name: &str, path: &Path) -> Option<(String, OsString)> {
     let terminal = path.canonicalize().ok()?;
     let name = name.to_ascii_uppercase().replace('-', "_");
@@ -403,7 +403,7 @@ pub fn port_variable(name: &str) -> String {
     format!("HILRIG_PORT_{name}")
 }
 
-/// Lets the log tell what the robot touched.
+/// Logs the contacts of the robot.
 pub fn log_contacts(run: &mut Run) {
     for contact in run.take_contacts() {
         let (place, both, own) = (contact.place, contact.speed_m_s, contact.own_m_s);
@@ -422,11 +422,11 @@ pub fn log_contacts(run: &mut Run) {
     }
 }
 
-/// Runs `scenario` with the program from beginning to end, with its ports in `dir` and its output
-/// in `log`, for callers that only need the verdict. `None` if `goes_on` returned false.
+/// Runs `scenario` with the program from start to end, with ports in `dir` and output in `log`, for
+/// callers that only need the verdict. `None` if `goes_on` returned false.
 ///
 /// # Errors
-/// If it cannot be put on trial.
+/// If the program cannot be started.
 pub(crate) fn judge(
     scenario: &Scenario,
     source: &Source,
@@ -448,7 +448,7 @@ pub(crate) fn judge(
 /// Wires `scenario` for a user's program, with all its ports in `dir`.
 ///
 /// # Errors
-/// If it cannot be wired, or the ports cannot be had.
+/// If the scenario cannot be wired, or a port cannot be created.
 pub fn stage(
     scenario: &Scenario,
     source: &Source,

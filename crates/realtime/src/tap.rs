@@ -191,7 +191,7 @@ impl<C: Clock> Recorder<C> {
             self.passed[link][direction as usize].read += len as u64;
             let comment = match lost {
                 0 => String::new(),
-                lost => format!("{lost} bytes lost: the far end is closed"),
+                lost => format!("{lost} bytes lost: the other end is closed"),
             };
             self.note(link, direction, at, Kind::Data, &buf[..len], comment)?;
         }
@@ -413,7 +413,7 @@ mod tests {
             (kind, direction, "port opened".to_owned())
         };
         let lost = |count: u8| {
-            let comment = format!("{count} bytes lost: the far end is closed");
+            let comment = format!("{count} bytes lost: the other end is closed");
             (Kind::Data, in_, comment)
         };
         assert_eq!(said[..3], [opened(in_), opened(out), lost(12)]);

@@ -1,8 +1,8 @@
-//! The probable cause of a run that failed: one sentence with what was observed and what to change.
+//! The probable cause of a failed run: one sentence with the observation and the fix.
 //!
-//! Each rule looks at the evidence by itself and may propose a cause with a weight; the heaviest is
-//! told. A cause that explains others (a wrong baud rate explains bad checksums) weighs more. If no
-//! rule proposes one, what was observed is told instead.
+//! Each rule examines the evidence independently and may propose a cause with a weight. The
+//! heaviest cause is printed. A cause that explains others has a larger weight: a wrong baud rate
+//! explains bad checksums. If no rule proposes a cause, the observations are printed.
 
 mod devices;
 mod end;
@@ -19,21 +19,21 @@ use engine::run::check::Status;
 
 pub(crate) use devices::misunderstood;
 
-/// What is known of a run in the end.
+/// Observations at the end of a run.
 pub(crate) struct Evidence<'a> {
-    /// What was seen at the ports.
+    /// Observations at the ports.
     pub(crate) ports: &'a Ports,
-    /// What the program's threads waited for in the end.
+    /// Calls in which the program's threads waited at the end.
     pub(crate) waits: &'a [Wait],
-    /// How the program ended by itself, and when.
+    /// The program's own end and its time, if it ended by itself.
     pub(crate) ended: Option<(Ended, Instant)>,
-    /// The end of its output.
+    /// The last part of its output.
     pub(crate) said: &'a str,
     /// The judged run.
     pub(crate) outcome: &'a Outcome,
 }
 
-/// A cause that is proposed.
+/// A proposed cause.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Cause {
     weight: u32,
@@ -46,7 +46,7 @@ impl Cause {
     }
 }
 
-/// Weights, the heaviest first: what explains other findings comes before them.
+/// Weights, the heaviest first: a cause that explains other findings comes before them.
 mod weight {
     pub(super) const RATE: u32 = 100;
     pub(super) const NOT_OPENED: u32 = 95;
@@ -69,7 +69,7 @@ mod weight {
     pub(super) const COLLISION: u32 = 35;
 }
 
-/// The probable cause of what failed; `None` if nothing did.
+/// The probable cause of the failure; `None` if the run passed.
 pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     let mut checks = evidence.outcome.checks.iter();
     if !checks.any(|check| check.status == Status::Fail) {
@@ -79,17 +79,17 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     causes.extend(end::causes(evidence));
     causes.extend(devices::causes(evidence));
     causes.extend(motion::causes(evidence.outcome));
-    // Of two that weigh the same, the one that was found first.
+    // Of two causes with equal weight, the first one stays first.
     causes.sort_by_key(|cause| core::cmp::Reverse(cause.weight));
     let mut causes = causes.into_iter();
     let Some(first) = causes.next() else {
         return Some(unknown(evidence));
     };
-    // One that weighs nearly as much may be the one that counts. What damages bytes explains the
-    // rest, so only its like is told beside it.
+    // A cause with nearly the same weight may be the true one. Damage of bytes explains the other
+    // findings, so only a second cause of this kind is printed beside it.
     let least = match first.weight {
         weight::SETTING.. => weight::SETTING,
-        // A program that ends and leaves motors on has two defects.
+        // A program that ends and leaves its motors on has two defects.
         weight::ENDED => weight::MOTORS,
         other => weight::ORDER.max(other - 20),
     };
@@ -100,7 +100,7 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     })
 }
 
-/// What was observed, when nothing of it explains the failure.
+/// The observations, if no rule explains the failure.
 fn unknown(evidence: &Evidence<'_>) -> String {
     let seen = evidence.ports.all.iter().filter(|port| port.was_opened);
     let traffic = seen.map(|port| {

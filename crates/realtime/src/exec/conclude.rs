@@ -15,10 +15,10 @@ use crate::process::{Ended, Farewell};
 use engine::run::Outcome;
 use engine::run::check::{Check, STOPS, Status};
 
-/// Rig time after the program's end at which motors are to be at rest.
+/// Rig time after the program's end within which motors must rest.
 const REST: Duration = Duration::from_secs(1);
 
-/// A program that is gone drives nothing: motors that turn on fail, where no watchdog is judged.
+/// Fails motors that still turn after the program's end, if no watchdog is judged.
 fn judge_motors(outcome: &mut Outcome, ended: Option<Instant>) {
     let now = Instant::ZERO + outcome.ran;
     let on = outcome.axes.iter().filter(|axis| axis.set_point != 0.0);
@@ -41,19 +41,19 @@ fn judge_motors(outcome: &mut Outcome, ended: Option<Instant>) {
     }
 }
 
-/// What is known of a program when its run has been judged.
+/// Observations of a program after its run was judged.
 pub(crate) struct Ending<'a> {
-    /// What was seen at its ports.
+    /// Observations at its ports.
     pub(crate) ports: &'a Ports,
     /// The same of each program by its name.
     pub(crate) each: Vec<(String, Option<(Ended, Instant)>)>,
     /// How it was to be started and judged.
     pub(crate) foreign: &'a Foreign,
-    /// How it ended by itself, and the rig's time then.
+    /// Its own end and the rig time of it, if it ended by itself.
     pub(crate) ended: Option<(Ended, Instant)>,
-    /// What its threads waited for in the end.
+    /// Calls in which its threads waited at the end.
     pub(crate) waits: &'a [Wait],
-    /// How it was ended.
+    /// Result of its termination.
     pub(crate) farewell: &'a Farewell,
     /// Whether the run was over.
     pub(crate) is_over: bool,

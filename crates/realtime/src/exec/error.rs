@@ -1,11 +1,11 @@
-//! Why a program gets no verdict.
+//! Reasons for a run without a verdict.
 
 use std::io;
 
 use crate::transport::TransportError;
 use engine::scenario::ScenarioError;
 
-/// Why a program cannot be put on trial.
+/// The reason why a program cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum ExecError {
     /// The scenario cannot be wired.
@@ -14,13 +14,13 @@ pub enum ExecError {
     /// A port cannot be opened.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// It cannot be started.
+    /// The program cannot be started.
     #[error("--exec: cannot start it: {0}")]
     NotStarted(io::Error),
-    /// It cannot be put into virtual time.
+    /// The program cannot run in virtual time.
     #[error("{0}")]
     Virtual(String),
-    /// It is said to need a port that there is not.
+    /// The program requires a port that does not exist; all existing ones.
     #[error("--exec-needs {0}: no such port, expected some of {all}", all = .1.join(", "))]
     NoSuchPort(String, Vec<String>),
 }

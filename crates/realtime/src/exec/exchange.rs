@@ -1,8 +1,8 @@
-//! Whether a program continues with its work: it sends and reads, and does not fall silent.
+//! Whether a program continues to work: it sends and reads, and does not fall silent.
 //!
-//! A program that waits forever breaks no rule of a device and lives to the end, so nothing else
-//! would fail. Rig time alone counts, and a program that listens to a device which has nothing to
-//! say is not silent: the device is.
+//! A program that waits forever breaks no rule of a device and does not end, so no other check
+//! would fail. Only rig time counts. A program that listens to a silent device is not silent
+//! itself.
 
 use core::time::Duration;
 
@@ -16,35 +16,35 @@ use engine::run::check::{Check, Status};
 pub(crate) const GOES_ON: &str = "program-goes-on";
 /// Rig time for which any program may be silent.
 pub(super) const SILENT_MAX: Duration = Duration::from_secs(2);
-/// A program may be silent for as many times its longest pause so far.
+/// Factor on the longest pause so far, for which a program may be silent.
 const PAUSES_MAX: u32 = 3;
 
-/// Options that allow it.
+/// Options that allow silence.
 pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle)";
 
-/// Frames that a device does not understand are no slip any more from so many on, if there is one
-/// of them among so many bytes.
+/// Minimum number of frames that a device does not understand until they count as an error, and
+/// maximum number of sent bytes per such frame.
 const FEW: u64 = 3;
 const FRAME: u64 = 16;
 
-/// What is known of the run besides the ports.
+/// Observations of the run besides the ports.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rest<'a> {
-    /// Rig time in the end.
+    /// Rig time at the end.
     pub now: Instant,
     /// Whether the program ended by itself.
     pub has_ended: bool,
     /// Whether the operator ended the run early.
     pub is_cut: bool,
-    /// Whether it printed nothing, and did not end with exit code 0 either.
+    /// Whether the program printed nothing and did not end with exit code 0.
     pub is_mute: bool,
-    /// Whether the user allows it to fall silent.
+    /// Whether the user allows the program to fall silent.
     pub may_idle: bool,
-    /// Whether another check about the ports has failed already.
+    /// Whether another check about the ports has already failed.
     pub is_told: bool,
     /// The other checks of the run.
     pub checks: &'a [Check],
-    /// Broken rules that say that a device does not understand what it is sent.
+    /// Number of broken rules that mean that a device does not understand its input.
     pub misunderstood: u64,
 }
 
@@ -106,13 +106,14 @@ impl Ports {
         fail(format!("{detail}; {ALLOW_IT}"))
     }
 
-    /// How long the program has neither sent nor read, while a device had something for it or
-    /// waited to be asked; `None` if it only listens to devices that are silent themselves.
+    /// Time during which the program neither sent nor read although a device had bytes for it or
+    /// waited for a request. `None` if the program only listens to devices that are silent
+    /// themselves.
     fn silent_for(&self, now: Instant) -> Option<Duration> {
         let active = self.active_at?;
         let open = || self.all.iter().filter(|port| port.is_open);
-        // A device that continues by itself after it was last spoken to, and then stops, stops a
-        // sound listener as well.
+        // A device that sends long after its last request and then stops also stops a sound
+        // listener.
         let is_stream = |port: &Port| {
             let sent = port.sent_at.unwrap_or_default();
             port.heard_at.is_some_and(|heard| heard > sent + STREAM)
@@ -122,12 +123,12 @@ impl Ports {
     }
 }
 
-/// A device that sends this long after it was last sent anything sends by itself.
+/// A device that sends this long after its last request sends without requests.
 const STREAM: Duration = Duration::from_secs(1);
 
 impl Ports {
-    /// Which line settings of a client changed its bytes. That is no failure by itself: a program
-    /// that reads whole lines may want it so.
+    /// The line settings of clients that changed bytes. They are no failure by themselves: a
+    /// program that reads whole lines may need them.
     pub(crate) fn settings(&self) -> Check {
         let opened = self.all.iter().filter(|port| port.was_opened);
         let acted: Vec<String> = opened.filter_map(Port::acted).collect();
@@ -141,7 +142,7 @@ impl Ports {
 }
 
 impl Port {
-    /// Settings that changed its client's bytes, for people.
+    /// Settings that changed the client's bytes, for the user.
     pub(super) fn acted(&self) -> Option<String> {
         let [to, from] = self.special;
         let effect = |setting: Setting| {
@@ -152,7 +153,8 @@ impl Port {
         (!acted.is_empty()).then(|| format!("{}: {}", self.name, acted.join(", ")))
     }
 
-    /// Whether its client was at a wrong rate for most of the time that it was open, and is still.
+    /// Whether the client used a wrong rate for most of the time that the port was open, and still
+    /// does.
     fn is_mostly_wrong(&self) -> bool {
         let [open, wrong] = self.open_for;
         let has_passed = self.from_client + self.to_client > 0;
@@ -160,7 +162,7 @@ impl Port {
     }
 }
 
-/// Whether the scenario has seen the program's work done: it may rest then.
+/// Whether the scenario's checks show that the program's work is done: then the program may rest.
 fn is_done(checks: &[Check]) -> bool {
     let says = |check: &Check| {
         let names = ["waypoints-visited", "returned", "home", "at-work-again"];
@@ -170,12 +172,12 @@ fn is_done(checks: &[Check]) -> bool {
     of_work.peek().is_some() && of_work.all(|check| check.status == Status::Pass)
 }
 
-/// What a setting did to the bytes that passed; `None` if it had nothing to do.
+/// Effect of a setting on the bytes that passed; `None` without an effect.
 fn effect(setting: Setting, to: Special, from: Special) -> Option<String> {
     let brought = to.all;
     let some = |count: u64, text: String| (count > 0).then_some(text);
     match setting {
-        // What waits for the end of its line has not come yet, where time is virtual.
+        // In virtual time, bytes that wait for the end of their line have not arrived yet.
         Setting::Canonical => (brought > 0).then(|| {
             let lines = match to.lf {
                 0 => "none came".to_owned(),

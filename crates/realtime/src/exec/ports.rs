@@ -1,4 +1,4 @@
-//! What is seen of a program at its ports: which it opens, and whether it continues reading.
+//! Observations of a program at its ports: which ports it opens, and whether it continues to read.
 
 use core::time::Duration;
 
@@ -10,9 +10,9 @@ use crate::Sign;
 use crate::transport::{Counters, Modes, Special};
 use engine::run::check::Check;
 
-/// Rig time for which bytes may wait at an open port of which nothing is read.
+/// Maximum rig time for which bytes may wait at an open port without a read.
 const UNREAD_MAX: Duration = Duration::from_secs(2);
-/// Rig time after which it is worth a look why a program does not read.
+/// Rig time without a read after which the machine's load is checked.
 const UNREAD_LONG: Duration = Duration::from_millis(100);
 
 /// One port.
@@ -25,44 +25,45 @@ pub(crate) struct Port {
     pub(super) was_opened: bool,
     pub(super) is_open: bool,
     pub(super) reads: Option<u64>,
-    /// Rig time since its last reading, as long as the rig was on time and bytes waited.
+    /// Rig time since the last read while bytes waited; time in which the rig was late does not
+    /// count.
     unread_for: Duration,
     pub(super) hangs_at: Option<Instant>,
     pub(super) from_client: u64,
     pub(super) to_client: u64,
     pub(super) lost: Counters,
     pub(super) special: [Special; 2],
-    /// All settings that its client has had on while bytes passed.
+    /// All settings that were on in the client's terminal while bytes passed.
     pub(super) settings: Modes,
     pub(super) settings_now: Modes,
     /// Rates of client and device now, if they differ.
     pub(super) wrong_rate: Option<(u32, u32)>,
-    /// The same at any time, and since when.
+    /// The first pair of different rates, and its time.
     pub(super) was_wrong: Option<(u32, u32, Instant)>,
-    /// Rig time for which it was open, and open at a wrong rate.
+    /// Rig time for which the port was open, and open at a wrong rate.
     pub(super) open_for: [Duration; 2],
-    /// When the client last sent, when it last read, and when the device last sent to it.
+    /// Times of the client's last write, its last read, and the device's last bytes to it.
     pub(super) sent_at: Option<Instant>,
     pub(super) read_at: Option<Instant>,
     pub(super) heard_at: Option<Instant>,
     seen_at: Instant,
-    /// How many bytes had passed from the client and to it, and the first and the last look that
-    /// found so many.
+    /// Numbers of bytes from the client and to it, with the times of the first and the last
+    /// observation of these numbers.
     passed: Vec<([Instant; 2], [u64; 2])>,
 }
 
-/// All ports at which clients can be seen.
+/// All ports with visible clients.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Ports {
     pub(super) all: Vec<Port>,
     longest: Duration,
-    /// When the program last sent or read anything, and the longest pause before that.
+    /// Time of the program's last write or read, and the longest pause before that.
     pub(super) active_at: Option<Instant>,
     pub(super) longest_pause: Duration,
 }
 
 impl Ports {
-    /// Another port, whose terminal is at `path`.
+    /// Adds a port whose terminal is at `path`.
     pub(crate) fn add(&mut self, name: &str, path: PathBuf, is_needed: bool) {
         self.all.push(Port {
             name: name.to_owned(),
@@ -72,8 +73,9 @@ impl Ports {
         });
     }
 
-    /// Takes note of `sign` at the rig's `now`, `on_time` after the last one: zero if the rig was
-    /// late, because then the program may have been as well, or if the machine held the program up.
+    /// Records `sign` at the rig's `now`. `on_time` is the time since the last call. It is zero if
+    /// the rig was late, because the program may have been late too, or if the machine delayed the
+    /// program.
     pub(crate) fn observe(&mut self, now: Instant, on_time: Duration, sign: &Sign<'_>) {
         let Some(port) = self.all.iter_mut().find(|port| port.name == sign.name) else {
             return;
@@ -94,17 +96,17 @@ impl Ports {
         }
     }
 
-    /// Whether bytes have waited at one of them for longer than is usual.
+    /// Whether bytes have waited at a port for an unusually long time.
     pub(crate) fn any_waits_long(&self) -> bool {
         self.all.iter().any(|port| port.unread_for > UNREAD_LONG)
     }
 
-    /// How many were opened so far.
+    /// Number of ports opened so far.
     pub(crate) fn opened(&self) -> usize {
         self.all.iter().filter(|port| port.was_opened).count()
     }
 
-    /// Whether any is open now.
+    /// Whether a port is open now.
     pub(crate) fn any_open(&self) -> bool {
         self.all.iter().any(|port| port.is_open)
     }
@@ -114,7 +116,7 @@ impl Ports {
         self.all.iter().any(|port| port.from_client > 0)
     }
 
-    /// Whether all that the program needs was opened: one at least, if there is any.
+    /// Whether all required ports were opened, and at least one port if there is any.
     pub(crate) fn is_complete(&self) -> bool {
         let needs_more = |port: &Port| port.is_needed && !port.was_opened;
         !self.all.iter().any(needs_more) && (self.all.is_empty() || self.opened() > 0)
@@ -126,8 +128,8 @@ impl Ports {
         names.join(", ")
     }
 
-    /// The verdict on what was opened by a program that had `wait` for it, or ended before that, as
-    /// `ended` says.
+    /// The verdict on the opened ports. The program had `wait` to open them, or ended before that,
+    /// as `ended` describes.
     pub(crate) fn connected(&self, wait: Duration, ended: Option<String>) -> Check {
         let opened = self.names(|port| port.was_opened);
         let missing = self.names(|port| port.is_needed && !port.was_opened);
@@ -146,7 +148,7 @@ impl Ports {
         Check::new("program-connected", self.is_complete(), detail)
     }
 
-    /// The verdict on its reading.
+    /// The verdict on the program's reads.
     pub(crate) fn reads(&self) -> Check {
         let hangs: Vec<String> = self
             .all
@@ -168,7 +170,7 @@ impl Ports {
 }
 
 impl Port {
-    /// Takes note of `sign` at `now`; whether the client has read since the last one.
+    /// Records `sign` at `now`. Returns whether the client has read since the last call.
     fn note(&mut self, now: Instant, sign: &Sign<'_>) -> bool {
         let passed = now - core::mem::replace(&mut self.seen_at, now);
         if self.is_open {
@@ -189,7 +191,7 @@ impl Port {
             self.sent_at = Some(now);
             self.settings = self.settings.or(self.settings_now);
         }
-        // Line settings may hold back what has arrived.
+        // Line settings may hold back bytes that have arrived.
         let has_arrived = sign.special[0].all != self.special[0].all;
         if sign.to_client != self.to_client || has_arrived {
             self.heard_at = Some(now);
@@ -206,8 +208,7 @@ impl Port {
     }
 }
 
-/// Maximum number of times that are kept for a port; if there are more, each second one is left
-/// out.
+/// Maximum number of stored times per port; when it is reached, every second one is removed.
 const PASSED_MAX: usize = 1 << 14;
 
 impl Port {
@@ -228,8 +229,8 @@ impl Port {
         self.passed.push(([now; 2], bytes));
     }
 
-    /// When byte number `byte`, counted from 0, had not passed yet, right before it did; `None` if
-    /// it has not.
+    /// Time of the last observation before byte number `byte` passed, counted from 0; `None` if the
+    /// byte has not passed.
     pub(super) fn passed_at(&self, is_from_client: bool, byte: u64) -> Option<Instant> {
         let side = usize::from(!is_from_client);
         let index = self
@@ -248,8 +249,8 @@ mod tests {
 
     const STEP: Duration = Duration::from_millis(10);
 
-    /// A port that is always filled, looked at each 10 ms for `looks` times; the program reads at
-    /// every `reads_each`-th look, and the rig was on time for `on_time` of each.
+    /// A port that always has bytes, observed every 10 ms for `looks` times. The program reads at
+    /// every `reads_each`-th observation, and the rig was on time for `on_time` of each.
     fn watched(looks: u64, reads_each: u64, on_time: Duration) -> Ports {
         let mut ports = Ports::default();
         ports.add("base", PathBuf::new(), true);
@@ -283,7 +284,7 @@ mod tests {
         assert!(check.detail.contains("base at 2.01"), "{}", check.detail);
     }
 
-    /// It takes a little each 1.5 s, so there are always bytes that wait.
+    /// The program reads a little every 1.5 s, so bytes always wait.
     #[test]
     fn who_reads_slowly_but_steadily_does_not_hang() {
         let check = watched(2000, 150, STEP).reads();

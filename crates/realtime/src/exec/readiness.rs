@@ -1,22 +1,23 @@
-//! When a program has opened what it needs, so that rig time may run.
+//! Whether a program has opened its required ports, so that rig time may start.
 
 use core::time::Duration;
 
 use super::ports::Ports;
 
-/// Time without a further port after which a program that sends is taken to wait for an answer.
+/// Time without a further port after which a program that has sent a byte probably waits for an
+/// answer.
 const WAITS: Duration = Duration::from_secs(1);
 
-/// Judges it; time is the program's, the wall's or a virtual one.
+/// Decides on the start of rig time; the program's time is wall time or virtual time.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Readiness {
     wait: Duration,
-    /// When the last port was opened, and how many were.
+    /// Time of the last opening, and the number of opened ports.
     opening: (Duration, usize),
 }
 
 impl Readiness {
-    /// For a program that has to open its ports within `wait`.
+    /// For a program that must open its ports within `wait`.
     pub(crate) const fn new(wait: Duration) -> Self {
         Self {
             wait,
@@ -24,7 +25,7 @@ impl Readiness {
         }
     }
 
-    /// Whether rig time may run, `waited` after the program was started.
+    /// Whether rig time may start, `waited` after the start of the program.
     pub(crate) fn is_ready(&mut self, ports: &Ports, waited: Duration) -> bool {
         let opened = ports.opened();
         if opened != self.opening.1 {
@@ -34,7 +35,7 @@ impl Readiness {
         ports.is_complete() || waits || waited >= self.wait
     }
 
-    /// Whether its time is up, and it has opened nothing.
+    /// Whether the program's time is over and it has opened no port.
     pub(crate) fn has_given_up(&self, ports: &Ports, waited: Duration) -> bool {
         waited >= self.wait && ports.opened() == 0
     }

@@ -1,16 +1,16 @@
 //! Orders of the threads of a program in virtual time.
 
-/// Another order of threads than that of their calls.
+/// An order of threads that differs from the order of their calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Schedule {
-    /// Of this seed.
+    /// The order of this seed.
     Seed(u64),
-    /// Of the scenario's seed.
+    /// The order of the scenario's seed.
     OfScenario,
 }
 
 impl Schedule {
-    /// Its seed for a scenario with this one.
+    /// The seed of the order, for a scenario with the seed `scenario`.
     pub const fn seed(self, scenario: u64) -> u64 {
         match self {
             Self::Seed(seed) => seed,

@@ -1,11 +1,11 @@
-//! What a program's life and end come to.
+//! Checks of a program's life and end.
 
 use protocols::Instant;
 
 use crate::process::{Ended, Farewell, Left};
 use engine::run::check::Check;
 
-/// The verdict on how a program ended, and when; `is_over`: whether there was nothing more to do.
+/// The verdict on a program's end and its time; `is_over`: whether the run was over.
 pub fn alive(
     ended: Option<(Ended, Instant)>,
     is_over: bool,
@@ -26,7 +26,7 @@ pub fn alive(
     Check::new("program-alive", pass, detail)
 }
 
-/// The verdict on what a program left behind.
+/// The verdict on the processes that a program left behind.
 pub fn childless(left: &[Left]) -> Check {
     let names = |left: &mut dyn Iterator<Item = &Left>| {
         let names: Vec<String> = left.map(Left::to_string).collect();

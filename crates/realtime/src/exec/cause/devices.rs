@@ -1,5 +1,5 @@
-//! Causes that devices tell: frames that they do not understand, addresses that they do not have,
-//! requests that come too early, a watchdog that fires.
+//! Causes that devices report: frames that they do not understand, unknown addresses, early
+//! requests, a watchdog that fires.
 
 use protocols::Instant;
 
@@ -9,7 +9,7 @@ use engine::run::Outcome;
 use engine::run::check::WATCHDOG;
 use engine::scenario::{DirectionSpec, FaultSpec};
 
-/// Rules that say: the device does not understand what it is sent.
+/// Rules that mean: the device does not understand its input.
 const FORMAT: [&str; 14] = [
     "bad-checksum",
     "stray-bytes",
@@ -26,7 +26,7 @@ const FORMAT: [&str; 14] = [
     "line-too-long",
     "gap-in-frame",
 ];
-/// Rules that say: the frame is sound, and what it asks for is not there or not allowed.
+/// Rules that mean: the frame is valid, but its request is unknown or not allowed.
 const ADDRESS: [&str; 10] = [
     "unknown-register",
     "write-read-only",
@@ -39,7 +39,7 @@ const ADDRESS: [&str; 10] = [
     "request-not-supported",
     "count-too-large",
 ];
-/// Rules that say: it was not waited for.
+/// Rules that mean: the program did not wait for the device.
 const ORDER: [&str; 6] = [
     "request-before-reply",
     "queue-full",
@@ -49,7 +49,7 @@ const ORDER: [&str; 6] = [
     "host-port-closed",
 ];
 
-/// How often devices did not understand what they were sent.
+/// Number of times that devices did not understand their input.
 pub(crate) fn misunderstood(outcome: &Outcome) -> u64 {
     let broken = outcome.broken_rules.iter();
     let format =
@@ -57,7 +57,7 @@ pub(crate) fn misunderstood(outcome: &Outcome) -> u64 {
     format.map(|(.., count)| count).sum()
 }
 
-/// Whether a fault damages what `device` is sent.
+/// Whether a fault damages the input of `device`.
 fn is_struck(outcome: &Outcome, device: &str) -> bool {
     let damages = |fault: &FaultSpec| {
         fault.place().starts_with(device) && fault.direction != Some(DirectionSpec::ToMaster)
@@ -84,7 +84,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     causes
 }
 
-/// What is asked for and not there.
+/// Requests for unknown or forbidden addresses and values.
 fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
     let told = told(evidence.outcome, device, rules)?;
     let text = format!("the program asks {device} for what it does not have or allow: {told}");
@@ -108,7 +108,7 @@ fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Opti
     })
 }
 
-/// What comes before the reply.
+/// Requests before the reply to the previous one.
 fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
     let told = told(evidence.outcome, device, rules)?;
     let at = first_break(evidence.outcome, device, rules);
@@ -120,7 +120,7 @@ fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option
     Some(Cause::new(weight::ORDER, text))
 }
 
-/// What the first break of one of `rules` was.
+/// Detail of the first violation of one of `rules`.
 fn first_detail<'a>(outcome: &'a Outcome, device: &str, rules: &[(&str, u64)]) -> Option<&'a str> {
     let mut events = outcome.events.iter();
     let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
@@ -128,8 +128,7 @@ fn first_detail<'a>(outcome: &'a Outcome, device: &str, rules: &[(&str, u64)]) -
     first.map(|logged| &*logged.event.detail)
 }
 
-/// The value in `speed = 10240, expected 0 to 1000` with its bytes in the other order, if that is
-/// in range.
+/// The value in `speed = 10240, expected 0 to 1000` with its bytes swapped, if it is in range.
 fn swapped(detail: &str) -> Option<i64> {
     let (_, rest) = detail.split_once(" = ")?;
     let (value, range) = rest.split_once(", expected ")?;
@@ -144,7 +143,7 @@ fn swapped(detail: &str) -> Option<i64> {
     all.into_iter().flatten().find(in_range)
 }
 
-/// When one of `rules` was first broken.
+/// Time of the first violation of one of `rules`.
 fn first_break(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Instant> {
     let mut events = outcome.events.iter();
     let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
@@ -152,7 +151,7 @@ fn first_break(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option
     first.map(|logged| logged.event.at)
 }
 
-/// The devices of which a rule was broken, each once.
+/// The devices with violations, each once.
 fn devices(outcome: &Outcome) -> Vec<String> {
     let mut devices: Vec<String> = Vec::new();
     for (device, ..) in &outcome.broken_rules {
@@ -163,7 +162,7 @@ fn devices(outcome: &Outcome) -> Vec<String> {
     devices
 }
 
-/// Rules with their counts, and what the first break was; `None` if there is none.
+/// Violated rules with their counts, and the first violation; `None` without one.
 fn told(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<String> {
     let mut rules = rules.to_vec();
     rules.sort_by_key(|(_, count)| core::cmp::Reverse(*count));
@@ -183,8 +182,8 @@ fn told(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<String
     Some(counts.join(", ") + &first)
 }
 
-/// Frames of another format. A fault that damages what the device is sent may be why, and then that
-/// weighs little.
+/// Frames of another format. A fault that damages the device's input may be the reason; then the
+/// weight is small.
 fn format(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
     let told = told(outcome, device, rules)?;
     let count: u64 = rules.iter().map(|(_, count)| count).sum();
@@ -203,7 +202,7 @@ fn format(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Caus
     Some(Cause::new(weight, text))
 }
 
-/// Devices that stopped by themselves while the program was still there.
+/// Devices that stopped by their watchdog while the program was running.
 fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
     let until = evidence.ended.map(|(_, at)| at);
     let fired = evidence.outcome.events.iter().filter(|logged| {

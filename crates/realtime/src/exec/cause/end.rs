@@ -1,4 +1,4 @@
-//! Causes that lie in how the program ended.
+//! Causes at the end of a program.
 
 use super::trigger::after;
 use super::{Cause, Evidence, weight};
@@ -14,7 +14,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
         .collect()
 }
 
-/// A failed check of this name.
+/// The failed check called `name`.
 fn failed<'a>(evidence: &'a Evidence<'_>, name: &str) -> Option<&'a Check> {
     let mut checks = evidence.outcome.checks.iter();
     checks.find(|check| check.name == name && check.status == Status::Fail)
@@ -36,7 +36,7 @@ fn busy(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// Motors that continue when the program does not.
+/// Motors that keep running after the program's end.
 fn motors(evidence: &Evidence<'_>) -> Option<Cause> {
     let detail = &failed(evidence, STOPS)?.detail;
     Some(Cause::new(
@@ -48,7 +48,7 @@ fn motors(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// What the program started and did not end.
+/// Processes that the program started and did not end.
 fn left_behind(evidence: &Evidence<'_>) -> Option<Cause> {
     let mut checks = evidence.outcome.checks.iter();
     let left = checks.find(|check| check.name == "no-children-left")?;

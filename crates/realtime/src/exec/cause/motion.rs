@@ -1,5 +1,5 @@
-//! Causes that the world shows: a robot that turns or drives the wrong way, turns too far, or never
-//! stops.
+//! Causes in the robot's motion: the robot turns or drives in the wrong direction, turns too far,
+//! or never stops.
 
 use core::f64::consts::{PI, TAU};
 
@@ -10,7 +10,7 @@ use super::{Cause, weight};
 use engine::run::Outcome;
 use engine::run::check::Status;
 
-/// Minimum turn that counts, and least bearing of a goal to the side, radians.
+/// Minimum turn that counts, and minimum bearing of a goal to the side, radians.
 const TURN: f64 = 0.35;
 /// Minimum distance that counts, metres.
 const WAY: f64 = 0.05;
@@ -45,7 +45,7 @@ pub(super) fn causes(outcome: &Outcome) -> Vec<Cause> {
     causes
 }
 
-/// The waypoint that was not reached, and the way since the one before.
+/// The waypoint that was not reached, and the path since the previous one.
 struct Goal {
     number: usize,
     place: Point,
@@ -73,18 +73,18 @@ fn next_goal(outcome: &Outcome) -> Option<Goal> {
     })
 }
 
-/// The smallest angle that is the same direction.
+/// `angle` wrapped to the range -pi to pi.
 fn wrapped(angle: f64) -> f64 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// Where `place` lies as seen from `pose`, radians counter-clockwise from ahead.
+/// Bearing of `place` from `pose`, radians counter-clockwise from ahead.
 fn bearing(pose: Pose, place: Point) -> f64 {
     let to = libm::atan2(place.y - pose.y, place.x - pose.x);
     wrapped(to - pose.theta)
 }
 
-/// What is wrong with a way that did not lead to its goal.
+/// The error of a path that did not lead to its goal.
 fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
     let (number, place) = (goal.number, goal.place);
     let (first, last) = (goal.way.first()?, goal.way.last()?);
@@ -171,7 +171,7 @@ fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
     ))
 }
 
-/// How far it has turned since the begin of a way, at each of its points.
+/// Turned angle since the begin of a path, at each of its points.
 fn turns(way: &[(Instant, Pose)]) -> Vec<f64> {
     let mut sum = 0.0;
     let steps = way
@@ -191,7 +191,7 @@ struct Turn {
     angle: f64,
 }
 
-/// Angle between two looks, some 50 ms apart, below which it does not turn.
+/// Angle between two observations, some 50 ms apart, below which the robot does not turn.
 const STILL: f64 = 0.004;
 
 /// The first turn that counts; pauses within it are part of it.
@@ -209,7 +209,7 @@ fn first_turn(way: &[(Instant, Pose)], turned: &[f64]) -> Option<Turn> {
         } else if (done - most).abs() > TURN {
             break;
         } else if most.abs() < TURN && done.abs() < STILL {
-            // A sway: what counts begins later.
+            // A sway; the turn that counts begins later.
             (begin, farthest) = (index, index);
         } else if most.abs() >= TURN && moved_on(way, farthest, index) {
             break;
@@ -223,12 +223,12 @@ fn first_turn(way: &[(Instant, Pose)], turned: &[f64]) -> Option<Turn> {
     })
 }
 
-/// Whether the robot has driven on since the point `from` of its way.
+/// Whether the robot has moved since the point `from` of its path.
 fn moved_on(way: &[(Instant, Pose)], from: usize, now: usize) -> bool {
     way[from].1.point().distance(way[now].1.point()) > 2.0 * WAY
 }
 
-/// Since when the robot drives backwards although its goal lies ahead.
+/// Time since which the robot drives backwards although its goal is ahead.
 fn drives_back(way: &[(Instant, Pose)], place: Point) -> Option<Instant> {
     let (at, start) = *way.first()?;
     let moved = way
@@ -238,7 +238,7 @@ fn drives_back(way: &[(Instant, Pose)], place: Point) -> Option<Instant> {
     (ahead.abs() > PI * 0.75 && bearing(start, place).abs() < PI / 2.0).then_some(at)
 }
 
-/// What is wrong when all waypoints were visited.
+/// The error after all waypoints were visited.
 fn goes_on(outcome: &Outcome) -> Option<String> {
     let last = outcome.truth.last()?;
     let goal = outcome.case.mission.waypoints_m.last()?;
@@ -253,7 +253,7 @@ fn goes_on(outcome: &Outcome) -> Option<String> {
     })
 }
 
-/// Values of the scenario's own slaves that come from encoders, by their names.
+/// Names of values of the scenario's own slaves that come from encoders.
 fn encoders(outcome: &Outcome) -> Option<String> {
     use engine::scenario::{RegistersSpec, SourceSpec, TextSpec};
     let is_encoder = |source: &SourceSpec| {

@@ -1,4 +1,4 @@
-//! Causes that show at a port: its rate, its settings, whether the program opens and reads it.
+//! Causes at a port: its rate, its settings, whether the program opens and reads it.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::process::waits::Wait;
 use crate::transport::Setting;
 use engine::run::check::{Status, last_words};
 
-/// Name of the check that the lines carry bytes again.
+/// Name of the check that all lines carry bytes again.
 const BACK: &str = "at-work-again";
 
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
@@ -29,11 +29,11 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     causes
 }
 
-/// A client at another rate than its device.
+/// A client with another rate than its device.
 fn rate(port: &Port) -> Option<Cause> {
     let (own, far, at) = port.was_wrong?;
     let [open, wrong] = port.open_for;
-    // One that tries several rates and ends at the right one has found it.
+    // A client that tries several rates and ends at the right one has found it.
     if port.wrong_rate.is_none() && wrong * 2 <= open {
         return None;
     }
@@ -59,7 +59,7 @@ fn setting(port: &Port) -> Option<Cause> {
     ))
 }
 
-/// A port of which nothing is read.
+/// A port whose bytes are never read.
 fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
     let at = port.hangs_at?;
     let (name, brought) = (&port.name, port.special[0].all);
@@ -77,7 +77,7 @@ fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
     Some(Cause::new(weight::UNREAD, text))
 }
 
-/// What the program waited for in the end, as the end of a sentence.
+/// The call in which the program waited at the end, as the end of a sentence.
 pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
     let is_port = |path: &Path| evidence.ports.all.iter().any(|port| port.path == path);
     let text = evidence.waits.iter().find_map(|wait| match wait {
@@ -95,7 +95,7 @@ pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
     });
     let text = text.map_or_else(String::new, |text| format!(" ({text} in the end)"));
     let last = last_words(evidence.said);
-    // An error that ended a thread, not the program.
+    // An error that ended a thread but not the program.
     let is_error = |line: &&str| {
         let words = ["Error", "Exception", "panicked", "error"];
         words.iter().any(|word| line.contains(word))
@@ -106,7 +106,7 @@ pub(super) fn what_for(evidence: &Evidence<'_>) -> String {
     }
 }
 
-/// Bytes that did not reach a client that reads too seldom.
+/// Bytes that were lost because the client reads too seldom.
 fn lost(port: &Port) -> Option<Cause> {
     let (name, lost) = (&port.name, port.lost.overrun);
     (lost > 0).then(|| {
@@ -151,7 +151,7 @@ fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// A program that reads on, but does not go back to its work after a fault.
+/// A program that still reads, but does not resume its work after a fault.
 fn not_back(evidence: &Evidence<'_>) -> Option<Cause> {
     let mut checks = evidence.outcome.checks.iter();
     let check = checks.find(|check| check.name == BACK && check.status == Status::Fail)?;
@@ -175,7 +175,7 @@ fn not_back(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// A program that fell silent or never spoke, and what it waits for.
+/// A program that fell silent or never sent, and the call in which it waits.
 fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
     let ports = evidence.ports;
     let failed = |name: &str| {

@@ -1,4 +1,4 @@
-//! The fault of the scenario after which a program went wrong.
+//! The fault of the scenario after which a program failed.
 
 use core::time::Duration;
 
@@ -7,31 +7,31 @@ use protocols::Instant;
 use super::Evidence;
 use engine::scenario::{DirectionSpec, FaultKind, FaultSpec};
 
-/// What a fault does shows within this time.
+/// Maximum time between a fault and its effect.
 const SOON: Duration = Duration::from_secs(5);
 
-/// Time within which a program would have done something again.
+/// Time within which a working program would have sent or read again.
 const NEXT: Duration = Duration::from_secs(1);
 
-/// A fault that was at work shortly before something went wrong.
+/// A fault that was active shortly before a failure.
 pub(super) struct Trigger<'a> {
     fault: &'a FaultSpec,
     at: Instant,
 }
 
 impl<'a> Trigger<'a> {
-    /// The fault that began last before `at`, if it was still at work soon before.
+    /// The fault with the last begin before `at`, if it was still active shortly before `at`.
     pub(super) fn before(evidence: &'a Evidence<'_>, at: Instant) -> Option<Self> {
         Self::before_on(evidence, at, |_| true)
     }
 
-    /// The same of a program that did something last at `at`: what stopped it may have come soon
-    /// behind that.
+    /// The same for a program that sent or read last at `at`: the fault may have begun shortly
+    /// after that.
     pub(super) fn of_silence(evidence: &'a Evidence<'_>, at: Instant) -> Option<Self> {
         Self::before(evidence, at + NEXT)
     }
 
-    /// The same of faults that change what `device` says, or when.
+    /// The same, limited to faults that change the bytes of `device` or their times.
     pub(super) fn from_device(
         evidence: &'a Evidence<'_>,
         at: Instant,
@@ -59,7 +59,7 @@ impl<'a> Trigger<'a> {
         begun.max_by_key(|one| one.at)
     }
 
-    /// As the end of a sentence about `then`: `, after flip on grip at 0.200000 s`.
+    /// The trigger as the end of a sentence about `then`: `, after flip on grip at 0.200000 s`.
     pub(super) fn words(&self, then: Instant) -> String {
         let (kind, place, at) = (self.fault.kind.name(), self.fault.place(), self.at);
         let order = match at <= then {
@@ -76,7 +76,7 @@ impl<'a> Trigger<'a> {
         format!(", {order} {kind} on {place}{byte} at {at} s")
     }
 
-    /// What a program has to do about such a fault.
+    /// A fix in the program for such a fault.
     pub(super) const fn remedy(&self) -> Option<&'static str> {
         use FaultKind::{
             Burst, Clog, Delayed, Drop, Duplicate, Flip, Insert, Jitter, Latency, Stall, Swap,
@@ -96,17 +96,17 @@ impl<'a> Trigger<'a> {
     }
 }
 
-/// What the end of a sentence says of the fault before `at`.
+/// The fault before `at`, as the end of a sentence.
 pub(super) fn after(evidence: &Evidence<'_>, at: Instant) -> String {
     Trigger::before(evidence, at).map_or_else(String::new, |trigger| trigger.words(at))
 }
 
-/// When `fault` began; `None` if it has not, as far as that is known.
+/// Begin of `fault`; `None` if it has not begun, or if the begin is unknown.
 fn begin(evidence: &Evidence<'_>, fault: &FaultSpec) -> Option<Instant> {
     let Some(byte) = fault.byte else {
         let is_unknown =
             fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();
-        // One that is at work from the start is no event.
+        // A fault that is active from the start is no event.
         return fault
             .from
             .filter(|from| !is_unknown && !from.0.is_zero())
