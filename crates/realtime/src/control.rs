@@ -1,5 +1,5 @@
 //! The control interface of a run in real time, for programs in any language: a unix socket, one
-//! JSON object a line in, one JSON object a line out. `docs/control.md` is the contract.
+//! JSON object per line in each direction. `docs/control.md` is the contract.
 //!
 //! ```text
 //! {"do":"hello"}
@@ -12,8 +12,8 @@
 //! {"ok":false,"key":"do","message":"is \"begin\", expected one of hello, state, .."}
 //! ```
 //!
-//! Answers come in the order of the requests of a client. A waiting client blocks neither the other
-//! clients nor the rig: lines, requests, clients and unread answers are bounded.
+//! A client gets its answers in the order of its requests. A waiting client blocks neither the
+//! other clients nor the rig. Lines, requests, clients and unread answers are limited.
 
 mod answer;
 mod client;
@@ -34,9 +34,9 @@ use perform::{Office, Reply};
 pub use request::{Request, VERBS, json_schema};
 pub use server::{CLIENTS_MAX, Control, NAME};
 
-/// Version of the interface. It changes when a client of the one before would no longer do.
+/// Version of the interface. It increases when a client of the previous version could fail.
 pub const PROTOCOL: u32 = 1;
-/// Longest request that is read, bytes, its line end included.
+/// Maximum length of a request, bytes, with its line end.
 pub const LINE_MAX: usize = 16 << 10;
 
 /// Virtual time between two checks of a wait condition, if no other caller advances the clock.

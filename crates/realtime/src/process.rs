@@ -1,7 +1,7 @@
-//! A user's program: started in a process group of its own, watched, and ended with all processes
-//! that it has started. The one place that starts programs which are not ours.
+//! A user's program: started in its own process group, watched, and ended with all its child
+//! processes. Only this module starts programs of users.
 //!
-//! What leaves its group (a daemon that begins a session of its own) is out of reach and continues.
+//! A process that leaves the group (a daemon with its own session) continues.
 
 mod group;
 pub(crate) mod waits;
@@ -28,15 +28,15 @@ use words::{Words, listen};
 
 /// The hidden command that starts a program with modem lines on the ports in `HILRIG_DIR`.
 pub const LINES_VERB: &str = "__with";
-/// The variable that names the ports on which a program has modem lines already.
+/// The variable with the ports that already have modem lines in this program.
 pub(crate) const LINES_VARIABLE: &str = "HILRIG_LINES";
 
-/// How long a program may take to end once it was asked to.
+/// Maximum times for the end of a program after SIGTERM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Patience {
     /// The program itself.
     pub program: Duration,
-    /// What it left behind.
+    /// Its remaining child processes.
     pub children: Duration,
 }
 
@@ -46,29 +46,30 @@ impl Patience {
         program: Duration::from_millis(500),
         children: Duration::ZERO,
     };
-    /// Of a run that judges how its program ends.
+    /// For a run that judges the end of its program.
     pub const FAIR: Self = Self {
         program: Duration::from_secs(2),
         children: Duration::from_secs(1),
     };
 }
 
-/// Children that were asked together with their parent may end this much later than it.
+/// Maximum delay between the end of a program and of its child processes, which got the signal
+/// together.
 const TOGETHER: Duration = Duration::from_millis(100);
-/// How long its last words may be on their way.
+/// Maximum delay of the program's last output.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// How a program ended.
+/// End of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ended {
-    /// With this exit code.
+    /// Exit with this code.
     Code(i32),
-    /// By this signal.
+    /// End by this signal.
     Signal(i32),
 }
 
 impl Ended {
-    /// A shell says "killed by signal N" as exit code 128 + N.
+    /// The end for an exit status. A shell reports "killed by signal N" as exit code 128 + N.
     pub(crate) fn of(status: ExitStatus) -> Self {
         match (status.signal(), status.code()) {
             (Some(signal), _) => Self::Signal(signal),
@@ -78,7 +79,7 @@ impl Ended {
     }
 }
 
-/// Signals that end programs, by their numbers on most of Linux's processors.
+/// Signals that end programs, by their numbers on most processors of Linux.
 const SIGNALS: [(i32, &str); 12] = [
     (1, "SIGHUP"),
     (2, "SIGINT"),
@@ -106,18 +107,18 @@ impl fmt::Display for Ended {
     }
 }
 
-/// How a program was ended.
+/// Result of the termination of a program.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Farewell {
-    /// The end of its output.
+    /// The last part of its output.
     pub said: String,
-    /// Processes of its group that were there when it had ended.
+    /// Processes of its group that still ran after its end.
     pub left: Vec<Left>,
-    /// Whether the program itself did not end when it was asked to.
+    /// Whether the program itself ignored SIGTERM.
     pub was_killed: bool,
 }
 
-/// A program that runs. Ended when dropped.
+/// A running program. It is ended when dropped.
 #[derive(Debug)]
 pub struct Process {
     child: Child,
@@ -129,12 +130,12 @@ pub struct Process {
 }
 
 impl Process {
-    /// Starts `command` by the shell, `env` being added to its environment. With `log`, what it
-    /// says on standard output and standard error goes to that file, up to `LOG_MAX` bytes;
-    /// without, only its standard error is listened to.
+    /// Starts `command` in the shell with `env` added to its environment. With `log`, its standard
+    /// output and standard error go to this file, up to `LOG_MAX` bytes. Without `log`, only its
+    /// standard error is read.
     ///
     /// # Errors
-    /// If there is no shell, or the file cannot be made.
+    /// If the shell is missing, or the file cannot be created.
     pub fn start(
         command: &str,
         env: &[(String, OsString)],
@@ -145,10 +146,10 @@ impl Process {
         Self::start_by(shell, env, log)
     }
 
-    /// The same, with modem lines on the ports of the rig that `env` names.
+    /// Starts `command` with modem lines on the ports of the rig that `env` names.
     ///
     /// # Errors
-    /// If it cannot be started, or the file cannot be made.
+    /// If the program cannot be started, or the file cannot be created.
     pub(crate) fn start_with_lines(
         command: &str,
         env: &[(String, OsString)],
@@ -177,8 +178,8 @@ impl Process {
             .stderr(Stdio::from(mouth));
         clock::be_usual();
         let child = shell.spawn()?;
-        // The shell object holds our copy of the pipe's write end; until it is dropped the pipe
-        // stays open.
+        // The shell object holds a copy of the pipe's write end; the pipe stays open until the
+        // object is dropped.
         drop(shell);
         let group = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
         let hearing = Arc::clone(&words);
@@ -193,7 +194,7 @@ impl Process {
         })
     }
 
-    /// How it ended, if it did.
+    /// The program's end, if it has ended.
     pub fn ended(&mut self) -> Option<Ended> {
         if self.ended.is_none() {
             let status = self.child.try_wait().ok().flatten();
@@ -202,18 +203,18 @@ impl Process {
         self.ended
     }
 
-    /// Whether the system holds it up, or anything that it started: the machine's doing.
+    /// Whether the system delays the program or one of its child processes.
     pub(crate) fn is_held_up(&self) -> bool {
         self.group.is_held_up()
     }
 
-    /// What its threads and those of whatever it started wait for.
+    /// Calls in which the threads of the program and of its child processes wait.
     pub(crate) fn waits(&self) -> Vec<waits::Wait> {
         waits::waits(self.group.pids())
     }
 
-    /// Ends the program and its child processes: first by a request, then by SIGKILL. No process of
-    /// its group is left when this returns.
+    /// Ends the program and its child processes: first by SIGTERM, then by SIGKILL. No process of
+    /// its group is left afterwards.
     pub fn end(mut self, patience: Patience) -> Farewell {
         let (left, was_killed) = self.stop(patience);
         self.is_silent_within(LAST_WORDS);
@@ -227,18 +228,18 @@ impl Process {
         }
     }
 
-    /// What it said so far, the end of it.
+    /// The last part of its output so far.
     pub fn said(&self) -> String {
         if self.ended.is_some() {
-            // Its last words may still be on their way.
+            // The last output may still be in the pipe.
             self.is_silent_within(LAST_WORDS);
         }
         let words = self.words.lock();
         words.map(|words| words.text()).unwrap_or_default()
     }
 
-    /// Waits until no process can write output any more; whether that happened in time. A process
-    /// that left the group, a daemon, continues.
+    /// Waits until no process can write output any more; returns whether that happened in time. A
+    /// process that left the group, a daemon, continues.
     fn is_silent_within(&self, most: Duration) -> bool {
         wait_until(most, || {
             self.listener.as_ref().is_none_or(JoinHandle::is_finished)
@@ -294,7 +295,7 @@ impl Drop for Process {
     }
 }
 
-/// Waits until `is_so`, at most this long; whether it came true.
+/// Waits until `is_so`, at most this long; returns whether the condition came true.
 fn wait_until(most: Duration, mut is_so: impl FnMut() -> bool) -> bool {
     let clock = WallClock::start();
     let until = Instant::ZERO + most;
@@ -348,8 +349,8 @@ mod tests {
         assert_eq!((ended, said.as_str()), (Ended::Code(0), "in /tmp/ports\n"));
     }
 
-    /// The shell waits for its child, and both ignore the request to end. The child has the
-    /// standard error too: the end of the output proves that both are dead.
+    /// The shell waits for its child, and both ignore SIGTERM. The child also holds the standard
+    /// error: the end of the output proves that both are dead.
     #[test]
     fn whoever_does_not_end_when_asked_is_killed_with_all_that_it_started() {
         let stubborn = "trap '' TERM; echo ready >&2; sh -c \"trap '' TERM; sleep 60\"; true";
@@ -364,7 +365,7 @@ mod tests {
         assert!(process.is_silent_within(Duration::from_secs(10)));
     }
 
-    /// The program ends, its child does not care: it is named, and gone.
+    /// The program ends, but its child ignores SIGTERM: the child is named and killed.
     #[test]
     fn a_child_that_is_left_behind_is_named_and_killed_if_it_does_not_listen() {
         let command = "sh -c \"trap '' TERM; echo up >&2; while :; do sleep 0.05; done\" & exit 0";
@@ -400,8 +401,7 @@ mod tests {
         );
     }
 
-    /// One that was stopped gets the request to end as soon as it continues: it need not be
-    /// killed.
+    /// A stopped process receives SIGTERM as soon as it continues, so it need not be killed.
     #[test]
     fn a_child_that_stands_still_is_woken_to_hear_that_it_shall_end() {
         // The child stops only after its parent has ended: then the system sends it SIGHUP.

@@ -16,27 +16,27 @@ pub struct Answer {
     /// The fault that was added or ended.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub id: Option<FaultId>,
-    /// When the rig's clock saw the request.
+    /// Time of the rig's clock when the request was read.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub asked: Option<Span>,
     /// The virtual time of the change.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub applied: Option<Span>,
-    /// All faults.
+    /// List of all faults.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub faults: Option<Vec<FaultReport>>,
-    /// What was wrong with the request.
+    /// Error of a refused request.
     #[serde(flatten)]
     pub refusal: Option<Refusal>,
-    /// Whatever else belongs to this kind of answer.
+    /// Further keys of this kind of answer.
     #[serde(flatten)]
     pub more: Map<String, Value>,
 }
 
-/// Why a request was not granted.
+/// Reason for a refusal.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Refusal {
-    /// The key in question.
+    /// The key with the error.
     pub key: String,
     /// The error, and the expected value.
     pub message: String,

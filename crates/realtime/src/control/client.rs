@@ -1,4 +1,4 @@
-//! One client of the socket: its lines in, its answers out.
+//! A client of the socket: requests in, answers out.
 
 use std::io::{self, Read as _, Write as _};
 use std::os::unix::net::UnixStream;
@@ -11,8 +11,8 @@ use super::perform::{Office, Pending, Reply, Session};
 
 /// Maximum number of requests of one client in one turn, so that no client blocks the rig.
 const REQUESTS_MAX: usize = 8;
-/// Answers that may wait for a client that does not read, bytes; as long as there are more, none
-/// of its requests are done.
+/// Maximum number of answer bytes that wait for a client that does not read. While there are more,
+/// its requests wait.
 const UNREAD_MAX: usize = 64 << 10;
 
 #[derive(Debug)]
@@ -20,15 +20,16 @@ pub(super) struct Client {
     stream: UnixStream,
     session: Session,
     request: Vec<u8>,
-    /// A request that was too long is being skipped up to its line end.
+    /// Whether the rest of a too long request is being skipped.
     skips: bool,
-    /// What the answer to the last request waits for.
+    /// The event for which the answer to the last request waits.
     pending: Option<Pending>,
     unread: Vec<u8>,
-    /// It will send nothing more.
+    /// Whether the client has closed its side.
     has_ended: bool,
     is_broken: bool,
-    /// When it was last heard: twice the number of the look, one more if it said something then.
+    /// Time of its last request: twice the number of the poll, plus one if the poll found a
+    /// request.
     heard: u64,
 }
 
@@ -47,31 +48,31 @@ impl Client {
         }
     }
 
-    /// Whether there is nothing more to do for it.
+    /// Whether the connection is finished.
     pub(super) fn is_gone(&self) -> bool {
         let is_done = self.pending.is_none() && self.unread.is_empty();
         self.is_broken || (self.has_ended && is_done)
     }
 
-    /// Whether it sets modem lines.
+    /// Whether the client sets modem lines.
     pub(super) const fn has_modem(&self) -> bool {
         self.session.has_modem
     }
 
-    /// Since when it is idle, if it is: it waits for nothing, or would not hear of it. Comparable
-    /// between clients.
+    /// Time since which the client is idle, if it has no pending answer or has closed its side.
+    /// Only for comparison between clients.
     pub(super) fn idle_since(&self) -> Option<u64> {
         (self.pending.is_none() || self.has_ended).then_some(self.heard)
     }
 
-    /// Reads what it has sent, up to the longest line; whether there was anything.
+    /// Reads available requests, up to the longest line; returns whether there were any.
     pub(super) fn hear(&mut self, look: u64) -> bool {
         let before = self.request.len();
         while self.fill(look) {}
         self.request.len() > before
     }
 
-    /// Does what it was heard to want; the answers.
+    /// Executes the requests that were read, and sends the answers.
     pub(super) fn serve(&mut self, office: &mut Office<'_>, now: Instant) -> Vec<Answer> {
         let mut answers = Vec::new();
         self.write();
@@ -103,7 +104,7 @@ impl Client {
         answers
     }
 
-    /// Says something that was not asked for, and hangs up.
+    /// Sends a refusal without a request, and closes the connection.
     pub(super) fn hang_up(&mut self, refusal: Refusal) {
         let answer = Answer::from(refusal);
         self.unread.extend_from_slice(answer.line().as_bytes());
@@ -111,14 +112,14 @@ impl Client {
         self.is_broken = true;
     }
 
-    /// Says that a run has ended to one that waits for something in it.
+    /// Answers a client that waits for an event in a run that has ended.
     pub(super) fn end(&mut self) {
         if self.pending.take().is_some() {
             self.hang_up(Refusal::new("run", "the run has ended"));
         }
     }
 
-    /// The next whole line, or that it is too long.
+    /// The next complete line, or the refusal of a too long one.
     fn next_line(&mut self) -> Option<Result<Vec<u8>, Refusal>> {
         while let Some(end) = self.request.iter().position(|&byte| byte == b'\n') {
             let line: Vec<u8> = self.request.drain(..=end).collect();
@@ -137,7 +138,7 @@ impl Client {
         })
     }
 
-    /// Reads the bytes that are available now; true if there were any.
+    /// Reads the bytes that are available now; returns whether there were any.
     fn fill(&mut self, look: u64) -> bool {
         let mut buf = [0; 4096];
         let room = LINE_MAX.saturating_sub(self.request.len()).min(buf.len());

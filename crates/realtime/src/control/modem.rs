@@ -1,7 +1,8 @@
-//! Modem lines of ports: a pseudo-terminal has none, so a client's supervisor sets them here.
+//! Modem lines of ports. A pseudo-terminal has none, so a client's supervisor sets them here.
 //!
-//! DTR and RTS reach a device by its links `NAME-dtr` and `NAME-rts`, a byte a level; what a device
-//! sets comes by `NAME-cts` and its like. Lines towards the client can be set by hand, too.
+//! DTR and RTS reach a device by its links `NAME-dtr` and `NAME-rts`, one byte per level. Levels
+//! that a device sets arrive by links such as `NAME-cts`. Lines towards the client can also be set
+//! by hand.
 
 use std::path::PathBuf;
 
@@ -12,21 +13,21 @@ use super::answer::Refusal;
 use crate::inputs::{INPUTS, Inputs};
 use engine::run::Run;
 
-/// Names of a port's links for what a client sets, behind its own name.
+/// Suffixes of the links for the lines that a client sets.
 const PINS: [&str; 2] = ["dtr", "rts"];
 
-/// What a client wants of a port's lines.
+/// Changes of a port's lines that a client requests.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Wish {
-    /// DTR and RTS, as far as they are to change.
+    /// New levels of DTR and RTS; `None` for no change.
     pub(super) outputs: [Option<bool>; 2],
-    /// CTS, DSR, RI and DCD, as far as they are to be set by hand.
+    /// New levels of CTS, DSR, RI and DCD by hand; `None` for no change.
     pub(super) inputs: [Option<bool>; 4],
-    /// A break is to be sent.
+    /// Whether to send a break.
     pub(super) sends_break: bool,
     /// Input and control modes of the client's terminal.
     pub(super) modes: Option<[u32; 2]>,
-    /// What the client has written and the line has not taken is thrown away.
+    /// Whether to discard bytes that the client has written and the line has not taken.
     pub(super) discards: bool,
 }
 
@@ -42,13 +43,13 @@ pub(super) struct Port {
     pub(super) node: usize,
     /// DTR and RTS.
     pub(super) outputs: [bool; 2],
-    /// What its client sees.
+    /// Lines that its client sees.
     pub(super) inputs: Inputs,
-    /// By its number, the opening that a client with modem lines has it by, if one has.
+    /// Number of the current opening by a client with modem lines, if any.
     pub(super) opening: Option<u64>,
 }
 
-/// Changes lines of the port `name`; how they are then.
+/// Changes lines of the port `name`; returns their levels.
 pub(super) fn change(
     ports: &mut [Port],
     run: &mut Run,
@@ -77,7 +78,7 @@ pub(super) fn change(
     }
     if wish.sends_break {
         run.rig.change_line(node, LineEvent::Break);
-        // The rig holds one change of the line at a time.
+        // The rig stores one change of the line at a time.
         run.go_on_until(run.rig.now());
     }
     let [dtr, rts] = outputs;
@@ -90,8 +91,8 @@ pub(super) fn change(
     Ok(lines)
 }
 
-/// A client has come to the port `name` by that opening, or left it: a serial port raises its lines
-/// when it is opened, and lowers them when it is closed.
+/// Records that a client has opened the port `name`, or closed it. Opening a serial port raises its
+/// lines, closing it lowers them.
 pub(super) fn see(ports: &mut [Port], name: &str, opening: Option<u64>, run: &mut Run) {
     let Some(index) = ports.iter().position(|port| port.name == name) else {
         return;

@@ -1,4 +1,4 @@
-//! Does what a request wants.
+//! Execution of requests.
 
 use core::time::Duration;
 use protocols::Instant;
@@ -13,44 +13,44 @@ use engine::rig::fault::FaultId;
 use engine::run::{CommandError, Run, Watch};
 use engine::scenario::{Action, Condition, Span};
 
-/// A run, and what else a request may be about.
+/// A run, and the other objects of requests.
 pub(super) struct Office<'a> {
     pub(super) run: &'a mut Run,
-    /// What moves the run's clock, if clients may.
+    /// Clock control of the run, if clients may use it.
     pub(super) tempo: Option<&'a Held>,
     pub(super) ports: &'a mut [Port],
-    /// Clients at the moment.
+    /// Current number of clients.
     pub(super) clients: usize,
     pub(super) tally: &'a mut Tally,
 }
 
-/// What came of all requests.
+/// Counts of all requests.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tally {
     pub(super) requests: u64,
     pub(super) refused: u64,
-    /// Those that changed the run.
+    /// Requests that changed the run.
     pub(super) changes: u64,
-    /// A client has asked to end the run.
+    /// Whether a client requested the end of the run.
     pub(super) quits: bool,
 }
 
-/// What is known of one client.
+/// State of one client.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Session {
-    /// Contacts that it was told of.
+    /// Number of contacts already reported to the client.
     pub(super) contacts: u64,
-    /// It sets the modem lines of the clients that open ports.
+    /// Whether the client sets the modem lines for programs that open ports.
     pub(super) has_modem: bool,
 }
 
-/// An answer, or what has to come before it.
+/// An answer, or the event before it.
 pub(super) enum Reply {
     Now(Answer),
     Later(Pending),
 }
 
-/// What an answer waits for.
+/// Event for which an answer waits.
 #[derive(Debug)]
 pub(super) enum Pending {
     /// A condition, until a moment.
@@ -60,7 +60,7 @@ pub(super) enum Pending {
 }
 
 impl Pending {
-    /// When the answer comes at the latest.
+    /// Maximum time of the answer.
     pub(super) const fn until(&self) -> Instant {
         match self {
             Self::Condition(_, until) | Self::Step(until) => *until,
@@ -69,7 +69,7 @@ impl Pending {
 }
 
 impl Office<'_> {
-    /// Does what `line` wants, seen at `asked`.
+    /// Executes `line`, which was read at `asked`.
     pub(super) fn perform(&mut self, session: &mut Session, line: &[u8], asked: Instant) -> Reply {
         let request = Request::parse(line);
         let reply = request.and_then(|request| self.grant(session, request, asked));
@@ -80,7 +80,7 @@ impl Office<'_> {
         })
     }
 
-    /// Whether the answer can be given by now.
+    /// Whether the answer can be sent now.
     pub(super) fn look_again(&self, pending: Pending) -> Reply {
         let now = self.run.rig.now();
         match pending {
@@ -160,7 +160,7 @@ impl Office<'_> {
         port: Option<&str>,
         wish: Wish,
     ) -> Result<Answer, Refusal> {
-        // A client that only sets lines by hand does not supervise the programs at the ports.
+        // A client that only sets lines by hand does not supervise programs at the ports.
         session.has_modem |= wish.inputs == [None; 4];
         let lines = port.map(|port| modem::change(self.ports, self.run, port, wish));
         let lines = lines.transpose()?;
@@ -209,7 +209,7 @@ impl Office<'_> {
         Ok(Reply::Later(Pending::Step(until)))
     }
 
-    /// The clock, once it goes.
+    /// The clock, if it has started.
     fn tempo_that_began(&self) -> Result<&Held, Refusal> {
         let Some(tempo) = self.tempo else {
             let message = "this run's clock is moved by `step` and `wait` alone";
@@ -227,7 +227,7 @@ impl Office<'_> {
     fn pace(&self, change: impl FnOnce(&Held)) -> Result<Answer, Refusal> {
         let tempo = self.tempo_that_began()?;
         change(tempo);
-        // The rig is a little behind its clock, and comes to where that stands.
+        // The rig is slightly behind its clock and will reach the clock's time.
         let at = tempo.now().max(self.run.rig.now());
         Ok(Answer::granted(json!({})).at(at))
     }
@@ -281,7 +281,7 @@ impl Office<'_> {
     }
 }
 
-/// How far two moments lie apart.
+/// Absolute difference of two times.
 pub(super) fn apart(a: Instant, b: Instant) -> Duration {
     a.max(b) - a.min(b)
 }

@@ -1,4 +1,4 @@
-//! What a client wants, read from a line.
+//! Requests of clients, read from lines.
 
 use schemars::generate::SchemaSettings;
 use schemars::{JsonSchema, json_schema};
@@ -16,32 +16,32 @@ use engine::scenario::{Action, Condition, FaultSpec, Span};
 pub enum Request {
     /// Describes the rig: version of the interface, tool, scenario, links and ports.
     Hello {},
-    /// How the run is: time, poses, axes, registers, counters, contacts, links.
+    /// Returns the state of the run: time, poses, axes, registers, counters, contacts, links.
     State {},
-    /// To be answered when a condition has come true, or a time has passed.
+    /// Answers when a condition has become true, or a time has passed.
     Wait {
         /// The condition.
         #[serde(rename = "for")]
         condition: Condition,
-        /// Time of the rig after which the answer is no.
+        /// Maximum time of the rig; then the answer is no.
         timeout: Span,
     },
-    /// Rig time, which stands, continues for this long and then stands again; answered then.
+    /// Lets rig time, which must be paused, continue for this long; then answers.
     Step {
-        /// How long, at most 10 minutes.
+        /// Duration of the step, at most 10 minutes.
         by: Span,
     },
-    /// Rig time stands from now on.
+    /// Pauses rig time.
     Pause {},
     /// Rig time continues.
     Resume {},
-    /// Rig time goes slower or faster.
+    /// Sets the speed of rig time.
     Speed {
         /// Seconds of the rig per second, 0.01 to 4.
         #[schemars(range(min = 0.01, max = 4.0))]
         x: f64,
     },
-    /// A finger on the robot's display, or on a button.
+    /// Touches the robot's display, or a button.
     Press {
         /// Column and row on the display, pixels.
         #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -50,24 +50,24 @@ pub enum Request {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         button: Option<String>,
     },
-    /// The scenario's PC is to do something, as a step of a mission.
+    /// Orders an action of the scenario's PC, as a step of a mission.
     Mission {
-        /// What.
+        /// The action.
         action: Action,
     },
-    /// The checks as they would be if the run ended now.
+    /// Returns the checks as if the run ended now.
     Verdict {},
-    /// The run is to end, and to be judged if it is judged at all.
+    /// Ends the run, and judges it if it is to be judged.
     Quit {},
-    /// A fault is to begin, now or when it says.
+    /// Adds a fault, which begins now or at its own time.
     Add {
         /// The fault, as in a scenario; times count from the start of the run.
         fault: Box<FaultSpec>,
     },
-    /// Lines of a port that a pseudo-terminal does not have. From the first of these until the
-    /// client hangs up, opening a port raises its DTR and RTS, and closing it lowers them.
+    /// Sets lines of a port that a pseudo-terminal does not have. From the first such request until
+    /// the client disconnects, opening a port raises its DTR and RTS, and closing it lowers them.
     Modem {
-        /// The port; none: nothing changes.
+        /// The port; if not given, nothing changes.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         port: Option<String>,
         /// Whether DTR is on.
@@ -76,7 +76,8 @@ pub enum Request {
         /// Whether RTS is on.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         rts: Option<bool>,
-        /// What its client is to see of CTS, whatever the device says; so with the next three.
+        /// Level of CTS for the port's client, independent of the device; the same for the next
+        /// three keys.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         cts: Option<bool>,
         /// DSR.
@@ -88,27 +89,27 @@ pub enum Request {
         /// DCD.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         dcd: Option<bool>,
-        /// A break is to be sent.
+        /// Whether to send a break.
         #[serde(default, rename = "break")]
         sends_break: bool,
-        /// Input and control modes that its client has set, as termios(3) has them.
+        /// Input and control modes of the client's terminal, as in termios(3).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         modes: Option<[u32; 2]>,
-        /// What its client has written and the line has not taken is thrown away.
+        /// Whether to discard bytes that the client has written and the line has not taken.
         #[serde(default)]
         discard: bool,
     },
-    /// All faults are to be listed.
+    /// Lists all faults.
     List {},
-    /// A fault is to end now.
+    /// Ends a fault now.
     End {
-        /// Its number.
+        /// Number of the fault.
         #[schemars(with = "usize")]
         id: FaultId,
     },
 }
 
-/// All that can be asked for.
+/// All requests.
 pub const VERBS: [&str; 15] = [
     "hello", "state", "wait", "step", "pause", "resume", "speed", "press", "mission", "verdict",
     "quit", "add", "modem", "list", "end",
@@ -133,7 +134,7 @@ impl Request {
     /// Reads a line.
     ///
     /// # Errors
-    /// A refusal that names the key and says what was expected.
+    /// A refusal that names the key and the expected value.
     pub(super) fn parse(line: &[u8]) -> Result<Self, Refusal> {
         let value: Value = serde_json::from_slice(line)
             .map_err(|error| Refusal::new("request", error.to_string()))?;
@@ -165,8 +166,8 @@ fn read(keys: &Map<String, Value>) -> Result<Request, String> {
     request.map_err(|error| error.to_string())
 }
 
-/// The key that the error `message` is about: the one that it names, or the one without which it
-/// would be another.
+/// The key of the error `message`: the key that it names, or the key without which the message
+/// would be another one.
 fn blamed(keys: &Map<String, Value>, message: &str) -> String {
     let named = ["unknown field `", "missing field `"]
         .iter()

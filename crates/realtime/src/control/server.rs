@@ -20,11 +20,11 @@ use safefs::Dir;
 
 /// Name of the socket in the directory of the ports.
 pub const NAME: &str = "control";
-/// Maximum number of clients at once. When one more comes, the one that is idle and was silent for
-/// longest is hung up on.
+/// Maximum number of clients at once. If one more connects, the idle client that was silent for
+/// longest is disconnected.
 pub const CLIENTS_MAX: usize = 64;
 
-/// Takes requests of any number of clients.
+/// Receives requests of any number of clients.
 #[derive(Debug)]
 pub struct Control {
     dir: Arc<Dir>,
@@ -38,11 +38,10 @@ pub struct Control {
 }
 
 impl Control {
-    /// Opens the socket in `dir`, for this user alone. One that a killed rig left there is
-    /// replaced.
+    /// Opens the socket in `dir`, only for this user. A socket of a killed rig is replaced.
     ///
     /// # Errors
-    /// If it cannot be made, or something else stands there.
+    /// If the socket cannot be created, or another file has its name.
     pub fn open(dir: &PortDir) -> Result<Self, TransportError> {
         let fail = |source| TransportError::Directory {
             path: dir.path().to_owned(),
@@ -73,7 +72,7 @@ impl Control {
         })
     }
 
-    /// Lets clients know of the rig's ports.
+    /// Makes the rig's ports known to clients.
     pub fn offer<'a>(&mut self, ports: impl Iterator<Item = Place<'a>> + Clone) {
         let all = ports.clone();
         let port = |place: Place<'_>| Port {
@@ -88,7 +87,7 @@ impl Control {
         self.ports.extend(ports.map(port));
     }
 
-    /// Whether it matters who has which port open.
+    /// Whether a client sets modem lines, so that openings of ports matter.
     pub fn has_lines(&self) -> bool {
         self.clients.iter().any(Client::has_modem)
             || self.ports.iter().any(|port| port.opening.is_some())
@@ -102,19 +101,18 @@ impl Control {
         modem::see(&mut self.ports, sign.name, opening, run);
     }
 
-    /// Reads what clients ask for; whether there was anything. What was done at the ports before
-    /// they asked is there now at the latest, and can be carried in before [`serve`](Self::serve).
-    /// Never waits.
+    /// Reads requests of clients; returns whether there were any. Actions at the ports before these
+    /// requests are visible now, and can be carried in before [`serve`](Self::serve). Never waits.
     pub fn hear(&mut self) -> bool {
         self.looks += 1;
         self.accept();
         let heard = self.clients.iter_mut().map(|one| one.hear(self.looks));
-        // Each of them is to be received.
+        // `fold` instead of `any`: each client must be read.
         heard.fold(false, |any, one| any | one)
     }
 
-    /// Does what clients were heard to ask for. `now` is the time of the rig's clock; `tempo` is
-    /// what moves it, if clients may. Never waits.
+    /// Executes the requests that were read. `now` is the time of the rig's clock; `tempo` controls
+    /// it, if clients may. Never waits.
     pub fn serve(&mut self, run: &mut Run, tempo: Option<&Held>, now: Instant) {
         let since_last = now - self.looked_at;
         self.looked_at = now;
@@ -154,7 +152,7 @@ impl Control {
         }
     }
 
-    /// Hangs up on one that is idle, if any is; whether one was.
+    /// Disconnects an idle client, if there is one; returns whether there was.
     fn make_room(&mut self) -> bool {
         let idle = self.clients.iter().enumerate();
         let idle = idle.filter_map(|(index, client)| Some((client.idle_since()?, index)));
@@ -167,23 +165,23 @@ impl Control {
         true
     }
 
-    /// Whether a client wants the run to end.
+    /// Whether a client requested the end of the run.
     pub const fn has_quit(&self) -> bool {
         self.tally.quits
     }
 
-    /// How often clients have changed the run.
+    /// Number of changes of the run by clients.
     pub const fn changes(&self) -> u64 {
         self.tally.changes
     }
 
-    /// How many requests there were, and how many of them were refused.
+    /// Number of requests, and of refused ones.
     pub const fn requests(&self) -> [u64; 2] {
         [self.tally.requests, self.tally.refused]
     }
 
-    /// How long after its request each change was in force, at most: the time since the rig had
-    /// last looked, and what lay between the clock and the virtual time of the change.
+    /// Maximum delay between a request and its effect: the time since the previous poll, and the
+    /// difference between the clock and the virtual time of the change.
     pub const fn delays(&self) -> &Lateness {
         &self.delays
     }

@@ -1,4 +1,4 @@
-//! How a run is, for a client.
+//! State of a run, for a client.
 
 use std::collections::BTreeMap;
 
@@ -87,8 +87,8 @@ impl Office<'_> {
         })
     }
 
-    /// The checks so far. What is expected of the beliefs of a program that is not in this process
-    /// is not judged.
+    /// The checks so far. Expectations about the map and pose of a program in another process are
+    /// not judged.
     pub(super) fn verdict(&self) -> Value {
         let mut checks = self.run.checks();
         let beliefs = ["pose-rms", "heading-rms", "wall-overlap"];
@@ -127,7 +127,7 @@ fn contacts(run: &Run, session: &mut Session) -> Value {
     json!({"count": contacts.count(), "new": new})
 }
 
-/// What arrived on each link so far.
+/// Bytes that arrived on each link so far.
 fn links(run: &Run) -> Vec<Value> {
     let links = run.rig.links().iter().map(|link| {
         let arrived = |direction| link.line(direction).traffic().delivered;

@@ -8,14 +8,14 @@ use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
 /// Maximum length of a reported command.
 const COMMAND_MAX: usize = 120;
 
-/// A process that a user's program started and left behind.
+/// A process that a user's program started and did not end.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Left {
     /// Its number.
     pub pid: u32,
     /// Its command.
     pub command: String,
-    /// Whether it did not end when it was asked to, and had to be killed.
+    /// Whether the process ignored SIGTERM and was killed.
     pub was_killed: bool,
 }
 
@@ -30,7 +30,7 @@ impl fmt::Display for Left {
 pub(super) struct Group(pub(super) Pid);
 
 impl Group {
-    /// Sends `signal` to all of them; one that is just ending is none to send to.
+    /// Sends `signal` to all processes of the group; a process that is just ending is ignored.
     pub(super) fn signal(self, signal: Signal) {
         let _ = kill_process_group(self.0, signal);
     }
@@ -45,7 +45,7 @@ impl Group {
         self.pids().into_iter().map(left).collect()
     }
 
-    /// Their numbers.
+    /// Process ids of the members.
     pub(super) fn pids(self) -> Vec<u32> {
         // The list of all processes is long, and most groups are empty.
         if test_kill_process_group(self.0).is_err() {
@@ -56,10 +56,11 @@ impl Group {
         pids.filter(|&pid| self.has(pid)).collect()
     }
 
-    /// Whether a thread of theirs waits for the system and cannot even be killed: for a page of its
-    /// own code from the disk, say. Nothing that it could do would end that.
+    /// Whether a thread of the group waits for the system and cannot even be killed, for example
+    /// for a page of its own code from the disk. The program itself cannot end such a wait.
     pub(super) fn is_held_up(self) -> bool {
-        // Not its command: that lies in its memory, for which this thread might have to wait.
+        // The command is not read here: it is in the memory of the process, for which this thread
+        // might have to wait.
         let threads = |pid: u32| {
             let tasks = fs::read_dir(format!("/proc/{pid}/task"));
             tasks.into_iter().flatten().flatten()
@@ -77,8 +78,8 @@ impl Group {
     }
 }
 
-/// State and group in a line of `/proc/PID/stat`, unless the process is dead. Its name is in
-/// brackets and may hold anything, brackets too.
+/// State and group in a line of `/proc/PID/stat`, unless the process is dead. The name is in
+/// brackets and may contain any characters, also brackets.
 fn state_and_group_of(stat: &str) -> Option<(&str, i32)> {
     let (_, fields) = stat.rsplit_once(')')?;
     let mut fields = fields.split_ascii_whitespace();
@@ -87,7 +88,7 @@ fn state_and_group_of(stat: &str) -> Option<(&str, i32)> {
     (!["Z", "X"].contains(&state)).then_some((state, group))
 }
 
-/// The command of a process, `?` if it has none any more.
+/// The command of a process; `?` if the process has ended.
 pub(crate) fn command_of(pid: u32) -> String {
     let words = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
     let words = String::from_utf8_lossy(&words).replace('\0', " ");

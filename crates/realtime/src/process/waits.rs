@@ -1,45 +1,45 @@
-//! What the threads of a program wait for, as the system lists it.
+//! Calls in which the threads of a program wait, as the system lists them.
 
 use std::fs;
 use std::path::PathBuf;
 
-/// What a thread waits for.
+/// The event for which a thread waits.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
-    /// For bytes of this file.
+    /// Bytes of this file.
     Read(PathBuf),
-    /// Until this file takes bytes.
+    /// Room for bytes in this file.
     Write(PathBuf),
-    /// For a change of the modem lines of this terminal.
+    /// A change of the modem lines of this terminal.
     ModemLine(PathBuf),
-    /// Until this terminal has sent all.
+    /// The end of the output of this terminal.
     Drain(PathBuf),
-    /// For any of several files, without or with a timeout.
+    /// Any of several files.
     Any {
-        /// Whether it never gives up by itself.
+        /// Whether the wait has no timeout.
         for_ever: bool,
     },
-    /// For a time.
+    /// A time.
     Sleep,
-    /// For another thread, or a signal.
+    /// Another thread, or a signal.
     Lock,
 }
 
-/// A system call by its number on one kind of processor.
+/// A system call, by its number on one kind of processor.
 #[derive(Clone, Copy)]
 enum Call {
     Read,
     Write,
     Ioctl,
-    /// The place of its timeout among the arguments, and the value that means none.
+    /// Index of the timeout among the arguments, and the value that means no timeout.
     Any(usize, u64),
     Sleep,
     Lock,
-    /// For the end of another process: it has nothing to do with ports itself.
+    /// The end of another process; such a process does not use ports itself.
     Child,
 }
 
-/// No timeout of `poll` and `epoll_wait`, an `int`.
+/// The value for no timeout of `poll` and `epoll_wait`, an `int`.
 const NEVER: u64 = 0xFFFF_FFFF;
 
 #[cfg(target_arch = "x86_64")]
@@ -93,12 +93,12 @@ const CALLS: [(u64, Call); 19] = [
     (95, Call::Child),
 ];
 
-/// `TIOCMIWAIT`, and `TCSBRK`, with which `tcdrain` waits.
+/// `TIOCMIWAIT`, and `TCSBRK`, which `tcdrain` uses.
 const MODEM_WAIT: u64 = 0x545C;
 const DRAIN: u64 = 0x5409;
 
-/// What all threads of `pids` wait for. A process that only waits for its child is left out, and so
-/// is a thread that runs, or of which the system says nothing.
+/// Waits of all threads of `pids`. Processes that only wait for their child are omitted, and so are
+/// running threads and threads without information.
 pub(crate) fn waits(pids: impl IntoIterator<Item = u32>) -> Vec<Wait> {
     let threads = |pid: u32| {
         let tasks = fs::read_dir(format!("/proc/{pid}/task"));
@@ -115,7 +115,7 @@ pub(crate) fn waits(pids: impl IntoIterator<Item = u32>) -> Vec<Wait> {
     waits
 }
 
-/// What a line of `/proc/PID/syscall` means: the number of the call and its arguments.
+/// Meaning of a line of `/proc/PID/syscall`: the number of the call and its arguments.
 fn wait_of(line: &str, file: impl Fn(u64) -> Option<PathBuf>) -> Option<Wait> {
     let mut words = line.split_ascii_whitespace();
     let number: u64 = words.next()?.parse().ok()?;
@@ -147,7 +147,8 @@ fn wait_of(line: &str, file: impl Fn(u64) -> Option<PathBuf>) -> Option<Wait> {
 mod tests {
     use super::*;
 
-    /// Lines as Linux writes them; numbers and arguments as in the manual pages of the calls.
+    /// Lines as Linux writes them; numbers and arguments are those of the manual pages of the
+    /// calls.
     #[test]
     fn calls_are_told_by_their_numbers_and_their_timeouts_by_their_place() {
         let file = |number: u64| Some(PathBuf::from(format!("/dev/pts/{number}")));
@@ -176,7 +177,7 @@ mod tests {
             of("230 0x1 0x0 0x7ffd 0x0 0x0 0x0 0x7f 0x7e"),
             Some(Wait::Sleep)
         );
-        // For its child, in a call of another kind, and on the processor.
+        // For a child, in a call of another kind, and on the processor.
         for nothing in [
             "61 0xffffffff 0x0 0x0 0x0 0x0 0x0 0x7f 0x7e",
             "39 0x0",

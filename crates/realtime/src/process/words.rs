@@ -1,16 +1,16 @@
-//! What a program says: the end of it in memory, all of it in a file up to a size.
+//! Output of a program: the last part in memory, the whole output in a file up to a size.
 
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read, Write};
 use std::sync::{Arc, Mutex};
 
-/// As much as is kept in memory, from the end.
+/// Maximum number of bytes in memory, from the end of the output.
 const KEPT_MAX: usize = 64 << 10;
-/// As much as is written from the beginning; what comes after that is left out but for its end.
+/// Maximum number of bytes in the file, from the beginning; of the rest only the end is written.
 pub(crate) const LOG_MAX: u64 = 8 << 20;
 
-/// What was said so far.
+/// Output so far.
 #[derive(Debug, Default)]
 pub(crate) struct Words {
     kept: VecDeque<u8>,
@@ -26,7 +26,7 @@ impl Words {
         }))
     }
 
-    /// The end of it.
+    /// The last part of the output.
     pub(crate) fn text(&self) -> String {
         let bytes: Vec<u8> = self.kept.iter().copied().collect();
         String::from_utf8_lossy(&bytes).into_owned()
@@ -38,13 +38,13 @@ impl Words {
         self.kept.drain(..excess);
         let room = usize::try_from(LOG_MAX.saturating_sub(self.said)).unwrap_or(usize::MAX);
         if let Some(log) = &mut self.log {
-            // A full disk must not stop the program; the verdict does not depend on its words.
+            // A full disk must not stop the program; the verdict does not depend on its output.
             let _ = log.write_all(&bytes[..bytes.len().min(room)]);
         }
         self.said += bytes.len() as u64;
     }
 
-    /// Ends the file: with what was said last, if it was too much for the file.
+    /// Completes the file. If the output was too long for the file, its end is appended.
     pub(crate) fn close(&mut self) {
         let Some(mut log) = self.log.take() else {
             return;
@@ -81,8 +81,8 @@ pub(crate) fn listen(mut from: impl Read, words: &Mutex<Words>) {
 mod tests {
     use super::*;
 
-    /// A program that says far too much: the file has its first and its last words, and how much
-    /// is missing between them.
+    /// A program with too much output: the file has its beginning and its end, and the number of
+    /// missing bytes between them.
     #[test]
     fn a_log_that_grows_too_long_keeps_its_beginning_and_its_end() {
         let path = std::env::temp_dir().join(format!("hilrig-words-{}", std::process::id()));
