@@ -12,13 +12,13 @@ use engine::rig::line::End;
 
 const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
-/// Sends 0, 1, 2, .. without pause and remembers what it receives.
+/// Sends 0, 1, 2, .. without pause and stores its input.
 #[derive(Clone, Default)]
 struct Counter {
     next: u8,
     heard: Vec<u8>,
     events: Vec<LineEvent>,
-    /// Its rate in place of the usual one.
+    /// Its rate instead of the usual one.
     baud: Option<u32>,
 }
 
@@ -82,7 +82,7 @@ fn counting(len: usize) -> Vec<u8> {
     (0..=255).cycle().take(len).collect()
 }
 
-/// 115200 baud carry 11,520 bytes a second.
+/// 115200 baud carry 11,520 bytes per second.
 #[test]
 fn the_rig_keeps_up_with_the_clock_and_never_overtakes_it() {
     let (mut rig, end) = rig();
@@ -100,8 +100,8 @@ fn the_rig_keeps_up_with_the_clock_and_never_overtakes_it() {
     assert_eq!(received, counting(received.len()));
 }
 
-/// The process was stopped for half a second: nothing is skipped, and between two slices the
-/// client is served.
+/// The process was stopped for half a second: no time is skipped, and the client is served between
+/// two slices.
 #[test]
 fn after_a_delay_every_byte_comes_in_order_and_in_small_pieces() {
     let (mut rig, end) = rig();
@@ -124,7 +124,7 @@ fn after_a_delay_every_byte_comes_in_order_and_in_small_pieces() {
     assert!(realtime.lateness().max() >= Duration::from_millis(490));
 }
 
-/// A clock whose time can stand, as that of `up` can.
+/// A clock that can stop, like the clock of `up`.
 #[derive(Default)]
 struct Slipping {
     wall: SimClock,
@@ -157,8 +157,8 @@ fn breaks_a_rule(rig: &mut Rig) {
     rig.log("counter", event);
 }
 
-/// The process was stopped for half a second: rig time stood, so nothing is poured over the client,
-/// nothing is lost, and for as long and 100 ms nothing is charged to it.
+/// The process was stopped for half a second: rig time stood. The client gets no burst, no byte is
+/// lost, and violations during this time and 100 ms more do not count.
 #[test]
 fn while_the_rig_is_late_its_time_stands_and_nobody_is_blamed() {
     let (mut rig, end) = rig();
@@ -188,14 +188,14 @@ fn while_the_rig_is_late_its_time_stands_and_nobody_is_blamed() {
     let len = until(&mut realtime, &mut rig, Instant::from_millis(750));
     breaks_a_rule(&mut rig);
     assert_eq!((rig.violations(), rig.excused()), (2, 1));
-    // 750 ms at 11,520 bytes a second, and the last turn's 5 ms.
+    // 750 ms at 11,520 bytes per second, and the 5 ms of the last turn.
     assert!((8_640 - 120..=8_640 + 60).contains(&len), "{len}");
     assert_eq!(received, counting(len));
     assert!(realtime.lateness().is_too_much());
 }
 
-/// A client sent 200 bytes during a tenth of a second in which the rig was stopped: they take as
-/// long on their way, in bursts of 64, in place of the 17 ms that the line would take for them.
+/// A client sent 200 bytes within 100 ms in which the rig was stopped. They are sent within the
+/// same time, in bursts of 64, instead of the 17 ms that the line would need.
 #[test]
 fn what_a_client_sent_while_rig_time_stood_is_not_poured_over_the_device() {
     let (mut rig, end) = rig();
@@ -261,7 +261,7 @@ fn the_device_sees_a_client_come_and_go() {
     assert_eq!(rules, ["port-opened", "port-closed"]);
 }
 
-/// A port that reports everything that can go wrong with a client in one go.
+/// A port that reports all events of a client at once.
 struct Fickle(Vec<PortEvent>);
 
 impl Transport for Fickle {
@@ -283,7 +283,7 @@ impl Transport for Fickle {
     fn readiness<'a>(&'a self, _: &mut Vec<std::os::fd::BorrowedFd<'a>>) {}
 }
 
-/// Left by a predecessor, set by the client itself, and put right again: told twice, then no more.
+/// Left by a predecessor, set by the client itself, and corrected: logged twice, then no more.
 #[test]
 fn a_wrong_rate_is_told_when_it_is_found_and_when_it_is_set() {
     let (mut rig, end) = rig();
@@ -307,8 +307,8 @@ fn a_wrong_rate_is_told_when_it_is_found_and_when_it_is_set() {
     );
 }
 
-/// As a radio module that was told another rate: from then on a client at the rate of the start is
-/// the one that is wrong, and one that follows is right.
+/// A radio module that switched to another rate: a client at the old rate is then wrong, and a
+/// client that follows is right.
 #[test]
 fn a_client_is_judged_by_the_rate_that_its_device_has_now() {
     let (mut rig, end) = rig();

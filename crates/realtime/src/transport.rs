@@ -1,9 +1,9 @@
-//! Where bytes leave the process: pseudo-terminals, real serial ports, network ports, memory.
+//! Ports outside of the process: pseudo-terminals, real serial ports, network ports, memory.
 //!
-//! A transport carries bytes and nothing else: no timing, no faults, no line coding. Those belong
-//! to the line of the rig. A pseudo-terminal would hide them: it has no baud rate, and it holds
-//! some 16 kB before a writer notices that the reader has stopped. A transport adds only what the
-//! outside knows: whether a client has the port open, at which baud rate, and whether the plug was
+//! A transport only carries bytes: it has no timing, faults or line coding. These belong to the
+//! line of the rig. A pseudo-terminal would hide them: it has no baud rate, and it holds some 16 kB
+//! before a writer notices that the reader has stopped. A transport adds only information from
+//! outside: whether a client has the port open, at which baud rate, and whether the plug was
 //! pulled.
 
 mod directory;
@@ -33,154 +33,155 @@ pub use serial::Serial;
 pub use terminal::{Code, Settings, Terminal};
 pub use udp::Udp;
 
-/// One end of a byte pipe whose other end is outside the rig.
+/// One end of a byte pipe; the other end is outside the rig.
 ///
-/// Nothing here ever waits. The transport has no clock: its owner polls it, and waits with
-/// [`wait`].
+/// No method waits. The transport has no clock: its owner polls it, and waits with [`wait`].
 pub trait Transport {
-    /// Moves bytes that the other end has sent into `buf`; 0: nothing now, or `buf` is empty.
+    /// Reads bytes of the other end into `buf`. Returns 0 if there are none now, or if `buf` is
+    /// empty.
     ///
-    /// Events come first: what [`next_event`](Self::next_event) tells after this call happened
-    /// before the bytes that the call returned. So a other end that set its baud rate and then sent
-    /// is received in that order.
+    /// Events come first: an event that [`next_event`](Self::next_event) returns after this call
+    /// happened before the bytes of this call. If the other end sets its baud rate and then sends,
+    /// the caller sees both in this order.
     ///
     /// # Errors
-    /// [`TransportError::Lost`] if the port went away. Bytes that arrived before come first.
+    /// [`TransportError::Lost`] if the port disappeared. Bytes that arrived before are returned
+    /// first.
     fn read(&mut self, buf: &mut [u8]) -> Result<usize, TransportError>;
 
-    /// Sends `bytes`, oldest first, and returns how many the other end will be able to read. The
-    /// rest is lost, as on a UART, and counted in [`counters`](Self::counters): the transport
-    /// keeps no bytes for a other end that is closed or does not read.
+    /// Sends `bytes`, oldest first. Returns the number of bytes that the other end will be able to
+    /// read. The rest is lost, as on a UART, and counted in [`counters`](Self::counters): the
+    /// transport stores no bytes for an end that is closed or does not read.
     fn write(&mut self, bytes: &[u8]) -> usize;
 
-    /// The same where characters among them are damaged, `marks`: what the other end has of those
-    /// is up to its settings.
+    /// Sends `bytes` with damaged characters among them, `marks`. The settings of the other end
+    /// decide about their form.
     fn write_marked(&mut self, bytes: &[u8], _marks: &[Mark]) -> usize {
         self.write(bytes)
     }
 
-    /// The plug is pulled: the other end's files hang up, and its name is gone. Nothing where that
-    /// cannot be.
+    /// Pulls the plug: the other end's files hang up, and its name disappears. Without effect where
+    /// this is impossible.
     fn unplug(&mut self) {}
 
-    /// The plug is back: another port is there under the same name or under `name`, and no client
-    /// has it open yet.
+    /// Plugs in again: another port appears under the same name or under `name`. No client has it
+    /// open.
     ///
     /// # Errors
-    /// If there is none left, or the name is taken.
+    /// If the system has no port left, or the name is taken.
     fn plug(&mut self, _name: Option<&str>) -> Result<(), TransportError> {
         Ok(())
     }
 
-    /// Counts the ports that there were here one after the other.
+    /// Number of ports that existed here so far: a new one after each plugging.
     fn made(&self) -> u64 {
         1
     }
 
-    /// From now on all that a terminal does is done here, at the rig's own moments, and nothing by
-    /// the kernel.
+    /// Emulates the terminal in this process from now on, at the rig's own times, and not in the
+    /// kernel.
     fn model(&mut self) {}
 
-    /// The terminal of which all is done here.
+    /// The terminal, if it is emulated here.
     fn terminal(&mut self) -> Option<&mut Terminal> {
         None
     }
 
-    /// The other end changes the settings of that terminal; how many bytes it can read because of
-    /// that.
+    /// Applies the other end's settings to this terminal. Returns the number of bytes that become
+    /// readable.
     fn set_terminal(&mut self, _settings: Settings) -> usize {
         0
     }
 
-    /// The other end's settings, where the kernel does not keep all of them.
+    /// Applies the other end's settings, where the kernel does not store all of them.
     fn tell(&mut self, _settings: Settings) {}
 
-    /// What happened to the port, oldest first, each told once.
+    /// The next event of the port, oldest first; each event is returned once.
     fn next_event(&mut self) -> Option<PortEvent>;
 
-    /// The name under which the other end finds the port.
+    /// Path under which the other end finds the port.
     fn path(&self) -> &Path;
 
-    /// What was lost so far.
+    /// Number of lost bytes so far.
     fn counters(&self) -> Counters;
 
-    /// Whether the other end has read since the last write, or does not depend on this end any
-    /// more. Asked before a port is given up.
+    /// Whether the other end has read all bytes since the last write, or does not need this end any
+    /// more. For the end of a port.
     fn is_drained(&mut self) -> bool {
         true
     }
 
-    /// How often the other end was seen to take bytes; `None` where that cannot be seen. As of the
-    /// last call of anything else here.
+    /// Number of times that the other end took bytes, as of the last call of another method; `None`
+    /// if reads are not visible.
     fn reads(&self) -> Option<u64> {
         None
     }
 
-    /// Whether the other end wants RTS/CTS flow control of us, which stand in for its driver.
+    /// Whether the other end requests RTS/CTS flow control from us; we act as its driver.
     fn has_flow_control(&self) -> bool {
         false
     }
 
-    /// Line settings of the other end, as of the last call of [`read`](Self::read); `None` where
-    /// they cannot be seen.
+    /// Line settings of the other end, as of the last call of [`read`](Self::read); `None` if they
+    /// are not visible.
     fn modes(&self) -> Option<Modes> {
         None
     }
 
-    /// Characters so far that lost bits because the other end has fewer than eight in each, as far
-    /// as that can be seen.
+    /// Number of characters so far that lost bits because the other end uses fewer than eight bits,
+    /// as far as this is visible.
     fn cut(&self) -> u64 {
         0
     }
 
-    /// The other end's side, opened once more for a moment; `None` where it is out of reach.
+    /// The other end's side, opened temporarily; `None` if it is not accessible.
     fn client_side(&self) -> Option<OwnedFd> {
         None
     }
 
-    /// Appends what becomes readable when a [`read`](Self::read) may bring something new. May be
-    /// empty for a while, so the caller also polls again after a few milliseconds.
+    /// Appends the files that become readable when a [`read`](Self::read) may return new bytes. The
+    /// list may be empty for a while, so the caller also polls again after a few milliseconds.
     fn readiness<'a>(&'a self, fds: &mut Vec<BorrowedFd<'a>>);
 
-    /// The files of which one is ready, or hung up, if a [`read`](Self::read) would bring anything
-    /// new but a changed rate; `None` where only that call tells.
+    /// Files of which one is ready or has hung up if a [`read`](Self::read) would find anything new
+    /// except a changed rate; `None` if only that call can find it.
     fn stirs(&self) -> Option<Vec<BorrowedFd<'_>>> {
         None
     }
 
-    /// Whether [`read`](Self::read) brings nothing new until the supervised far end makes a call.
+    /// Whether [`read`](Self::read) finds nothing new until the supervised other end makes a call.
     fn rests(&self) -> bool {
         false
     }
 
-    /// Hands the bytes that the far end can read to the kernel, for good.
+    /// Passes the bytes that the other end can read to the kernel, permanently.
     fn release(&mut self) {}
 }
 
-/// Something besides bytes happened at the other end.
+/// An event of the other end, besides bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortEvent {
     /// A client opened the port.
     Opened,
     /// The last client that had the port open closed it.
     Closed,
-    /// The other end runs at this baud rate from here on.
+    /// The other end uses this baud rate from now on.
     BaudChanged(u32),
 }
 
-/// Bytes that were given to a transport and lost, by reason.
+/// Bytes that were given to a transport and lost, by cause.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
     /// Written while the other end was closed.
     pub unheard: u64,
-    /// Written while the other end was open and had no room, because it did not read.
+    /// Written while the other end was open and its buffer was full, because it did not read.
     pub overrun: u64,
 }
 
-/// Waits until one of `fds` is readable or `timeout` is over. May return early for no reason.
+/// Waits until one of `fds` is readable or `timeout` is over. May return early without a reason.
 ///
 /// # Errors
-/// Those of poll(2); an interrupted wait is none.
+/// Errors of poll(2), except an interrupted wait.
 pub fn wait(fds: &[BorrowedFd<'_>], timeout: Duration) -> io::Result<()> {
     let timeout = Timespec::try_from(timeout).map_err(io::Error::other)?;
     match poll(&mut to_be_read(fds), Some(&timeout)) {
@@ -189,7 +190,7 @@ pub fn wait(fds: &[BorrowedFd<'_>], timeout: Duration) -> io::Result<()> {
     }
 }
 
-/// Which of `transports` may have something new to read, by one look at all of them.
+/// The `transports` that may have something new to read, found with one poll.
 pub(crate) fn stirred<'a>(transports: impl Iterator<Item = &'a dyn Transport>) -> Vec<bool> {
     let (mut stirred, mut indices, mut files) = (Vec::new(), Vec::new(), Vec::new());
     for (index, transport) in transports.enumerate() {
@@ -214,14 +215,14 @@ fn to_be_read<'a>(fds: &[BorrowedFd<'a>]) -> Vec<PollFd<'a>> {
         .collect()
 }
 
-/// Why a port cannot be had, or is had no longer.
+/// The reason why a port cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TransportError {
     /// A port name that cannot be a file name.
     #[error("port name {name:?}: expected a plain file name such as lidar")]
     Name {
-        /// As given.
+        /// The given name.
         name: String,
     },
     /// The directory for the ports cannot be used.
@@ -242,83 +243,83 @@ pub enum TransportError {
         /// The directory.
         path: PathBuf,
     },
-    /// Something stands where the port should appear.
+    /// A file has the name of the port.
     #[error(
         "{}: expected a free name: this is not a link that a rig left behind; \
          remove it or choose another directory",
         .path.display()
     )]
     Occupied {
-        /// Where.
+        /// Path of the file.
         path: PathBuf,
     },
-    /// A link stands where a rig would write a file of its own.
+    /// A link has the name of a file of the rig.
     #[error(
         "{}: expected a file of hilrig's or nothing, found a link: it may lead to a \
          file of another user; remove it or choose another directory",
         .path.display()
     )]
     LinkInTheWay {
-        /// Where.
+        /// Path of the link.
         path: PathBuf,
     },
-    /// The system gave no pseudo-terminal.
+    /// The system provides no pseudo-terminal.
     #[error("{}: the system gave no pseudo-terminal: {source}", .path.display())]
     Pty {
-        /// Where it should have appeared.
+        /// Path of the port.
         path: PathBuf,
         /// The error of the operating system.
         source: io::Error,
     },
-    /// There is no such port.
+    /// The port does not exist.
     #[error(
         "{}: no such port: expected a serial port such as /dev/ttyUSB0 or a \
          link to one",
         .path.display()
     )]
     Missing {
-        /// As given.
+        /// The given path.
         path: PathBuf,
     },
-    /// The file is no serial port.
+    /// The file is not a serial port.
     #[error(
         "{}: not a serial port: expected a device such as /dev/ttyUSB0 or a \
          link to one",
         .path.display()
     )]
     NotAPort {
-        /// As given.
+        /// The given path.
         path: PathBuf,
     },
-    /// Another program has the port.
+    /// Another program uses the port.
     #[error("{}: another program has this port: expected to have it alone", .path.display())]
     Busy {
-        /// As given.
+        /// The given path.
         path: PathBuf,
     },
-    /// The port is there and cannot be opened or set up.
+    /// The port exists, but cannot be opened or set up.
     #[error(
         "{}: expected a serial port that can be set to {baud} baud: \
          {source}",
         .path.display()
     )]
     Open {
-        /// As given.
+        /// The given path.
         path: PathBuf,
-        /// What was tried.
+        /// The requested rate.
         baud: u32,
         /// The error of the operating system.
         source: io::Error,
     },
-    /// There is no such address here, or another process listens there.
+    /// The address does not exist on this machine, or another process uses it.
     #[error("udp:{address}: expected a free port of this machine: {source}")]
     Network {
-        /// As given.
+        /// The given address.
         address: SocketAddr,
         /// The error of the operating system.
         source: io::Error,
     },
-    /// The port was there and went away.
+    /// The port disappeared during the run.
     #[error(
         "{}: the port went away: expected it to stay until the end: \
          {source}",

@@ -1,12 +1,12 @@
-//! A directory in which ports appear under stable names.
+//! A directory with ports under stable names.
 //!
-//! The names are links to whatever the system hands out. One rig owns a directory at a time: it
-//! holds a lock on the record file, which lists the links that were made. So after a rig was
-//! killed the next one knows which links are its predecessor's, replaces those, and touches
-//! nothing else. Links are made in one step; a client sees either none or one that works.
+//! The names are links to the files of the system. A directory has one rig at a time: the rig locks
+//! the record file, which lists its links. After a killed rig, the next one therefore knows the
+//! links of its predecessor, replaces them, and changes nothing else. Links are created in one
+//! step; a client sees either no link or a working one.
 //!
-//! Another user may have prepared the directory. Everything is done relative to its handle and
-//! without following links. Its record is data: a name in it that no port can have is ignored.
+//! Another user may have prepared the directory. All accesses use its handle and do not follow
+//! links. The record is data: a name that no port can have is ignored.
 
 use std::fs::{File, TryLockError};
 use std::io::{self, Read, Write};
@@ -17,11 +17,11 @@ use safefs::Dir;
 
 use super::TransportError;
 
-/// The record of links made, one `name target` a line, locked while the rig runs.
+/// The record of links, one `name target` per line, locked while the rig runs.
 const RECORD: &str = ".hilrig-ports";
-/// Owners that may vanish between our opening the record and locking it before we give up.
+/// Maximum number of tries, if owners disappear between our opening and locking of the record.
 const TRIES: usize = 8;
-/// Longest record that is believed: a rig has a handful of ports.
+/// Maximum length of a valid record: a rig has few ports.
 const RECORD_LEN_MAX: u64 = 64 * 1024;
 
 /// A directory for ports, owned until dropped.
@@ -29,14 +29,14 @@ const RECORD_LEN_MAX: u64 = 64 * 1024;
 pub struct PortDir {
     dir: Arc<Dir>,
     record: File,
-    /// Links that a predecessor left, as `(name, target)`.
+    /// Links of a predecessor, as `(name, target)`.
     left_behind: Vec<(String, String)>,
-    /// Whether the directory was not there before.
+    /// Whether this rig created the directory.
     created: bool,
     notes: Vec<Note>,
 }
 
-/// What a rig tells about itself in its directory.
+/// A file about the rig in its directory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Note {
     /// The scenario as it runs.
@@ -44,7 +44,7 @@ pub enum Note {
 }
 
 impl Note {
-    /// Where it is in a directory of ports.
+    /// Its path in a directory of ports.
     pub fn path_in(self, dir: &Path) -> PathBuf {
         dir.join(self.name())
     }
@@ -57,10 +57,10 @@ impl Note {
 }
 
 impl PortDir {
-    /// Takes `path`, making it if need be.
+    /// Takes the directory `path`, and creates it if necessary.
     ///
     /// # Errors
-    /// If it cannot be made or written, or if another rig has it.
+    /// If the directory cannot be created or written, or if another rig uses it.
     pub fn open(path: &Path) -> Result<Self, TransportError> {
         let fail = |source| TransportError::Directory {
             path: path.to_owned(),
@@ -79,7 +79,7 @@ impl PortDir {
                 }
                 Err(TryLockError::Error(source)) => return Err(fail(source)),
             }
-            // The previous owner may have removed the file between our opening and locking it.
+            // The previous owner may have removed the file before it was locked.
             if dir.holds(RECORD, &record) {
                 let left_behind = read_record(&mut record).map_err(fail)?;
                 return Ok(Self {
@@ -106,10 +106,10 @@ impl PortDir {
         Arc::clone(&self.dir)
     }
 
-    /// Leaves a note for clients that know of this tool, gone when the directory is given up.
+    /// Writes a note for clients that know this tool; it is removed with the rig.
     ///
     /// # Errors
-    /// If it cannot be written, or if a link is in its place.
+    /// If the note cannot be written, or if a link has its name.
     pub fn leave_note(&mut self, note: Note, text: &str) -> Result<(), TransportError> {
         if self.dir.read_link(note.name()).is_ok() {
             let path = note.path_in(self.path());
@@ -124,7 +124,7 @@ impl PortDir {
         Ok(())
     }
 
-    /// Makes `name` a link to `target`. An existing link that another program made is an error.
+    /// Makes `name` a link to `target`. An existing link of another program is an error.
     pub(super) fn publish(&self, name: &str, target: &Path) -> Result<Link, TransportError> {
         if !is_port_name(name) {
             return Err(TransportError::Name {
@@ -136,7 +136,7 @@ impl PortDir {
             path: self.path().to_owned(),
             source,
         };
-        // Recorded first: a link that the record does not know would never be replaced.
+        // Record the link first: a link that is not in the record would never be replaced.
         writeln!(&self.record, "{name} {}", target.display()).map_err(fail)?;
         if let Ok(found) = self.dir.read_link(name)
             && self
@@ -163,7 +163,7 @@ impl PortDir {
 
 impl Drop for PortDir {
     fn drop(&mut self) {
-        // Best effort: what stays behind is recognised by the next owner.
+        // Best effort: the next owner recognises links that remain.
         for (name, target) in &self.left_behind {
             remove_link(&self.dir, name, Path::new(target));
         }
@@ -177,11 +177,11 @@ impl Drop for PortDir {
     }
 }
 
-/// Opens the record, or makes it. It must be a file of its own.
+/// Opens or creates the record, which must be a plain file of this user.
 fn open_record(dir: &Dir) -> Result<File, TransportError> {
     dir.append(RECORD)
         .map_err(|source| match source.raw_os_error() {
-            // Refused: a link, a second name of another file, or another user's.
+            // Rejected: a link, a second name of another file, or another user's file.
             None => TransportError::LinkInTheWay {
                 path: dir.path().join(RECORD),
             },
@@ -192,7 +192,7 @@ fn open_record(dir: &Dir) -> Result<File, TransportError> {
         })
 }
 
-/// A published name; gone when dropped.
+/// A published name, removed when dropped.
 #[derive(Debug)]
 pub(super) struct Link {
     dir: Arc<Dir>,
@@ -206,7 +206,7 @@ impl Link {
         &self.path
     }
 
-    /// Takes the name away.
+    /// Removes the name.
     pub(super) fn withdraw(&self) {
         remove_link(&self.dir, &self.name(), &self.target);
     }
@@ -216,10 +216,10 @@ impl Link {
         name.to_string_lossy().into_owned()
     }
 
-    /// Publishes another `target`, under `name` if that is given.
+    /// Publishes another `target`, with `name` if given.
     ///
     /// # Errors
-    /// If something else has taken the name meanwhile.
+    /// If another file has taken the name.
     pub(super) fn publish_again(
         &mut self,
         name: Option<&str>,

@@ -1,4 +1,4 @@
-//! A transport whose other end is in this process: for tests of whatever runs on transports.
+//! A transport whose other end is in this process, for tests.
 
 use core::cell::RefCell;
 use std::collections::VecDeque;
@@ -8,8 +8,7 @@ use std::rc::Rc;
 
 use super::{Counters, PortEvent, Transport, TransportError};
 
-/// Bytes that one direction holds before the reader is taken to be asleep: as much as a Linux
-/// terminal holds.
+/// Bytes that one direction holds for a reader, as a Linux terminal.
 const CAPACITY: usize = 4096;
 
 /// One of two connected ends.

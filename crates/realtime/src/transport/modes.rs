@@ -1,4 +1,4 @@
-//! Line settings of a terminal's client: how they differ from a raw line, and which bytes they
+//! Line settings of a terminal's client: differences from a raw line, and the bytes that they
 //! change.
 
 use super::terminal::{Code, Settings};
@@ -18,16 +18,16 @@ const ISIG: u32 = 0o1;
 const ICANON: u32 = 0o2;
 const ECHO: u32 = 0o10;
 
-/// A setting that changes bytes, holds them back or lets a read end without any.
+/// A setting that changes bytes, holds them back, or lets a read end without any.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Setting {
-    /// A read ends at the end of a line only.
+    /// A read ends only at the end of a line.
     Canonical,
-    /// What the device sends goes back to it.
+    /// Bytes of the device are sent back to it.
     Echo,
     /// XON and XOFF of the device start and stop the client's output.
     XonXoff,
-    /// The highest bit of what is read is lost.
+    /// The highest bit of received bytes is lost.
     Strip,
     /// Characters have fewer than eight bits, in both directions.
     FewBits,
@@ -37,7 +37,7 @@ pub enum Setting {
     LfToCr,
     /// CR is not read.
     IgnoreCr,
-    /// Control characters of the device are taken for signals.
+    /// Control characters of the device act as signals.
     Signals,
     /// LF is sent as CR LF.
     LfToCrLf,
@@ -48,7 +48,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// All of them.
+    /// All settings.
     pub const ALL: [Self; 12] = [
         Self::Canonical,
         Self::Echo,
@@ -112,7 +112,7 @@ impl Setting {
 pub struct Modes(u16);
 
 impl Modes {
-    /// Those of a terminal.
+    /// The settings of a terminal.
     pub(crate) fn of(settings: &Settings) -> Self {
         let bits = Setting::ALL.into_iter().enumerate();
         let set = bits.filter(|(_, setting)| setting.is_in(settings));
@@ -124,20 +124,20 @@ impl Modes {
         self.all().any(|on| on == setting)
     }
 
-    /// What is on.
+    /// All settings that are on.
     pub fn all(self) -> impl Iterator<Item = Setting> {
         let bits = Setting::ALL.into_iter().enumerate();
         bits.filter_map(move |(bit, setting)| (self.0 >> bit & 1 == 1).then_some(setting))
     }
 
-    /// What is on in one of them at least.
+    /// Settings that are on in at least one of both.
     #[must_use]
     pub const fn or(self, other: Self) -> Self {
         Self(self.0 | other.0)
     }
 }
 
-/// Bytes of one direction that settings may change or hold back.
+/// Counts of the bytes of one direction that settings may change or hold back.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Special {
     /// All of them.
@@ -150,15 +150,15 @@ pub struct Special {
     pub flow: u64,
     /// Ctrl-C, Ctrl-\ and Ctrl-Z: 0x03, 0x1C and 0x1A.
     pub signals: u64,
-    /// Those with the highest bit set.
+    /// Bytes with the highest bit set.
     pub high: u64,
-    /// Those, of both directions, that lost bits because the client's characters have fewer than
+    /// Bytes, of both directions, that lost bits because the client's characters have fewer than
     /// eight.
     pub cut: u64,
 }
 
 impl Special {
-    /// Counts `bytes` as well.
+    /// Adds `bytes` to the counts.
     pub fn count(&mut self, bytes: &[u8]) {
         self.all += bytes.len() as u64;
         for &byte in bytes {
@@ -181,7 +181,7 @@ mod tests {
 
     use super::*;
 
-    /// A new terminal is what a shell wants; raw is none of it.
+    /// A new terminal has the settings for a shell, which differ from a raw one in all of these.
     #[test]
     fn a_terminal_as_the_system_makes_it_is_told_from_a_raw_one() {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("Linux has some");

@@ -1,15 +1,15 @@
-//! A pseudo-terminal: what a client opens as if it were a serial port.
+//! A pseudo-terminal, which a client opens like a serial port.
 //!
-//! Made for a client that knows nothing of us: the terminal is raw before its name appears, so no
-//! byte is ever echoed or translated; a client that opens late reads nothing that was sent before
-//! it came; one that does not read loses bytes as on a UART. All of it was found out by trying;
-//! nothing of it is promised by a standard.
+//! A client need not know of the rig. The terminal is raw before its name appears, so no byte is
+//! ever echoed or translated. A client that opens late reads no earlier bytes. A client that does
+//! not read loses bytes, as on a UART. All of this was found by tries; no standard guarantees it.
 //!
-//! The master has no notion of "open": it reports a hang-up after the last client closed, until the
-//! next one opens. A terminal that was never opened reports none, so we open and close it once.
+//! The master cannot query whether the terminal is open. It reports a hang-up after the last client
+//! closed, until the next one opens. A terminal that was never opened reports no hang-up, so we
+//! open and close it once.
 //!
-//! How much a client has not read only the kernel knows: the client may read a part, or flush. The
-//! count kept here is an upper bound; the kernel is asked before a byte is given up for lost.
+//! Only the kernel knows the number of unread bytes: the client may read a part, or flush. The
+//! count kept here is an upper bound. The kernel is queried before a byte counts as lost.
 
 mod ask;
 
@@ -38,28 +38,28 @@ use engine::rig::line::Mark;
 pub struct Pty {
     link: Link,
     line: LineConfig,
-    /// `None` as long as its plug is out.
+    /// `None` while its plug is pulled.
     plugged: Option<Plugged>,
-    /// Counts the terminals that were made for this port.
+    /// Number of terminals created for this port.
     made: u64,
     open: bool,
-    /// Most bytes that the client may not have read yet; see [`ask`].
+    /// Maximum number of bytes that the client may not have read yet; see [`ask`].
     unread: usize,
-    /// Bytes written since the client was last seen to read.
+    /// Bytes written since the last visible read of the client.
     since_read: usize,
     asked: ask::Asked,
     reads: u64,
     baud: u32,
     terminal: Terminal,
-    /// Whether its client's supervisor told the settings that the kernel does not keep.
+    /// Whether the client's supervisor reports the settings that the kernel does not store.
     is_told: bool,
-    /// What the terminal itself sends.
+    /// Bytes that the terminal itself sends.
     own: VecDeque<u8>,
     counters: Counters,
     events: VecDeque<PortEvent>,
 }
 
-/// A pseudo-terminal that is there.
+/// A plugged-in pseudo-terminal.
 #[derive(Debug)]
 struct Plugged {
     master: OwnedFd,
@@ -67,15 +67,15 @@ struct Plugged {
 }
 
 impl Pty {
-    /// Unread bytes that a client which never reads is given; what a Linux terminal holds. More is
-    /// an overrun, as in a UART driver.
+    /// Maximum number of unread bytes for a client that never reads, as in a Linux terminal.
+    /// Further bytes are an overrun, as in a UART driver.
     pub const UNREAD_MAX: usize = 4096;
 
-    /// Makes a terminal and lets it appear in `dir` as `name`, raw and at the baud rate of `line`,
-    /// so that a client which sets nothing is right.
+    /// Creates a terminal and publishes it in `dir` as `name`. It is raw and has the baud rate of
+    /// `line`, so that a client without settings is right.
     ///
     /// # Errors
-    /// If the system has no terminal left, or `name` is taken by something that is not ours.
+    /// If the system has no terminal left, or if a file of another program has the name.
     pub fn open(dir: &PortDir, name: &str, line: LineConfig) -> Result<Self, TransportError> {
         let made = make(line.baud).map_err(|source| TransportError::Pty {
             path: dir.path().join(name),
@@ -103,7 +103,7 @@ impl Pty {
         })
     }
 
-    /// Whether a client has the port open, as far as the last call of `read` or `write` saw.
+    /// Whether a client has the port open, as of the last `read` or `write`.
     pub fn is_open(&self) -> bool {
         self.open
     }
@@ -112,7 +112,7 @@ impl Pty {
         self.plugged.as_ref().map(|plugged| &plugged.master)
     }
 
-    /// Records clients that came and went; whether any client is there.
+    /// Records openings and closings; returns whether a client has the port open.
     fn look(&mut self) -> bool {
         let open = !self.is_hung_up();
         let Some(plugged) = &mut self.plugged else {
@@ -132,7 +132,7 @@ impl Pty {
             self.events.push_back(PortEvent::Closed);
             self.opened();
         } else if seen.visited && !self.open {
-            // The next read finds that the client has gone.
+            // The next read finds that the client has closed the port.
             self.opened();
         }
         open
@@ -152,14 +152,14 @@ impl Pty {
         self.open_up();
     }
 
-    /// The client that took the port for itself alone has closed it. That ends with the last client
-    /// of a serial port, but not of a pseudo-terminal: another one takes its place.
+    /// Handles the end of a client that used the port exclusively. A serial port is free again
+    /// after its last client, but a pseudo-terminal is not: a new one replaces it.
     fn open_up(&mut self) {
         let Some(master) = self.master() else {
             return;
         };
         let is_taken = open_client_side(master).err() == Some(Errno::BUSY);
-        // This opening is not a client's.
+        // This opening is not one of a client.
         if let Some(plugged) = &mut self.plugged {
             plugged.watch.look(false);
         }
@@ -184,7 +184,7 @@ impl Pty {
         polled.is_ok() && fds[0].revents().contains(PollFlags::HUP)
     }
 
-    /// Takes note of the baud rate that the client has set; the master sees it.
+    /// Records the baud rate that the client has set; it is visible at the master.
     fn check_baud(&mut self) {
         let baud = match self.terminal.is_whole() {
             true => Some(self.terminal.settings().speeds[1]),
@@ -196,17 +196,17 @@ impl Pty {
         }
     }
 
-    /// The settings that the kernel keeps of the client's.
+    /// The client's settings, as far as the kernel stores them.
     fn kernel_settings(&self) -> Option<Settings> {
         let termios = tcgetattr(self.master()?).ok()?;
         Some(Settings::of_kernel(&termios))
     }
 
-    /// What the client gets to read of what arrived.
+    /// The bytes that the client can read of the arrived ones.
     fn received(&mut self, bytes: &[u8], marks: &[Mark]) -> Vec<u8> {
         if !self.terminal.is_whole() && !self.is_told {
-            // The kernel does it all but for damaged characters. It doubles FF if they are to be
-            // marked, and a mark that was put in here as well.
+            // The kernel does all the work except for damaged characters. It doubles FF if they are
+            // to be marked, and would also double a mark that was inserted here.
             let settings = self.kernel_settings().filter(|_| !marks.is_empty());
             let Some(settings) = settings else {
                 return bytes.to_vec();
@@ -244,10 +244,10 @@ impl Transport for Pty {
         match rustix::io::read(master, &mut *buf) {
             Ok(len) => {
                 if !self.open {
-                    // Came, sent and went between two looks.
+                    // A client opened, sent and closed between two polls.
                     self.opened();
                 }
-                // After reading: the client set its rate before it sent these bytes.
+                // After the read: the client set its rate before it sent these bytes.
                 self.check_baud();
                 if self.is_told {
                     let sent = self.terminal.send(&buf[..len]);
@@ -255,7 +255,7 @@ impl Transport for Pty {
                 }
                 Ok(len)
             }
-            // The system's way of saying that no client is there.
+            // EIO means that no client has the port open.
             Err(Errno::IO) => {
                 if self.open {
                     self.closed();
@@ -295,7 +295,7 @@ impl Transport for Pty {
         self.put(&ready)
     }
 
-    /// What its client has not read yet is lost with the terminal.
+    /// Unread bytes of the client are lost with the terminal.
     fn is_drained(&mut self) -> bool {
         if !self.look() {
             return true;
@@ -341,7 +341,7 @@ impl Transport for Pty {
         let settings = match (self.terminal.is_whole(), self.is_told) {
             (true, _) => Some(told),
             (false, false) => self.kernel_settings(),
-            // The kernel forgets some modes of input and line, e.g. parity, and keeps the rest.
+            // The kernel drops some modes of input and line, e.g. parity, and stores the others.
             (false, true) => (self.kernel_settings()).map(|kept| kept.with_modes_of(&told)),
         };
         settings.as_ref().map(Modes::of)
@@ -356,7 +356,7 @@ impl Transport for Pty {
     }
 
     fn unplug(&mut self) {
-        // The kernel hangs up the client's files as it does those of a USB adapter that goes.
+        // The kernel hangs up the client's files like those of an unplugged USB adapter.
         if self.plugged.take().is_none() {
             return;
         }
@@ -419,7 +419,7 @@ impl Transport for Pty {
             return;
         };
         fds.extend(plugged.watch.fd());
-        // A hung-up master is ready all the time: waiting for it would be a busy loop.
+        // A hung-up master is always ready: waiting for it would be a busy loop.
         if self.open && !self.is_hung_up() {
             fds.push(plugged.master.as_fd());
         }
@@ -450,13 +450,13 @@ impl Transport for Pty {
             return None;
         }
         let mut fds = vec![plugged.watch.fd()?];
-        // Without a client the terminal reports a hang-up all the time.
+        // Without a client the terminal always reports a hang-up.
         fds.extend(self.open.then(|| plugged.master.as_fd()));
         Some(fds)
     }
 }
 
-/// A master and the path of its client side, raw, at `baud`, opened and closed once.
+/// Creates a master and the path of its client side: raw, at `baud`, opened and closed once.
 fn make(baud: u32) -> io::Result<(OwnedFd, std::ffi::CString)> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
     unlockpt(&master)?;

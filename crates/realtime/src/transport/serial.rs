@@ -1,9 +1,9 @@
 //! A serial port of this machine: a real one, or another program's pseudo-terminal.
 //!
-//! The port library waits: for bytes, for room, for a cable that is not there. So two threads
-//! stand between it and the rig, with a pipe each: nothing that the port does can stop the rig,
-//! and the pipe is what the rig waits on. The pipes are also the bounds: what does not fit into
-//! the outgoing one is lost and counted.
+//! The library for ports blocks: for bytes, for room, for a missing cable. Two threads with a pipe
+//! each are therefore between the port and the rig. No action of the port can stop the rig, and the
+//! rig waits for the pipe. The pipes are also the limits: bytes that do not fit into the outgoing
+//! pipe are lost and counted.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
@@ -23,15 +23,15 @@ use serialport::{ClearBuffer, DataBits, ErrorKind, FlowControl, SerialPort, Stop
 
 use super::{Counters, PortEvent, Transport, TransportError};
 
-/// Bytes that may wait for the port: one page, as much as a Linux serial driver holds itself.
+/// Maximum number of bytes that wait for the port: one page, as in a Linux serial driver.
 const BACKLOG_MAX: usize = 4096;
-/// How long a thread waits for the port before it looks whether it is still wanted.
+/// Maximum wait of a thread for the port until it checks whether it must end.
 const PATIENCE: Duration = Duration::from_millis(50);
 /// A receiver samples the last bit of a character within half a bit if the rates differ by less
-/// than a twentieth; both ends share that, so one may be off by this much.
+/// than 5 %. Both ends share this tolerance, so one end may deviate by this much.
 const BAUD_ERROR_PERCENT_MAX: u32 = 2;
 
-/// A serial port, held exclusively.
+/// A serial port, opened exclusively.
 #[derive(Debug)]
 pub struct Serial {
     path: PathBuf,
@@ -44,7 +44,7 @@ pub struct Serial {
     events: VecDeque<PortEvent>,
 }
 
-/// What the port's threads and the port have in common.
+/// State shared by the port and its threads.
 #[derive(Debug, Default)]
 struct Shared {
     stop: AtomicBool,
@@ -52,10 +52,10 @@ struct Shared {
 }
 
 impl Serial {
-    /// Opens `path` for this process alone, sets it to `line` and forgets what had arrived before.
+    /// Opens `path` exclusively, sets it to `line`, and discards bytes that arrived before.
     ///
     /// # Errors
-    /// If there is no such port, another process has it, or it cannot be set up that way.
+    /// If the port does not exist, is in use, or cannot be set up.
     pub fn open(path: &Path, line: LineConfig) -> Result<Self, TransportError> {
         let port = open_port(path, line)?;
         Self::start(path, port).map_err(|source| TransportError::Open {
@@ -117,7 +117,7 @@ impl Transport for Serial {
             return Err(self.lost());
         };
         match incoming.read(buf) {
-            // The reading thread has ended, and ends only if the port failed.
+            // The reading thread ends only if the port failed.
             Ok(0) => {
                 self.incoming = None;
                 self.events.push_back(PortEvent::Closed);
@@ -172,9 +172,8 @@ impl Drop for Serial {
         self.shared.stop.store(true, Ordering::Relaxed);
         self.incoming = None;
         self.outgoing = None;
-        // Pending output is sent. Output that the port does not take is discarded; the system does
-        // not tell a write that waits for room about that, but any setting of the port makes it
-        // look again.
+        // Pending output is sent. Output that the port does not take is discarded. The system does
+        // not report this to a blocked write, but any setting of the port wakes the write.
         let _ = self.port.flush();
         let _ = self.port.clear(ClearBuffer::Output);
         let _ = self.port.set_flow_control(FlowControl::None);
@@ -201,8 +200,8 @@ fn carry_in(mut port: TTYPort, mut to_rig: PipeWriter, shared: &Shared) {
     }
 }
 
-/// From the rig to the port, until the rig closes its end. A port that fails is the reading
-/// thread's to report.
+/// Copies bytes from the rig to the port, until the rig closes its end. The reading thread reports
+/// a failed port.
 fn carry_out(mut port: TTYPort, mut from_rig: PipeReader, shared: &Shared) {
     let mut buf = [0; BACKLOG_MAX];
     while let Ok(len) = from_rig.read(&mut buf) {
@@ -226,7 +225,7 @@ fn fail(shared: &Shared, error: io::Error) {
     }
 }
 
-/// Whether the port merely had nothing to give or no room yet.
+/// Whether the error only means that the port has no bytes or no room yet.
 fn is_passing(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
@@ -268,7 +267,7 @@ fn open_port(path: &Path, line: LineConfig) -> Result<TTYPort, TransportError> {
             baud: line.baud,
             source: io::Error::other(format!("its nearest is {baud}")),
         }),
-        // The library says "no device" both for a lock held by another and for a busy device.
+        // The library reports "no device" both for a lock of another program and for a busy device.
         Err(error) if error.kind() == ErrorKind::NoDevice => Err(TransportError::Busy { path }),
         Err(error) => Err(TransportError::Open {
             path,

@@ -1,13 +1,12 @@
-//! What a terminal makes of the bytes that pass it: its settings, and the line discipline of a
-//! serial port.
+//! A model of a terminal: its settings, and the line discipline of a serial port.
 //!
-//! A pseudo-terminal has a line discipline of its own, the kernel's, but not what a UART and its
-//! driver do below it: characters with wrong parity or without a stop bit, breaks, characters of
-//! fewer than eight bits. Those are added here. In virtual time all of it is done here, because the
-//! kernel does its part at a moment of its own, and the pseudo-terminal stays raw.
+//! A pseudo-terminal has the kernel's line discipline. It lacks the work of a UART and its driver
+//! below that: characters with wrong parity or without a stop bit, breaks, characters with fewer
+//! than eight bits. This module adds it. In virtual time this module does all the work, because the
+//! kernel would act at its own times; the pseudo-terminal stays raw.
 //!
 //! Sources: termios(3), POSIX.1-2024 chapter 11, and the behaviour of Linux' `n_tty`, which the
-//! tests meet on a pseudo-terminal.
+//! tests compare on a pseudo-terminal.
 
 mod edit;
 mod kernel;
@@ -19,56 +18,57 @@ use engine::rig::line::{Mark, MarkDamage};
 pub use settings::{Code, Settings};
 use settings::{bits, has};
 
-/// Bytes that a terminal holds for a client that does not read.
+/// Maximum number of bytes for a client that does not read.
 pub(crate) const HOLDS: usize = 4095;
-/// The character that turns a special one off.
+/// The value that disables a special character.
 const DISABLED: u8 = 0;
 
 /// A terminal between a line and its client.
 #[derive(Clone, Debug, Default)]
 pub struct Terminal {
     settings: Settings,
-    /// Whether the rig does all the work of the line discipline.
+    /// Whether this model does all the work of the line discipline.
     is_whole: bool,
-    /// A line that has not ended, in canonical mode.
+    /// An incomplete line, in canonical mode.
     line: Vec<u8>,
-    /// Lengths of the lines that its client can read, in canonical mode; with whether a character
-    /// that is not read ended it.
+    /// Lengths of the lines that the client can read, in canonical mode, and whether a character
+    /// that is not read (VEOF) ended the line.
     lines: VecDeque<(usize, bool)>,
     /// Bytes that its client can read.
     unread: usize,
-    /// The next character means nothing special.
+    /// Whether the next character is literal.
     is_literal: bool,
-    /// The other end has sent a stop character, or the client wants to be silent.
+    /// Whether the other end has sent a stop character, and whether the client has suspended its
+    /// output.
     stopped: [bool; 2],
-    /// What is to be echoed when output continues.
+    /// Bytes to echo when output continues.
     echo: Vec<u8>,
     column: usize,
     /// Damaged characters so far: without a stop bit, with wrong parity, breaks.
     damaged: [u32; 3],
-    /// Characters so far that lost bits because the client's have fewer than eight.
+    /// Characters so far that lost bits because the client uses fewer than eight.
     cut: u64,
-    /// What the client's driver sends between its bytes: a start or stop character.
+    /// Start or stop characters that the client's driver sends between its bytes.
     urgent: Vec<u8>,
-    /// Bytes that the client can read; `None`: the kernel holds them.
+    /// Bytes that the client can read; `None` if the kernel holds them.
     held: Option<VecDeque<u8>>,
-    /// The client has taken bytes since the last `take_is_read`.
+    /// Whether the client has taken bytes since the last `take_is_read`.
     is_read: bool,
 }
 
-/// What came of characters that arrived.
+/// Result of arriving characters.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Received {
-    /// What the client can read from now on.
+    /// Bytes that become readable.
     pub ready: Vec<u8>,
-    /// Characters for which there was no room.
+    /// Number of characters without room.
     pub lost: usize,
-    /// What the client had not read is thrown away, before all of `ready`.
+    /// Whether the client's unread bytes are discarded, before all of `ready`.
     pub flushes: bool,
 }
 
 impl Terminal {
-    /// A terminal with `settings` that does all of the line discipline's work.
+    /// A terminal with `settings` that does all the work of the line discipline.
     pub fn whole(settings: Settings) -> Self {
         Self {
             settings,
@@ -83,7 +83,7 @@ impl Terminal {
         &self.settings
     }
 
-    /// Whether the rig does all the work of the line discipline.
+    /// Whether this model does all the work of the line discipline.
     pub const fn is_whole(&self) -> bool {
         self.is_whole
     }
@@ -93,33 +93,34 @@ impl Terminal {
         self.unread
     }
 
-    /// Another process has read bytes: `unread` are left.
+    /// Sets the number of unread bytes after another process has read some.
     pub(crate) fn correct_unread(&mut self, unread: usize) {
         self.took(self.unread.saturating_sub(unread));
     }
 
-    /// Bytes that arrived and cannot be read yet, of a line that has not ended.
+    /// Whether bytes have arrived that the client has not read, including those of an incomplete
+    /// line.
     pub const fn is_waiting(&self) -> bool {
         self.unread > 0 || !self.line.is_empty()
     }
 
-    /// Whether the terminal, not the kernel, holds the bytes that the client can read.
+    /// Whether this model, not the kernel, holds the bytes that the client can read.
     pub(crate) const fn holds(&self) -> bool {
         self.held.is_some()
     }
 
-    /// Holds `bytes` until the client reads them; `false`: the kernel holds the bytes.
+    /// Holds `bytes` until the client reads them; `false` if the kernel holds the bytes.
     pub(super) fn hold(&mut self, bytes: &[u8]) -> bool {
         let held = self.held.as_mut();
         held.map(|held| held.extend(bytes)).is_some()
     }
 
-    /// Gives up the held bytes; from now on the kernel holds them.
+    /// Returns the held bytes; the kernel holds them from now on.
     pub(super) fn release(&mut self) -> Vec<u8> {
         self.held.take().map(Vec::from).unwrap_or_default()
     }
 
-    /// Takes the first `len` held bytes; `None`: the kernel holds the bytes.
+    /// Takes the first `len` held bytes; `None` if the kernel holds the bytes.
     pub(crate) fn take(&mut self, len: usize) -> Option<Vec<u8>> {
         let held = self.held.as_mut()?;
         let bytes: Vec<u8> = held.drain(..len.min(held.len())).collect();
@@ -194,17 +195,17 @@ impl Terminal {
         self.damaged
     }
 
-    /// Whether its client sends nothing for now: it was told to stop, or wants to.
+    /// Whether the client's output is stopped, by the other end or by itself.
     pub fn is_stopped(&self) -> bool {
         self.stopped != [false; 2]
     }
 
-    /// The client stops or continues sending by itself (TCOOFF, TCOON).
+    /// Suspends or resumes the client's output (TCOOFF, TCOON).
     pub const fn suspend(&mut self, is_stopped: bool) {
         self.stopped[1] = is_stopped;
     }
 
-    /// The client's driver sends its stop or start character (TCIOFF, TCION).
+    /// Sends the stop or start character of the client's driver (TCIOFF, TCION).
     pub fn send_flow(&mut self, stops: bool) {
         let code = match stops {
             true => Code::Stop,
@@ -216,12 +217,13 @@ impl Terminal {
         }
     }
 
-    /// Whether the terminal itself has something to send.
+    /// Whether the terminal itself has bytes to send.
     pub(super) fn has_own(&self) -> bool {
         !self.urgent.is_empty() || !self.echo.is_empty() && !self.is_stopped()
     }
 
-    /// What the terminal itself sends: flow control at once, its echo when output goes on.
+    /// Takes the bytes that the terminal itself sends: flow control at once, echo while output is
+    /// not stopped.
     pub fn take_own(&mut self) -> Vec<u8> {
         let mut own = core::mem::take(&mut self.urgent);
         if !self.is_stopped() {
@@ -230,7 +232,7 @@ impl Terminal {
         own
     }
 
-    /// The client has changed the settings; what it can read from now on because of that.
+    /// Applies new settings of the client. Returns the bytes that become readable.
     pub fn set(&mut self, settings: Settings) -> Vec<u8> {
         let was_canonical = self.is_canonical();
         self.settings = settings;
@@ -243,7 +245,7 @@ impl Terminal {
         self.is_literal = false;
         self.lines.clear();
         if !was_canonical {
-            // What is there already counts as a line.
+            // Bytes that are already there count as a line.
             if self.unread > 0 {
                 self.lines.push_back((self.unread, false));
             }
@@ -259,8 +261,8 @@ impl Terminal {
         self.settings.is_canonical()
     }
 
-    /// How many bytes a read gets now, at most `wanted`; `None`: in canonical mode no line is
-    /// there.
+    /// Number of bytes that a read returns now, at most `wanted`; `None` without a line in
+    /// canonical mode.
     pub fn readable(&self, wanted: usize) -> Option<usize> {
         match self.is_canonical() {
             true => self.lines.front().map(|(len, _)| (*len).min(wanted)),
@@ -268,19 +270,19 @@ impl Terminal {
         }
     }
 
-    /// The client has read `len` bytes, or found the end of input.
+    /// Records that the client has read `len` bytes, or the end of input.
     pub fn took(&mut self, len: usize) {
         self.unread = self.unread.saturating_sub(len);
         if let Some((left, is_ended)) = self.lines.front_mut() {
             *left = left.saturating_sub(len);
-            // A line of which all was read that ends in an end of file has that read with it.
+            // A completely read line that ends with an end of file ends with this read.
             if *left == 0 || (*is_ended && len == 0) {
                 self.lines.pop_front();
             }
         }
     }
 
-    /// The client throws away what it has not read.
+    /// Discards the client's unread bytes.
     pub fn forget(&mut self) {
         self.unread = 0;
         if let Some(held) = &mut self.held {
@@ -291,8 +293,8 @@ impl Terminal {
         self.is_literal = false;
     }
 
-    /// The client has no file open any more: what was set stays, what waits is gone, and nothing in
-    /// the kernel has to do with it.
+    /// Handles the client's last close: the settings stay, waiting bytes are discarded, and the
+    /// kernel holds none.
     pub fn close(&mut self) {
         self.forget();
         if self.is_whole {
@@ -303,7 +305,7 @@ impl Terminal {
         self.urgent.clear();
     }
 
-    /// What the line gets of `bytes` that the client sends.
+    /// Returns the bytes on the line for `bytes` of the client.
     pub fn send(&mut self, bytes: &[u8]) -> Vec<u8> {
         let mask = self.settings.character_mask();
         self.count_cut(bytes);
@@ -318,7 +320,7 @@ impl Terminal {
         sent
     }
 
-    /// Bytes arrive, and damaged characters among them.
+    /// Processes arriving bytes with damaged characters among them.
     pub fn receive(&mut self, bytes: &[u8], marks: &[Mark]) -> Received {
         self.count_cut(bytes);
         let mut received = Received::default();
@@ -336,19 +338,19 @@ impl Terminal {
         received
     }
 
-    /// Counts characters that lose bits because the line carries fewer.
+    /// Counts characters that lose bits because the line has fewer.
     fn count_cut(&mut self, bytes: &[u8]) {
         let mask = self.settings.character_mask();
         self.cut += bytes.iter().filter(|&&byte| byte & !mask != 0).count() as u64;
     }
 
-    /// Characters so far, in both directions, that lost bits because the client has fewer than
-    /// eight.
+    /// Number of characters so far, in both directions, that lost bits because the client uses
+    /// fewer than eight.
     pub const fn cut(&self) -> u64 {
         self.cut
     }
 
-    /// A character that the UART knows to be damaged.
+    /// Processes a character that the UART reports as damaged.
     fn damaged(&mut self, mark: Mark, received: &mut Received) {
         let input = self.settings.input;
         let value = mark.value & self.settings.character_mask();
@@ -374,10 +376,10 @@ impl Terminal {
         }
     }
 
-    /// A sound character.
+    /// Processes an undamaged character.
     fn character(&mut self, byte: u8, received: &mut Received) {
         if !self.is_whole {
-            // The kernel does the rest, but for what would spoil the marks.
+            // The kernel does the other work, except for steps that would destroy the marks.
             let is_marked = has(self.settings.input, bits::PARMRK);
             let strips = is_marked && has(self.settings.input, bits::ISTRIP);
             let byte = if strips { byte & 0x7F } else { byte };
@@ -386,7 +388,7 @@ impl Terminal {
         self.discipline(byte, received);
     }
 
-    /// Puts a sound character where the client reads it; one that looks like a mark twice.
+    /// Makes an undamaged character readable; doubles it if it looks like a mark.
     fn put_doubled(&mut self, byte: u8, received: &mut Received) {
         match byte == 0xFF && has(self.settings.input, bits::PARMRK) {
             true => self.put_all(&[byte, byte], received),
@@ -394,7 +396,7 @@ impl Terminal {
         }
     }
 
-    /// Puts characters that belong together where the client reads them, or none of them.
+    /// Makes a group of characters readable, or none of them.
     fn put_all(&mut self, bytes: &[u8], received: &mut Received) {
         if !self.is_whole {
             received.ready.extend_from_slice(bytes);
@@ -410,7 +412,7 @@ impl Terminal {
         }
     }
 
-    /// The line that was begun can be read.
+    /// Makes the current line readable.
     fn end_line(&mut self, is_ended: bool, received: &mut Received) {
         let len = self.line.len();
         self.lines.push_back((len, is_ended));

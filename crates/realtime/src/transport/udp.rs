@@ -1,7 +1,7 @@
-//! A network port of this machine: packets of UDP, one a message, for links that carry messages.
+//! A network port of this machine: one UDP packet per message, for links that carry messages.
 //!
-//! Such a port has no open or close. The sender of the last packet is the other end. It counts as
-//! open from its first packet on; packets sent before that are lost.
+//! A network port has no open or close. The other end is the sender of the last packet. The port
+//! counts as open from its first packet on. Packets sent to the other end before that are lost.
 
 use core::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::collections::VecDeque;
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Counters, PortEvent, Transport, TransportError};
 
-/// What a place begins with that is a network port and no file.
+/// Prefix of the address of a network port.
 const SCHEME: &str = "udp:";
 
 /// A network port.
@@ -26,8 +26,8 @@ pub struct Udp {
 }
 
 impl Udp {
-    /// The port that `place` names: `udp:9000`, heard from this machine only, or an address before
-    /// the port's number, as in `udp:0.0.0.0:9000`. `None` if it names something else.
+    /// The address that `place` names: `udp:9000` for this machine only, or with an address before
+    /// the number, as in `udp:0.0.0.0:9000`. `None` if `place` is not a network port.
     pub fn address(place: &Path) -> Option<SocketAddr> {
         let place = place.to_str()?.strip_prefix(SCHEME)?;
         match place.parse::<u16>() {
@@ -36,16 +36,16 @@ impl Udp {
         }
     }
 
-    /// Listens at `address`.
+    /// Opens a socket at `address`.
     ///
     /// # Errors
-    /// [`TransportError::Network`] if another process listens there, or there is no such address
+    /// [`TransportError::Network`] if another process uses the address, or if it does not exist
     /// here.
     pub fn open(address: SocketAddr) -> Result<Self, TransportError> {
         let opened = || {
             let socket = UdpSocket::bind(address)?;
             socket.set_nonblocking(true)?;
-            // Port 0 is any that is free.
+            // Port 0 means any free port.
             let address = socket.local_addr()?;
             Ok((socket, address))
         };
@@ -62,7 +62,7 @@ impl Udp {
 }
 
 impl Transport for Udp {
-    /// One packet, cut to `buf`; an empty one is nothing.
+    /// Reads one packet, truncated to `buf`; an empty packet is ignored.
     fn read(&mut self, buf: &mut [u8]) -> Result<usize, TransportError> {
         match self.socket.recv_from(buf) {
             Ok((len, from)) => {
@@ -71,7 +71,7 @@ impl Transport for Udp {
                 }
                 Ok(len)
             }
-            // The other end of an earlier packet is gone: that is no news of the port.
+            // The receiver of an earlier packet has gone: no event of the port.
             Err(error) if is_passing(&error) => Ok(0),
             Err(source) => Err(TransportError::Lost {
                 path: self.path.clone(),
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(address("/dev/ttyUSB0"), None);
     }
 
-    /// Two packets are two messages; the answer goes to their sender.
+    /// Two packets are two messages; the answer is sent to their sender.
     #[test]
     fn packets_are_messages_and_the_sender_is_the_far_end() {
         let mut port = Udp::open("127.0.0.1:0".parse().expect("one")).expect("a free port");

@@ -1,9 +1,9 @@
 //! Openings, closings and reads of the client's end of a pseudo-terminal.
 //!
-//! The master alone cannot tell a client that closed and reopened between two looks, nor whether a
-//! client reads. inotify on the terminal's node tells both. It is a help, not a need: where inotify
-//! is not available (its instances are limited per user), the rig only notices a client that is
-//! away at the moment of a look.
+//! The master alone cannot detect a client that closed and reopened the port between two polls, nor
+//! a client's reads. inotify on the terminal's node reports both. Without inotify (its instances
+//! are limited per user) the rig still works, but only notices a client that is absent at the time
+//! of a poll.
 
 use core::mem::MaybeUninit;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -11,18 +11,18 @@ use std::path::Path;
 
 use rustix::fs::inotify::{self, CreateFlags, ReadFlags, Reader, WatchFlags};
 
-/// Maximum number of entries taken from the kernel's queue in one look; the next look takes the
+/// Maximum number of entries read from the kernel's queue in one poll; the next poll reads the
 /// rest.
 const ENTRIES_MAX: usize = 64;
 
-/// What happened since the last look.
+/// Events since the last poll.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PortChanges {
-    /// The last client closed, and a client opened after that.
+    /// Whether the last client closed, and a client opened after that.
     pub(super) reopened: bool,
-    /// A client took bytes out.
+    /// Whether a client read bytes.
     pub(super) read: bool,
-    /// No client is there, but one opened and closed the node since the last look.
+    /// Whether a client opened and closed the node since the last poll, and none is there now.
     pub(super) visited: bool,
 }
 
@@ -46,7 +46,7 @@ impl Watch {
         Self { queue, clients }
     }
 
-    /// Empties the queue. `open` is whether any client had the node open right before.
+    /// Reads the queue. `open`: whether a client had the node open immediately before.
     pub(super) fn look(&mut self, open: bool) -> PortChanges {
         let mut read = false;
         if let Some(queue) = &self.queue {
@@ -78,22 +78,22 @@ impl Watch {
     }
 }
 
-/// Clients that have the node open, as far as the queue tells: it merges equal neighbours. What it
-/// says may be from after the moment for which it is known whether any client is there.
+/// Clients that have the node open, according to the queue, which merges equal neighbours. An entry
+/// may be newer than the time at which `open` was determined.
 #[derive(Clone, Copy, Debug, Default)]
 struct Clients {
     count: u32,
-    /// No client was there at the last look.
+    /// Whether no client was there at the last poll.
     was_away: bool,
-    /// For this many looks more, an opening counts as one after the last client closed.
+    /// Number of further polls in which an opening counts as one after the last client closed.
     left: u8,
-    /// A client did reopen the port, and the rig has not been told yet.
+    /// Whether a client reopened the port and the rig does not know it yet.
     reopened: bool,
-    /// At the last look one was there that the queue may only now tell of.
+    /// Whether a client was there at the last poll that the queue has not reported yet.
     is_ahead: bool,
-    /// A client opened since the last look.
+    /// Whether a client opened since the last poll.
     has_opened: bool,
-    /// A client opened, and the last one closed after that.
+    /// Whether a client opened, and the last one closed after that.
     has_visited: bool,
 }
 
@@ -114,14 +114,14 @@ impl Clients {
         }
     }
 
-    /// Whether a client opened and the last one closed after that, since the last look.
+    /// Whether a client opened and the last one closed after that, since the last poll.
     fn take_visit(&mut self) -> bool {
         self.has_opened = false;
         core::mem::take(&mut self.has_visited)
     }
 
-    /// The queue is empty, and `open` tells whether a client was there right before that. Returns
-    /// whether this client opened after the last look's client had closed.
+    /// Ends a poll with an empty queue; `open`: whether a client was there immediately before.
+    /// Returns whether this client opened after the client of the last poll had closed.
     fn looked(&mut self, open: bool) -> bool {
         self.left = self.left.saturating_sub(1);
         self.is_ahead = open && self.count == 0;
@@ -138,8 +138,8 @@ impl Clients {
 mod tests {
     use super::*;
 
-    /// Feeds the queue's events of one look, oldest first. `open`: whether a client was there right
-    /// before.
+    /// Processes the queue's events of one poll, oldest first. `open`: whether a client was there
+    /// immediately before.
     fn look(clients: &mut Clients, told: &str, open: bool) -> bool {
         for what in told.chars() {
             match what {
@@ -150,20 +150,22 @@ mod tests {
         clients.looked(open)
     }
 
-    /// A client of before closes, another opens. The rig reports this once, when a client is there,
-    /// at whatever moments it looks.
+    /// An earlier client closes, another one opens. The rig reports this once when a client is
+    /// there, at any order of polls.
     #[test]
     fn who_opens_again_is_heard_of_wherever_the_looks_fall() {
         let looks: [&[(&str, bool)]; 6] = [
-            // Both before it looks.
+            // Both before the poll.
             &[("-+", true)],
-            // The old one is there when it asks, and closes before it empties the queue.
+            // The old client is there when `open` is determined, and closes before the queue is
+            // read.
             &[("-", true), ("+", true)],
             &[("-+", true), ("", true)],
-            // No client is there when it asks, the new one comes before it empties the queue.
+            // No client is there when `open` is determined; the new one opens before the queue is
+            // read.
             &[("-+", false), ("", true)],
             &[("-", false), ("+", true)],
-            // The new one is there when it asks, the queue says so later.
+            // The new client is there when `open` is determined; the queue reports it later.
             &[("-", false), ("", true), ("+", true)],
         ];
         for looks in looks {
@@ -175,12 +177,12 @@ mod tests {
                 .filter(|told| *told);
             assert_eq!(told.count(), 1, "{looks:?}");
             assert!(!look(&mut clients, "", true), "{looks:?}");
-            // The same once more: the count is right.
+            // A repetition shows that the count is right.
             assert!(look(&mut clients, "-+", true), "{looks:?}");
         }
     }
 
-    /// A client that is away at a look has closed, and opens when a client is there again.
+    /// A client that is absent at a poll has closed; it opens when a client is there again.
     #[test]
     fn who_was_away_opens_once() {
         let mut clients = Clients::default();
@@ -193,8 +195,8 @@ mod tests {
         assert!(!look(&mut clients, "+", true));
     }
 
-    /// A client that opens and closes between two looks is noticed once; one that stays is not a
-    /// visit.
+    /// A client that opens and closes between two polls is noticed once; a client that stays is not
+    /// a visit.
     #[test]
     fn a_visit_between_two_looks_is_noticed() {
         let mut clients = Clients::default();
@@ -216,8 +218,8 @@ mod tests {
         assert!(visit("+-+-", false));
     }
 
-    /// The queue reports two openings at the same moment as one. When the first of them has closed,
-    /// the second is still there, and a later client comes beside it.
+    /// The queue reports two simultaneous openings as one. After the first client has closed, the
+    /// second one is still there, and a third one joins it.
     #[test]
     fn who_comes_beside_another_has_not_opened_again() {
         let mut clients = Clients::default();
@@ -228,7 +230,7 @@ mod tests {
         assert!(!look(&mut clients, "-+", true));
     }
 
-    /// A client is there before the queue says so: that is one client.
+    /// A client is there before the queue reports it: this is one client.
     #[test]
     fn who_is_there_before_the_queue_says_so_counts_once() {
         let mut clients = Clients::default();

@@ -7,7 +7,7 @@ use super::{Code, DISABLED, Received, Terminal};
 const TAB: usize = 8;
 
 impl Terminal {
-    /// A sound character passes the line discipline.
+    /// Processes an undamaged character with the line discipline.
     pub(super) fn discipline(&mut self, byte: u8, received: &mut Received) {
         let mut byte = byte;
         if self.input(bits::ISTRIP) {
@@ -64,8 +64,8 @@ impl Terminal {
         starts || stops
     }
 
-    /// The client is no session's terminal, so no process gets the signal; pending input is
-    /// discarded all the same.
+    /// No process gets the signal, because the client's terminal has no session; pending input is
+    /// still discarded.
     fn is_signal(&mut self, byte: u8, received: &mut Received) -> bool {
         let codes = [Code::Interrupt, Code::Quit, Code::Suspend];
         let is_one = codes.into_iter().any(|code| self.is_code(byte, code));
@@ -85,7 +85,7 @@ impl Terminal {
         true
     }
 
-    /// A character of the text.
+    /// Processes a character of the text.
     fn plain(&mut self, byte: u8, received: &mut Received) {
         if self.local(bits::ECHO) {
             match byte {
@@ -132,7 +132,7 @@ impl Terminal {
         true
     }
 
-    /// The end of a line always has room: that of a full one takes the last character's place.
+    /// The end of a line always has room: in a full line it replaces the last character.
     fn put_end(&mut self, byte: u8, received: &mut Received) {
         if self.unread + self.line.len() >= super::HOLDS && self.line.pop().is_some() {
             received.lost += 1;
@@ -180,7 +180,7 @@ impl Terminal {
         }
     }
 
-    /// Takes a character from the screen.
+    /// Removes a character from the screen.
     fn wipe(&mut self, byte: u8, shows: bool) {
         let columns = match byte.is_ascii_control() {
             true if self.local(bits::ECHOCTL) => 2,
@@ -214,7 +214,7 @@ impl Terminal {
         self.echo = echo;
     }
 
-    /// What the line gets of a character of the client's.
+    /// The bytes on the line for a character of the client.
     pub(super) fn output(&mut self, byte: u8, sent: &mut Vec<u8>) {
         let output = |flags| has(self.settings.output, flags);
         match byte {

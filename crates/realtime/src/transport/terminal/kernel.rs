@@ -1,4 +1,4 @@
-//! A terminal's settings as the kernel has them.
+//! Conversion of a terminal's settings from and to the kernel's form.
 
 use rustix::io::Result;
 use rustix::termios::{
@@ -7,7 +7,8 @@ use rustix::termios::{
 
 use super::settings::{Code, Settings, bits};
 
-/// The special characters, by their places in [`Settings`]; the place without one is not used.
+/// The special characters by their indices in [`Settings`]; the index without a character is not
+/// used.
 const CODES: [(usize, Index); 17] = [
     (0, Index::VINTR),
     (1, Index::VQUIT),
@@ -27,7 +28,7 @@ const CODES: [(usize, Index); 17] = [
     (15, Index::VLNEXT),
     (16, Index::VEOL2),
 ];
-/// The rates that have a number of their own: B0 to B38400, then B57600 on.
+/// The rates with their own numbers: B0 to B38400, then from B57600 on.
 const SLOW: [u32; 16] = [
     0, 50, 75, 110, 134, 150, 200, 300, 600, 1_200, 1_800, 2_400, 4_800, 9_600, 19_200, 38_400,
 ];
@@ -35,11 +36,12 @@ const FAST: [u32; 15] = [
     57_600, 115_200, 230_400, 460_800, 500_000, 576_000, 921_600, 1_000_000, 1_152_000, 1_500_000,
     2_000_000, 2_500_000, 3_000_000, 3_500_000, 4_000_000,
 ];
-/// The bit by which the numbers of fast rates differ; by itself the rate is written out.
+/// The bit that distinguishes the numbers of fast rates; alone it means that the rate is given as a
+/// number.
 const FAST_BIT: u32 = 0o10000;
 
 impl Settings {
-    /// What the kernel has.
+    /// Settings from the kernel's form.
     pub(crate) fn of_kernel(termios: &Termios) -> Self {
         let mut new = Self {
             input: termios.input_modes.bits(),
@@ -59,7 +61,7 @@ impl Settings {
     /// Changes `termios` to these settings.
     ///
     /// # Errors
-    /// If there is no such rate.
+    /// If the rate does not exist.
     pub(crate) fn put_into(&self, termios: &mut Termios) -> Result<()> {
         termios.input_modes = InputModes::from_bits_retain(self.input);
         termios.output_modes = OutputModes::from_bits_retain(self.output);
@@ -73,8 +75,8 @@ impl Settings {
         termios.set_output_speed(self.speeds[1])
     }
 
-    /// Changes how many bytes a read or poll of `termios` waits for to these settings', and nothing
-    /// else: one byte of a line is a line.
+    /// Copies only the numbers of bytes for which a read or poll waits into `termios`. In canonical
+    /// mode one byte counts as a line.
     pub(crate) fn waits_into(&self, termios: &mut Termios) {
         let [least, time] = match self.is_canonical() {
             true => [1, 0],
@@ -84,14 +86,14 @@ impl Settings {
         termios.special_codes[Index::VTIME] = time;
     }
 
-    /// Fills in the rates that the control modes name by a number.
+    /// Sets the rates that the control modes name by a number.
     #[must_use]
     pub(crate) fn with_named_speeds(mut self) -> Self {
         let number = self.control & bits::CBAUD;
         let index = usize::try_from(number & 0o17).unwrap_or_default();
         let speed = match number & FAST_BIT {
             0 => SLOW.get(index),
-            // Number 0 of these is the rate that is written out.
+            // Number 0 means that the rate is given as a number.
             _ => index.checked_sub(1).and_then(|index| FAST.get(index)),
         };
         if let Some(&speed) = speed {

@@ -44,7 +44,7 @@ pub(super) const fn has(flags: u32, wanted: u32) -> bool {
     flags & wanted == wanted
 }
 
-/// Special characters, by their places.
+/// Special characters, by their indices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[expect(missing_docs, reason = "each has its name from termios(3)")]
 pub enum Code {
@@ -88,14 +88,14 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Length of the kernel's `termios`, and of its `termios2`, which has the rates.
+    /// Length of the kernel's `termios`.
     pub const LEN: usize = 36;
-    /// The latter.
+    /// Length of the kernel's `termios2`, which also contains the rates.
     pub const LEN_WITH_SPEEDS: usize = 44;
     /// Length of the old `termio`.
     pub const LEN_OLD: usize = 18;
 
-    /// Settings of which only these modes are known.
+    /// Settings with only these modes known.
     pub(crate) fn of_modes(input: u32, control: u32) -> Self {
         Self {
             input,
@@ -104,7 +104,7 @@ impl Settings {
         }
     }
 
-    /// These with the modes of input and line of `other`.
+    /// These settings with the input and control modes of `other`.
     #[must_use]
     pub(crate) const fn with_modes_of(mut self, other: &Self) -> Self {
         (self.input, self.control) = (other.input, other.control);
@@ -116,7 +116,7 @@ impl Settings {
         self.codes[code as usize]
     }
 
-    /// The settings in a `termios` or `termios2`; rates that it does not have stay.
+    /// The settings of a `termios` or `termios2`; rates that it does not contain stay.
     #[must_use]
     pub fn with(mut self, bytes: &[u8]) -> Self {
         let word = |index: usize| {
@@ -142,7 +142,7 @@ impl Settings {
         self
     }
 
-    /// The settings in an old `termio`: low halves, eight characters.
+    /// The settings of an old `termio`: low halves, eight characters.
     #[must_use]
     pub fn with_old(mut self, bytes: &[u8; Self::LEN_OLD]) -> Self {
         let flags = [
@@ -159,7 +159,7 @@ impl Settings {
         self
     }
 
-    /// As a `termios2`; its first [`LEN`](Self::LEN) bytes are a `termios`.
+    /// The settings as a `termios2`; its first [`LEN`](Self::LEN) bytes are a `termios`.
     pub fn bytes(&self) -> [u8; Self::LEN_WITH_SPEEDS] {
         let mut bytes = [0; Self::LEN_WITH_SPEEDS];
         let flags = [self.input, self.output, self.control, self.local];
@@ -174,7 +174,7 @@ impl Settings {
         bytes
     }
 
-    /// As an old `termio`.
+    /// The settings as an old `termio`.
     pub fn bytes_old(&self) -> [u8; Self::LEN_OLD] {
         let mut bytes = [0; Self::LEN_OLD];
         let flags = [self.input, self.output, self.control, self.local];
@@ -187,7 +187,7 @@ impl Settings {
         bytes
     }
 
-    /// The bits of a character that the line carries.
+    /// Mask of the bits of a character on the line.
     pub(super) const fn character_mask(&self) -> u8 {
         match self.control & bits::CSIZE {
             0 => 0x1F,
@@ -197,8 +197,8 @@ impl Settings {
         }
     }
 
-    /// These settings where `kernel` is what the kernel of a pseudo-terminal keeps of them: with
-    /// what it drops, and what was taken from it.
+    /// These settings, merged with those that the kernel of a pseudo-terminal stores, `kernel`:
+    /// with the modes that it drops, and with those that this process took from it.
     #[must_use]
     pub(crate) const fn merged(mut self, kernel: &Self) -> Self {
         let own = bits::CSIZE | bits::PARENB | bits::PARODD | bits::CMSPAR | bits::CREAD;
@@ -212,15 +212,15 @@ impl Settings {
         self
     }
 
-    /// What of them the kernel of a pseudo-terminal is not to do, where damaged characters are put
-    /// in above it.
+    /// These settings without the modes that the kernel of a pseudo-terminal must not process,
+    /// because damaged characters are inserted above it.
     #[must_use]
     pub(crate) const fn for_kernel(mut self) -> Self {
         self.input &= !self.taken();
         self
     }
 
-    /// Without the wish to have damaged characters marked.
+    /// These settings without the marking of damaged characters.
     #[must_use]
     pub(crate) const fn without_marks(mut self) -> Self {
         self.input &= !bits::PARMRK;
@@ -232,7 +232,7 @@ impl Settings {
         has(self.local, bits::ICANON)
     }
 
-    /// Input modes that are done here in place of the kernel.
+    /// Input modes that are processed here instead of in the kernel.
     const fn taken(&self) -> u32 {
         let marks = bits::PARMRK | bits::INPCK | bits::IGNPAR | bits::BRKINT | bits::IGNBRK;
         match has(self.input, bits::PARMRK) {
@@ -241,7 +241,7 @@ impl Settings {
         }
     }
 
-    /// In words, for the log: `8E1`.
+    /// Text for the log: `8E1`.
     pub fn coding(&self) -> String {
         let data = self.character_mask().count_ones();
         let is = |bit| has(self.control, bit);

@@ -41,8 +41,9 @@ fn mark(before: usize, value: u8, damage: MarkDamage) -> Mark {
     }
 }
 
-/// termios(3): without INPCK a damaged character is one like any other; with it, it is 0, FF 00 and
-/// itself with PARMRK, nothing with IGNPAR. A break is 0, or FF 00 00, or nothing with IGNBRK.
+/// termios(3): without INPCK a damaged character is a normal one. With INPCK it is 0; with PARMRK,
+/// FF 00 and the character; with IGNPAR, nothing. A break is 0; with PARMRK, FF 00 00; with IGNBRK,
+/// nothing.
 #[test]
 fn damaged_characters_appear_as_the_settings_say() {
     use MarkDamage::{Break, Framing, Parity};
@@ -61,7 +62,7 @@ fn damaged_characters_appear_as_the_settings_say() {
     assert_eq!(read(marked), b"\xFF\0\x41a\xFF\0\x42b\xFF\0\0");
     assert_eq!(read(marked | bits::IGNBRK), b"\xFF\0\x41a\xFF\0\x42b");
     assert_eq!(read(bits::IGNBRK), b"\x41a\x42b");
-    // With BRKINT a break throws away what waits.
+    // With BRKINT a break discards waiting bytes.
     assert_eq!(read(bits::BRKINT), b"");
     let mut flushed = raw(bits::BRKINT);
     assert!(flushed.receive(b"", &[mark(0, 0, Break)]).flushes);
@@ -92,7 +93,7 @@ fn a_line_is_read_as_a_whole_and_edited_before() {
     assert_eq!(terminal.readable(99), Some(0));
     terminal.took(0);
     assert_eq!(terminal.readable(99), None);
-    // A literal one, and the whole line taken back.
+    // A literal character, and the deletion of the whole line.
     assert_eq!(
         terminal.receive(b"gone\x15a\x16\x04\n", &[]).ready,
         b"a\x04\n"
@@ -109,7 +110,7 @@ fn leaving_canonical_mode_gives_what_was_begun() {
     };
     assert_eq!(terminal.set(raw), b"ab");
     assert_eq!(terminal.readable(9), Some(2));
-    // And what is there when it begins counts as a line.
+    // Bytes that are there at the beginning count as a line.
     let canonical = Settings {
         local: bits::ICANON,
         ..raw
@@ -159,7 +160,7 @@ fn xoff_stops_the_client_until_xon() {
     assert_eq!(terminal.take_own(), [0x13]);
 }
 
-/// A terminal holds 4095 bytes; what comes beyond is lost, and counted.
+/// A terminal holds 4095 bytes; further ones are lost and counted.
 #[test]
 fn what_has_no_room_is_counted() {
     let mut terminal = raw(0);
