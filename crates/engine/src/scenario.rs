@@ -177,7 +177,8 @@ pub struct ProgramSpec {
 }
 
 impl ProgramSpec {
-    /// Whether it sets something of the program itself; the processor around it is the rig's.
+    /// Whether the table has settings for the program itself, and not only for its processor, which
+    /// the rig models.
     pub fn has_settings(&self) -> bool {
         let default = Self {
             cpu: self.cpu,
@@ -269,7 +270,7 @@ impl Scenario {
     /// Reads a scenario from a string; its file paths are relative to the current directory.
     ///
     /// # Errors
-    /// As [`parse`](Self::parse), with `<text>` in the place of the file's name.
+    /// As [`parse`](Self::parse), with `<text>` instead of the file's name.
     pub fn from_text(text: &str) -> Result<(Self, Source), ScenarioError> {
         Self::parse(Path::new("<text>"), text.to_owned())
     }

@@ -127,7 +127,7 @@ impl ChassisSpec {
 }
 
 impl AckermannSpec {
-    /// The car; missing figures come from `usual`, `seed` seeds its random numbers.
+    /// The car; `usual` provides missing figures, `seed` seeds its random numbers.
     ///
     /// # Errors
     /// If a figure is out of range, or the outline is none.

@@ -149,7 +149,7 @@ impl DeviceSpec {
         }
     }
 
-    /// Whether the scenario describes all of it, so that no robot has to know it.
+    /// Whether the scenario describes the device completely, so that no robot must know it.
     pub fn is_own(&self) -> bool {
         self.kind.is_own()
     }
@@ -214,7 +214,7 @@ impl DeviceSpec {
         self.kind.check(&context, device, world)
     }
 
-    /// Decoder of the turns on its first port, if it is a lidar.
+    /// Decoder of the turns on the first port, if the device is a lidar.
     pub fn scanner(&self) -> Option<Box<dyn ScanDecoder>> {
         self.kind.scanner(self.settings.as_ref())
     }
@@ -224,7 +224,7 @@ impl DeviceSpec {
         self.kind.drives(self.settings.as_ref())
     }
 
-    /// The names of its registers, if it is a slave as data on the bus of registers.
+    /// The names of the registers, if the device is a slave as data on the bus of registers.
     pub fn register_names(&self) -> Option<RegisterNames> {
         self.settings::<super::RegistersSpec>()
             .map(super::RegistersSpec::names)
@@ -233,7 +233,7 @@ impl DeviceSpec {
     /// Sets the value called `value` of the device `name`.
     ///
     /// # Errors
-    /// Why it cannot be set, in words.
+    /// The reason why the value cannot be set.
     pub fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
         self.kind.set(rig, name, value, to)
     }
@@ -250,8 +250,8 @@ impl DeviceSpec {
 }
 
 impl Scenario {
-    /// Makes the device `name`; if the scenario does not mention it, one of `kind` with default
-    /// settings.
+    /// Builds the device `name`; if the scenario does not mention it, a device of `kind` with
+    /// default settings.
     ///
     /// # Errors
     /// If a setting is out of range, or one is needed.

@@ -26,7 +26,7 @@ impl DrivesSpec {
     /// Returns the actuator and its scale.
     ///
     /// # Errors
-    /// A sentence, if not exactly one way to drive is given.
+    /// A sentence, if the keys do not give exactly one scale.
     pub(super) fn sink(&self) -> Result<Sink, String> {
         let angle = self.angle_deg.map(f64::to_radians);
         let ways = [

@@ -196,7 +196,7 @@ impl FaultSpec {
         }
     }
 
-    /// When it may be at work; from its trigger on, if it waits for one.
+    /// Maximum time window of the fault; from its trigger on if it waits for one.
     pub fn window(&self) -> Window {
         let from = self.from.map_or(Instant::ZERO, Span::instant);
         let mut until = self.until.map_or(Window::ALWAYS.until, Span::instant);

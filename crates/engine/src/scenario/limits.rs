@@ -11,10 +11,10 @@ const FAR_M: f64 = 10_000.0;
 /// More turns than ten are a mistake, degrees.
 const TURN_DEG: f64 = 3_600.0;
 
-/// Checks the length of `source`, because parsing a shape needs kilobytes before the scene can
+/// Checks the length of `source`. Parsing a shape needs kilobytes of memory before the scene can
 /// reject it.
 pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
-    // Each shape has one of these keys, however its table is written.
+    // Each shape has one of these keys in any form of its table.
     let keys = ["path_m", "corners_m", "at_m"];
     let found: usize = keys
         .iter()
@@ -129,7 +129,7 @@ fn beyond(waypoints: &[[f64; 2]]) -> Option<String> {
     ))
 }
 
-/// A figure as people write it: a large one by its power of ten.
+/// A figure for messages: a large one as a power of ten.
 fn shown(figure: f64) -> String {
     if figure.is_finite() && figure.abs() >= 1e9 {
         format!("{figure:e}")

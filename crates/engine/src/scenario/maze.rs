@@ -130,7 +130,7 @@ impl MazeSpec {
         let [w, h] = [self.columns, self.rows];
         let inner = closed.into_iter().map(|gap| {
             let (x, y) = (gap.other % w, gap.other / w);
-            // Left of the other tile, or below it.
+            // The first tile is left of the other one, or below it.
             let is_upright = gap.other == gap.tile + 1;
             if is_upright {
                 ([x, y], [x, y + 1])
@@ -226,7 +226,7 @@ impl MazeSpec {
         let mut closed = Vec::new();
         for gap in gaps {
             let [one, other] = [part[gap.tile], part[gap.other]];
-            // Drawn in any case, so that `open` changes nothing but what it opens.
+            // Drawn in any case, so that `open` changes only the removed boards.
             let is_taken_out = rng.chance(self.open);
             if one != other {
                 part.iter_mut()
@@ -252,7 +252,7 @@ impl MazeSpec {
         across.chain(up).collect()
     }
 
-    /// The outline of a board between two corners of tiles, which it covers.
+    /// The outline of a board between two corners of tiles. The board covers the corners.
     fn board(&self, from: [usize; 2], to: [usize; 2]) -> [[f64; 2]; 4] {
         let half = self.wall_m / 2.0;
         let place = |axis: usize, tiles: usize| self.corner_m[axis] + tiles as f64 * self.tile_m;
@@ -294,8 +294,8 @@ mod tests {
         }
     }
 
-    /// 5 x 4 tiles have 4 * 4 + 5 * 3 = 31 gaps; a tree takes 19 of them. With the rim's four
-    /// boards 16 are left, and 4 if all that are not needed are taken out.
+    /// 5 x 4 tiles have 4 * 4 + 5 * 3 = 31 gaps; a tree uses 19 of them. With the four boards of
+    /// the rim 16 boards remain, and 4 if all boards that the tree does not need are removed.
     #[test]
     fn a_maze_without_loops_has_as_many_boards_as_a_tree_leaves() {
         assert_eq!(maze(1, 0.0).boards().len(), 16);

@@ -108,12 +108,12 @@ pub enum Action {
 }
 
 impl Action {
-    /// Whether the rig does it itself, also for a robot without a PC.
+    /// Whether the rig itself executes the action, also for a robot without a PC.
     pub const fn is_of_the_rig(&self) -> bool {
         matches!(self, Self::Inject(_) | Self::Set(_))
     }
 
-    /// Why no station can do it.
+    /// The reason why no station can execute the action.
     pub(crate) fn not_an_order() -> String {
         "is no order of the PC, expected connect, disconnect, waypoints-m, mode or drive".to_owned()
     }
@@ -170,7 +170,7 @@ impl SetPoint {
         values.into_iter().map(|value| Self(value.into())).collect()
     }
 
-    /// The value as `i64`, if it is whole and in range.
+    /// The value as `i64`, if it is a whole number in range.
     pub fn whole(self) -> Option<i64> {
         #[expect(
             clippy::cast_possible_truncation,
@@ -262,7 +262,7 @@ impl Expect {
         self.rule.iter().map(Spanned::get_ref)
     }
 
-    /// The rules that hold in a run of any length: those that are not of the end.
+    /// The rules that apply to a run of any length, i.e. all except those of the end.
     pub fn rules_throughout(&self) -> Vec<Spanned<RuleSpec>> {
         let rules = self.rule.iter();
         let rules = rules.filter(|rule| !rule.get_ref().is_of_the_end());

@@ -218,7 +218,7 @@ fn line(baud: &Spanned<u32>, key: &str, source: &Source) -> Result<LineConfig, S
 }
 
 impl RegistersSpec {
-    /// The device; `key` is its place in the scenario.
+    /// The device; `key` is its path in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Registers, ScenarioError> {
         let names = self.register.iter().map(|spec| &*spec.get_ref().name);
         let names: Vec<&str> = names.collect();

@@ -42,7 +42,7 @@ impl PhasesSpec {
         self.windows()[3].until - Instant::ZERO
     }
 
-    /// Sets the window of `fault`, unless it has its own.
+    /// Sets the window of `fault`, unless the fault has its own.
     pub(super) fn confine(&self, fault: &mut FaultSpec) {
         let [_, adversity, ..] = self.windows();
         let span = |at: Instant| Some(Span(at - Instant::ZERO));
@@ -88,8 +88,8 @@ impl From<BudgetSpec> for Budget {
 mod tests {
     use crate::scenario::Scenario;
 
-    /// From 2 s to 5 s things go wrong: at random, or whenever is not said. What waits for
-    /// something says when, also at random; a time of one's own is kept.
+    /// From 2 s to 5 s random faults and faults without a time act. A fault with a condition begins
+    /// at the condition, also if it is random. A fault with its own time keeps this time.
     #[test]
     fn faults_that_say_no_time_happen_in_the_adversity() {
         let text = |fault: &str| {

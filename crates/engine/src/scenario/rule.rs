@@ -72,7 +72,7 @@ pub enum UntilSpec {
 }
 
 impl UntilSpec {
-    /// The time, if it is one.
+    /// The time, if the value is one.
     pub const fn time(&self) -> Option<Span> {
         match self {
             Self::At(at) => Some(*at),
@@ -80,7 +80,7 @@ impl UntilSpec {
         }
     }
 
-    /// The condition, if it is one.
+    /// The condition, if the value is one.
     pub fn condition(&self) -> Option<&Condition> {
         match self {
             Self::At(_) => None,
@@ -113,7 +113,7 @@ impl<'de> Deserialize<'de> for UntilSpec {
             }
 
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<UntilSpec, A::Error> {
-                // A condition is a table with one key, which serde takes for an enumeration.
+                // A condition is a table with one key, which serde treats as an enumeration.
                 let condition = Condition::deserialize(MapAccessDeserializer::new(map))?;
                 Ok(UntilSpec::When(Box::new(condition)))
             }
@@ -359,7 +359,7 @@ mod tests {
         Ok(rule.to_string())
     }
 
-    /// Each demand, each time, in words; a rule is the same after it was written.
+    /// Each demand and each time as a sentence; a rule stays the same after writing and reading.
     #[test]
     fn rules_are_read_written_and_put_in_words() {
         let rows = [

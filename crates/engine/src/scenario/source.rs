@@ -21,7 +21,7 @@ pub enum ScenarioError {
         /// The error, with the line of the file.
         source: Box<toml::de::Error>,
     },
-    /// A description of a device that it names is wrong.
+    /// A description in the scenario is wrong.
     #[cfg(feature = "described")]
     #[error(transparent)]
     Description(#[from] ::description::DescriptionError),
@@ -44,7 +44,7 @@ fn at(line: Option<usize>) -> String {
     line.map(|line| format!(":{line}")).unwrap_or_default()
 }
 
-/// A scenario with the place it was read from, for messages and for files that it names.
+/// A scenario with the path of its file, for messages and for files that it names.
 #[derive(Clone, Debug)]
 pub struct Source {
     /// The file, or a name in angle brackets for a built-in scenario.
@@ -97,7 +97,7 @@ impl Source {
         table
     }
 
-    /// The error that the value `found` of `key` is none of those `known`.
+    /// The error for a value `found` of `key` that is not among `known`.
     pub fn unknown(
         &self,
         key: &str,

@@ -47,7 +47,7 @@ struct Value<'a> {
     key: String,
     span: core::ops::Range<usize>,
     source: &'a SourceSpec,
-    /// Whether a master can set it.
+    /// Whether a master can set the value.
     is_set: bool,
     limits: bool,
     safe: bool,
@@ -200,7 +200,7 @@ impl Warnings<'_> {
 const NO_RESET: &str = "has no effect: nothing starts the board anew, set resets_on";
 
 impl SourceSpec {
-    /// Whether it measures a robot or its surroundings.
+    /// Whether the source measures a robot or its surroundings.
     const fn is_of_a_body(&self) -> bool {
         !matches!(self, Self::Stored | Self::Counter(_) | Self::Ramp { .. })
     }

@@ -289,7 +289,7 @@ impl WorldSpec {
     /// noise.
     ///
     /// # Errors
-    /// If something lies where it cannot.
+    /// If an object has an impossible position or size.
     pub fn build(
         &self,
         seed: u64,
@@ -309,7 +309,7 @@ impl WorldSpec {
     /// The solid shapes of the floor plan for robots: without moving and unmapped ones.
     ///
     /// # Errors
-    /// If something lies where it cannot.
+    /// If an object has an impossible position or size.
     pub fn mapped(&self, source: &Source) -> Result<Scene, ScenarioError> {
         let mut mapped = self.clone();
         mapped.wall.retain(|wall| !wall.get_ref().unmapped);

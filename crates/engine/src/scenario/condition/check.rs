@@ -13,7 +13,7 @@ impl BytesCondition {
     /// The bytes of `hex`, if it is given.
     ///
     /// # Errors
-    /// If it is no hexadecimal text of 1 to 256 bytes.
+    /// If `hex` is not a hexadecimal text of 1 to 256 bytes.
     pub fn pattern(&self) -> Result<Option<Vec<u8>>, Flaw> {
         let Some(hex) = &self.hex else {
             return Ok(None);
@@ -182,7 +182,8 @@ impl Condition {
         )
     }
 
-    /// Whether a moment of it says yes or no: a frame's field does, a mere event only says yes.
+    /// Whether the condition can be false at a moment: a frame's field can, an event can only be
+    /// true.
     pub fn can_be_false(&self) -> bool {
         match self {
             Self::Bytes(_) | Self::Event(_) | Self::Contact(_) => false,

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize, Serializer};
 #[derive(Clone, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged, expecting = "expected a number, a text, true or false")]
 pub enum Operand {
-    /// Yes or no; a number is yes if it is not 0.
+    /// True or false; a number is true if it is not 0.
     Flag(bool),
     /// A number.
     Number(f64),
@@ -18,7 +18,7 @@ pub enum Operand {
 }
 
 impl Operand {
-    /// A value as words print it: a number if it is one, decimal or hexadecimal, else a text.
+    /// A value as `decode` prints it: a number, decimal or hexadecimal, otherwise a text.
     pub fn from_words(words: &str) -> Self {
         let plain = words.trim().trim_matches('"');
         let hex = plain
@@ -33,7 +33,7 @@ impl Operand {
         }
     }
 
-    /// The whole number that it is.
+    /// The value as a whole number.
     pub(crate) fn whole(&self) -> Result<i64, String> {
         let number = self
             .number()
@@ -72,7 +72,7 @@ impl fmt::Display for Operand {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Flag(is) => write!(f, "{is}"),
-            // Six digits tell any figure of a device; the rest is noise of the arithmetic.
+            // Six digits are enough for any figure of a device; further digits are rounding noise.
             Self::Number(number) => write!(f, "{}", (number * 1e6).round() / 1e6),
             Self::Text(text) => write!(f, "\"{text}\""),
         }
@@ -127,8 +127,8 @@ impl Op {
         }
     }
 
-    /// The same of values of any type; `None` if they cannot be compared, as they are of different
-    /// types or one of them is no number (NaN).
+    /// Compares values of any type. `None` if they cannot be compared, because their types differ
+    /// or one of them is NaN.
     pub fn compares(self, found: &Operand, wanted: &Operand) -> Option<bool> {
         if let Operand::Flag(wanted) = wanted {
             return found.flag().map(|found| self.holds(&found, wanted));
@@ -141,7 +141,7 @@ impl Op {
         }
     }
 
-    /// Whether it asks for an order and not for equality.
+    /// Whether the operator compares the order and not equality.
     pub const fn is_of_order(self) -> bool {
         !matches!(self, Self::Equal | Self::Unequal)
     }
@@ -168,7 +168,8 @@ impl fmt::Display for Op {
 mod tests {
     use super::*;
 
-    /// Numbers compare as numbers, texts as texts; a text and a number do not, nor does NaN.
+    /// Numbers compare as numbers, texts as texts. A text and a number do not compare, nor does
+    /// NaN.
     #[test]
     fn values_of_any_type_compare() {
         let number = |value: f64| Operand::Number(value);

@@ -10,15 +10,15 @@ use crate::codec::{MessageFormat, Perception};
 /// Pictures of a depth camera.
 #[derive(Clone, Debug)]
 pub struct CameraScans {
-    /// Bearing in which the camera looks.
+    /// Viewing direction of the camera.
     ahead: f64,
     place_m: [f64; 2],
     decoder: Decoder<MessageFormat, MESSAGE_MAX>,
 }
 
 impl CameraScans {
-    /// Of a camera that looks to `ahead`, radians counter-clockwise from straight ahead, and sits
-    /// at x and y on the robot, metres ahead and to the left.
+    /// For a camera with the viewing direction `ahead`, radians counter-clockwise from straight
+    /// ahead. Its position on the robot is x and y, metres ahead and to the left.
     pub fn new(ahead: f64, place_m: [f64; 2]) -> Self {
         Self {
             ahead,

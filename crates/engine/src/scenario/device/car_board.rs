@@ -76,7 +76,7 @@ impl DeviceKind for CarBoardKind {
         read_settings::<CarBoardSpec>(settings)
     }
 
-    /// A robot must have motor and servo for it.
+    /// A robot must have the motor and the servo for this device.
     fn is_own(&self) -> bool {
         false
     }

@@ -61,7 +61,7 @@ impl DeviceKind for DescriptionKind {
                 Value::Text(_) | Value::Bytes(_) | Value::List(_) | Value::Record(_) => None,
                 number => number.as_int().and_then(|int| i64::try_from(int).ok()),
             };
-            // A row holds whole numbers; a fraction is told by the words beside the name.
+            // A row holds whole numbers; the text beside the name gives a fraction.
             let name = match words.parse::<i64>() {
                 Ok(_) => name,
                 Err(_) => format!("{name} ({words})"),
@@ -151,7 +151,7 @@ impl DeviceKind for DescriptionKind {
     }
 }
 
-/// The device of a node, if it is a described one.
+/// The wire of a node with described devices; `None` for other devices.
 pub fn wire_of(device: &dyn crate::rig::AnyDevice) -> Option<&Wire> {
     let device: &dyn Any = device;
     device.downcast_ref()

@@ -141,7 +141,7 @@ impl FirmwareSpec {
         Ok(found)
     }
 
-    /// Checks the names of parts and how many there are: the node program has room for so many.
+    /// Checks the names and the number of parts, because the node program has limited room.
     fn check_parts(&self) -> Result<(), (String, String)> {
         let many = [
             ("bridges", self.bridges.len(), PARTS_MAX),
@@ -271,7 +271,7 @@ pub fn elf_path(elf: &Path) -> Result<String, String> {
     })
 }
 
-/// The node program that runs firmware on a board in simavr: its command and what it is told.
+/// The node program that runs firmware on a board in simavr: its command and its settings.
 ///
 /// # Errors
 /// A sentence, if the simulator is missing or there is no such file.

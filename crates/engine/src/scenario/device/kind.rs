@@ -39,16 +39,17 @@ pub trait DeviceKind: Send + Sync {
     /// settings passes an empty table.
     ///
     /// # Errors
-    /// If a key is unknown or missing, or its value of another type; the error knows the place.
+    /// If a key is unknown or missing, or a value has the wrong type; the error contains the
+    /// position.
     fn parse(&self, settings: ValueDeserializer<'_>) -> Result<Box<dyn Settings>, toml::de::Error>;
 
-    /// Whether the scenario describes all of it, so that it can be added to any robot on links of
-    /// its own. Otherwise a robot must have a place for it.
+    /// Whether the scenario describes the device completely, so that any robot can have it on its
+    /// own links. Otherwise the robot must support it.
     fn is_own(&self) -> bool {
         true
     }
 
-    /// Decoder of the turns on its first port, if it is a lidar.
+    /// Decoder of the turns on the first port, for a lidar.
     fn scanner(&self, _settings: &dyn Settings) -> Option<Box<dyn ScanDecoder>> {
         None
     }
@@ -58,13 +59,12 @@ pub trait DeviceKind: Send + Sync {
         None
     }
 
-    /// Values of it to be shown, if `device` is one of its kind.
+    /// Values for display, if `device` is of this kind.
     fn rows(&self, _settings: &dyn Settings, _rig: &Rig, _name: &str) -> Vec<ValueRow> {
         Vec::new()
     }
 
-    /// Values of it by their plain names, for conditions: those of [`rows`](Self::rows) if it has
-    /// no others.
+    /// Values by their plain names, for conditions: those of [`rows`](Self::rows) by default.
     fn values(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
         let rows = self.rows(settings, rig, name).into_iter();
         rows.map(DeviceValue::from).collect()
@@ -78,7 +78,7 @@ pub trait DeviceKind: Send + Sync {
     /// Sets the value called `value` of the device `name`.
     ///
     /// # Errors
-    /// Why it cannot be set, in words.
+    /// The reason why the value cannot be set.
     fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
         let _ = (rig, value, to);
         Err(format!("{name} has no values that a step can set"))
@@ -160,7 +160,7 @@ impl BuildContext<'_> {
     /// The settings with their own type.
     ///
     /// # Errors
-    /// If they are those of another kind.
+    /// If the settings are those of another kind.
     pub fn settings<T: Settings>(&self) -> Result<&T, ScenarioError> {
         let settings: &dyn Any = self.settings;
         settings.downcast_ref().ok_or_else(|| {
@@ -173,7 +173,8 @@ impl BuildContext<'_> {
     /// Checks that the robot of `world` has the encoder `name`, which this device counts.
     ///
     /// # Errors
-    /// If it has not, with those that it has; without a robot nothing turns, and all is well.
+    /// If the encoder does not exist; the error lists the existing ones. Without a robot nothing
+    /// turns, and any name is accepted.
     pub fn needs_encoder(&self, name: &str, world: &World) -> Result<(), ScenarioError> {
         let encoders = world.encoders();
         if !self.has_robot || encoders.iter().any(|encoder| encoder.name == name) {
@@ -189,7 +190,7 @@ impl BuildContext<'_> {
         Err(self.source.invalid(span, self.key(), message))
     }
 
-    /// Its place in the scenario, e.g. `device.lidar.xv11`.
+    /// Path of the device in the scenario, e.g. `device.lidar.xv11`.
     pub fn key(&self) -> String {
         format!("device.{}.{}", self.name, self.kind)
     }
@@ -197,7 +198,7 @@ impl BuildContext<'_> {
     /// Checks that the setting `key`, if given, is within `range`.
     ///
     /// # Errors
-    /// If it is not, or no number; with the key and the range.
+    /// If the value is out of range or not a number; the error contains the key and the range.
     pub fn within(
         &self,
         key: &str,
@@ -218,10 +219,10 @@ impl BuildContext<'_> {
 /// The actuators of a device.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Drives {
-    /// Silence of its master after which it stops all of it; `None`: it has no watchdog.
+    /// Silence of the master after which the device stops all actuators; `None` without a watchdog.
     pub silence_max: Option<Duration>,
-    /// Names of the actuators, each with the device's limit of the set-point's absolute value, in
-    /// the actuator's unit, if it has one.
+    /// Names of the actuators, each with the device's limit of the absolute set-point in the
+    /// actuator's unit, if there is one.
     pub actuators: Vec<(String, Option<f64>)>,
 }
 
@@ -259,7 +260,7 @@ impl From<ValueRow> for DeviceValue {
     }
 }
 
-/// A device, and how it is connected.
+/// A device and its connections.
 pub struct Built {
     /// The device.
     pub device: Box<dyn AnyDevice>,
@@ -279,7 +280,7 @@ impl Built {
 pub struct PortInfo {
     /// Its name, e.g. `uart`.
     pub name: &'static str,
-    /// The device's number for it.
+    /// The device's number of the port.
     pub port: Port,
     /// Coding of its line.
     pub line: LineConfig,
@@ -293,7 +294,7 @@ pub struct PortInfo {
     pub kind: LinkKind,
     /// Which baud rates of a client at the other end are right.
     pub rate: PortRate,
-    /// Protocol of the port, if it is fixed.
+    /// Protocol of the port, if the device fixes it.
     pub codec: Option<&'static Codec>,
 }
 
@@ -339,7 +340,8 @@ impl PortInfo {
         }
     }
 
-    /// The same where a client is right at any rate; its port is at `usual` until it sets one.
+    /// A port for which any rate of the client is right; its rate is `usual` until the client sets
+    /// one.
     pub const fn at_any_rate(self, usual: LineConfig) -> Self {
         let rate = PortRate::Any { usual };
         Self { rate, ..self }

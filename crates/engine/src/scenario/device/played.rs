@@ -34,7 +34,7 @@ pub(super) fn base(folder: Option<&Path>, context: &BuildContext<'_>) -> PathBuf
     }
 }
 
-/// Values that a node program gives, for conditions.
+/// Output values of a node program, for conditions.
 pub(super) fn values_of(rig: &Rig, name: &str) -> Vec<DeviceValue> {
     let node = rig.device::<NodeDevice>(name).into_iter();
     let outputs = node.flat_map(NodeDevice::outputs);
@@ -46,7 +46,7 @@ pub(super) fn values_of(rig: &Rig, name: &str) -> Vec<DeviceValue> {
     outputs.map(value).collect()
 }
 
-/// Values that a node program gives, to be shown.
+/// Output values of a node program, for display.
 pub(super) fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
     let node = rig.device::<NodeDevice>(name).into_iter();
     let outputs = node.flat_map(NodeDevice::outputs);
@@ -58,7 +58,7 @@ pub(super) fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
             reason = "compared with what it came from"
         )]
         let is_whole = (whole as f64 - value).abs() < 1e-9;
-        // A row holds whole numbers; a fraction is told by the words beside the name.
+        // A row holds whole numbers; the text beside the name gives a fraction.
         let name = match is_whole {
             true => name.to_owned(),
             false => format!("{name} ({value})"),

@@ -110,7 +110,7 @@ impl NodeProgramSpec {
         played::base(self.folder.as_deref(), context)
     }
 
-    /// The description of the device, if it names one.
+    /// The description that the device names, if any.
     fn described(
         &self,
         context: &BuildContext<'_>,

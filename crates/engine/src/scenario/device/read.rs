@@ -1,4 +1,4 @@
-//! From a file to the settings of a device, whose type only its kind knows.
+//! Reading of a device's settings from a file; only the kind of the device knows their type.
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -13,14 +13,14 @@ use toml::de::{DeTable, DeValue, ValueDeserializer};
 
 use super::{DeviceKind, DeviceSpec, kind, kinds};
 
-/// Takes the devices out of a file, in which each keeps its place for messages.
+/// Takes the devices from a file. Each keeps its position in the file, for messages.
 pub(in super::super) fn read_devices(
     document: &mut DeTable<'_>,
 ) -> Result<BTreeMap<String, DeviceSpec>, toml::de::Error> {
     let Some(devices) = document.remove("device") else {
         return Ok(BTreeMap::new());
     };
-    // Whatever is no table is refused by what reads a map.
+    // A value that is not a table is rejected by the reader of the map.
     if !matches!(devices.get_ref(), DeValue::Table(_)) {
         return BTreeMap::deserialize(ValueDeserializer::from(devices));
     }
@@ -47,7 +47,7 @@ fn read_device(device: Spanned<DeValue<'_>>) -> Result<DeviceSpec, toml::de::Err
 }
 
 impl<'de> Deserialize<'de> for DeviceSpec {
-    /// Settings that remember their place in the file remember a wrong one; only
+    /// Settings read here would store a wrong position in the file; only
     /// [`Scenario::parse`](crate::scenario::Scenario::parse) knows the right one.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let UnreadSettings { kind, settings } =
@@ -145,7 +145,7 @@ mod tests {
             .map_err(|error| error.to_string())
     }
 
-    /// The texts are those that an enum of all kinds would give, derived.
+    /// The texts are those of a derived enum of all kinds.
     #[test]
     fn what_is_wrong_with_a_device_is_shown_in_its_line() {
         let wrong = |device| parse(device).expect_err("wrong");
@@ -198,7 +198,8 @@ mod tests {
             "#);
     }
 
-    /// A number keeps its place in the list of keys, and a place in the file is no part of it.
+    /// A number keeps its position in the list of keys; a position in the file is not a part of the
+    /// number.
     #[test]
     fn settings_are_written_as_they_were_read() {
         let keys = "[device.lidar.xv11]\nprofile = \"fw2.1\"\nindex0_deg = -10.0\n\
@@ -217,7 +218,7 @@ mod tests {
         assert_eq!(plain, scenario);
     }
 
-    /// Within a saved case, settings are read by another way; they need not be a table.
+    /// Within a saved case, another reader parses the settings; they need not be a table.
     #[test]
     fn settings_that_are_no_table_are_read_within_a_case() {
         #[derive(serde::Deserialize)]

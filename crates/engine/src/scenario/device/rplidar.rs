@@ -122,7 +122,7 @@ impl DeviceKind for RplidarKind {
         let uart = PortInfo::uart("uart", Rplidar::UART, line, "the robot's lidar input")
             .in_pieces(NODE_LEN)
             .speaking(&codec::RPLIDAR);
-        // A level takes a byte's time at the UART's rate, 87 us, to get through.
+        // A level takes the time of a byte at the UART's rate, 87 us, to arrive.
         let pin = |name, port, connect| {
             let info = PortInfo::uart(name, port, line, connect);
             info.optional().on(LinkKind::Pin).at_any_rate(line)

@@ -26,8 +26,8 @@ pub struct RplidarScans {
 }
 
 impl RplidarScans {
-    /// Of a lidar whose angle 0 looks to `zero_bearing`, radians counter-clockwise from straight
-    /// ahead.
+    /// For a lidar whose angle 0 has the bearing `zero_bearing`, radians counter-clockwise from
+    /// straight ahead.
     pub fn new(zero_bearing: f64) -> Self {
         Self {
             zero_bearing,
@@ -57,7 +57,7 @@ impl RplidarScans {
         }
     }
 
-    /// The turn that ends here, if it was seen from its beginning.
+    /// The turn that ends here, if its beginning was received.
     fn end_turn(&mut self) -> Option<Vec<Beam>> {
         self.turn.replace(Vec::new())
     }
@@ -107,7 +107,7 @@ impl ScanDecoder for RplidarScans {
                 Frame::Node(node) => self.node(node),
                 Frame::Capsule(capsule) => self.capsule(capsule),
                 Frame::Ultra(capsule) => self.ultra(capsule),
-                // A scan begins or ends: what was seen of a turn is not continued.
+                // A scan begins or ends: the current turn is incomplete.
                 _ => {
                     (self.turn, self.last, self.last_ultra) = (None, None, None);
                     None
@@ -133,8 +133,8 @@ mod tests {
         )
     }
 
-    /// Clockwise from ahead: 90 degrees lie to the right. On a sensor that looks back they lie to
-    /// the left: -180 - 90 is left. Only a turn that was seen from its first node is whole.
+    /// Clockwise from ahead: 90 degrees is to the right. On a sensor that looks backwards it is to
+    /// the left: -180 - 90 is left. A turn is complete only if its first node was received.
     #[test]
     fn a_turn_of_nodes_ends_where_the_next_begins() {
         let node = |starts: bool, degrees: u16, mm: u16| {

@@ -1,6 +1,6 @@
 //! Turns of a lidar from the bytes of its link, for page and export.
 
-/// A beam that came back.
+/// A beam with a measured distance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beam {
     /// Counter-clockwise from straight ahead of the robot, radians.

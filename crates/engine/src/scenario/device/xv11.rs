@@ -99,13 +99,13 @@ impl From<SupplySpec> for emulators::xv11::MotorSupply {
 }
 
 impl From<MountSpec> for Mount {
-    /// The sensor's own angle 90 looks ahead if it is not turned.
+    /// The sensor's own angle 90 is ahead if the sensor is not rotated.
     fn from(spec: MountSpec) -> Self {
         Self::turned(spec.x_m, spec.y_m, spec.heading_deg)
     }
 }
 
-/// The duty of the motor is a level, not a message: it gets through at once.
+/// The duty of the motor is a level, not a message: it arrives at once.
 const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
 
 const EXAMPLE: &str = r#"[device.lidar.xv11]

@@ -18,8 +18,8 @@ pub struct Xv11Scans {
 }
 
 impl Xv11Scans {
-    /// Of a lidar whose first reading looks to `first_bearing`, radians counter-clockwise from
-    /// straight ahead.
+    /// For a lidar whose first reading has the bearing `first_bearing`, radians counter-clockwise
+    /// from straight ahead.
     pub fn new(first_bearing: f64) -> Self {
         Self {
             first_bearing,

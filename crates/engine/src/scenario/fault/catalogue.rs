@@ -60,7 +60,7 @@ fn resolved(schema: &Value, node: &Value) -> Value {
 mod tests {
     use super::*;
 
-    /// A form made of it has a field for each key of each kind, with its bounds.
+    /// A form made from the catalogue has a field for each key of each kind, with its limits.
     #[test]
     fn every_key_of_every_kind_is_described() {
         let all = catalogue();

@@ -39,7 +39,7 @@ macro_rules! kinds {
                 match self { $(Self::$kind => FaultPlace::$place,)+ }
             }
 
-            /// Types of links that it supports; empty if it does not act on one link.
+            /// Types of links that the fault supports; empty if it does not act on one link.
             pub const fn links(self) -> &'static [LinkKind] {
                 match self { $(Self::$kind => $links,)+ }
             }
@@ -49,7 +49,7 @@ macro_rules! kinds {
                 match self { $(Self::$kind => concat!($($doc),+).trim_ascii_start(),)+ }
             }
 
-            /// Its keys, without those for place and time.
+            /// Its keys, without those for target and time.
             pub const fn own_keys(self) -> &'static [&'static str] {
                 match self { $(Self::$kind => &[$($key),*],)+ }
             }

@@ -110,7 +110,7 @@ impl FaultSpec {
         Ok(())
     }
 
-    /// Whether all that it does, it does to the bytes of its line.
+    /// Whether the fault only acts on the bytes of its line.
     pub fn is_on_line_only(&self) -> bool {
         use FaultKind::{Break, Swizzle, Unplugged};
         self.kind.place() == FaultPlace::Line && !matches!(self.kind, Break | Swizzle | Unplugged)
@@ -121,7 +121,7 @@ impl FaultSpec {
         self.stream.clone().unwrap_or_else(|| format!("fault.{id}"))
     }
 
-    /// When it is at work; `id` and `seed` choose its random stream.
+    /// Times at which the fault is active; `id` and `seed` select its random stream.
     pub fn activity(&self, id: FaultId, seed: u64) -> Activity {
         let spells = self.every.map(|every| Spells {
             every: every.0,
@@ -141,7 +141,7 @@ impl FaultSpec {
         }
     }
 
-    /// Its effect on the byte that it selects, if it selects one.
+    /// Effect of the fault on the byte that it selects, if it selects one.
     ///
     /// # Errors
     /// If a detail is missing or makes no sense.

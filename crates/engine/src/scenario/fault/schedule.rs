@@ -92,7 +92,7 @@ impl Rig {
     /// Actions when `fault` begins and ends, except those on bytes.
     ///
     /// # Errors
-    /// If it names a device that is not there, or that knows no such fault.
+    /// If the device does not exist, or does not support the fault.
     pub fn disturbances(&self, fault: &FaultSpec) -> Result<Vec<Disturbance>, Flaw> {
         let kind = fault.kind;
         match (kind.place(), &fault.link, fault.direction) {
@@ -206,7 +206,7 @@ impl Rig {
         })
     }
 
-    /// The faults that the device `name` knows.
+    /// The faults that the device `name` supports.
     fn known_faults(&self, key: &'static str, name: &str) -> Result<&'static [&'static str], Flaw> {
         let mut names = Vec::new();
         for (found, faults) in self.devices() {

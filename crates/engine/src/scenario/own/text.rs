@@ -108,7 +108,7 @@ fn default_terminator() -> String {
 }
 
 impl TextSpec {
-    /// The device; `key` is its place in the scenario.
+    /// The device; `key` is its path in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Text, ScenarioError> {
         let names = self.variable.iter().map(|spec| &*spec.get_ref().name);
         let names: Vec<&str> = names.collect();

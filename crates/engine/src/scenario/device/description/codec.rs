@@ -84,7 +84,7 @@ impl OwnFormat for Described {
     }
 }
 
-/// Rows that were made, each with the description that it is of.
+/// Created rows, each with its description.
 static ROWS: Mutex<Vec<(Arc<Description>, &'static Codec)>> = Mutex::new(Vec::new());
 
 /// The codec row of a description. Like all rows, it exists until the process ends; a duplicate
@@ -116,8 +116,7 @@ mod tests {
     use super::*;
     use crate::codec::{Count, Counter};
 
-    /// Bytes that are a frame of each way, a short and a long one: the formats of the sender come
-    /// first.
+    /// A short and a long frame of each direction: the formats of the sender are tried first.
     #[test]
     fn frames_are_those_of_the_way_that_bytes_go() {
         let text = r#"

@@ -22,7 +22,7 @@ pub enum LoadError {
 /// relative to the folder `base`.
 ///
 /// # Errors
-/// If there is none, or something is wrong with it.
+/// If the description does not exist or is wrong.
 pub fn load(name: &str, base: &Path) -> Result<Arc<Description>, LoadError> {
     if !name.ends_with(".toml") {
         let nothing = |file: &str| Err(format!("cannot read {file}: there is no folder"));
@@ -60,10 +60,10 @@ fn read_file(name: &str, base: &Path) -> Result<Read, LoadError> {
     Ok((description, text, files.into_inner()))
 }
 
-/// The text of the description in the file `name`, and those of the files that it names.
+/// The text of the description in the file `name`, and the texts of the files that it names.
 ///
 /// # Errors
-/// If it cannot be read, or something is wrong with it.
+/// If a file cannot be read or is wrong.
 pub(super) fn texts(
     name: &str,
     base: &Path,

@@ -58,7 +58,7 @@ impl UnitSpec {
     /// Its description; the path of a file is relative to the folder `base`.
     ///
     /// # Errors
-    /// If there is none, or something is wrong with it.
+    /// If the description does not exist or is wrong.
     pub fn load(&self, base: &Path) -> Result<Arc<Description>, LoadError> {
         let Some(text) = &self.text else {
             return load(&self.file, base);
