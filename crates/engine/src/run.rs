@@ -1,4 +1,4 @@
-//! One run of a scenario in virtual time: wired, driven, watched, judged.
+//! A run of a scenario in virtual time: wiring, simulation, observation, verdict.
 //!
 //! ```
 //! use hilrig_engine::run::Run;
@@ -83,7 +83,7 @@ const WAY_EVERY: u32 = 5;
 /// Maximum time from an order to the robot's confirmation, with a failing radio.
 const ORDER_ARRIVES: Duration = Duration::from_secs(5);
 
-/// A run under way.
+/// A run that can be advanced.
 pub struct Run {
     /// The rig.
     pub rig: Rig,
@@ -96,7 +96,7 @@ pub struct Run {
     progress: Progress,
     pushes: Vec<PushSpec>,
     agenda: Agenda,
-    /// Steps of the mission that the rig does itself.
+    /// Steps of the mission that the rig itself executes.
     deeds: Deeds,
     /// Faults that wait for a condition.
     waiting: Vec<FaultId>,
@@ -106,7 +106,7 @@ pub struct Run {
     pairs: Vec<PosePair>,
     history: History,
     contacts: Contacts,
-    /// Steps of the mission that wait for something, and those added during the run.
+    /// Steps of the mission that wait for a condition, and steps added during the run.
     steps: Steps,
     /// Watches of conditions on bytes, once there are any.
     line_watches: Option<LineWatches>,
@@ -118,14 +118,14 @@ pub struct Run {
 /// Runs the scenario `toml` in this process to its end and judges it.
 ///
 /// # Errors
-/// If it is no sound scenario.
+/// If the scenario is invalid.
 pub fn judge(toml: &str) -> Result<Outcome, ScenarioError> {
     let (scenario, source) = Scenario::from_text(toml)?;
     Ok(Run::new(scenario, &source, None)?.finish())
 }
 
 impl Run {
-    /// Wires `scenario` for a run in this process, with `seed` in place of its own if given.
+    /// Wires `scenario` for a run in this process; `seed` replaces the scenario's seed if given.
     pub fn new(
         scenario: Scenario,
         source: &Source,
@@ -199,7 +199,7 @@ impl Run {
         self.instruments.estimate(&self.rig)
     }
 
-    /// Whether the station has all of the map, if robots like this one send it.
+    /// Whether the station has the complete map; `None` if the robot does not send it.
     fn map_received(&self) -> Option<bool> {
         self.instruments.station(&self.rig)?.has_whole_map()
     }
@@ -219,7 +219,7 @@ impl Run {
         &self.contacts
     }
 
-    /// Whether the mission was over or the time up at the last look of the checkers.
+    /// Whether the mission or the time was over at the last update of the checkers.
     pub const fn is_over(&self) -> bool {
         self.is_over
     }
@@ -256,7 +256,7 @@ impl Run {
         self.is_over = now >= self.scenario.duration.instant() || done || lost;
     }
 
-    /// Whether the robot's own search is done, it rests, and no later order can move it.
+    /// Whether the robot has finished its own search and rests, and no later order can move it.
     fn has_come_home(&self, now: Instant) -> bool {
         let is_wanted = self.scenario.expect.home_within_mm.is_some();
         let orders = self.scenario.mission.step.iter();
@@ -267,7 +267,7 @@ impl Run {
             && self.progress.has_settled(now)
     }
 
-    /// Runs until `deadline`, whether or not the mission is over by then.
+    /// Runs until `deadline`, also if the mission is over before.
     pub fn go_on_until(&mut self, deadline: Instant) {
         while self.next_look <= deadline {
             self.advance(self.next_look);
@@ -310,7 +310,7 @@ impl Run {
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
         self.looks += 1;
-        // The time after the scenario's end is not judged, and it may continue for days.
+        // The time after the scenario's end is not judged, and the run may continue for days.
         if now > self.scenario.duration.instant() {
             return;
         }
@@ -329,7 +329,7 @@ impl Run {
         }
     }
 
-    /// The true pose that an estimate of `at` is judged by.
+    /// The true pose for the comparison with an estimate of the time `at`.
     fn nearest_truth(&self, at: Instant, estimate: Pose) -> Pose {
         let age = self.instruments.estimate_age(&self.rig);
         let ago = (0..=u64::from(age.subsec_millis()))
@@ -359,8 +359,9 @@ impl Run {
         self.outcome(wall_overlap)
     }
 
-    /// The same for callers that read the verdicts alone: map and world are compared only if the
-    /// scenario expects something of that, which takes as long as a second of the run.
+    /// Ends the run and judges it, for callers that read only the verdicts. Map and world are
+    /// compared only if the scenario expects it, because the comparison takes as long as a second
+    /// of the run.
     pub fn judge_what_is_expected(self) -> Outcome {
         let wall_overlap = self.expected_overlap();
         self.outcome(wall_overlap)
@@ -470,7 +471,7 @@ impl Paced for Run {
         &mut self.rig
     }
 
-    /// Stops at the look at which the run is over, so that it ends in the same state at any pace.
+    /// Stops at the update at which the run is over, so that it ends in the same state at any pace.
     fn run_until(&mut self, deadline: Instant) {
         while !self.is_over && self.next_look() <= deadline {
             self.step();

@@ -14,7 +14,7 @@ struct Item {
     id: FaultId,
     activity: Activity,
     disturbances: Vec<Disturbance>,
-    /// The spell that is going on, or comes next.
+    /// Number of the current spell, or of the next one.
     spell: u128,
     is_on: bool,
 }
@@ -97,7 +97,7 @@ mod tests {
     use crate::rig::fault::{Spells, Window};
     use crate::rig::line::Direction;
 
-    /// Of links that there are not: nothing happens to the rig.
+    /// Disturbances of links that do not exist: they have no effect.
     fn nothing() -> Vec<Disturbance> {
         vec![Disturbance::Cross {
             links: ["one".to_owned(), "other".to_owned()],
@@ -105,7 +105,7 @@ mod tests {
         }]
     }
 
-    /// From 10 to 20 s, each 3 s for 1 s, twice.
+    /// From 10 to 20 s, every 3 s for 1 s, twice.
     fn twice() -> Activity {
         let window = Window {
             from: Instant::from_secs(10),
@@ -141,7 +141,7 @@ mod tests {
         assert!(agenda.0.is_empty());
     }
 
-    /// Time that continued without looking does each begin and end all the same.
+    /// Time that advanced without a call still performs each begin and end.
     #[test]
     fn what_was_due_meanwhile_is_made_up_for() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!((agenda.0[0].spell, agenda.0[0].is_on), (1, true));
     }
 
-    /// Ended at 10.5 s: what is on ends then, what was to begin later never does.
+    /// Ended at 10.5 s: the active spell ends then, and later ones never begin.
     #[test]
     fn what_is_ended_early_ends_then_and_never_comes_again() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());
@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(due_after(&mut agenda, &mut rig, 11), None);
     }
 
-    /// Moved to 12 s the spells are at 12 and 15 s, and what nothing is left of is forgotten.
+    /// Moved to 12 s, the spells are at 12 and 15 s; a fault without a remaining spell is removed.
     #[test]
     fn what_is_moved_is_due_in_its_other_window() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());

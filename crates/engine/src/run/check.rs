@@ -1,5 +1,5 @@
-//! Whole-run checkers: invariants watched from the first to the last moment, and the verdicts that
-//! they and the scenario's expectations come to.
+//! Checkers of the whole run: invariants observed from the first to the last moment, and their
+//! verdicts and those of the scenario's expectations.
 
 use firmware_core::memory::StrayWrites;
 use protocols::Instant;
@@ -31,7 +31,8 @@ pub use silence::{STOPS, WATCHDOG};
 
 pub use crate::robots::checker::{Check, Checker, Look, Status};
 
-/// The checkers of every run, selected by the data that `instruments` have. Some listen to `rig`.
+/// The checkers of every run, selected by the data that `instruments` provides. Some listen to
+/// `rig`.
 pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Checker>> {
     let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
     if instruments.has_body() {
@@ -55,7 +56,7 @@ pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Che
     checkers
 }
 
-/// The set-points of some axes, for people.
+/// The set-points of some axes, for the user.
 fn set_points(axes: &[Axis]) -> String {
     let points: Vec<String> = axes.iter().map(|axis| axis.set_point.to_string()).collect();
     points.join(", ")
@@ -99,8 +100,8 @@ impl Checker for SetPointsInRange {
     }
 }
 
-/// The robot does not collide. A person who walks into the robot is not its fault: only its own
-/// motion towards the obstacle counts.
+/// The robot does not collide. A person who walks into the robot does not count: only the robot's
+/// own motion towards the obstacle does.
 #[derive(Clone, Debug, Default)]
 pub struct NoCollisionAtSpeed {
     has_moved: bool,
@@ -109,7 +110,7 @@ pub struct NoCollisionAtSpeed {
     worst_m_s: f64,
 }
 
-/// A touch slower than this does no harm, m/s.
+/// A slower touch does no harm, m/s.
 pub(super) const HARMLESS_M_S: f64 = 0.05;
 
 impl Checker for NoCollisionAtSpeed {
@@ -142,7 +143,7 @@ impl Checker for NoCollisionAtSpeed {
     }
 }
 
-/// Every byte sent was delivered, taken by a fault, garbled, or is on its way.
+/// Every sent byte was delivered, lost by a fault, garbled, or is still on the line.
 #[derive(Clone, Debug, Default)]
 pub struct BytesConserved {
     sent: u64,
@@ -153,7 +154,7 @@ impl Checker for BytesConserved {
     fn observe(&mut self, look: &Look<'_>) {
         self.sent = 0;
         for link in look.rig.links() {
-            // What a capture plays into a line was not sent on it.
+            // Bytes that a capture plays into a line were not sent on it.
             for line in link.lines.iter().filter(|line| !line.is_played) {
                 self.sent += line.traffic().sent;
                 if self.broken.is_none() && !line.conserves_bytes() {

@@ -1,4 +1,5 @@
-//! A run as it was at one moment, from which it can go on as often as one likes, in other ways too.
+//! A copy of a run at one moment, from which any number of runs can continue, also in different
+//! ways.
 //!
 //! ```text
 //!   run ----+---------------------> its end
@@ -7,9 +8,9 @@
 //!           +----------resume_as--> the end of a run with other faults from here on
 //! ```
 //!
-//! All nodes are plain state, or programs that can save theirs, so a copy goes on as the run itself
-//! does. Another scenario may start from a checkpoint if it differs only in what has not begun by
-//! then: faults and steps that are left out, added, begun later or ended earlier.
+//! All nodes are plain state, or programs that can save their state, so a copy continues like the
+//! original. Another scenario may start from a checkpoint if it differs only in parts that have not
+//! begun yet: faults and steps that are removed, added, begun later or ended earlier.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -31,9 +32,9 @@ impl core::fmt::Debug for Checkpoint {
 }
 
 impl Run {
-    /// The run as it is now. `None` if it cannot be copied: if a condition waits for bytes on its
-    /// lines, or one of its own checkers or node programs cannot be copied. Taps do not go with it:
-    /// only the checkers see what goes on from a checkpoint.
+    /// The current state of the run. `None` if it cannot be copied: if a condition waits for bytes
+    /// on its lines, or if one of its own checkers or node programs cannot be copied. The copy has
+    /// no taps: only the checkers observe a run from a checkpoint.
     pub fn checkpoint(&self) -> Option<Checkpoint> {
         self.fork().map(Checkpoint)
     }
@@ -74,11 +75,11 @@ impl Run {
 /// Changes to the faults of a checkpoint's run.
 #[derive(Debug, Default)]
 struct Changes<'a> {
-    /// The new number of each, if it is kept.
+    /// New number of each fault, if it is kept.
     numbers: Vec<Option<usize>>,
-    /// Those at work in another time, which is still to come where they differ.
+    /// Faults with another window. The differences between the windows are in the future.
     moved: Vec<(FaultId, Window)>,
-    /// Those that come to it, behind those that are kept.
+    /// Added faults, after those that are kept.
     added: &'a [FaultSpec],
 }
 
@@ -88,19 +89,19 @@ impl Checkpoint {
         self.0.rig.now()
     }
 
-    /// The run, to go on from here.
+    /// A run that continues from here.
     ///
     /// # Panics
-    /// Never: what was copied once can be copied again.
+    /// Never: a run that was copied once can be copied again.
     pub fn resume(&self) -> Run {
         self.0.fork().expect("it was copied before")
     }
 
-    /// A run of `scenario` that has come to here, if it is known to have come to here as this one
-    /// did: nothing of it differs but its length, what is judged in the end, and faults that are
-    /// left out, added behind all others, begin at another time or end earlier and had not come so
-    /// far. Its
-    /// [`history`](super::Outcome::history) is sampled as that of the run that it branches from.
+    /// A run of `scenario` from this checkpoint, if the scenario is known to have the same state
+    /// here. It may differ only in its length, in its expectations, and in faults that have not
+    /// acted yet: removed ones, ones added after all others, and ones that begin at another time or
+    /// end earlier. Its [`history`](super::Outcome::history) is sampled like that of the original
+    /// run.
     pub fn resume_as(&self, scenario: &Scenario) -> Option<Run> {
         let (now, asked) = (self.at(), &*self.0.asked);
         let ends = asked.duration.min(scenario.duration).instant();
@@ -108,7 +109,7 @@ impl Checkpoint {
         if self.0.is_over || ends <= now || !is_as_asked || !is_alike(asked, scenario) {
             return None;
         }
-        // Its checker counts back from the end.
+        // The checker of this key counts back from the end of the run.
         let safety = asked.expect.safety.as_ref();
         let counts_back = safety.is_some_and(|safety| safety.alive_for.is_some());
         if counts_back && asked.duration != scenario.duration {
@@ -124,8 +125,8 @@ impl Checkpoint {
         Some(run)
     }
 
-    /// How `wanted` comes from the faults of this run; `None` if it does not, or if one that is not
-    /// in it, or not as it was, has come to bear.
+    /// Changes from the faults of this run to `wanted`. `None` if this is impossible, or if a fault
+    /// that is missing or different has already acted.
     fn changes<'a>(&self, wanted: &'a [FaultSpec]) -> Option<Changes<'a>> {
         let (all, mut wanted) = (wanted, wanted.iter().peekable());
         let (mut changes, mut number) = (Changes::default(), 0);
@@ -160,13 +161,12 @@ impl Checkpoint {
         changes.added.iter().all(can_add).then_some(changes)
     }
 
-    /// Whether a fault would have made no difference by now. One that strikes at random would have
-    /// thrown its dice.
+    /// Whether the fault would not have acted yet. A random fault would have used random numbers.
     fn can_add(&self, fault: &FaultSpec) -> bool {
         !fault.waits_for_condition() && fault.rate.is_none() && self.is_to_come(fault)
     }
 
-    /// Whether it would have made no difference by now had the fault been at work in `window`.
+    /// Whether the fault would not have acted differently so far if its window were `window`.
     fn can_move(&self, fault: &FaultSpec, window: Window) -> bool {
         let (was, now) = (fault.window(), self.at());
         let had_begun = was.from <= now;
@@ -176,7 +176,7 @@ impl Checkpoint {
         }
     }
 
-    /// Whether a fault has not come to bear at all.
+    /// Whether a fault has not acted at all.
     fn is_to_come(&self, fault: &FaultSpec) -> bool {
         if let Some(byte) = fault.byte {
             let line = self.0.line_of(fault);
@@ -218,7 +218,7 @@ impl Run {
     }
 }
 
-/// Whether the two differ only in their faults, their length, their expectations, and descriptions.
+/// Whether the scenarios differ only in their faults, length, expectations and descriptions.
 fn is_alike(a: &Scenario, b: &Scenario) -> bool {
     let Scenario {
         schema,
@@ -251,7 +251,7 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         && expect.rules().eq(b.expect.rules())
 }
 
-/// Whether `other` is `fault` at another time.
+/// Whether `other` is `fault` with another time.
 fn is_moved(other: &FaultSpec, fault: &FaultSpec) -> bool {
     let is_plain = fault.byte.is_none() && fault.at_byte.is_none() && fault.at_frame.is_none();
     let when_it_was = FaultSpec {
@@ -262,7 +262,7 @@ fn is_moved(other: &FaultSpec, fault: &FaultSpec) -> bool {
     is_plain && fault.every.is_none() && when_it_was == *fault
 }
 
-/// Whether its dice are named by its number.
+/// Whether the fault's number selects its random stream.
 fn has_numbered_dice(fault: &FaultSpec) -> bool {
     let kind = matches!(fault.kind, FaultKind::Jitter | FaultKind::Clog);
     fault.stream.is_none() && (fault.rate.is_some() || kind)

@@ -1,5 +1,5 @@
-//! Orders to a run while it continues. It becomes part of the scenario, so that the same
-//! run can be had again.
+//! Orders to a run while it continues. They become part of the scenario, so that the run can be
+//! repeated.
 
 use protocols::Instant;
 
@@ -9,11 +9,11 @@ use crate::robots;
 use crate::scenario::{Action, Expect, Scenario, Span, Step, TapSpec};
 
 impl Run {
-    /// Lets the PC do `action`, within a millisecond, to which the run continues. The action
+    /// Lets the PC execute `action`, within a millisecond to which the run advances. The action
     /// becomes a step of the scenario's mission, so that [`case`](Self::case) repeats it.
     ///
     /// # Errors
-    /// If the rig has no PC, or the action is beyond the limits of its protocol.
+    /// If the rig has no PC, or the action exceeds the limits of its protocol.
     pub fn command(&mut self, action: Action) -> Result<(), CommandError> {
         let number = self.scenario.mission.step.len() + self.steps.by_hand.len() + 1;
         let at = self.order(number, action.clone())?;
@@ -24,8 +24,8 @@ impl Run {
         Ok(())
     }
 
-    /// Puts `action` into the PC's script for the next whole millisecond, and into the scenario's
-    /// mission; when that is.
+    /// Adds `action` to the PC's script for the next whole millisecond, and to the scenario's
+    /// mission; returns this time.
     pub(super) fn order(&mut self, number: usize, action: Action) -> Result<Instant, CommandError> {
         if action.is_of_the_rig() {
             let at = Span::from_millis(self.rig.now().as_millis() + 1).instant();
@@ -50,12 +50,11 @@ impl Run {
         Ok(at.instant())
     }
 
-    /// Taps on the robot's display at `place`, column and row, within a millisecond, to which the
-    /// run continues. The tap becomes one of the scenario's, so that [`case`](Self::case) repeats
-    /// it.
+    /// Taps on the robot's display at `place`, column and row, within a millisecond to which the
+    /// run advances. The tap becomes part of the scenario, so that [`case`](Self::case) repeats it.
     ///
     /// # Errors
-    /// If the robot has no display, or the place is beside it.
+    /// If the robot has no display, or `place` is outside of it.
     pub fn tap(&mut self, place: [u16; 2]) -> Result<(), CommandError> {
         let display = self.instruments.display(&self.rig);
         let display = display.ok_or(CommandError::NoDisplay)?;
@@ -81,13 +80,13 @@ impl Run {
         Ok(())
     }
 
-    /// The run so far as a scenario that does it again, up to now and no further. What the mission
-    /// is to come to is expected only if it was over: a run that is cut short cannot have done it.
+    /// The run so far as a scenario that repeats it up to now. Results of the mission are expected
+    /// only if the mission was over, because a shortened run cannot reach them.
     pub fn case_so_far(&self) -> Scenario {
         let mut case = self.case();
         case.duration = Span(self.rig.now() - Instant::ZERO);
         case.mission.to_the_end = true;
-        // A rule that is still to come true may not come true in this time.
+        // A rule that must hold once may not hold within this time.
         let checks = self.checks();
         let is_met = |name: &str| {
             let mut met = checks.iter().filter(|check| check.status == Status::Pass);
@@ -127,7 +126,7 @@ pub enum CommandError {
     /// The robot has no display.
     #[error("the robot has no display")]
     NoDisplay,
-    /// There is nothing to tap.
+    /// The position is outside of the display.
     #[error(
         "{}, {} is not on the display of {} x {} pixels",
         .place[0], .place[1], .size[0], .size[1]
@@ -168,8 +167,8 @@ mod tests {
         Run::new(case, &source, None).expect("can be wired")
     }
 
-    /// What was done by hand at any moment, in between the steps of the scenario, is done again at
-    /// the same nanosecond: every byte of the whole run is the same.
+    /// Manual actions at any time, between the steps of the scenario, are repeated at the same
+    /// nanosecond: every byte of the run is the same.
     #[test]
     fn a_session_by_hand_can_be_repeated_byte_by_byte() {
         let mut run = run(
@@ -193,15 +192,15 @@ mod tests {
             .iter()
             .map(|s| s.at.expect("a time").instant().as_millis())
             .collect();
-        // Behind those of the scenario, as it has them.
+        // After the steps of the scenario, in their order.
         assert_eq!(times, [6_000, 3_000, 2_501, 4_001, 4_002, 8_001]);
         let outcome = again(&case).finish();
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
         assert_eq!(outcome.ran.as_nanos(), 10_000_000_000);
     }
 
-    /// The robot rests where it is to go, 2 s of which end a mission: but one step waits for what
-    /// comes at 2.5 s, and one for what that comes to.
+    /// The robot rests at its goal, and 2 s of rest end a mission. But one step waits for an event
+    /// at 2.5 s, and another one for the effect of the first.
     #[test]
     fn a_mission_that_waits_for_something_is_repeated_byte_by_byte() {
         let mut run = run("[mission]\nwaypoints_m = [[1.5, 1.2]]\nstep = [\
@@ -222,8 +221,8 @@ mod tests {
         assert_eq!(checks(&outcome.checks), checks(&run.checks()));
     }
 
-    /// U11: a session that is saved two seconds after the start has been nowhere yet. Run again it
-    /// must not fail of that; what holds at any time is still asked for.
+    /// U11: a session saved two seconds after its start has reached no goal. A repetition must not
+    /// fail for that reason; rules that hold at any time are still expected.
     #[test]
     fn u11_a_session_saved_early_does_not_fail_of_its_mission() {
         let mut run = run(
@@ -243,13 +242,13 @@ mod tests {
         };
         assert_eq!(names(Status::Fail), [""; 0]);
         assert!(names(Status::Pass).contains(&"violations".to_owned()));
-        // Before it was saved the run would have failed.
+        // Without the change the run would have failed.
         let failed =
             |check: &&Check| check.name == "waypoints-visited" && check.status == Status::Fail;
         assert!(run.judge().checks.iter().any(|check| failed(&check)));
     }
 
-    /// Taps of the scenario and by hand, also faster than a finger can: done again to the byte.
+    /// Taps of the scenario and by hand, also faster than a finger: repeated exactly.
     #[test]
     fn taps_by_hand_are_repeated_byte_by_byte() {
         let mut run = run("[[device.display.touch-panel.tap]]\nat = \"4s\"\nplace = [410, 50]");
@@ -271,7 +270,7 @@ mod tests {
         );
     }
 
-    /// Looking at a run and cutting it into other pieces is not doing anything to it.
+    /// Observing a run, and advancing it in other pieces, changes nothing.
     #[test]
     fn a_run_that_nobody_touches_is_the_one_without_a_hand() {
         let (mut alone, mut watched) = (run(""), run(""));

@@ -1,21 +1,22 @@
-//! Whether a condition has come true.
+//! Evaluation of conditions.
 
 use super::Run;
 use super::probe::Probe;
 use crate::robots::conditions::Moment;
 use crate::scenario::{Condition, Flaw};
 
-/// A condition under watch, from when it was made.
+/// An observed condition, from its creation on.
 #[derive(Clone, Debug)]
 pub struct Watch(Probe);
 
 impl Run {
-    /// Starts to watch `condition`. Bytes, frames, contacts and log entries count from now on,
-    /// without gaps; everything else is evaluated when [`has_come`](Self::has_come) is called.
+    /// Starts to observe `condition`. Bytes, frames, contacts and log entries count from now on,
+    /// without gaps. All other conditions are evaluated when [`has_come`](Self::has_come) is
+    /// called.
     ///
     /// # Errors
-    /// If its figures make no sense, or if it names an unknown item; the message lists the known
-    /// ones.
+    /// If a figure is invalid, or if the condition names an unknown item; the message lists the
+    /// known ones.
     pub fn watch(&mut self, condition: &Condition) -> Result<Watch, Flaw> {
         condition.check()?;
         self.moment().check(condition)?;
@@ -39,7 +40,7 @@ impl Run {
         reading.is_some_and(|reading| reading.holds == Some(true))
     }
 
-    /// The run as conditions see it now.
+    /// The current state of the run, for conditions.
     pub(super) fn moment(&self) -> Moment<'_> {
         Moment {
             rig: &self.rig,
@@ -50,7 +51,7 @@ impl Run {
         }
     }
 
-    /// Share of known cells of the robot's map, or of the one that its station received.
+    /// Share of known cells of the robot's map, or of the map that its station received.
     pub fn known_share(&self) -> Option<f64> {
         self.moment().known_share()
     }
@@ -68,10 +69,10 @@ mod tests {
         AxisCondition, Figure, MapCondition, Op, Operand, RegisterCondition, Scenario,
     };
 
-    /// A cell of a map that was never seen.
+    /// Value of an unknown cell.
     const UNKNOWN: u8 = 127;
 
-    /// Cells that were seen, of all: some after eight seconds in a room, and not those behind it.
+    /// Share of known cells: some after eight seconds in a room, and none behind its walls.
     #[test]
     fn a_share_of_the_map_is_known() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
@@ -86,7 +87,7 @@ mod tests {
         assert!((share * all as f64 - known as f64).abs() < 1e-6, "{share}");
     }
 
-    /// What an axis is told to do and what it does are two figures, which differ when it begins to
+    /// Set-point and measured value of an axis are two figures, which differ when it begins to
     /// drive.
     #[test]
     fn an_axis_is_compared_by_the_figure_that_is_asked_for() {
@@ -120,7 +121,7 @@ mod tests {
         assert!(!holds(Figure::SetPoint, Op::Unequal, told));
     }
 
-    /// What is not there cannot be waited for; the message lists the known names.
+    /// A condition cannot wait for an unknown item; the message lists the known names.
     #[test]
     fn only_what_there_is_can_be_waited_for() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");

@@ -1,4 +1,4 @@
-//! Contacts of the robot, for several readers that ask at their own times.
+//! Contacts of the robot, for several readers that query at their own times.
 
 use std::collections::VecDeque;
 
@@ -7,7 +7,7 @@ use protocols::Instant;
 
 use super::check::HARMLESS_M_S;
 
-/// Contacts that are kept; older ones are only counted.
+/// Number of stored contacts; older ones are only counted.
 const CONTACTS_MAX: usize = 1000;
 
 /// The contacts of a run, the latest thousand of them kept.
@@ -25,7 +25,7 @@ impl Contacts {
         self.count
     }
 
-    /// Those that are kept after the first `seen`, oldest first.
+    /// The stored contacts after the first `seen`, oldest first.
     pub fn since(&self, seen: u64) -> impl Iterator<Item = &Contact> {
         let gone = self.count - self.kept.len() as u64;
         let skip = usize::try_from(seen.saturating_sub(gone)).unwrap_or(usize::MAX);
@@ -82,7 +82,7 @@ mod tests {
         assert_eq!((contacts.take().len(), contacts.take().len()), (1000, 0));
     }
 
-    /// A robot that is no faster than 0.05 m/s does no harm, whatever runs into it.
+    /// A robot that is no faster than 0.05 m/s does no harm, whatever touches it.
     #[test]
     fn the_first_touch_that_may_do_harm_stays_the_first() {
         let mut contacts = Contacts::default();

@@ -1,4 +1,4 @@
-//! Steps of the mission that the rig does itself: putting bytes on lines, setting values.
+//! Steps of the mission that the rig itself executes: it puts bytes on lines and sets values.
 
 use protocols::Instant;
 
@@ -6,11 +6,11 @@ use super::Run;
 use crate::rig::Rig;
 use crate::scenario::{Action, Flaw, InjectSpec, Mission, SetSpec};
 
-/// Steps that are to come, the next one first.
+/// Future steps, the next one first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Deeds(Vec<Deed>);
 
-/// A step: when, its number in the mission from 1, and what is done.
+/// A step: time, number in the mission from 1, action.
 type Deed = (Instant, usize, Action);
 
 impl Deeds {
@@ -25,20 +25,21 @@ impl Deeds {
         Self(deeds)
     }
 
-    /// Adds a step, behind those of the same time.
+    /// Adds a step after those with the same time.
     pub(super) fn add(&mut self, at: Instant, number: usize, action: Action) {
         let index = self.0.partition_point(|(other, ..)| *other <= at);
         self.0.insert(index, (at, number, action));
     }
 
-    /// When the next step is due.
+    /// Time of the next step.
     pub(super) fn due(&self) -> Option<Instant> {
         self.0.first().map(|(at, ..)| *at)
     }
 }
 
 impl Run {
-    /// Does the steps that are due now. What cannot be done is a failure of the mission.
+    /// Executes the steps that are due now. A step that cannot be executed is a failure of the
+    /// mission.
     pub(super) fn do_deeds(&mut self) {
         let now = self.rig.now();
         while self.deeds.due().is_some_and(|at| at <= now) {

@@ -92,7 +92,7 @@ impl Run {
     pub(super) fn wall_overlap(&self) -> Option<WallOverlap> {
         let way = self.truth.iter().step_by(WAY_EVERY as usize);
         let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
-        // Where it rested, nothing else was to be seen.
+        // While the robot rested, it saw nothing new.
         way.dedup();
         let map = self.instruments.map(&self.rig)?;
         let within_mm = self.scenario.expect.wall_within_mm;
@@ -114,7 +114,7 @@ impl Run {
                     Some(value) => {
                         Check::new(name, pass, format!("{value:.1} {unit}, at most {max}"))
                     }
-                    // In a run that continues it may still come.
+                    // In a run that continues, the event may still come.
                     None if !is_over => {
                         Check::not_observed(name, format!("no value yet, at most {max} {unit}"))
                     }

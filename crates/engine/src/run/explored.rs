@@ -1,4 +1,4 @@
-//! Share of the floor visible from nearby that the robot's map knows.
+//! Share of the reachable floor that is known in the robot's map.
 
 use emulators::world::{Point, Pose, World};
 use firmware_core::grid::UNKNOWN;
@@ -6,7 +6,7 @@ use firmware_core::map_view::MapView;
 
 /// Edge of a cell of the floor, metres.
 const CELL_M: f64 = 0.02;
-/// Surfaces within this distance of the body are looked at: more than rounding.
+/// Distance from the body within which surfaces are considered: more than rounding errors.
 const BEYOND_M: f64 = 0.01;
 
 /// Cells of the world's floor.
@@ -36,7 +36,7 @@ impl Floor {
         Point::new(self.origin.x + x, self.origin.y + y)
     }
 
-    /// The cell that holds `place`, if it is on the map.
+    /// The cell that contains `place`, if it is on the map.
     fn cell(&self, place: Point) -> Option<usize> {
         let index = |metres: f64, count: usize| {
             let cell = (metres / CELL_M).floor();
@@ -48,7 +48,7 @@ impl Floor {
         Some(index(place.y - self.origin.y, self.height)? * self.width + column)
     }
 
-    /// The four cells around one.
+    /// The neighbours of `cell` to the left, right, below and above.
     fn around(&self, cell: usize) -> impl Iterator<Item = usize> {
         let (x, y, width) = (cell % self.width, cell / self.width, self.width);
         let near = [
@@ -60,7 +60,7 @@ impl Floor {
         near.into_iter().flatten()
     }
 
-    /// Whether both cells beside one, or above and below it, or at two opposite corners, are among
+    /// Whether two opposite neighbours of `cell` (beside, above and below, or diagonal) are among
     /// `those`.
     fn lies_between(&self, cell: usize, those: &[bool]) -> bool {
         let (x, y, width) = (cell % self.width, cell / self.width, self.width);
@@ -77,10 +77,10 @@ impl Floor {
     }
 }
 
-/// Share of the floor that the body covers wherever it can get to from `start`, of which `map` says
-/// anything; `None` if it can get nowhere on the map. What moves stands where it is now. A slit of
-/// one cell counts with its sides: beams of a scanner are 35 mm apart at 2 m, and a robot that has
-/// stood still has a fan of slits between them.
+/// Share of the floor that `map` knows, of the floor that the body covers at all poses reachable
+/// from `start`. `None` if no pose on the map is reachable. Moving obstacles stay at their current
+/// position. A slit of one cell between known cells counts as known: beams of a scanner are 35 mm
+/// apart at 2 m, and a robot that has stood still has a fan of slits between them.
 pub(crate) fn explored(map: MapView<'_>, world: &World, start: Pose) -> Option<f64> {
     let floor = Floor::of(map);
     let covered = covered(&floor, world.clone(), start);
@@ -125,7 +125,7 @@ fn covered(floor: &Floor, mut world: World, start: Pose) -> Vec<bool> {
         }
     }
     let mut covered = reached.clone();
-    // A body's rim is enough: what lies within it, others cover.
+    // The body's rim is enough: other positions cover its inside.
     let rim: Vec<(f64, f64)> = (0..72_u16)
         .map(|step| {
             let angle = f64::from(step * 5).to_radians();
@@ -172,7 +172,7 @@ mod tests {
         theta: 0.0,
     };
 
-    /// Of 300 x 300 cells of 10 mm those with x below `known_to` are free.
+    /// A map of 300 x 300 cells of 10 mm; cells with x below `known_to` are free, others unknown.
     fn share(known_to: usize) -> Option<f64> {
         let cells: Vec<u8> = (0..300 * 300)
             .map(|cell| if cell % 300 < known_to { 0 } else { UNKNOWN })
@@ -180,7 +180,7 @@ mod tests {
         explored(MapView::new(300, 10.0, [0.0; 2], &cells), &world(), START)
     }
 
-    /// Half of the room lies left of x = 1 m; the other room counts for nothing.
+    /// Half of the room is left of x = 1 m; the other room does not count.
     #[test]
     fn the_floor_that_counts_is_what_the_body_can_cover() {
         assert_eq!(share(0), Some(0.0));
@@ -220,8 +220,9 @@ mod tests {
         assert_eq!(around(11), [10, 7]);
     }
 
-    /// Twelve cells of which some are known: between two of them in a row, a column or a diagonal
-    /// lies what is seen; at the rim nothing does, and the end of one row is not beside the next.
+    /// Twelve cells, some of them known. A cell between two known ones in a row, a column or a
+    /// diagonal counts. At the rim no cell does, and the end of a row is not beside the begin of
+    /// the next one.
     #[test]
     fn a_slit_lies_between_what_is_known() {
         let between = |known: [usize; 2]| {
@@ -240,7 +241,7 @@ mod tests {
         }
     }
 
-    /// All is known but for slits of 20 mm each 60 mm, or of 40 mm.
+    /// All cells are known except slits of 20 mm every 60 mm, or of 40 mm.
     #[test]
     fn slits_count_with_their_sides_and_gaps_do_not() {
         let share = |gap: usize| {
@@ -262,8 +263,8 @@ mod tests {
         assert_eq!((floor.origin.x, floor.origin.y), (-1.0, 0.5));
     }
 
-    /// A map of 25 mm from (-0.25 m, 0.25 m) on, known as far as a place of the world: the same
-    /// halves, along x and along y.
+    /// A map of 25 mm cells from (-0.25 m, 0.25 m) on, known up to a coordinate of the world: the
+    /// same halves, along x and along y.
     #[test]
     fn the_map_may_begin_anywhere() {
         let share = |is_known: fn(f64, f64) -> bool| {

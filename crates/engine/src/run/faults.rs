@@ -11,7 +11,7 @@ use crate::rig::fault::{Activity, FaultId, LineFaults, Window};
 use crate::rig::line::{Direction, Line};
 use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span};
 
-/// Maximum number of faults that a run takes while it continues.
+/// Maximum number of faults that a run accepts while it continues.
 pub const FAULTS_MAX: usize = 10_000;
 
 /// State of a fault.
@@ -20,9 +20,9 @@ pub const FAULTS_MAX: usize = 10_000;
 pub enum FaultState {
     /// Its time or its condition has not come yet.
     Planned,
-    /// It is at work, or will be again.
+    /// It is active, or will be again.
     Active,
-    /// Its time is over, or it was withdrawn.
+    /// Its time is over, or it was removed.
     Over,
 }
 
@@ -43,13 +43,13 @@ const NEXT: Duration = Duration::from_nanos(1);
 const SPELLS_MAX: u128 = 100_000;
 
 impl Run {
-    /// Adds a fault to the run as it continues, from now on or from a later time that it names. Its
-    /// times count from the start of the run, and it joins the scenario: the saved
-    /// [`case`](Self::case) holds it with the time from which it was in force.
+    /// Adds a fault to the run, from now on or from its own later time. Its times count from the
+    /// start of the run. The fault becomes part of the scenario: the saved [`case`](Self::case)
+    /// contains it with the time of its begin.
     ///
     /// # Errors
-    /// If its keys do not go together, if it names a link that the robot does not have, or a byte
-    /// that has passed, or if there are [`FAULTS_MAX`] faults already. Nothing changes then.
+    /// If its keys do not fit together, if it names an unknown link or a byte that has passed, or
+    /// if there are [`FAULTS_MAX`] faults already. The run does not change then.
     pub fn inject(&mut self, mut fault: FaultSpec) -> Result<FaultId, Flaw> {
         if self.scenario.fault.len() >= FAULTS_MAX {
             let message = format!("the run has {FAULTS_MAX} faults already, expected no more");
@@ -199,7 +199,7 @@ impl Run {
     /// Ends a fault now. It stays in the list, with its end.
     ///
     /// # Errors
-    /// If there is no such fault, or if it is over.
+    /// If the fault does not exist, or is over.
     pub fn withdraw(&mut self, id: FaultId) -> Result<(), Flaw> {
         self.end_fault(id)?;
         self.note("fault-ended", format!("fault {id} withdrawn"));
@@ -257,7 +257,7 @@ impl Run {
         Some(&mut link.line_mut(fault.direction?.into()).faults)
     }
 
-    /// Activity of the fault, including its trigger.
+    /// Active times of the fault, including its trigger.
     fn activity_of(&self, id: FaultId, fault: &FaultSpec) -> Activity {
         let on_line = self
             .line_of(fault)
@@ -288,7 +288,7 @@ impl Run {
         }
     }
 
-    /// The first instant that no byte has been sent in yet.
+    /// The first instant after all sent bytes.
     fn next_instant(&self) -> Instant {
         self.rig.now() + NEXT
     }
@@ -304,9 +304,9 @@ impl Run {
         self.rig.log("rig", event);
     }
 
-    /// The run so far as a scenario: seed and defaults written out, random damage replaced by the
-    /// bytes that it hit, and what waited for something by the times at which it was at work. A
-    /// run of it has the same faults, whatever the dice of later versions would say.
+    /// The run so far as a scenario with explicit seed and defaults. Lists of damaged bytes replace
+    /// random damage, and times replace the conditions of faults. A run of this scenario has the
+    /// same faults, independent of the random numbers of later versions.
     pub fn case(&self) -> Scenario {
         let mut case = self.scenario.clone();
         case.seed = self.seed;
@@ -314,12 +314,12 @@ impl Run {
             tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
             trace_hash: self.rig.trace_hash(),
         });
-        // A step that waits waits again, and the mission is not over before it is done.
+        // A step with a condition waits again, and the mission is not over before it is done.
         case.mission.step.clone_from(&self.asked.mission.step);
         case.mission.step.extend(self.steps.by_hand.iter().cloned());
         let ran = self.rig.now() - Instant::ZERO;
         case.duration = case.duration.max(Span(ran));
-        // What was struck is written out, so there is no budget to be kept any more.
+        // The damaged bytes are listed, so a budget is not needed any more.
         case.budget = None;
         let faults = self.scenario.fault.iter().enumerate();
         let faults = faults.filter(|(_, fault)| !fault.kind.is_strike());
@@ -404,8 +404,8 @@ mod tests {
         run.faults().map(|report| report.state).collect()
     }
 
-    /// What is done now is at work a nanosecond later: so long before its begin a fault is active,
-    /// and so long before its end it is over.
+    /// An action now takes effect a nanosecond later. A fault is therefore active this long before
+    /// its begin, and over this long before its end.
     #[test]
     fn a_fault_is_planned_then_active_then_over() {
         use FaultState::{Active, Over, Planned};
@@ -488,7 +488,7 @@ mod tests {
         assert_eq!(last, Some("fault-ended"));
     }
 
-    /// Bytes count from 0: the next one has as its number how many have passed.
+    /// Bytes count from 0: the number of the next byte equals the number of bytes that have passed.
     #[test]
     fn the_next_byte_is_to_come_and_the_last_one_has_passed() {
         let mut run = run();
@@ -508,8 +508,8 @@ mod tests {
         }
     }
 
-    /// A clog by the dice called `clogs` is in a case one stall for each spell, without dice: each
-    /// 300 ms there is one, of 100 ms on average.
+    /// A clog with the random stream `clogs` becomes one stall per spell in a case, without random
+    /// numbers: one every 300 ms, of 100 ms on average.
     #[test]
     fn a_case_has_the_spells_of_a_clog_as_stalls() {
         let mut run = run();
@@ -524,8 +524,8 @@ mod tests {
         assert_eq!(read.expect("sound").0.fault, case.fault);
     }
 
-    /// Dice are those of the fault's number in the run; in a case, in which it may have another,
-    /// they are named.
+    /// The fault's number in the run selects the random stream. In a case the fault may have
+    /// another number, so the stream is named.
     #[test]
     fn a_case_names_the_dice_of_what_is_late_by_chance() {
         let mut run = run();

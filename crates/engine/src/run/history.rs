@@ -1,5 +1,5 @@
-//! What a run was like over its time, for the report: wires, scans and maps, sampled so that it
-//! stays small however long the run.
+//! History of a run, for the report: wires, scans and maps. It is sampled so that its size is
+//! limited for any duration.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -59,7 +59,7 @@ impl<T> Thinned<T> {
         }
     }
 
-    /// Takes the sample that `make` makes if one is due at `now`.
+    /// Adds a sample from `make` if one is due at `now`.
     fn offer(&mut self, now: Instant, make: impl FnOnce() -> Option<T>) {
         if now < self.next {
             return;
@@ -82,7 +82,8 @@ impl<T> Thinned<T> {
         self.next = now + self.period;
     }
 
-    /// The same for rarely changing data: a sample is added only if it differs from the last.
+    /// The same for data that changes rarely: a sample is added only if it differs from the last
+    /// one.
     fn offer_change(&mut self, now: Instant, make: impl FnOnce() -> T)
     where
         T: PartialEq + Default,
@@ -102,7 +103,7 @@ impl<T> Thinned<T> {
     }
 }
 
-/// A scan as the program took it, in the map's frame: x and y of each point in turn, metres.
+/// A scan from the program's view, in the map's frame: x and y of each point in turn, metres.
 pub(crate) type Points = Vec<f64>;
 
 /// A run over its time.
@@ -123,8 +124,8 @@ pub struct History {
 }
 
 impl History {
-    /// The history of a run of `duration` that has not begun. A run that is watched for longer, as
-    /// on the page, has no history after it.
+    /// The history of a run of `duration` that has not begun. A run that continues after its
+    /// duration, as on the page, has no history after it.
     pub fn new(duration: Duration) -> Self {
         let bin = (duration / BINS_MAX).max(BIN_MIN);
         Self {
@@ -203,7 +204,7 @@ mod tests {
     use crate::rig::fault::{Damage, Strike};
     use crate::rig::line::End;
 
-    /// What stays the same is taken once, what was never there not at all.
+    /// Unchanged data is sampled once, missing data is not sampled.
     #[test]
     fn what_seldom_changes_is_sampled_when_it_does() {
         let mut thinned = Thinned::new(Duration::from_secs(1), 5);
@@ -225,8 +226,7 @@ mod tests {
         assert_eq!(kept, [0, 2, 4, 7, 9]);
     }
 
-    /// What is asked for in between is not even made; a sample that cannot be had is asked for
-    /// again.
+    /// `make` is called only when a sample is due; if it returns none, it is called again later.
     #[test]
     fn a_sample_is_made_when_it_is_due_and_not_before() {
         let mut thinned = Thinned::new(Duration::from_secs(1), 5);
@@ -257,9 +257,9 @@ mod tests {
         assert_eq!([5, 50, 100].map(bin), [100, 100, 200]);
     }
 
-    /// 50 bytes of 10 bits at 10000 baud are 50 ms, half of a bin. One of them is struck. Another
-    /// bin has none, and in a third the receiver reads at twice the rate: of 0x00 it sees no stop
-    /// bit.
+    /// 50 bytes of 10 bits at 10000 baud take 50 ms, half of a bin. One of them is damaged. The
+    /// second bin has no bytes. In the third one the receiver reads at twice the rate: it sees no
+    /// stop bit of 0x00.
     #[test]
     fn a_lane_tells_of_each_bin_by_itself() {
         let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");

@@ -10,17 +10,17 @@ use crate::robots::conditions::{Moment, Reading};
 use crate::scenario::{BytesCondition, DeviceSpec, DirectionSpec, Flaw, FrameCondition, Operand};
 use crate::shared::WeakShared;
 
-/// Bytes that are decoded anew for a copy of the rig: longer than any frame.
+/// Number of bytes that are decoded again for a copy of the rig: longer than any frame.
 const TAIL: usize = 4096;
-/// Moments that are kept between two looks of the rules.
+/// Maximum number of moments that are kept between two updates of the rules.
 const FOUND_MAX: usize = 4096;
 
 /// Pattern in the bytes of a line.
 #[derive(Clone)]
 pub(super) enum Wanted {
-    /// A number of bytes, and what is left of it.
+    /// A number of bytes, and the number still missing.
     Count { of: u64, left: u64 },
-    /// These bytes in sequence; the matched beginning so far.
+    /// A sequence of bytes, and its matched beginning.
     Pattern { pattern: Vec<u8>, tail: Vec<u8> },
     /// A frame, in the line's protocol.
     Frame(Box<Frames>),
@@ -35,12 +35,12 @@ pub(super) struct Frames {
     heard: Instant,
     /// Names of the registers, if the line is that of a slave as data.
     names: Option<RegisterNames>,
-    /// The last bytes and the places of pauses among them, from which a copy comes to the same
-    /// state, and the number of all.
+    /// The last bytes and the positions of pauses among them, from which a copy reaches the same
+    /// state, and the number of all bytes.
     tail: Vec<u8>,
     pauses: Vec<u64>,
     fed: u64,
-    /// Whether bytes came since the last pause.
+    /// Whether bytes arrived since the last pause.
     is_open: bool,
 }
 
@@ -110,8 +110,8 @@ impl Frames {
         self.count(at, stretches, found);
     }
 
-    /// Ends the frame that only a silence ends, if the line was silent long enough by `now`. It
-    /// counts at the end of that silence.
+    /// Ends a frame that only a silence ends, if the line was silent long enough at `now`. The
+    /// frame counts at the end of that silence.
     fn pause(&mut self, now: Instant, found: &mut Found) {
         let end = self.heard + self.codec.idle();
         if !self.is_open || now <= end {
@@ -136,7 +136,7 @@ impl Frames {
         }
     }
 
-    /// The words of the frame at `place` by the names of the slave's own registers.
+    /// Words of the frame at `place`, with the names of the slave's own registers.
     fn named(&self, place: &core::ops::Range<u64>) -> Option<String> {
         let names = self.names.as_ref()?;
         let begin = self.fed - self.tail.len() as u64;
@@ -144,7 +144,7 @@ impl Frames {
         names.words(self.tail.get(index(place.start)?..index(place.end)?)?)
     }
 
-    /// What a frame reads; `None` if it is not one of those that are asked for.
+    /// The value of a frame; `None` if the condition does not apply to it.
     fn reading(&self, words: &str) -> Option<Reading> {
         let FrameCondition {
             contains,
@@ -217,14 +217,14 @@ impl Wanted {
     }
 }
 
-/// What a watch has found.
+/// Results of a watch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Found {
-    /// Whether it has held once.
+    /// Whether the condition has held once.
     pub(super) has_held: bool,
-    /// Each moment since they were taken last.
+    /// Moments since the last call that took them.
     moments: Vec<(Instant, Reading)>,
-    /// Bytes and frames on the line, readings of them, and the last frame in words.
+    /// Counts of bytes, frames and readings on the line, and the last frame in words.
     pub(super) bytes: u64,
     pub(super) frames: u64,
     pub(super) readings: u64,
@@ -251,7 +251,7 @@ pub(super) struct LineWatch {
     link: usize,
     direction: Direction,
     wanted: Wanted,
-    /// Whether it stops at the first time that it holds.
+    /// Whether the watch stops when the condition holds for the first time.
     is_once: bool,
     pub(super) found: Found,
 }
@@ -272,7 +272,7 @@ impl LineWatch {
         }
     }
 
-    /// Ends the frame that only a silence ends, if the line was silent long enough by `now`.
+    /// Ends a frame that only a silence ends, if the line was silent long enough at `now`.
     pub(super) fn pause(&mut self, now: Instant) {
         let Self { wanted, found, .. } = self;
         if let Wanted::Frame(frames) = wanted
@@ -288,7 +288,7 @@ impl LineWatch {
     }
 }
 
-/// All watches. A watch is forgotten when its owner drops it.
+/// All watches. A watch is removed when its owner drops it.
 #[derive(Clone, Default)]
 pub(super) struct LineWatches(Shared<Vec<WeakShared<LineWatch>>>);
 
@@ -298,7 +298,7 @@ impl LineWatches {
         self.0.lock().is_empty()
     }
 
-    /// Begins to look, once these are a tap of the rig.
+    /// Adds a watch; it works once these watches are a tap of the rig.
     pub(super) fn add(&self, watch: LineWatch) -> Shared<LineWatch> {
         let watch = Shared::new(watch);
         self.0.lock().push(watch.downgrade());
@@ -334,7 +334,7 @@ mod tests {
     use crate::codec::BUS_HIGH_FIRST;
 
     impl Wanted {
-        /// Whether it was found by now.
+        /// Whether the pattern has been found.
         fn is_in(&mut self, at: Instant, bytes: &[u8]) -> bool {
             let mut found = Found::default();
             self.take(at, bytes, &mut found);
@@ -377,7 +377,7 @@ mod tests {
         assert!(pattern().is_in(Instant::ZERO, &[0, 1, 2, 3]));
     }
 
-    /// Five bytes, however they come, and five more.
+    /// Five bytes in any chunks, and five more.
     #[test]
     fn so_many_bytes_are_counted() {
         let mut wanted = count(5);
@@ -387,7 +387,7 @@ mod tests {
     }
 
     /// The golden write of the seed's bus chapter: speeds 20 and -20, high byte of the sum first. A
-    /// frame without the field says nothing.
+    /// frame without the field has no value.
     #[test]
     fn the_field_of_a_frame_is_compared() {
         let write = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
@@ -399,7 +399,7 @@ mod tests {
             let mut wanted = frames("", Some(field));
             let mut found = Found::default();
             wanted.take(Instant::ZERO, &write[..3], &mut found);
-            // The copy goes on in the middle of the frame.
+            // The copy continues in the middle of the frame.
             let mut copy = wanted.clone();
             copy.take(Instant::ZERO, &write[3..], &mut found);
             let moments = found.moments.iter().map(|(_, reading)| reading.holds);
@@ -408,7 +408,8 @@ mod tests {
         }
     }
 
-    /// Of a pattern of three bytes two are kept, which may begin it.
+    /// Of a pattern of three bytes, at most the last two received bytes are kept, because they may
+    /// begin it.
     #[test]
     fn no_more_is_kept_than_may_begin_the_pattern() {
         let mut wanted = Wanted::Pattern {
@@ -430,7 +431,7 @@ mod tests {
     }
 
     /// The golden read of ten registers from 36 (field firmware b77a6df) in two halves: a pause as
-    /// long as the protocol's idle time still joins them, a longer one cuts them.
+    /// long as the protocol's idle time does not split it, a longer one does.
     #[test]
     fn a_frame_is_found_unless_a_pause_cuts_it() {
         let is_found_after = |pause: Duration| {
@@ -444,8 +445,8 @@ mod tests {
         assert!(!is_found_after(idle + Duration::from_nanos(1)));
     }
 
-    /// A begun write, a pause, and a whole write (the golden one of the seed's bus chapter): a copy
-    /// at any byte finds the frame as the original does, and none twice.
+    /// An incomplete write, a pause, and a complete write (the golden one of the seed's bus
+    /// chapter). A copy at any byte finds the frame like the original, and none twice.
     #[test]
     fn a_copy_knows_the_pauses() {
         let write = [0xAB, 0x2E, 0x83, 0x14, 0xEC, 0x00, 0x02, 0x5C];
@@ -467,7 +468,7 @@ mod tests {
         }
     }
 
-    /// Only what is received on the own line counts, and only while a condition waits.
+    /// Only bytes on the own line count, and only while a condition waits.
     #[test]
     fn a_watch_hears_its_own_line_alone() {
         let mut watches = LineWatches::default();

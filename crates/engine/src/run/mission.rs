@@ -20,8 +20,7 @@ fn visits_and_rest(expect: &Expect) -> (f64, Duration) {
     )
 }
 
-/// Whether a run is over at the same moment if these are expected of it. All else that they expect
-/// is judged in the end.
+/// Whether these expectations end a run at the same moment. All others are judged at the end.
 pub(super) fn ends_alike(a: &Expect, b: &Expect) -> bool {
     let ends = |expect: &Expect| {
         let is_home_wanted = expect.home_within_mm.is_some();
@@ -46,7 +45,7 @@ pub struct Visit {
 #[derive(Clone, Debug)]
 pub struct Progress {
     waypoints: Vec<Point>,
-    /// Order of the waypoints: only the first may come next, or any.
+    /// Remaining waypoints: only the first may be next, or any of them.
     left: Vec<Point>,
     any_order: bool,
     within_mm: f64,
@@ -57,7 +56,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// At the start of `mission`.
+    /// The state at the start of `mission`.
     pub fn new(mission: &Mission, expect: &Expect) -> Self {
         let waypoints = mission.waypoints_m.iter();
         let waypoints: Vec<Point> = waypoints.map(|&[x, y]| Point::new(x, y)).collect();
@@ -198,7 +197,7 @@ mod tests {
         assert_eq!(visits, [(1000, 3.0), (3000, 1.0)]);
     }
 
-    /// Over is what has visited all and has rested for two seconds since it last moved.
+    /// A mission is over when all waypoints were visited and the robot has rested for two seconds.
     #[test]
     fn a_mission_is_over_after_two_seconds_at_rest_behind_its_last_waypoint() {
         let mut progress = progress(false, &Expect::default());

@@ -29,7 +29,7 @@ pub struct Outcome {
     pub pose_error: Option<PoseError>,
     /// Agreement of map and world, if the program runs in this process.
     pub wall_overlap: Option<WallOverlap>,
-    /// True way.
+    /// True path.
     pub truth: Vec<(Instant, Pose)>,
     /// Believed poses with the true ones.
     pub pairs: Vec<PosePair>,
@@ -37,11 +37,11 @@ pub struct Outcome {
     pub map: Option<KeptMap>,
     /// The solid shapes, with obstacles at their final positions.
     pub scene: scene::Scene,
-    /// Whether there is a robot; else devices on their wires alone.
+    /// Whether there is a robot; otherwise only devices on their wires.
     pub has_body: bool,
     /// The robot's outline in its own axes.
     pub footprint: scene::Outline,
-    /// Maps besides the program's by name, as they were in the end.
+    /// Maps other than the program's by name, at the end.
     pub layers: Vec<(&'static str, KeptMap)>,
     /// The run over its time.
     pub history: History,
@@ -49,7 +49,7 @@ pub struct Outcome {
     pub display: Option<Picture>,
     /// Set-points and measured values of the robot at the end.
     pub axes: Vec<Axis>,
-    /// Its values in the end.
+    /// Values of the robot at the end.
     pub panels: Vec<Panel>,
     /// The program's counters.
     pub counters: BTreeMap<&'static str, u64>,
@@ -92,7 +92,7 @@ impl Outcome {
     /// For tests: the run must have passed.
     ///
     /// # Panics
-    /// If it has not, with the failed checks, or with all of them if nothing was judged.
+    /// If it has not passed, with the failed checks, or with all checks if none was judged.
     #[track_caller]
     pub fn assert_passed(&self) {
         if self.passed() {

@@ -1,4 +1,4 @@
-//! Evaluates a condition over a run: for a rule at each moment, for a wait since its start.
+//! Evaluation of a condition over a run: for a rule at each moment, for a wait since its start.
 //!
 //! Conditions on the state (registers, axes, figures of the robot, the map) are read at each look,
 //! 10 ms apart. Bytes, frames, contacts and events of the log have moments of their own, also
@@ -17,7 +17,7 @@ use crate::robots::conditions::{Known, Moment, Reading};
 use crate::scenario::{Condition, EventCondition, Flaw};
 use words::told;
 
-/// A condition under watch.
+/// An observed condition.
 #[derive(Clone)]
 pub(super) struct Probe {
     condition: Condition,
@@ -32,13 +32,13 @@ enum Node {
     Leaf(Leaf),
 }
 
-/// A condition without others in it, and what it read.
+/// A condition without inner conditions, and its readings.
 #[derive(Clone)]
 struct Leaf {
     source: Source,
-    /// Readings at moments since the last look, oldest first.
+    /// Readings at moments since the last update, oldest first.
     moments: Vec<(Instant, Reading)>,
-    /// What it reads at the moment that is judged.
+    /// The reading at the judged moment.
     now: Option<Reading>,
     /// Of the log: what is known of its rule.
     known: Known,
@@ -64,7 +64,7 @@ enum Source {
     Contacts(u64),
 }
 
-/// A moment of a condition: yes, no, or nothing to say.
+/// Value of a condition at a moment: true, false, or unknown.
 pub(super) type Truth = Option<bool>;
 
 impl core::fmt::Debug for Probe {
@@ -74,7 +74,8 @@ impl core::fmt::Debug for Probe {
 }
 
 impl Probe {
-    /// A watch on `condition`; `is_once`: until it has held once. `moment` has what it names.
+    /// A probe of `condition`. `is_once`: it stops after the condition has held once. `moment`
+    /// contains the items that the condition names.
     pub(super) fn new(
         condition: &Condition,
         moment: &Moment<'_>,
@@ -129,7 +130,7 @@ impl Probe {
         Self { condition, node }
     }
 
-    /// The same watch on a copy of the rig, on whose lines `lines` listen.
+    /// The same probe on a copy of the rig; `lines` observe the copy's lines.
     pub(super) fn fork(&self, lines: &LineWatches) -> Self {
         let all = |parts: &[Self]| parts.iter().map(|part| part.fork(lines)).collect();
         let node = match &self.node {
@@ -148,7 +149,7 @@ impl Probe {
         Self::of(&self.condition, node)
     }
 
-    /// Reads what has come since the last look, and the state.
+    /// Reads the events since the last update, and the state.
     pub(super) fn look(&mut self, moment: &Moment<'_>, contacts: &[emulators::world::Contact]) {
         let Self { condition, node } = self;
         match node {
@@ -162,13 +163,13 @@ impl Probe {
         }
     }
 
-    /// The moments of all its parts, oldest first; several parts may have the same one.
+    /// The moments of all its parts, oldest first; several parts may have the same moment.
     pub(super) fn moments(&self, into: &mut Vec<(Instant, usize)>) {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().for_each(|part| part.moments(into)),
             Node::Not(inner) => inner.moments(into),
             Node::Leaf(leaf) => {
-                // Frames that ended together are told apart by their order.
+                // The order distinguishes frames that ended at the same time.
                 let mut before: Option<(Instant, usize)> = None;
                 for (at, _) in &leaf.moments {
                     let number = match before {
@@ -182,11 +183,11 @@ impl Probe {
         }
     }
 
-    /// What it says at a moment; `None` for the look itself, at which momentary parts say nothing.
+    /// The value at a moment; `None` for the update itself, at which momentary parts have no value.
     pub(super) fn judge(&mut self, at: Option<(Instant, usize)>) -> Truth {
         match &mut self.node {
             Node::All(parts) => {
-                // Each is judged, so that each can be put in words.
+                // Each part is judged, so that each has words.
                 let truths: Vec<_> = parts.iter_mut().map(|part| part.judge(at)).collect();
                 together(&truths, false)
             }
@@ -204,7 +205,7 @@ impl Probe {
         }
     }
 
-    /// What its parts read at the moment judged last.
+    /// The readings of its parts at the last judged moment.
     pub(super) fn words(&self) -> String {
         let mut words = Vec::new();
         self.add_words(&mut words);
@@ -225,8 +226,8 @@ impl Probe {
         }
     }
 
-    /// Whether its subject has appeared, so that it could have held: its line, its frames, the log,
-    /// a robot that moves.
+    /// Whether the subject of the condition has appeared, so that it could have held: its line, its
+    /// frames, the log, a moving robot.
     pub(super) fn has_appeared(&self, has_moved: bool) -> bool {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => {
@@ -246,7 +247,7 @@ impl Probe {
         }
     }
 
-    /// Whether each part that holds for a moment only has appeared.
+    /// Whether each momentary part has appeared.
     pub(super) fn have_moments_appeared(&self, has_moved: bool) -> bool {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => {
@@ -260,8 +261,8 @@ impl Probe {
         }
     }
 
-    /// Whether a part has read a value at this moment that cannot be compared: one of another type,
-    /// or no number.
+    /// Whether a part has read a value at this moment that cannot be compared, because it has
+    /// another type or is not a number.
     pub(super) fn is_incomparable(&self) -> bool {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().any(Self::is_incomparable),
@@ -273,7 +274,8 @@ impl Probe {
         }
     }
 
-    /// Why nothing was observed: a line that carried other frames, a log without the source.
+    /// The reason for a missing observation: a line that carried other frames, a log without the
+    /// source.
     pub(super) fn silence(&self) -> Option<String> {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::silence),
@@ -477,7 +479,8 @@ pub(super) fn moments_of<'a>(probes: impl Iterator<Item = &'a Probe>) -> Vec<(In
     all
 }
 
-/// The truth of several parts: `decisive` if one part says that, its opposite if all parts say so.
+/// The value of several parts: `decisive` if one part has this value, its opposite if all parts
+/// have the opposite.
 fn together(truths: &[Truth], decisive: bool) -> Truth {
     if truths.contains(&Some(decisive)) {
         return Some(decisive);

@@ -4,10 +4,10 @@ use emulators::world::{Point, Pose as TruePose, Shape, World};
 use firmware_core::map_view::MapView;
 use protocols::Instant;
 
-/// The program's pose beside the true one, at one moment.
+/// The program's pose and the true one, at one moment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosePair {
-    /// The moment that the estimate is about.
+    /// Time of the estimate.
     pub at: Instant,
     /// True position of the robot.
     pub truth: TruePose,
@@ -36,13 +36,13 @@ pub struct PoseError {
     pub rms_mm: f64,
     /// Heading.
     pub rms_deg: f64,
-    /// Position, worst.
+    /// Maximum error of the position.
     pub max_mm: f64,
-    /// Heading, worst.
+    /// Maximum error of the heading.
     pub max_deg: f64,
 }
 
-/// The errors of `pairs`; `None` if there are none.
+/// The errors of `pairs`; `None` if the list is empty.
 pub fn pose_error(pairs: &[PosePair]) -> Option<PoseError> {
     if pairs.is_empty() {
         return None;
@@ -63,11 +63,11 @@ pub fn pose_error(pairs: &[PosePair]) -> Option<PoseError> {
     })
 }
 
-/// Value from which a cell counts as occupied: three quarters of the way from unknown to certain.
+/// Value from which a cell counts as occupied: three quarters between unknown and certain.
 pub(crate) const OCCUPIED: u8 = 190;
 
-/// Whether a cell is part of a wall as a person would see it: dark, and a ridge across the map
-/// along x or y. tinySLAM draws walls as broad slopes, whose flanks are no walls.
+/// Whether a person would see the cell as part of a wall: dark, and a ridge of the map along x or
+/// y. tinySLAM draws walls as broad slopes, whose flanks are not walls.
 pub fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
     let at = |dx: isize, dy: isize| {
         let cell = x.checked_add_signed(dx).zip(y.checked_add_signed(dy));
@@ -86,15 +86,15 @@ pub fn is_wall(map: MapView<'_>, x: usize, y: usize) -> bool {
 /// Agreement of map and world on walls.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WallOverlap {
-    /// Share of the walls that an ideal lidar would have seen on the robot's way and that the map
-    /// shows within one cell, or as many as are allowed.
+    /// Share of the walls that an ideal lidar would have seen on the robot's path and that the map
+    /// shows within the allowed number of cells.
     pub found: f64,
-    /// Share of the map's wall cells that have a true wall within as many.
+    /// Share of the map's wall cells with a true wall within the allowed number of cells.
     pub right: f64,
 }
 
 impl WallOverlap {
-    /// The worse of the two.
+    /// The smaller of the two.
     pub fn least(&self) -> f64 {
         self.found.min(self.right)
     }
@@ -141,7 +141,7 @@ impl Cells {
         marked.map(|(index, _)| (index % self.width, index / self.width))
     }
 
-    /// Whether one is marked at most `reach` cells away along x and y.
+    /// Whether a cell is marked at most `reach` cells away along x and y.
     fn is_near(&self, x: usize, y: usize, reach: usize) -> bool {
         let ys = y.saturating_sub(reach)..=(y + reach).min(self.height - 1);
         ys.into_iter().any(|y| {
@@ -151,8 +151,8 @@ impl Cells {
     }
 }
 
-/// Compares the walls of `map` with those of the scene, as seen from `way`. A wall may be drawn one
-/// cell from where it is, or `within_mm`.
+/// Compares the walls of `map` with those of the scene, as visible from `way`. A wall may be drawn
+/// one cell from its true position, or `within_mm`.
 pub(crate) fn wall_overlap(
     map: MapView<'_>,
     world: &World,
@@ -258,8 +258,8 @@ mod tests {
         }
     }
 
-    /// 30 mm and 40 mm: the mean square is 1250. Headings of 3 and 3 + pi/2 lie on both sides of
-    /// the seam at pi.
+    /// 30 mm and 40 mm: the mean square is 1250. Headings of 3 and 3 + pi/2 are on both sides of
+    /// the wrap at pi.
     #[test]
     fn errors_are_root_mean_squares() {
         let half_turn = core::f64::consts::FRAC_PI_2;
@@ -270,8 +270,8 @@ mod tests {
         assert!((error.rms_deg - 4050_f64.sqrt()).abs() < 1e-9);
     }
 
-    /// A wall along x at 0.55 m, drawn 30 mm farther up: three cells are too far for one, and near
-    /// enough for 30 mm.
+    /// A wall along x at 0.55 m, drawn 30 mm too high: three cells are more than one, and within 30
+    /// mm.
     #[test]
     fn a_wall_may_be_drawn_so_far_from_where_it_is() {
         let wall = Shape::Wall {
@@ -294,7 +294,7 @@ mod tests {
         assert_eq!(pose_error(&[]), None);
     }
 
-    /// What a map says at 3, 2 and 1 cells before the middle, there, and behind it.
+    /// Values of a map at 3, 2 and 1 cells before the middle, at the middle, and behind it.
     fn is_a_wall(profile: [u8; 7]) -> [bool; 2] {
         let along = |cell: fn(usize) -> [usize; 2], axis: usize| {
             let cells: Vec<u8> = (0..49).map(|at| profile[cell(at)[axis]]).collect();
@@ -304,8 +304,8 @@ mod tests {
         [along(cell, 0), along(cell, 1)]
     }
 
-    /// The neighbours may be as dark, three cells off it has to be lighter; what is two cells off
-    /// counts for nothing. Three quarters of the way from 127 to 255 is some 190 of 255.
+    /// The neighbours may be equally dark, but cells three cells away must be lighter. Cells two
+    /// cells away do not matter. Three quarters between 127 and 255 is about 190.
     #[test]
     fn a_wall_is_a_dark_ridge_along_either_axis() {
         assert_eq!(is_a_wall([199, 255, 200, 200, 200, 255, 199]), [true; 2]);
@@ -317,7 +317,7 @@ mod tests {
         assert_eq!(is_a_wall([0, 0, 0, 189, 0, 0, 0]), [false; 2]);
     }
 
-    /// Beyond the map nothing is known, so a wall may run along its edge.
+    /// Outside of the map no value is known, so a wall may be on its edge.
     #[test]
     fn a_wall_may_be_the_first_row_of_a_map() {
         let rows = [200, 200, 199, 199];
@@ -346,7 +346,7 @@ mod tests {
         assert_eq!(outside.map(|(x, y)| marked(x, y)), [None; 4]);
     }
 
-    /// Of the marked cell in column 3 and row 0 those within one cell are four, within two nine.
+    /// Of the marked cell in column 3 and row 0, four cells are within one cell, nine within two.
     #[test]
     fn near_are_the_cells_within_so_many_along_both_axes() {
         let mut cells = few_cells();
@@ -385,7 +385,8 @@ mod tests {
         assert_eq!(points(&triangle, 9.0), [a, b, b, c, c, a]);
     }
 
-    /// Each piece of the circle begins where the one before ended, and all lie on it.
+    /// Each piece of the circle begins at the end of the previous one, and all points are on the
+    /// circle.
     #[test]
     fn the_outline_of_a_circle_is_closed() {
         let center = Point::new(1.0, 2.0);
@@ -405,9 +406,9 @@ mod tests {
         }
     }
 
-    /// A wall along x at 0.555 m. The map shows it, and as long a one where there is none: all is
-    /// found, half is right. Then it shows the left half of it alone: what it shows is right, and
-    /// as the lidar stands in the middle, half of what that sees is found.
+    /// A wall along x at 0.555 m. The map shows it, and an equally long wrong one: all walls are
+    /// found, half of the map is right. Then the map shows only the left half of the true wall: all
+    /// of the map is right. The lidar is in the middle, so half of the visible wall is found.
     #[test]
     fn what_is_found_and_what_is_right_are_two_shares() {
         let [from, to] = [Point::new(0.0, 0.555), Point::new(1.0, 0.555)];

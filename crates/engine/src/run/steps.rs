@@ -1,4 +1,4 @@
-//! Steps of the mission that wait for something: watched in their order, done when it has come
+//! Steps of the mission with a condition: observed in their order, executed when the condition is
 //! true, judged.
 
 use std::collections::VecDeque;
@@ -9,21 +9,21 @@ use super::check::Check;
 use super::{Run, Watch};
 use crate::scenario::{Flaw, Mission, Step};
 
-/// A step that waits.
+/// A step with a condition.
 #[derive(Clone, Debug)]
 struct Waiting {
-    /// Its place in the mission, from 1.
+    /// Its number in the mission, from 1.
     number: usize,
     step: Step,
     /// Time at which all earlier steps with a time are done.
     not_before: Instant,
 }
 
-/// All steps of a mission that wait, the next one first.
+/// All waiting steps of a mission, the next one first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Steps {
     waiting: VecDeque<Waiting>,
-    /// The watch of the next one, and since when.
+    /// The watch of the next step, and the time of its begin.
     watch: Option<(Watch, Instant)>,
     done: Vec<Check>,
     has_failed: bool,
@@ -32,7 +32,7 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Takes the steps that wait out of `mission`; those with a time stay.
+    /// Takes the steps with a condition from `mission`; steps with a time stay.
     pub(super) fn take_from(mission: &mut Mission) -> Self {
         let mut steps = Self::default();
         let mut not_before = Instant::ZERO;
@@ -52,15 +52,15 @@ impl Steps {
         steps
     }
 
-    /// Whether one may still be done.
+    /// Whether a step can still be executed.
     pub(super) fn is_waiting(&self) -> bool {
         !self.waiting.is_empty() && !self.has_failed
     }
 
-    /// Result of each step; `is_over`: nothing can become true any more.
+    /// Result of each step; `is_over`: no condition can become true any more.
     pub(super) fn checks(&self, is_over: bool) -> Vec<Check> {
         let mut checks = self.done.clone();
-        // The first of those that are left has a verdict if it failed.
+        // Only the first remaining step has a verdict if it failed.
         for (index, waiting) in self.waiting.iter().enumerate() {
             let name = name(waiting.number);
             let detail = format!("{} did not come true", condition(&waiting.step));
@@ -74,13 +74,13 @@ impl Steps {
         checks
     }
 
-    /// A step of the rig that was due at `now` cannot be done.
+    /// Records that a step of the rig that was due at `now` cannot be executed.
     pub(super) fn fail_now(&mut self, number: usize, now: Instant, flaw: &Flaw) {
         let detail = format!("at {now} s: {flaw}");
         self.done.push(Check::new(&name(number), false, detail));
     }
 
-    /// The next one cannot be done any more.
+    /// Records that the next step cannot be executed any more.
     fn fail(&mut self, number: usize, detail: String) {
         self.done.push(Check::new(&name(number), false, detail));
         self.has_failed = true;
@@ -89,7 +89,7 @@ impl Steps {
 }
 
 impl Run {
-    /// Does the steps whose conditions have come true.
+    /// Executes the steps whose conditions have become true.
     pub(super) fn do_what_waited(&mut self) {
         let now = self.rig.now();
         while self.steps.is_waiting() {
@@ -152,7 +152,7 @@ mod tests {
     use crate::run::check::Status;
     use crate::scenario::Scenario;
 
-    /// Steps 2, 4 and 5 wait; step 4 for what comes after step 3's time.
+    /// Steps 2, 4 and 5 wait; step 4 for an event after the time of step 3.
     fn steps() -> (Steps, Mission) {
         let text = "schema = 1\nname = \"steps\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
                     [[mission.step]]\nat = \"1s\"\ndo = { mode = \"stop\" }\n\
@@ -186,8 +186,8 @@ mod tests {
         assert!(steps.is_waiting());
     }
 
-    /// What holds anyway comes true with the step before it, at 1 s; the run is checked then, as
-    /// each 10 ms.
+    /// A condition that always holds becomes true with the step before it, at 1 s; the run checks
+    /// it then, as every 10 ms.
     #[test]
     fn a_step_may_be_done_as_soon_as_those_before_it() {
         let text = "schema = 1\nname = \"steps\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
@@ -208,7 +208,7 @@ mod tests {
         assert!(detail.ends_with(" came true by 1.000000 s"), "{detail}");
     }
 
-    /// Only the next one can have failed; the others' turn has not come.
+    /// Only the next step can have failed; the others have not begun to wait.
     #[test]
     fn what_was_waited_for_is_judged_at_the_end() {
         let (mut steps, _) = steps();

@@ -38,7 +38,7 @@ impl Watchers {
         }
     }
 
-    /// The same, for a copy of the rig that they look at; `None` if one of them cannot be copied.
+    /// The same watchers for a copy of the rig; `None` if one of them cannot be copied.
     pub(crate) fn fork(&self, rig: &mut Rig) -> Option<Self> {
         let checkers = self.checkers.iter().map(|checker| checker.fork(rig));
         let checkers = checkers.collect::<Option<Vec<_>>>()?;
@@ -50,7 +50,7 @@ impl Watchers {
         })
     }
 
-    /// One more.
+    /// Adds a checker.
     pub(crate) fn add(&mut self, checker: Box<dyn Checker>) {
         self.checkers.push(checker);
     }
@@ -68,13 +68,13 @@ impl Watchers {
         self.rules.look(rig, instruments, &axes, contacts);
     }
 
-    /// Whether a rule still waits for what must come before the run ends.
+    /// Whether a rule still waits for an event that must come before the run ends.
     pub(super) fn awaits(&self, now: Instant) -> bool {
         self.rules.awaits(now)
     }
 
-    /// The result of each checker and rule at `now`; what the scenario excuses is not observed.
-    /// `is_over`: nothing can become true any more.
+    /// The result of each checker and rule at `now`; failures that the scenario excuses are not
+    /// observed. `is_over`: no condition can become true any more.
     pub fn verdicts(&self, now: Instant, is_over: bool) -> Vec<Check> {
         let checkers = self.checkers.iter();
         let mut checks: Vec<Check> = checkers.map(|checker| checker.verdict()).collect();

@@ -12,9 +12,9 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Command, Dialect};
 
-/// Commands remembered at least: the base may have been deaf to the last ones.
+/// Minimum number of stored commands: the base may not have received the last ones.
 const COMMANDS_MIN: usize = 8;
-/// And for so long at least: a value may be in force until the next one is taken.
+/// Minimum storage time of commands: a value may be active until the next one is received.
 const REMEMBERED: Duration = Duration::from_secs(2);
 
 /// Every active set-point comes from a valid frame that reached the base, or is 0. A frame with a
@@ -24,7 +24,7 @@ pub struct SetPointsAsAccepted {
     broken: Option<(Instant, String)>,
 }
 
-/// The memory of accepted frames.
+/// Stored accepted frames.
 #[derive(Clone)]
 struct Heard {
     link: usize,
@@ -36,8 +36,8 @@ struct Heard {
 }
 
 impl SetPointsAsAccepted {
-    /// Listens to the frames that `rig` delivers on the link of `dialect`; does nothing without
-    /// such a link.
+    /// Observes the frames that `rig` delivers on the link of `dialect`; `None` without such a
+    /// link.
     pub fn listening(rig: &mut Rig, dialect: Dialect) -> Option<Self> {
         let link = rig
             .links()
@@ -64,7 +64,8 @@ impl Heard {
         self.bytes.extend_from_slice(bytes);
         for end in known + 1..=self.bytes.len() {
             let begin = end.saturating_sub(self.dialect.frame_max);
-            // A frame may end with any byte, whatever a decoder waits for.
+            // A frame may end with any byte, so each byte is tried, independent of a decoder's
+            // state.
             let command = (self.dialect.command)(&self.bytes[begin..end]);
             if let Some(command) = command {
                 self.accepted += 1;
@@ -80,7 +81,7 @@ impl Heard {
     }
 
     fn told(&self, axis: usize, set_point: f64) -> bool {
-        // What is in force was mostly told last.
+        // The active set-point is mostly that of the last command.
         let commands = self.commands.iter().rev();
         let mut told = commands.map(|(_, command)| command.get(axis).copied().flatten());
         set_point == 0.0 || told.any(|told| told == Some(set_point))

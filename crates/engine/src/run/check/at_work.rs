@@ -9,9 +9,9 @@ use crate::rig::Rig;
 use crate::rig::fault::Window;
 use crate::rig::line::Direction;
 
-/// After adversity and recovery the robot is at work as before: the lines that were busy all
-/// through the second half of the warm-up carry bytes again, and a program in this process
-/// continues finding out where it is.
+/// After adversity and recovery the robot works as before: the lines that were busy throughout the
+/// second half of the warm-up carry bytes again, and a program in this process continues to
+/// estimate its pose.
 #[derive(Clone, Debug)]
 pub struct AtWorkAgain {
     /// Warm-up, adversity, recovery, judgement.
@@ -22,16 +22,16 @@ pub struct AtWorkAgain {
     /// Time of the last estimate at the begin of the judgement, and now.
     estimated: [Option<Instant>; 2],
     names: Vec<String>,
-    /// Links whose silence says nothing.
+    /// Links that may be silent.
     sporadic: &'static [&'static str],
     was_judged: bool,
 }
 
-/// Bytes a second of a busy line, at least.
+/// Minimum rate of a busy line, bytes per second.
 const BUSY: u64 = 10;
 
 impl AtWorkAgain {
-    /// Watches a run with these phases; the links of these names may be silent.
+    /// Observes a run with these phases; the links with these names may be silent.
     pub const fn new(phases: [Window; 4], sporadic: &'static [&'static str]) -> Self {
         Self {
             phases,
@@ -91,7 +91,7 @@ impl Checker for AtWorkAgain {
         let least = BUSY * u64::try_from(self.quarter().as_millis()).unwrap_or(u64::MAX) / 1000;
         let (quarters, [before, after]) = self.delivered.split_last_chunk().expect("seven");
         let of = |seen: &Vec<u64>, line: usize| seen.get(line).copied().unwrap_or(0);
-        // In each of them: a list that is sent once makes no line busy.
+        // In each quarter: a list that is sent once does not make a line busy.
         let busy = |line| {
             let mut quarters = quarters.windows(2);
             quarters.all(|pair| of(&pair[1], line) >= of(&pair[0], line) + least.max(1))
@@ -136,7 +136,7 @@ mod tests {
         }
     }
 
-    /// The verdict on the line of `link` of which `quarters` were delivered in the quarters of the
+    /// The verdict on the line of `link`: `quarters` bytes were delivered in the quarters of the
     /// second half of a warm-up of 8 s, and `more` in the judgement.
     fn verdict_on(link: &str, quarters: [u64; 4], more: u64) -> (Status, String) {
         let phases = [window(0, 8), window(8, 10), window(10, 12), window(12, 20)];
@@ -159,15 +159,15 @@ mod tests {
         verdict_on("base", quarters, more)
     }
 
-    /// Beside it nothing is busy here, so there is nothing to be judged.
+    /// No other line is busy here, so there is no verdict.
     #[test]
     fn a_link_that_speaks_now_and_then_may_be_silent() {
         let (_, detail) = verdict_on("markers", [10; 4], 0);
         assert!(detail.starts_with("no line was busy"), "{detail}");
     }
 
-    /// T6: a quarter is 1 s, in which a busy line carries ten bytes. One with nine in one quarter
-    /// was not busy, so there is nothing to be judged.
+    /// T6: a quarter is 1 s, in which a busy line carries ten bytes. A line with nine in one
+    /// quarter was not busy, so there is no verdict.
     #[test]
     fn t6_ten_bytes_a_second_all_the_time_are_busy() {
         assert_eq!(verdict([10; 4], 1).0, Status::Pass);

@@ -1,4 +1,4 @@
-//! The verdict on node programs: each answered to the end, and ended well.
+//! The verdict on node programs: each answered until the end, and ended correctly.
 
 use nodes::{NodeError, last_words};
 
@@ -8,10 +8,10 @@ use crate::rig::Rig;
 /// Name of the check.
 pub const NODE_PROGRAMS: &str = "node-programs";
 
-/// Whether all node programs of `rig` keep the contract; `None`: there are none.
+/// Whether all node programs of `rig` keep the contract; `None` without node programs.
 pub(crate) fn node_programs(rig: &Rig) -> Option<Check> {
     rig.node_programs().next()?;
-    // One that was stopped proves less than one that broke the contract.
+    // A stopped program proves less than one that broke the contract.
     let is_stopped = |error: &NodeError| matches!(error, NodeError::Stopped { .. });
     let lost = rig.lost_nodes().min_by_key(|(_, error)| is_stopped(error));
     if let Some((name, error)) = lost {
@@ -20,7 +20,7 @@ pub(crate) fn node_programs(rig: &Rig) -> Option<Check> {
         let words = last_words(&said).map(|line| format!("; its last words: {line}"));
         let detail = format!("{name} {error}{}", words.unwrap_or_default());
         return Some(match error {
-            // It may have been about to answer.
+            // The program may have been about to answer.
             NodeError::Stopped { .. } => Check::not_observed(NODE_PROGRAMS, detail),
             _ => Check::new(NODE_PROGRAMS, false, detail),
         });

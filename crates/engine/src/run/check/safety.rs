@@ -1,4 +1,4 @@
-//! Checkers of `[expect.safety]`: they hold during the whole run, whatever fails.
+//! Checkers of `[expect.safety]`: they apply during the whole run, whatever fails.
 
 mod alive;
 mod orders;
@@ -21,7 +21,7 @@ use crate::rig::{Logged, Rig};
 use crate::robots::{Instruments, Need};
 use crate::scenario::{SafetySpec, Scenario};
 
-/// The checkers that `scenario` asks for. Some listen to `rig`.
+/// The checkers that `scenario` requests. Some listen to `rig`.
 pub(crate) fn asked_for(
     scenario: &Scenario,
     rig: &mut Rig,
@@ -84,7 +84,7 @@ fn needs(spec: &SafetySpec, instruments: &dyn Instruments) -> Vec<Need> {
 }
 
 impl SafetySpec {
-    /// Turns a failure that the scenario excuses into nothing observed.
+    /// Changes a failure that the scenario excuses to "not observed".
     pub(crate) fn excuse(&self, check: &mut Check) {
         let reason = match check.name.as_str() {
             "no-collision-at-speed" if self.by_hand => "a person steers",
@@ -108,7 +108,7 @@ pub(crate) fn overruns(most: u64, rig: &Rig, events: &[Logged]) -> Check {
         .filter(|(_, rule, _)| OVERRUNS.contains(rule))
         .map(|(device, rule, count)| (format!("{device} {rule}"), count))
         .collect();
-    // A device that keeps no counts has its entries in the log.
+    // A device without counts has its entries in the log.
     let is_counted = |logged: &Logged| {
         let name = format!("{} {}", logged.source, logged.event.rule);
         counted.iter().any(|(known, _)| *known == name)

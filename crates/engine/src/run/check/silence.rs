@@ -16,7 +16,7 @@ pub const STOPS: &str = "motors-stop-after-silence";
 /// Log entries of devices that stop because their master is silent.
 pub const WATCHDOG: [&str; 3] = ["made-safe", "watchdog", "dead-man"];
 
-/// The motors come to rest when nothing reaches their device any more.
+/// The motors come to rest when their device receives nothing any more.
 #[derive(Clone, Debug)]
 pub struct MotorsStopAfterSilence {
     watched: Vec<Watched>,
@@ -34,7 +34,7 @@ struct Watched {
 }
 
 impl MotorsStopAfterSilence {
-    /// Watches the line towards the device that `silence` names.
+    /// Observes the line to the device that `silence` names.
     pub fn new(silence: Silence) -> Self {
         Self::watching([Stops::from(silence)])
     }

@@ -35,7 +35,7 @@ fn axis(set_point: f64, limit: Option<f64>) -> Axis {
     }
 }
 
-/// Lets the checker look at the rig `at` milliseconds.
+/// Updates the checker with the rig at `at` milliseconds.
 fn look(checker: &mut dyn Checker, rig: &mut Rig, at: u64, axes: &[Axis], contacts: &[Contact]) {
     rig.run_until(Instant::from_millis(at));
     checker.observe(&Look {
@@ -128,7 +128,7 @@ fn a_touch_of_five_centimetres_a_second_does_no_harm() {
     assert_eq!(verdict(&checker), (Status::Fail, first));
 }
 
-/// Five bytes, of which a capture's line does not count.
+/// Five bytes; those on a line played from a capture do not count.
 #[test]
 fn bytes_are_counted_on_all_lines_but_those_that_are_played() {
     let (mut rig, mut checker) = (rig(), BytesConserved::default());
@@ -181,8 +181,8 @@ fn a_run_that_ends_within_its_judgement_is_not_judged() {
     assert_eq!(verdict(&checker), (Status::Fail, silent));
 }
 
-/// Each byte is a frame that tells one axis its set-point. What was told two seconds ago is
-/// remembered, however often something else was told since; then only the last eight are.
+/// Each byte is a frame that sets one axis. A command of the last two seconds is stored,
+/// independent of the number of later ones; of older commands only the last eight are.
 #[test]
 fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
     let dialect = Dialect {
@@ -206,7 +206,7 @@ fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
     assert_eq!(after(2_000_091), (Status::Fail, untold));
 }
 
-/// A write and an end are told with the first time at which they were seen.
+/// A stray write and an end are reported with the first time at which they were observed.
 #[test]
 fn what_a_program_broke_is_told_with_its_time() {
     let at = Instant::from_millis(40);

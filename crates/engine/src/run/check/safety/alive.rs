@@ -1,4 +1,4 @@
-//! Checks that the robot works again when its core was healed.
+//! Checks that the robot works again after its links were healed.
 
 use core::time::Duration;
 
@@ -8,7 +8,7 @@ use super::super::{Check, Checker, Look};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 
-/// Bytes a second of a busy line, at least.
+/// Minimum rate of a busy line, bytes per second.
 const BUSY: u64 = 10;
 /// Seconds in a row that make a line busy.
 const SECONDS: u32 = 4;
@@ -36,7 +36,7 @@ struct Watched {
 }
 
 impl AliveAtTheEnd {
-    /// Judges what happens after `from`; links in `exempt` may be silent.
+    /// Judges the time after `from`; links in `exempt` may be silent.
     pub const fn new(from: Instant, exempt: Vec<String>, asks_for_pose: bool) -> Self {
         Self {
             from,

@@ -10,7 +10,8 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::Instruments;
 
-/// Bytes of orders that are decoded anew for a copy of the rig: longer than any frame of an order.
+/// Number of bytes of orders that are decoded again for a copy of the rig: longer than any frame of
+/// an order.
 const TAIL: usize = 4096;
 
 /// The robot does not move before a frame with a valid checksum has arrived on the link of its
@@ -32,7 +33,7 @@ struct Ear {
 }
 
 impl MovesOnSoundOrders {
-    /// Listens to `link` of `rig`; without a link, or without a codec of it, nothing is observed.
+    /// Observes `link` of `rig`; without a link, or without its codec, nothing is observed.
     pub fn listening(rig: &mut Rig, instruments: &dyn Instruments, link: Option<&str>) -> Self {
         let name = link.unwrap_or_default();
         let index = rig.links().iter().position(|known| known.name == name);
@@ -112,7 +113,7 @@ impl Checker for MovesOnSoundOrders {
         let ear = self.ear.as_ref().map(|ear| {
             let old = ear.lock();
             let mut stream = Stream::towards(old.codec, Direction::ToMaster);
-            // The state of a decoder is what the last bytes made of it.
+            // The last bytes determine the state of a decoder.
             let _ = stream.push(&old.tail);
             Shared::new(Ear {
                 link: old.link,

@@ -11,11 +11,11 @@ use crate::robots::Need;
 
 /// Time to brake: the wheels of the built-in robots stand after 0.3 s.
 const BRAKES: Duration = Duration::from_millis(500);
-/// Slower than this is rest, m/s and rad/s: noise of the drive train.
+/// Maximum speed of a resting robot, m/s and rad/s: noise of the drive train.
 const REST_M_S: f64 = 0.03;
 const REST_RAD_S: f64 = 0.15;
-/// Commands must have reached the device of the drive for so long: a silent device stops by itself,
-/// which `motors-stop-after-silence` checks.
+/// Minimum time for which commands must have reached the device of the drive: a silent device stops
+/// by itself, which `motors-stop-after-silence` checks.
 const COMMANDS: Duration = Duration::from_millis(300);
 
 /// The robot rests after a link that it needs has been silent for too long.
@@ -28,7 +28,7 @@ pub struct RestsAfterSilence {
     has_moved: bool,
 }
 
-/// When bytes arrived last.
+/// Time of the last bytes.
 #[derive(Clone, Copy, Debug)]
 struct Heard {
     delivered: u64,
@@ -41,7 +41,7 @@ impl Heard {
         at: Instant::ZERO,
     };
 
-    /// Takes the count at `now`; the silence since.
+    /// Updates the count at `now`; returns the time since the last bytes.
     fn take(&mut self, now: Instant, delivered: u64) -> Duration {
         if delivered != self.delivered {
             (self.delivered, self.at) = (delivered, now);
@@ -54,19 +54,19 @@ impl Heard {
 struct Watched {
     need: Need,
     heard: Heard,
-    /// Since when the robot moves though it must not, while commands reach its drive.
+    /// Time since which the robot moves although it must not, while commands reach its drive.
     moving_since: Option<Instant>,
     /// Whether the robot needed the link when its silence began: a robot may change its mode then.
     was_needed: bool,
-    /// Silences in which the robot could be seen to rest, and whether the present one counts.
+    /// Number of silences in which the robot could have rested, and whether the current one counts.
     silences: u64,
     is_counted: bool,
     broken: Option<(Instant, Duration)>,
 }
 
 impl RestsAfterSilence {
-    /// Watches a robot that must rest `within` this time after one of the links in `needs` fell
-    /// silent. `drive` are the links over which it is driven.
+    /// Observes a robot that must rest `within` this time after one of the links in `needs` fell
+    /// silent. `drive` are the links with the commands of its drive.
     pub fn new(needs: Vec<Need>, drive: Vec<String>, within: Duration) -> Self {
         let watched = needs.into_iter().map(|need| Watched {
             need,

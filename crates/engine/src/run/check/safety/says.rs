@@ -12,7 +12,7 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Alarm, Instruments};
 
-/// Valid frames after which a device is at work: two turns of a lidar.
+/// Number of valid frames after which a device is at work: two turns of a lidar.
 const AT_WORK: u64 = 180;
 
 /// The program counts a failure of each device that was at work and fell silent.
@@ -23,14 +23,14 @@ pub struct NoticesSilence {
 
 struct Watched {
     alarm: Alarm,
-    /// Without a codec each byte is taken for a sign of work.
+    /// Without a codec each byte counts as a sign of work.
     ear: Option<Shared<Ear>>,
     delivered: u64,
     heard_at: Instant,
     /// Valid frames so far, and since the last silence.
     frames: u64,
     worked: u64,
-    /// The counter when the last valid frame arrived: garbage is a failure as well.
+    /// Value of the counter at the last valid frame; garbage is also counted as a failure.
     counted: u64,
     silences: u64,
     is_judged: bool,
@@ -38,7 +38,7 @@ struct Watched {
 }
 
 impl NoticesSilence {
-    /// Listens to the links of `rig` whose silence the program must count `within` this time.
+    /// Observes the links of `rig` whose silence the program must count `within` this time.
     pub fn listening(rig: &mut Rig, instruments: &dyn Instruments, within: Duration) -> Self {
         let watched = instruments.alarms().iter().map(|&alarm| {
             let link = rig.links().iter().position(|link| link.name == alarm.link);
@@ -165,7 +165,7 @@ impl Checker for NoticesSilence {
         let watched = self.watched.iter().map(|one| {
             let ear = one.ear.as_ref().map(|ear| {
                 let old = ear.lock();
-                // A frame that has half arrived is not counted.
+                // An incomplete frame does not count.
                 Ear {
                     link: old.link,
                     codec: old.codec,

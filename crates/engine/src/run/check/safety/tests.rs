@@ -1,4 +1,4 @@
-//! What the checkers of safety make of single moments; whole runs are in `tests/rig/safety.rs`.
+//! Verdicts of the safety checkers on single moments; whole runs are in `tests/rig/safety.rs`.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -11,7 +11,7 @@ use crate::robots::Figure;
 use crate::robots::checker::{Look, Status};
 use crate::robots::instruments::Unknown;
 
-/// A robot that reported `told`, though it has `truth`.
+/// A robot that reported `told` while the true value is `truth`.
 struct Telling {
     told: f64,
     truth: f64,
@@ -48,8 +48,8 @@ fn observed(checker: &mut dyn Checker, looks: u64) -> Check {
     checker.verdict()
 }
 
-/// Half a volt is within the tolerance. The first report has no earlier truth beside it; three
-/// wrong ones in a row are a failure, so the fourth look decides.
+/// Half a volt is within the tolerance. The first report has no earlier true value; three wrong
+/// reports in a row are a failure, so the fourth update decides.
 #[test]
 fn three_wrong_reports_in_a_row_are_a_failure() {
     let told = |told, looks| {
@@ -66,8 +66,7 @@ fn three_wrong_reports_in_a_row_are_a_failure() {
     assert_eq!(none.status, Status::NotObserved);
 }
 
-/// A robot that names no link that it needs is not judged, and its verdict says which key is
-/// missing.
+/// A robot without needed links is not judged, and the verdict names the missing key.
 #[test]
 fn nothing_is_observed_without_links() {
     let within = Duration::from_secs(1);
@@ -79,8 +78,8 @@ fn nothing_is_observed_without_links() {
     assert_eq!(observed(&mut says, 3).status, Status::NotObserved);
 }
 
-/// Two queues were full, and a wrong baud rate is none. Notes count as well: a device that only
-/// notes it has lost bytes all the same.
+/// Two queues were full; a wrong baud rate does not count. Notes count as well, because a device
+/// that only notes an overflow has also lost bytes.
 #[test]
 fn queues_that_overflowed_are_counted() {
     let mut rig = rig();
@@ -127,8 +126,8 @@ fn named(outcome: crate::run::Outcome, name: &str) -> Check {
     found.expect("it is asked for")
 }
 
-/// A link that was never needed, or never silent, proves nothing. A lidar that falls silent under
-/// way does; a PC that the robot needs by hand only is not named beside it.
+/// A link that was never needed, or never silent, proves nothing. A lidar that falls silent while
+/// the robot drives does. A PC that only manual driving needs is not named.
 #[test]
 fn only_silences_of_needed_links_are_observed() {
     let judged = |fault: &str| {
@@ -152,7 +151,7 @@ fn only_silences_of_needed_links_are_observed() {
     );
 }
 
-/// With a program of a stranger the mode is unknown, and so is what is needed in some modes only.
+/// The mode of a foreign program is unknown, and so are the links that only some modes need.
 #[test]
 fn what_a_mode_needs_is_unknown_without_a_mode() {
     let rows = [
@@ -166,7 +165,7 @@ fn what_a_mode_needs_is_unknown_without_a_mode() {
     }
 }
 
-/// Along a wall the car sees with its board, and not with its camera.
+/// Along a wall the car needs its board, and not its camera.
 #[test]
 fn a_car_along_a_wall_needs_its_board() {
     let text = include_str!("../../../../../../scenarios/apollo13-wall.toml");
@@ -183,8 +182,8 @@ fn a_car_along_a_wall_needs_its_board() {
     }
 }
 
-/// A lidar that was never at work before it fell silent is none that fell silent. Garbage before a
-/// silence was counted already.
+/// A lidar that was never at work has not fallen silent. Garbage before a silence is already
+/// counted.
 #[test]
 fn only_a_device_at_work_falls_silent() {
     let cut = |from: &str| {

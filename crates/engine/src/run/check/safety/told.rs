@@ -10,12 +10,13 @@ use super::super::{Check, Checker, Look};
 use crate::rig::Rig;
 use crate::robots::{Figure, Instruments};
 
-/// Age of a figure: the search for the pose, the queue and the radio.
+/// Maximum age of a figure: the search for the pose, the queue and the radio.
 const AGE: Duration = Duration::from_millis(1_500);
-/// Reports in a row that must be wrong: one may come from a moment between two looks.
+/// Number of wrong reports in a row that fail: a single one may be from a moment between two
+/// updates.
 const WRONG_MIN: u32 = 3;
 
-/// The figures that the robot reported are those that it had then.
+/// The figures that the robot reported equal its true ones at that time.
 #[derive(Clone)]
 pub struct TelemetryTrue {
     instruments: Arc<dyn Instruments>,
@@ -25,7 +26,7 @@ pub struct TelemetryTrue {
 #[derive(Clone, Debug)]
 struct Watched {
     name: &'static str,
-    /// True values of late.
+    /// Recent true values.
     truths: VecDeque<(Instant, f64)>,
     told_at: Option<Instant>,
     reports: u64,
@@ -34,7 +35,7 @@ struct Watched {
 }
 
 impl TelemetryTrue {
-    /// Watches the figures of `instruments`.
+    /// Observes the figures of `instruments`.
     pub fn new(instruments: Arc<dyn Instruments>) -> Self {
         Self {
             instruments,
@@ -66,7 +67,7 @@ impl Watched {
         while self.truths.front().is_some_and(is_old) {
             self.truths.pop_front();
         }
-        // What arrived before the first look has no truth to compare with.
+        // A report before the first update has no true value to compare with.
         let is_new = self.told_at != Some(figure.at);
         let was_told = self.told_at.replace(figure.at).is_some();
         if !is_new || !was_told {
