@@ -1,8 +1,7 @@
 //! The model car's fielded program, its boards and its sketch.
 //!
-//! Defects of the program are shown by the program itself on a bench of bytes. Defects of a board
-//! or the sketch are shown by the emulated device in a world of its own. Wrong formulas are shown
-//! by figures.
+//! The program itself shows its defects on a bench of bytes. An emulated device in its own world
+//! shows the defects of a board or the sketch. Figures show wrong formulas.
 
 mod boards;
 mod laws;

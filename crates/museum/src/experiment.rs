@@ -4,8 +4,8 @@
 //! experiment --plan: seeds--> runs in virtual time --> findings: table, plot, figures
 //! ```
 //!
-//! Each experiment is a row of [`all`]. Its findings come from runs alone. The figure of the report
-//! stands beside them as text, without a verdict: the reader judges the accuracy of the model.
+//! Each experiment is a row of [`all`]. Its findings come only from runs. The figure of the report
+//! is printed beside them as text, without a verdict: the reader judges the accuracy of the model.
 
 mod car;
 mod heading;

@@ -1,5 +1,5 @@
 //! A robot in a world without wires: a lidar that measures while the robot moves, wheel counters,
-//! and a mapper. The lab can spoil the making of scans, which the program does not allow.
+//! and a mapper. The lab can disturb the assembly of scans, which the program does not allow.
 
 use core::time::Duration;
 use std::path::Path;
@@ -27,8 +27,8 @@ pub(super) enum Sense {
     Deskewed,
     /// The motion within a turn is kept.
     Raw,
-    /// The mapper takes the beams whenever it wakes: the newest ones from this turn, the others
-    /// from the turn before. Its clock and the lidar's differ by one per cent.
+    /// The mapper reads the beams when it wakes: the newest ones from this turn, the others from
+    /// the turn before. Its clock and the lidar's clock differ by one per cent.
     Unsynchronised,
 }
 

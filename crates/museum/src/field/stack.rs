@@ -73,7 +73,8 @@ pub(super) fn f_09(variant: Variant) -> Observation {
     seen.judged(after > Duration::from_millis(500))
 }
 
-/// Share, in percent, of a circle of 0.5 m around the pillar that the robot came within 0.25 m of.
+/// Share, in percent, of a circle of 0.5 m around the pillar that the robot approached to within
+/// 0.25 m.
 fn visited(way: &[(Instant, Pose)], middle: Point) -> usize {
     const PLACES: u16 = 36;
     let places = (0..PLACES).map(|place| {
@@ -134,7 +135,7 @@ impl Desk {
         }
     }
 
-    /// Advances time; returns whether the program asks for a connection.
+    /// Advances time; returns whether the program requests a connection.
     fn calls(&mut self, now: Instant) -> bool {
         match self {
             Self::Fielded(_) => now == Instant::ZERO,

@@ -339,7 +339,7 @@ mod tests {
         assert!(!PAGE.contains("unexpected") && !PAGE.contains("Partial"));
     }
 
-    /// Rows that take a moment.
+    /// Rows with a short run.
     const QUICK: [&str; 6] = [
         "rescue-lidar",
         "rescue-ramp",

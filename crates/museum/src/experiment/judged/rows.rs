@@ -1,4 +1,4 @@
-//! The rows: what the reports publish, typed as numbers, and the bands.
+//! The rows: figures that the reports publish, typed as numbers, and the bands.
 
 use std::sync::OnceLock;
 

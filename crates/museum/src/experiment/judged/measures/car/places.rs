@@ -30,7 +30,7 @@ pub(in super::super) const LOCALISED: Measure = Measure {
 
 /// Errors of the first estimate, metres.
 const OFF_M: [f64; 2] = [0.3, 1.0];
-/// Time of the wrong estimate, and seconds that are looked at.
+/// Time of the wrong estimate, and length of the examined time in seconds.
 const TOLD_S: u64 = 3;
 const SECONDS: u64 = 20;
 
@@ -101,7 +101,7 @@ fn goal(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     measured
 }
 
-/// The end of a drive, and 1 if nothing was touched.
+/// The end of a drive, and 1 if the car touched nothing.
 fn driven(text: &str, seed: u64) -> (Outcome, f64) {
     let mut run = start(text, seed, |_| {});
     while !run.is_over() {

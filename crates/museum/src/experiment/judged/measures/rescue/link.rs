@@ -1,4 +1,4 @@
-//! The lidar's stream, and the way of the map to the PC.
+//! The lidar's stream, and the transfer of the map to the PC.
 
 use core::time::Duration;
 use std::sync::{Arc, Mutex};
@@ -144,7 +144,7 @@ const CYCLE_MS: u32 = 200;
 const FREE_MS: u32 = 50;
 /// The transmit queue of the published program, bytes.
 const QUEUE: u32 = 1_500;
-/// Time after which a map is given up.
+/// Time after which the transfer of a map is aborted.
 const GIVEN_UP_S: f64 = 60.0;
 
 fn radio(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
@@ -314,7 +314,7 @@ const CELLS: usize = 90_000;
 
 fn bytes(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     let times = by_seed(plan, tell, |_| {
-        // Eight bits in place of ten.
+        // Eight bits instead of ten.
         let line = LineConfig::new_8n1(model.pick(BAUD, BAUD / 8 * 10));
         let scene = Scene::new(Vec::<Fixture>::new(), Vec::new()).expect("nothing is fine");
         let world = World::new(scene, BodyConfig::default(), Pose::default(), 1);
@@ -362,7 +362,7 @@ fn odometer(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
             let ticks = Wheel::ALL.map(|wheel| run.rig.world.encoder_ticks(wheel) as f64);
             (f64::midpoint(ticks[0], ticks[1]), run.rig.world.pose())
         };
-        // Parts of the drive in which the robot goes ahead.
+        // Parts of the drive in which the robot moves forwards.
         let looks: Vec<(f64, Pose)> = (20..150).map(&mut at).collect();
         let (mut ticks, mut far_m) = (0.0, 0.0_f64);
         for pair in looks.windows(2) {
@@ -386,8 +386,8 @@ pub(in super::super) const SMEAR: Measure = Measure {
     perform: smear,
 };
 
-/// A beam to the right looks at a wall at 45 degrees. Each millimetre ahead makes it a millimetre
-/// longer.
+/// A beam to the right meets a wall at 45 degrees. Each millimetre forwards lengthens the beam by a
+/// millimetre.
 fn smear(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     let steps = by_seed(plan, tell, |seed| {
         let wall = Shape::Wall {

@@ -15,7 +15,7 @@ use crate::experiment::judged::measures::{
 };
 use crate::experiment::runs::{FLAT, Spread, start};
 
-/// Page 22: a corridor along which the mapper cannot tell its position.
+/// Page 22: a corridor along which the mapper cannot determine its position.
 pub(in super::super) const CORRIDOR: Measure = Measure {
     name: "corridor",
     planted: "a room in place of the corridor",
@@ -96,7 +96,7 @@ fn people(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     measured
 }
 
-/// Pages 4 and 18: a list of waypoints is visited, the map drawn, and the robot comes back.
+/// Pages 4 and 18: the robot visits a list of waypoints, draws the map, and returns.
 pub(in super::super) const MISSION: Measure = Measure {
     name: "mission",
     planted: "a radio that loses the list of waypoints",
@@ -112,7 +112,7 @@ fn whole(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
         let [visited, demanded] = outcome.waypoints;
         let share = visited as f64 / demanded.max(1) as f64;
         let walls = outcome.wall_overlap.map_or(0.0, |overlap| overlap.least());
-        // A robot that never left did not come back.
+        // A robot that never left did not return.
         let back = if visited > 0 {
             check_passed(&outcome, "returned")
         } else {
@@ -137,7 +137,7 @@ pub(in super::super) const TURNING: Measure = Measure {
     perform: turning,
 };
 
-/// Minutes of the drive, and between looks at the map.
+/// Minutes of the drive, and between examinations of the map.
 const MINUTES: u64 = 20;
 const EVERY_MINUTES: u64 = 2;
 /// The weight of all rows of the report's mapper, of 256; the one behind the figure is not given.

@@ -58,7 +58,7 @@ fn search_time(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     measured
 }
 
-/// Figure 9 once more: the line of 360 points.
+/// Figure 9 again: the line of 360 points.
 pub(in super::super) const SEARCH_TIME_360: Measure = Measure {
     name: "search-time-360",
     planted: "the line drawn 20 tries farther right",
@@ -147,7 +147,7 @@ pub(in super::super) const REGULATOR: Measure = Measure {
     perform: regulator,
 };
 
-/// Searches until the regulator has settled, and all that are looked at: a minute.
+/// Number of searches until the regulator has settled, and of all examined ones: a minute.
 const SETTLED: usize = 60;
 const SEARCHES: usize = 300;
 

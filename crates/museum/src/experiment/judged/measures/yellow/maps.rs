@@ -1,4 +1,4 @@
-//! Lines, the map of one look, and the roadmap.
+//! Lines, the map of one scan, and the roadmap.
 
 use emulators::rng::Rng;
 use emulators::world::Pose as Truth;
@@ -65,7 +65,8 @@ fn lines_found(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// A scan of a square room, walls 1 m away, one of which has a fifth corner in its middle.
 fn bent(corner_deg: f64, dice: &mut Rng) -> Vec<Point> {
     let half = (180.0 - corner_deg).to_radians() / 2.0;
-    // Direction of each wall and its distance. The walls lie askew to the beams, as any room does.
+    // Direction of each wall and its distance. The walls are not aligned with the beams, as in any
+    // room.
     let front = 40_f64.to_radians();
     let quarter = core::f64::consts::FRAC_PI_2;
     let walls = [
@@ -105,7 +106,7 @@ fn polygon(corners: u32, dice: &mut Rng) -> Vec<Point> {
     (0..360).map(beam).collect()
 }
 
-/// Page 4: the map of one look.
+/// Page 4: the map of one scan.
 pub(in super::super) const LOCAL_MAP: Measure = Measure {
     name: "yellow-local-map",
     planted: "an orientation that is 15 degrees wrong",
@@ -160,7 +161,7 @@ fn local(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     measured
 }
 
-/// Whether a wall of the labyrinth is within a cell of a place.
+/// Whether a wall of the labyrinth is within a cell of a point.
 fn near_wall([x, y]: [f64; 2]) -> bool {
     LABYRINTH
         .iter()

@@ -28,7 +28,7 @@ fn of_pc(panels: &[Panel], name: &str) -> f64 {
         .unwrap_or(f64::NAN)
 }
 
-/// Seconds after which an event came.
+/// Time of an event, seconds.
 fn came_at(outcome: &Outcome, rule: &str) -> f64 {
     let event = outcome.events.iter().find(|event| event.event.rule == rule);
     event.map_or(f64::NAN, |event| {
@@ -88,7 +88,7 @@ pub(in super::super) const NEXT_VIEW: Measure = Measure {
 
 /// Cells of the labyrinth with its outer walls: 3.1 m by 2.5 m.
 const CELLS: f64 = 31.0 * 25.0;
-/// Number of views after which the map is looked at: half of the labyrinth's 20 tiles.
+/// Number of scans after which the map is examined: half of the labyrinth's 20 tiles.
 const VIEWS: f64 = 10.0;
 
 fn next_view(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {

@@ -1,4 +1,4 @@
-//! What Yellow's lidar sees from a place in a labyrinth, and its localisation by that.
+//! Scans of Yellow's lidar from points in a labyrinth, and its localisation by them.
 
 use emulators::rng::Rng;
 use emulators::world::{BodyConfig, Fixture, Point as Place, Pose as Truth, Scene, Shape, World};
@@ -53,7 +53,7 @@ const NOISE_M: f64 = 0.005;
 const BEAMS: u16 = 360;
 const RANGE_M: f64 = 5.0;
 
-/// Walls with nothing else.
+/// A world that contains only walls.
 pub(super) fn world(walls: &[&[[f64; 2]]], seed: u64) -> World {
     let place = |[x, y]: [f64; 2]| Place::new(x, y);
     let fixtures = walls.iter().flat_map(|path| {
@@ -98,7 +98,7 @@ pub(super) fn believed(at: Truth) -> Pose {
     Pose::new(x, y, heading)
 }
 
-/// The map that looks from all `places` give.
+/// The map from scans at all `places`.
 pub(super) fn map(world: &World, places: &[[f64; 2]], dice: &mut Rng) -> CellMap {
     let mut map = CellMap::new(100.0, 5, 100_000);
     for [x, y] in places {
@@ -118,7 +118,7 @@ pub(super) fn middles() -> Vec<[f64; 2]> {
     rows.map(middle).collect()
 }
 
-/// Pages 5 and 7: localisation by a single look.
+/// Pages 5 and 7: localisation by a single scan.
 pub(in super::super) const LOCALISED: Measure = Measure {
     name: "yellow-localised",
     planted: "the best match alone decides, without votes",
