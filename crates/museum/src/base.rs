@@ -38,52 +38,52 @@ pub(super) const ROWS: [Bug; 25] = [
     ),
     both(
         "AV-03b",
-        "a write behind the registers is applied, and acknowledged with the bytes of a refusal",
+        "a write behind the registers is executed, and acknowledged with the bytes of an error",
         frames::av_03b,
     ),
     both(
         "AV-03c",
-        "a write behind the registers lands in the parser itself and is acknowledged",
+        "a write behind the registers changes the parser itself and is acknowledged",
         frames::av_03c,
     ),
     both(
         "AV-04",
-        "a write of 127 bytes is never answered: its counter of eight bits has a sign",
+        "a write of 127 bytes is never answered: its counter of eight bits is signed",
         frames::av_04,
     ),
     both(
         "AV-05",
-        "the battery's low byte holds its high byte: 12 V read as 46 mV",
+        "the battery's low byte contains its high byte: 12 V are read as 46 mV",
         hardware::av_05,
     ),
     both(
         "AV-06",
-        "a pause of 1.5 ms inside a frame can cost the frame, without a word",
+        "a pause of 1.5 ms inside a frame can cause its loss, without an error",
         frames::av_06,
     ),
     both(
         "AV-07",
-        "a request right behind another one is dropped",
+        "a request immediately after another one is dropped",
         frames::av_07,
     ),
     both(
         "AV-08",
-        "a request that comes while a long reply is sent loses its head",
+        "a request that arrives during a long reply loses its first bytes",
         frames::av_08,
     ),
     both(
         "AV-09",
-        "a stray start byte costs the request behind it",
+        "a stray start byte causes the loss of the request after it",
         frames::av_09,
     ),
     both(
         "AV-10",
-        "a stray header swallows what follows",
+        "a stray header consumes the bytes after it",
         frames::av_10,
     ),
     both(
         "AV-11",
-        "a write to a read-only register is acknowledged, and gone",
+        "a write to a read-only register is acknowledged, and lost",
         frames::av_11,
     ),
     both(
@@ -93,7 +93,7 @@ pub(super) const ROWS: [Bug; 25] = [
     ),
     both(
         "AV-13",
-        "the speed register shows 100 while 35 is obeyed",
+        "the speed register shows 100 while the base uses 35",
         hardware::av_13,
     ),
     both(
@@ -103,7 +103,7 @@ pub(super) const ROWS: [Bug; 25] = [
     ),
     both(
         "AV-15",
-        "wheels faster than 996 edges a second lose ticks",
+        "wheels faster than 996 edges per second lose ticks",
         hardware::av_15,
     ),
     both(
@@ -113,12 +113,12 @@ pub(super) const ROWS: [Bug; 25] = [
     ),
     both(
         "AV-17",
-        "with debug text on, replies come later than the master waits",
+        "with debug text enabled, replies arrive after the master's timeout",
         hardware::av_17,
     ),
     both(
         "AV-18",
-        "battery per cent are 0 at first and never rise",
+        "the battery's percentage begins at 0 and never rises",
         hardware::av_18,
     ),
     both(
@@ -139,14 +139,14 @@ pub(super) const ROWS: [Bug; 25] = [
     Bug::new(
         "H-AV-1",
         BASE,
-        "speeds, then silence: the time-out clears the set-points, the registers restore them",
+        "after a silence the time-out clears the set-points, but the registers restore them",
         BUILD_2014,
         hardware::h_av_1,
     ),
     Bug::new(
         "H-AV-2",
         BASE,
-        "speed -20 is taken for 236: full ahead",
+        "speed -20 is read as 236: full speed ahead",
         BUILD_2014,
         hardware::h_av_2,
     ),

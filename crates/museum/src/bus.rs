@@ -18,13 +18,13 @@ pub(super) const ROWS: [Bug; 10] = [
     Bug::mutant(
         "MA-01",
         MASTER,
-        "every good reply: a byte of the checksum lands one past the reader's buffer",
+        "every valid reply writes a byte of its checksum one past the reader's buffer",
         ma_01,
     ),
     Bug::mutant(
         "MA-02",
         MASTER,
-        "a reply whose count was damaged to 126 runs 117 bytes over a buffer of 10",
+        "a reply with a count damaged to 126 writes 117 bytes behind a buffer of 10",
         ma_02,
     ),
     Bug::mutant(
@@ -36,7 +36,7 @@ pub(super) const ROWS: [Bug; 10] = [
     Bug::mutant(
         "MA-04",
         MASTER,
-        "a reply of two bytes to a read of ten is taken; the rest is what lay there",
+        "a reply of two bytes to a read of ten is accepted; the other bytes keep old values",
         ma_04,
     ),
     Bug::mutant(
@@ -48,19 +48,19 @@ pub(super) const ROWS: [Bug; 10] = [
     Bug::mutant(
         "MA-06",
         MASTER,
-        "a frame without a waiting reader is written where a finished read had its buffer",
+        "a frame without a waiting reader is written to the buffer of a finished read",
         ma_06,
     ),
     Bug::mutant(
         "MA-07",
         MASTER,
-        "the master does not notice a base that is silent for ever",
+        "the master does not notice a base that stays silent",
         ma_07,
     ),
     Bug::mutant(
         "MA-08",
         MASTER,
-        "the battery's read takes the line from the encoders' read: answers get mixed",
+        "the read of the battery interrupts the read of the encoders: answers get mixed",
         ma_08,
     ),
     Bug::mutant(
@@ -72,7 +72,7 @@ pub(super) const ROWS: [Bug; 10] = [
     Bug::mutant(
         "MA-10",
         MASTER,
-        "20 ticks in 40 ms are told as 2 mm/s",
+        "20 ticks in 40 ms are reported as 2 mm/s",
         ma_10,
     ),
 ];

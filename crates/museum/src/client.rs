@@ -26,12 +26,12 @@ const fn fielded(id: &'static str, sees: &'static str, show: fn(Variant) -> Obse
 pub(super) const ROWS: [Bug; 10] = [
     fielded(
         "UI-01",
-        "one flipped bit of an id makes a plain row a coded one, which is painted",
+        "one flipped bit of an id turns a plain row into a coded one, which is drawn",
         screen::ui_01,
     ),
     fielded(
         "UI-02",
-        "a frame that is too short, or of a row beyond the map: the program is deaf for good",
+        "a frame that is too short, or has a row outside the map: the program ignores all later ones",
         screen::ui_02,
     ),
     fielded(
@@ -46,27 +46,27 @@ pub(super) const ROWS: [Bug; 10] = [
     ),
     fielded(
         "UI-05",
-        "a click behind the robot's own list takes a number that is in use: the wrong one is deleted",
+        "a click after the robot's own list uses an existing number: the wrong waypoint is deleted",
         clicks::ui_05,
     ),
     fielded(
         "UI-06",
-        "a click on a button beside the map is a waypoint: the robot sets off",
+        "a click on a button beside the map sets a waypoint: the robot starts",
         clicks::ui_06,
     ),
     fielded(
         "UI-07",
-        "a click before the map's size is known is a waypoint at (0, 0)",
+        "a click before the map's size is known sets a waypoint at (0, 0)",
         clicks::ui_07,
     ),
     fielded(
         "UI-08",
-        "a stray P before a frame costs the frame",
+        "a stray P before a frame causes the loss of the frame",
         screen::ui_08,
     ),
     fielded(
         "UI-09",
-        "the rows of a map that is not square are painted over each other",
+        "the rows of a map that is not square are drawn over each other",
         screen::ui_09,
     ),
     fielded(

@@ -20,37 +20,37 @@ pub(super) const ROWS: [Bug; 15] = [
     Bug::mutant(
         "SL-01",
         MAPPER,
-        "after seven improvements a remainder by zero: candidates a million metres away",
+        "after seven improvements the search computes a remainder by zero: candidates are a million metres away",
         search::sl_01,
     ),
     Bug::mutant(
         "SL-02",
         MAPPER,
-        "after four improvements the heading is tried all around the circle",
+        "after four improvements the search tries headings of the whole circle",
         search::sl_02,
     ),
     Bug::mutant(
         "SL-03",
         MAPPER,
-        "17 overruns: the budget of tries falls below 0 and reads as 65486, ten seconds a scan",
+        "after 17 overruns the budget of tries wraps to 65486: a scan takes ten seconds",
         search::sl_03,
     ),
     Bug::mutant(
         "SL-04",
         MAPPER,
-        "minutes without a valid beam wind the budget up: the first scans after it take seconds",
+        "minutes without a valid beam increase the budget: the next scans take seconds",
         search::sl_04,
     ),
     Bug::mutant(
         "SL-05",
         MAPPER,
-        "while the robot turns fast the map can only be erased",
+        "while the robot turns fast, updates can only erase the map",
         drawing::sl_05,
     ),
     Bug::mutant(
         "SL-06",
         MAPPER,
-        "the weight of an update is a ceiling: no wall ever gets black",
+        "the weight of an update limits the value of a cell: no wall becomes black",
         drawing::sl_06,
     ),
     Bug::mutant(
@@ -62,7 +62,7 @@ pub(super) const ROWS: [Bug; 15] = [
     Bug::mutant(
         "SL-08",
         ODOMETRY,
-        "after two turns a nearly straight way counts as none",
+        "after two turns a nearly straight path counts as no motion",
         way::sl_08,
     ),
     Bug::mutant(
@@ -74,13 +74,13 @@ pub(super) const ROWS: [Bug; 15] = [
     Bug::mutant(
         "SL-10",
         MAPPER,
-        "at the map's edge one point on a wall beats a full match",
+        "at the map's edge one point on a wall scores higher than a full match",
         search::sl_10,
     ),
     Bug::mutant(
         "SL-11",
         MAPPER,
-        "the quality of a good match is told as a negative number",
+        "the quality of a good match is reported as a negative number",
         search::sl_11,
     ),
     Bug::mutant(
@@ -92,19 +92,19 @@ pub(super) const ROWS: [Bug; 15] = [
     Bug::mutant(
         "SL-13",
         ODOMETRY,
-        "after 91 turns the heading that the PC is told is negative",
+        "after 91 turns the heading that the PC receives is negative",
         way::sl_13,
     ),
     Bug::mutant(
         "SL-14",
         MAPPER,
-        "mapping switched on after a drive without it: the pose jumps by the whole way",
+        "mapping is enabled after a drive without it: the pose jumps by the whole path",
         way::sl_14,
     ),
     Bug::mutant(
         "H-SL-1",
         MAPPER,
-        "the search never narrows: it ends farther from the place that fits",
+        "the search never narrows its range: it ends farther from the best pose",
         search::h_sl_1,
     ),
 ];

@@ -24,19 +24,19 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "NV-02",
         NAVIGATION,
-        "after two turns the robot spins them back before it drives on",
+        "after two turns the robot turns back by both before it continues",
         nv_02,
     ),
     Bug::mutant(
         "NV-03",
         NAVIGATION,
-        "removing the first waypoint loses the list, and its count keeps orphans",
+        "removing the first waypoint loses the list, but its count still includes the lost ones",
         nv_03,
     ),
     Bug::mutant(
         "NV-04",
         NAVIGATION,
-        "told to stop, the robot rolls on until the base's time-out",
+        "after the order to stop, the robot keeps rolling until the base's time-out",
         nv_04,
     ),
     Bug::mutant(

@@ -17,31 +17,31 @@ pub(super) const ROWS: [Bug; 22] = [
     Bug::mutant(
         "PU-01",
         PC_LINK,
-        "a stray P before a frame costs the frame",
+        "a stray P before a frame causes the loss of the frame",
         receiver::pu_01,
     ),
     Bug::mutant(
         "PU-02",
         PC_LINK,
-        "a checksum whose second byte is 80 or more is refused",
+        "a checksum whose second byte is 80 or more is rejected",
         receiver::pu_02,
     ),
     Bug::mutant(
         "PU-03",
         PC_LINK,
-        "one header with a length of 8000: the receiver is deaf until the robot is restarted",
+        "after a header with a length of 8000 the receiver ignores all frames until a restart",
         receiver::pu_03,
     ),
     Bug::mutant(
         "PU-04",
         PC_LINK,
-        "a frame without payload takes a byte of the next one, which is lost",
+        "a frame without payload consumes a byte of the next frame, which is lost",
         receiver::pu_04,
     ),
     Bug::mutant(
         "PU-05",
         PC_LINK,
-        "a list that says 50 and holds one waypoint yields 49 phantoms",
+        "a list with the count 50 and one waypoint yields 49 false waypoints",
         receiver::pu_05,
     ),
     Bug::mutant(
@@ -59,26 +59,26 @@ pub(super) const ROWS: [Bug; 22] = [
     Bug::new(
         "PU-08",
         PC_LINK,
-        "the first of three waypoints is deleted: the list names one that is gone, the robot crashes",
+        "the first of three waypoints is deleted: the list refers to it, and the robot crashes",
         CLIENT,
         pu_08,
     ),
     Bug::mutant(
         "PU-09",
         PC_LINK,
-        "two waypoints behind the same one: a link to an object that is gone",
+        "two waypoints after the same one: a link to a deleted object",
         orders::pu_09,
     ),
     Bug::mutant(
         "PU-10",
         PC_LINK,
-        "a shorter list while heading for the third waypoint: the robot drives to (-1, -1)",
+        "a shorter list arrives on the drive to the third waypoint: the robot drives to (-1, -1)",
         orders::pu_10,
     ),
     Bug::mutant(
         "PU-11",
         PC_LINK,
-        "an empty list begins an exploration",
+        "an empty list starts an exploration",
         orders::pu_11,
     ),
     Bug::mutant(
@@ -90,20 +90,20 @@ pub(super) const ROWS: [Bug; 22] = [
     Bug::new(
         "PU-13",
         PC_LINK,
-        "the 57th waypoint makes a list that the robot does not take, without an error",
+        "with the 57th waypoint the robot ignores the list, without an error",
         CLIENT,
         pu_13,
     ),
     Bug::mutant(
         "PU-14",
         PC_LINK,
-        "one received byte is looked at per row sent: a list takes as many rows as it has bytes",
+        "the program reads one byte per sent row: a list takes as many rows as it has bytes",
         receiver::pu_14,
     ),
     Bug::mutant(
         "PU-15",
         PC_LINK,
-        "bytes received while the link was switched off are parsed later as a torn frame",
+        "bytes received while the link is switched off are parsed later as a broken frame",
         switched::pu_15,
     ),
     Bug::mutant(
@@ -115,13 +115,13 @@ pub(super) const ROWS: [Bug; 22] = [
     Bug::mutant(
         "PU-17",
         PC_LINK,
-        "once the send queue was full, every byte is sent twice for ever",
+        "after the send queue was full, every byte is sent twice",
         sender::pu_17,
     ),
     Bug::mutant(
         "PU-18",
         PC_LINK,
-        "debug text stands inside of frames",
+        "debug text appears inside of frames",
         sender::pu_18,
     ),
     Bug::mutant(
@@ -133,21 +133,21 @@ pub(super) const ROWS: [Bug; 22] = [
     Bug::mutant(
         "PU-20",
         PC_LINK,
-        "an order to drive by hand is forgotten at the next scan",
+        "an order to drive by hand is lost at the next scan",
         orders::pu_20,
     ),
     Bug::mutant(
         "PU-21",
         PC_LINK,
-        "the orders to drive by hand stop, the robot does not",
+        "the orders to drive by hand end, but the robot keeps driving",
         orders::pu_21,
     ),
     Bug {
         id: "PU-22",
         place: PC_LINK,
-        sees: "a payload of 512 bytes is refused though the buffer holds it",
+        sees: "a payload of 512 bytes is rejected although the buffer has room",
         live: Live::Not(
-            "a wrong figure in the document: 511 is the limit of the fielded ends, and is kept there",
+            "a wrong figure in the document: both fielded programs have the limit 511 and keep it",
         ),
     },
 ];

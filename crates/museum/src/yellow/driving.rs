@@ -20,31 +20,31 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YM-01",
         MOTION,
-        "a counter wraps: what it ran since the sample before is replaced by the old figure",
+        "a counter wraps: the figure of the previous sample replaces the new one",
         ym_01,
     ),
     Bug::mutant(
         "YM-02",
         MOTION,
-        "the way of a sample is laid along the heading at its end: curves come out turned",
+        "the path of a sample is added along the heading at its end: curves are rotated",
         ym_02,
     ),
     Bug::mutant(
         "YM-03",
         MOTION,
-        "control has no integral part: on a weak battery the wheels stay below their set-point",
+        "the control has no integral part: with a weak battery the wheels stay below their set-point",
         ym_03,
     ),
     Bug::mutant(
         "YR-01",
         REACTIVE,
-        "the formula asks for 13 rad/s where 3 are possible: bang-bang, a little to the left",
+        "the formula demands 13 rad/s where 3 are possible: bang-bang, slightly to the left",
         yr_01,
     ),
     Bug::mutant(
         "YR-02",
         REACTIVE,
-        "the sensors' curve is right near the robot only: 0.8 m are read as 0.38 m",
+        "the sensors' curve is right only near the robot: 0.8 m are read as 0.38 m",
         yr_02,
     ),
 ];

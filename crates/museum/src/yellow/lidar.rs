@@ -15,7 +15,7 @@ pub(super) const ROWS: [Bug; 7] = [
     Bug::mutant(
         "YL-01",
         LIDAR,
-        "nodes are groups of five bytes by count: one lost byte, and no node is one any more",
+        "nodes are groups of five bytes by count: after one lost byte no node is valid",
         yl_01,
     ),
     Bug::new(
@@ -28,7 +28,7 @@ pub(super) const ROWS: [Bug; 7] = [
     Bug::new(
         "YL-01c",
         LIDAR,
-        "the stream is not drained before a start: its rest is skipped in the descriptor's place",
+        "the stream is not drained before a start: its rest is skipped instead of the descriptor",
         WITH_YL_01,
         yl_01c,
     ),
@@ -41,13 +41,13 @@ pub(super) const ROWS: [Bug; 7] = [
     Bug::mutant(
         "YL-03",
         LIDAR,
-        "angles are 360 less whole degrees: straight ahead is written beside an array of 360",
+        "angles are 360 minus whole degrees: straight ahead is written outside an array of 360",
         yl_03,
     ),
     Bug::mutant(
         "YL-04",
         LIDAR,
-        "the robot does not notice a Protection Stop: the ranges from before stay for ever",
+        "the robot does not notice a Protection Stop: the old ranges stay",
         yl_04,
     ),
     Bug::mutant(

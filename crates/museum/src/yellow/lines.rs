@@ -12,13 +12,13 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YN-01",
         LINES,
-        "a cosine is compared with an angle: corners of 45 degrees are no corners",
+        "a cosine is compared with an angle: corners of 45 degrees are not found",
         yn_01,
     ),
     Bug::mutant(
         "YN-02",
         LINES,
-        "of two regions that are too short the second stays: the loop has stepped over it",
+        "of two regions that are too short the second one stays: the loop skips it",
         yn_02,
     ),
     Bug::mutant(
@@ -30,7 +30,7 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YN-04",
         LINES,
-        "the first point is left out: a wall of three points is none",
+        "the first point is omitted: a wall of three points is not found",
         yn_04,
     ),
     Bug::mutant(

@@ -12,7 +12,7 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YF-01",
         LINK,
-        "a wrong checksum is noted and then overwritten: a flipped bit is a speed of 1 m/s",
+        "a checksum mismatch is recorded and then overwritten: a flipped bit is a speed of 1 m/s",
         yf_01,
     ),
     Bug::mutant(
@@ -24,19 +24,19 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YF-03",
         LINK,
-        "what comes before the program has looked at a frame is thrown away",
+        "bytes that arrive before the program has read a frame are discarded",
         yf_03,
     ),
     Bug::mutant(
         "YF-04",
         LINK,
-        "a scan of each degree does not fit: the message before is sent again",
+        "a scan with a value per degree does not fit: the previous message is sent again",
         yf_04,
     ),
     Bug::mutant(
         "YF-05",
         LINK,
-        "its own scan, sent back by the radio, is a telecommand: the robot believes to be at 0, 0",
+        "the robot takes its own scan, echoed by the radio, for a telecommand: its pose becomes 0, 0",
         yf_05,
     ),
 ];

@@ -14,31 +14,31 @@ pub(super) const ROWS: [Bug; 5] = [
     Bug::mutant(
         "YS-01",
         STATES,
-        "the PC is gone: the speed by hand stays for ever, its watchdog is never looked at",
+        "the PC disconnects: the speed by hand stays, because its watchdog is never checked",
         ys_01,
     ),
     Bug::mutant(
         "YS-02",
         STATES,
-        "a goal that comes at the end of a manoeuvre is erased: the robot switches off",
+        "a goal that arrives at the end of a manoeuvre is erased: the robot switches off",
         ys_02,
     ),
     Bug::mutant(
         "YS-03",
         STATES,
-        "the machine runs each 10 ms, the report says each 1 ms",
+        "the state machine runs every 10 ms; the report says every 1 ms",
         ys_03,
     ),
     Bug::mutant(
         "YA-01",
         POSITION,
-        "to a heading behind the back of the circle the robot turns the long way round",
+        "the robot turns in the long direction if the heading wraps around",
         ya_01,
     ),
     Bug::mutant(
         "YA-02",
         POSITION,
-        "a goal behind it on the way: the robot drives on ahead in the old one's step",
+        "a new goal is behind the moving robot: it continues ahead in the step of the old goal",
         ya_02,
     ),
 ];
