@@ -5,79 +5,76 @@
 const MEANINGS: [(&str, &str); 25] = [
     (
         "set-points-in-range",
-        "No axis is told more than it can do.",
+        "No set-point exceeds the limits of its axis.",
     ),
     (
         "motors-stop-after-silence",
-        "The base stops its motors when nothing reaches it any more.",
+        "The base stops its motors when it receives nothing any more.",
     ),
     (
         "no-collision-at-speed",
-        "The robot touches nothing faster than it may.",
+        "The robot touches no obstacle faster than allowed.",
     ),
     (
         "bytes-conserved",
-        "Each byte that was sent arrived, or a fault or a full buffer took it.",
+        "Each sent byte arrived, or was lost by a fault or in a full buffer.",
     ),
     (
         "memory-intact",
-        "The program writes into none but its own buffers.",
+        "The program writes only inside its own buffers.",
     ),
-    ("program-alive", "The program lives to the end."),
+    ("program-alive", "The program runs to the end."),
+    ("program-connected", "The program opens its required ports."),
     (
-        "program-connected",
-        "The program opens the ports that it needs.",
+        "program-reads",
+        "The program reads the bytes that wait at its ports.",
     ),
-    ("program-reads", "The program reads what waits for it."),
     (
         "program-goes-on",
-        "The program goes on sending and reading until it ends.",
+        "The program continues to send and read until it ends.",
     ),
     (
         "port-settings",
-        "Line settings of the program that changed bytes on their way.",
+        "nothing. The check lists line settings of the program that changed bytes.",
     ),
     (
         "watchdog",
-        "Nothing: it says which devices stopped by themselves for want of commands.",
+        "nothing. The check lists devices that stopped by themselves, because they received no commands.",
     ),
-    ("no-children-left", "The program leaves no process behind."),
+    (
+        "no-children-left",
+        "The program leaves no running child process.",
+    ),
     (
         "set-points-as-accepted",
-        "The axes do what the last sound frame said.",
+        "The axes obey the last valid frame.",
     ),
     (
         "waypoints-visited",
-        "The robot truly comes near each waypoint, in order.",
+        "The robot's true position reaches each waypoint, in order.",
     ),
     (
         "returned",
-        "In the end the robot is near its last waypoint.",
+        "At the end the robot rests near its last waypoint.",
     ),
-    (
-        "pose-rms",
-        "Where the robot believes to be is near where it is.",
-    ),
-    (
-        "heading-rms",
-        "Where it believes to look is near where it looks.",
-    ),
+    ("pose-rms", "The believed position is near the true one."),
+    ("heading-rms", "The believed heading is near the true one."),
     (
         "wall-overlap",
-        "The walls of its map are the walls of the world.",
+        "The walls of the robot's map match the walls of the world.",
     ),
-    ("map-received", "The PC got the whole map."),
-    ("violations", "The program keeps the rules of its devices."),
-    ("rig-on-time", "The rig itself kept up with the wall clock."),
+    ("map-received", "The PC received the complete map."),
+    ("violations", "The program obeys the rules of its devices."),
+    (
+        "rig-on-time",
+        "The rig was not too late against the wall clock.",
+    ),
     ("ran-to-its-end", "The run was not ended early."),
     (
         "mission-step",
-        "A condition of the mission came true in time.",
+        "A condition of the mission became true in time.",
     ),
-    (
-        "at-work-again",
-        "After a fault the program goes back to work.",
-    ),
+    ("at-work-again", "After a fault the program works again."),
     (
         "same-outputs",
         "The program sends the same bytes as before.",
