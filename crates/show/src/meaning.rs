@@ -61,7 +61,7 @@ const MEANINGS: [(&str, &str); 25] = [
     ("heading-rms", "The believed heading is near the true one."),
     (
         "wall-overlap",
-        "The walls of the robot's map match the walls of the world.",
+        "The walls of the map match the walls of the world.",
     ),
     ("map-received", "The PC received the complete map."),
     ("violations", "The program obeys the rules of its devices."),
