@@ -69,7 +69,7 @@ impl<D: Decode> Drop for Frames<'_, D> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// The checksum computed from the bytes is not the one that came with them.
+    /// The computed checksum differs from the received one.
     Checksum {
         /// Computed from the frame.
         expected: u32,
@@ -88,7 +88,7 @@ pub enum FrameError {
         /// Bytes that had arrived.
         found: u32,
     },
-    /// An escape byte came before a byte that needs no escape.
+    /// An escape byte before a byte that needs no escape.
     Escape {
         /// The byte behind the escape byte.
         found: u8,

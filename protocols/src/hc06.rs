@@ -266,7 +266,7 @@ mod tests {
         assert_eq!(names, ["linvor-1.8", "hc01-2.0", "3.0-20170609"]);
     }
 
-    /// Role and LED came with 2.0; 3.0 knows none of these commands.
+    /// Role and LED exist from 2.0 on; 3.0 supports none of these commands.
     #[test]
     fn commands_are_known_to_their_families() {
         let known = |command: Command<'_>| Family::ALL.map(|family| command.is_known_to(family));

@@ -73,8 +73,8 @@ impl LineConfig {
         Duration::from_nanos(self.bits_per_byte() as u64 * count * 1_000_000_000 / self.baud as u64)
     }
 
-    /// End of a byte behind which `behind` more came back to back, the last of them ending at
-    /// `end`; never before [`Instant::ZERO`].
+    /// End of a byte after which `behind` more bytes followed without a gap, the last of them
+    /// ending at `end`; never before [`Instant::ZERO`].
     pub fn byte_end(self, end: Instant, behind: u64) -> Instant {
         Instant::ZERO + (end - Instant::ZERO).saturating_sub(self.bytes_time(behind))
     }

@@ -434,7 +434,8 @@ mod tests {
         assert_eq!([ON, OFF].map(|op| means(op, 8)), [false; 2]);
     }
 
-    /// T2: 4 bytes in front and 2 behind. A buffer that is 1 to 3 bytes short holds nothing.
+    /// T2: 4 bytes before the payload and 2 behind it. A buffer that is 1 to 3 bytes too short
+    /// stays unchanged.
     #[test]
     fn a_frame_needs_all_its_room() {
         let sealed = |room: usize| seal(&mut [0; 1000][..room], ON, 5);
@@ -446,7 +447,7 @@ mod tests {
         );
     }
 
-    /// T2: a row of 480 pixels is the longest that goes out pixel by pixel.
+    /// T2: a row of 480 pixels is the longest that is sent pixel by pixel.
     #[test]
     fn pixels_end_with_their_frame() {
         let row: [u16; 482] = core::array::from_fn(|x| u16::from(x % 2 == 0));

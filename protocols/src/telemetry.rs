@@ -34,7 +34,7 @@ pub const PAYLOAD_MAX: usize = 3_200;
 /// The longest frame: every byte but the first is escaped.
 pub const FRAME_MAX: usize = 1 + 2 * (2 + PAYLOAD_MAX + 1);
 
-/// A payload and the checksum that came with it.
+/// A payload and its received checksum.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Frame {
     payload: [u8; PAYLOAD_MAX],

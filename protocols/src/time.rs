@@ -101,7 +101,7 @@ mod tests {
 
     use super::*;
 
-    /// 584 years are the end of time; before the beginning there is nothing.
+    /// The maximum is 584 years; the minimum is zero.
     #[test]
     fn time_saturates_at_both_ends() {
         let end = Instant::from_nanos(u64::MAX);

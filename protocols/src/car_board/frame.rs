@@ -85,7 +85,7 @@ impl Default for FrameFormat {
     }
 }
 
-/// Finds frames. One that came is given out when the next one begins or the line goes idle.
+/// Finds frames. A complete frame is returned when the next one begins or the line is idle.
 pub type Decoder = crate::Decoder<FrameFormat, { FRAME_LEN + SYNC.len() }>;
 
 impl FrameFormat {

@@ -291,8 +291,8 @@ fn damaged(frames: &[Frame], at: usize, damage: Damage) -> Vec<u8> {
 }
 
 proptest! {
-    /// For any damage to one byte: from the second frame behind the damaged one, all frames are
-    /// right, and no more frames come out than went in.
+    /// After any damage to one byte, all frames from the second one behind the damaged frame are
+    /// right, and the decoder returns no more frames than were sent.
     #[test]
     fn ap1_one_damaged_byte_costs_at_most_two_frames(
         readings in vec(readings(), 8),

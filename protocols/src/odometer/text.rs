@@ -51,7 +51,7 @@ impl fmt::Debug for Text {
 }
 
 impl fmt::Write for Text {
-    /// An error if there is no room; nothing is written then.
+    /// An error if there is no room; no byte is written then.
     fn write_str(&mut self, text: &str) -> fmt::Result {
         let end = self.len + text.len();
         let room = self.bytes.get_mut(self.len..end).ok_or(fmt::Error)?;

@@ -430,7 +430,7 @@ mod tests {
         assert_eq!(seal(&mut frame[..918], *b"MAP", 902), None);
     }
 
-    /// A header alone says whether its payload may be waited for.
+    /// The header alone decides whether to wait for the payload.
     #[test]
     fn the_longest_payload_is_waited_for_and_one_byte_more_is_not() {
         use crate::pcui::PAYLOAD_MAX;
@@ -448,7 +448,7 @@ mod tests {
         assert_eq!(judged(PAYLOAD_MAX + 1), Some(Err(error)));
     }
 
-    /// In a log a frame stands as its name and bytes.
+    /// A log shows a frame as its name and bytes.
     #[test]
     fn a_log_shows_name_and_bytes() {
         extern crate std;

@@ -29,7 +29,7 @@ pub mod kind {
     pub const ACC_BOARD: u8 = 0xFF;
 }
 
-/// Whether a payload comes once or repeats.
+/// Whether a payload is sent once or repeatedly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfer {
     /// One payload.
@@ -362,7 +362,7 @@ impl ConfKey {
 /// A piece of configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Conf<'a> {
-    /// Number of the key, as asked for.
+    /// Number of the requested key.
     pub key: u32,
     /// The value; empty if the sensor does not know it.
     pub value: &'a [u8],

@@ -154,7 +154,7 @@ pub(super) fn may_begin(bytes: &[u8]) -> bool {
         .all(|(byte, sync)| byte & 0xF0 == sync)
 }
 
-/// The checksum that came with a capsule, in the low nibbles of its first two bytes.
+/// The checksum in a capsule, from the low nibbles of its first two bytes.
 pub(super) const fn found_checksum(first: u8, second: u8) -> u8 {
     first & 0x0F | second << 4
 }

@@ -146,7 +146,7 @@ struct Answers {
 }
 
 impl Answers {
-    /// Judges `bytes`; `is_last`: no more will come.
+    /// Judges `bytes`; `is_last`: no more bytes will follow.
     fn judge(self, bytes: &[u8], is_last: bool) -> Candidate {
         match self.mode {
             Mode::Answers if self.has_requests => judge_both(bytes),
@@ -241,7 +241,7 @@ const fn is_cut(bytes: &[u8]) -> bool {
     bytes.len() < DESCRIPTOR_LEN
 }
 
-/// Whether this is a descriptor, and one of those that this sensor sends.
+/// Whether this is a known descriptor of this sensor.
 fn is_known(head: [u8; DESCRIPTOR_LEN]) -> bool {
     let descriptor = Descriptor::from_started(head).filter(|_| begins_answer(&head));
     descriptor.is_some_and(|descriptor| {

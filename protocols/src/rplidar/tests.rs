@@ -113,7 +113,7 @@ fn the_document_s_requests_are_read_from_their_bytes() {
     assert_eq!(with(0xFF, &[0, 0, 0, 0]), Some(Command::AccBoard));
 }
 
-/// In a log a request or an answer stands as its bytes.
+/// A log shows a request or an answer as its bytes.
 #[test]
 fn a_log_shows_bytes() {
     let request = std::format!("{:?}", Command::Stop.request());
@@ -353,8 +353,8 @@ fn the_first_capsule_is_told_at_any_angle() {
     }
 }
 
-/// From 350 degrees to 14 are 24 degrees: 0.75 a sample. Sample 16 lies at 362 - 7 = 355 degrees.
-/// An offset of 0x38 is 7 degrees; taken with a sign it would be -1, 8 degrees off.
+/// From 350 degrees to 14 degrees are 24 degrees: 0.75 per sample. Sample 16 is at 362 - 7 = 355
+/// degrees. An offset of 0x38 is 7 degrees; with a sign it would be -1, 8 degrees off.
 #[test]
 fn offsets_are_taken_off_without_sign_across_zero() {
     let mut samples = [CapsuleSample::default(); CAPSULE_SAMPLES];
@@ -481,7 +481,7 @@ fn the_start_text_is_noise() {
     assert_eq!((wire(&frames), discarded), (INFO.to_vec(), 37));
 }
 
-/// A request during a scan ends it: its answer comes behind the last node.
+/// A request during a scan ends it: its answer follows the last node.
 #[test]
 fn an_answer_ends_a_stream_of_either_kind() {
     let nodes = [&SCAN[..], &nodes(20).concat(), &INFO].concat();
@@ -513,7 +513,7 @@ fn damage_that_looks_like_a_descriptor_swallows_no_nodes() {
     assert_eq!((wire(&frames), discarded), (sound, 0));
 }
 
-/// YE3: after a lost byte the next frames come out after at most ten bytes.
+/// YE3: after a lost byte the decoder returns frames again after at most ten bytes.
 #[test]
 fn ye3_a_lost_byte_costs_at_most_ten() {
     let nodes = nodes(40);
@@ -681,7 +681,7 @@ proptest! {
         prop_assert_eq!((wire(&frames), discarded), (INFO.to_vec(), noise.len() as u64));
     }
 
-    /// Whatever lies before: of 40 nodes behind noise the last 20 come out, byte for byte.
+    /// After any noise, the last 20 of 40 nodes are found, byte for byte.
     #[test]
     fn nodes_are_found_behind_noise(noise in vec(any::<u8>(), 0..60)) {
         prop_assume!(!noise.windows(2).any(|pair| pair == [0xA5, 0x5A]));

@@ -47,7 +47,7 @@ impl UltraCapsule {
     /// sample of the capsule behind it. `first` marks the first capsule of a scan, and the angle is
     /// cut to 15 bits.
     ///
-    /// A sample too far from its reference sample comes out as no measurement.
+    /// A sample too far from its reference sample counts as no measurement.
     pub fn new(
         first: bool,
         start_angle_q6: u16,

@@ -200,7 +200,7 @@ impl Telemetry {
     /// Writes the message to the front of `out`; returns its length.
     ///
     /// # Errors
-    /// If it is longer than `out`: nothing was written.
+    /// If the message is longer than `out`; `out` is then unchanged.
     pub fn encode(&self, out: &mut [u8]) -> Result<usize, MessageError> {
         fields::encode(self, out)
     }

@@ -48,7 +48,7 @@ fn frames_are_laid_out_by_hand() {
     assert_eq!(payloads(&mut decoder, &both), [[1, 2], [0x7E, 0x7D]]);
 }
 
-/// Behind an escape 5E and 5D are sound (7E and 7D with a flipped bit), and nothing else.
+/// After an escape byte, only 5E and 5D are valid (7E and 7D with a flipped bit).
 #[test]
 fn only_two_bytes_may_follow_an_escape() {
     let outcome = |byte: u8| Decoder::default().push(&[0x7E, 0, 9, 0x7D, byte]).next();

@@ -15,7 +15,7 @@ const DISTANCE_MAX_MM: u16 = 0x3FFF;
 /// Meaning of a reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reading {
-    /// The beam came back.
+    /// The beam returned a distance.
     Range {
         /// Distance in millimetres, 0 to 16383.
         distance_mm: u16,

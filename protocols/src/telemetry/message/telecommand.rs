@@ -14,7 +14,7 @@ pub struct Velocities {
     pub angular_rad_s: f32,
 }
 
-/// A request for the lines that the lidar sees, with the figures for their extraction; 0 asks for
+/// A request for the lines that the lidar sees, with the figures for their extraction; 0 selects
 /// the robot's own figure.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinesRequest {
@@ -53,7 +53,7 @@ pub struct Telecommand {
     pub corrected_pose: Option<Pose>,
     /// The goal.
     pub desired_pose: Option<Pose>,
-    /// A request for the scan, a point each so many degrees.
+    /// A request for the scan, with one point per this number of degrees.
     pub lidar_step_deg: Option<u32>,
     /// A request for the lines.
     pub lines: Option<LinesRequest>,
@@ -65,7 +65,7 @@ impl Telecommand {
     /// Writes the message to the front of `out`; returns its length.
     ///
     /// # Errors
-    /// If it is longer than `out`: nothing was written.
+    /// If the message is longer than `out`; `out` is then unchanged.
     pub fn encode(&self, out: &mut [u8]) -> Result<usize, MessageError> {
         fields::encode(self, out)
     }
