@@ -261,7 +261,7 @@ mod tests {
         assert_eq!(mute.known_faults(), [""; 0]);
         assert_eq!(mute.logs(), [&BrokenRules::default(); 0]);
         assert_eq!(mute.line_change(Port(0)), None);
-        // By default a device is asked each time.
+        // By default a device is polled each time.
         assert!(mute.may_send(Port(0)));
     }
 }

@@ -240,7 +240,7 @@ impl Odometer {
         if self.is_swapped { -edges } else { edges }
     }
 
-    /// The sensor is looked for.
+    /// Polls for the sensor.
     fn look(&mut self, now: Instant, world: &World) {
         if sketch::finds(now, &mut self.imu, world) {
             let rest = self.config.calibration.saturating_sub(FIRST_LOOK);

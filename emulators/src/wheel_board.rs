@@ -219,7 +219,7 @@ impl WheelBoard {
             return;
         }
         let sample = self.sample(now);
-        // A sample that was not fetched is gone with the next one, as a register's content is.
+        // The next sample overwrites one that was not read, like the content of a register.
         if self.queue.len() < SAMPLE_LEN {
             self.queue.extend(sample.encode());
         }

@@ -304,8 +304,7 @@ impl World {
         self.clearance_up_to(REACH_M)
     }
 
-    /// The same, capped at `limit_m` as well: the shorter the limit, the fewer surfaces are looked
-    /// at.
+    /// The same, limited to `limit_m`: a smaller limit needs fewer surfaces.
     pub fn clearance_up_to(&self, limit_m: f64) -> f64 {
         let limit_m = limit_m.min(REACH_M);
         self.bumper

@@ -89,7 +89,7 @@ fn steering_values_turn_the_wheels_as_the_table_says() {
     }
 }
 
-/// Between two frames nothing waits to be sent.
+/// Between two frames no byte waits to be sent.
 #[test]
 fn a_board_may_send_while_a_frame_waits() {
     let mut run = run(BoardConfig::default());
@@ -185,7 +185,7 @@ fn the_line_byte_follows_a_line_on_the_floor() {
     }
 }
 
-/// 8000 mV, 0.33 mV/s and 60 mV of sag at level 2; below 6.8 V there are no frames any more.
+/// 8000 mV, 0.33 mV/s and 60 mV of sag at level 2; below 6.8 V the board sends no frames.
 #[test]
 fn the_battery_runs_down_until_the_board_gives_up() {
     let mut run = run(BoardConfig::default());

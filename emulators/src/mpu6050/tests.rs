@@ -191,7 +191,7 @@ fn standing_still_between_two_turns_the_same_way_leaves_the_walk() {
     }
 }
 
-/// A restart is over at once: its end changes nothing.
+/// A restart is finished at once: its end has no effect.
 #[test]
 fn settings_are_read_back_until_a_restart_and_not_lost_by_its_end() {
     let world = world();

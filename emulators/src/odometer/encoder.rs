@@ -13,7 +13,7 @@
 //!
 //! Source: state table of PJRC's Encoder library, on pins without interrupts.
 
-/// Count that one look adds, by the pins before and now, both as `B A`.
+/// Change of the count at one poll, by the pins before and now, both as `B A`.
 const COUNTED: [[i8; 4]; 4] = [[0, -1, 1, 2], [1, 0, -2, -1], [-1, -2, 0, 1], [2, 1, -1, 0]];
 
 /// The contacts as a program sees them.
@@ -52,7 +52,7 @@ mod tests {
     /// 60 counts a turn of a wheel of 32 mm: 60 / (2 pi 0.032 m).
     const EDGES_PER_M: f64 = 298.415_518;
 
-    /// Counted for each true one at `speed`, looked at every 10 ms for 20 s.
+    /// Counted edges per true edge at `speed`, polled every 10 ms for 20 s.
     fn ratio(speed: f64) -> f64 {
         let mut encoder = PolledEncoder::default();
         #[expect(clippy::cast_possible_truncation, reason = "a few thousand")]

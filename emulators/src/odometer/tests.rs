@@ -45,7 +45,7 @@ impl Run {
         self.world.actuate("steering", angle).unwrap();
     }
 
-    /// Lines until `end`, without their ends, and when each came.
+    /// Lines until `end`, without their terminators, and the time of each.
     fn until(&mut self, end: Instant) -> Vec<(Instant, String)> {
         let mut lines = Vec::new();
         while self.now < end {

@@ -37,14 +37,14 @@ pub enum RowError {
     Row {
         /// Number of rows.
         height: usize,
-        /// Row that came.
+        /// The received row.
         found: u16,
     },
     /// The row is not as wide as the map.
     Width {
         /// Width of the map.
         expected: usize,
-        /// Pixels that came.
+        /// The number of received pixels.
         found: usize,
     },
     /// The run-length code is wrong in itself.
@@ -156,7 +156,7 @@ impl PcMap {
         }
     }
 
-    /// Rows that have not come in yet.
+    /// Number of rows that have not arrived yet.
     pub const fn rows_missing(&self) -> usize {
         self.rows_missing
     }

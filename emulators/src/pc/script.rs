@@ -34,7 +34,8 @@ pub enum Action {
     Open,
     /// Closes it.
     Close,
-    /// Sends a list of points to visit, in mm of the robot's map, and again until it comes back.
+    /// Sends a list of points to visit, in mm of the robot's map, repeatedly until the robot
+    /// returns it.
     Waypoints(Vec<[i16; 2]>),
     /// Sends an order, and again until the robot reports its mode; in manual mode forever.
     Order(Order),
@@ -186,8 +187,8 @@ mod tests {
         );
     }
 
-    /// A step goes in front of the named one, or behind the last. A step that fits no frame, or one
-    /// too many, is refused.
+    /// A step is inserted before the named one, or after the last. A step that exceeds a frame or
+    /// the maximum number is rejected.
     #[test]
     fn a_step_is_put_in_its_place() {
         let at = |seconds: u64| Step {

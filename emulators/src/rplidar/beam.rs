@@ -57,7 +57,7 @@ pub(super) struct Seen {
 #[derive(Clone, Debug)]
 pub(super) struct Optics {
     mount: Mount,
-    /// The sensor sees nothing.
+    /// Whether the sensor measures no distance at all.
     pub(super) dark: bool,
     /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
@@ -156,7 +156,7 @@ fn is_spot(beam: Beam, metres: f64) -> bool {
         cell(beam.from.x + metres * cos),
         cell(beam.from.y + metres * sin),
     );
-    // Two rounds of a multiplicative hash: neighbours have nothing in common.
+    // Two rounds of a multiplicative hash, so that neighbours are independent.
     let mut mixed = x.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ y.wrapping_mul(0xC2B2_AE3D_27D4_EB4F);
     mixed = (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     (mixed ^ mixed >> 32) % SPOT_ONE_IN == 0

@@ -54,7 +54,7 @@ pub enum Fault {
     /// mode. That mode is listed like the others but not streamed: its request is ignored
     /// (rplidar_ros #68 of robopeak). Figure: number of the mode.
     TypicalMode,
-    /// Answers hold nothing (pyrplidar #3).
+    /// Answers are empty (pyrplidar #3).
     EmptyAnswer,
     /// Answers come late (rplidar_ros #5, #36, #77, #110). Figure: seconds.
     LateAnswers,

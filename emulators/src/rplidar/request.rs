@@ -85,7 +85,7 @@ impl Rplidar {
         }
     }
 
-    /// Discards a whole request because its rest did not come in time.
+    /// Discards an incomplete request after its time.
     pub(super) fn give_up_request(&mut self, at: Instant) {
         let pending = self.requests.pending();
         self.requests = RequestDecoder::with_format(Requests);

@@ -302,7 +302,7 @@ fn replies_wait_for_the_line_up_to_a_limit() {
     assert!(buf.starts_with(b"OK 7\r\nOK 7\r\n"));
 }
 
-/// Reset at 1 s a board is up at 2.6 s; its first line comes a period after that.
+/// After a reset at 1 s a board works at 2.6 s; its first line follows a period later.
 #[test]
 fn a_board_that_starts_anew_begins_its_periods_when_it_is_up() {
     let mut slave = Text::new(TextConfig {

@@ -72,7 +72,7 @@ const HEIGHT_M: f64 = 0.10;
 pub(super) struct Eye {
     pub(super) mount: Mount,
     pub(super) optics: Optics,
-    /// No laser light: nothing is seen.
+    /// Whether the laser is off, so that the sensor measures no distance.
     pub(super) dark: bool,
     /// Reported distance divided by measured distance.
     pub(super) range_factor: f64,
@@ -640,7 +640,7 @@ mod tests {
     fn a_closer_look_is_worth_it_from_two_per_cent_on() {
         assert!(!is_rough(990.0, 1000.0, 990.0) && !is_rough(1010.0, 1000.0, 1010.0));
         assert!(is_rough(989.0, 1000.0, 990.0) && is_rough(1010.0, 1000.0, 1011.0));
-        // A slope bends nothing.
+        // A slope is not rough.
         assert!(!is_rough(900.0, 1000.0, 1100.0));
         assert!(is_rough(f64::INFINITY, 1000.0, 1000.0));
         assert!(is_rough(f64::INFINITY, f64::INFINITY, 1000.0));

@@ -263,7 +263,7 @@ fn drops_carry(frame: &Frame) -> bool {
     (sum & 0x7FFF) + (sum >> 15) > 0x7FFF
 }
 
-/// `part` of `all`, zero of nothing.
+/// `part` as a share of `all`; zero if `all` is zero.
 fn share(part: u64, all: u64) -> f64 {
     #[expect(clippy::cast_precision_loss, reason = "counts are below 2^53")]
     let (part, all) = (part as f64, all.max(1) as f64);

@@ -888,7 +888,7 @@ fn a_head_that_stops_is_given_up_after_20_ms() {
     bench.run_to(millis(2_500));
     let lost = bench.lidar.take_events()[0].clone();
     assert_eq!(lost.rule, "encoder-lost");
-    // The last tooth came within 13.4 ms before the head stopped.
+    // The last tooth arrived within 13.4 ms before the head stopped.
     let after = lost.at - millis(2_000);
     assert!(
         after > Duration::from_micros(6_500) && after < Duration::from_micros(20_150),
@@ -972,7 +972,7 @@ fn a_restart_while_it_spins_up_is_at_once() {
     assert_eq!(bench.rules(), ["restarted"]);
 }
 
-/// Clearing a fault that is not set, or only some of the set ones, switches nothing on.
+/// Clearing a fault that is not set, or only some of the set ones, does not switch the sensor on.
 #[test]
 fn only_what_was_off_is_switched_on() {
     let mut bench = plain();

@@ -168,7 +168,7 @@ fn f10_requests_back_to_back_are_answered_in_their_order() {
         kinds(&[0xA5, 0x20, 0xA5, 0x25, 0xA5, 0x50]),
         (vec![0x81, 0x04], 0)
     );
-    // If more requests come than can wait, the last ones are reported and lost.
+    // If too many requests arrive, the last ones are reported and lost.
     let (answered, told) = kinds(&[0xA5, 0x52].repeat(20));
     assert_eq!((answered.len(), told), (16, 4));
 }
@@ -183,7 +183,7 @@ fn five_seconds_run_from_the_first_byte() {
     assert_eq!(bench.rules(), ["request-cut"]);
 }
 
-/// All bytes of a request come within 5 s, or it is discarded.
+/// All bytes of a request arrive within 5 s, or the request is discarded.
 #[test]
 fn half_a_request_is_forgotten_after_five_seconds() {
     let mut bench = plain();
@@ -310,7 +310,8 @@ proptest! {
     }
 }
 
-/// A break is dropped, noise is judged, on the host's line only; without supply nothing is noticed.
+/// A break is dropped and noise is judged, only on the host's line. Without supply the sensor
+/// notices neither.
 #[test]
 fn breaks_and_noise_are_told_while_there_is_supply() {
     let told = |port, event, is_off| {

@@ -195,8 +195,7 @@ fn a_loose_cable_loses_bytes() {
     });
 }
 
-/// Field bug 24: 64 bytes are gone, once.
-/// However long it was to be, a burst is over when its fault is.
+/// Field bug 24: 64 bytes are lost, once. A burst of any length ends with its fault.
 #[test]
 fn a_burst_ends_with_its_fault() {
     let mut bench = plain();
@@ -255,7 +254,7 @@ fn a_torn_start_misaligns_the_first_node() {
         }
         torn
     };
-    // 40 of 50 with a deviation of 2.8; the descriptor alone comes within 90 ms.
+    // 40 of 50 with a deviation of 2.8; after a sound start only the descriptor arrives in 90 ms.
     let with = torn(vec![(Fault::TornStart, None)]);
     assert!((30..=49).contains(&with), "{with}");
     assert_eq!(torn(Vec::new()), 0);

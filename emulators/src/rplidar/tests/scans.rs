@@ -99,8 +99,8 @@ fn the_adapter_gives_267_or_268_nodes_in_a_turn() {
     assert!(turns.contains(&267) && turns.contains(&268));
 }
 
-/// LR001: less than 1 % off, plus the effect of 3.5 jitters of 0.05 degrees on a slanting wall (0.3
-/// %). Some samples of plain walls give nothing: spots and chance.
+/// LR001: less than 1 % off, plus the effect of 3.5 jitters of 0.05 degrees on a slanted wall (0.3
+/// %). Some samples of plain walls have no distance, because of spots and noise.
 #[test]
 fn a_square_room_is_measured_as_it_is() {
     let mut bench = plain();

@@ -24,8 +24,8 @@ pub struct Row {
 }
 
 impl Scene {
-    /// Draws all that `row` sees at time `at`: the inverse of the least depth in each column, 1/m;
-    /// 0 where nothing is.
+    /// Draws the view of `row` at time `at`: the inverse of the least depth in each column, 1/m; 0
+    /// where no object is.
     pub fn draw_row(&self, at: Instant, row: Row, columns: &mut [f64]) {
         columns.fill(0.0);
         let mut canvas = Canvas::new(row, columns);

@@ -134,8 +134,8 @@ mod tests {
         assert_eq!(range(&scene.slice(0.35)), Some(2.0));
     }
 
-    /// A pane 1 m ahead and a threshold of 4 cm 2 m ahead are nothing to a lidar 10 cm above the
-    /// floor; the scene itself has both.
+    /// A lidar 10 cm above the floor does not see a pane 1 m ahead and a threshold of 4 cm 2 m
+    /// ahead; the scene itself contains both.
     #[test]
     fn a_lidar_looks_through_glass_and_over_a_threshold() {
         let pane = Fixture {

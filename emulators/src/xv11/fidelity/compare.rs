@@ -290,7 +290,7 @@ mod tests {
         }
     }
 
-    /// The whole claim: nothing that is judged differs, whichever noise is drawn.
+    /// The whole claim: no judged figure differs, with any noise.
     #[test]
     fn three_emulated_units_agree_with_the_published_figures() {
         for seed in [1, 2, 3] {

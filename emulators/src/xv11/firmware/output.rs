@@ -1,4 +1,4 @@
-//! Readings and packets: measured, excused, or made up by a loop that has nothing to measure.
+//! Readings and packets: measured ones, ones without a distance, and ones of a loop without input.
 
 use protocols::Instant;
 use protocols::xv11::{FRAME_LEN, Frame, RawReading, Reading, SpeedWord};
