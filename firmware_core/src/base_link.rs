@@ -67,7 +67,7 @@ pub struct Counters {
     pub answered: u32,
     /// Requests sent again.
     pub retries: u32,
-    /// Requests given up.
+    /// Number of aborted requests.
     pub failures: u32,
     /// Valid frames that did not answer the request: late, unsolicited, or of another kind.
     pub unsolicited: u32,

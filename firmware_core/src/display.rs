@@ -52,7 +52,7 @@ const _: () = assert!(
 
 /// Period after which the next tile is sent again, changed or not.
 const HEAL_PERIOD: Duration = Duration::from_millis(333);
-/// Quiet time after which a half-received report is given up.
+/// Idle time after which a partial report is discarded.
 const IDLE_GAP: Duration = Duration::from_millis(10);
 /// Time without a message of the pen after which it counts as lifted.
 const LIFTED_AFTER: Duration = Duration::from_millis(100);

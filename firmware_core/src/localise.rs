@@ -29,8 +29,8 @@ const THROUGH_MM: f32 = 200.0;
 const BEFORE_MM: f32 = 200.0;
 /// Maximum distance of a wall that is used: the lidar's range, in cells.
 const REACH: i32 = 60;
-/// Share of matched walls below which a position is excluded at once: one in so many. Its free line
-/// of sight is then not counted.
+/// Maximum share of matched walls for an immediate exclusion of a position, as one in this number.
+/// Its free line of sight is then not counted.
 const FEW_PARTS: i32 = 2;
 /// The same limit as a score: a position that fits again later has at least this score.
 const FEW: u8 = 100;

@@ -35,8 +35,8 @@ const AT_ONCE: usize = if cfg!(feature = "large") {
 const ROWS_BELOW: usize = 512;
 /// Retry interval for a row while the queue does not drain.
 const ROW_RETRY: Duration = Duration::from_millis(5);
-/// Quiet time after which a half-received frame is given up. The radio delivers in bursts up to 40
-/// ms apart.
+/// Idle time after which a partial frame is discarded. The radio delivers in bursts up to 40 ms
+/// apart.
 const IDLE_GAP: Duration = Duration::from_millis(100);
 /// State is sent at 5 Hz.
 const STATE_PERIOD: Duration = Duration::from_millis(200);

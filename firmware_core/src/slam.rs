@@ -205,8 +205,9 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.driven_rad += change.turn.abs();
     }
 
-    /// Notes that the robot may have moved by about so much unseen by the odometry, for instance
-    /// because the base did not answer. The next search then trusts its prediction less.
+    /// Records that the robot may have moved by about this amount without the odometry noticing,
+    /// for instance because the base did not answer. The next search then trusts its prediction
+    /// less.
     pub fn doubt(&mut self, unseen_mm: f32, unseen_rad: f32) {
         self.travel.doubt(unseen_mm, unseen_rad);
     }

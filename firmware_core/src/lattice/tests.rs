@@ -232,7 +232,7 @@ fn p5_plans_are_within_their_bounds_on_random_maps() {
     let lattice = car();
     let (mut planned, mut state) = (0, 1_u64);
     let mut dice = move |below: u64| {
-        // Knuth's linear generator: what the maps are does not matter.
+        // Knuth's linear generator: any maps are suitable.
         state = state
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);

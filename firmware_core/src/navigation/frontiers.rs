@@ -266,8 +266,8 @@ impl Frontiers {
         })
     }
 
-    /// Marks `sought` in view of `place`, or beside it, as given up: it was checked in vain, or the
-    /// robot cannot get there.
+    /// Marks `sought`, visible from `place` or beside it, as given up: the robot checked it without
+    /// result, or cannot reach it.
     pub fn give_up(&mut self, map: &Grid, place: Point, sought: Sought) {
         let scene = self.scene(map);
         let Some(from) = Raster::of(map).cell_of(place) else {

@@ -1,4 +1,4 @@
-//! Settings as words of text, for firmware on a simulated board: what a scenario says reaches the
+//! Settings as words of text, for firmware on a simulated board: the scenario's settings reach the
 //! board as `KEY=VALUE`.
 
 use core::fmt::{self, Debug, Display, Write};
@@ -10,7 +10,7 @@ use crate::pose::Pose;
 /// Takes a key and its value.
 pub type Report<'a> = dyn FnMut(&'static str, &dyn Display) + 'a;
 
-/// Reports what the words are differences from: the size of the map and the hash of `default`.
+/// Reports the basis of the words: the size of the map and the hash of `default`.
 pub(super) fn tell_basis(default: &impl Debug, report: &mut Report<'_>) {
     report("map", &grid::SIDE);
     report("defaults", &hash_of(default));

@@ -76,8 +76,8 @@ fn what_cannot_be_reached_is_not_sought() {
     assert!(view.is_none_or(|view| view.place.x_mm < 1500.0), "{view:?}");
 }
 
-/// A door that stays dark, seen from afar and from near by, is given up; after `forgive` it counts
-/// again.
+/// A door that stays unknown, seen from a distance and from near by, is given up; after `forgive`
+/// it counts again.
 #[test]
 fn what_shows_nothing_is_given_up_in_the_end() {
     let (map, mut frontiers) = (room(60), Frontiers::new(Sought::Floor));

@@ -467,7 +467,8 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([5, 30]));
     }
 
-    /// A cell that the camera marked opens as soon as the sound passes it: 0.8 m ahead is cell 16.
+    /// A cell that the camera marked becomes free as soon as the sonar sees past it: 0.8 m ahead is
+    /// cell 16.
     #[test]
     fn sound_passes_what_is_gone() {
         let mut floor = empty();

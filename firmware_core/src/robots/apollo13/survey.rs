@@ -104,7 +104,7 @@ pub struct Survey {
     /// The edge of the last goal.
     edge: Option<[f64; 2]>,
     tried: Tried,
-    /// Edges given up before the car drove back, to be tried once more.
+    /// Edges given up before the car drove back, for another try.
     again: Vec<[f64; 2]>,
     /// Number of drives back.
     went_back: u8,

@@ -25,8 +25,8 @@ impl Config {
         }
     }
 
-    /// Reports the settings that [`set`](Self::set) makes of the default, except enabled defects.
-    /// Other settings have no words: compare the result.
+    /// Reports the settings that [`set`](Self::set) derives from the default, except enabled
+    /// defects. Other settings have no words: compare the result.
     pub fn tell(&self, report: &mut Report<'_>) {
         tell_basis(&Self::DEFAULT, report);
         if self.mapping.mode == slam::Mode::Document {
@@ -57,7 +57,7 @@ impl Config {
         }
     }
 
-    /// Changes one setting; the error says what was expected.
+    /// Changes one setting; the error contains the expected value.
     ///
     /// # Errors
     /// If the key is unknown or has another kind of value.
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::pose::Pose;
 
-    /// What `config` tells, set on the default.
+    /// The words of `config`, set on the default.
     fn told(config: &Config) -> Config {
         let mut words: Vec<(&str, String)> = Vec::new();
         config.tell(&mut |key, value| words.push((key, value.to_string())));

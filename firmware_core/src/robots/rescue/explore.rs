@@ -36,8 +36,8 @@ const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;
 const NEARLY_MM: f32 = 500.0;
-/// Minimum progress towards a view, millimetres, within so many scans, 15 s. A robot below it is
-/// stuck and gives the view up.
+/// Minimum progress towards a view, millimetres, within 75 scans (15 s). A robot below it is stuck
+/// and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
 const SHUFFLE_SCANS: u8 = 75;
 /// Two views no farther apart than this, millimetres, serve the same walls: both feel walls 0.42 m
@@ -673,8 +673,8 @@ mod tests {
         assert!(explore.at.is_none());
     }
 
-    /// Beside an unfelt wall the robot turns on the spot, half a turn and a little more; walls
-    /// still unfelt then are given up.
+    /// Beside a wall that its heat sensors have not passed, the robot turns on the spot, slightly
+    /// more than half a turn. Walls that are still unfelt are then given up.
     #[test]
     fn the_robot_turns_before_walls_that_it_has_not_felt() {
         let map = room(false);
@@ -709,7 +709,7 @@ mod tests {
         assert!(explore.at.is_none());
     }
 
-    /// Both heat sensors look sideways: walls ahead are not felt, nor are warm ones.
+    /// Both heat sensors point sideways: they feel neither cold nor warm walls ahead.
     #[test]
     fn only_what_lies_beside_is_felt() {
         let map = room(false);
@@ -767,7 +767,7 @@ mod tests {
         assert_eq!(explore.home, Some(MIDDLE.position()));
     }
 
-    /// Nearer than half a metre to another unreached view, walls are given up, too.
+    /// Walls nearer than half a metre to another unreached view are also given up.
     #[test]
     fn walls_are_given_up_beside_a_place_that_was_not_reached() {
         let map = room(false);

@@ -417,8 +417,8 @@ mod tests {
         victims.all().len()
     }
 
-    /// A robot that passes quickly feels a victim once, and once more on its way back; single
-    /// readings at two positions are noise.
+    /// A robot that passes quickly feels a victim once, and again on its way back; single readings
+    /// at two positions are noise.
     #[test]
     fn what_is_felt_once_and_once_more_is_somebody() {
         let found = |places: &[i16]| {

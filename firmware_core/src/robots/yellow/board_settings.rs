@@ -2,13 +2,14 @@ use super::Config;
 use crate::robots::board_settings::{Report, check_basis, set_start, tell_basis, tell_start};
 
 impl Config {
-    /// Reports the settings that [`set`](Self::set) makes of the default, except enabled defects.
+    /// Reports the settings that [`set`](Self::set) derives from the default, except enabled
+    /// defects.
     pub fn tell(&self, report: &mut Report<'_>) {
         tell_basis(&Self::DEFAULT, report);
         tell_start(self.start, report);
     }
 
-    /// Changes one setting; the error says what was expected.
+    /// Changes one setting; the error contains the expected value.
     ///
     /// # Errors
     /// If the key is unknown or has another kind of value.

@@ -74,7 +74,7 @@ fn the_edge_ahead_is_gone_to() {
         "{goal:?}"
     );
     assert!(goal.heading_rad.abs() < 0.3 && !survey.is_complete());
-    // Under way to it, it stays the same; once more, any heading will do.
+    // On the drive to it, the goal stays the same; another time, any heading is accepted.
     let mut again = |is_under_way| survey.next(&map, at(-0.3), is_under_way, |_| true);
     assert_eq!(again(true), Choice::Stay);
     assert_eq!(again(false), Choice::Go(goal));
@@ -173,7 +173,7 @@ fn a_car_that_stands_before_a_wall_does_not_wander_along_it() {
     let mut survey = Survey::new(at(0.0));
     let mut found = at(0.0);
     for step in 0..1_000_u32 {
-        // A hundredth of a radian each four seconds, as an odometer tells it.
+        // A hundredth of a radian every four seconds, as in an odometer's report.
         let heading_rad = f64::from(step / 20) * 0.01;
         let camera = CarPose {
             heading_rad,
