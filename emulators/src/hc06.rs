@@ -350,7 +350,7 @@ impl Hc06 {
         if self.host == Host::Closed {
             self.log
                 .repeated(now, EventKind::Violation, "host-port-closed", || {
-                    format!("{} bytes came over a port that is not open", bytes.len())
+                    format!("{} bytes arrived at a port that is not open", bytes.len())
                 });
             return;
         }

@@ -260,7 +260,7 @@ impl Variables {
         let [least, greatest] = variable.limits;
         if variable.source != ValueSource::Stored {
             return Err(format!(
-                "{name} has a source of its own, expected a stored value"
+                "{name} has its own source, expected a stored value"
             ));
         }
         if !(least..=greatest).contains(&value) {
@@ -341,7 +341,9 @@ impl Variable {
                 "name is \"{name}\", expected letters, digits, '-' and '_'"
             ))
         } else if before.iter().any(|other| other.name == *name) {
-            Some(format!("name \"{name}\" is taken, expected one of its own"))
+            Some(format!(
+                "name \"{name}\" is used twice, expected another name"
+            ))
         } else if least > greatest {
             Some(format!(
                 "limits are {least} and {greatest}, expected least and greatest"
@@ -354,7 +356,7 @@ impl Variable {
             Some(format!("safe is {safe}, expected {least} to {greatest}"))
         } else if *initial != 0 && !self.source.begins_anywhere() {
             Some(format!(
-                "initial is {initial}, expected none: its source says what it is at the start"
+                "initial is {initial}, expected none: the source sets the value at the start"
             ))
         } else if periods.is_some_and(|period| period.is_zero()) {
             Some("its period is 0, expected a time".to_owned())

@@ -340,7 +340,7 @@ impl Register {
         }
         if let Some(other) = before.iter().find(overlaps) {
             let name = &other.variable.name;
-            return Some(format!("address {} lies in \"{name}\"", self.address));
+            return Some(format!("address {} belongs to \"{name}\"", self.address));
         }
         let limits = self.variable.limits;
         if limits[0] < least || limits[1] > greatest {

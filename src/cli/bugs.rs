@@ -142,7 +142,7 @@ fn wanted(args: &Bugs) -> Result<Vec<&'static Bug>, Failure> {
     let one = |id: &String| {
         let bug = museum::find(id).ok_or_else(|| {
             let like = museum::suggestions(id).join(", ");
-            let text = format!("there is no defect \"{id}\", the nearest are {like}");
+            let text = format!("unknown defect \"{id}\"; similar ones: {like}");
             Failure::Usage(format!("{text}; see \"hilrig bugs\""))
         })?;
         match bug.live {

@@ -201,7 +201,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     let left = todo.len() - ended;
     let ended_by = stop.signal().filter(|_| left > 0);
     if left > 0 {
-        eprintln!("{left} runs are left; the same command goes on");
+        eprintln!("{left} runs are left; the same command continues");
         println!("{}", covered(&plan, &store, shard));
     }
     let verdict = if shard == Shard::WHOLE {
@@ -305,7 +305,7 @@ fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(),
     if bare.len() < read.len() {
         for name in bare {
             read.remove(&name);
-            eprintln!("{name} is left out: its robot has no program; --exec CMD starts one");
+            eprintln!("{name} is skipped: its robot has no program; --exec CMD starts one");
         }
     }
     Ok(())
@@ -452,7 +452,7 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
     }
     let mut all_came_up = true;
     for situation in merged.missed_situations() {
-        println!("  never came up: {situation}");
+        println!("  never occurred: {situation}");
         all_came_up = false;
     }
     for goal in merged.missed_goals() {

@@ -82,7 +82,7 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
     match (found.differences.len(), is_void) {
         (_, true) if is_silent => println!("nothing was compared: the device never answered"),
         (_, true) if requests == 0 => println!("nothing was compared: no request was sent"),
-        (_, true) => println!("nothing was compared: no reply that the description says came"),
+        (_, true) => println!("nothing was compared: none of the described replies arrived"),
         (0, _) => println!("no difference"),
         (1, _) => println!("1 difference"),
         (count, _) => println!("{count} differences"),

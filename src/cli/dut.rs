@@ -50,7 +50,7 @@ pub(super) fn run(args: DutArgs) -> Result<Verdict, CliError> {
     let (scenario, source) = Scenario::read(&scenario_path)?;
     let robot = robots::of(&scenario, &source)?;
     let alone = robot.program(&scenario, &source)?.ok_or_else(|| {
-        let message = "brings no program of its own, expected a robot that does";
+        let message = "has no built-in program, expected a robot that has one";
         source.invalid(source.find("robot"), "robot", message)
     })?;
     let Alone { program, ports } = alone;

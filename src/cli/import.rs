@@ -90,7 +90,7 @@ pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {
             let opened = import::open(&bytes, &args.file).map_err(content)?;
             let Some(format) = opened.format else {
                 let what = format!(
-                    "{}\nbytes as they came from a port are read by --format raw --baud N",
+                    "{}\nfor plain bytes of a port use --format raw --baud N",
                     import::looked_for(&opened.bytes)
                 );
                 return Err(CliError::content(&args.file, what));

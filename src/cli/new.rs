@@ -50,7 +50,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     };
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     if path.exists() {
-        let error = format!("{}: is there already, expected a free name", path.display());
+        let error = format!("{}: already exists; choose another name", path.display());
         return Err(CliError::Usage(error));
     }
     if args.device {

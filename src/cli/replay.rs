@@ -133,7 +133,7 @@ pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
             let error = format!("{error}: expected a pcapng capture");
             return Err(CliError::content(path, error));
         }
-        eprintln!("{shown} is broken {error}; only what is before it is used");
+        eprintln!("{shown} is broken {error}; only the part before the error is used");
     } else if capture.cut > 0 {
         eprintln!(
             "{shown} was cut: {} bytes at its end are no whole block",
@@ -178,7 +178,7 @@ pub(super) fn robot(
     scenario_of(capture, path)?.ok_or_else(|| {
         CliError::content(
             path,
-            "does not say which robot it is of: expected --scenario FILE",
+            "does not contain its scenario: expected --scenario FILE",
         )
     })
 }
@@ -422,7 +422,7 @@ fn follow(
 fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
     println!("played {} s", heard.now);
     for (link, [said, came]) in &heard.counts {
-        println!("  {link}: {said} B sent, {came} B came back");
+        println!("  {link}: {said} B sent, {came} B received");
     }
     for (link, tally) in heard.tallies.iter().filter(|(_, tally)| tally.all > 0) {
         println!("  {link}: {tally}");
@@ -445,7 +445,7 @@ fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
     }
     match (first, heard.tallies.is_empty()) {
         (None, false) => {
-            println!("no divergence: the program asked what it asked in the capture");
+            println!("no divergence: the program sent the requests of the capture");
             Verdict::Pass
         }
         _ => judge(first, ""),

@@ -172,7 +172,7 @@ impl Talk<'_> {
             self.has_failed = true;
             let stray = match heard.stray {
                 0 => String::new(),
-                bytes => format!("; {bytes} bytes came that are no frame"),
+                bytes => format!("; {bytes} bytes arrived that are no frame"),
             };
             println!("{}: no reply within {}{stray}", request.words, self.timeout);
         }

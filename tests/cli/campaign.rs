@@ -88,7 +88,7 @@ fn a_campaign_in_which_too_little_came_up_fails_on_request() {
     let output = run(&["--all-situations"]);
     assert_eq!(output.status.code(), Some(1));
     let said = text(&output.stdout);
-    assert!(said.contains("  never came up: base silences\n"), "{said}");
+    assert!(said.contains("  never occurred: base silences\n"), "{said}");
 }
 
 /// Two goals: each run drives, none drives 9 m/s. The campaign fails by the second one alone, as a
@@ -230,7 +230,7 @@ fn a_robot_without_a_program_is_left_out_beside_others() {
     };
     let told = run("bare.toml short.toml --out both");
     assert!(
-        told.contains("custom-robot is left out") && told.contains("--exec"),
+        told.contains("custom-robot is skipped") && told.contains("--exec"),
         "{told}"
     );
     let runs = session.read("both/runs.jsonl");

@@ -280,10 +280,7 @@ fn a_new_scenario_runs() {
             .output()
             .expect("starts");
         assert_eq!(again.status.code(), Some(2));
-        assert!(
-            text(&again.stderr).contains("is there already"),
-            "{again:?}"
-        );
+        assert!(text(&again.stderr).contains("already exists"), "{again:?}");
     }
     let wrong = bench.command("new o/two,words").output().expect("starts");
     assert_eq!(wrong.status.code(), Some(2));

@@ -143,7 +143,7 @@ fn a_client_with_another_timing_has_the_same_conversation() {
         let (code, said) = bench.replay(client, &["--virtual"]);
         assert_eq!(code, Some(0), "{client}: {said}");
         assert!(
-            said.contains("no divergence: the program asked what it asked"),
+            said.contains("no divergence: the program sent the requests"),
             "{said}"
         );
     }

@@ -70,7 +70,7 @@ fn orders_that_would_not_vary_are_refused() {
     let campaign = "campaign sonar.toml --seeds 0..2 --exec true --virtual --schedule 5";
     let fuzz = "fuzz --scenario sonar.toml";
     for (args, expected) in [
-        (campaign, "expected no --schedule beside it"),
+        (campaign, "not possible with --schedule"),
         (fuzz, "fuzz has no order of threads to vary"),
     ] {
         let output = std::process::Command::new(env!("CARGO_BIN_EXE_hilrig"))

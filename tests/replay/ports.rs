@@ -85,10 +85,7 @@ fn what_was_recorded_is_replayed_and_recorded_again_byte_by_byte() {
     });
     let (status, said, _) = replay.end();
     assert!(status.success(), "{said}");
-    assert!(
-        said.contains("lidar: 30000 B sent, 0 B came back"),
-        "{said}"
-    );
+    assert!(said.contains("lidar: 30000 B sent, 0 B received"), "{said}");
     record.signal(Signal::TERM);
     let (status, said, _) = record.end();
     assert!(status.success(), "{said}");
@@ -208,10 +205,7 @@ fn a_stepped_replay_sends_one_piece_a_line() {
     assert!(status.success(), "{said}");
     let told = "0.000000 s lidar 6F 6E 65\n0.001000 s lidar 74 77 6F\n";
     assert!(said.starts_with(&told.replace(" s ", " ")), "{said}");
-    assert!(
-        said.ends_with("lidar: 11 B sent, 0 B came back\n"),
-        "{said}"
-    );
+    assert!(said.ends_with("lidar: 11 B sent, 0 B received\n"), "{said}");
 }
 
 /// The capture replaces the program on the ports of a rig in another process, whose devices reply.
@@ -261,7 +255,7 @@ fn a_capture_without_a_robot_asks_for_one() {
     assert_eq!(status.code(), Some(2));
     assert_eq!(
         said,
-        "error: field.pcapng: does not say which robot it is of: expected --scenario FILE\n"
+        "error: field.pcapng: does not contain its scenario: expected --scenario FILE\n"
     );
 }
 

@@ -87,7 +87,7 @@ fn a_bad_table_is_told_with_its_line_and_key() {
     let second = "[[device.own.registers.register]]\naddress = 2\nname = \"b\"\nwidth = \"u8\"";
     insta::assert_snapshot!(
         refusal(&format!("{table}{second}")),
-        @r#"<test>:11: device.own.registers.register[1]: address 2 lies in "a""#
+        @r#"<test>:11: device.own.registers.register[1]: address 2 belongs to "a""#
     );
     insta::assert_snapshot!(
         refusal(&table.replace("9600", "9")),

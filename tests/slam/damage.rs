@@ -57,7 +57,10 @@ fn scans_without_a_return_are_skipped() {
     let text = scan(GOOD, 0.0, 1.0) + &scan("0", 0.1, 2.0) + &scan("3 81 81 81", 0.2, 3.0);
     let log = read(&text);
     assert_eq!((log.shots.len(), log.findings.count(Kind::Blind)), (1, 2));
-    assert_eq!(log.findings.told()[0], "line 2: none of 0 beams came back");
+    assert_eq!(
+        log.findings.told()[0],
+        "line 2: none of 0 beams has a distance"
+    );
 }
 
 /// The motion until a skipped scan is kept: the next scan includes both motions.

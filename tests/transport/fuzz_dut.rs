@@ -142,7 +142,7 @@ fn nothing_is_found_in_a_sound_program() {
     let (out, names, said) = search("none", &["--virtual", "--cases", "2"]);
     assert_eq!(names, [""; 0], "{said}");
     assert!(
-        said.contains("frames are answered, and asked damaged"),
+        said.contains("requests are answered, and are also sent damaged"),
         "{said}"
     );
     assert!(!out.join("ports").exists(), "the ports are removed");
@@ -243,7 +243,7 @@ fn a_program_that_counts_what_it_reaches_leads_the_search() {
     let (names, said) = search_in(&out, &exec, "none", &more);
     assert_eq!(names, [""; 0], "{said}");
     assert!(
-        said.contains("the program counts what it reaches"),
+        said.contains("the program counts its covered code"),
         "{said}"
     );
     assert!(read(&out.join("dut.json")).contains("\"pool\""), "{said}");

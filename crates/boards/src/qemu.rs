@@ -53,7 +53,7 @@ impl Machine {
         let wrong = words.iter().find(|word| word.contains(char::is_whitespace));
         if let Some(word) = wrong {
             return Err(format!(
-                "\"{}\" cannot be told to firmware in QEMU, expected no blank in it",
+                "\"{}\" cannot be passed to firmware in QEMU, expected a text without blanks",
                 word.escape_debug()
             ));
         }
@@ -237,7 +237,7 @@ mod tests {
             firmware: Tier::Lockstep,
         };
         let blank = machine.lockstep("a.elf", &["port=a b:1".to_owned()], None);
-        assert!(blank.is_err_and(|error| error.contains("expected no blank")));
+        assert!(blank.is_err_and(|error| error.contains("expected a text without blanks")));
         let Ok(_) = find() else {
             // Without QEMU there is no command.
             return;

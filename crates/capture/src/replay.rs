@@ -356,7 +356,7 @@ impl Replay {
             .all(|(_, passage)| passage.arrivals.is_empty())
         {
             if expected.is_empty() {
-                let wrong = "the robot has no program of its own: expected --exec CMD";
+                let wrong = "the robot has no built-in program: expected --exec CMD";
                 return Err(ReplayError::Capture(wrong.to_owned()));
             }
             let links: Vec<&str> = expected.iter().map(|(_, one)| &*one.link).collect();

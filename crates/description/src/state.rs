@@ -202,7 +202,7 @@ impl State {
         };
         if !matches!(self.known[index].source, Source::Stored) {
             return Err(format!(
-                "{name} has a source of its own, expected a stored value"
+                "{name} has its own source, expected a stored value"
             ));
         }
         let is_number = |value: &Value| value.as_f64().is_some();

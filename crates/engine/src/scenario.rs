@@ -306,7 +306,7 @@ impl Scenario {
             }
         }
         if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
-            let message = "is missing, expected a table with the robot's start and what is solid";
+            let message = "is missing, expected a table with the robot's start and the obstacles";
             return Err(source.invalid(None, "world", message));
         }
         limits::check(&scenario, &source)?;

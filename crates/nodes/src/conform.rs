@@ -251,7 +251,7 @@ fn wrong_version(spec: &NodeSpec) -> Tried {
         Err((error, said)) => Err(told(&error, &said)),
         Ok(mut host) => match host.exchange(Instant::ZERO, &[]) {
             Ok(_) => Err(format!(
-                "it goes on with a rig of version {}, which it cannot know, expected it to exit",
+                "it continues with a rig of version {}, which it cannot know, expected it to exit",
                 VERSION + 1
             )),
             Err(NodeError::Exited { how, .. }) => {
@@ -308,7 +308,7 @@ fn same(spec: &NodeSpec, script: &[Step], one: &Answers) -> Tried {
 
 fn faults(spec: &NodeSpec, names: &[String]) -> Tried {
     if names.is_empty() {
-        return Ok(Err("it knows no faults".to_owned()));
+        return Ok(Err("it supports no faults".to_owned()));
     }
     let mut now = Instant::ZERO;
     let mut steps: Vec<Step> = vec![(now, Vec::new())];
@@ -350,11 +350,11 @@ fn save(spec: &NodeSpec, script: &[Step]) -> Tried {
     alike(
         &expected,
         &found,
-        "a program that goes on and one that loads its state",
+        "a program that continues and one that loads its state",
     )?;
     let len = state.len();
     Ok(Ok(format!(
-        "a fresh process goes on from {len} bytes with the same answers"
+        "a fresh process continues from {len} bytes with the same answers"
     )))
 }
 
@@ -378,7 +378,7 @@ fn end_of_input(spec: &NodeSpec) -> Tried {
         }
         None => Err(format!(
             "it goes on for {} s after its standard input was closed, expected it to exit: it \
-             would be left behind by a rig that is killed",
+             would outlive a killed rig",
             END_MAX.as_secs()
         )),
     }
@@ -389,7 +389,7 @@ fn json(spec: &NodeSpec, script: &[Step], expected: &Answers) -> Tried {
         Ok(host) => host,
         Err((NodeError::Exited { how, .. }, said)) => {
             by_itself(how, &said)?;
-            return Ok(Err("it speaks the binary form alone".to_owned()));
+            return Ok(Err("it supports only the binary form".to_owned()));
         }
         Err((error, said)) => return Err(told(&error, &said)),
     };

@@ -165,7 +165,7 @@ impl Core {
         let is_viewed = viewer == Some(thread::current().id());
         assert!(
             !is_viewed,
-            "the bench is used while `Bench::run` is borrowed: drop what it returned first"
+            "the bench is used while `Bench::run` is borrowed: drop its returned value first"
         );
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -397,7 +397,7 @@ impl State {
                 let names: Vec<&str> = waiting.map(|member| &*member.name).collect();
                 let names = names.join(", ");
                 self.stuck = Some(format!(
-                    "nothing goes on: {names} waits for a thread or a future that never comes"
+                    "deadlock: {names} waits for a thread or a future that never comes"
                 ));
             }
         }

@@ -297,7 +297,7 @@ fn a_future_that_nothing_wakes_is_an_error() {
 
 /// While the run is borrowed, a port of the same thread would wait for itself.
 #[test]
-#[should_panic(expected = "drop what it returned first")]
+#[should_panic(expected = "drop its returned value first")]
 fn a_port_is_not_used_while_the_run_is_borrowed() {
     let bench = bench(SONAR);
     let mut port = bench.port("sonar").expect("a port");

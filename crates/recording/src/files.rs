@@ -203,7 +203,7 @@ fn holds_capture(path: &Path) -> io::Result<bool> {
         true => Ok(true),
         false => Err(io::Error::new(
             io::ErrorKind::AlreadyExists,
-            "the file there is no capture, expected one or a free name",
+            "the existing file is not a capture, expected a capture or a free name",
         )),
     }
 }

@@ -222,7 +222,8 @@ impl Reader {
                     let (points, absurd) = points_of(&laser, &self.params);
                     self.findings.absurd_readings += u64::from(absurd);
                     if points.is_empty() {
-                        let what = format_args!("none of {} beams came back", laser.ranges.len());
+                        let what =
+                            format_args!("none of {} beams has a distance", laser.ranges.len());
                         self.findings
                             .add(Kind::Blind, format_args!("line {place}"), what);
                         continue;

@@ -53,7 +53,7 @@ pub(super) fn log(scans: Vec<Said<Beams>>, poses: &[Said<Pose>], mut findings: F
         let (points, absurd) = track.end_points(&scan);
         findings.absurd_readings += u64::from(absurd);
         if points.is_empty() {
-            let what = format_args!("none of {} beams came back", scan.what.ranges.len());
+            let what = format_args!("none of {} beams has a distance", scan.what.ranges.len());
             findings.add(Kind::Blind, format_args!("{at} s"), what);
             continue;
         }

@@ -172,7 +172,7 @@ impl Reader {
         let at = self.zero + (scan.end - Instant::ZERO);
         if scan.points().is_empty() {
             let place = format_args!("{at}");
-            let what = format_args!("none of the beams of a turn came back");
+            let what = format_args!("none of the beams of a turn has a distance");
             self.log.findings.add(Kind::Blind, place, what);
             return;
         }

@@ -102,8 +102,8 @@ impl<C: Clock> Session<C> {
                 }
                 Effect::Branch(at) if first.is_none_or(|first| at < first) => {
                     return Err(
-                        "this run cannot be copied: it has a checker of its own, or a client \
-                                that waits for bytes"
+                        "this run cannot be copied: it has a custom checker, or a client that \
+                                waits for bytes"
                             .to_owned(),
                     );
                 }

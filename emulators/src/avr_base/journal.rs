@@ -181,10 +181,7 @@ mod tests {
         }
         let events = journal.take();
         assert_eq!(events.len(), CAPACITY + 1);
-        assert_eq!(
-            events[CAPACITY].detail,
-            "744 events came after these and were not kept"
-        );
+        assert_eq!(events[CAPACITY].detail, "744 later events were not stored");
         assert!(journal.take().is_empty());
     }
 }

@@ -87,7 +87,7 @@ fn variables_that_cannot_be_are_refused() {
         assert_eq!(error.index, 1);
         error.message
     };
-    assert!(fault(|v| v.name = "a".into()).contains("is taken"));
+    assert!(fault(|v| v.name = "a".into()).contains("is used twice"));
     assert!(fault(|v| v.name = "a b".into()).contains("expected letters"));
     assert!(fault(|v| v.initial = 101).contains("initial is 101"));
     assert!(fault(|v| v.safe = Some(-101)).contains("safe is -101"));
@@ -198,7 +198,7 @@ fn sinks_that_cannot_be_are_refused() {
         variable.drives = Some(sink(actuator, scale, SinkKind::Speed));
         Variables::new(vec![variable]).expect_err("unsound").message
     };
-    assert!(fault(ValueSource::XMm, "left", 1.0).contains("has a source"));
+    assert!(fault(ValueSource::XMm, "left", 1.0).contains("has its own source"));
     assert!(fault(ValueSource::Stored, "", 1.0).contains("without a name"));
     assert!(fault(ValueSource::Stored, "left", f64::NAN).contains("scale is NaN"));
     assert!(fault(ValueSource::Stored, "left", 0.0).contains("other than 0"));

@@ -116,7 +116,7 @@ impl Rplidar {
             } else {
                 "the sensor took none"
             };
-            let detail = format!("{command:?} came while {why}");
+            let detail = format!("{command:?} arrived while {why}");
             self.log.violation(at, "request-while-busy", detail, bytes);
             return;
         }

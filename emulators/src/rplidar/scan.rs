@@ -216,7 +216,7 @@ impl Rplidar {
         }
         if matches!(self.phase, Phase::ProtectionStop { .. }) {
             let rule = "scan-in-protection-stop";
-            let detail = "a scan is asked for in Protection Stop, which ignores it".to_owned();
+            let detail = "a scan is requested in Protection Stop, which ignores it".to_owned();
             self.log.violation(at, rule, detail, &[]);
             return true;
         }

@@ -49,13 +49,13 @@ pub(super) fn covered(plan: &CampaignPlan, store: &Store, shard: Shard) -> Strin
 /// Lets the order of threads follow each seed, if that is to vary.
 pub(super) fn vary_schedule(program: &mut ExecArgs, vary: Vary) -> Result<(), CliError> {
     if vary.schedule && !program.is_virtual() {
-        let message = "--vary schedule: expected --exec CMD --virtual beside it: only there the \
-                       order of threads can be chosen";
+        let message = "--vary schedule: needs --exec CMD --virtual, because only virtual time \
+                       can select the order of threads";
         return Err(CliError::Usage(message.to_owned()));
     }
     if vary.schedule && program.has_schedule() {
-        let message = "--vary schedule: takes the schedule from each seed; expected no --schedule \
-                       beside it";
+        let message = "--vary schedule: not possible with --schedule, because each seed selects \
+                       its schedule";
         return Err(CliError::Usage(message.to_owned()));
     }
     if vary.schedule {

@@ -41,7 +41,7 @@ impl Source {
             return Self::of_dump(bytes, path, Some(Format::Pcap));
         }
         if let Some(error) = capture.broken {
-            eprintln!("{name} is broken {error}; what is before it follows");
+            eprintln!("{name} is broken {error}; the part before the error follows");
         } else if capture.cut > 0 {
             let cut = capture.cut;
             eprintln!("{name} was cut: {cut} bytes at its end are no whole block");

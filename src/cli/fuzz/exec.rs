@@ -271,7 +271,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         match search.step() {
             Ok(true) => {}
             Ok(false) => {
-                eprintln!("  nothing there is to be spoken to any more: reset it to go on");
+                eprintln!("  the device does not answer any more: reset it to continue");
                 break;
             }
             Err(HarnessError::Interrupted) => break,
@@ -401,7 +401,7 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
                 met.link
             ),
             count => println!(
-                "{}: {count} frames are answered, and asked damaged",
+                "{}: {count} requests are answered, and are also sent damaged",
                 met.link
             ),
         }
@@ -411,12 +411,12 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
     }
     for (error, count) in search.reported() {
         println!(
-            "{count} times the program ended with an error of its own after altered bytes, which \
-             is no finding: {error}"
+            "{count} times the program ended with its own error after altered bytes, which is no \
+             finding: {error}"
         );
     }
     if search.is_guided() {
-        println!("the program counts what it reaches: that led the traffic");
+        println!("the program counts its covered code, which guided the traffic");
     }
     if search.doubtful() > 0 {
         let count = search.doubtful();

@@ -33,8 +33,7 @@ pub(super) fn into_foreign(
     recorded: &Recorded,
 ) -> Result<Verdict, CliError> {
     if foreign.supervision.is_some() && args.speed.to_bits() != 1_f64.to_bits() {
-        let wrong =
-            "--speed: virtual time is as fast as it can be, expected no --virtual beside it";
+        let wrong = "--speed: not possible with --virtual, which always runs as fast as possible";
         return Err(CliError::Usage(wrong.to_owned()));
     }
     let own = own_links(scenario_of(capture, &args.file)?.as_ref())?;

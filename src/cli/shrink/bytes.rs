@@ -47,7 +47,7 @@ type Line = (usize, usize);
 pub(super) fn of_case(args: &ShrinkArgs, case: Case, source: Source) -> Result<Verdict, CliError> {
     if args.command.is_some() {
         let error =
-            "--while: expected a scenario or a capture, a case is judged by what it expects";
+            "--while: expected a scenario or a capture; a case is judged by its own expectations";
         return Err(CliError::Usage(error.to_owned()));
     }
     let (stop, clock) = (Stop::new(None)?, WallClock::start());

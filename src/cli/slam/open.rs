@@ -97,7 +97,7 @@ fn add(contents: &mut Contents, bytes: &[u8], path: &Path) -> Result<bool, Strin
     beside.push("-wal");
     if std::fs::metadata(&beside).is_ok_and(|beside| beside.len() > 0) {
         eprintln!(
-            "{}: what stands in {} is not read: fold it in with `sqlite3 {} 'PRAGMA \
+            "{}: the content of {} is not read: merge it with `sqlite3 {} 'PRAGMA \
              wal_checkpoint(TRUNCATE)'`",
             path.display(),
             Path::new(&beside).display(),

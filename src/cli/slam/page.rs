@@ -154,7 +154,7 @@ impl Open {
         }
         if look.sureness.is_some_and(|sure| sure.is_doubtful) {
             self.tally.doubtful += 1;
-            let words = "too little of the scan lies on walls: the wheels are believed";
+            let words = "too little of the scan is on walls: the pose follows the odometry";
             self.desk.tell("doubtful", words.to_owned());
         }
     }

@@ -187,7 +187,7 @@ fn keys_that_mean_nothing_together_are_refused() {
     );
     said(
         "at_byte = 1\nfrom = \"1s\"",
-        "10: fault[0].from: cannot be known of what waits for an event, expected lasting",
+        "10: fault[0].from: is impossible for a fault that waits for an event, expected lasting",
     );
     said(
         "every = \"1s\"",

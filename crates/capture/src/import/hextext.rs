@@ -188,7 +188,7 @@ fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
         );
     }
     if whole.messages.iter().any(|one| one.is_sent.is_some()) {
-        out.note("what is marked as sent goes to the device; --from host is the other way round");
+        out.note("bytes marked as sent go to the device; --from host reverses the directions");
     }
 }
 

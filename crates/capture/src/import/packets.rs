@@ -66,12 +66,12 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     for link_type in other {
         let (count, name) = (counts[&link_type], name_of(link_type));
         out.note(format!(
-            "{count} packets of {name} are left out: they carry no serial bytes"
+            "{count} packets of {name} are skipped: they contain no serial bytes"
         ));
     }
     if file.senseless > 0 {
         out.note(format!(
-            "{} blocks of the file make no sense and are left out",
+            "{} blocks of the file are invalid and are skipped",
             file.senseless
         ));
     }

@@ -274,8 +274,8 @@ fn chosen(
                 .map(|fd| format!("{fd} {}", path(fd)).trim_end().to_owned());
             let named = named.collect::<Vec<_>>().join(", ");
             Err(ImportError::of_file(format!(
-                "which file descriptor is the port cannot be told: {named}; --channel FD chooses \
-                 one, or trace with strace -y, which tells the paths"
+                "the file descriptor of the port is not clear: {named}; --channel FD selects \
+                 one, or trace with strace -y, which prints the paths"
             )))
         }
     }

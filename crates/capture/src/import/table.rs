@@ -205,7 +205,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     }
     let left = table.rows.len() - messages.len();
     if left > 0 {
-        out.note(format!("{left} rows without bytes are left out"));
+        out.note(format!("{left} rows without bytes are skipped"));
     }
     emit(messages, options, out)
 }

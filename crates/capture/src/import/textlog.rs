@@ -105,8 +105,8 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
 /// The bytes of a session, without the terminal's own lines.
 fn session_bytes(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     out.note(
-        "the session of a terminal: what it showed is taken as received, without times; it may \
-         lack what the terminal does not show",
+        "the session of a terminal: its text counts as received, without times; bytes that the \
+         terminal does not show may be missing",
     );
     let mut own = Vec::new();
     for line in lines(bytes) {

@@ -72,7 +72,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     if let Some(other) = other {
         let pid = &other.pid;
         out.note(format!(
-            "annotations of {pid} are left out: they are of no serial line"
+            "annotations of {pid} are skipped: they belong to no serial line"
         ));
     }
     let own = || {

@@ -143,7 +143,7 @@ fn line(
     let status = status_packet(urbs, device);
     if let Some(packet) = status {
         out.note(format!(
-            "{name}: an FTDI adapter, two bytes of status in {packet} are left out"
+            "{name}: an FTDI adapter, two bytes of status in {packet} are skipped"
         ));
     }
     let mut inputs = Vec::new();

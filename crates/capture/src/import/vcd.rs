@@ -98,7 +98,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     }
     if wide > 0 {
         out.note(format!(
-            "{wide} signals of several bits are left out: only a wire can be a UART"
+            "{wide} signals of several bits are skipped: only a single wire can be a UART"
         ));
     }
     let unit = unit.ok_or_else(|| ImportError::of_file("expected $timescale in the VCD file"))?;

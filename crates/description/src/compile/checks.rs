@@ -49,7 +49,8 @@ impl Compiler<'_> {
                     .iter()
                     .any(|(other, len)| *other < at + hole.1 && at < other + len);
                 if overlaps {
-                    let message = "lies over the sync bytes or another one, expected its own bytes";
+                    let message =
+                        "overlaps the sync bytes or another checksum, expected its own bytes";
                     self.wrong(format!("{key}.at"), message);
                 }
                 holes.push(hole);

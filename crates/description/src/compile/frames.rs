@@ -170,7 +170,7 @@ impl Compiler<'_> {
                 .iter()
                 .any(|(at, len)| *at < hole.0 + hole.1 && hole.0 < at + len);
             if overlaps {
-                let message = "lies over the sync bytes or a checksum, expected bytes of its own";
+                let message = "overlaps the sync bytes or a checksum, expected its own bytes";
                 self.wrong(format!("{key}.length.at"), message);
             }
             framing.holes.push(hole);
@@ -183,7 +183,7 @@ impl Compiler<'_> {
                 .iter()
                 .any(|(other, other_len)| *other < at + len && at < other + other_len);
             if overlaps {
-                let message = "lies over other fields of the frame, expected bytes of its own";
+                let message = "overlaps other fields of the frame, expected its own bytes";
                 self.wrong(format!("{key}.length.again"), message);
             } else {
                 framing.holes.push((at, len));

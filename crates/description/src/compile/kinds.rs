@@ -71,7 +71,7 @@ impl Compiler<'_> {
         let size = |compiler: &mut Self| match &spec.size {
             Some(size) => compiler.size(&format!("{key}.size"), size, &earlier),
             None => {
-                let message = format!("is missing: \"{}\" has no size of its own", spec.kind);
+                let message = format!("is missing: \"{}\" has no fixed size", spec.kind);
                 compiler.wrong(format!("{key}.size"), message);
                 Size::Fixed(1)
             }

@@ -125,7 +125,7 @@ impl Compiler<'_> {
                         .to_owned(),
                 ),
                 false => Some(format!(
-                    "comes back from its frame as other bytes, expected another frame: \
+                    "is decoded from its frame as other bytes, expected another frame: \
                      {frame:02X?}"
                 )),
             },

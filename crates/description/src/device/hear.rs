@@ -20,7 +20,12 @@ impl Doer<'_> {
             }
             self.end_of_silence(first_start(self.device.description.line, at, bytes.len()));
             if let Some(up) = self.device.boot_until.filter(|up| at < *up) {
-                let detail = || format!("bytes came while it starts, until {} ms", up.as_millis());
+                let detail = || {
+                    format!(
+                        "bytes arrived while the device starts, until {} ms",
+                        up.as_millis()
+                    )
+                };
                 let log = &mut self.device.log;
                 log.repeated(at, EventKind::Violation, "not-ready", detail);
                 continue;
@@ -86,8 +91,8 @@ impl Doer<'_> {
             let is_waiting = !device.pending.is_empty();
             if is_waiting || device.is_sending(started) {
                 let detail = || match is_waiting {
-                    true => "bytes came before the reply to the last request".to_owned(),
-                    false => "bytes came while the device sends, and are lost".to_owned(),
+                    true => "bytes arrived before the reply to the last request".to_owned(),
+                    false => "bytes arrived while the device sends, and are lost".to_owned(),
                 };
                 return device.log.repeated(
                     at,
@@ -179,7 +184,7 @@ impl Doer<'_> {
         let device = &mut *self.device;
         if at < device.busy_until {
             let until = device.busy_until;
-            let detail = || format!("a frame came while the device is busy, until {until} s");
+            let detail = || format!("a frame arrived while the device is busy, until {until} s");
             return device
                 .log
                 .repeated(at, EventKind::Violation, "too-fast", detail);

@@ -61,7 +61,7 @@ fn common(name: &str) -> &'static str {
         "off" => "the supply is gone",
         "restart" => "the device restarts",
         "stuck" => "measured values stay as they are",
-        "garbage" => "random bytes in place of frames",
+        "garbage" => "random bytes instead of frames",
         "wrong" => "measured values times a factor",
         "slow" => "latencies times a factor",
         _ => "",

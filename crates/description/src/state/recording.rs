@@ -41,7 +41,7 @@ impl Recording {
             points.push(point);
         }
         match points.is_empty() {
-            true => Err("there is no line of figures".to_owned()),
+            true => Err("expected at least one line of numbers".to_owned()),
             false => Ok(Self(points)),
         }
     }
@@ -83,6 +83,9 @@ mod tests {
             error("time,u\n0,1\n0,2", "u"),
             "line 3: time 0 is not later than before"
         );
-        assert_eq!(error("time,u\n", "u"), "there is no line of figures");
+        assert_eq!(
+            error("time,u\n", "u"),
+            "expected at least one line of numbers"
+        );
     }
 }

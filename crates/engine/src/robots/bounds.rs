@@ -153,8 +153,8 @@ pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
     });
     if let Some((index, wall)) = outside.next() {
         let message = format!(
-            "reaches beyond the robot's map of {}, {} to {}, {} m: what is outside is not drawn, and \
-             the robot does not plan there",
+            "reaches beyond the robot's map of {}, {} to {}, {} m: objects outside are not \
+             drawn, and the robot does not plan there",
             least[0], least[1], most[0], most[1]
         );
         let key = format!("world.wall[{index}].path_m");

@@ -242,7 +242,7 @@ impl Moment<'_> {
         let direction = Direction::from(frame.direction);
         let codec = self.instruments.codec_towards(self.rig, name, direction);
         codec.ok_or_else(|| {
-            let message = format!("what {name} speaks is not known: expected `bytes`");
+            let message = format!("the protocol of {name} is unknown: expected `bytes`");
             Flaw::new("link", message)
         })
     }

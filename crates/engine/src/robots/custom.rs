@@ -112,7 +112,7 @@ fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), Scenar
         ("return_within_mm", expect.return_within_mm.is_some()),
         ("settle", expect.settle.is_some()),
     ];
-    let message = "expected none: the program is your own, and the rig does not see what it knows";
+    let message = "expected none: the rig cannot see the map and pose of your own program";
     let given = |keys: &[(&'static str, bool)]| keys.iter().find(|key| key.1).map(|key| key.0);
     if let Some(key) = given(&of_program) {
         return Err(source.invalid(source.find(key), format!("expect.{key}"), message));

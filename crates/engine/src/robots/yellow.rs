@@ -286,7 +286,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
         }
     }
     if scenario.program.start_mode.is_some() {
-        let message = "expected none: the robot begins at rest, its PC orders what it does";
+        let message = "expected none: the robot begins at rest, and its PC orders the mode";
         let span = source.find("start_mode");
         return Err(source.invalid(span, "program.start_mode", message));
     }

@@ -118,7 +118,7 @@ impl Run {
 #[derive(Debug, thiserror::Error)]
 pub enum CommandError {
     /// The rig has no station of its own.
-    #[error("the rig has no PC of its own: the PC's end is a port")]
+    #[error("the rig has no PC, because the PC's end is a port")]
     NoStation,
     /// The protocol does not allow it.
     #[error("{0}")]

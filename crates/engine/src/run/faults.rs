@@ -52,7 +52,7 @@ impl Run {
     /// if there are [`FAULTS_MAX`] faults already. The run does not change then.
     pub fn inject(&mut self, mut fault: FaultSpec) -> Result<FaultId, Flaw> {
         if self.scenario.fault.len() >= FAULTS_MAX {
-            let message = format!("the run has {FAULTS_MAX} faults already, expected no more");
+            let message = format!("the run already has {FAULTS_MAX} faults, the maximum");
             return Err(Flaw::new("kind", message));
         }
         let id = FaultId(self.scenario.fault.len());

@@ -295,9 +295,9 @@ impl Probe {
                 let watch = watch.lock();
                 let (link, frames) = (&frame.link, watch.found.frames);
                 Some(match frames {
-                    0 => format!("no frame came on {link}"),
+                    0 => format!("no frame arrived on {link}"),
                     _ => format!(
-                        "{frames} frames came on {link}, the last: {}",
+                        "{frames} frames arrived on {link}, the last: {}",
                         watch.found.last
                     ),
                 })

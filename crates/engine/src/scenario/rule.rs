@@ -231,8 +231,8 @@ impl RuleSpec {
             })?;
         }
         if demand == Demand::Always && !condition.can_be_false() {
-            let message = "asks for bytes, a frame, a contact or an event, which hold for a moment \
-                           only; expected eventually or never, or a field of the frame";
+            let message = "is a condition on bytes, a frame, a contact or an event, which holds \
+                           only for a moment; expected eventually or never, or a field of the frame";
             return Err(Flaw::new("always", message));
         }
         self.check_times(demand)

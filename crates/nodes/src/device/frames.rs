@@ -12,7 +12,7 @@ impl NodeDevice {
     /// The frame of a message that the program sends.
     pub(super) fn frame_of(&self, message: &Value) -> Result<Vec<u8>, NodeError> {
         let frame = self.spec.description.as_deref().map_or_else(
-            || Err("is a message, and there is no description".to_owned()),
+            || Err("is a message, but the device has no description".to_owned()),
             |description| typed::frame_of(description, message),
         );
         frame.map_err(|what| NodeError::Unreadable {

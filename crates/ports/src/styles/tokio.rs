@@ -92,7 +92,7 @@ impl Clocks<'_> {
             self.after_end += 1;
             assert!(
                 self.after_end < STEPS_AFTER_END,
-                "the future waits for something that never comes: the run is over since ten minutes"
+                "the future waits for an event that never comes: the run has been over for ten minutes"
             );
             reached = tick;
         }

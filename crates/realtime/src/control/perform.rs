@@ -200,7 +200,7 @@ impl Office<'_> {
             Some(_) => {
                 let tempo = self.tempo_that_began()?;
                 if !tempo.stands() {
-                    let message = "rig time goes on, expected `pause` before";
+                    let message = "rig time runs, expected `pause` before";
                     return Err(Refusal::new("do", message));
                 }
                 tempo.step(by.0)

@@ -144,7 +144,7 @@ impl Control {
             }
             let mut newcomer = Client::new(stream, self.looks);
             if self.clients.len() >= CLIENTS_MAX && !self.make_room() {
-                let message = format!("{CLIENTS_MAX} clients wait here, expected no more");
+                let message = format!("{CLIENTS_MAX} clients wait already, the maximum");
                 newcomer.hang_up(Refusal::new("clients", message));
             } else {
                 self.clients.push(newcomer);
@@ -159,7 +159,9 @@ impl Control {
         let Some((_, index)) = idle.min() else {
             return false;
         };
-        let message = format!("hung up: silent for longest of {CLIENTS_MAX}, and another one came");
+        let message = format!(
+            "disconnected: silent for longest of {CLIENTS_MAX} clients when another one connected"
+        );
         self.clients[index].hang_up(Refusal::new("clients", message));
         self.clients.remove(index);
         true

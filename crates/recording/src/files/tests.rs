@@ -83,7 +83,7 @@ fn a_file_that_is_no_capture_is_left_alone() {
     let error = files(&folder).expect_err("not ours");
     assert_eq!(
         error.to_string(),
-        "the file there is no capture, expected one or a free name"
+        "the existing file is not a capture, expected a capture or a free name"
     );
     assert_eq!(names(&folder), ["live.pcapng"]);
     fs::remove_dir_all(folder).expect("ours");

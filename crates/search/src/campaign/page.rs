@@ -178,11 +178,11 @@ fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
     }
     out.write_str("<h2>Situations that must come up</h2>")?;
     if !never.is_empty() {
-        out.write_str("<p class=\"bad\">Never came up: ")?;
+        out.write_str("<p class=\"bad\">Never occurred: ")?;
         let names: Vec<&str> = never.iter().map(|one| &*one.situation).collect();
         write!(out, "{}.", Escaped(&names.join(", ")))?;
     }
-    write!(out, "<details><summary>{} came up</summary>", met.len())?;
+    write!(out, "<details><summary>{} occurred</summary>", met.len())?;
     out.write_str("<table><tr><th>what<th>runs")?;
     for count in met {
         let name = Escaped(&count.situation);

@@ -79,7 +79,7 @@ impl Store {
                 return Err(wrong(&plan_path, message));
             }
         } else if runs_path.exists() {
-            let message = "has no plan.json beside it, expected both or another --out";
+            let message = "has no plan.json in its folder, expected both files or another --out";
             return Err(wrong(&runs_path, message));
         } else {
             plan.write(dir, PLAN)?;

@@ -23,8 +23,8 @@ pub fn files(dir: &Path) -> Result<Vec<PathBuf>, String> {
     files.sort();
     match files.len() {
         0 => Err(
-            "holds neither capture.pcapng nor an .mcap or .db3 file: expected a result folder or \
-             a rosbag2"
+            "contains neither capture.pcapng nor an .mcap or .db3 file: expected a result folder \
+             or a rosbag2"
                 .to_owned(),
         ),
         1 => Ok(files),

@@ -202,7 +202,7 @@ impl<'a> Database<'a> {
         let page = from
             .checked_add(self.usable)
             .and_then(|to| self.bytes.get(from..to))
-            .ok_or("lies behind the end of the file")?;
+            .ok_or("is behind the end of the file")?;
         if core::mem::replace(&mut self.is_read[index], true) {
             return Err("belongs to two places");
         }

@@ -22,7 +22,7 @@ impl PoseKind {
         match self {
             Self::Wheels => "poses are taken as wheel odometry",
             Self::Corrected => {
-                "poses were corrected by a mapper: wheel odometry is what lies between the scans"
+                "poses were corrected by a mapper: the wheel odometry is derived from the poses between the scans"
             }
         }
     }

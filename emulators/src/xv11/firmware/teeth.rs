@@ -149,7 +149,7 @@ impl Xv11 {
         self.pause(seen, pace, resume);
         if !self.firmware.late_told {
             self.firmware.late_told = true;
-            let detail = format!("tooth of {:.1} rpm came late", seen.rpm());
+            let detail = format!("tooth of {:.1} rpm was late", seen.rpm());
             self.log.note(seen.at, "tooth-late", detail);
         }
     }

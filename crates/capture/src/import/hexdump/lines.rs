@@ -44,7 +44,7 @@ pub(super) fn rows<'a>(
         let is_edge = rows.is_empty() || Some(line.number) == last;
         if is_edge && is_prompt(&text) {
             notes.push(format!(
-                "line {} is a prompt and left out: {text}",
+                "line {} is a prompt and skipped: {text}",
                 line.number
             ));
             continue;

@@ -52,7 +52,7 @@ const GO_TO: &str = "go-to";
 pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
     PlaceAct {
         mode: SET_POSE,
-        about: "Tells the car that it stands there.",
+        about: "Sets the car's believed pose.",
         heading: true,
     },
     PlaceAct {

@@ -26,7 +26,7 @@ pub enum Refusal {
     #[error("not connected to the robot")]
     NotConnected,
     /// The robot has not reported the size of its map yet, so no position is valid.
-    #[error("the robot has not told the size of its map yet")]
+    #[error("the robot has not sent the size of its map yet")]
     NoMap,
     /// The position is outside the map.
     #[error("not on the map, which is {} mm x {} mm", .size_mm[0], .size_mm[1])]

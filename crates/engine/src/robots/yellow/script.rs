@@ -59,7 +59,7 @@ const GO_TO: &str = "go-to";
 pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
     PlaceAct {
         mode: SET_POSE,
-        about: "Tells the robot that it stands there.",
+        about: "Sets the robot's believed pose.",
         heading: true,
     },
     PlaceAct {

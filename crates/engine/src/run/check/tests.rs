@@ -202,7 +202,7 @@ fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
     };
     let told = "as told by 10 sound frames".to_owned();
     assert_eq!(after(2_000_090), (Status::Pass, told));
-    let untold = "5 at 3.000000 s, which no sound frame told".to_owned();
+    let untold = "5 at 3.000000 s, which no sound frame commanded".to_owned();
     assert_eq!(after(2_000_091), (Status::Fail, untold));
 }
 

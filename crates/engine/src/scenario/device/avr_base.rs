@@ -59,7 +59,7 @@ impl AvrBaseSpec {
         ];
         for (key, _) in own.into_iter().filter(|(_, is_there)| *is_there) {
             if config.profile != Profile::Document {
-                let message = "is there only with profile = \"document\"";
+                let message = "is possible only with profile = \"document\"";
                 let path = format!("device.{name}.avr-base.{key}");
                 return Err(source.invalid(source.find(key), path, message));
             }

@@ -134,7 +134,7 @@ impl FirmwareSpec {
                 ));
             };
             if found.iter().any(|(other, _)| other == name) {
-                return Err(format!("\"{name}\" is there twice, expected another UART"));
+                return Err(format!("\"{name}\" is given twice, expected another UART"));
             }
             found.push((name.clone(), *number));
         }

@@ -154,9 +154,8 @@ impl NodeProgramSpec {
             vec![Planned { port, codec }]
         };
         if self.format.is_some() && self.rate.is_none() {
-            let message = "stands without rate, expected rate beside it, or a format in each of \
-                           ports"
-                .to_owned();
+            let message =
+                "is given without rate, expected rate too, or a format in each of ports".to_owned();
             return wrong(".format", message).map(|()| Vec::new());
         }
         match (&self.ports[..], self.rate, &described) {
@@ -172,7 +171,7 @@ impl NodeProgramSpec {
             .map(|()| Vec::new()),
             (_, Some(_), _) => wrong(
                 ".rate",
-                "stands beside ports, expected a rate in each of them".to_owned(),
+                "is given together with ports, expected a rate in each of them".to_owned(),
             )
             .map(|()| Vec::new()),
             (ports, None, _) => {
@@ -191,7 +190,7 @@ impl NodeProgramSpec {
                         return wrong(&format!("{key}.name"), message).map(|()| Vec::new());
                     }
                     if planned.iter().any(|other| other.port.name == *name) {
-                        let message = format!("\"{name}\" is there twice, expected another name");
+                        let message = format!("\"{name}\" is given twice, expected another name");
                         return wrong(&format!("{key}.name"), message).map(|()| Vec::new());
                     }
                     let line = line(&key, spec.rate, &spec.format)?;
@@ -342,7 +341,7 @@ mod tests {
         ] {
             let said = error(wrong).expect(wrong);
             assert!(
-                said.contains("program.format: stands without rate"),
+                said.contains("program.format: is given without rate"),
                 "{said}"
             );
         }

@@ -72,7 +72,7 @@ impl FaultSpec {
             return Err(Flaw::new("when", message));
         }
         if events.contains(&true) && (self.from.is_some() || self.until.is_some()) {
-            let message = "cannot be known of what waits for an event, expected lasting";
+            let message = "is impossible for a fault that waits for an event, expected lasting";
             let key = if self.from.is_some() { "from" } else { "until" };
             return Err(Flaw::new(key, message));
         }

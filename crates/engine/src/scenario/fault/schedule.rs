@@ -114,7 +114,7 @@ impl Rig {
             (FaultPlace::Device, ..) => {
                 let name = fault.device.as_deref().unwrap_or_default();
                 let of_its_own = || {
-                    let missing = "is missing, expected a name that the device knows";
+                    let missing = "is missing, expected the name of a fault of the device";
                     fault.fault.as_deref().ok_or(Flaw::new("fault", missing))
                 };
                 let what = match kind {
@@ -193,7 +193,7 @@ impl Rig {
         // A node program that could not be greeted fails the run by itself.
         if !known.contains(&fault) && !self.is_lost(name) {
             let known = known.join(", ");
-            let message = format!("\"{name}\" knows no fault \"{fault}\", expected one of {known}");
+            let message = format!("\"{name}\" has no fault \"{fault}\", expected one of {known}");
             return Err(Flaw::new(key, message));
         }
         if figure.is_some_and(|figure| !(-1e6..=1e6).contains(&figure)) {

@@ -104,7 +104,7 @@ impl Checker for TelemetryTrue {
         let detail = match broken {
             Some((one, (at, told, truth))) => {
                 format!(
-                    "at {at} s {} is reported as {told:.2}, it is {truth:.2}",
+                    "at {at} s {} is reported as {told:.2}, the true value is {truth:.2}",
                     one.name
                 )
             }
