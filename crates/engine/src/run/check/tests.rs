@@ -200,7 +200,7 @@ fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
         look(&mut checker, &mut rig, 3_000, &[axis(5.0, None)], &[]);
         verdict(&checker)
     };
-    let told = "as told by 10 sound frames".to_owned();
+    let told = "as commanded by 10 sound frames".to_owned();
     assert_eq!(after(2_000_090), (Status::Pass, told));
     let untold = "5 at 3.000000 s, which no sound frame commanded".to_owned();
     assert_eq!(after(2_000_091), (Status::Fail, untold));
