@@ -60,7 +60,7 @@ fn three_wrong_reports_in_a_row_are_a_failure() {
     assert_eq!(told(12.6, 3).status, Status::Pass);
     let wrong = told(12.6, 4);
     assert_eq!(wrong.status, Status::Fail);
-    let detail = "at 0.040000 s the battery, V is reported as 12.60, it is 12.00";
+    let detail = "at 0.040000 s the battery, V is reported as 12.60, the true value is 12.00";
     assert_eq!(wrong.detail, detail);
     let none = observed(&mut TelemetryTrue::new(Arc::new(Unknown)), 9);
     assert_eq!(none.status, Status::NotObserved);
