@@ -115,7 +115,7 @@ const CASES: [Case; 25] = [
         "waits-to-be-asked",
         "grip",
         "fd = opened('GRIP')\nwhile True:\n    os.write(fd, os.read(fd, 1))\n",
-        "a program that waits to be asked is a device",
+        "here the program is the master and must send the first request",
     ),
     (
         "waits-for-a-line",

@@ -35,7 +35,7 @@ fn judge_motors(outcome: &mut Outcome, ended: Option<Instant>) {
         };
         check.status = Status::Fail;
         check.detail = format!(
-            "set-points still on in the end, {gone}: {}; no watchdog stops them",
+            "set-points still on at the end, {gone}: {}; no watchdog stops them",
             on.join(", ")
         );
     }

@@ -64,19 +64,19 @@ impl Ports {
         let sent: u64 = seen.iter().map(|port| port.from_client).sum();
         let brought: u64 = seen.iter().map(|port| port.to_client).sum();
         let has_read = seen.iter().any(|port| port.read_at.is_some());
-        let passed = format!("sent {sent} B, {brought} B came for it");
+        let passed = format!("sent {sent} B, {brought} B arrived for it");
         let may_rest = rest.may_idle || is_done(rest.checks);
         let fail = |detail: String| Check::new(GOES_ON, false, detail);
         if sent == 0 && !has_read {
             return fail(match brought {
                 0 => "no byte passed in either direction: nothing was observed".to_owned(),
-                _ => format!("it sent nothing and read nothing; {brought} B came for it"),
+                _ => format!("it sent nothing and read nothing; {brought} B arrived for it"),
             });
         }
         if sent == 0 && rest.is_mute && !may_rest {
             return fail(format!(
-                "{passed}; it sent nothing and printed nothing: what it made of them was not \
-                 observed; let it print that, or {ALLOW_IT}"
+                "{passed}; it sent nothing and printed nothing: its use of the bytes was not \
+                 observed; let it print its readings, or {ALLOW_IT}"
             ));
         }
         let mut wrong = seen.iter().filter(|port| port.is_mostly_wrong());
@@ -219,11 +219,11 @@ fn effect(setting: Setting, to: Special, from: Special) -> Option<String> {
         ),
         Setting::LfToCrLf => some(
             from.lf,
-            format!("sends 0x0D 0x0A in place of 0x0A: {} times", from.lf),
+            format!("sends 0x0D 0x0A instead of 0x0A: {} times", from.lf),
         ),
         Setting::CrSentAsLf => some(
             from.lf,
-            format!("sends 0x0A in place of 0x0D: up to {} times", from.lf),
+            format!("sends 0x0A instead of 0x0D: up to {} times", from.lf),
         ),
         Setting::MayReadNothing => None,
     }

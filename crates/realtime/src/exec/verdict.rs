@@ -36,8 +36,8 @@ pub fn childless(left: &[Left]) -> Check {
     let ended = names(&mut left.iter().filter(|one| !one.was_killed));
     let detail = match (killed.is_empty(), ended.is_empty()) {
         (true, true) => "none".to_owned(),
-        (true, false) => format!("left behind, ended when asked: {ended}"),
-        (false, _) => format!("left behind, had to be killed: {killed}"),
+        (true, false) => format!("left running, ended by SIGTERM: {ended}"),
+        (false, _) => format!("left running, had to be killed: {killed}"),
     };
     Check::new("no-children-left", killed.is_empty(), detail)
 }

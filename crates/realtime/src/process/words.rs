@@ -56,7 +56,7 @@ impl Words {
         let end = usize::try_from(beyond).map_or(KEPT_MAX, |len| len.min(KEPT_MAX));
         let cut = beyond - end as u64;
         let end: Vec<u8> = self.kept.range(self.kept.len() - end..).copied().collect();
-        let note = format!("\n[hilrig: {cut} bytes left out here, the limit is {LOG_MAX}]\n");
+        let note = format!("\n[hilrig: {cut} bytes omitted here, the limit is {LOG_MAX}]\n");
         let _ = log.write_all(note.as_bytes());
         let _ = log.write_all(&end);
     }
@@ -100,7 +100,7 @@ mod tests {
         std::fs::remove_file(&path).expect("ours");
         assert!(text.starts_with("first words\n"));
         assert!(text.ends_with("last words\n"));
-        assert!(text.contains("bytes left out here"));
+        assert!(text.contains("bytes omitted here"));
         assert!(text.len() as u64 <= LOG_MAX + KEPT_MAX as u64 + 100);
     }
 }

@@ -87,7 +87,8 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
 /// Requests for unknown or forbidden addresses and values.
 fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
     let told = told(evidence.outcome, device, rules)?;
-    let text = format!("the program asks {device} for what it does not have or allow: {told}");
+    let text =
+        format!("the program sends {device} a request that it does not support or allow: {told}");
     let at = first_break(evidence.outcome, device, rules).unwrap_or_default();
     let trigger = Trigger::from_device(evidence, at, device);
     let remedy = trigger.as_ref().and_then(Trigger::remedy);
@@ -114,8 +115,8 @@ fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option
     let at = first_break(evidence.outcome, device, rules);
     let after = at.map_or_else(String::new, |at| after(evidence, at));
     let text = format!(
-        "the program does not wait for {device}: {told}{after}; send the next request when the \
-         reply has come, or after a timeout"
+        "the program does not wait for {device}: {told}{after}; send the next request after the \
+         reply, or after a timeout"
     );
     Some(Cause::new(weight::ORDER, text))
 }
@@ -198,7 +199,7 @@ fn format(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Caus
         true => "compare the checksum (which bytes it covers, its width and byte order)",
         false => "compare header, length and end of its frames",
     };
-    let text = format!("{device} does not understand what it is sent: {told}; {fix}");
+    let text = format!("{device} does not understand the received bytes: {told}; {fix}");
     Some(Cause::new(weight, text))
 }
 

@@ -42,7 +42,7 @@ fn motors(evidence: &Evidence<'_>) -> Option<Cause> {
     Some(Cause::new(
         weight::MOTORS,
         format!(
-            "motors go on without commands ({detail}); give the device a watchdog, or let \
+            "motors keep running without commands ({detail}); give the device a watchdog, or let \
              the program stop the motors when it ends"
         ),
     ))
@@ -56,7 +56,7 @@ fn left_behind(evidence: &Evidence<'_>) -> Option<Cause> {
         let detail = &left.detail;
         Cause::new(
             weight::COLLISION,
-            format!("processes that the program started outlive it ({detail}); let it end them"),
+            format!("child processes outlive the program ({detail}); let the program end them"),
         )
     })
 }

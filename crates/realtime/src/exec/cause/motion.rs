@@ -152,8 +152,8 @@ fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
     let (near, end) = (distance(nearest), distance(last));
     if near < distance(first) / 2.0 && end > near + 2.0 * WAY {
         return Some(format!(
-            "the robot came within {:.0} mm of waypoint {number} at {} s and drove on: it stops too \
-             late, or never",
+            "the robot was {:.0} mm from waypoint {number} at {} s and kept driving: it stops \
+             too late, or never",
             near * 1000.0,
             nearest.0
         ));
@@ -166,7 +166,7 @@ fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
     let since = still.last()?.0;
     Some(format!(
         "the robot stands {:.0} mm from waypoint {number} since {since} s: the program does not \
-         drive it on",
+         drive it any further",
         end * 1000.0
     ))
 }
@@ -247,8 +247,8 @@ fn goes_on(outcome: &Outcome) -> Option<String> {
     let far = last.1.point().distance(goal) * 1000.0;
     is_told.then(|| {
         format!(
-            "the robot never stops: it visited its waypoints and is told to drive on in the end, \
-             {far:.0} mm from the last of them"
+            "the robot never stops: after its last waypoint its motors still run at the end, \
+             {far:.0} mm from this waypoint"
         )
     })
 }

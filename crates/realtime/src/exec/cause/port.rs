@@ -66,8 +66,8 @@ fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
     let waits = what_for(evidence);
     let text = match port.read_at {
         None => format!(
-            "port {name} was opened and never read, though {brought} B came for it{waits}; \
-             read it in a thread of its own, or in the main loop"
+            "port {name} was opened and never read, though {brought} B arrived for it{waits}; \
+             read it in a separate thread, or in the main loop"
         ),
         Some(read) => format!(
             "the program stopped reading port {name} at {read} s; bytes waited for 2 s by {at} \
@@ -114,7 +114,7 @@ fn lost(port: &Port) -> Option<Cause> {
             weight::LOST,
             format!(
                 "{lost} B were lost at port {name}, because the program did not read them in \
-                 time; read more often, or in a thread of its own"
+                 time; read more often, or in a separate thread"
             ),
         )
     })
@@ -145,8 +145,8 @@ fn not_opened(evidence: &Evidence<'_>) -> Option<Cause> {
     Some(Cause::new(
         weight::NOT_OPENED,
         format!(
-            "the program never opened {missing}: {why}; its path is in HILRIG_PORT_<NAME>; say with \
-             --exec-needs which ports the program needs"
+            "the program never opened {missing}: {why}; its path is in HILRIG_PORT_<NAME>; name \
+             the required ports with --exec-needs"
         ),
     ))
 }
@@ -216,7 +216,7 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
     };
     let open = ports.names(|port| port.is_open);
     let since = ports.active_at.map_or_else(
-        || "it never sent nor read anything".to_owned(),
+        || "it neither sent nor read anything".to_owned(),
         |at| {
             let trigger = Trigger::of_silence(evidence, at);
             let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
@@ -252,8 +252,8 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
         return Some(Cause::new(
             weight::NOTHING_SENT,
             format!(
-                "the program sent nothing, and its devices do not speak unless they are asked\
-                 {waits}; a program that waits to be asked is a device: here it is the master"
+                "the program sent nothing, and its devices only answer requests{waits}; here the \
+                 program is the master and must send the first request"
             ),
         ));
     }

@@ -88,8 +88,8 @@ impl<'a> Trigger<'a> {
                  checksum and length, and search the next header from the byte behind the bad one",
             ),
             Delayed | Latency | Jitter | Stall | Clog => Some(
-                "it takes a late reply for the reply to a later request: throw away what has come \
-                 before each request, or compare the reply with the request",
+                "it takes a late reply for the reply to a later request: discard the received \
+                 bytes before each request, or compare the reply with the request",
             ),
             _ => None,
         }
