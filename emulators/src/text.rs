@@ -389,7 +389,7 @@ impl Device for Text {
         if self.board.is_reset_by_break(now) {
             return self.restart(now, "a break");
         }
-        let detail = "a break: heard as a NUL".to_owned();
+        let detail = "a break: received as a NUL".to_owned();
         self.log.note(now, "break", detail);
         self.receive(port, now, &[0]);
     }

@@ -137,7 +137,7 @@ fn what_cannot_be_is_told_with_its_place() {
         refusal(&robot.replace("{ encoder = \"left\" }", "{ encoder = \"drive\" }")),
         @r#"<test>:45: device.wheels.registers.register[2]: there is no encoder "drive", expected one of: left, right"#
     );
-    insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"rescue\"")), @r#"<test>:18: chassis: expected none: this robot has a chassis of its own"#);
+    insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"rescue\"")), @r#"<test>:18: chassis: expected none: this robot has its own chassis"#);
     insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"costum\"")), @r#"<test>:1: robot: is "costum", expected one of apollo13, custom, none, rescue, yellow"#);
     insta::assert_snapshot!(refusal(&GRIPPER.replace("\"none\"", "\"custom\"")), @r#"<test>: world: is missing, expected a table with the robot's start and the obstacles"#);
     let car = "[chassis.ackermann]\nwheelbase_m = -1\n";

@@ -207,7 +207,7 @@ fn refuse_chassis(scenario: &Scenario, source: &Source) -> Result<(), ScenarioEr
     if scenario.chassis.is_none() {
         return Ok(());
     }
-    let message = "expected none: this robot has a chassis of its own";
+    let message = "expected none: this robot has its own chassis";
     Err(source.invalid(source.find("chassis"), "chassis", message))
 }
 

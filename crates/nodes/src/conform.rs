@@ -377,7 +377,7 @@ fn end_of_input(spec: &NodeSpec) -> Tried {
             Ok(Ok("it exits when its standard input is closed".to_owned()))
         }
         None => Err(format!(
-            "it goes on for {} s after its standard input was closed, expected it to exit: it \
+            "it continues for {} s after its standard input was closed, expected it to exit: it \
              would outlive a killed rig",
             END_MAX.as_secs()
         )),

@@ -82,8 +82,8 @@ fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
     write_robot("belief", believed, at, &outcome.footprint, out)?;
     write!(
         out,
-        "</g></svg><figcaption>{at:.1} s after the start: the true robot and its way drawn through, \
-         what it believed dashed</figcaption></figure>"
+        "</g></svg><figcaption>{at:.1} s after the start: the true robot and its path solid, the \
+         believed ones dashed</figcaption></figure>"
     )
 }
 

@@ -131,7 +131,7 @@ impl Journal {
                 at: at.unwrap_or_default(),
                 kind: EventKind::Note,
                 rule: "events-lost",
-                detail: format!("{} events came after these and were not kept", self.lost),
+                detail: format!("{} later events were not stored", self.lost),
                 bytes: Vec::new(),
             });
             self.lost = 0;

@@ -90,7 +90,7 @@ impl Rplidar {
         let pending = self.requests.pending();
         self.requests = RequestDecoder::with_format(Requests);
         self.give_up_at = None;
-        let detail = format!("{pending} bytes of a request, and no more within 5 s");
+        let detail = format!("{pending} bytes of a request, and no further bytes within 5 s");
         self.log.violation(at, "request-cut", detail, &[]);
     }
 

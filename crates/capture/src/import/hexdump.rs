@@ -104,7 +104,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     }
     if first > 0 {
         out.note(format!(
-            "the dump begins at offset {first}: what was before it is missing"
+            "the dump begins at offset {first}: the bytes before it are missing"
         ));
     }
     if let [chunk] = &chunks[..] {

@@ -40,7 +40,7 @@ pub(super) fn of(description: &Description) -> Vec<Probe> {
     let mut probes = Vec::new();
     if let Some(longest) = description.every.iter().map(|every| every.period).max() {
         probes.push(Probe {
-            place: "what comes by itself".to_owned(),
+            place: "unsolicited messages".to_owned(),
             bytes: Vec::new(),
             asks: None,
             changes: false,

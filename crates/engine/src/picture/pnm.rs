@@ -93,7 +93,11 @@ impl<R: Read> Input<R> {
                 b'0'..=b'9' if digits.len() < DIGITS_MAX => digits.push(byte.into()),
                 b' ' | b'\t' | b'\n' | b'\r' | 0x0B | 0x0C if digits.is_empty() => {}
                 b' ' | b'\t' | b'\n' | b'\r' | 0x0B | 0x0C => break,
-                _ => return Err(wrong(format!("byte {byte:#04x} is in place of a number"))),
+                _ => {
+                    return Err(wrong(format!(
+                        "byte {byte:#04x} is unexpected here, expected a number"
+                    )));
+                }
             }
         }
         let number = digits.parse();
@@ -168,7 +172,7 @@ mod tests {
         let error = gray(b"P5 1 1 65536 ").expect_err("too many bits");
         assert_eq!(error, "the largest value is 65536, expected 1 to 65535");
         let error = gray(b"P2 -1 1 255 ").expect_err("negative");
-        assert_eq!(error, "byte 0x2d is in place of a number");
+        assert_eq!(error, "byte 0x2d is unexpected here, expected a number");
         let error = gray(b"P2 9999999999 1 255 ").expect_err("overflow");
         assert_eq!(error, "9999999999 is no number of pixels or grays");
     }

@@ -186,8 +186,8 @@ fn draft(formats: &[Proposed], baud: u32, all: usize, told: Option<&str>) -> Str
     let frames: String = frames.collect();
     let messages = told.map_or_else(|| message::plain(formats), str::to_owned);
     format!(
-        "{claims}# A draft from captured bytes: what stands here fits them, and no more is known.\n\
-         name = \"learned\"\nabout = \"Device of which {all} bytes were seen\"\n\
+        "{claims}# A draft from captured bytes: it matches these bytes, and nothing else is known.\n\
+         name = \"learned\"\nabout = \"Device from {all} captured bytes\"\n\
          line = {{ baud = {baud} }}\n\n{frames}{messages}"
     )
 }

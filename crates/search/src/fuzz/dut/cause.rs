@@ -174,7 +174,9 @@ impl fmt::Display for Cause {
                     (words, _) => write!(f, "; it said: {words}"),
                 }
             }
-            Self::Ended => f.write_str("the program ended with exit code 0, expected it to go on"),
+            Self::Ended => {
+                f.write_str("the program ended with exit code 0, expected it to continue")
+            }
             Self::Hang(how) | Self::Spins(how) => write!(f, "the program hangs: {how}"),
             Self::NoTimeout(how) => {
                 write!(f, "the program waits without a timeout: {how}")

@@ -60,8 +60,8 @@ pub(super) fn converse(
                     if heard.is_some() && is_new {
                         let kind = &raw.turn[played[played.len() - 1]].kind;
                         causes.push(Cause::NoTimeout(format!(
-                            "after the reply \"{kind}\" it said nothing for {} s, and went on when \
-                             a sound reply came",
+                            "after the reply \"{kind}\" it sent nothing for {} s, and continued \
+                             after a valid reply",
                             limits.silence.as_secs_f64()
                         )));
                     }
