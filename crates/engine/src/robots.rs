@@ -1,7 +1,8 @@
 //! The robots: which devices, links and program each one consists of.
 //!
 //! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
-//! [`register`]. What an observer may ask of it travels with the rig as its [`Instruments`].
+//! [`register`]. The robot's [`Instruments`] travel with the rig and answer the queries of
+//! observers.
 
 #[cfg(feature = "robots")]
 mod apollo13;
@@ -59,7 +60,7 @@ pub trait Robot: Sync {
     /// Its name, as in a scenario.
     fn name(&self) -> &'static str;
 
-    /// What it is, in one sentence.
+    /// A description of the robot in one sentence.
     fn about(&self) -> &'static str;
 
     /// The robot's drive train and outline; `None`: two wheels with the figures of the scenario.
@@ -109,14 +110,14 @@ pub trait Robot: Sync {
         Err(source.invalid(source.find("program"), "program", message))
     }
 
-    /// What suits it, for worlds and missions that are made by chance; `None`: only the scenario's
-    /// own world and mission do.
+    /// Limits of worlds and missions that are generated; `None` if only the scenario's own world
+    /// and mission are suitable.
     fn arena(&self) -> Option<Arena> {
         None
     }
 
-    /// What its map holds, metres in the world's frame: lower left and upper right corner; `None`:
-    /// it has none, or one without bounds that matter.
+    /// Range of its map, metres in the world's frame: lower left and upper right corner. `None`
+    /// without a map, or without limits that matter.
     fn map_m(&self) -> Option<[[f64; 2]; 2]> {
         None
     }
@@ -137,7 +138,7 @@ pub trait Robot: Sync {
         Vec::new()
     }
 
-    /// What a mapper needs to know to understand what passed the robot's links.
+    /// The data that a mapper needs to interpret the bytes on the robot's links.
     ///
     /// # Errors
     /// If the scenario sets it up in a way that it cannot be.
@@ -211,7 +212,7 @@ fn refuse_chassis(scenario: &Scenario, source: &Source) -> Result<(), ScenarioEr
     Err(source.invalid(source.find("chassis"), "chassis", message))
 }
 
-/// What a robot is wired from.
+/// The input for the wiring of a robot.
 pub struct WirePlan<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
@@ -219,13 +220,13 @@ pub struct WirePlan<'a> {
     pub source: &'a Source,
     /// Ground truth, the robot's body in it.
     pub world: World,
-    /// What takes the part of the program.
+    /// The part of the program.
     pub dut: Dut,
-    /// What takes the part of the PC.
+    /// The part of the PC.
     pub pc: PcEnd,
 }
 
-/// What takes the part of the robot's program.
+/// The part of the robot's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dut {
     /// The program in this process.
@@ -234,7 +235,7 @@ pub enum Dut {
     External,
 }
 
-/// What takes the part of the PC, if the robot has one.
+/// The part of the PC, if the robot has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PcEnd {
     /// The mission's script.
@@ -262,7 +263,7 @@ pub struct OpenEnd {
     pub is_optional: bool,
 }
 
-/// A rig with what outsiders need to know of it.
+/// A rig and the data for its users.
 pub struct Wired {
     /// The rig.
     pub rig: Rig,
@@ -273,7 +274,7 @@ pub struct Wired {
 }
 
 impl Wired {
-    /// A rig without open ends so far.
+    /// A rig without open ends.
     pub fn new(rig: Rig, instruments: impl Instruments + 'static) -> Self {
         Self {
             rig,
@@ -301,8 +302,7 @@ impl Wired {
         }
     }
 
-    /// Adds an end that is served from outside, for the link `name`; `connect` says who is to be
-    /// there.
+    /// Adds an open end for the link `name`; `connect` describes its client.
     pub fn open_end(&mut self, name: &str, line: LineConfig, connect: &'static str) -> End {
         let node = self.rig.add_outside(name, line);
         let (name, link) = (name.to_owned(), name.to_owned());
@@ -327,7 +327,7 @@ impl Wired {
 pub struct Arena {
     /// Side of the square from the origin that its map holds, metres.
     pub side_m: f64,
-    /// What it needs beside its body to get along, metres.
+    /// Free margin that the robot needs beside its body, metres.
     pub margin_m: f64,
     /// How far it gets in a second at least, metres: with its turns, stops and ways around.
     pub pace_m_s: f64,
@@ -383,8 +383,8 @@ pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// Adds the devices of the scenario that `fits` and are not there yet, each port on a link of its
-/// own whose other end is open; what is spoken on those links.
+/// Adds the devices of the scenario that `fits` and that are missing, each port on its own link
+/// with an open end. Returns the protocols of these links.
 fn add_devices(
     wired: &mut Wired,
     scenario: &Scenario,
@@ -459,7 +459,7 @@ pub struct ProgramPort {
     pub is_optional: bool,
 }
 
-/// What a mapper needs to know of a robot to understand what passed its links.
+/// The data that a mapper needs to interpret the bytes on a robot's links.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Senses {
     /// Link on which an XV-11 sends.
@@ -472,7 +472,7 @@ pub struct Senses {
     pub checksum_order: ChecksumOrder,
     /// First registers of the wheels' counters of 32 bits, left and right.
     pub counters: [u8; 2],
-    /// What a count means.
+    /// Meaning of the encoder counts.
     pub wheels: WheelGeometry,
     /// Estimated start pose of the robot.
     pub start: Pose,

@@ -57,7 +57,7 @@ pub(super) fn check_safety_links(
     Err(source.invalid(source.find(key), format!("expect.safety.{key}"), message))
 }
 
-/// Whether the robot has what the conditions of rules and steps name.
+/// Checks that the robot has the items that the conditions of rules and steps name.
 ///
 /// # Errors
 /// The first name that it has not.
@@ -108,7 +108,7 @@ pub(super) fn check_conditions(
     Ok(())
 }
 
-/// What is wrong with waypoints for the robot called `name`: one lies outside its map.
+/// The error if one of the waypoints of the robot called `name` is outside its map.
 pub(crate) fn beyond_map(name: &str, places: &[[f64; 2]]) -> Option<String> {
     let map = super::find(name).and_then(Robot::map_m)?;
     beyond(map, places)
@@ -125,7 +125,7 @@ fn beyond([least, most]: [[f64; 2]; 2], places: &[[f64; 2]]) -> Option<String> {
     ))
 }
 
-/// What stands in `source` without effect, and what the robot's map cannot hold.
+/// Keys in `source` without effect, and objects that the robot's map cannot hold.
 pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
     let mut warnings = scenario.warnings(source);
     let robot = super::find(&scenario.robot);

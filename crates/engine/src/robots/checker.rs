@@ -108,7 +108,7 @@ pub trait Checker: Send {
     /// Checks the rig; called every few milliseconds of virtual time.
     fn observe(&mut self, look: &Look<'_>);
 
-    /// The verdict so far; not observed if there was nothing to check.
+    /// The verdict so far; not observed if nothing could be checked.
     fn verdict(&self) -> Check;
 
     /// The same checker in the same state, for a copy of the rig. Adds its observers to that copy,

@@ -1,4 +1,5 @@
-//! Conditions on the state of a run: what each reads now, and whether the robot has what it names.
+//! Conditions on the state of a run: their current values, and whether the robot has the named
+//! items.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -26,7 +27,7 @@ const SOURCES: [&str; 4] = ["pc", "program", "rig", "robot"];
 pub(crate) struct Moment<'a> {
     /// The rig.
     pub(crate) rig: &'a Rig,
-    /// What the robot shows.
+    /// The robot's observable state.
     pub(crate) instruments: &'a dyn Instruments,
     /// The axes, if they were read already.
     pub(crate) axes: Option<&'a [Axis]>,
@@ -36,7 +37,7 @@ pub(crate) struct Moment<'a> {
     pub(crate) waypoints: [usize; 2],
 }
 
-/// What a condition read.
+/// The value of a condition.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Reading {
     /// Whether the condition holds; `None` if the value cannot be compared.
@@ -46,7 +47,7 @@ pub(crate) struct Reading {
 }
 
 impl Moment<'_> {
-    /// What `condition` on the state reads now; `None` if there is no value, or if it is not on
+    /// The current value of `condition`; `None` if there is no value, or if the condition is not on
     /// the state.
     pub(crate) fn reading(&self, condition: &Condition) -> Option<Reading> {
         let compared = |op: crate::scenario::Op, found: Operand, wanted: &Operand| Reading {
@@ -163,9 +164,9 @@ impl Moment<'_> {
     }
 }
 
-/// Whether the robot has what conditions name.
+/// Checks of the items that conditions name.
 impl Moment<'_> {
-    /// Checks that the run has all that `condition` names.
+    /// Checks that the run has all items that `condition` names.
     ///
     /// # Errors
     /// The first name that is unknown, with the name that was probably meant and the known ones.
@@ -199,7 +200,7 @@ impl Moment<'_> {
         }
     }
 
-    /// Checks that the run has what a step of the rig names.
+    /// Checks that the run has the items that a step of the rig names.
     ///
     /// # Errors
     /// The first name that is unknown, with the known ones.
@@ -232,7 +233,7 @@ impl Moment<'_> {
         })
     }
 
-    /// What the line of `frame` speaks.
+    /// The codec of the line of `frame`.
     pub(crate) fn codec(
         &self,
         frame: &FrameCondition,

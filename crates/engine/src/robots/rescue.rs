@@ -348,7 +348,7 @@ fn program(
         MapperSpec::Document => slam::Settings::document(),
     };
     mapping.seed = scenario.seed;
-    // The robot is told where it starts; map and world share their frame.
+    // The robot knows its start pose; map and world share their frame.
     let start = scenario.world.start_pose();
     #[expect(clippy::cast_possible_truncation, reason = "millimetres fit an f32")]
     let [x_mm, y_mm, heading] = [start.x * 1000.0, start.y * 1000.0, start.theta].map(|v| v as f32);
@@ -408,7 +408,7 @@ const MODES: [(&str, Mode); 4] = [
     ("explore", Mode::Explore),
 ];
 
-/// The mode of that name, or what was expected.
+/// The mode called `name`, or the expected names.
 fn mode(name: &str) -> Result<Mode, String> {
     let found = MODES.iter().find(|(known, _)| *known == name);
     found.map(|(_, mode)| *mode).ok_or_else(|| {
@@ -463,10 +463,10 @@ fn pc_step(step: &Step) -> Result<pc::Step, String> {
     })
 }
 
-/// What the PC does, in the units of the wire.
+/// The action of the PC in the units of the wire.
 ///
 /// # Errors
-/// What was expected, if the robot has no such mode or axes.
+/// The expected modes or axes, if the robot does not have the given ones.
 pub fn pc_action(action: &Action) -> Result<pc::Action, String> {
     Ok(match action {
         Action::Connect => pc::Action::Open,

@@ -211,7 +211,7 @@ fn connect_pc(
     Ok(())
 }
 
-/// The program by itself. Neither motor pin nor board is a UART in life.
+/// The program without a rig. On the real robot neither the motor pin nor the board is a UART.
 fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     check_names(scenario, source)?;
     let (config, _) = configs(scenario, source)?;

@@ -37,7 +37,7 @@ const RESTED: Duration = Duration::from_millis(1_500);
 /// Time after an arrival in which repeated goals are ignored, because the phone may not have seen
 /// the arrival.
 const JUST_NOW: Duration = Duration::from_secs(5);
-/// Standstill after which the car has given up.
+/// Standstill after which the operator assumes that the car has given up.
 const GAVE_UP: Duration = Duration::from_secs(12);
 /// Precision of a click on a map: to 10 cm, to 10 degrees.
 const CLICK_M: f32 = 0.1;
