@@ -292,7 +292,7 @@ const UNPROVED: [(&str, Status, &str); 6] = [
         "never = { all = [{ frame = { link = \"scale\", direction = \"to-master\", \
          field = \"wieght\", value = 1 } }, { axis = { name = \"left\", op = \">\", value = 9 } }] }",
         Status::NotObserved,
-        "frames came on scale, the last: ",
+        "frames arrived on scale, the last: ",
     ),
     (
         "never = { frame = { link = \"scale\", direction = \"to-master\", field = \"door\", \

@@ -155,7 +155,7 @@ fn tables_that_contradict_themselves_are_refused() {
     };
     let stored = || ValueSource::Stored;
     let lies = fault(register(3, Width::U8, Access::Read, stored()));
-    assert_eq!(lies, "address 3 lies in \"at-2\"");
+    assert_eq!(lies, "address 3 belongs to \"at-2\"");
     assert!(fault(register(254, Width::U16, Access::Read, stored())).contains("ends at 256"));
     assert!(fault(register(20, Width::U8, Access::Write, ValueSource::XMm)).contains("no effect"));
     let mut wide = register(20, Width::U8, Access::Read, stored());
