@@ -53,7 +53,10 @@ fn dependencies(metadata: &Value, with_tests: bool) -> BTreeMap<String, BTreeSet
             .iter()
             .filter(|known| with_tests || known["kind"] != "dev")
             .map(|known| text(known, "name").to_owned());
-        (text(package, "name").to_owned(), known.collect())
+        let name = text(package, "name");
+        // A crate whose tests need a feature of the crate names itself.
+        let others = known.filter(|known| known != name);
+        (name.to_owned(), others.collect())
     })
     .collect()
 }

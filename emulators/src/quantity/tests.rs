@@ -198,7 +198,7 @@ fn sinks_that_cannot_be_are_refused() {
         variable.drives = Some(sink(actuator, scale, SinkKind::Speed));
         Variables::new(vec![variable]).expect_err("unsound").message
     };
-    assert!(fault(ValueSource::XMm, "left", 1.0).contains("has its own source"));
+    assert!(fault(ValueSource::XMm, "left", 1.0).contains("and has a source"));
     assert!(fault(ValueSource::Stored, "", 1.0).contains("without a name"));
     assert!(fault(ValueSource::Stored, "left", f64::NAN).contains("scale is NaN"));
     assert!(fault(ValueSource::Stored, "left", 0.0).contains("other than 0"));

@@ -32,15 +32,16 @@ pub(super) struct FirmwareArgs {
     /// Run this ELF file on a simulated board instead of the robot's program
     #[arg(long, value_name = "ELF", requires = "board")]
     firmware: Option<PathBuf>,
-    /// Board of the firmware: arduino-uno, arduino-mega, leonardo, mighty-1284p (unmodified AVR firmware),
-    /// cortex-m4 (firmware linked with nodes/cortex-m4), mps2-an386, netduinoplus2 (unmodified
-    /// Cortex-M4 firmware in real time), or a file that ends with .toml
+    /// Board of the firmware: arduino-uno, arduino-mega, leonardo, mighty-1284p (unmodified AVR
+    /// firmware), cortex-m4 (firmware linked with nodes/cortex-m4), mps2-an386, netduinoplus2
+    /// (unmodified Cortex-M4 firmware in real time), or a file that ends with .toml
     #[arg(long, value_name = "NAME", requires = "firmware")]
     board: Option<String>,
     /// Connect a port of the rig to one of the board, e.g. gps=serial1; may be given several times
     #[arg(long, value_name = "PORT=NAME", requires = "firmware")]
     wire: Vec<String>,
-    /// Allow firmware in real time to send nothing, e.g. if it only reads; the run then proves little
+    /// Allow firmware in real time to send nothing, e.g. if it only reads; the run then proves
+    /// little
     #[arg(long, requires = "firmware")]
     firmware_may_idle: bool,
     /// Wait for gdb on this TCP port; the rig's time stands while gdb holds the program

@@ -409,7 +409,7 @@ mod tests {
             ),
             (
                 "name = \"a\"\nalways = { event = { rule = \"x\" } }".to_owned(),
-                "always: asks for bytes",
+                "always: is a condition on bytes",
             ),
             (
                 format!("name = \"a\"\nalways = {visited}\nwithin = \"1s\""),

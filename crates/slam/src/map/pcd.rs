@@ -33,8 +33,8 @@ pub fn text(walls: &[WallPoint]) -> String {
 /// Largest number that [`write_rounded`] takes apart.
 const PLAIN_MAX: f32 = 1e6;
 
-/// Writes a number as `{:.3}` does: an `f64` holds a thousand times an `f32` exactly. The formatting
-/// of the standard library takes a tenth of the time of a whole building.
+/// Writes a number as `{:.3}` does: an `f64` holds a thousand times an `f32` exactly. The standard
+/// library's formatting takes a tenth of the time of a whole building.
 fn write_rounded(out: &mut String, number: f32) {
     let thousandths = (f64::from(number) * 1000.0).round_ties_even().abs();
     let written = if number.abs() <= PLAIN_MAX {
@@ -130,7 +130,7 @@ mod tests {
         assert_eq!(parse(&text), Ok(walls.to_vec()));
     }
 
-    /// The standard library is the judge: ties, signs of zero, limits, and 100,000 patterns of bits.
+    /// The standard library is the judge of ties, signs, limits, and 100,000 patterns of bits.
     #[test]
     fn numbers_are_rounded_as_the_standard_library_does() {
         let odd = [

@@ -23,8 +23,8 @@ struct Sums {
     is_fresh: bool,
 }
 
-/// The means of a cell's sums. They are read far more often than they change, and lie by themselves:
-/// more of them share a line of the cache.
+/// The means of a cell's sums. They are read far more often than they change, so they are stored
+/// apart: more of them share a line of the cache.
 #[derive(Clone, Copy, Debug, Default)]
 struct Surfel {
     at: [f32; 2],

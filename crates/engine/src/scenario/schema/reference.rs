@@ -19,8 +19,8 @@ A time is a text with a number and a unit: `ns`, `us`, `ms`, `s`, `min` or `h`. 
 right of a map and y up. In the column \"default\", `needed` marks a required key. The default `-` marks
 an optional key without a default value.
 
-Each example runs after two additions, unless it contains these parts itself: before it, the lines of
-the first example up to `[mission]`; after it, a `[world]` with a `start`.
+Each example runs after two additions, unless it contains these parts itself: before it, the lines
+of the first example up to `[mission]`; after it, a `[world]` with a `start`.
 ";
 
 /// Tables at the top; the others follow in alphabetical order.
