@@ -259,7 +259,7 @@ mod tests {
         let mut mute = Mute;
         assert_eq!(mute.peek(0), None);
         assert_eq!(mute.known_faults(), [""; 0]);
-        assert_eq!(mute.logs(), [&BrokenRules::default(); 0]);
+        assert!(mute.logs().is_empty());
         assert_eq!(mute.line_change(Port(0)), None);
         // By default a device is polled each time.
         assert!(mute.may_send(Port(0)));

@@ -98,7 +98,7 @@ fn rules_of_generated_missions_name_what_these_have() {
                  [[expect.rule]]\nname = \"slow\"\nnever = { robot = { of = \"speed-m-s\", op = \">\", value = 9 } }\n";
     let text = base().to_toml() + rules;
     let (base, source) = Scenario::from_text(&text).expect("sound");
-    let mut kept = std::collections::BTreeSet::new();
+    let mut kept = BTreeSet::new();
     for seed in 0..12 {
         let made = scenario(
             &base,
