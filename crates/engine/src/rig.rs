@@ -357,8 +357,7 @@ impl Rig {
     /// The rules that masters broke, as the devices count them: device, rule, how often.
     pub fn broken_rules(&self) -> impl Iterator<Item = (&str, &'static str, u64)> {
         self.nodes.iter().flat_map(|node| {
-            let broken = node.broken_rules().into_iter();
-            let broken = broken.flat_map(BrokenRules::iter);
+            let broken = node.broken_rules().into_iter().flat_map(BrokenRules::iter);
             broken.map(|(rule, count)| (node.name.as_str(), rule, count))
         })
     }

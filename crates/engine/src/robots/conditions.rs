@@ -312,7 +312,7 @@ impl Moment<'_> {
         }
     }
 
-    /// What is known of the rule of `event` by its name and source.
+    /// The knowledge of the rule of `event` by its name and source.
     pub(crate) fn known_rule(&self, event: &EventCondition) -> Known {
         let source = event.source.as_ref();
         let device = source.and_then(|source| self.devices.get(source));

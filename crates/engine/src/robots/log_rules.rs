@@ -140,7 +140,7 @@ const OF_OTHERS: [&str; 74] = [
     "wrong-baud",
 ];
 
-/// What is known of a rule by its name and the device that is to log it.
+/// Knowledge of a rule by its name and the device that is to log it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Known {
     /// The device logs it.
@@ -155,7 +155,7 @@ pub(crate) enum Known {
     Open,
 }
 
-/// What is known of `rule`, if a device of the kind `kind` is to log it.
+/// Knowledge of `rule`, if a device of the kind `kind` is to log it.
 pub(crate) fn known(kind: Option<&str>, rule: &str) -> Known {
     let own: &[&str] = match kind {
         Some("registers") => &OF_REGISTERS,

@@ -40,7 +40,7 @@ struct Leaf {
     moments: Vec<(Instant, Reading)>,
     /// The reading at the judged moment.
     now: Option<Reading>,
-    /// Of the log: what is known of its rule.
+    /// Of the log: the state of its rule.
     known: Known,
     /// Of the log: whether its source has logged something.
     is_logged: bool,

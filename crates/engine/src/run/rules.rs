@@ -367,7 +367,7 @@ impl Rule {
         }
     }
 
-    /// No answer came to `asked` by `deadline`.
+    /// Counts the missing answer to `asked` by `deadline`.
     fn miss(&mut self, asked: Instant, deadline: Instant) {
         self.seen.breaks += 1;
         if self.seen.broken.is_none() {

@@ -23,7 +23,7 @@ impl Rule {
         }
         let is_cut = self.probes.all().any(Probe::has_lost)
             || (self.seen.is_log_cut && self.conditions().any(Condition::is_of_log));
-        // What is missing may have been lost.
+        // A missing moment may have been lost.
         match (is_cut, check.status, self.demand) {
             (true, Status::Pass, _) | (true, Status::Fail, Demand::Eventually) => {
                 let detail = format!("{}; the run kept only a part of the log", check.detail);
