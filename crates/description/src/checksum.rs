@@ -143,8 +143,18 @@ impl Algorithm {
     /// The same algorithm; only the low `bits` bits of its result are sent.
     #[must_use]
     pub fn of_low_bits(self, bits: u8) -> Self {
-        let kept = u128::MAX >> (128 - u32::from(bits.clamp(1, 128)));
+        let low = u128::MAX >> (128 - u32::from(bits.clamp(1, 128)));
+        let kept = self.kept & low;
         Self { kept, ..self }
+    }
+
+    /// Maximum number of bits of a result that is sent in `width` bytes.
+    pub(crate) fn bits(&self, width: u8) -> u8 {
+        let own = match self.kept {
+            u128::MAX => self.engine.bits_max(),
+            kept => u8::try_from(kept.count_ones()).unwrap_or(u8::MAX),
+        };
+        own.min(width.saturating_mul(8))
     }
 
     /// The same algorithm with a number that is added to its result.

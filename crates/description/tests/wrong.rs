@@ -228,6 +228,65 @@ fn descriptions_that_cannot_be_are_refused_with_the_reason() {
     );
 }
 
+/// The number of bits and the constant of a checksum fit the algorithm and the field.
+#[test]
+fn a_part_of_a_checksum_fits_its_field() {
+    let with = |keys: &str| {
+        let marked = "checksum = { algorithm = \"sum8\", from = 4 }";
+        assert!(FRAMES.contains(marked));
+        let text = FRAMES.replace(marked, &format!("checksum = {{ {keys}, from = 4 }}"));
+        parse(&text).map_err(|error| error.to_string())
+    };
+    let fits = [
+        r#"algorithm = "sum8", bits = 6, plus = 0x20"#,
+        r#"algorithm = "sum7", bits = 7"#,
+        r#"algorithm = "sum8", bits = 16, bytes = 2"#,
+        r#"algorithm = "sum8", plus = 255"#,
+        r#"algorithm = "CRC-16/ARC", bits = 12, plus = 65535"#,
+    ];
+    for keys in fits {
+        assert_eq!(with(keys), Ok(()), "{keys}");
+    }
+    let wrong = [
+        (
+            r#"algorithm = "sum7", bits = 8"#,
+            "bits: is 8, expected 1 to 7",
+        ),
+        (
+            r#"algorithm = "sum15", bits = 16"#,
+            "bits: is 16, expected 1 to 15",
+        ),
+        (
+            r#"algorithm = "CRC-12/DECT", bits = 13"#,
+            "bits: is 13, expected 1 to 12",
+        ),
+        (
+            r#"algorithm = "xor", bits = 9"#,
+            "bits: is 9, expected 1 to 8",
+        ),
+        (
+            r#"algorithm = "sum8", bits = 0"#,
+            "bits: is 0, expected 1 to 8",
+        ),
+        (
+            r#"algorithm = "sum8", plus = 256"#,
+            "plus: is 256, expected 0 to 255",
+        ),
+        (
+            r#"algorithm = "sum8", bits = 6, plus = 0x120"#,
+            "plus: is 288, expected 0 to 255",
+        ),
+        (
+            r#"algorithm = "sum16", plus = 65536"#,
+            "plus: is 65536, expected 0 to 65535",
+        ),
+    ];
+    for (keys, expected) in wrong {
+        let error = with(keys).expect_err(keys);
+        assert!(error.contains(expected), "{keys}: {error}");
+    }
+}
+
 /// All problems of a file are reported at once.
 #[test]
 fn all_problems_are_told_at_once() {

@@ -92,6 +92,14 @@ impl Engine {
         }
     }
 
+    /// Maximum number of bits of the result. The width of a sum is that of its field.
+    pub(super) const fn bits_max(&self) -> u8 {
+        match self {
+            Self::Sum | Self::TwosComplement | Self::OnesComplement => u8::MAX,
+            _ => self.bits(),
+        }
+    }
+
     /// The checksum of `bytes`; the caller cuts it to its width.
     pub(super) fn compute(&self, bytes: &[u8]) -> u128 {
         match self {

@@ -143,15 +143,26 @@ impl Compiler<'_> {
         algorithm: Algorithm,
         width: u8,
     ) -> Algorithm {
+        let most = algorithm.bits(width);
         let algorithm = match spec.bits {
             None => algorithm,
-            Some(bits) if (1..=8 * width).contains(&bits) => algorithm.of_low_bits(bits),
+            Some(bits) if (1..=most).contains(&bits) => algorithm.of_low_bits(bits),
             Some(bits) => {
-                let message = format!("is {bits}, expected 1 to {}", 8 * width);
+                let message = format!(
+                    "is {bits}, expected 1 to {most}: the bits of \"{}\" in {width} bytes",
+                    algorithm.name()
+                );
                 self.wrong(format!("{key}.bits"), message);
                 algorithm
             }
         };
+        let plus = u128::from(spec.plus.unwrap_or(0));
+        let limit = u128::MAX >> (128 - 8 * u32::from(width));
+        if plus > limit {
+            let message =
+                format!("is {plus}, expected 0 to {limit}: the checksum is sent in {width} bytes");
+            self.wrong(format!("{key}.plus"), message);
+        }
         match spec.plus {
             None => algorithm,
             Some(plus) => algorithm.plus(plus.into()),
