@@ -6,7 +6,11 @@
 
 use std::collections::BTreeSet;
 
-use super::sums::{self, ALL, Sum};
+use super::sums::{self, Sum};
+
+mod choice;
+
+pub(crate) use choice::infer;
 
 /// Minimum evidence for a claim, bits.
 const CLAIMED_BITS: f64 = 20.0;
@@ -15,7 +19,9 @@ const GUESSED_BITS: f64 = 7.0;
 /// One frame in this many may not fit: captures contain damaged frames.
 const DAMAGED_SHARE: usize = 5;
 /// Maximum number of header bytes that a checksum does not cover.
-const START_MAX: usize = 4;
+const START_MAX: usize = 5;
+/// Minimum number of covered bytes that suffices behind any skipped header.
+const ROOM_MAX: usize = 4;
 /// Maximum number of bytes behind a checksum, e.g. a terminator.
 const TAIL_MAX: usize = 2;
 /// Maximum offset of a checksum in a header.
@@ -106,6 +112,9 @@ pub(crate) struct Checksum {
     pub(crate) bits: f64,
     /// Constant bytes between the covered range and the value, and behind the value.
     fixed: [u8; TAIL_MAX + 1],
+    /// An algorithm of another width that fits the same frames, and the number of bytes at the
+    /// beginning that it does not cover.
+    twin: Option<(&'static Sum, usize)>,
 }
 
 impl core::fmt::Display for Checksum {
@@ -123,10 +132,17 @@ impl core::fmt::Display for Checksum {
             Place::Head { at, .. } => write!(f, "at byte {at}")?,
             Place::Front { at } => write!(f, "at byte {at}, of the header")?,
         }
-        match (self.place, self.start) {
+        let from = |f: &mut core::fmt::Formatter<'_>, start| match (self.place, start) {
             (Place::Head { .. }, _) | (_, 0) => Ok(()),
             (_, start) => write!(f, ", of the bytes from {start}"),
-        }
+        };
+        from(f, self.start)?;
+        let Some((twin, start)) = self.twin else {
+            return Ok(());
+        };
+        write!(f, "; or {}", twin.name)?;
+        from(f, start)?;
+        f.write_str(": both fit all frames")
     }
 }
 
@@ -149,6 +165,11 @@ pub(crate) struct Placed {
 }
 
 impl Checksum {
+    /// Whether the evidence suffices for a checksum, though perhaps not for one algorithm.
+    pub(crate) const fn is_present(&self) -> bool {
+        self.is_sure || self.twin.is_some()
+    }
+
     /// The name of the algorithm.
     pub(crate) const fn name(&self) -> &'static str {
         self.sum.name
@@ -311,11 +332,7 @@ impl Checksum {
         let is_usual = sums::described(self.sum.name, self.free).is_some();
         let one = usize::from(self.sum.is_free && !is_usual);
         let known = values.len().min(ranges.len()).saturating_sub(one);
-        // A constant byte of the field gives no evidence.
-        let each = match varying(values.iter().copied()) {
-            0 => self.sum.bits(),
-            count => self.sum.bits() * count.min(self.len()) / self.len(),
-        };
+        let each = self.bits_each(&values);
         let mut bits = (each * known) as f64 + self.sum.prior();
         // Of equally good candidates prefers the simplest one.
         bits -= 0.2 * self.start as f64;
@@ -342,22 +359,21 @@ impl Checksum {
         Some(bits + more)
     }
 
-    /// Whether the position is unambiguous. If an exclusive or covers the whole frame, each byte is
-    /// the exclusive or of the others; the byte that changes most is then the likeliest.
-    fn has_certain_place(&self, bodies: &[&[u8]]) -> bool {
-        if !self.sum.name.starts_with("exclusive or") {
-            return true;
+    /// The evidence of one value of `fields`, bits. Constant parts of the field give none.
+    fn bits_each(&self, fields: &BTreeSet<&[u8]>) -> usize {
+        let all = self.sum.bits();
+        match varying(fields.iter().copied()) {
+            0 => all,
+            // The high bits of a sum over small values are constant: narrower sums fit as well.
+            _ if self.sum.is_free => {
+                let mut values = fields.iter().filter_map(|field| self.encoding.read(field));
+                let first = values.next().unwrap_or(0);
+                let varying = values.fold(0, |bits, value| bits | (value ^ first));
+                let low = |byte: &u8| (u8::BITS - byte.leading_zeros()) as usize;
+                varying.to_le_bytes().iter().map(low).sum()
+            }
+            count => all * count.min(self.len()) / self.len(),
         }
-        let Place::End { tail, .. } = self.place else {
-            return !matches!(self.place, Place::Head { .. });
-        };
-        let values = |at: &dyn Fn(&[u8]) -> Option<u8>| {
-            let values: BTreeSet<Option<u8>> = bodies.iter().map(|body| at(body)).collect();
-            values.len()
-        };
-        let own = values(&|body| body.get(body.len().checked_sub(tail + 1)?).copied());
-        let most = (self.start..HEAD_MAX).map(|at| values(&|body| body.get(at).copied()));
-        most.max().unwrap_or(0) * 2 <= own * 3
     }
 
     /// Whether the surroundings of the field are the same in `body` and `first`.
@@ -387,38 +403,6 @@ fn varying<'a>(parts: impl Iterator<Item = &'a [u8]>) -> usize {
     (0..first.len()).filter(differs).count()
 }
 
-/// The checksum of `bodies`, which are frames without their ends, if one is found.
-pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
-    let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
-    let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
-    let mut lens: Vec<usize> = distinct.iter().map(|body| body.len()).collect();
-    lens.sort_unstable();
-    let (shortest, usual) = (*lens.first()?, lens[lens.len() / 2]);
-    let (mut tried, mut best): (f64, Option<Checksum>) = (0.0, None);
-    for sum in ALL.iter() {
-        for candidate in candidates(sum, [shortest, usual], distinct.len()) {
-            tried += 1.0;
-            let mut candidate = candidate;
-            if let Some([between, behind]) = candidate.around(distinct[0]) {
-                candidate.fixed[..between.len()].copy_from_slice(between);
-                candidate.fixed[between.len()..][..behind.len()].copy_from_slice(behind);
-            }
-            let Some(bits) = candidate.evidence(&distinct) else {
-                continue;
-            };
-            candidate.bits = bits;
-            if best.is_none_or(|best| best.bits < bits) {
-                best = Some(candidate);
-            }
-        }
-    }
-    let mut best = best?;
-    best.bits -= tried.log2();
-    best.is_sure = best.bits >= CLAIMED_BITS && best.has_certain_place(&distinct);
-    let is_whole = distinct.iter().all(|body| best.holds(body));
-    (best.is_sure || (is_whole && best.bits >= GUESSED_BITS)).then_some(best)
-}
-
 /// The candidates of `sum` for frames of at least `shortest` and typically `usual` bytes; `count`
 /// is the number of different frames.
 fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) -> Vec<Checksum> {
@@ -433,6 +417,7 @@ fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) ->
             is_sure: false,
             bits: 0.0,
             fixed: [0; TAIL_MAX + 1],
+            twin: None,
         });
     };
     let binary = match sum.bytes {
@@ -447,7 +432,9 @@ fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) ->
         (TAIL_MAX, HEAD_MAX)
     };
     let least = if sum.bytes == 1 { 2 } else { 1 };
-    for encoding in binary.iter().chain(&hex).copied() {
+    // Two digits carry 8 bits: 7 would make no difference to sums of printable characters.
+    let hex = if sum.bits() == 7 { &[][..] } else { &hex };
+    for encoding in binary.iter().chain(hex).copied() {
         let is_hex = hex.contains(&encoding);
         let len = encoding.len(sum.bytes);
         for (tail, gap) in (0..=tails).flat_map(|tail| [(tail, 0), (tail, 1)]) {
@@ -457,8 +444,9 @@ fn candidates(sum: &'static Sum, [shortest, usual]: [usize; 2], count: usize) ->
             for start in 0..=START_MAX {
                 let around = tail + gap + len + start;
                 let room = |len: usize| len.saturating_sub(around);
-                // A checksum over less than half of a frame is implausible.
-                if room(shortest) >= 1 && room(usual) >= least.max(start) {
+                // A checksum over fewer bytes than it skips is implausible. A Roland message with
+                // one value skips 5 bytes and covers 4.
+                if room(shortest) >= 1 && room(usual) >= least.max(start.min(ROOM_MAX)) {
                     add(encoding, Place::End { tail, gap }, start);
                 }
             }

@@ -61,7 +61,10 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
         for start in common_starts(&whole) {
             let frames = split_before(&whole, &start);
             let format = with_fields(Format::unknown(), &frames);
-            if format.checksum.is_some_and(|checksum| checksum.is_sure) {
+            if format
+                .checksum
+                .is_some_and(|checksum| checksum.is_present())
+            {
                 found.push((score(&format), format, frames));
             }
         }

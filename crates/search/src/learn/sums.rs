@@ -57,6 +57,26 @@ impl Sum {
         matches!(self.how, How::Xor7 | How::Add7 | How::Subtract7)
     }
 
+    /// Whether the value is one byte and each byte of a frame is the same sum of the others.
+    pub(crate) const fn is_symmetric(&self) -> bool {
+        let is_byte = self.bytes == 1;
+        is_byte
+            && matches!(
+                self.how,
+                How::Xor | How::Xor7 | How::Subtract | How::Subtract7
+            )
+    }
+
+    /// The kind of sum; sums of one kind differ in the number of their bits.
+    pub(crate) const fn family(&self) -> Option<&'static str> {
+        match self.how {
+            How::Xor | How::Xor7 => Some("exclusive or"),
+            How::Add | How::Add7 => Some("sum"),
+            How::Subtract | How::Subtract7 => Some("negative sum"),
+            _ => None,
+        }
+    }
+
     /// Evidence of one matching value, bits.
     pub(crate) const fn bits(&self) -> usize {
         match self.is_of_7_bits() {

@@ -66,7 +66,7 @@ impl Found {
 pub(super) fn proposed(found: &Found) -> Option<Proposed> {
     let mut claims = Vec::new();
     let sum = found.checksum.and_then(|sum| Some((sum, expressed(&sum)?)));
-    let is_summed = sum.as_ref().is_some_and(|(sum, _)| sum.is_sure);
+    let is_summed = sum.as_ref().is_some_and(|(sum, _)| sum.is_present());
     let prefix = common_prefix(&found.frames);
     let (mut toml, start, framing) = match &found.cut {
         Cut::Stream(cutting) => of_stream(cutting, found, is_summed),
