@@ -51,8 +51,10 @@ enum Device {
 /// sequence is similar.
 ///
 /// With a capture a blind test follows: the emulated sensor is put into the room of the capture,
-/// and a plain classifier tries to tell windows of two turns of both streams. 50 % is chance. More
-/// than 60 % of at least 40 windows counts as a difference.
+/// and a plain classifier tries to tell windows of two turns of both streams. 50 % is chance.
+/// Packets, distances and strengths are judged: an accuracy above 60 %, or above 50 % and three
+/// standard errors, is a difference. A group that cannot be compared, or has fewer than 40 windows
+/// to compare, fails too. Tooth speeds and codes depend on the ring of a unit and are only shown.
 #[derive(Debug, Args)]
 struct Xv11 {
     /// Bytes recorded from a real sensor, or a pcapng capture with them [default: the published
@@ -108,8 +110,7 @@ fn print_ledger(words: Option<&[String]>, is_markdown: bool) -> Result<Verdict, 
     out::write_text("the ledger", page.as_bytes())
 }
 
-/// Most that a classifier may find of the windows, percent, and windows below which chance decides.
-const TOLD_MAX: f64 = 60.0;
+/// Windows of the capture below which chance decides.
 const WINDOWS_MIN: usize = 40;
 
 fn compare_lidars(args: &Xv11) -> Result<Verdict, CliError> {
@@ -129,7 +130,7 @@ fn compare_lidars(args: &Xv11) -> Result<Verdict, CliError> {
         _ => ("against", Some(Column::of(&read(&args.against)?))),
     };
     let told = match &bytes {
-        Some(bytes) if ours_name == "emulated" => blind(bytes, profile),
+        Some(bytes) if ours_name == "emulated" => blind(bytes, profile, args.seed),
         _ => None,
     };
     let rows = compare(&real, ours.as_ref().unwrap_or(&Column::default()));
@@ -148,19 +149,21 @@ fn compare_lidars(args: &Xv11) -> Result<Verdict, CliError> {
     let judged = rows.iter().filter(|row| row.holds().is_some()).count();
     let differ = rows.iter().filter(|row| row.holds() == Some(false)).count();
     println!("{judged} figures judged, {differ} differ");
-    let found = told
-        .iter()
-        .flatten()
-        .filter(|told| is_hidden(told) == Some(false));
-    let found = found.count();
-    if let Some(told) = &told {
-        print_blind(told);
-    } else if bytes.is_some() && ours_name == "emulated" {
-        println!("no blind test: fewer than 8 steady turns");
-    }
-    Ok(match differ + found {
-        0 => Verdict::Pass,
-        _ => Verdict::Fail,
+    let is_blind = bytes.is_some() && ours_name == "emulated";
+    let fails = match &told {
+        Some(told) => {
+            print_blind(told);
+            told.iter().any(|told| verdict_of(told).fails())
+        }
+        None if is_blind => {
+            println!("blind test: not compared, fewer than 8 steady turns");
+            true
+        }
+        None => false,
+    };
+    Ok(match differ == 0 && !fails {
+        true => Verdict::Pass,
+        false => Verdict::Fail,
     })
 }
 
@@ -179,30 +182,66 @@ fn print_rows(rows: &[Comparison], [real_name, ours_name]: [&str; 2]) {
     }
 }
 
-/// Whether the classifier fails to tell a group; `None` of too few windows.
-fn is_hidden(told: &Told) -> Option<bool> {
-    (told.windows >= WINDOWS_MIN).then_some(told.accuracy <= TOLD_MAX)
+/// Verdict on a group of the blind test.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Blind {
+    Hidden,
+    Told,
+    /// The figures depend on the ring of teeth of a unit.
+    NotJudged,
+    NotCompared,
+    TooFewWindows,
+}
+
+impl Blind {
+    fn fails(self) -> bool {
+        matches!(self, Self::Told | Self::NotCompared | Self::TooFewWindows)
+    }
+
+    const fn words(self) -> &'static str {
+        match self {
+            Self::Hidden => "ok",
+            Self::Told => "TOLD",
+            Self::NotJudged => "not judged: differs between units",
+            Self::NotCompared => "NOT COMPARED: too little is seen",
+            Self::TooFewWindows => "NOT COMPARED: too few windows",
+        }
+    }
+}
+
+fn verdict_of(told: &Told) -> Blind {
+    match told.accuracy {
+        _ if told.is_of_the_unit => Blind::NotJudged,
+        None => Blind::NotCompared,
+        _ if told.windows[0] < WINDOWS_MIN => Blind::TooFewWindows,
+        Some(accuracy) if accuracy <= told.limit() => Blind::Hidden,
+        Some(_) => Blind::Told,
+    }
 }
 
 fn group_told(told: &Told) -> GroupTold {
+    let verdict = verdict_of(told);
     GroupTold {
         group: told.group.to_owned(),
         accuracy: told.accuracy,
-        windows: told.windows,
-        holds: is_hidden(told),
+        windows: told.windows[0],
+        holds: match verdict {
+            Blind::Hidden => Some(true),
+            Blind::Told => Some(false),
+            _ => None,
+        },
+        verdict: verdict.words().to_owned(),
     }
 }
 
 fn print_blind(told: &[Told]) {
     println!("\nblind test: windows of two turns whose origin a classifier finds; 50 % is chance");
     for group in told {
-        let verdict = match is_hidden(group) {
-            Some(true) => "ok",
-            Some(false) => "TOLD",
-            None => "too few windows",
-        };
-        let (name, accuracy, windows) = (group.group, group.accuracy, group.windows);
-        println!("{name:<14}  {accuracy:>5.1} % of {windows:>3} windows  {verdict}");
+        let verdict = verdict_of(group).words();
+        let accuracy = group.accuracy.map(|found| format!("{found:.1}"));
+        let accuracy = accuracy.unwrap_or_else(|| "-".to_owned());
+        let (name, [windows, _]) = (group.group, group.windows);
+        println!("{name:<14}  {accuracy:>5} % of {windows:>3} windows  {verdict}");
         for figure in &group.figures {
             let (real, ours) = (figure.real, figure.emulated);
             println!("    {:<20}  {real:>10.3}  {ours:>10.3}", figure.name);
@@ -276,5 +315,38 @@ fn verdict(row: &Comparison) -> &'static str {
         Some(true) => "ok",
         Some(false) => "DIFFERS",
         None => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only an accuracy near chance, over enough windows of both streams, is a success.
+    #[test]
+    fn a_group_that_is_not_compared_is_no_success() {
+        let verdict = |accuracy, windows, is_of_the_unit| {
+            verdict_of(&Told {
+                group: "distances",
+                accuracy,
+                windows,
+                is_of_the_unit,
+                figures: Vec::new(),
+            })
+        };
+        for (accuracy, windows, is_of_the_unit, expected, fails) in [
+            (Some(52.0), [120, 240], false, Blind::Hidden, false),
+            (Some(60.5), [120, 240], false, Blind::Told, true),
+            // Three standard errors of 40 and 80 windows are 14.5 %.
+            (Some(64.0), [40, 80], false, Blind::Hidden, false),
+            (Some(65.0), [40, 80], false, Blind::Told, true),
+            (Some(50.0), [39, 78], false, Blind::TooFewWindows, true),
+            (None, [120, 0], false, Blind::NotCompared, true),
+            (None, [0, 0], false, Blind::NotCompared, true),
+            (Some(90.0), [120, 240], true, Blind::NotJudged, false),
+        ] {
+            let found = verdict(accuracy, windows, is_of_the_unit);
+            assert_eq!((found, found.fails()), (expected, fails), "{accuracy:?}");
+        }
     }
 }

@@ -31,10 +31,13 @@ pub(in crate::cli) struct FigureCompared {
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct GroupTold {
     pub(in crate::cli) group: String,
-    /// Part of the windows whose origin the classifier found, percent; 50 is chance.
-    pub(in crate::cli) accuracy: f64,
-    /// Windows of the capture.
+    /// Part of the windows whose origin the classifier found, percent; 50 is chance. None if the
+    /// group was not compared.
+    pub(in crate::cli) accuracy: Option<f64>,
+    /// Windows of the capture that were compared.
     pub(in crate::cli) windows: usize,
-    /// Whether the accuracy is within its limit; none if there are too few windows.
+    /// Whether the accuracy is within its limit; none if that is not judged or not compared.
     pub(in crate::cli) holds: Option<bool>,
+    /// The verdict in words, as in the table.
+    pub(in crate::cli) verdict: String,
 }

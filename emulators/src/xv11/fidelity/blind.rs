@@ -5,6 +5,9 @@
 //! the other way round. Only what repeats is the room: something that moves in it, edges and
 //! corners are left out of both streams.
 
+#[cfg(test)]
+mod tests;
+
 use protocols::xv11::{Frame, Reading};
 
 use super::drops_carry;
@@ -17,6 +20,8 @@ use crate::xv11::Profile;
 const WINDOW: usize = 2;
 /// Fewest windows that can be halved.
 const WINDOWS_MIN: usize = 4;
+/// Fewest degrees of the room, or packets with a distance, that a window has to show.
+const SHOWN_MIN: usize = 30;
 /// Most turns that are compared, and emulated units.
 const TURNS_MAX: usize = 240;
 const UNITS: u64 = 2;
@@ -31,12 +36,25 @@ const AROUND: usize = 2;
 pub struct Told {
     /// Name of the group.
     pub group: &'static str,
-    /// Part of the judged windows whose origin was found, percent.
-    pub accuracy: f64,
-    /// Number of real windows that were judged.
-    pub windows: usize,
+    /// Part of the judged windows whose origin was found, percent. `None` if the group was not
+    /// compared: one of the streams shows too little of it.
+    pub accuracy: Option<f64>,
+    /// Windows of the capture, and of the emulation, that show enough for a comparison.
+    pub windows: [usize; 2],
+    /// Whether the figures depend on the ring of teeth, which differs between real units.
+    pub is_of_the_unit: bool,
     /// The figures, the one that tells most first.
     pub figures: Vec<Figure>,
+}
+
+impl Told {
+    /// Highest accuracy that counts as chance, percent: 60, and with few windows three standard
+    /// errors above 50.
+    pub fn limit(&self) -> f64 {
+        let variances = self.windows.map(|count| 0.25 / f64::max(count as f64, 1.0));
+        let error = variances.into_iter().sum::<f64>().sqrt() / 2.0;
+        f64::max(60.0, 50.0 + 300.0 * error)
+    }
 }
 
 /// A figure of a window.
@@ -50,6 +68,7 @@ pub struct Figure {
     pub emulated: f64,
 }
 
+/// Figures of a window; none of a window that shows too little.
 type Figures = fn(&[Turn], &Room) -> Vec<f64>;
 
 /// Groups with the names of their figures.
@@ -82,8 +101,11 @@ const GROUPS: [(&str, &[&str], Figures); 5] = [
     ("codes", &["0x21", "others on a wall"], codes),
 ];
 
-/// Judges each group of figures of `bytes`. `None`: too few steady turns.
-pub fn blind(bytes: &[u8], profile: Profile) -> Option<Vec<Told>> {
+/// Judges each group of figures of `bytes` against emulated units with `seed` and the seeds after
+/// it. Firmware 2.1 has neither packets nor the speed of a tooth, so these groups are left out.
+///
+/// `None`: too few steady turns.
+pub fn blind(bytes: &[u8], profile: Profile, seed: u64) -> Option<Vec<Told>> {
     let mut turns = steady(bytes);
     turns.truncate(TURNS_MAX);
     let count = turns.len() / WINDOW * WINDOW;
@@ -91,33 +113,53 @@ pub fn blind(bytes: &[u8], profile: Profile) -> Option<Vec<Told>> {
     if count / WINDOW < WINDOWS_MIN {
         return None;
     }
-    let seen = room(turns.iter());
-    let twin = Twin::of(profile, &seen);
-    let ours: Vec<(Vec<Turn>, Room)> = (1..=UNITS)
-        .map(|seed| {
-            let turns = twin.turns(seed, count);
-            let seen = room(turns.iter());
-            (turns, seen)
-        })
+    let twin = Twin::of(profile, &room(turns.iter()));
+    let ours: Vec<Vec<Turn>> = (0..UNITS)
+        .map(|unit| twin.turns(seed.wrapping_add(unit), count))
         .collect();
-    let groups = GROUPS.iter().filter_map(|(group, names, figures)| {
-        let rows = |turns: &[Turn], seen: &Room| -> Vec<Vec<f64>> {
-            let windows = turns.chunks_exact(WINDOW);
-            windows.map(|window| figures(window, seen)).collect()
-        };
-        let real = rows(&turns, &seen);
-        let ours: Vec<Vec<f64>> = ours
-            .iter()
-            .flat_map(|(turns, seen)| rows(turns, seen))
-            .collect();
-        // Firmware 2.1 has neither packets nor the speed of a tooth.
-        let is_there = real.iter().chain(&ours).all(|row| !row.is_empty());
-        is_there.then(|| told(group, names, &real, &ours))
-    });
-    Some(groups.collect())
+    Some(judged(&turns, &ours))
 }
 
-fn told(group: &'static str, names: &[&'static str], real: &[Vec<f64>], ours: &[Vec<f64>]) -> Told {
+/// Judges each group of figures of the capture's `turns` against those of emulated units.
+fn judged(turns: &[Turn], ours: &[Vec<Turn>]) -> Vec<Told> {
+    let has_packets = turns.iter().any(|turn| !turn.packets.is_empty());
+    let groups = GROUPS
+        .iter()
+        .filter(|(group, ..)| has_packets || !["packets", "tooth speeds"].contains(group));
+    groups
+        .map(|&(group, names, figures)| {
+            let rows = |turns: &[Turn]| -> Vec<Vec<f64>> {
+                let seen = room(turns.iter());
+                let windows = turns.chunks_exact(WINDOW);
+                let rows = windows.map(|window| figures(window, &seen));
+                rows.filter(|row| !row.is_empty()).collect()
+            };
+            let real = rows(turns);
+            let emulated: Vec<Vec<f64>> = ours.iter().flat_map(|turns| rows(turns)).collect();
+            // Windows that one stream lacks are a difference that the others do not show.
+            let wanted = turns.len() / WINDOW / 2;
+            let is_shown = real.len() >= wanted.max(WINDOWS_MIN)
+                && emulated.len() >= (wanted * ours.len()).max(WINDOWS_MIN);
+            let (accuracy, figures) = match is_shown {
+                true => {
+                    let (accuracy, figures) = told(names, &real, &emulated);
+                    (Some(accuracy), figures)
+                }
+                false => (None, Vec::new()),
+            };
+            Told {
+                group,
+                accuracy,
+                windows: [real.len(), emulated.len()],
+                is_of_the_unit: ["tooth speeds", "codes"].contains(&group),
+                figures,
+            }
+        })
+        .collect()
+}
+
+/// Accuracy of the classifier, percent, and the figures, the one that tells most first.
+fn told(names: &[&'static str], real: &[Vec<f64>], ours: &[Vec<f64>]) -> (f64, Vec<Figure>) {
     let half = |rows: &[Vec<f64>], odd: usize| -> Vec<Vec<f64>> {
         rows.iter().skip(odd).step_by(2).cloned().collect()
     };
@@ -141,12 +183,7 @@ fn told(group: &'static str, names: &[&'static str], real: &[Vec<f64>], ours: &[
         real: column(real, index),
         emulated: column(ours, index),
     };
-    Told {
-        group,
-        accuracy: 100.0 * hits / 4.0,
-        windows: real.len(),
-        figures: order.into_iter().map(figure).collect(),
-    }
+    (100.0 * hits / 4.0, order.into_iter().map(figure).collect())
 }
 
 fn mean(values: &[f64]) -> f64 {
@@ -178,9 +215,6 @@ fn share<T>(values: &[T], is: impl Fn(&T) -> bool) -> f64 {
 
 fn packets(window: &[Turn], _room: &Room) -> Vec<f64> {
     let packets: Vec<&Frame> = window.iter().flat_map(|turn| &turn.packets).collect();
-    if packets.is_empty() {
-        return Vec::new();
-    }
     let of = |packet: &Frame| -> Vec<Option<u16>> {
         packet
             .readings()
@@ -192,6 +226,12 @@ fn packets(window: &[Turn], _room: &Room) -> Vec<f64> {
             .collect()
     };
     let strengths: Vec<Vec<Option<u16>>> = packets.iter().map(|packet| of(packet)).collect();
+    let with_distance = strengths
+        .iter()
+        .filter(|four| four.iter().any(Option::is_some));
+    if with_distance.count() < SHOWN_MIN {
+        return Vec::new();
+    }
     vec![
         share(&packets, |packet| drops_carry(packet)),
         share(&strengths, |four| {
@@ -271,6 +311,9 @@ fn together(changes: &[Option<f64>]) -> f64 {
 fn distances(window: &[Turn], room: &Room) -> Vec<f64> {
     let changes = changes(window, room, 0);
     let moved: Vec<f64> = changes.iter().flatten().copied().collect();
+    if moved.len() < SHOWN_MIN {
+        return Vec::new();
+    }
     vec![
         share(&moved, |way| *way == 0.0),
         deviation(&moved),
@@ -282,6 +325,9 @@ fn distances(window: &[Turn], room: &Room) -> Vec<f64> {
 fn strengths(window: &[Turn], room: &Room) -> Vec<f64> {
     let changes = changes(window, room, 1);
     let moved: Vec<f64> = changes.iter().flatten().copied().collect();
+    if moved.len() < SHOWN_MIN {
+        return Vec::new();
+    }
     vec![
         deviation(&moved),
         share(&moved, |way| way.abs() > 1.0),
@@ -311,6 +357,9 @@ fn codes(window: &[Turn], room: &Room) -> Vec<f64> {
                 on_walls.push(code);
             }
         }
+    }
+    if on_walls.len() < SHOWN_MIN {
+        return Vec::new();
     }
     vec![
         share(&all, |code| *code == Some(0x21)),

@@ -80,18 +80,20 @@ pub(super) struct Twin {
 }
 
 impl Twin {
+    /// In a room as built, without corrections.
+    pub(super) const fn new(profile: Profile, built: Room) -> Self {
+        Self { profile, built }
+    }
+
     /// Builds the room and corrects it.
     pub(super) fn of(profile: Profile, wanted: &Room) -> Self {
-        let mut twin = Self {
-            profile,
-            built: wanted.clone(),
-        };
+        let mut twin = Self::new(profile, wanted.clone());
         for round in 0..ROUNDS {
             let seed = 1_000 + round as u64;
             let measured = room(twin.turns(seed, TURNS).iter());
             for ((built, wanted), measured) in twin.built.iter_mut().zip(wanted).zip(measured) {
                 if let (Some(built), Some(wanted), Some(found)) = (built, wanted, measured) {
-                    built.mm += CORRECTED * (wanted.mm - found.mm);
+                    built.mm = (built.mm + CORRECTED * (wanted.mm - found.mm)).clamp(30.0, 2e4);
                     let ratio = wanted.strength / found.strength.max(1.0);
                     built.strength *= 1.0 + CORRECTED * (ratio - 1.0);
                 }
@@ -156,7 +158,8 @@ impl Twin {
                 (angle + 0.5, behind),
             ];
             let [from, middle, to] = ends.map(|(angle, mm)| point(angle, mm.max(30.0)));
-            let reflectivity = spot.strength * spot.mm * spot.mm / 1e8;
+            // A scene takes no more than 100; reflective tape is beyond it from 4.5 m on.
+            let reflectivity = (spot.strength * spot.mm * spot.mm / 1e8).clamp(0.0, 100.0);
             Some([(from, middle), (middle, to)].map(|(from, to)| Fixture {
                 shape: Shape::Wall { from, to },
                 reflectivity,

@@ -1,0 +1,179 @@
+//! The blind test on emulated turns alone: equal streams stay hidden, and each mutant is found.
+
+use super::super::twin::Spot;
+use super::*;
+use crate::rng::Rng;
+
+type Mutate = fn(&mut [Turn]);
+
+/// Turns of a stream: 40 windows.
+const TURNS: usize = 80;
+
+/// A square room of 0.9 m with the strength of light walls.
+fn square() -> Room {
+    let spot = |degree: usize| {
+        let (sin, cos) = libm::sincos((degree as f64).to_radians());
+        let mm = 450.0 / f64::max(sin.abs(), cos.abs());
+        let strength = 1e8 / (mm * mm);
+        Some(Spot { mm, strength })
+    };
+    (0..DEGREES).map(spot).collect()
+}
+
+fn accuracy(all: &[Told], group: &str) -> Option<f64> {
+    let told = all.iter().find(|told| told.group == group);
+    told.expect("a group").accuracy
+}
+
+/// Adds noise to distances, with `mm`, or to strengths, as a part of their root.
+fn noisy(turns: &mut [Turn], mm: f64, root: f64) {
+    let mut rng = Rng::stream(7, "mutant");
+    for reading in turns.iter_mut().flat_map(|turn| &mut turn.readings) {
+        if let Reading::Range {
+            distance_mm,
+            strength,
+            ..
+        } = reading
+        {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "clamped to what a reading holds"
+            )]
+            let moved = |value: u16, sigma: f64, way: f64| {
+                let found = f64::from(value) + sigma * way;
+                found.round().clamp(0.0, 16_000.0) as u16
+            };
+            *distance_mm = moved(*distance_mm, mm, rng.gauss());
+            let sigma = root * f64::from(*strength).sqrt();
+            *strength = moved(*strength, sigma, rng.gauss());
+        }
+    }
+}
+
+/// Half of the slots more are skipped.
+fn more_skipped(turns: &mut [Turn]) {
+    for (degree, reading) in turns
+        .iter_mut()
+        .flat_map(|turn| turn.readings.iter_mut().enumerate())
+    {
+        if degree % 48 == 7 {
+            *reading = Reading::Invalid {
+                code: 0x21,
+                strength: 0,
+            };
+        }
+    }
+}
+
+/// Each tooth gets half of the next one's speed: the fast part of the wander is lost.
+fn smooth(turns: &mut [Turn]) {
+    for turn in turns {
+        let speeds = &mut turn.speeds_rpm;
+        let means: Vec<f64> = speeds
+            .windows(2)
+            .map(|two| (two[0] + two[1]) / 2.0)
+            .collect();
+        speeds[..means.len()].copy_from_slice(&means);
+    }
+}
+
+/// Packets whose carry is dropped are replaced by others.
+fn all_carries(turns: &mut [Turn]) {
+    for turn in turns {
+        let whole = turn
+            .packets
+            .iter()
+            .copied()
+            .find(|packet| !drops_carry(packet));
+        for packet in &mut turn.packets {
+            if let Some(whole) = whole.filter(|_| drops_carry(packet)) {
+                *packet = whole;
+            }
+        }
+    }
+}
+
+/// Two units of one model look alike, and each fault of the model is found in its own group.
+#[test]
+fn each_fault_is_found_in_its_group() {
+    let twin = Twin::new(Profile::Fw24, square());
+    let [real, ours] = [21, 1].map(|seed| twin.turns(seed, TURNS));
+    let plain = judged(&real, core::slice::from_ref(&ours));
+    assert_eq!(plain.len(), GROUPS.len());
+    for told in &plain {
+        let accuracy = told.accuracy.expect("compared");
+        assert!(
+            accuracy <= told.limit() && told.windows == [40, 40],
+            "{told:?}"
+        );
+    }
+    let mutants: [(&str, Mutate); 5] = [
+        ("packets", all_carries),
+        ("tooth speeds", smooth),
+        ("distances", |turns| noisy(turns, 0.3, 0.0)),
+        ("strengths", |turns| noisy(turns, 0.0, 0.4)),
+        ("codes", more_skipped),
+    ];
+    for (group, mutate) in mutants {
+        let mut mutant = ours.clone();
+        mutate(&mut mutant);
+        let all = judged(&real, &[mutant]);
+        let found = accuracy(&all, group).expect("compared");
+        assert!(found > 75.0, "{group}: {all:?}");
+    }
+}
+
+/// Nothing is compared, instead of 50 %: an emulation without steady turns, and a covered lens in
+/// both streams.
+#[test]
+fn a_group_that_one_stream_lacks_is_not_compared() {
+    let twin = Twin::new(Profile::Fw24, square());
+    let mut turns = twin.turns(1, 16);
+    let all = judged(&turns, &[Vec::new()]);
+    assert!(all.iter().all(|told| told.accuracy.is_none()), "{all:?}");
+    assert_eq!(all.len(), GROUPS.len());
+    for reading in turns.iter_mut().flat_map(|turn| &mut turn.readings) {
+        *reading = Reading::Invalid {
+            code: 0x25,
+            strength: 0,
+        };
+    }
+    let all = judged(&turns, core::slice::from_ref(&turns));
+    for group in ["distances", "strengths", "codes"] {
+        assert_eq!(accuracy(&all, group), None, "{all:?}");
+    }
+}
+
+/// Reflective tape: strengths of 1,200 at 3 m, and 500 at 4.5 m, are more than a scene's brightest
+/// surface returns.
+#[test]
+fn reflective_tape_is_built_as_the_brightest_surface() {
+    for (mm, strength) in [
+        (3_000.0, 1_200.0),
+        (4_500.0, 500.0),
+        (16_383.0, 16_383.0),
+        (0.0, 0.0),
+    ] {
+        let wanted = vec![Some(Spot { mm, strength }); DEGREES];
+        let turns = Twin::new(Profile::Fw24, wanted).turns(1, 2);
+        assert_eq!(turns.len(), 2, "{mm}");
+    }
+}
+
+/// Standard error of 40 and 80 windows: half of the root of 0.25 / 40 + 0.25 / 80 is 4.84 %.
+#[test]
+fn few_windows_widen_the_limit() {
+    let limit = |windows| {
+        let told = Told {
+            group: "",
+            accuracy: None,
+            windows,
+            is_of_the_unit: false,
+            figures: Vec::new(),
+        };
+        told.limit()
+    };
+    assert!((limit([40, 80]) - 64.52).abs() < 0.01);
+    assert!((limit([120, 240]) - 60.0).abs() < 1e-9);
+}
