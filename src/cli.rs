@@ -27,6 +27,7 @@ mod learn;
 mod link;
 mod man;
 mod map;
+mod needs;
 mod new;
 mod node;
 mod place;
@@ -258,7 +259,8 @@ pub fn main() -> ExitCode {
     if first == LINES_VERB {
         return guest::become_shell_with_lines(words.next().unwrap_or_default());
     }
-    let matches = match Cli::command().try_get_matches() {
+    let command = Cli::command();
+    let matches = match command.clone().try_get_matches() {
         Ok(matches) => matches,
         Err(told) => return explain(&told),
     };
@@ -267,11 +269,11 @@ pub fn main() -> ExitCode {
         Err(told) => return explain(&told),
     };
     out::begin(cli.json);
-    let result = match cfg!(feature = "large") {
+    let result = needs::check(&command, &matches).and_then(|()| match cfg!(feature = "large") {
         true => thread::scope(|scope| workers::spawn(scope, || perform(cli.command)).join())
             .unwrap_or_else(|panic| resume_unwind(panic)),
         false => perform(cli.command),
-    };
+    });
     if let Err(error) = &result {
         eprintln!("error: {error}");
     }
