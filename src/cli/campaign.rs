@@ -13,7 +13,7 @@ use clap::{Args, Subcommand};
 
 use self::live::Live;
 pub(super) use self::scope::needs_faults;
-use self::scope::{covered, profile, vary_schedule};
+use self::scope::{covered, measures_cpu, profile, vary_schedule};
 use super::answer::CampaignEnded;
 use super::exec::{ExecArgs, is_bare};
 use super::out::answer;
@@ -161,6 +161,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     });
     needs_faults(args.profile.as_deref(), vary)?;
     vary_schedule(&mut args.program, vary)?;
+    measures_cpu(&args.program)?;
     if args.mutants {
         let mut read = read_all(&args.scenarios)?;
         leave_out_bare(&mut read)?;
@@ -182,6 +183,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
         vary: vary.to_string(),
         profile: (!profile.is_gentle()).then(|| profile.kept.clone()),
         exec: args.program.exec.as_ref().map(|_| args.program.repeat()),
+        cpu: args.program.cpu().map(|cpu| cpu.to_string()),
     };
     let mut store = Store::create(&args.out, &plan)?;
     let todo: Vec<(&str, u64)> = plan

@@ -118,6 +118,7 @@ pub(super) fn run(args: CaseArgs) -> Result<Verdict, CliError> {
 }
 
 fn from(args: &From) -> Result<Verdict, CliError> {
+    args.program.refuse_cpu("case from")?;
     let capture = super::replay::read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
     let recorded = super::replay::shortened(&args.file, recorded);
@@ -235,6 +236,7 @@ fn no_source(path: &Path) -> Source {
 }
 
 fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
+    args.programs.refuse_cpu("case check")?;
     let case = Case::read(&args.file)?;
     let stop = Stop::new(None)?;
     let mut tried = Vec::new();

@@ -36,7 +36,8 @@ use crate::scenario::Span;
 #[command(
     mut_arg("call_cost", |it| it.requires(Resettable::Reset)),
     mut_arg("spin_max", |it| it.requires(Resettable::Reset)),
-    mut_arg("schedule", |it| it.requires(Resettable::Reset))
+    mut_arg("schedule", |it| it.requires(Resettable::Reset)),
+    mut_arg("cpu", |it| it.requires(Resettable::Reset))
 )]
 pub(super) struct DebugArgs {
     /// Scenario file, or a saved case of a run
@@ -90,7 +91,7 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
         }
     };
     scenario.seed = args.seed.unwrap_or(scenario.seed);
-    warn(&scenario, &source);
+    warn(&scenario, &source, args.exec.cpu());
     let stop = Stop::new(None)?;
     let folder = args.out.clone();
     let folder = folder.unwrap_or_else(|| default_out(&scenario.name, scenario.seed));

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use clap::Args;
 
-use crate::realtime::exec::{Companion, Foreign, ProgramEnd, Schedule, Supervision};
+use super::CliError;
+use crate::realtime::exec::{Companion, Cpu, Foreign, ProgramEnd, Schedule, Supervision};
 use crate::realtime::guest::HAS_LINES;
 use crate::robots;
 use crate::scenario::{Scenario, ScenarioError, Source, Span};
@@ -79,6 +80,10 @@ struct ExecHow {
     /// Shows races
     #[arg(long, value_name = "SEED", requires = "is_virtual")]
     schedule: Option<Schedule>,
+    /// Charge computing: processor time takes this many times as long in virtual time, e.g. 20 for
+    /// a robot whose processor is 20 times slower than this one. "case": as a saved case records it
+    #[arg(long, value_name = "SCALE", requires = "is_virtual")]
+    cpu: Option<Cpu>,
 }
 
 impl ExecHow {
@@ -98,11 +103,12 @@ impl ExecHow {
                 call_cost: self.call_cost.0,
                 spin_max: self.spin_max.0,
                 schedule: self.schedule,
+                cpu: self.cpu,
             }),
         }
     }
 
-    /// The same options as text, each after a blank.
+    /// The same options as text, each after a blank; computing is charged as the case records it.
     fn repeat(&self) -> String {
         let mut words = String::new();
         if self.exec_wait.0 != Duration::from_secs(10) {
@@ -131,8 +137,23 @@ impl ExecHow {
             if let Some(schedule) = self.schedule {
                 words += &format!(" --schedule {schedule}");
             }
+            if self.cpu.is_some() {
+                words += " --cpu case";
+            }
         }
         words
+    }
+}
+
+impl ExecHow {
+    fn refuse_cpu(&self, command: &str) -> Result<(), CliError> {
+        let Some(cpu) = self.cpu else {
+            return Ok(());
+        };
+        Err(CliError::Usage(format!(
+            "--cpu {cpu}: {command} saves no case that records the measured times, so its result \
+             could not be repeated; expected run, debug or campaign with a scenario, or no --cpu"
+        )))
     }
 }
 
@@ -171,6 +192,7 @@ impl ExecArgs {
             call_cost: how.call_cost.0,
             spin_max: how.spin_max.0,
             schedule: how.schedule,
+            cpu: how.cpu,
         };
         Some(Foreign {
             has_lines: false,
@@ -189,6 +211,16 @@ impl ExecArgs {
         self.how.schedule.is_some()
     }
 
+    /// The price of computing.
+    pub(super) const fn cpu(&self) -> Option<Cpu> {
+        self.how.cpu
+    }
+
+    /// Rejects a price of computing where no case is saved that could repeat it.
+    pub(super) fn refuse_cpu(&self, command: &str) -> Result<(), CliError> {
+        self.how.refuse_cpu(command)
+    }
+
     /// Whether the program runs in virtual time.
     pub(super) const fn is_virtual(&self) -> bool {
         self.how.is_virtual
@@ -204,6 +236,11 @@ impl ExecArgs {
 }
 
 impl ManyExecArgs {
+    /// The same as for one program.
+    pub(super) fn refuse_cpu(&self, command: &str) -> Result<(), CliError> {
+        self.how.refuse_cpu(command)
+    }
+
     /// The programs.
     pub(super) fn foreign(&self) -> impl Iterator<Item = Foreign> {
         self.exec

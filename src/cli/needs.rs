@@ -30,7 +30,7 @@ const NEEDS: [Needs; 17] = [
     },
     Needs {
         commands: &WITH_PROGRAM,
-        options: &["call_cost", "spin_max", "schedule"],
+        options: &["call_cost", "spin_max", "schedule", "cpu"],
         needed: "is_virtual",
     },
     Needs {
@@ -211,6 +211,7 @@ mod tests {
                 "shrink c.toml --while x --exec-may-idle",
                 Some("--exec-may-idle: has no effect"),
             ),
+            ("shrink c.toml --while x --cpu 20", Some(BY_CLAP)),
             (
                 "replay c.pcapng --dir d --exec-needs a",
                 Some("--exec-needs: has no effect"),
@@ -221,8 +222,8 @@ mod tests {
                 Some("--out: has no effect without --exec"),
             ),
             (
-                "run s.toml --exec x --exec-no-lines --schedule 3",
-                Some("--schedule: has no effect without"),
+                "run s.toml --exec x --exec-no-lines --cpu 20",
+                Some("--cpu: has no effect without"),
             ),
             (
                 "run s.toml --exec x --exec-no-lines --check",
@@ -253,9 +254,9 @@ mod tests {
                 Some("--spin-max: has"),
             ),
             ("shrink c.toml --while x", None),
-            ("run s.toml --exec x --virtual --check", None),
+            ("run s.toml --exec x --virtual --cpu 20 --check", None),
             (
-                "debug s.toml --exec x --schedule 3 --spin-max 3s",
+                "debug s.toml --exec x --cpu 20 --schedule 3 --spin-max 3s",
                 None,
             ),
         ] {

@@ -106,6 +106,7 @@ fn speed(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
+    args.program.refuse_cpu("replay")?;
     let capture = read(&args.file)?;
     let recorded = Recorded::of(&capture, args.until.map(|until| until.0));
     let recorded = shortened(&args.file, recorded);

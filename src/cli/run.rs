@@ -18,6 +18,7 @@ use super::show::{Show, ShowArgs};
 use super::stop::Stop;
 use super::{CliError, Verdict, default_out, out};
 use crate::capture::case::{Case, Judgement};
+use crate::realtime::exec::Cpu;
 use crate::robots;
 use crate::run::check::Status;
 use crate::scenario::{Scenario, ScenarioError, Source};
@@ -44,6 +45,7 @@ pub(super) use judged::{Clocking, Ran, Talk, judged_run, make_folder, write_resu
     hilrig run scenarios/*.toml --junit junit.xml\n  \
     hilrig run hilrig-out/rescue-flat-1/case.toml   # a saved case: the same bytes again\n  \
     hilrig run scenarios/rescue-flat.toml --exec './my-robot \"$HILRIG_DIR\"'\n  \
+    hilrig run bench.toml --exec ./planner --virtual --cpu 20   # on a processor 20 times slower\n  \
     hilrig run bench.toml --node ./driver     # a driver that speaks the node protocol, docs/nodes.md\n  \
     hilrig run scenarios/own-slave.toml --exec 'python3 grip.py \"$HILRIG_PORT_GRIPPER\"' \\\n    \
     --exec-needs gripper --exec-may-end      # a test that ends by itself"
@@ -124,7 +126,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     }
     for (_, file) in &files {
         if let Runnable::Scenario(scenario) = file {
-            warn(&scenario.0, &scenario.1);
+            warn(&scenario.0, &scenario.1, args.program.cpu());
         }
     }
     let several = files.len() > 1;
@@ -145,8 +147,15 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         let out = folder_of(&args, &file.0.name, seed, several);
         let ran = one(&args, file, &out, &mut show, &stop)?;
         wall += ran.wall;
-        let path = path.display();
-        let repeat = format!("hilrig run {path} --seed {seed}{}", args.repeat());
+        // Measured computing is in the saved case only.
+        let repeat = match args.program.cpu() {
+            Some(_) => repeat_of_case(&args, &out),
+            None => format!(
+                "hilrig run {} --seed {seed}{}",
+                path.display(),
+                args.repeat()
+            ),
+        };
         let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
         if let Some(repeat) = &repeat {
             eprintln!("repeat with: {repeat}");
@@ -171,9 +180,21 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     })
 }
 
+/// The command that runs the saved case of a result folder.
+fn repeat_of_case(args: &RunArgs, out: &Path) -> String {
+    let case = out.join("case.toml");
+    format!("hilrig run {}{}", case.display(), args.repeat())
+}
+
 /// Warns about keys of a scenario without effect.
-pub(super) fn warn(scenario: &Scenario, source: &Source) {
+pub(super) fn warn(scenario: &Scenario, source: &Source, cpu: Option<Cpu>) {
     for warning in robots::warnings(scenario, source) {
+        eprintln!("warning: {warning}");
+    }
+    if scenario.computing.is_some() && cpu != Some(Cpu::OfCase) {
+        let message = "has no effect without --exec CMD --virtual --cpu case";
+        let span = source.find("computing");
+        let warning = source.invalid(span, "computing".to_owned(), message);
         eprintln!("warning: {warning}");
     }
 }
@@ -212,8 +233,7 @@ fn one(
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let node = args.node.as_ref();
-    let case = out.join("case.toml");
-    let again = Some(format!("hilrig run {}{}", case.display(), args.repeat()));
+    let again = Some(repeat_of_case(args, out));
     let foreign = match args.firmware.is_given() {
         true => args.firmware.foreign(&scenario, &source)?,
         false => args.program.foreign(),
@@ -262,6 +282,7 @@ fn one(
 
 /// Plays one case of bytes, to a foreign program if one is given.
 fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
+    args.program.refuse_cpu("run with a case of bytes")?;
     if let Some(foreign) = args.program.foreign() {
         let out = args.out.clone();
         let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));

@@ -68,6 +68,7 @@ const TRIES: u32 = 20_000;
 const TRIES_EXEC: u32 = 100;
 
 pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
+    args.program.refuse_cpu("shrink")?;
     make_folder(&args.out)?;
     match args.file.extension().and_then(|name| name.to_str()) {
         Some("pcapng") if args.program.exec.is_some() || args.scenario.is_some() => {

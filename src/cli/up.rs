@@ -92,7 +92,7 @@ pub(super) struct Up {
 
 pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
     let (mut scenario, source) = Scenario::read(&args.scenario)?;
-    super::run::warn(&scenario, &source);
+    super::run::warn(&scenario, &source, None);
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let pc = pc_end(&args, &scenario);
     let wired = robots::wire(&scenario, &source, Dut::External, pc)?;

@@ -1,5 +1,8 @@
 //! `hilrig debug`: gdb holds a program while time stands, and the run stays what it is.
 
+mod languages;
+mod points;
+
 use core::time::Duration;
 use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -164,13 +167,6 @@ fn await_gdb(mut gdb: Child) {
     panic!("gdb does not end");
 }
 
-/// The fingerprint of all bytes on all lines.
-fn trace(ended: &Ended) -> String {
-    let mut lines = ended.said.lines();
-    let line = lines.find_map(|line| line.trim().strip_prefix("trace "));
-    line.unwrap_or_else(|| panic!("{}", ended.said)).to_owned()
-}
-
 /// The trace of the same program without a debugger.
 fn undisturbed(name: &str, command: &str, files: &[(&str, &str)]) -> String {
     undisturbed_by(name, command, files, &[])
@@ -180,7 +176,7 @@ fn undisturbed(name: &str, command: &str, files: &[(&str, &str)]) -> String {
 fn undisturbed_by(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> String {
     let folder = folder(&format!("undisturbed-{name}"));
     let ended = run_in(&folder, files, command, &[&["--virtual"], more].concat());
-    trace(&ended)
+    ended.trace()
 }
 
 fn count(text: &str, word: &str) -> usize {
@@ -242,7 +238,7 @@ fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
             return;
         };
         let ended = debugged.end();
-        assert_eq!(trace(&ended), expected, "{name}\n{said}");
+        assert_eq!(ended.trace(), expected, "{name}\n{said}");
         assert_eq!(ended.code, Some(0), "{}", ended.said);
         // By hand: beat 9 comes after 2 s, with a line of the sonar each 100 ms and a count of the
         // worker each 70 ms before it.
@@ -367,7 +363,7 @@ fn breakpoints_in_an_interpreter_with_threads_change_no_byte() {
         return;
     };
     let ended = debugged.end();
-    assert_eq!(trace(&ended), expected, "{said}");
+    assert_eq!(ended.trace(), expected, "{said}");
     // From 1 s to the end, once each 100 ms.
     assert!(count(&said, "stop\n") >= 18, "{said}");
     assert!(
@@ -415,7 +411,7 @@ fn clients_that_misbehave_leave_the_program_standing() {
     debugged.connect().write_all(b"$D#44").expect("it reads");
     let expected = undisturbed("hostile", "python3 program.py", &files);
     let ended = debugged.end();
-    assert_eq!(trace(&ended), expected, "{}", ended.said);
+    assert_eq!(ended.trace(), expected, "{}", ended.said);
     assert_eq!(count(&ended.said, "the debugger is gone; time stands"), 5);
 }
 
@@ -587,7 +583,7 @@ fn the_way_back_is_the_way_forth() {
         return;
     };
     let ended = debugged.end();
-    assert_eq!(trace(&ended), expected, "{said}");
+    assert_eq!(ended.trace(), expected, "{said}");
     // A line of the program's, then one of the rig's.
     let lines: Vec<&str> = said.lines().collect();
     let seen: Vec<[&str; 2]> = lines
@@ -646,31 +642,50 @@ fn on_fail_stops_in_the_function_with_the_defect() {
     let crashes = DEBUGGED.replace(wrong, "    if (number == 6) *(volatile int *)8 = 1;");
     assert!(talks != sound && ends != sound && crashes != sound);
     let strict = SONAR.to_owned() + "\n[expect]\nviolations_max = 0\n";
-    for (name, source, scenario, expected) in [
+    let of_c = |name: &str, source: &str| {
+        let flags = ["-g", "-O0", "-pthread"];
+        compiled(&format!("debugged-{name}"), "cc", source, &flags)
+    };
+    let in_beat = "beat (port=3, number=6)";
+    for (name, program, scenario, expected) in [
         (
             "ends",
-            &ends,
+            of_c("ends", &ends),
             SONAR,
-            &["program-alive fails at", "beat (port=3, number=6)"][..],
+            ["program-alive fails at", in_beat],
         ),
         (
             "crashes",
-            &crashes,
+            of_c("crashes", &crashes),
             SONAR,
-            &["program-alive fails at", "beat (port=3, number=6)"],
+            ["program-alive fails at", in_beat],
         ),
         (
             "talks",
-            &talks,
+            of_c("talks", &talks),
             &*strict,
-            &["violations fails at", "nonsense (port=3)"],
+            ["violations fails at", "nonsense (port=3)"],
+        ),
+        // Each throws or panics when it steers for the sixth time.
+        (
+            "throws",
+            languages::program("throws", "c++"),
+            SONAR,
+            ["program-alive fails at", "Rover::steer (this="],
+        ),
+        (
+            "panics",
+            languages::program("panics", "rustc"),
+            SONAR,
+            ["program-alive fails at", "program::steer"],
         ),
     ] {
-        let flags = ["-g", "-O0", "-pthread"];
-        let Some(program) = compiled(&format!("debugged-{name}"), "cc", source, &flags) else {
-            return;
+        let Some(program) = program else { continue };
+        let sixth = match name {
+            "throws" | "panics" => " 6",
+            _ => "",
         };
-        let command = program.to_str().expect("a plain path");
+        let command = &format!("{}{sixth}", program.display());
         let debugged = Debugged::start(name, command, &[("sonar.toml", scenario)], &["--on-fail"]);
         let Some(said) = debugged.gdb(Some(&program), "bt\nkill\n") else {
             debugged.interrupt();

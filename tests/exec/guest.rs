@@ -122,16 +122,17 @@ pub(crate) fn compiled(
 ) -> Option<PathBuf> {
     let folder = folder(&format!("{name}-build"));
     fs::create_dir_all(&folder).expect("a fresh folder");
-    let file = folder.join(if compiler == "c++" {
-        "program.cpp"
-    } else {
-        "program.c"
-    });
+    let (file, optimised) = match compiler {
+        "c++" => ("program.cpp", "-O1"),
+        "rustc" => ("program.rs", "-Copt-level=1"),
+        _ => ("program.c", "-O1"),
+    };
+    let file = folder.join(file);
     fs::write(&file, source).expect("a fresh file");
     let program = folder.join("program");
     let mut command = Command::new(compiler);
     command
-        .arg("-O1")
+        .arg(optimised)
         .arg("-o")
         .arg(&program)
         .arg(&file)

@@ -8,6 +8,8 @@ mod board;
 mod causes;
 mod commands;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod computing;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod conversation;
 mod custom;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
@@ -33,4 +35,6 @@ mod signals;
 mod support;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod terminals;
+#[path = "../support/thorough.rs"]
+mod thorough;
 mod verdicts;

@@ -131,3 +131,31 @@ fn a_signal_reaches_a_thread_that_is_late_at_its_call() {
         assert_eq!(ended.code, Some(0), "seed {seed}: {}", ended.said);
     }
 }
+
+const FLAGS: &str = include_str!("programs/races/flags.c");
+
+/// A wait in a loop ends by what it waits for, whatever the processor's speed: after 150 ms a
+/// signal, then three times 200 ms of another thread, each answered. Without `--schedule` no time
+/// passes, and a loop that counts is no wait.
+#[test]
+fn a_loop_that_waits_for_a_flag_lets_time_pass() {
+    let Some(program) = compiled("race-flags", "cc", FLAGS, &["-O1", "-pthread"]) else {
+        return;
+    };
+    let scenario = SONAR.replace("3s", "1s");
+    let run = |command: &str, more: &[&str]| {
+        let folder = folder("race-flags");
+        let more = [&["--virtual", "--exec-may-idle", "--spin-max", "1s"], more].concat();
+        run_in(&folder, &[("sonar.toml", &scenario)], command, &more)
+    };
+    let command = program.to_str().expect("a plain path");
+    let waits = run(command, &["--schedule", "3", "--check"]);
+    assert_eq!(waits.failed(), Vec::<&str>::new(), "{}", waits.said);
+    assert_eq!(waits.check("deterministic").0, "pass", "{}", waits.said);
+    assert!(waits.log.contains("round 2"), "{}", waits.log);
+    let counts = format!("{command} counts");
+    for (command, more) in [(command, &[][..]), (&*counts, &["--schedule", "3"])] {
+        let ended = run(command, more);
+        assert!(ended.failed().contains(&"program-yields"), "{}", ended.said);
+    }
+}

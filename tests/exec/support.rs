@@ -159,6 +159,20 @@ impl Ended {
         fs::read_to_string(self.folder.join("out/events.txt")).unwrap_or_default()
     }
 
+    /// The saved case.
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    pub(crate) fn case(&self) -> String {
+        fs::read_to_string(self.folder.join("out/case.toml")).expect("every run has it")
+    }
+
+    /// The fingerprint of all bytes on all lines.
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    pub(crate) fn trace(&self) -> String {
+        let mut lines = self.said.lines();
+        let line = lines.find_map(|line| line.trim().strip_prefix("trace "));
+        line.unwrap_or_else(|| panic!("{}", self.said)).to_owned()
+    }
+
     /// Status and detail of a check.
     pub(crate) fn check(&self, name: &str) -> (String, String) {
         let checks = self.result["checks"].as_array().expect("a list");

@@ -4,6 +4,7 @@
 mod board;
 mod cable;
 mod chassis;
+mod computing;
 mod condition;
 pub mod device;
 mod drives;
@@ -34,6 +35,7 @@ use serde::{Deserialize, Serialize};
 pub use board::{RaisesSpec, ResetSpec};
 pub use cable::{CableSpec, ExecSpec};
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
+pub use computing::{CHARGE_UNIT, Charges, ComputingSpec};
 pub use condition::{
     AxisCondition, BytesCondition, Condition, ContactCondition, EventCondition, Figure,
     FrameCondition, MapCondition, Op, Operand, PoseCondition, Quantity, RegisterCondition,
@@ -91,6 +93,9 @@ pub struct Scenario {
     /// Origin of a saved case; written by the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub origin: Option<Origin>,
+    /// Measured computing of a program in virtual time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub computing: Option<ComputingSpec>,
     /// Task of the robot.
     #[serde(default)]
     pub mission: Mission,

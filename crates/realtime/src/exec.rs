@@ -13,6 +13,7 @@
 mod cause;
 mod companion;
 mod conclude;
+mod cpu;
 mod error;
 mod exchange;
 mod ports;
@@ -41,6 +42,7 @@ use engine::scenario::{Scenario, Source};
 
 pub use companion::{Companion, Supervision};
 pub(crate) use conclude::Ending;
+pub use cpu::Cpu;
 pub use error::ExecError;
 pub(crate) use ports::Ports;
 pub(crate) use readiness::Readiness;

@@ -21,6 +21,8 @@ mod call;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod clock_page;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod computing;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod debugger;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod detour;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::super::CliError;
 use super::super::exec::ExecArgs;
+use crate::realtime::exec::Cpu;
 use crate::search::campaign::{CampaignPlan, Shard, Store};
 use crate::search::generate::{Profile, Vary};
 
@@ -62,4 +63,16 @@ pub(super) fn vary_schedule(program: &mut ExecArgs, vary: Vary) -> Result<(), Cl
         program.vary_schedule();
     }
     Ok(())
+}
+
+/// Rejects the recorded computing of one case for the many runs of a campaign.
+pub(super) fn measures_cpu(program: &ExecArgs) -> Result<(), CliError> {
+    match program.cpu() {
+        Some(Cpu::OfCase) => {
+            let message = "--cpu case: each run of a campaign computes at other times; expected a \
+                           number, as in --cpu 20";
+            Err(CliError::Usage(message.to_owned()))
+        }
+        _ => Ok(()),
+    }
 }

@@ -181,6 +181,7 @@ fn harness<'a>(
         // Virtual time stands still while the program computes.
         spin_max: args.exec.alive.0.max(SPIN_MIN),
         schedule: None,
+        cpu: None,
     });
     Ok(harness)
 }

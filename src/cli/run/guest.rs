@@ -16,7 +16,7 @@ use crate::cli::ends::{EndArgs, print_table};
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
 use crate::realtime::clock::{Clock as _, WallClock};
-use crate::realtime::exec::{Foreign, pc_end};
+use crate::realtime::exec::{Cpu, Foreign, pc_end};
 use crate::realtime::guest::{Played, Trial};
 use crate::realtime::transport::PortDir;
 use crate::robots::{self, Dut};
@@ -50,12 +50,21 @@ pub(super) fn judged_guest(
     if guest.is_checked && stop.signal().is_none() {
         let again = out.join("again");
         make_folder(&again)?;
+        let mut foreign = guest.foreign.clone();
+        if let Some(supervision) = &mut foreign.supervision {
+            supervision.cpu = supervision.cpu.map(|_| Cpu::OfCase);
+        }
         let second = Guest {
-            foreign: guest.foreign.clone(),
+            foreign,
             trace: None,
             is_checked: false,
         };
-        let second = play((scenario, source), &second, place, &again, stop)?;
+        // Both runs charge the same for computing.
+        let mut scenario = scenario.clone();
+        scenario
+            .computing
+            .clone_from(&played.outcome.case.computing);
+        let second = play((&scenario, source), &second, place, &again, stop)?;
         let check = same(
             &played,
             &second,

@@ -224,6 +224,7 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         schema,
         name,
         description: _,
+        computing: _,
         robot,
         duration: _,
         seed,

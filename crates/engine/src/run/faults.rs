@@ -9,7 +9,9 @@ use serde::Serialize;
 use super::{Run, Watch};
 use crate::rig::fault::{Activity, FaultId, LineFaults, Window};
 use crate::rig::line::{Direction, Line};
-use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span};
+use crate::scenario::{
+    ComputingSpec, DirectionSpec, FaultKind, FaultSpec, Flaw, Origin, Scenario, Span,
+};
 
 /// Maximum number of faults that a run accepts while it continues.
 pub const FAULTS_MAX: usize = 10_000;
@@ -338,6 +340,11 @@ impl Run {
             }
         }
         case
+    }
+
+    /// The case of this run records what a program's computing took; nothing if it took no time.
+    pub fn set_computing(&mut self, computing: Option<ComputingSpec>) {
+        self.scenario.computing = computing;
     }
 
     /// A fault with its real times, and without random values where possible.

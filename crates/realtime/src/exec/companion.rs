@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use super::Schedule;
+use super::{Cpu, Schedule};
 
 /// A further program of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -22,6 +22,8 @@ pub struct Supervision {
     pub spin_max: Duration,
     /// Another order of threads; `None`: that of their calls.
     pub schedule: Option<Schedule>,
+    /// The price of computing; `None`: it takes no virtual time.
+    pub cpu: Option<Cpu>,
 }
 
 impl Default for Supervision {
@@ -31,6 +33,7 @@ impl Default for Supervision {
             call_cost: Duration::from_micros(1),
             spin_max: Duration::from_secs(10),
             schedule: None,
+            cpu: None,
         }
     }
 }

@@ -31,6 +31,7 @@ use gdbstub::target::ext::breakpoints::WatchKind;
 use protocols::Instant;
 
 use super::GuestError;
+use super::computing::Computing;
 use super::supervisor::{Stop, Supervisor, Wanted};
 use super::trial::{Played, Trial};
 use crate::clock::{Clock as _, WallClock};
@@ -39,7 +40,7 @@ use again::Marks;
 use back::Back;
 use registers::to_gdb;
 use target::Action;
-use wire::{Door, Wire};
+use wire::{Door, Ear, Wire};
 use wires::Wires;
 
 /// Most turns, and most wall time, between two looks at what the debugger sends.
@@ -112,6 +113,11 @@ struct Session<'a> {
     is_signal_told: bool,
     /// A way back did not come to its place.
     has_missed: bool,
+    /// Hears the debugger on a way back; whether it has broken that off.
+    ear: Option<Ear>,
+    is_broken_off: bool,
+    /// What the computing of the run before was charged.
+    computing: Option<Computing>,
     /// Why the place to debug did not come up.
     missed: Option<String>,
 }
@@ -167,6 +173,9 @@ pub fn debug(
         wanted: None,
         is_signal_told: false,
         has_missed: false,
+        ear: None,
+        is_broken_off: false,
+        computing: None,
         missed: None,
     };
     let is_there = session.run_to_start();
@@ -199,12 +208,18 @@ impl Session<'_> {
 
     /// Runs until something happens; `None` if the caller does not go on.
     fn run_until_event(&mut self) -> Result<Option<Event>, GuestError> {
-        while (self.goes_on)() {
+        while (self.goes_on)() && !self.breaks_off() {
             if let Some(event) = self.run_for_a_while()? {
                 return Ok(Some(event));
             }
         }
         Ok(None)
+    }
+
+    /// Whether the debugger breaks off its way back.
+    fn breaks_off(&mut self) -> bool {
+        self.is_broken_off |= self.ear.as_ref().is_some_and(Ear::hears_interrupt);
+        self.is_broken_off
     }
 
     /// Runs for some turns, or until something happens.
@@ -345,7 +360,15 @@ impl Session<'_> {
         wire: &mut Wire,
     ) -> Result<Option<MultiThreadStopReason<u64>>, GuestError> {
         if let Some(back) = self.back.take() {
-            let reason = self.go_back(back)?;
+            // A wire without an ear is heard when the way back is over.
+            self.ear = wire.ear().ok();
+            let Some(reason) = self.go_back(back)? else {
+                // If the debugger is gone, the next look at it finds out.
+                let _ = wire.take_interrupt();
+                let _ =
+                    wire.say("[hilrig] the way back is broken off; the program is at its start");
+                return Ok(Some(self.reason(GdbSignal::SIGINT)));
+            };
             if core::mem::take(&mut self.has_missed) {
                 let text = "the program does not repeat, so the way back missed its place; check it \
                             with hilrig run --virtual --check";

@@ -32,6 +32,12 @@ pub enum GuestError {
     /// This build has no supervisor.
     #[error("--virtual: expected Linux on x86-64; here run it without --virtual, in real time")]
     NotHere,
+    /// The case has no measured computing.
+    #[error(
+        "--cpu case: the scenario has no table [computing]: expected the case.toml of a run with \
+         --cpu SCALE"
+    )]
+    NoComputing,
     /// No rig answers.
     #[error("--dir {}: no rig answers here, expected a directory of `hilrig up`: {source}", .dir.display())]
     NoRig {

@@ -113,6 +113,11 @@ impl Place {
         }
     }
 
+    /// Whether the program stands behind an instruction that touched watched memory.
+    pub(super) fn is_at_watch(&self) -> bool {
+        matches!(self.legs.last(), Some(Leg::Hits { watches, .. }) if !watches.is_empty())
+    }
+
     /// The program stands at a signal.
     pub(super) fn signalled(&mut self) {
         match self.legs.last_mut() {

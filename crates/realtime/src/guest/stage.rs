@@ -183,7 +183,7 @@ impl Stage {
     }
 
     /// Whether there is nothing more to run.
-    fn is_over(&self) -> bool {
+    pub(super) fn is_over(&self) -> bool {
         !self.is_endless && self.run.is_over()
     }
 

@@ -10,14 +10,17 @@ mod files;
 mod futex;
 mod high;
 mod idle;
+mod late;
 mod lent;
 mod locks;
+mod loops;
 mod notices;
 mod pi_futex;
 mod pipes;
 mod polls;
 mod ports;
 mod posix_timers;
+mod price;
 mod queues;
 mod schedule;
 mod signal_files;
@@ -45,6 +48,7 @@ use rustix::process::WaitOptions;
 
 use super::GuestError;
 use super::call::{self, Call};
+use super::computing::Computing;
 use super::memory::Memory;
 use super::news::{is_death, wait};
 use super::stage::Stage;
@@ -52,6 +56,7 @@ use super::task::{Next, On, Process, State, Thread, Wait};
 use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::exec::Supervision;
+use debugging::Left;
 pub(super) use debugging::{Debugging, Goal, Step, Stop, Wanted, Watchpoint, poke};
 use fifos::Meeting;
 use lent::Lease;
@@ -152,12 +157,20 @@ pub(super) struct Supervisor {
     pub(super) trouble: Option<GuestError>,
     /// What a debugger has set, if there is one.
     debugging: Option<Box<Debugging>>,
+    /// What may still stop for a debugger that has left.
+    left: Option<Left>,
     /// The thread that a debugger held when it left.
     held_over: Option<(i32, Next)>,
     /// Another order of threads than that of their calls.
     schedule: Option<Schedule>,
     /// What is lent to the thread that runs.
     lease: Lease,
+    /// The price of computing, if it has one.
+    computing: Option<Computing>,
+    /// Counts calls and other signs that a thread does not wait in a loop.
+    progress: u64,
+    /// Threads that can run, but not before this time.
+    late: Vec<(Instant, i32)>,
     /// A thread stands in the code of its clocks, whose counts stay with it.
     keeps_loan: bool,
 }
@@ -186,6 +199,7 @@ impl Supervisor {
         roots: &[i32],
         stage: Stage,
         settings: Settings,
+        computing: Option<Computing>,
         trace: Option<&Path>,
     ) -> Result<Self, GuestError> {
         roots.iter().try_for_each(|&root| take_over(root))?;
@@ -218,17 +232,21 @@ impl Supervisor {
             served: 0,
             spent: BTreeMap::new(),
             idled: Duration::ZERO,
-            watchdog: Watchdog::start(first, settings.supervision.spin_max),
+            watchdog: Watchdog::start(first, settings.supervision),
             notes: Vec::new(),
             fault: None,
             trouble: None,
             debugging: None,
+            left: None,
             held_over: None,
             schedule: settings
                 .supervision
                 .schedule
                 .map(|it| Schedule::new(it.seed(settings.seed))),
             lease: Lease::default(),
+            computing,
+            progress: 0,
+            late: Vec::new(),
             keeps_loan: false,
         };
         for root in roots.iter().map(|&root| Pid::from_raw(root)) {
@@ -359,8 +377,7 @@ impl Supervisor {
     fn next_deadline(&self) -> Option<Instant> {
         let waits = self.threads.values().filter_map(Thread::deadline);
         let timers = self.processes.values().filter_map(Process::next_timer);
-        let late = self.schedule.as_ref().and_then(Schedule::next);
-        waits.chain(timers).chain(late).min()
+        waits.chain(timers).chain(self.next_late()).min()
     }
 
     /// Whose time has come may run.

@@ -25,6 +25,8 @@ pub(super) enum Next {
     Begin,
     /// It makes the call that it has begun.
     Call,
+    /// Its computing before that call has passed, and nothing else was decided about it.
+    Charged,
     /// It has computed up to where it lets others go first, or is late.
     Lose,
     /// It has stopped with this status, which the supervisor has not handled yet.
@@ -106,6 +108,10 @@ pub(super) struct Thread {
     pub(super) entered: Instant,
     /// Processor time for which it has computed since then.
     pub(super) computed: Duration,
+    /// It was found in a loop without a call that only another thread can end: the number of signs
+    /// of progress at that time, and the fingerprint of the loop.
+    pub(super) in_loop_at: Option<u64>,
+    pub(super) loop_state: Option<u64>,
     /// Counts all beginnings of waits.
     pub(super) blocked_at: u64,
     pub(super) is_woken: bool,

@@ -16,6 +16,7 @@ use protocols::Instant;
 use rustix::process::{Pid, Signal, kill_process_group};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
 
+use super::computing::Computing;
 use super::stage::Stage;
 use super::supervisor::{Settings, Supervisor};
 use super::trace::Calls;
@@ -106,6 +107,12 @@ impl Trial {
     ) -> Result<Self, GuestError> {
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
         let ports = ports_of(&seats, &foreign)?;
+        let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
+        let cpu = supervision.cpu.map(|cpu| {
+            let recorded = run.scenario().computing.as_ref();
+            Computing::new(cpu, recorded).ok_or(GuestError::NoComputing)
+        });
+        let computing = cpu.transpose()?;
         let mut env = environment(&seats, &dir, &run);
         env.push((LINES_VARIABLE.to_owned(), dir.path().into()));
         for (_, value) in env
@@ -141,12 +148,11 @@ impl Trial {
         let hearing = Arc::clone(&words);
         let listener = thread::spawn(move || listen(ears, &hearing));
         let seed = run.scenario().seed;
-        let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
         let settings = Settings { seed, supervision };
         let stage = Stage::new(run, realtime, ports, foreign.wait, (pipe.dev(), pipe.ino()));
         let roots: Vec<i32> = programs.iter().map(|one| one.root).collect();
         Ok(Self {
-            supervisor: Supervisor::new(&roots, stage, settings, trace)?,
+            supervisor: Supervisor::new(&roots, stage, settings, computing, trace)?,
             programs,
             dir,
             foreign,
@@ -297,8 +303,9 @@ impl Trial {
         (farewell.said, run)
     }
 
-    /// Ends the program at once; nothing of its run counts.
-    pub(super) fn abandon(mut self) {
+    /// Ends the program at once; nothing of its run counts but what its computing was charged.
+    pub(super) fn abandon(mut self) -> Option<Computing> {
+        let computing = self.supervisor.computing().cloned();
         self.supervisor.stage.is_frozen = true;
         self.supervisor.kill_all();
         self.is_silent();
@@ -309,12 +316,16 @@ impl Trial {
             let _ = sched_setaffinity(None, processors);
         }
         let _ = self.supervisor.stage.run.rig.finish_taps();
+        computing
     }
 
     /// Ends the program and judges the run so far.
     pub fn end(mut self) -> Played {
         let is_over = self.supervisor.stage.run.is_over();
         self.supervisor.note_halted();
+        let computing = self.supervisor.computing();
+        let repeats = computing.and_then(Computing::difference);
+        let spec = computing.map(Computing::spec);
         let waits = self.waits();
         let ended = self.first_end();
         let each = self
@@ -333,6 +344,7 @@ impl Trial {
             busy,
             ..
         } = stage;
+        run.set_computing(spec);
         let recorded = run.rig.finish_taps();
         let reports = realtime.reports().collect();
         // The ports stay until the program has ended: it is not to be told that they went away.
@@ -350,6 +362,11 @@ impl Trial {
             more: spins.map(|spins| Check::new("program-yields", false, spins)),
         };
         ending.conclude(&mut outcome);
+        if let Some(repeats) = repeats {
+            let (passed, detail) = repeats.map_or_else(|it| (false, it), |it| (true, it));
+            let check = Check::new("computes-as-recorded", passed, detail);
+            outcome.checks.push(check);
+        }
         Played {
             outcome,
             recorded,

@@ -15,6 +15,7 @@ use protocols::Instant;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::clock::{Clock, WallClock};
+use crate::exec::Supervision;
 
 /// Between two looks.
 const EVERY: Duration = Duration::from_millis(50);
@@ -22,8 +23,10 @@ const EVERY: Duration = Duration::from_millis(50);
 const SLEEPS: u32 = 2;
 /// The same for one that waits for a disk.
 const FETCHES: u32 = 200;
-/// Processor time after which one that computes is stopped, to hear of others.
+/// Processor time after which one that computes is stopped, to hear of others; with `--schedule`,
+/// where loops that wait for others are common.
 const COMPUTES: Duration = Duration::from_secs(1);
+const COMPUTES_BY_SCHEDULE: Duration = Duration::from_millis(100);
 /// So many times as long as a thread may compute virtual time may stand.
 const STANDS: u32 = 3;
 const STANDS_MIN: Duration = Duration::from_secs(30);
@@ -66,14 +69,14 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    /// Over a program whose first process is `root`, and whose threads may compute for so long.
-    pub(super) fn start(root: i32, spin_max: Duration) -> Self {
+    /// Over a program whose first process is `root`.
+    pub(super) fn start(root: i32, supervision: Supervision) -> Self {
         let shared = Arc::<Shared>::default();
         let watching = Arc::clone(&shared);
         // Without this thread only the name of a hanging thread is lost.
         let _ = thread::Builder::new()
             .name("watchdog".to_owned())
-            .spawn(move || watch(&watching, root, spin_max));
+            .spawn(move || watch(&watching, root, supervision));
         let clock = WallClock::start();
         Self { shared, clock }
     }
@@ -143,8 +146,13 @@ impl Drop for Watchdog {
     }
 }
 
-fn watch(shared: &Shared, root: i32, spin_max: Duration) {
+fn watch(shared: &Shared, root: i32, supervision: Supervision) {
     let clock = WallClock::start();
+    let spin_max = supervision.spin_max;
+    let computes = match supervision.schedule {
+        Some(_) => COMPUTES_BY_SCHEDULE,
+        None => COMPUTES,
+    };
     let patience = (spin_max * STANDS).max(STANDS_MIN);
     let (mut steps, mut stepped, mut looks) = (0, 0, 0);
     // What it was seen to do in all of them.
@@ -200,7 +208,7 @@ fn watch(shared: &Shared, root: i32, spin_max: Duration) {
             Some('S') => (true, looks >= SLEEPS),
             // For a disk, which on a busy machine takes its time.
             Some('D') => (true, looks >= FETCHES),
-            Some('R') => (false, computed >= spin_max.min(COMPUTES)),
+            Some('R') => (false, computed >= spin_max.min(computes)),
             _ => continue,
         };
         if is_enough {

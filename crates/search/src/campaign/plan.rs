@@ -81,6 +81,9 @@ pub struct CampaignPlan {
     /// program. Runs with a user's program take place in real time, so two runs differ.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exec: Option<String>,
+    /// Scale of the measured computing of the program; `exec` repeats what a case has recorded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu: Option<String>,
 }
 
 impl CampaignPlan {
@@ -167,6 +170,7 @@ mod tests {
             vary: "none".to_owned(),
             profile: None,
             exec: None,
+            cpu: None,
         };
         assert_eq!(plan.runs().count(), 80);
         for shard in [
@@ -199,6 +203,7 @@ mod tests {
                 vary: "none".to_owned(),
                 profile: None,
                 exec: None,
+                cpu: None,
             };
             let all: Vec<_> = plan.runs().collect();
             assert_eq!(all.len(), 67 * count);
@@ -229,6 +234,7 @@ mod tests {
                 vary: "all".to_owned(),
                 profile: Some(kept.to_owned()),
                 exec: None,
+                cpu: None,
             };
             plan.profile_name()
         };

@@ -34,11 +34,17 @@ pub(super) struct Walk<'a> {
 impl Session<'_> {
     /// Starts the program anew and lets it be loaded; whether it was.
     pub(super) fn load_again(&mut self) -> Result<bool, GuestError> {
+        if self.is_broken_off {
+            return Ok(false);
+        }
         if let Some(trial) = self.trial.take() {
-            trial.abandon();
+            self.computing = trial.abandon();
         }
         // A session without a run cannot serve a debugger: it ends.
         self.trial = Some((self.start)().ok_or(GuestError::Restart)?);
+        if let Some(computing) = self.computing.clone() {
+            self.supervisor().charge_again(computing);
+        }
         self.load()
     }
 

@@ -37,8 +37,11 @@ impl ReverseStep<Tid> for Session<'_> {
 }
 
 impl Session<'_> {
-    /// Goes back; why the program stands then.
-    pub(super) fn go_back(&mut self, back: Back) -> Result<MultiThreadStopReason<u64>, GuestError> {
+    /// Goes back; why the program stands then. `None` if the debugger has broken that off.
+    pub(super) fn go_back(
+        &mut self,
+        back: Back,
+    ) -> Result<Option<MultiThreadStopReason<u64>>, GuestError> {
         let here = self.place();
         let debugging = self.supervisor().debugging();
         let marks = debugging.map_or_else(Marks::default, |it| Marks {
@@ -60,9 +63,14 @@ impl Session<'_> {
                 }
             }
         };
+        self.ear = None;
+        let is_broken_off = core::mem::take(&mut self.is_broken_off);
+        if is_broken_off {
+            self.back_to_start()?;
+        }
         // The debugger takes away what it had set.
         self.set_marks(&marks);
-        Ok(reason)
+        Ok((!is_broken_off).then_some(reason))
     }
 
     /// Runs again to `place`; whether it came there.
@@ -74,7 +82,7 @@ impl Session<'_> {
     /// Whether this run came to `place` as the run before it; if not, the debugger will be told.
     fn is_as_before(&mut self, found: bool, place: &Place) -> bool {
         let is_it = found && self.place().moment == place.moment;
-        if !is_it && (self.goes_on)() {
+        if !is_it && (self.goes_on)() && !self.is_broken_off {
             self.has_missed = true;
         }
         is_it
@@ -155,7 +163,7 @@ impl Session<'_> {
                 false => self.go_to_moment(base)?,
             };
             if !is_there {
-                self.has_missed = (self.goes_on)();
+                self.has_missed = (self.goes_on)() && !self.is_broken_off;
                 return Ok(None);
             }
             let base = self.place();
@@ -168,16 +176,21 @@ impl Session<'_> {
                 debugging.limit_steps(STEPS_MAX);
             }
             if !self.walk(&walk, &mut |_, _| {})? {
-                (self.say)(
-                    "too many instructions back, or one of them reads the processor's counter: the \
-                     program goes back to an earlier call",
-                );
+                if self.is_broken_off {
+                    return Ok(None);
+                }
+                (self.say)("too many instructions back: the program goes back to an earlier call");
                 return Ok(Some(base));
             }
-            // Where the last instruction ended is where it stands now.
             let debugging = self.supervisor().debugging();
             let last = debugging.and_then(|it| it.last_step_of(thread).cloned());
-            if let Some(before) = last.and_then(|last| last.one_step_less(thread)) {
+            let before = match here.is_at_watch() {
+                // The last whole instruction was the one before that which touched the memory.
+                true => last.filter(|last| last.moment == here.moment),
+                // Where the last instruction ended is where it stands now.
+                false => last.and_then(|last| last.one_step_less(thread)),
+            };
+            if let Some(before) = before {
                 return Ok(Some(before));
             }
             if is_start {

@@ -151,6 +151,7 @@ impl Session<'_> {
         let Some(trial) = self.trial.take() else {
             return Ok(First::Cut);
         };
+        self.computing = trial.supervisor_ref().computing().cloned();
         let played = trial.end();
         let failure = watch.failure(&played.outcome, ended, &writes, last);
         self.first = Some(Box::new(played));

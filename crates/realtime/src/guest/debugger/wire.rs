@@ -14,6 +14,8 @@ use crate::guest::GuestError;
 const WAIT: Duration = Duration::from_millis(50);
 /// Longest wait for a debugger that takes no bytes; after it the debugger is gone.
 const WRITE_WAIT: Duration = Duration::from_secs(10);
+/// The byte by which a debugger interrupts the program.
+const INTERRUPT: u8 = 0x03;
 /// Bytes that are read at once.
 const READ_MAX: usize = 4096;
 
@@ -132,6 +134,17 @@ impl Wire {
         }
     }
 
+    /// What hears an interrupt while nothing else is read.
+    pub(super) fn ear(&self) -> io::Result<Ear> {
+        self.stream.try_clone().map(Ear)
+    }
+
+    /// Drops what was sent up to an interrupt.
+    pub(super) fn take_interrupt(&mut self) -> io::Result<()> {
+        while self.try_next()?.is_some_and(|byte| byte != INTERRUPT) {}
+        Ok(())
+    }
+
     /// Answers that something was done.
     pub(super) fn confirm(&mut self) -> io::Result<()> {
         self.outbox.extend(b"$OK#9a");
@@ -147,6 +160,28 @@ impl Wire {
         let sum = packet.bytes().fold(0_u8, u8::wrapping_add);
         self.outbox.extend(format!("${packet}#{sum:02x}").bytes());
         self.flush()
+    }
+}
+
+/// The ear of a wire.
+pub(super) struct Ear(TcpStream);
+
+impl Ear {
+    /// Whether the debugger has sent an interrupt, or is gone.
+    pub(super) fn hears_interrupt(&self) -> bool {
+        let mut polled = [PollFd::new(&self.0, PollFlags::IN)];
+        let at_once = Timespec {
+            tv_sec: 0,
+            tv_nsec: 0,
+        };
+        if !poll(&mut polled, Some(&at_once)).is_ok_and(|count| count > 0) {
+            return false;
+        }
+        let mut bytes = [0; 64];
+        match self.0.peek(&mut bytes) {
+            Ok(count) => count == 0 || bytes[..count].contains(&INTERRUPT),
+            Err(_) => true,
+        }
     }
 }
 

@@ -54,6 +54,8 @@ impl Supervisor {
             outside: None,
             entered: self.stage.now(),
             computed: Duration::ZERO,
+            in_loop_at: None,
+            loop_state: None,
             blocked_at: 0,
             is_woken: false,
             is_at_end: false,

@@ -4,6 +4,7 @@
 //! the thread continues, so the run is the same as without a debugger.
 
 mod asked;
+mod left;
 mod memory;
 mod threads;
 mod watch;
@@ -21,6 +22,7 @@ use rustix::process::WaitOptions;
 use super::{Flow, Next, Supervisor, is_death, wait};
 use crate::guest::place::{Moment, Place};
 use engine::run::Watch;
+pub(super) use left::Left;
 use memory::TRAP;
 pub(in crate::guest) use memory::poke;
 pub(in crate::guest) use watch::Watchpoint;
@@ -117,7 +119,7 @@ pub(in crate::guest) struct Debugging {
     watched_by: BTreeMap<i32, u32>,
     pub(super) step: Option<Step>,
     goal: Option<Goal>,
-    held: Option<(i32, Next)>,
+    pub(super) held: Option<(i32, Next)>,
     stop: Option<Stop>,
     /// Where the program is, as any run of it finds again.
     pub(super) place: Place,
@@ -162,7 +164,10 @@ impl Supervisor {
         for tid in threads {
             self.put_watches(tid);
         }
-        self.debugging = None;
+        let debugging = self.debugging.take();
+        if let Some(debugging) = &debugging {
+            self.note_left(debugging);
+        }
         if let Some((tid, next)) = held {
             // It goes on before all others, as it would have without a stop.
             self.held_over = Some((tid, next));
@@ -231,15 +236,9 @@ impl Supervisor {
     /// A thread has read the processor's counter, which took the place of an instruction.
     pub(super) fn read_counter(&mut self, tid: i32) -> Flow {
         let index = self.index_of(tid).unwrap_or(0);
-        let debugging = self.debugging.as_mut();
-        let step = debugging.filter(|it| it.step.as_ref().is_some_and(|step| step.tid == tid));
-        match step {
-            Some(debugging) => {
-                debugging.place.stepped(index);
-                self.hold(tid, Next::Go(None), Stop::Step(tid))
-            }
-            None => Flow::Goes(None),
-        }
+        let at = ptrace::getregs(Pid::from_raw(tid)).map_or(0, |it| it.rip);
+        let flow = self.stepped(tid, index, at, Next::Go(None));
+        flow.unwrap_or(Flow::Goes(None))
     }
 
     /// A thread has done one instruction, if it goes by them.

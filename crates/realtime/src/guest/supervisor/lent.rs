@@ -91,6 +91,10 @@ impl Supervisor {
 
     /// The thread goes on: up to the next event its clocks are its own.
     pub(super) fn lend_time(&mut self, tid: i32) {
+        if self.computing.is_some() {
+            // Computing passes before calls, and before looks at clocks that are calls.
+            return self.keep_time(tid);
+        }
         self.lease.ports.clear();
         let Some(clocks) = self.clocks_of(tid) else {
             return;
@@ -206,7 +210,8 @@ impl Supervisor {
         let Some(call) = thread.call.filter(|call| detour::is_served(call.number)) else {
             return;
         };
-        let is_free = self.debugging.is_none() && self.schedule.is_none();
+        let is_free =
+            self.debugging.is_none() && self.schedule.is_none() && self.computing.is_none();
         let Some(process) = self.processes.get_mut(&thread.process) else {
             return;
         };

@@ -11,9 +11,8 @@ use emulators::rng::Rng;
 use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
-use protocols::Instant;
 
-use super::{Flow, Next, State, Supervisor};
+use super::{Flow, Next, Supervisor};
 
 /// One call of so many lets others go first, or comes later.
 const YIELDS: u64 = 6;
@@ -30,8 +29,6 @@ const INSTRUCTIONS: u64 = 11;
 #[derive(Debug)]
 pub(super) struct Schedule {
     chance: Rng,
-    /// Threads that are late, and until when.
-    late: Vec<(Instant, i32)>,
     /// The thread that loses the processor after so many instructions.
     fuel: Option<(i32, u64)>,
     /// The thread for which chance has decided already: its stop is none without a debugger.
@@ -42,7 +39,6 @@ impl Schedule {
     pub(super) fn new(seed: u64) -> Self {
         Self {
             chance: Rng::stream(seed, "schedule"),
-            late: Vec::new(),
             fuel: None,
             drawn: None,
         }
@@ -57,11 +53,6 @@ impl Schedule {
         let unit = DELAY_MIN * (1 << doublings);
         let part = self.below(1 << 10);
         unit + unit * u32::try_from(part).unwrap_or(0) / (1 << 10)
-    }
-
-    /// When the first thread that is late may run.
-    pub(super) fn next(&self) -> Option<Instant> {
-        self.late.iter().map(|(at, _)| *at).min()
     }
 }
 
@@ -95,34 +86,9 @@ impl Supervisor {
     }
 
     fn be_late(&mut self, tid: i32, next: Next) {
-        let now = self.stage.now();
-        let Some(schedule) = &mut self.schedule else {
-            return;
-        };
-        let until = now + schedule.delay();
-        schedule.late.push((until, tid));
-        self.set_state(tid, State::Ready(next));
-    }
-
-    /// Threads whose delay is over may run.
-    pub(super) fn end_delays(&mut self) {
-        let now = self.stage.now();
-        let Some(schedule) = &mut self.schedule else {
-            return;
-        };
-        let mut due: Vec<(Instant, i32)> = Vec::new();
-        schedule.late.retain(|&(at, tid)| {
-            let is_due = at <= now;
-            if is_due {
-                due.push((at, tid));
-            }
-            !is_due
-        });
-        due.sort_unstable();
-        for (_, tid) in due {
-            if self.threads.contains_key(&tid) {
-                self.queue.push_back(tid);
-            }
+        if let Some(schedule) = &mut self.schedule {
+            let delay = schedule.delay();
+            self.delay(tid, delay, next);
         }
     }
 

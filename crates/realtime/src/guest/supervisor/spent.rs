@@ -3,6 +3,7 @@
 use protocols::Instant;
 
 use super::Supervisor;
+use crate::exec::Cpu;
 use crate::guest::call;
 
 /// Most kinds of calls that are named.
@@ -39,6 +40,16 @@ impl Supervisor {
         if !self.idled.is_zero() {
             let seconds = self.idled.as_secs_f64();
             text += &format!(", {seconds:.3} s passed while it asked for the same over and over");
+        }
+        if let Some(computing) = &self.computing {
+            let charged = computing.charged.as_secs_f64();
+            text += &match self.settings.supervision.cpu.and_then(Cpu::scale) {
+                Some(scale) => {
+                    let used = computing.used.as_secs_f64();
+                    format!(", {used:.3} s of computing took {charged:.3} s (--cpu {scale})")
+                }
+                None => format!(", computing took {charged:.3} s as in the case"),
+            };
         }
         let each = stops / (self.stage.now() - Instant::ZERO).as_secs().max(1);
         if each > MANY {

@@ -33,7 +33,7 @@ impl Supervisor {
         self.watchdog.watch(tid, thread.process);
         let mut current = tid;
         let may_have_signal = match next {
-            Next::Attempt => true,
+            Next::Attempt | Next::Charged => true,
             Next::Call => self.schedule.is_some(),
             _ => false,
         };
@@ -42,6 +42,7 @@ impl Supervisor {
             Next::Attempt => self.attempt(tid),
             Next::Begin => self.begin_call(tid),
             Next::Call => self.make_call(tid),
+            Next::Charged => self.begin_late(tid),
             Next::Lose => self.lose_processor(tid),
             Next::Stopped(status) => self.handle(tid, status),
         };
@@ -52,6 +53,7 @@ impl Supervisor {
                 self.make_detour(current);
                 self.lend_time(current);
             }
+            let computed = self.processor_time_of(current);
             if self.resume(current, signal).is_err() {
                 // It was killed meanwhile: the news of it come now.
                 self.watchdog.count();
@@ -62,6 +64,7 @@ impl Supervisor {
             };
             current = pid;
             self.watchdog.count();
+            self.has_computed(current, computed);
             // An exec has replaced the memory; its clocks were read at the call itself.
             self.keeps_loan = self.stands_in_clocks(current, status);
             if status >> 16 != libc::PTRACE_EVENT_EXEC && !self.keeps_loan {
@@ -142,6 +145,9 @@ impl Supervisor {
             self.died(tid, status);
             return Flow::Stays;
         }
+        if let Some(flow) = self.stops_for_left(tid) {
+            return flow;
+        }
         let signal = (status >> 8) & 0xFF;
         match status >> 16 {
             libc::PTRACE_EVENT_SECCOMP => self.called(tid),
@@ -213,6 +219,7 @@ impl Supervisor {
         thread.outside = None;
         thread.is_at_end = false;
         thread.computed = Duration::ZERO;
+        self.progress += 1;
         thread.entered = now;
         thread.progress = 0;
         thread.lines_before = None;
@@ -231,6 +238,19 @@ impl Supervisor {
 
     /// A thread that has begun a call goes on with it, unless others are first.
     fn begin_call(&mut self, tid: i32) -> Flow {
+        let flow = self.charge_computing(tid);
+        match flow.or_else(|| self.call_by_schedule(tid)) {
+            Some(flow) => flow,
+            None => self.make_call(tid),
+        }
+    }
+
+    /// The same after its computing before that call has passed.
+    fn begin_late(&mut self, tid: i32) -> Flow {
+        let now = self.stage.now();
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.entered = now;
+        }
         match self.call_by_schedule(tid) {
             Some(flow) => flow,
             None => self.make_call(tid),

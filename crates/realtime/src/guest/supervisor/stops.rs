@@ -48,16 +48,10 @@ impl Supervisor {
                 });
                 if let Some(computed) = computed.filter(|&computed| computed >= limit) {
                     self.trouble = Some(GuestError::Spins(thread_name(tid), computed));
+                    self.ready(tid, Next::Go(None));
+                    return Flow::Stays;
                 }
-                // With --schedule the thread is assumed to wait for another one: let time pass.
-                let is_waiting = self.schedule.is_some() && self.queue.is_empty();
-                if is_waiting && let Err(error) = self.let_time_pass() {
-                    self.trouble = Some(error);
-                }
-                // A request to end the run is served. Another thread that can run may be the one
-                // for which this thread waits.
-                self.ready(tid, Next::Go(None));
-                Flow::Stays
+                self.spins(tid)
             }
         }
     }

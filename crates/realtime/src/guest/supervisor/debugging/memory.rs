@@ -1,31 +1,23 @@
 //! Breakpoints, and the debugged process's memory as if there were none.
 
-use core::ptr;
-
-use nix::sys::ptrace;
 use nix::unistd::Pid;
+use rustix::fs::{Mode, OFlags, open};
+use rustix::io::{Errno, pwrite};
 
 use super::Debugging;
 use crate::guest::memory::Memory;
 use crate::guest::supervisor::{State, Supervisor};
+use crate::guest::task::Thread;
 
 /// The instruction of a breakpoint.
 pub(super) const TRAP: u8 = 0xCC;
 impl Supervisor {
-    /// A thread of the debugged process that the debugger can work on: it has stopped.
+    /// A thread by which the debugged process's memory can be had; it need not have stopped.
     fn any_debugged(&self) -> Option<Pid> {
-        let debugging = self.debugging.as_ref()?;
-        let process = debugging.process?;
-        if let Some((tid, _)) = debugging.held {
-            let of = self.threads.get(&tid).map(|thread| thread.process);
-            if of == Some(process) {
-                return Some(Pid::from_raw(tid));
-            }
-        }
+        let process = self.debugging.as_ref()?.process?;
         let mut threads = self.threads.values();
-        let stopped = |state: State| matches!(state, State::Ready(_) | State::Blocked(_));
-        let found = threads.find(|it| it.process == process && stopped(it.state));
-        found.map(|thread| thread.tid)
+        let is_it = |it: &&Thread| it.process == process && !matches!(it.state, State::Ended);
+        threads.find(is_it).map(|thread| thread.tid)
     }
 
     /// Sets a breakpoint.
@@ -42,8 +34,11 @@ impl Supervisor {
             return false;
         }
         if let Some(debugging) = &mut self.debugging {
-            debugging.breaks.insert(address, byte[0]);
-            debugging.under.insert(address, byte[0]);
+            // A breakpoint that could not be taken away is no byte of the program's.
+            let known = debugging.under.get(&address).copied();
+            let byte = known.filter(|_| byte[0] == TRAP).unwrap_or(byte[0]);
+            debugging.breaks.insert(address, byte);
+            debugging.under.insert(address, byte);
         }
         true
     }
@@ -146,18 +141,15 @@ impl Supervisor {
     }
 }
 
-/// Writes memory word by word, also where the program itself must not.
-pub(in crate::guest) fn poke(pid: Pid, address: u64, bytes: &[u8]) -> nix::Result<()> {
-    let mut done = 0;
-    while done < bytes.len() {
-        let at = address.wrapping_add(done as u64);
-        let (word_at, skip) = (at & !7, usize::try_from(at & 7).unwrap_or_default());
-        let place = ptr::without_provenance_mut(usize::try_from(word_at).unwrap_or_default());
-        let mut word = ptrace::read(pid, place)?.to_ne_bytes();
-        let count = (bytes.len() - done).min(word.len() - skip);
-        word[skip..skip + count].copy_from_slice(&bytes[done..done + count]);
-        ptrace::write(pid, place, i64::from_ne_bytes(word))?;
-        done += count;
+/// Writes memory of a process, also where it must not itself; its threads need not have stopped.
+pub(in crate::guest) fn poke(pid: Pid, address: u64, bytes: &[u8]) -> Result<(), Errno> {
+    let file = open(
+        format!("/proc/{pid}/mem"),
+        OFlags::WRONLY | OFlags::CLOEXEC,
+        Mode::empty(),
+    )?;
+    match pwrite(&file, bytes, address)? == bytes.len() {
+        true => Ok(()),
+        false => Err(Errno::IO),
     }
-    Ok(())
 }

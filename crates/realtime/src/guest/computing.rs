@@ -1,0 +1,241 @@
+//! The price of computing: virtual time that a thread's computing takes, charged at its next call.
+//!
+//! Processor time is measured, and differs from run to run. So each charge is recorded with its
+//! thread and the number of its call, and a run with the same record is the same run.
+
+use core::time::Duration;
+
+use engine::scenario::{CHARGE_UNIT, Charges, ComputingSpec};
+
+use crate::exec::Cpu;
+
+/// Processor time between two stops that is free: a stop itself takes about that much.
+const FREE: Duration = Duration::from_micros(10);
+/// Longest charge at once, units: one hour.
+const UNITS_MAX: u128 = 36_000_000;
+/// Start and factor of the fingerprint (FNV-1a, 64 bits).
+const BASIS: u64 = 0xCBF2_9CE4_8422_2325;
+const PRIME: u64 = 0x100_0000_01B3;
+
+/// All charges of a run.
+#[derive(Clone, Debug)]
+pub(super) struct Computing {
+    /// Factor in thousandths; `None`: nothing is measured.
+    scale: Option<u32>,
+    tapes: Vec<Tape>,
+    calls: u64,
+    fingerprint: u64,
+    /// Processor time that was measured, and virtual time that was charged.
+    pub(super) used: Duration,
+    pub(super) charged: Duration,
+    /// The factor, calls and fingerprint that the case recorded.
+    recorded: Option<(f64, u64, String)>,
+}
+
+/// Charges of one thread.
+#[derive(Clone, Debug, Default)]
+struct Tape {
+    /// Calls so far.
+    calls: u64,
+    charges: Vec<(u64, u32)>,
+    /// The next charge that was recorded.
+    next: usize,
+    /// Up to which call the charges are known.
+    known: u64,
+    /// Processor time since the last charge, and virtual nanoseconds of less than a unit.
+    computed: Duration,
+    rest: u128,
+}
+
+impl Computing {
+    /// For a run whose case has recorded `spec`; `None` if it would have to, and has not.
+    pub(super) fn new(cpu: Cpu, spec: Option<&ComputingSpec>) -> Option<Self> {
+        let (scale, recorded) = match cpu {
+            Cpu::Scale(thousandths) => (Some(thousandths), None),
+            Cpu::OfCase => (None, Some(spec?)),
+        };
+        let tapes = recorded.into_iter().flat_map(|spec| &spec.charges);
+        let tapes = tapes.map(|charges| Tape {
+            charges: charges.0.clone(),
+            ..Tape::default()
+        });
+        Some(Self {
+            scale,
+            tapes: tapes.collect(),
+            calls: 0,
+            fingerprint: BASIS,
+            used: Duration::ZERO,
+            charged: Duration::ZERO,
+            recorded: recorded.map(|spec| (spec.scale, spec.calls, spec.fingerprint.clone())),
+        })
+    }
+
+    /// Whether processor time is to be measured.
+    pub(super) const fn measures(&self) -> bool {
+        self.scale.is_some()
+    }
+
+    fn tape(&mut self, thread: u32) -> &mut Tape {
+        let index = usize::try_from(thread).unwrap_or(usize::MAX);
+        if index >= self.tapes.len() {
+            self.tapes.resize_with(index + 1, Tape::default);
+        }
+        &mut self.tapes[index]
+    }
+
+    /// A thread has used the processor for so long between two stops.
+    pub(super) fn used(&mut self, thread: u32, time: Duration) {
+        let time = time.saturating_sub(FREE);
+        self.used += time;
+        self.tape(thread).computed += time;
+    }
+
+    /// A thread begins a call of this number: virtual time that its computing before has taken.
+    pub(super) fn charge(&mut self, thread: u32, number: i64) -> Duration {
+        self.calls += 1;
+        for word in [u64::from(thread), number.cast_unsigned()] {
+            self.fingerprint = (self.fingerprint ^ word).wrapping_mul(PRIME);
+        }
+        let scale = self.scale;
+        let units = self.tape(thread).charge(scale);
+        let charge = CHARGE_UNIT * units;
+        self.charged += charge;
+        charge
+    }
+
+    /// The charges so far, for a case.
+    pub(super) fn spec(&self) -> ComputingSpec {
+        let charges = self.tapes.iter().map(|tape| {
+            let made = tape
+                .charges
+                .iter()
+                .take_while(|(call, _)| *call <= tape.calls);
+            Charges(made.copied().collect())
+        });
+        ComputingSpec {
+            scale: match (&self.recorded, self.scale) {
+                (Some((scale, ..)), _) => *scale,
+                (None, thousandths) => f64::from(thousandths.unwrap_or(1_000)) / 1e3,
+            },
+            calls: self.calls,
+            fingerprint: format!("{:016x}", self.fingerprint),
+            charges: charges.collect(),
+        }
+    }
+
+    /// The same program again from its start: what was measured stays.
+    pub(super) fn again(mut self) -> Self {
+        for tape in &mut self.tapes {
+            *tape = Tape {
+                charges: core::mem::take(&mut tape.charges),
+                known: tape.known.max(tape.calls),
+                ..Tape::default()
+            };
+        }
+        Self {
+            calls: 0,
+            fingerprint: BASIS,
+            used: Duration::ZERO,
+            charged: Duration::ZERO,
+            ..self
+        }
+    }
+
+    /// How this run differs from the recorded one: nothing, or in words; `None` if none was
+    /// recorded.
+    pub(super) fn difference(&self) -> Option<Result<String, String>> {
+        let (_, calls, fingerprint) = self.recorded.as_ref()?;
+        let own = self.spec();
+        Some(
+            match (own.calls == *calls, own.fingerprint == *fingerprint) {
+                (true, true) => Ok(format!("{calls} calls as in the case")),
+                _ => Err(format!(
+                    "{} calls, the case has {calls} or others: the program or its options differ from \
+                 the recorded run; measure again with --cpu SCALE",
+                    own.calls
+                )),
+            },
+        )
+    }
+}
+
+impl Tape {
+    fn charge(&mut self, scale: Option<u32>) -> u32 {
+        self.calls += 1;
+        let computed = core::mem::take(&mut self.computed);
+        let is_known = scale.is_none() || self.calls <= self.known;
+        match self.charges.get(self.next) {
+            Some(&(call, units)) if is_known && call == self.calls => {
+                self.next += 1;
+                return units;
+            }
+            _ if is_known => return 0,
+            _ => {}
+        }
+        let thousandths = u128::from(scale.unwrap_or_default());
+        self.rest += computed.as_nanos() * thousandths / 1_000;
+        let units = (self.rest / CHARGE_UNIT.as_nanos()).min(UNITS_MAX);
+        self.rest %= CHARGE_UNIT.as_nanos();
+        let units = u32::try_from(units).unwrap_or(u32::MAX);
+        if units > 0 {
+            self.charges.push((self.calls, units));
+            self.next = self.charges.len();
+        }
+        units
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+    const NONE: Duration = Duration::ZERO;
+
+    /// By hand, at 20 times as slow: 1.01 ms less the free 10 us are 20 ms, 15 us are 0.1 ms; what
+    /// is less than a unit waits. A second run charges the same, whatever it measures.
+    #[test]
+    fn a_charge_is_measured_once() {
+        let mut first = Computing::new(Cpu::Scale(20_000), None).expect("measures");
+        let free = FREE;
+        let computed = [MS + free, free, Duration::from_nanos(2_500) + free];
+        let mut seen = Vec::new();
+        for round in 0..6 {
+            first.used(1, computed[round % 3]);
+            seen.push(first.charge(1, 7));
+        }
+        let unit = CHARGE_UNIT;
+        assert_eq!(seen, [20 * MS, NONE, NONE, 20 * MS, NONE, unit]);
+        let spec = first.spec();
+        assert_eq!(spec.charges[1].to_string(), "1:200 3:200 2:1");
+        let mut second = Computing::new(Cpu::OfCase, Some(&spec)).expect("recorded");
+        assert!(!second.measures());
+        let again: Vec<Duration> = (0..6).map(|_| second.charge(1, 7)).collect();
+        assert_eq!(again, seen);
+        assert!(second.difference().expect("recorded").is_ok());
+        // Another program is no repeat: one call more, or another one.
+        second.charge(1, 7);
+        assert!(second.difference().expect("recorded").is_err());
+        let mut other = Computing::new(Cpu::OfCase, Some(&spec)).expect("recorded");
+        for call in 0..6 {
+            other.charge(1, 7 + i64::from(call == 3));
+        }
+        assert!(other.difference().expect("recorded").is_err());
+    }
+
+    /// A run that a debugger starts again measures only beyond what it knows.
+    #[test]
+    fn a_run_again_measures_what_is_new() {
+        let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        run.used(0, MS + FREE);
+        assert_eq!(run.charge(0, 1), MS);
+        assert_eq!(run.charge(0, 1), NONE);
+        let mut run = run.again();
+        for expected in [MS, NONE, 3 * MS] {
+            run.used(0, 3 * MS + FREE);
+            assert_eq!(run.charge(0, 1), expected);
+        }
+        assert_eq!(run.spec().charges[0].to_string(), "1:10 2:30");
+        assert!(Computing::new(Cpu::OfCase, None).is_none());
+    }
+}

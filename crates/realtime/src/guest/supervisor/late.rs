@@ -1,0 +1,39 @@
+//! Threads that are late: they can run, but not before some time.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::{Next, State, Supervisor};
+
+impl Supervisor {
+    /// A thread goes on so much later; others may run meanwhile.
+    pub(super) fn delay(&mut self, tid: i32, by: Duration, next: Next) {
+        self.late.push((self.stage.now() + by, tid));
+        self.set_state(tid, State::Ready(next));
+    }
+
+    /// When the first thread that is late may run.
+    pub(super) fn next_late(&self) -> Option<Instant> {
+        self.late.iter().map(|(at, _)| *at).min()
+    }
+
+    /// Threads whose delay is over may run.
+    pub(super) fn end_delays(&mut self) {
+        let now = self.stage.now();
+        let mut due: Vec<(Instant, i32)> = Vec::new();
+        self.late.retain(|&(at, tid)| {
+            let is_due = at <= now;
+            if is_due {
+                due.push((at, tid));
+            }
+            !is_due
+        });
+        due.sort_unstable();
+        for (_, tid) in due {
+            if self.threads.contains_key(&tid) {
+                self.queue.push_back(tid);
+            }
+        }
+    }
+}

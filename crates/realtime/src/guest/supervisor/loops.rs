@@ -1,0 +1,222 @@
+//! Threads that wait in a loop without a call, such as `while (!flag);`.
+//!
+//! A thread whose registers and memory come back to what they were goes on like that until another
+//! thread changes memory. Where in the loop it stands does not matter then: it is put to the same
+//! instruction each time, so that the processor's speed decides nothing.
+
+use core::time::Duration;
+
+use nix::libc;
+use nix::sys::ptrace;
+use nix::sys::ptrace::regset::NT_PRFPREG;
+use nix::unistd::Pid;
+use rustix::process::WaitOptions;
+
+use super::{Flow, Memory, Next, State, Supervisor, wait};
+
+/// Longest loop, instructions.
+const LOOP_MAX: u32 = 20_000;
+/// Most memory that is compared.
+const MEMORY_MAX: u64 = 256 << 20;
+/// Bytes that are read at once.
+const PIECE: usize = 1 << 20;
+/// What the kernel tells of the end of a single instruction (`TRAP_TRACE`).
+const BY_STEP: i32 = 2;
+/// Most leaps before the loop is looked at again.
+const LEAPS_MAX: u32 = 100;
+
+/// Factor of fingerprints: 2 to the power of 64 by the golden ratio, odd.
+const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
+
+/// What a thread does that makes no call.
+enum Spin {
+    /// It waits for another thread, and stands at the first instruction of its loop; a fingerprint
+    /// of its state there.
+    Waits(u64),
+    Computes,
+    /// It has stopped for another reason: the system's status.
+    Stopped(i32),
+}
+
+/// Registers that a program sees.
+type Registers = [u64; 18];
+
+/// Those of a thread, the instruction first.
+fn registers(pid: Pid) -> Option<Registers> {
+    let it = ptrace::getregs(pid).ok()?;
+    Some([
+        it.rip, it.rsp, it.rbp, it.rax, it.rbx, it.rcx, it.rdx, it.rsi, it.rdi, it.r8, it.r9,
+        it.r10, it.r11, it.r12, it.r13, it.r14, it.r15, it.eflags,
+    ])
+}
+
+/// A fingerprint of all memory that the program can write, and of its floating-point registers;
+/// `None` if that is too much to look at.
+fn fingerprint(pid: Pid) -> Option<u64> {
+    let float = ptrace::getregset::<NT_PRFPREG>(pid).ok()?;
+    let text = std::fs::read_to_string(format!("/proc/{pid}/maps")).ok()?;
+    let mut print = FACTOR;
+    let mut mix = |word: u64| print = (print ^ word).wrapping_mul(FACTOR).rotate_left(29);
+    for half in float.xmm_space.into_iter().chain(float.st_space) {
+        mix(half.into());
+    }
+    let (mut buf, mut left) = (vec![0; PIECE], MEMORY_MAX);
+    for line in text.lines() {
+        let (range, rest) = line.split_once(' ')?;
+        if rest.as_bytes().get(1) != Some(&b'w') {
+            continue;
+        }
+        let (from, to) = range.split_once('-')?;
+        let [mut at, end] = [from, to].map(|it| u64::from_str_radix(it, 16).unwrap_or(0));
+        left = left.checked_sub(end.saturating_sub(at))?;
+        while at < end {
+            let len = usize::try_from(end - at).unwrap_or(PIECE).min(PIECE);
+            if Memory(pid).read(at, &mut buf[..len]).is_ok() {
+                for word in buf[..len].chunks_exact(8) {
+                    mix(u64::from_ne_bytes(word.try_into().unwrap_or_default()));
+                }
+            }
+            at += len as u64;
+        }
+    }
+    Some(print)
+}
+
+impl Supervisor {
+    /// A thread has computed for a while without a call: others go first if it waits for them.
+    pub(super) fn spins(&mut self, tid: i32) -> Flow {
+        let is_stepped = self.debugging.as_ref();
+        let is_stepped = is_stepped.and_then(|it| it.step.as_ref());
+        if self.keeps_loan || is_stepped.is_some_and(|step| step.tid == tid) {
+            return self.go_on_later(tid);
+        }
+        match self.look_for_loop(tid) {
+            Spin::Stopped(status) => return self.handle(tid, status),
+            Spin::Computes => return self.go_on_later(tid),
+            Spin::Waits(state) => self.note_loop(tid, state),
+        }
+        let is_in_loop = |tid: &i32| {
+            let thread = self.threads.get(tid);
+            thread.is_some_and(|it| it.in_loop_at == Some(self.progress))
+        };
+        match (self.queue.iter().all(is_in_loop), &self.schedule) {
+            // Nothing can end the loop but time, which stands while a thread can run.
+            (true, None) => return self.go_on_later(tid),
+            (true, Some(_)) => self.pass_for_loop(tid),
+            (false, _) => {}
+        }
+        self.ready(tid, Next::Go(None));
+        Flow::Stays
+    }
+
+    /// A thread is in a loop. If it has come there in another state than before, it has changed
+    /// memory on its way, and others may leave their loops.
+    fn note_loop(&mut self, tid: i32, state: u64) {
+        if let Some(thread) = self.threads.get_mut(&tid) {
+            self.progress += u64::from(thread.loop_state != Some(state));
+            thread.loop_state = Some(state);
+            thread.in_loop_at = Some(self.progress);
+        }
+    }
+
+    /// Time passes up to where a thread can run that waits in no loop.
+    fn pass_for_loop(&mut self, tid: i32) {
+        let can_run = self.queue.len();
+        for _ in 0..LEAPS_MAX {
+            // What has changed may be news to threads that wait for files.
+            self.is_changed = false;
+            self.retry_files(None);
+            if self.queue.len() > can_run || self.is_signalled {
+                // The loop may end by that.
+                if let Some(thread) = self.threads.get_mut(&tid) {
+                    thread.computed = Duration::ZERO;
+                }
+                return;
+            }
+            if self.stage.is_over() {
+                return;
+            }
+            if let Err(error) = self.let_time_pass() {
+                self.trouble = Some(error);
+                return;
+            }
+        }
+    }
+
+    /// The turn ends, and the next one goes on with the same thread.
+    fn go_on_later(&mut self, tid: i32) -> Flow {
+        self.stop_for_schedule(tid);
+        let next = Some((tid, Next::Go(None)));
+        match &mut self.debugging {
+            Some(debugging) => debugging.held = next,
+            None => self.held_over = next,
+        }
+        self.set_state(tid, State::Running);
+        Flow::Stays
+    }
+
+    fn look_for_loop(&mut self, tid: i32) -> Spin {
+        let pid = Pid::from_raw(tid);
+        // A look at a clock is a call, and ends the loop.
+        self.keep_time(tid);
+        let Some(mut kept) = registers(pid) else {
+            return Spin::Computes;
+        };
+        // The state is kept at each power of two (Brent's way to find a cycle).
+        let (mut length, mut limit) = (0, 1);
+        for _ in 0..LOOP_MAX {
+            let now = match self.one_instruction(pid) {
+                Ok(now) => now,
+                Err(spin) => return spin,
+            };
+            length += 1;
+            if now == kept {
+                return self.prove_loop(pid, kept, length);
+            }
+            if length == limit {
+                (kept, length, limit) = (now, 0, limit * 2);
+            }
+        }
+        Spin::Computes
+    }
+
+    /// Whether `length` instructions from here lead to the same state; if they do, up to the first
+    /// one of the loop.
+    fn prove_loop(&self, pid: Pid, start: Registers, length: u32) -> Spin {
+        let before = fingerprint(pid);
+        let (mut first, mut now) = (start, start);
+        for _ in 0..length {
+            now = match self.one_instruction(pid) {
+                Ok(now) => now,
+                Err(spin) => return spin,
+            };
+            first = first.min(now);
+        }
+        let memory = match (before, fingerprint(pid)) {
+            (Some(before), Some(after)) if now == start && before == after => after,
+            _ => return Spin::Computes,
+        };
+        while now != first {
+            now = match self.one_instruction(pid) {
+                Ok(now) => now,
+                Err(spin) => return spin,
+            };
+        }
+        let mixed = now
+            .into_iter()
+            .fold(memory, |print, word| (print ^ word).wrapping_mul(FACTOR));
+        Spin::Waits(mixed)
+    }
+
+    fn one_instruction(&self, pid: Pid) -> Result<Registers, Spin> {
+        self.watchdog.count();
+        ptrace::step(pid, None).map_err(|_| Spin::Computes)?;
+        let (_, status) = wait(Some(pid), WaitOptions::empty()).ok_or(Spin::Computes)?;
+        let is_step = status >> 8 == libc::SIGTRAP
+            && ptrace::getsiginfo(pid).is_ok_and(|info| info.si_code == BY_STEP);
+        match registers(pid).filter(|_| is_step) {
+            Some(registers) => Ok(registers),
+            None => Err(Spin::Stopped(status)),
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! `--cpu`: programs that compute too slowly for their robot fail with it and pass without it, and
+//! their saved cases repeat the run exactly.
+
+use std::fs;
+use std::process::{Child, Command, Stdio};
+
+use crate::guest::compiled;
+use crate::support::{Ended, folder, run_in};
+
+/// "mm=700" each 100 ms at 9600 baud for three seconds.
+const SONAR: &str = include_str!("programs/sonar.toml");
+/// An answer within 50 ms of each line.
+const ANSWERS: &str = "
+[[expect.rule]]
+name = \"answers\"
+after = { bytes = { link = \"sonar\", direction = \"to-master\", hex = \"6d6d3d\" } }
+within = \"50ms\"
+eventually = { bytes = { link = \"sonar\", direction = \"to-device\", hex = \"70696e67\" } }
+";
+const PLANNER: &str = include_str!("programs/slow/planner.c");
+const MAPPER: &str = include_str!("programs/slow/mapper.py");
+const ANSWERER: &str = include_str!("programs/slow/answerer.rs");
+/// Each step of the programs takes some milliseconds here, and some hundred at this scale.
+const SCALE: &str = "100";
+
+fn run(name: &str, scenario: &str, command: &str, more: &[&str]) -> Ended {
+    let folder = folder(&format!("slow-{name}"));
+    let files = [("sonar.toml", scenario), ("mapper.py", MAPPER)];
+    // An interpreter takes long to start on such a processor.
+    let how = ["--virtual", "--exec-wait", "120s"];
+    run_in(&folder, &files, command, &[&how[..], more].concat())
+}
+
+/// Computes as long as it is held.
+struct Load(Vec<Child>);
+
+impl Load {
+    fn start() -> Self {
+        let spin = || {
+            let mut shell = Command::new("sh");
+            shell
+                .args(["-c", "while :; do :; done"])
+                .stdin(Stdio::null());
+            shell.spawn().expect("a shell")
+        };
+        Self(vec![spin(), spin(), spin()])
+    }
+}
+
+impl Drop for Load {
+    fn drop(&mut self) {
+        for child in &mut self.0 {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+}
+
+#[test]
+fn programs_that_are_too_slow_fail_and_their_cases_repeat() {
+    let answered = SONAR.to_owned() + ANSWERS;
+    let text = |it: std::path::PathBuf| it.to_str().expect("a plain path").to_owned();
+    let planner = compiled("slow-planner", "cc", PLANNER, &[]).map(text);
+    let answerer = compiled("slow-answerer", "rustc", ANSWERER, &["--edition=2021"]).map(text);
+    let mapper = Some("python3 mapper.py".to_owned());
+    for (name, command, scenario, check) in [
+        ("planner", planner, SONAR, "program-alive"),
+        ("answerer", answerer, &answered, "rule-answers"),
+        ("mapper", mapper, SONAR, "program-reads"),
+    ] {
+        let Some(command) = command else { continue };
+        let plain = run(name, scenario, &command, &[]);
+        assert_eq!(plain.failed(), Vec::<&str>::new(), "{name}: {}", plain.said);
+        let slow = run(name, scenario, &command, &["--cpu", SCALE, "--check"]);
+        assert_eq!(slow.failed(), [check], "{name}: {}", slow.said);
+        assert!(slow.said.contains("case.toml --exec"), "{}", slow.said);
+        assert!(slow.said.contains(" --virtual --cpu case"), "{}", slow.said);
+        let case = slow.case();
+        let load = Load::start();
+        let again = run(name, &case, &command, &["--cpu", "case"]);
+        drop(load);
+        assert_eq!(again.failed(), [check], "{name}: {}", again.said);
+        assert_eq!(again.trace(), slow.trace(), "{name}: {}", again.said);
+        assert_eq!(again.case(), case, "{name}");
+        let repeats = again.check("computes-as-recorded");
+        assert_eq!(repeats.0, "pass", "{name}: {}", repeats.1);
+    }
+}
+
+/// A case with other charges is another run, and a program with other calls is no repeat. Both
+/// charge what the case says: nothing is measured.
+#[test]
+fn a_case_that_does_not_fit_its_program_fails() {
+    let Some(planner) = compiled("slow-other", "cc", PLANNER, &[]) else {
+        return;
+    };
+    let command = planner.to_str().expect("a plain path");
+    let slow = run("other", SONAR, command, &["--cpu", SCALE]);
+    assert_eq!(slow.failed(), ["program-alive"], "{}", slow.said);
+    let case = slow.case();
+    let (before, charges) = case.split_once("charges = [").expect("recorded");
+    let (_, after) = charges.split_once(']').expect("a list");
+    let free = format!("{before}charges = []{after}");
+    let ended = run("other", &free, command, &["--cpu", "case"]);
+    // It goes on where the recorded run ended.
+    assert_eq!(ended.failed(), ["computes-as-recorded"], "{}", ended.said);
+    let wrong = format!("{before}charges = [\"7\"]{after}");
+    let folder = folder("slow-wrong");
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    for (file, text) in [
+        ("wrong.toml", &*wrong),
+        ("sonar.toml", SONAR),
+        ("case.toml", &case),
+    ] {
+        fs::write(folder.join(file), text).expect("a fresh file");
+    }
+    for (words, code, expected) in [
+        (
+            "run wrong.toml --exec true --virtual --cpu case",
+            2,
+            "a charge is \"7\", expected STEP:UNITS",
+        ),
+        (
+            "run sonar.toml --exec true --virtual --cpu case",
+            2,
+            "the scenario has no table [computing]",
+        ),
+        (
+            "run sonar.toml --exec true --virtual --cpu 0",
+            2,
+            "expected a factor from 0.001 to 10000",
+        ),
+        ("run sonar.toml --exec true --cpu 20", 2, "--virtual"),
+        (
+            "debug sonar.toml --exec true --cpu case",
+            2,
+            "the scenario has no table [computing]",
+        ),
+        (
+            "campaign sonar.toml --exec true --virtual --cpu case",
+            2,
+            "expected a number, as in --cpu 20",
+        ),
+        (
+            "shrink case.toml --exec true --virtual --cpu 20",
+            2,
+            "shrink saves no case that records",
+        ),
+        ("run case.toml", 0, "computing: has no effect without"),
+    ] {
+        let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
+            .current_dir(&folder)
+            .args(words.split(' '))
+            .output()
+            .expect("the binary is built");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(said.contains(expected), "{words}: {said}");
+        assert_eq!(output.status.code(), Some(code), "{words}: {said}");
+    }
+}
