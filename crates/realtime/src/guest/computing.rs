@@ -5,8 +5,10 @@
 
 use core::time::Duration;
 
-use engine::scenario::{CHARGE_UNIT, Charges, ComputingSpec};
+use engine::run::check::Check;
+use engine::scenario::{CHARGE_UNIT, Charges, ComputingSpec, Scenario};
 
+use super::GuestError;
 use crate::exec::Cpu;
 
 /// Processor time between two stops that is free: a stop itself takes about that much.
@@ -68,6 +70,13 @@ impl Computing {
             charged: Duration::ZERO,
             recorded: recorded.map(|spec| (spec.scale, spec.calls, spec.fingerprint.clone())),
         })
+    }
+
+    /// For a run of `scenario`; `None`: computing takes no virtual time.
+    pub(super) fn of(cpu: Option<Cpu>, scenario: &Scenario) -> Result<Option<Self>, GuestError> {
+        let recorded = scenario.computing.as_ref();
+        let new = |cpu| Self::new(cpu, recorded).ok_or(GuestError::NoComputing);
+        cpu.map(new).transpose()
     }
 
     /// Whether processor time is to be measured.
@@ -139,6 +148,15 @@ impl Computing {
             charged: Duration::ZERO,
             ..self
         }
+    }
+
+    /// The check that the run is the recorded one, if one was recorded.
+    pub(super) fn check(&self) -> Option<Check> {
+        let (passed, detail) = match self.difference()? {
+            Ok(detail) => (true, detail),
+            Err(detail) => (false, detail),
+        };
+        Some(Check::new("computes-as-recorded", passed, detail))
     }
 
     /// How this run differs from the recorded one: nothing, or in words; `None` if none was

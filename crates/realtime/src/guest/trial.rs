@@ -108,11 +108,7 @@ impl Trial {
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
         let ports = ports_of(&seats, &foreign)?;
         let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
-        let cpu = supervision.cpu.map(|cpu| {
-            let recorded = run.scenario().computing.as_ref();
-            Computing::new(cpu, recorded).ok_or(GuestError::NoComputing)
-        });
-        let computing = cpu.transpose()?;
+        let computing = Computing::of(supervision.cpu, run.scenario())?;
         let mut env = environment(&seats, &dir, &run);
         env.push((LINES_VARIABLE.to_owned(), dir.path().into()));
         for (_, value) in env
@@ -324,7 +320,7 @@ impl Trial {
         let is_over = self.supervisor.stage.run.is_over();
         self.supervisor.note_halted();
         let computing = self.supervisor.computing();
-        let repeats = computing.and_then(Computing::difference);
+        let repeats = computing.and_then(Computing::check);
         let spec = computing.map(Computing::spec);
         let waits = self.waits();
         let ended = self.first_end();
@@ -362,11 +358,7 @@ impl Trial {
             more: spins.map(|spins| Check::new("program-yields", false, spins)),
         };
         ending.conclude(&mut outcome);
-        if let Some(repeats) = repeats {
-            let (passed, detail) = repeats.map_or_else(|it| (false, it), |it| (true, it));
-            let check = Check::new("computes-as-recorded", passed, detail);
-            outcome.checks.push(check);
-        }
+        outcome.checks.extend(repeats);
         Played {
             outcome,
             recorded,
