@@ -15,7 +15,7 @@ use self::live::Live;
 pub(super) use self::scope::needs_faults;
 use self::scope::{covered, measures_cpu, profile, vary_schedule};
 use super::answer::CampaignEnded;
-use super::exec::{ExecArgs, is_bare};
+use super::exec::{ExecArgs, is_bare, read_without_programs};
 use super::out::answer;
 use super::progress::is_watched;
 use super::stop::Stop;
@@ -283,7 +283,7 @@ fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
 fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, CliError> {
     let mut read = BTreeMap::new();
     for path in paths {
-        let (scenario, source) = Scenario::read(path)?;
+        let (scenario, source) = read_without_programs("campaign", path)?;
         let name = scenario.name.clone();
         if read.insert(name.clone(), (scenario, source)).is_some() {
             let message = format!("{}: a second scenario \"{name}\"", path.display());

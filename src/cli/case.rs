@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand};
 
 use super::answer::{CaseChecked, CaseMade, CaseTry};
-use super::exec::{ExecArgs, ManyExecArgs};
+use super::exec::{ExecArgs, ManyExecArgs, refuse_programs};
 use super::replay::{judge_case, sound_of, try_case};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
@@ -238,6 +238,9 @@ fn no_source(path: &Path) -> Source {
 fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
     args.programs.refuse_cpu("case check")?;
     let case = Case::read(&args.file)?;
+    if let Some(scenario) = &case.0.scenario {
+        refuse_programs("case check", &args.file, scenario)?;
+    }
     let stop = Stop::new(None)?;
     let mut tried = Vec::new();
     for (number, foreign) in (1..).zip(args.programs.foreign()) {

@@ -8,7 +8,7 @@ use protocols::Instant;
 
 use super::answer::Runs;
 use super::ends::EndArgs;
-use super::exec::ExecArgs;
+use super::exec::{ExecArgs, refuse_programs};
 use super::run::{Beginning, Runnable, make_folder, ports_in, report, warn};
 use super::stop::{SIGTERM, Stop, name_of};
 use super::{CliError, Verdict, default_out, out};
@@ -90,6 +90,7 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
             return Err(usage(format!("{path}: {text}")));
         }
     };
+    refuse_programs("debug", &args.scenario, &scenario)?;
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     warn(&scenario, &source, args.exec.cpu());
     let stop = Stop::new(None)?;

@@ -254,6 +254,33 @@ pub(super) fn quoted(text: &str) -> String {
     format!("'{}'", text.replace('\'', "'\\''"))
 }
 
+/// Rejects a scenario that names its programs: `command` judges a run without starting them, and a
+/// run without its programs may be green.
+pub(super) fn refuse_programs(
+    command: &str,
+    path: &Path,
+    scenario: &Scenario,
+) -> Result<(), CliError> {
+    let Some(name) = scenario.exec.keys().next() else {
+        return Ok(());
+    };
+    let path = path.display();
+    Err(CliError::Usage(format!(
+        "{command}: {path} names a program in [exec.{name}], which {command} does not start; use \
+         \"hilrig run\" with the scenario, or leave the [exec.NAME] tables out"
+    )))
+}
+
+/// The scenario in `path` for `command`, which starts no programs of a file.
+pub(super) fn read_without_programs(
+    command: &str,
+    path: &Path,
+) -> Result<(Scenario, Source), CliError> {
+    let (scenario, source) = Scenario::read(path)?;
+    refuse_programs(command, path, &scenario)?;
+    Ok((scenario, source))
+}
+
 /// Whether the robot has no built-in program.
 pub(super) fn is_bare(scenario: &Scenario, source: &Source) -> Result<bool, ScenarioError> {
     let program = robots::of(scenario, source)?.program(scenario, source)?;

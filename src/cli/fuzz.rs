@@ -10,6 +10,7 @@ use clap::Args;
 use protocols::Instant;
 
 use super::answer::{FuzzEnded, TargetFuzzed};
+use super::exec::read_without_programs;
 use super::progress;
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
@@ -175,7 +176,7 @@ fn unknown(name: &str, all: &Subjects) -> CliError {
 }
 
 fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliError> {
-    let (scenario, source) = Scenario::read(path)?;
+    let (scenario, source) = read_without_programs("fuzz", path)?;
     // A scenario that cannot be wired is reported once, not for every case.
     let run = Run::new(scenario.clone(), &source, None)?;
     let Some(link) = &args.link else {

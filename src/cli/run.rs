@@ -296,6 +296,14 @@ fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgem
 /// Rejects contradicting options.
 fn check(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
     check_programs(args, files)?;
+    let mut files_with = files.iter().filter(|(_, file)| file.has_programs());
+    if let (true, Some((path, _))) = (args.realtime || args.show.is_wanted(), files_with.next()) {
+        return Err(CliError::Usage(format!(
+            "--realtime, --ui: {} starts the programs of its [exec.NAME] in virtual time; leave the \
+             option out",
+            path.display()
+        )));
+    }
     let is_exec = args.program.exec.is_some();
     let wrong = match () {
         () if args.show.is_wanted() && !args.realtime && !is_exec => {

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use clap::Args;
 
 use super::answer::Shrunk;
-use super::exec::ExecArgs;
+use super::exec::{ExecArgs, refuse_programs};
 use super::run::{Clocking, Talk, judged_run};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
@@ -91,9 +91,13 @@ fn shrink_file(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     })?;
     if !Case::is_meant(&text) {
         let (scenario, source) = Scenario::parse(&args.file, text)?;
+        refuse_programs("shrink", &args.file, &scenario)?;
         return shrink_case(args, scenario, &source);
     }
     let (case, source) = Case::parse(&args.file, text)?;
+    if let Some(scenario) = &case.scenario {
+        refuse_programs("shrink", &args.file, scenario)?;
+    }
     match (case.play, &case.scenario) {
         (Some(Play::Devices), Some(_)) if args.program.exec.is_none() => {
             let path = source.path;

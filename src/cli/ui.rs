@@ -10,7 +10,7 @@ use super::stop::Stop;
 use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::robots;
-use crate::scenario::{Scenario, Span};
+use crate::scenario::Span;
 use ::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
 /// Show a run on a page in the browser: view, control, disturb and save it.
@@ -112,7 +112,7 @@ pub(super) fn run(args: Ui) -> Result<Verdict, CliError> {
 
 fn run_rig(args: &Ui, stop: &Stop) -> Result<(), CliError> {
     let path = args.scenario.as_ref().expect("was asked for");
-    let (mut scenario, source) = Scenario::read(path)?;
+    let (mut scenario, source) = super::exec::read_without_programs("ui", path)?;
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let hub = Hub::new();
     let clock = WallClock::start();

@@ -28,15 +28,15 @@ fn prepared(name: &str, scenario: &str) -> PathBuf {
     folder
 }
 
+fn hilrig(folder: &Path, args: &[&str]) -> Ended {
+    let mut hilrig = Command::new(env!("CARGO_BIN_EXE_hilrig"));
+    let ended = hilrig.current_dir(folder).args(args).output();
+    ended_in(folder, ended.expect("the binary is built"))
+}
+
 fn run(folder: &Path, more: &[&str]) -> Ended {
-    let mut run = Command::new(env!("CARGO_BIN_EXE_hilrig"));
-    let run = run
-        .current_dir(folder)
-        .args(["run", "pair.toml", "--out", "out"]);
-    ended_in(
-        folder,
-        run.args(more).output().expect("the binary is built"),
-    )
+    let run = ["run", "pair.toml", "--out", "out"];
+    hilrig(folder, &[&run, more].concat())
 }
 
 fn trace(ended: &Ended) -> String {
@@ -64,7 +64,46 @@ fn a_planner_and_a_driver_make_the_same_bytes_each_time() {
     let _ = fs::remove_dir_all(&folder);
 }
 
-/// The program that ends is named, and other programs beside those of the file are refused.
+/// Commands that judge a run of the file: each starts its programs or refuses it, so that none is
+/// green without them.
+#[test]
+fn commands_that_do_not_start_the_programs_refuse_the_file() {
+    let short = SCENARIO.replace("duration = \"12s\"", "duration = \"300ms\"");
+    let folder = prepared("refused", &short);
+    run(&folder, &[]);
+    let from = ["case", "from", "out/capture.pcapng", "-o", "made.toml"];
+    let made = hilrig(&folder, &from);
+    assert_eq!(made.code, Some(0), "{}", made.said);
+    for args in [
+        "run pair.toml --exec true",
+        "run pair.toml --node true",
+        "run pair.toml --realtime",
+        "run pair.toml --realtime --ui",
+        "campaign pair.toml --seeds 0..2",
+        "campaign pair.toml --seeds 0..2 --exec true",
+        "campaign pair.toml --seeds 0..2 --mutants",
+        "shrink pair.toml",
+        "shrink out/case.toml --exec true --virtual",
+        "shrink out/capture.pcapng --exec true",
+        "shrink made.toml --exec true --virtual",
+        "debug pair.toml --exec true",
+        "up pair.toml --until-over",
+        "ui pair.toml --duration 1s",
+        "fuzz --scenario pair.toml --cases 1",
+        "fuzz --scenario pair.toml --exec true",
+        "case check made.toml --exec true",
+        "run made.toml --exec true --virtual",
+    ] {
+        let words: Vec<&str> = args.split(' ').collect();
+        let refused = hilrig(&folder, &words);
+        assert_eq!(refused.code, Some(2), "{args}: {}", refused.said);
+        let names_it = refused.said.contains("[exec.");
+        assert!(names_it, "{args}: {}", refused.said);
+    }
+    let _ = fs::remove_dir_all(&folder);
+}
+
+/// The program that ends is named.
 #[test]
 fn the_program_that_ended_is_named() {
     let dies = SCENARIO.replace(
@@ -84,8 +123,5 @@ fn the_program_that_ended_is_named() {
         "{alive}"
     );
     assert!(alive.contains("planner to the end"), "{alive}");
-    let refused = run(&folder, &["--exec", "true"]);
-    assert_eq!(refused.code, Some(2));
-    assert!(refused.said.contains("[exec.NAME]"), "{}", refused.said);
     let _ = fs::remove_dir_all(&folder);
 }

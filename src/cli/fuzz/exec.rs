@@ -13,6 +13,7 @@ use protocols::Instant;
 
 use super::FuzzArgs;
 use crate::cli::answer::FuzzEnded;
+use crate::cli::exec::read_without_programs;
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict, described, out, progress};
 use crate::realtime::clock::{Clock, WallClock};
@@ -220,7 +221,7 @@ fn repeat(args: &FuzzArgs, folder: &Path) -> Result<Verdict, CliError> {
 
 fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let (scenario, source) = match (&args.scenario, &args.corpus) {
-        (Some(path), _) => Scenario::read(path)?,
+        (Some(path), _) => read_without_programs("fuzz", path)?,
         (None, _) if args.exec.exec.is_some() && args.exec.description.is_some() => {
             described_port(args)?
         }

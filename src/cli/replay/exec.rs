@@ -10,7 +10,7 @@ use super::{Heard, How, ReplayArgs, follow, report};
 use crate::capture::Capture;
 use crate::capture::case::{Case, Evidence, Expectation, Judgement, Play, Sound};
 use crate::capture::replay::{Eavesdrop, Passage, Played, Recorded, StandIn, Timing, scenario_of};
-use crate::cli::exec::show_words;
+use crate::cli::exec::{refuse_programs, show_words};
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict};
 use crate::realtime::clock::WallClock;
@@ -217,6 +217,7 @@ fn play_with_devices(
     out: &Path,
     stop: &Stop,
 ) -> Result<Tried, CliError> {
+    refuse_programs("--exec", &source.path, scenario)?;
     let failed = |path: &Path, error| CliError::write(path.display(), error);
     Dir::create(out).map_err(|error| failed(out, error))?;
     let ports = out.join("ports");

@@ -7,6 +7,7 @@ use super::{ShrinkArgs, TRIES, TRIES_EXEC, not_bad, put};
 use crate::capture::case::{Case, Judgement};
 use crate::capture::replay::Recorded;
 use crate::cli::answer::Shrunk;
+use crate::cli::exec::refuse_programs;
 use crate::cli::replay::{read, robot, shortened, try_case};
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict, out};
@@ -21,6 +22,9 @@ pub(super) fn of_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let recorded = shortened(&args.file, Recorded::of(&capture, None));
     let given = args.scenario.as_deref();
     let robot = robot(&capture, &args.file, given);
+    if let Ok((scenario, _)) = &robot {
+        refuse_programs("shrink", given.unwrap_or(&args.file), scenario)?;
+    }
     let (case, source) = match args.program.exec.is_some() {
         true => {
             let robot = robot.ok();
