@@ -43,3 +43,18 @@ fn reads_without_a_stop_are_those_of_stops() {
     // The rest waits for a stop: the last byte that is known, a request, a time-out, a signal.
     assert!(served(&lent) > 1_500, "{}\n{}", lent.said, lent.log);
 }
+
+/// A port with RTS/CTS or BRKINT is read with a stop for each call: the line's future depends on
+/// more than its bytes. After the run a program that writes more than the line takes still ends.
+#[test]
+fn stopped_settings_and_the_end_of_a_run() {
+    let Some(program) = compiled("lent-stopped", "cc", LENT, &["-w"]) else {
+        return;
+    };
+    let command = format!("{} stops", program.display());
+    let files = [("sonar.toml", SONAR)];
+    let ended = run("lent-stopped", &command, &files, &[]);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
+    assert!(ended.log.contains("breaks: "), "{}", ended.log);
+    assert_eq!(served(&ended), 0, "{}", ended.said);
+}

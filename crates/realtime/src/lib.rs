@@ -288,12 +288,15 @@ impl<C: Clock> Realtime<C> {
         adapters.map(Adapter::expires_at).min()
     }
 
-    /// Whether bytes from the rig reach each client as they arrive, and nothing is on its way from
-    /// one.
+    /// Whether bytes from the rig reach each client as they arrive, nothing is on its way from one,
+    /// and no CTS line holds back what it has sent.
     pub(crate) fn is_plain(&self) -> bool {
-        self.ports
-            .iter()
-            .all(|port| port.adapter.is_none() && port.spread.is_empty() && port.transport.rests())
+        self.ports.iter().all(|port| {
+            port.adapter.is_none()
+                && port.spread.is_empty()
+                && port.transport.rests()
+                && !port.transport.has_flow_control()
+        })
     }
 
     /// The outside end of the port `index`.

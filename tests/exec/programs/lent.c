@@ -25,15 +25,18 @@ static void on_alarm(int signal) {
     (void)signal;
     alarms++;
 }
-static void set(int least, int tenths) {
+static void set_flags(int least, int tenths, tcflag_t input, tcflag_t control) {
     struct termios raw;
     tcgetattr(port, &raw);
     cfmakeraw(&raw);
     cfsetspeed(&raw, B9600);
+    raw.c_iflag |= input;
+    raw.c_cflag = (raw.c_cflag & ~CRTSCTS) | control;
     raw.c_cc[VMIN] = least;
     raw.c_cc[VTIME] = tenths;
     tcsetattr(port, TCSANOW, &raw);
 }
+static void set(int least, int tenths) { set_flags(least, tenths, 0, 0); }
 /* As pyserial does it: a pipe by which another thread may end the wait is in the set. */
 static int wait_for(long micros, long *left) {
     fd_set set;
@@ -63,13 +66,42 @@ static unsigned long reads(int count, int length, int selects) {
 
 static unsigned long reads_of(int count) { return reads(count, 1, 1); }
 
-int main(void) {
+static char pings[4096];
+
+static void write_pings(void) {
+    for (size_t i = 0; i < sizeof pings; i++)
+        pings[i] = "ping\r\n"[i % 6];
+    write(port, pings, sizeof pings);
+}
+/* After the run no byte leaves: neither room for them nor the line's end is waited for. */
+static void on_end(int signal) {
+    (void)signal;
+    for (int i = 0; i < 3; i++)
+        write_pings();
+    tcdrain(port);
+    _exit(0);
+}
+/* Settings with which each call is a stop, then more to send than the run has time for. */
+static void stops_and_fills(void) {
+    set_flags(0, 0, 0, CRTSCTS);
+    report("rtscts", reads(30, 1, 1));
+    set_flags(0, 0, BRKINT, 0);
+    report("breaks", reads(30, 1, 1));
+    signal(SIGTERM, on_end);
+    write_pings();
+    for (;;)
+        reads(1, 1, 1);
+}
+
+int main(int count, char **words) {
     long left;
     char bytes[100];
     setvbuf(stdout, 0, _IONBF, 0);
     port = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
     if (pipe(pipes))
         return 1;
+    if (count > 1)
+        stops_and_fills();
     set(0, 0);
     report("selects", reads(300, 1, 1));
     report("pieces", reads(100, 5, 1));

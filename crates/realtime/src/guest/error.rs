@@ -74,6 +74,13 @@ pub enum GuestError {
         /// What the system said.
         source: io::Error,
     },
+    /// The program has read other bytes than the rig brought.
+    #[error(
+        "{0} at {secs:.6} s: the program has read bytes that the rig did not bring; this is a fault \
+         of hilrig, expected no difference; with --trace-calls FILE each read asks the rig",
+        secs = .1.as_secs_f64()
+    )]
+    Unsent(String, Duration),
     /// The trace cannot be written.
     #[error("--trace-calls {}: {source}", .path.display())]
     Trace {

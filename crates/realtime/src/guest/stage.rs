@@ -12,11 +12,11 @@ use std::os::unix::fs::MetadataExt as _;
 
 use protocols::{Instant, LineEvent};
 
-use crate::Realtime;
 use crate::clock::SimClock;
 use crate::exec::{Ports, Readiness};
 use crate::inputs::INPUTS;
 use crate::transport::TransportError;
+use crate::{BACKLOG_MAX, Realtime};
 use ahead::Foreseen;
 use engine::rig::Paced as _;
 use engine::run::Run;
@@ -401,12 +401,22 @@ impl Stage {
         Some(place.path.to_string_lossy().into_owned())
     }
 
-    /// Bytes of a client that may be written now.
+    /// Bytes of a client that may be written now. After the run the rig takes none of them, and a
+    /// program that waits for room could not end.
     pub(super) fn room(&mut self, port: usize) -> usize {
+        if self.is_frozen {
+            return BACKLOG_MAX;
+        }
         if self.terminal(port).is_some_and(|it| it.is_stopped()) {
             return 0;
         }
         self.realtime.room(port, &self.run.rig)
+    }
+
+    /// Whether bytes that the client writes are lost: after the run, behind more than the rig
+    /// takes.
+    pub(super) fn discards(&self, port: usize) -> bool {
+        self.is_frozen && self.realtime.room(port, &self.run.rig) == 0
     }
 
     /// Bytes of a client that the line has not taken. After the run it takes none, and a program

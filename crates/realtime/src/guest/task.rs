@@ -263,6 +263,8 @@ pub(super) struct Process {
     pub(super) clocks: Option<ClockPage>,
     /// Instructions at which it makes calls that its page may answer; whether the page is asked.
     pub(super) detours: BTreeMap<u64, bool>,
+    /// Another process may run in its memory for as long as it wants.
+    pub(super) shares_memory: bool,
     pub(super) random: Rng,
     /// Signals, as bits, whose handlers ask for interrupted calls to be made again.
     pub(super) restarts: u64,

@@ -152,7 +152,9 @@ impl Terminal {
 
     /// Whether each character that arrives can be read as it is, as soon as it is there.
     pub(crate) fn is_transparent(&self) -> bool {
-        const CHANGES: u32 = bits::ISTRIP
+        // With BRKINT a break throws away what was not read.
+        const CHANGES: u32 = bits::BRKINT
+            | bits::ISTRIP
             | bits::IUCLC
             | bits::IXON
             | bits::IGNCR

@@ -121,10 +121,12 @@ impl Stage {
         self.pass(Duration::ZERO)
     }
 
-    /// The client has read so many held bytes of a port.
-    pub(in crate::guest) fn has_read(&mut self, port: usize, len: usize) {
+    /// The client has read so many held bytes of a port. Returns whether they were there.
+    pub(in crate::guest) fn has_read(&mut self, port: usize, len: usize) -> bool {
         let terminal = self.terminal(port);
         let taken = terminal.and_then(|it| it.take(len)).map(|it| it.len());
-        self.took(port, taken.unwrap_or(0));
+        let taken = taken.unwrap_or(0);
+        self.took(port, taken);
+        taken == len
     }
 }

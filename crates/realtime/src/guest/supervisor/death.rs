@@ -35,6 +35,7 @@ impl Supervisor {
                 sites: BTreeSet::new(),
                 clocks: None,
                 detours: BTreeMap::new(),
+                shares_memory: false,
                 random: Rng::stream(self.settings.seed, &stream),
                 restarts: 0,
                 alarm: Timer::default(),
@@ -106,12 +107,37 @@ impl Supervisor {
             (process.clocks, process.detours) = (clocks, detours);
         }
         if !is_vfork {
+            self.note_shared_memory(tid, group.as_raw());
             return Flow::Goes(None);
         }
         // It waits in the kernel until its child has become another program, or has ended.
         let _ = ptrace::cont(Pid::from_raw(tid), None);
         self.set_state(tid, State::Outside);
         Flow::Stays
+    }
+
+    /// A process that has come of `clone` may be one in the memory of its parent.
+    fn note_shared_memory(&mut self, tid: i32, child: i32) {
+        let Some(parent) = self.threads.get(&tid).map(|thread| thread.process) else {
+            return;
+        };
+        let Ok(registers) = ptrace::getregs(Pid::from_raw(tid)) else {
+            return;
+        };
+        let flags = match i64::try_from(registers.orig_rax) {
+            Ok(libc::SYS_clone) => Ok(registers.rdi),
+            Ok(libc::SYS_clone3) => Memory(Pid::from_raw(tid)).u64(registers.rdi),
+            _ => return,
+        };
+        let shares = u64::from(libc::CLONE_VM.unsigned_abs());
+        if parent == child || flags.is_ok_and(|flags| flags & shares == 0) {
+            return;
+        }
+        for pid in [parent, child] {
+            if let Some(process) = self.processes.get_mut(&pid) {
+                process.shares_memory = true;
+            }
+        }
     }
 
     /// The child no longer uses the memory of `parent`, which goes on.
@@ -161,6 +187,7 @@ impl Supervisor {
             process.sites.clear();
             process.clocks = None;
             process.detours.clear();
+            process.shares_memory = false;
             process.posix_timers.clear();
         }
         self.keep_open_timers(tid);

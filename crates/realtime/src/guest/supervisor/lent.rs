@@ -13,6 +13,7 @@ use super::files::{File, Kind};
 use super::{On, SLICE, State, Supervisor, Thread};
 use crate::guest::clock_page::ClockPage;
 use crate::guest::detour;
+use crate::guest::error::GuestError;
 use crate::guest::lent::{LentPort, Loan, Taken};
 use crate::guest::trace::Record;
 use crate::transport::Code;
@@ -212,6 +213,9 @@ impl Supervisor {
         };
         let is_free =
             self.debugging.is_none() && self.schedule.is_none() && self.computing.is_none();
+        if self.shares_memory(thread.process) {
+            return;
+        }
         let Some(process) = self.processes.get_mut(&thread.process) else {
             return;
         };
@@ -224,6 +228,18 @@ impl Supervisor {
         };
         let is_made = detour::make(Pid::from_raw(tid), page, call.number, place);
         process.detours.insert(place, is_made);
+    }
+
+    /// Whether another process runs in the memory of this one. Each counts its own detours, so one
+    /// would write over those of the other.
+    fn shares_memory(&self, process: i32) -> bool {
+        let of = |tid: i32| self.threads.get(&tid).map(|thread| thread.process);
+        let is_borrowed = |thread: &Thread| {
+            let parent = thread.vfork_parent;
+            parent.is_some_and(|it| thread.process == process || of(it) == Some(process))
+        };
+        let mut processes = self.processes.get(&process).into_iter();
+        processes.any(|it| it.shares_memory) || self.threads.values().any(is_borrowed)
     }
 
     /// Whether the fault at which `tid` stands is of a call that its page was about to answer: then
@@ -247,7 +263,7 @@ impl Supervisor {
     pub(super) fn stands_in_clocks(&self, tid: i32, status: i32) -> bool {
         let signal = status >> 8;
         let is_trap = signal == libc::SIGTRAP;
-        let is_kick = signal == libc::SIGSTOP && !self.lease.ports.is_empty();
+        let is_kick = signal == libc::SIGSTOP;
         let is_stepped = self.debugging.is_some() || self.schedule.is_some();
         if !(is_trap && is_stepped || is_kick) {
             return false;
@@ -337,8 +353,12 @@ impl Supervisor {
             if let Err(error) = self.stage.follow(read.at) {
                 self.trouble = Some(error.into());
             }
-            if let Some(lent) = ports.get(read.index) {
-                self.stage.has_read(lent.port, read.len);
+            let Some(lent) = ports.get(read.index) else {
+                continue;
+            };
+            if !self.stage.has_read(lent.port, read.len) {
+                let path = self.stage.path_of(lent.port).unwrap_or_default();
+                self.trouble = Some(GuestError::Unsent(path, read.at - Instant::ZERO));
             }
         }
         if let Err(error) = self.stage.follow(Instant::from_nanos(taken.now)) {
