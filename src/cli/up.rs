@@ -91,13 +91,8 @@ pub(super) struct Up {
 }
 
 pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
-<<<<<<< HEAD
-    let (mut scenario, source) = Scenario::read(&args.scenario)?;
-    super::run::warn(&scenario, &source, None);
-=======
     let (mut scenario, source) = super::exec::read_without_programs("up", &args.scenario)?;
-    super::run::warn(&scenario, &source);
->>>>>>> 31806230 (cli: commands that start no programs of a file refuse it)
+    super::run::warn(&scenario, &source, None);
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     let pc = pc_end(&args, &scenario);
     let wired = robots::wire(&scenario, &source, Dut::External, pc)?;
