@@ -104,6 +104,14 @@ fn a_case_that_does_not_fit_its_program_fails() {
     let ended = run("other", &free, command, &["--cpu", "case"]);
     // It goes on where the recorded run ended.
     assert_eq!(ended.failed(), ["computes-as-recorded"], "{}", ended.said);
+    // The case keeps its record: a second try fails as well.
+    let recorded = |text: &str| {
+        text.lines()
+            .find(|it| it.starts_with("fingerprint"))
+            .map(str::to_owned)
+    };
+    assert_eq!(recorded(&ended.case()), recorded(&case));
+    assert!(ended.case().contains("charges = []"), "{}", ended.case());
     let wrong = format!("{before}charges = [\"7\"]{after}");
     let folder = folder("slow-wrong");
     fs::create_dir_all(&folder).expect("a fresh folder");

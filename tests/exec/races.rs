@@ -17,7 +17,7 @@ const RACES: [(&str, &str, u64); 4] = [
 /// The same of the program in Python.
 const ACCOUNT_SEED: u64 = 2;
 /// Seeds that are tried if chance has changed.
-const SEEDS: u64 = 20;
+const SEEDS: u64 = 200;
 
 fn run(name: &str, command: &str, more: &[&str]) -> Ended {
     let folder = folder(&format!("race-{name}"));

@@ -342,9 +342,9 @@ impl Run {
         case
     }
 
-    /// The case of this run records what a program's computing took; nothing if it took no time.
-    pub fn set_computing(&mut self, computing: Option<ComputingSpec>) {
-        self.scenario.computing = computing;
+    /// Records the measured price of a program's computing in the case of this run.
+    pub fn set_computing(&mut self, computing: ComputingSpec) {
+        self.scenario.computing = Some(computing);
     }
 
     /// A fault with its real times, and without random values where possible.

@@ -321,7 +321,8 @@ impl Trial {
         self.supervisor.note_halted();
         let computing = self.supervisor.computing();
         let repeats = computing.and_then(Computing::check);
-        let spec = computing.map(Computing::spec);
+        // A case keeps its own record: a program that has changed since differs each time.
+        let spec = computing.filter(|it| it.measures()).map(Computing::spec);
         let waits = self.waits();
         let ended = self.first_end();
         let each = self
@@ -340,7 +341,7 @@ impl Trial {
             busy,
             ..
         } = stage;
-        run.set_computing(spec);
+        spec.into_iter().for_each(|spec| run.set_computing(spec));
         let recorded = run.rig.finish_taps();
         let reports = realtime.reports().collect();
         // The ports stay until the program has ended: it is not to be told that they went away.

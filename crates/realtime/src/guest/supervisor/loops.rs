@@ -99,11 +99,13 @@ impl Supervisor {
             let thread = self.threads.get(tid);
             thread.is_some_and(|it| it.in_loop_at == Some(self.progress))
         };
-        match (self.queue.iter().all(is_in_loop), &self.schedule) {
-            // Nothing can end the loop but time, which stands while a thread can run.
-            (true, None) => return self.go_on_later(tid),
-            (true, Some(_)) => self.pass_for_loop(tid),
-            (false, _) => {}
+        let is_alone = self.queue.iter().all(is_in_loop);
+        if is_alone && self.schedule.is_none() && self.late.is_empty() {
+            // Only time can end the loop, and time stands while a thread can run.
+            return self.go_on_later(tid);
+        }
+        if is_alone {
+            self.pass_for_loop(tid);
         }
         self.ready(tid, Next::Go(None));
         Flow::Stays
@@ -113,6 +115,10 @@ impl Supervisor {
     /// memory on its way, and others may leave their loops.
     fn note_loop(&mut self, tid: i32, state: u64) {
         if let Some(thread) = self.threads.get_mut(&tid) {
+            // Others went on since it was here: only a loop beside nothing counts as computing.
+            if thread.in_loop_at != Some(self.progress) {
+                thread.computed = Duration::ZERO;
+            }
             self.progress += u64::from(thread.loop_state != Some(state));
             thread.loop_state = Some(state);
             thread.in_loop_at = Some(self.progress);
