@@ -67,10 +67,10 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         oracle: Capture,
         source: "the same capture, in a blind test: windows of two turns, the emulated sensor in \
                  the captured room",
-        agrees: "a logistic classifier finds 50 to 56 % of packets, tooth speeds, distances, \
-                 strengths and codes on windows that the classifier has not seen; 50 % is chance",
-        unknown: "the room: edges, corners and things that move are left out of both streams; \
-                  another capture, as the emulation was fitted to this one",
+        agrees: "a logistic classifier is right for 50 to 56 % of unseen windows of packets, tooth speeds, \
+                 distances, strengths and codes; 50 % is chance",
+        unknown: "the room: edges, corners and moving objects are removed from both streams; \
+                  another capture, because the emulation was fitted to this one",
         tests: &[
             "f8_a_classifier_hardly_tells_real_windows_from_emulated_ones",
             "each_fault_is_found_in_its_group",
@@ -82,7 +82,8 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         source: "two captures of firmware 2.1",
         agrees: "turns of 1,446 bytes; noise of facing walls at four distances",
         unknown: "the serial number and the calibration lines of the start text; the ring of that \
-                  unit, which skips 4.7 slots a turn; its turn by half a degree while it recorded",
+                  unit, which skips 4.7 slots a turn; its rotation by half a degree during the \
+                  recording",
         tests: &["f9_the_noise_of_2_1_is_its_own"],
     },
     Row {
@@ -90,7 +91,7 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         oracle: Document,
         source: "LR001 2.x and LD108 of the vendor",
         agrees: "requests, descriptors, nodes and capsules to the byte; distances within 1 %",
-        unknown: "the motor's time constant; when a rotation counts as even",
+        unknown: "the motor's time constant; when the rotation counts as steady",
         tests: &[
             "a_square_room_is_measured_as_it_is",
             "a_sample_is_due_at_its_number",
@@ -141,15 +142,15 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         oracle: Document,
         source: "the report of the rescue robot",
         agrees: "registers, checksums, watchdog and infrared curves of the documented build",
-        unknown: "the pause that ends a frame, the length of its queue",
+        unknown: "the idle time that ends a frame, the length of its queue",
         tests: &["the_documented_bank_is_the_reference"],
     },
     Row {
         device: "hc06",
         oracle: Client,
         source: "six public tools that set real modules up",
-        agrees: "each finds its reply after its own wait of 0.55 to 1.2 s",
-        unknown: "whether firmware 3.0 forgets bytes that came at a wrong rate",
+        agrees: "each receives its reply after its own wait of 0.55 to 1.2 s",
+        unknown: "whether firmware 3.0 discards bytes that arrived at a wrong rate",
         tests: &["f6_the_waits_of_six_public_tools_are_long_enough"],
     },
     Row {
@@ -274,8 +275,8 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         device: "description",
         oracle: Client,
         source: "for each shipped description a public driver, docs/devices.md",
-        agrees: "the driver reads every value, and notices damage as far as the protocol can show it",
-        unknown: "parts of each manual that no driver asks for",
+        agrees: "the driver reads every value, and detects damage as far as the protocol allows it",
+        unknown: "parts of each manual that no driver uses",
         tests: &["tests/devices/run.sh"],
     },
     Row {
@@ -283,7 +284,7 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         oracle: Document,
         source: "the node contract, docs/nodes.md",
         agrees: "`hilrig node check` runs the contract against the program",
-        unknown: "the device that the program plays is the program's affair",
+        unknown: "the device that the program emulates",
         tests: &["crates/nodes/tests/faults.rs"],
     },
     Row {
