@@ -72,7 +72,8 @@ mod tests {
     /// Value of an unknown cell.
     const UNKNOWN: u8 = 127;
 
-    /// Share of known cells: some after eight seconds in a room, and none behind its walls.
+    /// Checks the share of known cells after eight seconds in a room: cells in the room are known,
+    /// cells behind its walls are not.
     #[test]
     fn a_share_of_the_map_is_known() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
@@ -87,8 +88,8 @@ mod tests {
         assert!((share * all as f64 - known as f64).abs() < 1e-6, "{share}");
     }
 
-    /// Set-point and measured value of an axis are two figures, which differ when it begins to
-    /// drive.
+    /// Checks that a condition distinguishes set-point and measured value of an axis. The two
+    /// differ when the axis starts to move.
     #[test]
     fn an_axis_is_compared_by_the_figure_that_is_asked_for() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/yellow-reactive.toml");

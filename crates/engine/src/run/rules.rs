@@ -1,4 +1,4 @@
-//! The rules of `[[expect.rule]]`, watched from the start of a run to its end.
+//! Observation of the rules of `[[expect.rule]]`, from the start of a run to its end.
 
 mod verdict;
 
@@ -17,20 +17,20 @@ use crate::robots::conditions::Moment;
 use crate::robots::{Axis, Check, Instruments};
 use crate::scenario::{Condition, Demand, DeviceSpec, Flaw, RuleSpec, Scenario, UntilSpec};
 
-/// Times that wait for their answer; the oldest is broken beyond this number.
+/// Maximum number of triggers that wait for an answer. With one more, the oldest counts as broken.
 const PENDING_MAX: usize = 1024;
 
 /// The rules of a run.
 pub(super) struct Rules {
     rules: Vec<Rule>,
-    /// Rules that name what this rig has not.
+    /// Failed checks of rules that name items which this rig lacks.
     refused: Vec<Check>,
     devices: Arc<BTreeMap<String, DeviceSpec>>,
-    /// Visits of waypoints, which conditions count.
+    /// Visited waypoints, for conditions that count them.
     progress: Progress,
 }
 
-/// A rule and what was seen of it.
+/// A rule and its observations so far.
 struct Rule {
     spec: Arc<RuleSpec>,
     demand: Demand,
@@ -45,40 +45,42 @@ struct Probes {
     until: Option<Probe>,
 }
 
-/// What was seen of a rule so far.
+/// Observations of a rule so far.
 #[derive(Clone, Debug, Default)]
 struct Seen {
-    /// Moments in which the rule applied and its condition said yes or no.
+    /// Number of moments in which the rule applied and its condition was true or false.
     moments: u64,
     /// Whether the rule has applied at all.
     has_applied: bool,
-    /// Times that `after` came true, and the last one.
+    /// Number of triggers: times at which `after` became true.
     triggers: u64,
     last_trigger: Option<Instant>,
+    /// Last value of `after`.
     was_after: Truth,
-    /// Since when a rule with `after` applies.
+    /// Time from which a rule with `after` applies.
     armed_since: Option<Instant>,
-    /// The times of `after` that wait for their answers, oldest first.
+    /// Triggers that wait for their answers, oldest first.
     pending: VecDeque<Instant>,
     /// Whether `until` has ended the rule.
     is_over: bool,
-    /// When an awaited condition first came true, and what it read.
+    /// Time at which the condition of an `eventually` or `sometimes` first became true, and the
+    /// observed value.
     met: Option<(Instant, String)>,
     answers: u64,
-    /// Longest time from `after` to its answer, and when that was.
+    /// Longest time from a trigger to its answer, and the time of the trigger.
     slowest: Option<(Duration, Instant)>,
-    /// The first break, in words.
+    /// Time and description of the first break.
     broken: Option<(Instant, String)>,
     breaks: u64,
     was_broken: bool,
-    /// Whether the robot has moved, without which no contact is to be expected.
+    /// Whether the robot has moved; a robot at rest causes no contact.
     has_moved: bool,
     /// Whether the log has lost entries.
     is_log_cut: bool,
 }
 
 impl Rules {
-    /// The rules of `scenario` on `rig`, which has all that they name.
+    /// The rules of `scenario` on `rig`. A rule that names an unknown item becomes a failed check.
     pub(super) fn of(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
         let lines = LineWatches::default();
         let progress = Progress::new(&scenario.mission, &scenario.expect);
@@ -91,7 +93,7 @@ impl Rules {
             waypoints: [0, progress.waypoints()],
         };
         let (mut rules, mut refused) = (Vec::new(), Vec::new());
-        // The names were checked as the rig was wired; a rig of another crate may lack some.
+        // The wiring of the rig has checked the names; a rig of another crate may lack some.
         for spec in scenario.expect.rules() {
             match Rule::new(spec, &moment, &lines) {
                 Ok(rule) => rules.push(rule),
@@ -109,7 +111,7 @@ impl Rules {
         }
     }
 
-    /// The same rules in the same state, for a copy of the rig.
+    /// Copies the rules with their state, for a copy of the rig.
     pub(super) fn fork(&self, rig: &mut Rig) -> Self {
         let lines = LineWatches::default();
         let rules = self.rules.iter().map(|rule| Rule {
@@ -130,7 +132,7 @@ impl Rules {
         }
     }
 
-    /// Judges what has come since the last look.
+    /// Judges all moments since the last sample, and the current state.
     pub(super) fn look(
         &mut self,
         rig: &Rig,
@@ -158,12 +160,12 @@ impl Rules {
         }
     }
 
-    /// Whether a rule still waits for what must come before the run ends.
+    /// Whether the run must continue because an `eventually` rule still waits.
     pub(super) fn awaits(&self, now: Instant) -> bool {
         self.rules.iter().any(|rule| rule.awaits(now))
     }
 
-    /// The verdict of each rule; `is_over`: nothing can become true any more.
+    /// The verdict of each rule. If `is_over`, no condition can become true any more.
     pub(super) fn checks(&self, now: Instant, is_over: bool) -> impl Iterator<Item = Check> {
         let checks = self.rules.iter();
         let checks = checks.map(move |rule| rule.check(now, is_over));
@@ -228,7 +230,7 @@ impl Rule {
         self.judge(moment.rig.now(), None);
     }
 
-    /// The first and the last moment at which the rule applies.
+    /// The first and the last time at which the rule applies.
     fn window(&self) -> (Instant, Option<Instant>) {
         let from = self.spec.from.unwrap_or_default().instant();
         let until = self.spec.until.as_ref().and_then(UntilSpec::time);
@@ -251,7 +253,8 @@ impl Rule {
         if self.seen.is_over {
             return;
         }
-        // `after` is followed at all times, so that it becomes true only once.
+        // `after` is evaluated at all times. Otherwise a lasting state would trigger the rule again
+        // when its window begins.
         let is_begun = self.has_begun_again(place);
         let (from, until) = self.window();
         let is_late = until.is_some_and(|until| at > until);
@@ -273,7 +276,7 @@ impl Rule {
         }
     }
 
-    /// Whether `after` has become true at this moment.
+    /// Whether `after` has changed from false to true at this moment.
     fn has_begun_again(&mut self, place: Option<(Instant, usize)>) -> bool {
         let Some(after) = &mut self.probes.after else {
             return false;
@@ -302,7 +305,7 @@ impl Rule {
         has_begun && self.ends_after(last).is_none_or(|end| at <= end)
     }
 
-    /// When an `always` or `never` ends that was begun at `last`.
+    /// End of an `always` or `never` whose last trigger was at `last`.
     fn ends_after(&self, last: Instant) -> Option<Instant> {
         let within = self.spec.within.unwrap_or_default().0;
         self.spec.lasting.map(|lasting| last + within + lasting.0)
@@ -312,7 +315,7 @@ impl Rule {
         if !self.applies(at) {
             return;
         }
-        // What cannot be compared is neither kept nor forbidden: the rule says so as a break.
+        // A value that cannot be compared breaks the rule, so that the verdict shows it.
         let is_broken = match truth {
             Some(truth) => truth != (self.demand == Demand::Always),
             None if self.probes.subject.is_incomparable() => true,
@@ -338,8 +341,8 @@ impl Rule {
         }
     }
 
-    /// The condition holds at `at`, or not, while `after` may wait for it. One answer is that of
-    /// all times that wait, unless each needs its own.
+    /// Breaks overdue triggers and, if the condition holds at `at`, answers the waiting ones: the
+    /// oldest one with `each`, otherwise all.
     fn answer(&mut self, at: Instant, holds: bool) {
         if let Some(within) = self.spec.within {
             let is_due = |asked: &Instant| at > *asked + within.0;
@@ -367,7 +370,7 @@ impl Rule {
         }
     }
 
-    /// Counts the missing answer to `asked` by `deadline`.
+    /// Records that the trigger at `asked` got no answer until `deadline`.
     fn miss(&mut self, asked: Instant, deadline: Instant) {
         self.seen.breaks += 1;
         if self.seen.broken.is_none() {
@@ -376,7 +379,7 @@ impl Rule {
         }
     }
 
-    /// `after` has become true.
+    /// Handles a trigger: `after` has become true.
     fn start(&mut self, at: Instant, truth: Truth, is_moment: bool) {
         self.seen.triggers += 1;
         let is_done = self
@@ -396,8 +399,8 @@ impl Rule {
             self.miss(oldest, at);
         }
         self.seen.pending.push_back(at);
-        // A frame of the same instant is an answer unless it is the question itself. A state
-        // answers at its look, which a moment precedes.
+        // A frame at the same instant is an answer, unless it is the trigger itself. A state is an
+        // answer only at its own sample, not at the moments judged before the sample.
         let is_answer = match self.is_moment() {
             true => !self.is_its_own_answer(),
             false => !is_moment,
@@ -407,7 +410,8 @@ impl Rule {
         }
     }
 
-    /// Whether `after` asks for the same as the rule, so that each time would be its own answer.
+    /// Whether `after` and the rule have the same condition. Then each trigger would be its own
+    /// answer.
     fn is_its_own_answer(&self) -> bool {
         let subject = self.spec.demand().map(|(_, condition)| condition);
         subject == self.spec.after.as_ref()
@@ -425,7 +429,7 @@ impl Rule {
 }
 
 impl Seen {
-    /// `until` holds: a rule with `after` applies again from the next time on.
+    /// Ends the rule because `until` holds. A rule with `after` applies again at the next trigger.
     fn end(&mut self, is_for_now: bool) {
         self.armed_since = None;
         self.pending.clear();

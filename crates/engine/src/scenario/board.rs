@@ -92,7 +92,7 @@ impl BoardKeys<'_> {
         })
     }
 
-    /// Its pins, without the serial port.
+    /// The pins of the board, without the serial port.
     pub(super) fn ports(self) -> Vec<PortInfo> {
         let pin = |name, port, connect| {
             let info = PortInfo::uart(name, port, PIN_LINE, connect);

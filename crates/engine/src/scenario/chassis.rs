@@ -1,4 +1,4 @@
-//! The drive train and outline of a robot that the scenario describes itself.
+//! Drive train and outline of a custom robot.
 
 use emulators::world::{
     Ackermann, AckermannConfig, BodyConfig, BodyError, Chassis, Differential, Footprint, Point,
@@ -95,7 +95,7 @@ impl ChassisSpec {
     /// The chassis; `body` has the figures of a differential one, `seed` seeds its random numbers.
     ///
     /// # Errors
-    /// If a figure is out of range, or the outline is none.
+    /// If a figure is out of range, or the outline is not a polygon.
     pub fn build(
         &self,
         body: BodyConfig,
@@ -114,7 +114,7 @@ impl ChassisSpec {
                     None => Box::new(chassis),
                 })
             }
-            // With encoders at the rear wheels, as the board of a car counts them.
+            // The boards of cars count encoders at the rear wheels.
             Self::Ackermann(spec) => {
                 let usual = AckermannConfig {
                     wheel_ticks_per_turn: Some(WHEEL_TICKS_PER_TURN),
@@ -130,7 +130,7 @@ impl AckermannSpec {
     /// The car; `usual` provides missing figures, `seed` seeds its random numbers.
     ///
     /// # Errors
-    /// If a figure is out of range, or the outline is none.
+    /// If a figure is out of range, or the outline is not a polygon.
     pub fn build(
         &self,
         usual: AckermannConfig,

@@ -1,4 +1,4 @@
-//! The computing of a program in virtual time, as one run measured it: part of a saved case.
+//! Measured computing time of a program in virtual time, a part of a saved case.
 
 use core::fmt::{self, Write as _};
 use core::str::FromStr;
@@ -7,8 +7,8 @@ use core::time::Duration;
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// Virtual time of one unit of a charge. A finer unit makes larger cases and no better verdicts:
-/// processor time differs by more than that from run to run.
+/// Virtual time of one unit of a charge. A finer unit would make cases larger, but verdicts no
+/// better: processor time differs by more than that from run to run.
 pub const CHARGE_UNIT: Duration = Duration::from_micros(100);
 /// Longest charge, one hour.
 const UNITS_MAX: u32 = 36_000_000;
@@ -42,7 +42,7 @@ fn scale<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     }
 }
 
-/// Charges of one thread: at which of its calls, from 1, and how many units.
+/// Charges of one thread: number of the call, from 1, and number of units.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Charges(pub Vec<(u64, u32)>);
 

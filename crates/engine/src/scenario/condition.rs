@@ -1,5 +1,5 @@
-//! Conditions on a run: the one language of mission steps, faults, rules and clients of the control
-//! socket.
+//! Conditions on a run. Mission steps, faults, rules and clients of the control socket use the same
+//! conditions.
 
 mod check;
 mod value;

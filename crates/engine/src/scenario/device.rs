@@ -125,7 +125,7 @@ impl DeviceSpec {
     /// A device of `kind` with default settings.
     ///
     /// # Errors
-    /// If the kind cannot do without some key.
+    /// If the kind requires a key.
     pub fn plain(kind: &'static dyn DeviceKind) -> Result<Self, toml::de::Error> {
         let nothing = Spanned::new(0..0, DeValue::Table(DeTable::new()));
         let settings = kind.parse(ValueDeserializer::from(nothing))?;
@@ -137,19 +137,20 @@ impl DeviceSpec {
         self.kind.name()
     }
 
-    /// Whether the names of its values are known only once the run has begun.
+    /// Whether the names of its values are known only after the run has started.
     pub fn has_late_values(&self) -> bool {
         self.kind.has_late_values()
     }
 
-    /// Adds a touch, if it is a display.
+    /// Adds a touch, if the device is a display.
     pub fn tap(&mut self, tap: TapSpec) {
         if let Some(spec) = self.settings_mut::<TouchPanelSpec>() {
             spec.tap.push(tap);
         }
     }
 
-    /// Whether the scenario describes the device completely, so that no robot must know it.
+    /// Whether the scenario describes the device completely. Such a device needs no support by the
+    /// robot.
     pub fn is_own(&self) -> bool {
         self.kind.is_own()
     }
@@ -188,7 +189,7 @@ impl DeviceSpec {
     /// Checks that `world` contains the actuators and encoders named in the settings of `device`.
     ///
     /// # Errors
-    /// If there is no such thing.
+    /// If an actuator or encoder does not exist.
     pub fn check(
         &self,
         name: &str,
@@ -243,7 +244,7 @@ impl DeviceSpec {
         self.kind.values(self.settings.as_ref(), rig, name)
     }
 
-    /// Values of the device `name` in `rig`, to be shown.
+    /// Values of the device `name` in `rig`, for display.
     pub fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
         self.kind.rows(self.settings.as_ref(), rig, name)
     }
@@ -254,7 +255,7 @@ impl Scenario {
     /// default settings.
     ///
     /// # Errors
-    /// If a setting is out of range, or one is needed.
+    /// If a setting is out of range, or a required one is missing.
     pub fn build_device(
         &self,
         name: &str,
@@ -297,7 +298,7 @@ impl fmt::Debug for DeviceSpec {
 }
 
 impl Serialize for DeviceSpec {
-    /// As an enum with the settings in a variant called like the kind.
+    /// Serializes as an enum: the variant has the name of the kind and contains the settings.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         struct Erased<'a>(&'a dyn Settings);
         impl Serialize for Erased<'_> {

@@ -196,7 +196,7 @@ impl FaultSpec {
         }
     }
 
-    /// Maximum time window of the fault; from its trigger on if it waits for one.
+    /// Maximum time window of the fault. It starts at the trigger if the fault waits for one.
     pub fn window(&self) -> Window {
         let from = self.from.map_or(Instant::ZERO, Span::instant);
         let mut until = self.until.map_or(Window::ALWAYS.until, Span::instant);
@@ -206,7 +206,7 @@ impl FaultSpec {
         Window { from, until }
     }
 
-    /// Whether it waits for a condition before it begins.
+    /// Whether the fault waits for a condition before it begins.
     pub const fn waits_for_condition(&self) -> bool {
         self.when.is_some() || self.begins_when.is_some()
     }
@@ -214,7 +214,7 @@ impl FaultSpec {
     /// The condition that it waits for before it begins.
     ///
     /// # Errors
-    /// If the keys of `when` do not go together.
+    /// If the keys of `when` contradict each other.
     pub fn begin_condition(&self) -> Result<Option<Condition>, Flaw> {
         match (&self.when, &self.begins_when) {
             (Some(when), _) => when.condition().map(Some),
@@ -231,7 +231,7 @@ impl FaultSpec {
         both.into_iter().filter_map(|(key, one)| Some((key, one?)))
     }
 
-    /// Where it acts, for a list.
+    /// The target of the fault, for a list.
     pub fn place(&self) -> String {
         match (&self.link, &self.device, &self.devices) {
             (Some(link), ..) => link.clone(),

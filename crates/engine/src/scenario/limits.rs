@@ -8,7 +8,7 @@ use super::{Action, Expect, Flaw, GoldenSpec, Scenario, ScenarioError, Source};
 
 /// Maximum distance from the origin, metres.
 const FAR_M: f64 = 10_000.0;
-/// More turns than ten are a mistake, degrees.
+/// Maximum angle, degrees; more than ten turns are a mistake.
 const TURN_DEG: f64 = 3_600.0;
 
 /// Checks the length of `source`. Parsing a shape needs kilobytes of memory before the scene can

@@ -17,7 +17,7 @@ use super::Flaw;
 /// Maximum number of tiles along a side.
 const TILES_MAX: usize = 100;
 
-/// Width of a warm plate.
+/// Width of a warm plate, metres.
 const PLATE_M: f64 = 0.1;
 /// Victims are no nearer to each other than this, through boards as well.
 const APART_M: f64 = 0.5;
@@ -86,7 +86,7 @@ struct Gap {
 }
 
 impl MazeSpec {
-    /// Whether its figures make sense.
+    /// Checks the figures of the arena.
     ///
     /// # Errors
     /// A flaw that names the key.
@@ -217,7 +217,8 @@ impl MazeSpec {
     /// The gaps between tiles that have a board.
     fn closed(&self, rng: &mut Rng) -> Vec<Gap> {
         let mut gaps = self.gaps();
-        // Shuffled, each gap is open that joins two parts: a tree over all tiles.
+        // The gaps are taken in random order. A gap that joins two separate parts stays open. So
+        // the open gaps form a tree over all tiles.
         for last in (1..gaps.len()).rev() {
             let other = rng.below(last as u64 + 1);
             gaps.swap(last, usize::try_from(other).unwrap_or(last));
@@ -226,7 +227,7 @@ impl MazeSpec {
         let mut closed = Vec::new();
         for gap in gaps {
             let [one, other] = [part[gap.tile], part[gap.other]];
-            // Drawn in any case, so that `open` changes only the removed boards.
+            // Each gap takes a random number. So `open` changes only the removed boards.
             let is_taken_out = rng.chance(self.open);
             if one != other {
                 part.iter_mut()
@@ -272,7 +273,7 @@ mod tests {
         toml::from_str(&text).expect("sound")
     }
 
-    /// Tiles that can be reached from the first one, by hand: over every gap without a board.
+    /// Number of tiles that can be reached from the first one over gaps without a board.
     fn reached(maze: &MazeSpec) -> usize {
         let closed = maze.closed(&mut Rng::stream(maze.seed, "maze.boards"));
         let gaps: Vec<Gap> = maze.gaps();

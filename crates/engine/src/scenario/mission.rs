@@ -69,7 +69,7 @@ impl Step {
         }
     }
 
-    /// Whether its keys make sense together.
+    /// Checks that the keys do not contradict each other.
     ///
     /// # Errors
     /// A flaw that names the key.
@@ -262,14 +262,15 @@ impl Expect {
         self.rule.iter().map(Spanned::get_ref)
     }
 
-    /// The rules that apply to a run of any length, i.e. all except those of the end.
+    /// The rules that apply to a run of any length: all except those that only the end of a run
+    /// breaks.
     pub fn rules_throughout(&self) -> Vec<Spanned<RuleSpec>> {
         let rules = self.rule.iter();
         let rules = rules.filter(|rule| !rule.get_ref().is_of_the_end());
         rules.cloned().collect()
     }
 
-    /// Whether the check `name` is of a rule that only the end of a run shows to be broken.
+    /// Whether the check `name` belongs to a rule that only the end of a run can break.
     pub fn has_rule_of_the_end(&self, name: &str) -> bool {
         let mut rules = self.rules();
         rules.any(|rule| rule.is_of_the_end() && rule.check_name() == name)

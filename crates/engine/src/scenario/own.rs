@@ -1,4 +1,4 @@
-//! Devices that a scenario describes itself: a register table, or a simple text protocol.
+//! Small slaves that are defined in a scenario: a register table, or a simple text protocol.
 
 mod text;
 

@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::{Condition, Flaw, Span};
 
-/// Time between two looks at the state: registers, axes, figures of the robot.
+/// Period at which the state is sampled: registers, axes, figures of the robot.
 pub const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// A rule of the robot that the run checks from its start to its end: give `always`, `never`,
@@ -41,8 +41,8 @@ pub struct RuleSpec {
     /// from this time on. Without `after`, `eventually` must hold within this time from `from` on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within: Option<Span>,
-    /// With `after` and `eventually`: whether each time needs an answer of its own. By default one
-    /// answer is that of all times that wait for it.
+    /// With `after` and `eventually`: whether each trigger needs an answer of its own. By default
+    /// one answer counts for all triggers that wait.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub each: bool,
     /// With `after`, and `always` or `never`: how long it applies, counted after `within`.
@@ -202,8 +202,8 @@ impl RuleSpec {
         self.sometimes.is_none() && !self.may_be_unobserved
     }
 
-    /// Whether only the end of a run shows that it was not met, so that a run that is too short
-    /// breaks it.
+    /// Whether only the end of a run shows that the rule was not met. A run that is too short
+    /// breaks such a rule.
     pub const fn is_of_the_end(&self) -> bool {
         self.eventually.is_some() && (self.after.is_none() || self.within.is_none())
     }
@@ -299,7 +299,7 @@ impl RuleSpec {
 }
 
 impl RuleSpec {
-    /// Checks that no time is shorter than the pause between two looks at the state.
+    /// Checks that no time is shorter than the sampling period of the state.
     fn check_against_looks(&self) -> Result<(), Flaw> {
         let mut conditions = self.conditions();
         let is_sampled = conditions.any(|(_, condition)| condition.is_of_state());

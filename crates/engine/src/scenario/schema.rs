@@ -1,5 +1,5 @@
-//! The JSON Schema of a scenario, derived from the types that read it, and the reference made from
-//! it.
+//! JSON Schema of a scenario, and the reference. The schema is derived from the types that read a
+//! scenario; the reference is generated from the schema.
 
 mod examples;
 mod reference;

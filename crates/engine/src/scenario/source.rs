@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-/// Why a scenario cannot be run.
+/// An error in a scenario.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
     /// The file cannot be read.
     #[error("cannot read scenario {}: {source}", .path.display())]
     Read {
-        /// Which file.
+        /// The file.
         path: PathBuf,
         /// The error of the operating system.
         source: std::io::Error,
@@ -16,7 +16,7 @@ pub enum ScenarioError {
     /// The file is not a scenario; the text names line, column, key and the expected value.
     #[error("{}: {}", .path.display(), .source.to_string().trim_end())]
     Parse {
-        /// Which file.
+        /// The file.
         path: PathBuf,
         /// The error, with the line of the file.
         source: Box<toml::de::Error>,
@@ -28,7 +28,7 @@ pub enum ScenarioError {
     /// The scenario has an impossible value.
     #[error("{}{}: {key}: {message}", .path.display(), at(*line))]
     Invalid {
-        /// Which file.
+        /// The file.
         path: PathBuf,
         /// Line, from 1, if known.
         line: Option<usize>,

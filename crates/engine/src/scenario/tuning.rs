@@ -1,4 +1,4 @@
-//! How the robot's program is tuned: figures that the seed report weighs against each other.
+//! Tuning of the robot's program: figures that the seed report compares.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -72,7 +72,7 @@ pub enum WallsSpec {
 }
 
 impl TuningSpec {
-    /// Whether its figures make sense.
+    /// Checks the figures.
     ///
     /// # Errors
     /// A flaw that names the key.

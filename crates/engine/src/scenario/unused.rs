@@ -222,7 +222,7 @@ mod tests {
 
     const WORLD: &str = "[world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n";
 
-    /// Line 6 is the first register's, 7 the second's.
+    /// Checks the reported lines: line 6 has the first register, line 7 the second.
     #[test]
     fn keys_of_a_slave_without_effect_are_told_with_their_lines() {
         let text = format!(

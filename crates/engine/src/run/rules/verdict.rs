@@ -1,4 +1,4 @@
-//! Verdicts of rules in words: what was observed, when, and what was expected.
+//! Verdicts of rules: observed value, time, and expectation.
 
 use protocols::Instant;
 
@@ -8,7 +8,7 @@ use crate::run::probe::Probe;
 use crate::scenario::{Condition, Demand};
 
 impl Rule {
-    /// The verdict; `is_over`: nothing can become true any more.
+    /// The verdict. If `is_over`, no condition can become true any more.
     pub(super) fn check(&self, now: Instant, is_over: bool) -> Check {
         let name = self.spec.check_name();
         let check = match self.demand {
@@ -23,7 +23,7 @@ impl Rule {
         }
         let is_cut = self.probes.all().any(Probe::has_lost)
             || (self.seen.is_log_cut && self.conditions().any(Condition::is_of_log));
-        // A missing moment may have been lost.
+        // Moments may be missing because the log or the frames were cut.
         match (is_cut, check.status, self.demand) {
             (true, Status::Pass, _) | (true, Status::Fail, Demand::Eventually) => {
                 let detail = format!("{}; the run kept only a part of the log", check.detail);
@@ -58,7 +58,7 @@ impl Rule {
         Check::new(name, true, format!("{held}{times}: {spec}"))
     }
 
-    /// Why an `always` or `never` was not observed, if it was not.
+    /// The reason why an `always` or `never` was not observed; `None` if it was.
     fn unobserved(&self) -> Option<String> {
         let seen = &self.seen;
         if !seen.has_applied {
@@ -71,7 +71,8 @@ impl Rule {
         if seen.moments > 0 && is_whole {
             return None;
         }
-        // What only ever says yes is observed where it could have come up.
+        // A condition that can only be true, such as an event, never reports a false moment. A
+        // `never` on it counts as observed if the event could have happened.
         let could_come = self.demand == Demand::Never
             && self.probes.subject.has_appeared(seen.has_moved)
             && (self.spec.after.is_none() || seen.armed_since.is_some());
@@ -169,7 +170,7 @@ fn times(count: u64) -> String {
     }
 }
 
-/// What follows the first break, if there were more.
+/// The total number of breaks, for a message about the first one; empty for a single break.
 fn in_all(breaks: u64) -> String {
     match breaks {
         0 | 1 => String::new(),

@@ -84,7 +84,7 @@ fn check_number(key: &'static str, number: f64) -> Result<(), Flaw> {
 }
 
 impl Condition {
-    /// Checks its figures, independent of the robot.
+    /// Checks the figures of the condition, independent of the robot.
     ///
     /// # Errors
     /// A flaw that names the key.
@@ -150,7 +150,7 @@ impl Condition {
         }
     }
 
-    /// Whether it, or a part of it, is one of those that `is` accepts.
+    /// Whether `is` accepts the condition or a part of it.
     pub fn has(&self, is: &dyn Fn(&Self) -> bool) -> bool {
         match self {
             Self::All(parts) | Self::Any(parts) => parts.iter().any(|part| part.has(is)),
@@ -159,18 +159,18 @@ impl Condition {
         }
     }
 
-    /// Whether it, or a part of it, holds for a moment only: as bytes, a frame, a contact or an
-    /// entry of the log comes.
+    /// Whether the condition, or a part of it, holds only at the moment at which bytes, a frame, a
+    /// contact or an entry of the log arrives.
     pub fn is_momentary(&self) -> bool {
         self.has(&|leaf| !leaf.is_leaf_of_state())
     }
 
-    /// Whether it, or a part of it, is on the log.
+    /// Whether the condition, or a part of it, refers to the log.
     pub fn is_of_log(&self) -> bool {
         self.has(&|leaf| matches!(leaf, Self::Event(_)))
     }
 
-    /// Whether it, or a part of it, is on the state, which is read at each look only.
+    /// Whether the condition, or a part of it, refers to the state, which is sampled periodically.
     pub fn is_of_state(&self) -> bool {
         self.has(&Self::is_leaf_of_state)
     }
@@ -182,8 +182,8 @@ impl Condition {
         )
     }
 
-    /// Whether the condition can be false at a moment: a frame's field can, an event can only be
-    /// true.
+    /// Whether the condition can be false at a moment. A condition on a frame's field can; one on
+    /// an event can only be true.
     pub fn can_be_false(&self) -> bool {
         match self {
             Self::Bytes(_) | Self::Event(_) | Self::Contact(_) => false,

@@ -116,7 +116,8 @@ impl DeviceKind for AvrBaseKind {
         let spec: &AvrBaseSpec = context.settings()?;
         let config = spec.config(context.name, context.source)?;
         let line = LineConfig::new_8n1(protocols::avr::BAUD);
-        // Every byte counts by itself: the slave is deaf between a request and its answer.
+        // Bytes are delivered one by one, because the slave ignores bytes between a request and its
+        // answer.
         let bus = PortInfo::uart("bus", AvrBase::BUS, line, "the robot's register bus");
         let bus = bus.speaking(match config.profile {
             Profile::Document => &codec::BUS,

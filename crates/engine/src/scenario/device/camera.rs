@@ -195,7 +195,7 @@ impl CameraSpec {
     }
 }
 
-/// Any order of `ids`, each as likely (Fisher and Yates).
+/// A random order of `ids`; all orders are equally likely (Fisher and Yates).
 fn deal(ids: &mut [u16], seed: u64) {
     let mut dice = Rng::stream(seed, "camera.numbers");
     for last in (1..ids.len()).rev() {

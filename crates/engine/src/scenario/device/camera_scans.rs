@@ -28,7 +28,7 @@ impl CameraScans {
     }
 
     fn beams(&self, message: &[u8]) -> Option<Vec<Beam>> {
-        // Right and ahead, or bearing and range, of each that was measured.
+        // The two numbers of each measured value: right and ahead, or bearing and range.
         let beams: Vec<Beam> = match Message::decode(message).ok()? {
             Message::DepthRow(row) if row.focal_tenths > 0 => {
                 let focal = f64::from(row.focal_tenths) / 10.0;
@@ -73,8 +73,9 @@ mod tests {
     use super::*;
     use protocols::perception::{DepthRow, Scan};
 
-    /// Three columns of a camera of 10 pixels focal length, 0.3 m ahead: the middle one sees 1 m,
-    /// the right one 2 m deep and so 0.2 m to the right. Of a scan, a range of 500 mm to the left.
+    /// Three columns of a camera with a focal length of 10 pixels, 0.3 m ahead. The middle column
+    /// sees a depth of 1 m. The right column sees a depth of 2 m, which is 0.2 m to the right. The
+    /// scan has a range of 500 mm to the left.
     #[test]
     fn depths_and_ranges_become_beams_from_the_middle_of_the_robot() {
         let mut scans = CameraScans::new(0.0, [0.3, 0.0]);

@@ -1,4 +1,4 @@
-//! `firmware`: a device that its own firmware plays, an ELF file on a simulated board.
+//! `firmware`: a device whose own firmware, an ELF file, runs on a simulated board.
 
 use core::any::Any;
 use std::collections::BTreeMap;

@@ -30,7 +30,8 @@ pub trait DeviceKind: Send + Sync {
     /// JSON Schema of its settings, usually [`schema_of`].
     fn schema(&self, generator: &mut SchemaGenerator) -> Schema;
 
-    /// Its tables in a scenario, for the reference: with a robot and a world around them they run.
+    /// An example of its tables in a scenario, for the reference. With a robot and a world, the
+    /// example runs.
     fn example(&self) -> &'static str {
         ""
     }
@@ -70,7 +71,7 @@ pub trait DeviceKind: Send + Sync {
         rows.map(DeviceValue::from).collect()
     }
 
-    /// Whether the names of its [`values`](Self::values) are known only once the run has begun.
+    /// Whether the names of its [`values`](Self::values) are known only after the run has started.
     fn has_late_values(&self) -> bool {
         false
     }
@@ -87,7 +88,7 @@ pub trait DeviceKind: Send + Sync {
     /// Checks that `world` contains the actuators and encoders named in the settings.
     ///
     /// # Errors
-    /// If there is no such thing.
+    /// If an actuator or encoder does not exist.
     fn check(
         &self,
         _context: &BuildContext<'_>,
@@ -106,7 +107,7 @@ pub trait DeviceKind: Send + Sync {
 
 /// Settings of a device with any type: a plain value that can be written to a file.
 pub trait Settings: Any + Debug + Send + Sync + erased_serde::Serialize {
-    /// The same settings once more.
+    /// Clones the settings.
     fn boxed_clone(&self) -> Box<dyn Settings>;
 
     /// Whether `other` is of the same type and equal.
@@ -160,7 +161,7 @@ impl BuildContext<'_> {
     /// The settings with their own type.
     ///
     /// # Errors
-    /// If the settings are those of another kind.
+    /// If the settings belong to another kind.
     pub fn settings<T: Settings>(&self) -> Result<&T, ScenarioError> {
         let settings: &dyn Any = self.settings;
         settings.downcast_ref().ok_or_else(|| {
@@ -264,7 +265,7 @@ impl From<ValueRow> for DeviceValue {
 pub struct Built {
     /// The device.
     pub device: Box<dyn AnyDevice>,
-    /// Its ports; the first one is the one that counts.
+    /// Its ports; the first one is the main port, on the link with the device's name.
     pub ports: Vec<PortInfo>,
 }
 
@@ -286,20 +287,20 @@ pub struct PortInfo {
     pub line: LineConfig,
     /// Bytes that are delivered at once, see [`Line::piece`](crate::rig::line::Line::piece).
     pub piece: usize,
-    /// The program that is to connect, for people.
+    /// Description of the program that connects here, for messages.
     pub connect: &'static str,
-    /// Whether the other end can do without.
+    /// Whether the other end may leave the port closed.
     pub is_optional: bool,
     /// Type of its link.
     pub kind: LinkKind,
-    /// Which baud rates of a client at the other end are right.
+    /// The accepted baud rates of a client at the other end.
     pub rate: PortRate,
     /// Protocol of the port, if the device fixes it.
     pub codec: Option<&'static Codec>,
 }
 
 impl PortInfo {
-    /// A serial port that is needed, whose bytes are delivered one by one.
+    /// A required serial port whose bytes are delivered one by one.
     pub const fn uart(
         name: &'static str,
         port: Port,
@@ -324,7 +325,7 @@ impl PortInfo {
         Self { piece, ..self }
     }
 
-    /// The same, but the other end can do without.
+    /// The same, but the other end may leave the port closed.
     pub const fn optional(self) -> Self {
         Self {
             is_optional: true,
@@ -332,7 +333,7 @@ impl PortInfo {
         }
     }
 
-    /// The same, on which `codec` is spoken.
+    /// The same with the protocol of `codec`.
     pub const fn speaking(self, codec: &'static Codec) -> Self {
         Self {
             codec: Some(codec),
@@ -340,8 +341,7 @@ impl PortInfo {
         }
     }
 
-    /// A port for which any rate of the client is right; its rate is `usual` until the client sets
-    /// one.
+    /// A port that accepts any rate of the client; the rate is `usual` until the client sets one.
     pub const fn at_any_rate(self, usual: LineConfig) -> Self {
         let rate = PortRate::Any { usual };
         Self { rate, ..self }

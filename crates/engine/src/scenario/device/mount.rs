@@ -1,4 +1,4 @@
-//! Where a device sits on its robot.
+//! Pose of a device on its robot.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Parts of the kinds of devices that a process plays: `program` and `firmware`.
+//! Common parts of `program` and `firmware`, the kinds of devices that a process emulates.
 
 use core::any::Any;
 use std::path::{Path, PathBuf};
@@ -24,7 +24,7 @@ pub(super) fn embed(folder: &mut Option<PathBuf>, base: &Path) {
     *folder = Some(std::path::absolute(&whole).unwrap_or(whole));
 }
 
-/// The folder from which the device's files are named.
+/// The folder to which the paths of the device's files are relative.
 pub(super) fn base(folder: Option<&Path>, context: &BuildContext<'_>) -> PathBuf {
     let parent = context.source.path.parent();
     let base = parent.unwrap_or_else(|| Path::new(""));

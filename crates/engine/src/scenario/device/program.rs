@@ -1,4 +1,4 @@
-//! `program`: a device played by your own program, in any language.
+//! `program`: a device that your own program emulates, in any language.
 
 use core::any::Any;
 use std::collections::BTreeMap;
@@ -330,8 +330,8 @@ mod tests {
         built.err().map(|error| error.to_string())
     }
 
-    /// A coding without its rate would be silently another one; the protocol has one byte for the
-    /// number of a quantity.
+    /// Rejects a coding without a rate, which would silently get another rate. Rejects too many
+    /// quantities: the protocol has one byte for the number of a quantity.
     #[test]
     fn what_would_be_lost_is_refused() {
         assert_eq!(error("rate = 9600\nformat = \"7E1\"\n"), None);

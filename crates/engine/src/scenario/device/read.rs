@@ -68,7 +68,7 @@ impl<'de> Deserialize<'de> for DeviceSpec {
 /// Name of the only key of a file of settings.
 const SETTINGS: &str = "settings";
 
-/// A kind and its settings, not looked at yet.
+/// A kind and its unparsed settings.
 struct UnreadSettings<T> {
     kind: &'static dyn DeviceKind,
     settings: T,

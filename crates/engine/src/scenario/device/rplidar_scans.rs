@@ -7,7 +7,7 @@ use protocols::rplidar::{Capsule, Decoder, Frame, Node, Sample, UltraCapsule};
 
 use super::scan::{Beam, ScanDecoder};
 
-/// Beams of a turn that are kept: at one turn a second there are 7874 in the fastest scan.
+/// Maximum number of beams of a turn that are kept. The fastest scan has 7874 at one turn a second.
 const BEAMS_MAX: usize = 8_192;
 
 /// Turns of an RPLIDAR.
@@ -17,11 +17,11 @@ pub struct RplidarScans {
     zero_bearing: f64,
     place_m: [f64; 2],
     decoder: Decoder,
-    /// The turn so far; `None` before its first sample was seen.
+    /// The received part of the current turn; `None` before its first sample.
     turn: Option<Vec<Beam>>,
-    /// The last capsule: its angles need the next one.
+    /// The last capsule. Its angles can be computed only with the next capsule.
     last: Option<Capsule>,
-    /// The same of the kind 0x84.
+    /// The last capsule of the kind 0x84.
     last_ultra: Option<UltraCapsule>,
 }
 
@@ -133,8 +133,9 @@ mod tests {
         )
     }
 
-    /// Clockwise from ahead: 90 degrees is to the right. On a sensor that looks backwards it is to
-    /// the left: -180 - 90 is left. A turn is complete only if its first node was received.
+    /// Checks the bearings: angles count clockwise from ahead, so 90 degrees is to the right. On a
+    /// sensor that looks backwards, 90 degrees is to the left: -180 - 90. A turn is complete only
+    /// if its first node was received.
     #[test]
     fn a_turn_of_nodes_ends_where_the_next_begins() {
         let node = |starts: bool, degrees: u16, mm: u16| {

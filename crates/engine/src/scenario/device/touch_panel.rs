@@ -22,7 +22,7 @@ pub struct TouchPanelSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TapSpec {
-    /// When.
+    /// Time of the touch.
     pub at: Span,
     /// Column 0 to 479 and row 0 to 271, counted from the upper left corner, pixels.
     pub place: [u16; 2],

@@ -26,7 +26,7 @@ pub fn catalogue() -> Value {
     });
     let kinds: Vec<Value> = kinds.collect();
     let when = WhenSpec::FORMS.map(|(about, keys)| json!({"about": about, "keys": keys}));
-    // A form has no fields for conditions of any depth; a request on the control socket does.
+    // A form has no fields for nested conditions. A request on the control socket can contain them.
     let time = TIME_KEYS.iter().filter(|key| !key.ends_with("_when"));
     let time: Vec<&&str> = time.collect();
     json!({"kinds": kinds, "time": time, "when": when, "keys": keys()})

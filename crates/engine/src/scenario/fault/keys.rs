@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use super::FaultKind;
 use super::kind::TIME_KEYS;
 
-/// Adds to the schema of a fault which keys go with which kind.
+/// Adds the allowed keys of each kind to the schema of a fault.
 pub(super) fn add_to_schema(schema: &mut Schema) {
     let rules = FaultKind::ALL.iter().map(|kind| {
         let place = kind.place().keys().iter();

@@ -1,4 +1,4 @@
-//! The kinds of faults, and which keys each of them has.
+//! The kinds of faults and their keys.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -168,12 +168,12 @@ pub(super) const TIME_KEYS: [&str; 10] = [
 ];
 
 impl FaultKind {
-    /// Whether it damages single bytes, at random or by number.
+    /// Whether the fault damages single bytes, at random or by number.
     pub fn is_strike(self) -> bool {
         self.own_keys().contains(&"byte")
     }
 
-    /// Whether it can happen to a link of this kind.
+    /// Whether the fault can act on a link of this kind.
     pub fn fits(self, link: LinkKind) -> bool {
         self.links().contains(&link)
     }

@@ -20,14 +20,14 @@ const TRUNCATE_LEN: u16 = 4096;
 const FIFO_LEN: u16 = 2;
 /// Longest delay of a byte.
 const BY_MAX: Duration = Duration::from_secs(3600);
-/// Shortest time from one spell to the next.
+/// Shortest time from one active period of a fault to the next.
 const EVERY_MIN: Duration = Duration::from_micros(100);
 
 impl FaultSpec {
-    /// Whether the keys go together.
+    /// Checks that the kind of fault supports its keys and that none is missing.
     ///
     /// # Errors
-    /// The first key that does not, or that is missing.
+    /// The first wrong or missing key.
     pub fn check(&self) -> Result<(), Flaw> {
         let kind = self.kind;
         if let Some(key) = self.given().find(|key| !kind.has(key)) {
@@ -220,8 +220,8 @@ impl FaultSpec {
         }
     }
 
-    /// Its effect on the line, except on one selected byte; `id` and `seed` choose its random
-    /// stream.
+    /// Effect of the fault on the line, except on one selected byte; `id` and `seed` choose its
+    /// random stream.
     ///
     /// # Errors
     /// If a key is missing or out of range.

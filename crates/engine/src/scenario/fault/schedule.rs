@@ -48,7 +48,7 @@ impl Rig {
                 self.check_link("kind", fault.kind, link)?;
                 Ok(vec![(link, direction.into())])
             }
-            // All that a device sends.
+            // The fault acts on all bytes that the device sends.
             (None, Some(device), _) if fault.kind == FaultKind::Delayed => {
                 let sends = |(index, link): (usize, &Link)| {
                     let directions = [Direction::ToMaster, Direction::ToDevice];
@@ -73,7 +73,7 @@ impl Rig {
         })
     }
 
-    /// Whether a fault of `kind` can happen to the link with this number.
+    /// Whether a fault of `kind` can act on the link with this number.
     fn check_link(&self, key: &'static str, kind: FaultKind, link: usize) -> Result<(), Flaw> {
         let Link {
             name, kind: found, ..
@@ -190,7 +190,7 @@ impl Rig {
         figure: Option<f64>,
     ) -> Result<Disturbance, Flaw> {
         let known = self.known_faults(key, name)?;
-        // A node program that could not be greeted fails the run by itself.
+        // A node program that does not answer its first message fails the run by itself.
         if !known.contains(&fault) && !self.is_lost(name) {
             let known = known.join(", ");
             let message = format!("\"{name}\" has no fault \"{fault}\", expected one of {known}");

@@ -1,4 +1,4 @@
-//! A device with a text protocol that a scenario describes itself.
+//! A slave with a text protocol that is defined in a scenario.
 
 use emulators::quantity::{Variable, VariableError};
 use emulators::text::{Command, Periodic, Text, TextConfig, TextError};

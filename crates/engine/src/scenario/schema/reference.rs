@@ -187,7 +187,7 @@ impl<'a> Page<'a> {
         }
     }
 
-    /// A word, or a table of one key, that a key can be.
+    /// One choice for the value of a key: a word, or a table with one key.
     fn choice(&mut self, choice: &'a Value) {
         let words = choice["enum"].as_array().into_iter().flatten();
         let words: Vec<String> = words

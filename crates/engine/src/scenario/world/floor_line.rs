@@ -33,7 +33,7 @@ impl FloorLineSpec {
 /// The lines in the world.
 ///
 /// # Errors
-/// If one cannot be.
+/// If a line is invalid.
 pub(super) fn build(
     specs: &[Spanned<FloorLineSpec>],
     source: &Source,
@@ -61,7 +61,7 @@ mod tests {
         scenario.world.build(1, None, &source)
     }
 
-    /// 4 cm on either side of its middle, and no farther than its ends.
+    /// Checks the extent of a line: 4 cm on either side of its middle, not beyond its ends.
     #[test]
     fn d1_a_line_is_where_the_scenario_says() {
         let line = "from_m = [2, 0]\nto_m = [2, 3]\nwidth_m = 0.08\n";

@@ -30,10 +30,10 @@ impl SlickSpec {
     }
 }
 
-/// The places in the world.
+/// The slick areas in the world.
 ///
 /// # Errors
-/// If one cannot be.
+/// If an area is invalid.
 pub(super) fn build(
     specs: &[Spanned<SlickSpec>],
     source: &Source,

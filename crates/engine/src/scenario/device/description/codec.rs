@@ -150,7 +150,7 @@ mod tests {
             let frames: u64 = counts.iter().map(|count: &Count| count.frames).sum();
             assert_eq!(frames, 1, "{direction:?}");
         }
-        // Without a direction, the first in the file.
+        // Without a direction, the first matching format of the file is used.
         assert_eq!(codec.framed(bytes), 3);
     }
 }

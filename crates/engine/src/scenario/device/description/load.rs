@@ -13,7 +13,7 @@ pub enum LoadError {
     /// The file cannot be read; the text names the expected file.
     #[error("{0}")]
     Read(String),
-    /// It is read, and wrong.
+    /// The file was read, but its contents are wrong.
     #[error(transparent)]
     Description(#[from] DescriptionError),
 }

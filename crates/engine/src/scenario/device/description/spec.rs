@@ -1,4 +1,4 @@
-//! The settings: a file, a table with more, or a list of both.
+//! Settings of described devices: a file, a table with further keys, or a list of both.
 
 use core::fmt;
 use std::borrow::Cow;
