@@ -1,5 +1,5 @@
-//! World, devices and the robot's program, wired by lines, run by one clock that jumps from event
-//! to event.
+//! A rig: world, devices and the robot's program, connected by lines, under one clock that jumps
+//! from event to event.
 
 pub mod bare;
 pub mod cpu;
@@ -75,12 +75,12 @@ impl Link {
 /// Maximum number of events kept; further ones are only counted.
 pub const EVENTS_MAX: usize = 10_000;
 
-/// All of it, and the clock.
+/// World, nodes, links, and the clock.
 pub struct Rig {
     now: Instant,
     /// Ground truth.
     pub world: World,
-    /// Price list of the program's processor.
+    /// Computing times of the program's processor.
     pub cpu: CpuModel,
     nodes: Vec<Node>,
     links: Vec<Link>,
@@ -89,10 +89,10 @@ pub struct Rig {
     events: Vec<Logged>,
     events_dropped: u64,
     violations: u64,
-    /// Until then broken rules are not charged.
+    /// Time until which broken rules do not count.
     excused_until: Instant,
     excused: u64,
-    /// Those among them that devices count by themselves.
+    /// Those of the excused violations that devices count by themselves.
     excused_counts: u64,
     /// Limits of random faults.
     pub budget: Budget,
@@ -100,7 +100,7 @@ pub struct Rig {
     disturbed: Vec<Disturbance>,
     /// Buffer for the bytes that nodes send.
     room: [u8; line::MESSAGE_MAX],
-    /// Deadlines, made anew at the begin of a run.
+    /// Deadlines, computed again at the begin of a run.
     plan: Plan,
 }
 
@@ -128,17 +128,17 @@ impl Rig {
         }
     }
 
-    /// Adds a device; the number of its node.
+    /// Adds a device; returns the number of its node.
     pub fn add_device(&mut self, name: &str, device: impl AnyDevice) -> usize {
         self.add_boxed_device(name, Box::new(device))
     }
 
-    /// Adds a device whose type is not known here; the number of its node.
+    /// Adds a device whose type is not known here; returns the number of its node.
     pub fn add_boxed_device(&mut self, name: &str, device: Box<dyn AnyDevice>) -> usize {
         self.add_node(name, Body::Device(device))
     }
 
-    /// Adds the program under test; the number of its node.
+    /// Adds the program under test; returns the number of its node.
     pub fn add_program(&mut self, name: &str, program: Box<dyn Program>) -> usize {
         self.add_node(
             name,
@@ -150,7 +150,7 @@ impl Rig {
         )
     }
 
-    /// Adds an end that is served from outside; the number of its node.
+    /// Adds an end that is served from outside; returns the number of its node.
     pub fn add_outside(&mut self, name: &str, line: LineConfig) -> usize {
         self.add_node(name, Body::Outside(Outside::new(line)))
     }
@@ -166,13 +166,14 @@ impl Rig {
         self.nodes.len() - 1
     }
 
-    /// Connects two ports by a UART link; the number of the link. `piece`: see [`Line::piece`].
+    /// Connects two ports by a UART link; returns the number of the link. `piece`: see
+    /// [`Line::piece`].
     pub fn connect(&mut self, name: &str, device: End, master: End, piece: usize) -> usize {
         self.connect_by(LinkKind::Uart, name, device, master, piece)
     }
 
-    /// Connects two ports by a link of `kind`; the number of the link. `piece`: see
-    /// [`Line::piece`], which means nothing to a link that carries messages.
+    /// Connects two ports by a link of `kind`; returns the number of the link. `piece`: see
+    /// [`Line::piece`]; a link that carries messages ignores it.
     pub fn connect_by(
         &mut self,
         kind: LinkKind,
@@ -203,7 +204,7 @@ impl Rig {
         self.taps.push(tap);
     }
 
-    /// Errors that stopped taps since the last call, in words, for immediate output.
+    /// Errors that stopped taps since the last call, as text for immediate output.
     pub fn take_tap_trouble(&mut self) -> Option<String> {
         self.taps.iter_mut().find_map(|tap| tap.take_trouble())
     }
@@ -213,8 +214,8 @@ impl Rig {
         self.taps.iter_mut().try_for_each(|tap| tap.finish())
     }
 
-    /// The same rig in the same state, to continue by itself. Observers of this rig do not see the
-    /// copy. `None`: a node program cannot save its state.
+    /// Copies the rig with its state; the copy continues independently. Observers of this rig do
+    /// not see the copy. `None` if a node program cannot save its state.
     pub fn fork(&self) -> Option<Self> {
         if !self.can_save_nodes() {
             return None;
@@ -282,8 +283,8 @@ impl Rig {
         node.device_mut()
     }
 
-    /// The same for a change that acts later: the device is polled at its planned time, as if it
-    /// had known the change from the start.
+    /// As [`device_mut`](Self::device_mut), for a change that acts later: the device is polled at
+    /// its planned time, as if it had known the change from the start.
     pub fn device_to_plan<T: Device + Any>(&mut self, name: &str) -> Option<&mut T> {
         let mut nodes = self.nodes.iter_mut();
         nodes.find(|node| node.name == name)?.device_mut()
@@ -347,8 +348,8 @@ impl Rig {
         self.events_dropped
     }
 
-    /// Number of rules that masters broke: each break counts, also if several share one entry of
-    /// the log. [Excused](Self::excused) ones do not count.
+    /// Number of rules that masters broke: each break counts, also if several breaks share one
+    /// entry of the log. [Excused](Self::excused) breaks do not count.
     pub fn violations(&self) -> u64 {
         let counted = self.broken_rules().map(|(.., count)| count);
         self.violations + counted.sum::<u64>() - self.excused_counts
@@ -362,13 +363,13 @@ impl Rig {
         })
     }
 
-    /// Broken rules that were not charged, see [`excuse_until`](Self::excuse_until).
+    /// Number of broken rules that did not count, see [`excuse_until`](Self::excuse_until).
     pub const fn excused(&self) -> u64 {
         self.excused
     }
 
-    /// Violations of masters before `until` are logged but not charged: the rig was late, and the
-    /// masters' bytes arrive in a burst.
+    /// Violations of masters before `until` are logged but do not count: the rig was late, and the
+    /// bytes of the masters arrive in a burst.
     pub fn excuse_until(&mut self, until: Instant) {
         if self.excused_until <= self.now {
             for node in &mut self.nodes {
@@ -396,8 +397,8 @@ impl Rig {
         }
     }
 
-    /// Runs until `condition` holds, looking every `step`, at most until `deadline`; whether it
-    /// held.
+    /// Runs until `condition` holds, at most until `deadline`. The condition is evaluated every
+    /// `step`. Returns whether it held.
     pub fn run_until_condition(
         &mut self,
         step: Duration,
@@ -413,8 +414,8 @@ impl Rig {
         true
     }
 
-    /// Gives bytes to an outside end, as if its owner had written them now: one message, at most
-    /// [`line::MESSAGE_MAX`] long, if the link carries messages.
+    /// Gives bytes to an outside end, as if its owner had written them now. If the link carries
+    /// messages, the bytes are one message of at most [`line::MESSAGE_MAX`] bytes.
     pub fn inject(&mut self, node: usize, bytes: &[u8]) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
             outside.put(bytes);
@@ -422,7 +423,7 @@ impl Rig {
         }
     }
 
-    /// Bytes injected that the line has not taken yet.
+    /// Number of injected bytes that the line has not taken yet.
     pub fn backlog(&self, node: usize) -> usize {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.to_rig.len(),
@@ -458,7 +459,7 @@ impl Rig {
         }
     }
 
-    /// Tells the far side that the owner of an outside end opened or closed it.
+    /// Reports to the other end that the owner of an outside end opened or closed it.
     pub fn change_line(&mut self, node: usize, event: LineEvent) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
             outside.change = Some(event);
@@ -478,8 +479,8 @@ impl Rig {
         self.log_from(source, event, true, false);
     }
 
-    /// The same; `counts`: a broken rule counts, because its source does not count by itself;
-    /// `is_kept`: the source keeps the moments of its log.
+    /// As [`log`](Self::log). With `counts`, a broken rule counts, because its source does not
+    /// count it. With `is_kept`, the source keeps the moments of its log.
     fn log_from(&mut self, source: &str, mut event: Event, counts: bool, is_kept: bool) {
         if event.kind == EventKind::Violation && event.at < self.excused_until {
             event.kind = EventKind::Note;

@@ -78,7 +78,7 @@ pub use outcome::{Outcome, unobserved};
 use steps::Steps;
 
 pub use crate::scenario::LOOK_EVERY;
-/// Virtual time between two points of the true way that is kept.
+/// Number of checker updates between two kept points of the true path.
 const WAY_EVERY: u32 = 5;
 /// Maximum time from an order to the robot's confirmation, with a failing radio.
 const ORDER_ARRIVES: Duration = Duration::from_secs(5);
@@ -228,8 +228,8 @@ impl Run {
         self.next_look.min(self.scenario.duration.instant())
     }
 
-    /// Time of the next look of the checkers, or of the next action on robot and devices if that
-    /// is earlier. Until then the rig alone decides what happens, if nothing comes from outside.
+    /// Time of the next update of the checkers, or of the next action on robot and devices if that
+    /// is earlier. Until then, only the rig determines the run, unless bytes come from outside.
     pub fn undisturbed_until(&self) -> Instant {
         let push = self.pushes.first().map(|push| push.at.instant());
         let due = push.into_iter().chain(self.agenda.due());
@@ -237,7 +237,7 @@ impl Run {
         due.fold(self.next_look(), Instant::min)
     }
 
-    /// Runs on until the next look of the checkers.
+    /// Runs until the next update of the checkers.
     pub fn step(&mut self) {
         self.advance(self.next_look());
         self.look();
@@ -267,7 +267,7 @@ impl Run {
             && self.progress.has_settled(now)
     }
 
-    /// Runs until `deadline`, also if the mission is over before.
+    /// Runs until `deadline`, even if the mission ends before.
     pub fn go_on_until(&mut self, deadline: Instant) {
         while self.next_look <= deadline {
             self.advance(self.next_look);

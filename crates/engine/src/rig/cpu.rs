@@ -4,20 +4,20 @@ use core::time::Duration;
 
 use firmware_core::Work;
 
-/// Prices [`Work`] in processor time.
+/// Converts [`Work`] to processor time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CpuModel {
-    /// For each scan: everything but the search.
+    /// Time per scan, except for the search.
     pub per_scan: Duration,
     /// Time per candidate pose.
     pub per_try: Duration,
-    /// For each point of each candidate pose.
+    /// Time per point of each candidate pose.
     pub per_point: Duration,
 }
 
 impl CpuModel {
-    /// The rescue robot's STM32F4 at 168 MHz, from the seed report's figure of search times: 14 ms
-    /// per scan, 0.15 ms per try with 36 points and 1.27 ms with 360. Two equations give the price
+    /// The rescue robot's STM32F4 at 168 MHz. The seed report's figure of search times gives 14 ms
+    /// per scan, 0.15 ms per try with 36 points and 1.27 ms with 360. Two equations give the time
     /// of a try (25.6 us) and of a point (3.457 us).
     pub const STM32F4: Self = Self {
         per_scan: Duration::from_millis(14),
@@ -60,7 +60,7 @@ mod tests {
         assert!((many / few - 8.47).abs() < 0.01, "{}", many / few);
     }
 
-    /// Two scans, three tries and five points, each with its own price.
+    /// Two scans, three tries and five points, each with its own time.
     #[test]
     fn work_costs_the_sum_of_its_parts() {
         let nanos = Duration::from_nanos;

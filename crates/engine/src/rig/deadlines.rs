@@ -1,4 +1,4 @@
-//! When nodes and lines are due, and which lines are asked.
+//! Deadlines of nodes and lines, and the set of lines to poll.
 
 use protocols::Instant;
 
@@ -7,22 +7,24 @@ use super::line::NEVER;
 /// Deadlines of a rig's nodes and lines.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Plan {
-    /// The next poll of each node, as the nodes have it.
+    /// Next poll of each node.
     pub(super) polls: Deadlines,
-    /// The next delivery of each line, or more bytes from a sender that had more; two lines a link.
+    /// Next delivery of each line, or next poll of a sender that had more bytes; two lines per
+    /// link.
     pub(super) lines_due: Deadlines,
-    /// Lines whose sender is asked in this round.
+    /// Lines whose sender is polled in this round.
     pub(super) asked: LineSet,
-    /// Lines that each node sends on.
+    /// Outgoing lines of each node.
     pub(super) lines_from: Vec<Vec<usize>>,
 }
 
-/// A time for each of many nodes or lines, as a tournament: each pair plays for the earlier time,
-/// up to the earliest of all. A change costs at most one match a round of the tournament, so a
-/// node or line without work costs nothing.
+/// The earliest of many times, of nodes or lines, as a tournament tree: each pair plays for the
+/// earlier time, up to the earliest of all. A change costs at most one match per level of the tree,
+/// and a node or line without work costs nothing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Deadlines {
-    /// The winner of all at 1, of the pair at `2 n` and `2 n + 1` at `n`, the times from `half` on.
+    /// The earliest of all times at 1, the earliest of `2 n` and `2 n + 1` at `n`, the times
+    /// themselves from `half` on.
     times: Vec<Instant>,
     half: usize,
 }
@@ -64,7 +66,7 @@ impl Deadlines {
         }
     }
 
-    /// The first from `from` on with a time up to `now`.
+    /// The first index from `from` on with a time up to `now`.
     #[inline]
     pub(super) fn due_from(&self, from: usize, now: Instant) -> Option<usize> {
         if from >= self.half || self.next() > now {
@@ -94,7 +96,7 @@ impl Deadlines {
 pub(super) struct LineSet(Vec<u64>);
 
 impl LineSet {
-    /// Removes all; makes room for numbers below `len`.
+    /// Removes all lines; makes room for numbers below `len`.
     pub(super) fn clear(&mut self, len: usize) {
         self.0.clear();
         self.0.resize(len.div_ceil(64), 0);
@@ -105,7 +107,7 @@ impl LineSet {
         self.0[number / 64] |= 1 << (number % 64);
     }
 
-    /// Removes and returns the first one from `from` on.
+    /// Removes and returns the first line from `from` on.
     #[inline]
     pub(super) fn take_from(&mut self, from: usize) -> Option<usize> {
         let mut mask = u64::MAX << (from % 64);
@@ -128,8 +130,8 @@ mod tests {
     use super::*;
 
     proptest! {
-        /// Any changes of any number of times: the next one, and those that are due, are what a
-        /// search through all of them finds.
+        /// After any changes of times, the tournament gives the same next time and the same due
+        /// indices as a search through all times.
         #[test]
         fn the_tournament_knows_what_a_search_finds(
             mut times in prop::collection::vec(0u64..40, 0..70),
@@ -137,7 +139,7 @@ mod tests {
         ) {
             let at = Instant::from_nanos;
             let mut deadlines = Deadlines::default();
-            // What an earlier fill left behind is gone.
+            // Times of an earlier fill are removed.
             deadlines.fill(100, (0..100).map(at));
             deadlines.fill(times.len(), times.iter().copied().map(at));
             for (index, time) in changes {

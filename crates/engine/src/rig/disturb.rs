@@ -9,7 +9,7 @@ use crate::rig::line::Direction;
 /// Actions on a rig at the begin and end of a fault, except those on bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Disturbance {
-    /// Something is wrong with a device.
+    /// A fault of a device.
     Device {
         /// Name of the device.
         name: String,
@@ -36,10 +36,10 @@ pub enum Disturbance {
         link: String,
         /// Direction.
         direction: Direction,
-        /// The name of the client's port from then on, if it is another one.
+        /// New name of the client's port after the fault; `None` if the name is the same.
         back_as: Option<String>,
     },
-    /// The receivers of two lines change places.
+    /// The receivers of two lines are exchanged.
     Cross {
         /// The links.
         links: [String; 2],
@@ -49,7 +49,7 @@ pub enum Disturbance {
 }
 
 impl Disturbance {
-    /// Device, fault and figure, if it is one of a device.
+    /// Device, fault and figure, if the disturbance is a fault of a device.
     fn ailment(&self) -> Option<(&str, &str, Option<f64>)> {
         match self {
             Self::Device {
@@ -63,7 +63,7 @@ impl Disturbance {
 }
 
 impl Rig {
-    /// The devices, each with its known faults.
+    /// The devices, each with its supported faults.
     pub fn devices(&self) -> impl Iterator<Item = (&str, &'static [&'static str])> {
         self.nodes.iter().filter_map(|node| match &node.body {
             Body::Device(device) => Some((node.name.as_str(), device.known_faults())),
@@ -79,7 +79,7 @@ impl Rig {
         }
     }
 
-    /// Gives a fault that has one another window.
+    /// Changes the window of a fault that has one.
     pub(crate) fn move_fault(&mut self, id: FaultId, window: Window) {
         for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
             line.faults.move_to(id, window);
@@ -87,7 +87,7 @@ impl Rig {
         }
     }
 
-    /// Leaves out a fault that has not begun on any line.
+    /// Removes a fault that has not begun on any line.
     pub(crate) fn leave_out_fault(&mut self, id: FaultId) {
         for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {
             line.faults.leave_out(id);
@@ -102,8 +102,8 @@ impl Rig {
         }
     }
 
-    /// Begins or ends a fault's effects other than damage. Effects of two overlapping faults end
-    /// with the second.
+    /// Begins or ends the effects of a fault, except damage. If two faults have the same effect, it
+    /// ends with the second fault.
     pub fn disturb(&mut self, what: &Disturbance, begins: bool) {
         match what {
             Disturbance::Device { .. } => self.set_device_fault(what, begins),
@@ -134,7 +134,7 @@ impl Rig {
         }
     }
 
-    /// Something begins or ends to be wrong with a device.
+    /// Begins or ends a fault of a device.
     fn set_device_fault(&mut self, what: &Disturbance, begins: bool) {
         let ended = self.disturbed.iter().position(|other| other == what);
         if begins {
@@ -161,7 +161,8 @@ impl Rig {
         }
     }
 
-    /// Receivers change places, or get their own back. Receivers that changed later change again.
+    /// Exchanges receivers, or undoes the exchange. Receivers that were exchanged later are
+    /// exchanged again.
     fn cross(&mut self, what: &Disturbance, begins: bool) {
         let place = self.disturbed.iter().position(|other| other == what);
         let place = place.filter(|_| !begins).unwrap_or(self.disturbed.len());
@@ -203,7 +204,7 @@ impl Rig {
         }
     }
 
-    /// The receiver of a line loses its plug, or gets it back.
+    /// Pulls the plug of a line's receiver, or plugs it in again.
     fn plug(&mut self, link: &str, direction: Direction, is_out: bool, back_as: Option<&str>) {
         if let Some(found) = self.links.iter().find(|found| found.name == link)
             && let Body::Outside(outside) = &mut self.nodes[found.line(direction).to.node].body
@@ -229,7 +230,7 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// The first of three links is not affected; the lines to the devices stay.
+    /// The first of three links is not affected; the lines to the devices do not change.
     #[test]
     fn two_of_three_links_change_receivers_one_way_and_get_them_back() {
         let (mut rig, ends) = bare::linked(["one", "two", "three"], 9600);

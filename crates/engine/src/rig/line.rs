@@ -32,9 +32,9 @@ pub struct End {
 pub struct Traffic {
     /// Bytes that left the sender.
     pub sent: u64,
-    /// Bytes that faults took away.
+    /// Bytes that were lost by faults.
     pub lost: u64,
-    /// Bytes that faults added.
+    /// Bytes that were added by faults.
     pub added: u64,
     /// Bytes that reached the receiver.
     pub delivered: u64,
@@ -63,15 +63,15 @@ pub struct Line {
     pub to: End,
     /// A fault.
     pub faults: LineFaults,
-    /// Time between the last bit on the wire and the receiver seeing the byte.
+    /// Time between the last bit on the wire and the arrival at the receiver.
     pub latency: Duration,
-    /// Maximum number of bytes that travel as one piece. Byte times are exact all the same; the
-    /// receiver of a larger piece gets all its bytes when the last one is complete.
+    /// Maximum number of bytes that travel as one piece. Byte times stay exact, but the receiver of
+    /// a larger piece gets all its bytes when the last one is complete.
     pub piece: usize,
     /// Whether a recording replaces the sender: the sender's bytes are lost, those of
     /// [`play`](Self::play) arrive.
     pub is_played: bool,
-    /// Whether the sender had nothing to send at the last request. The line asks it again after an
+    /// Whether the sender had nothing to send at the last poll. The line polls it again after an
     /// event for the sender.
     pub(crate) is_silent: bool,
     traffic: Traffic,
@@ -80,7 +80,7 @@ pub struct Line {
     due: Instant,
     chunks: VecDeque<Chunk>,
     in_flight: u64,
-    /// No later chunk overtakes this.
+    /// Arrival time of the last chunk; later chunks do not arrive earlier.
     last_arrives: Instant,
     /// Echoed bytes for the sender, and their time.
     echo: Option<(Instant, Vec<u8>)>,
@@ -88,16 +88,16 @@ pub struct Line {
     overrun: (Instant, usize),
     resampler: Resampler,
     spare: Vec<Vec<u8>>,
-    /// Whole messages sent so far, and the one that waits for the next one.
+    /// Number of messages sent so far, and the message that waits for the next one.
     messages: u64,
     waiting: Option<Message>,
 }
 
 /// Maximum number of chunks in flight; the sender is polled only below this limit.
 const CHUNKS_MAX: usize = 1 << 16;
-/// Maximum number of stalls, one after the other, that withhold a byte.
+/// Maximum number of consecutive stalls that withhold a byte.
 const GATES_MAX: usize = 1000;
-/// Later than any run.
+/// A time later than any run.
 pub(super) const NEVER: Instant = Instant::from_nanos(u64::MAX);
 
 impl Line {
@@ -131,7 +131,7 @@ impl Line {
         self.traffic
     }
 
-    /// Time at which the last requested bit has left the sender.
+    /// Time at which the sender has sent all bits that it was asked for.
     pub const fn free_at(&self) -> Instant {
         self.free_at
     }
@@ -162,7 +162,7 @@ impl Line {
         (at < NEVER).then_some(at)
     }
 
-    /// The same as a plain time, [`NEVER`] if there is none.
+    /// As [`poll_at`](Self::poll_at), with [`NEVER`] instead of `None`.
     #[inline]
     pub(super) fn next_at(&self, now: Instant) -> Instant {
         let asks_again = !self.is_silent && self.free_at > now;
@@ -191,7 +191,7 @@ impl Line {
         self.release_late(at)
     }
 
-    /// The same with a fault on the line.
+    /// As [`release`](Self::release), for a line with a fault.
     fn release_late(&self, at: Instant) -> (Instant, Option<usize>) {
         let (mut release, mut room) = (at, None);
         for _ in 0..GATES_MAX {
@@ -267,7 +267,7 @@ impl Line {
             errors.framing = self
                 .resampler
                 .feed(&mut passed.bytes, start, sender, receiver);
-            // Marks of the sent bytes do not apply to the resampled ones.
+            // The marks refer to the sent bytes, not to the resampled ones.
             errors.marks = self.resampler.take_marks();
             self.traffic.resampled +=
                 passed.bytes.len() as i64 + i64::from(errors.framing) - before as i64;
@@ -281,7 +281,7 @@ impl Line {
         ends
     }
 
-    /// The same without any fault, which is the usual case.
+    /// As [`take`](Self::take), for a line without faults, which is the usual case.
     fn take_clean(&mut self, start: Instant, sender: LineConfig, sent: &[u8]) -> Instant {
         let mut bytes = self.spare.pop().unwrap_or_default();
         bytes.clear();
@@ -438,7 +438,7 @@ impl Line {
         })
     }
 
-    /// Cuts `bytes` to the `room` until `release`; whether any were lost.
+    /// Removes the bytes that exceed `room` before `release`; returns whether bytes were lost.
     fn overflow(&mut self, release: Instant, room: usize, bytes: &mut Vec<u8>) -> bool {
         if self.overrun.0 != release {
             self.overrun = (release, 0);

@@ -41,10 +41,10 @@ impl LinkKind {
 /// The valid baud rates of a link's port.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PortRate {
-    /// The line's own: a client at another one reads garbage.
+    /// The rate of the line: a client with another rate reads garbage.
     #[default]
     OfLine,
-    /// Any: there is no UART behind the port, e.g. at the PC's end of a Bluetooth link.
+    /// Any rate: there is no UART behind the port, e.g. at the PC's end of a Bluetooth link.
     Any {
         /// Initial settings of the port, until a client changes them.
         usual: LineConfig,

@@ -18,7 +18,7 @@ pub struct Logged {
     pub is_kept: bool,
 }
 
-/// Point in the log of a rig, from which it is read on.
+/// Point in the log of a rig, from which reading continues.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LogPoint {
     entries: usize,
@@ -26,7 +26,7 @@ pub(crate) struct LogPoint {
     moments: BTreeMap<(usize, usize), u64>,
 }
 
-/// Moment of the log.
+/// A moment in the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LogMoment<'a> {
     pub(crate) at: Instant,
@@ -35,7 +35,7 @@ pub(crate) struct LogMoment<'a> {
 }
 
 impl Rig {
-    /// The present end of the log.
+    /// The current end of the log.
     pub(crate) fn log_end(&self) -> LogPoint {
         let logs = self.logs_of_devices();
         LogPoint {
@@ -44,8 +44,8 @@ impl Rig {
         }
     }
 
-    /// The moments of the log after `point`, oldest first, also those that a device has folded into
-    /// one entry; and the number of those that are lost.
+    /// The moments of the log after `point`, oldest first, and the number of lost moments. An entry
+    /// that combines several moments gives all of them.
     pub(crate) fn log_since(&self, point: &LogPoint) -> (Vec<LogMoment<'_>>, u64) {
         let entries = self.events.get(point.entries..).unwrap_or_default();
         let entries = entries.iter().filter(|one| !one.is_kept);

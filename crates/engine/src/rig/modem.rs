@@ -41,9 +41,9 @@ impl Rig {
         }
     }
 
-    /// Takes the damaged characters that arrived at an outside end since the last call, by their
-    /// places among the bytes that [`take_output`](Self::take_output) gives next; without this call
-    /// that throws them away.
+    /// Takes the damaged characters that arrived at an outside end since the last call, with their
+    /// positions among the bytes that [`take_output`](Self::take_output) returns next. Call this
+    /// first: `take_output` discards them.
     pub fn take_marks(&mut self, node: usize) -> Vec<Mark> {
         match &mut self.nodes[node].body {
             Body::Outside(outside) => core::mem::take(&mut outside.marks),
@@ -67,7 +67,8 @@ impl Rig {
         }
     }
 
-    /// Sets them.
+    /// Sets the modes of the terminal at an outside end, see
+    /// [`terminal_modes`](Self::terminal_modes).
     pub fn set_terminal_modes(&mut self, node: usize, modes: Option<[u32; 2]>) {
         if let Body::Outside(outside) = &mut self.nodes[node].body {
             outside.modes = modes;
@@ -79,7 +80,7 @@ impl Rig {
         matches!(&self.nodes[node].body, Body::Outside(outside) if outside.unplugged.0 > 0)
     }
 
-    /// The name by which the port at an outside end came back, if that is another one.
+    /// The new name of the port at an outside end after a fault; `None` if the name is the same.
     pub fn back_as(&self, node: usize) -> Option<&str> {
         match &self.nodes[node].body {
             Body::Outside(outside) => outside.unplugged.1.as_deref(),
@@ -145,8 +146,8 @@ mod tests {
         assert_eq!(level(None, 9), Some(true));
     }
 
-    /// A break is a damaged character at an open end, in its place among the bytes; a plug that is
-    /// out twice is back when both faults are over.
+    /// A break is a damaged character at an open end, at its position among the bytes. If two
+    /// faults pull the plug, it is back when both are over.
     #[test]
     fn an_end_is_told_of_a_break_and_of_its_plug() {
         use crate::rig::Disturbance;
@@ -185,7 +186,7 @@ mod tests {
         assert!(!rig.is_unplugged(0));
     }
 
-    /// Messages that are thrown away leave nothing behind: the next one arrives whole.
+    /// Discarded messages leave no rest: the next message arrives completely.
     #[test]
     fn messages_that_are_discarded_are_gone() {
         let mut rig = rig_of(LinkKind::Datagram);
@@ -199,7 +200,7 @@ mod tests {
         assert_eq!(messages, [[7u8].as_slice()]);
     }
 
-    /// Held bytes wait until the line is free again.
+    /// Held bytes wait until sending continues.
     #[test]
     fn an_end_that_is_held_sends_nothing() {
         let mut rig = rig();

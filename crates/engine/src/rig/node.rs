@@ -17,7 +17,7 @@ use crate::rig::line::{MESSAGE_MAX, Mark, MarkDamage, NEVER};
 /// An emulated device in a rig: any [`Device`] that owns its data and can be cloned, so that a rig
 /// can continue from one state in several ways.
 pub trait AnyDevice: Device + Any + Send {
-    /// The same device in the same state; what happens to one of the two does not reach the other.
+    /// Clones the device with its state. Changes of one do not affect the other.
     fn clone_device(&self) -> Box<dyn AnyDevice>;
 }
 
@@ -35,7 +35,7 @@ impl Clone for Box<dyn AnyDevice> {
 
 /// A robot's program in a rig: any [`Master`] that can be checked and cloned.
 pub trait Program: Master + Inspect + Any + Send {
-    /// The same program in the same state.
+    /// Clones the program with its state.
     fn clone_program(&self) -> Box<dyn Program>;
 }
 
@@ -58,15 +58,15 @@ pub(super) struct Outside {
     pub(super) to_rig: BytesMut,
     pub(super) from_rig: BytesMut,
     pub(super) change: Option<LineEvent>,
-    /// Damaged characters that arrived, by their places in `from_rig`.
+    /// Damaged characters that arrived, with their positions in `from_rig`.
     pub(super) marks: Vec<Mark>,
     /// Number of faults that keep the plug out, and the port's name when it comes back.
     pub(super) unplugged: (u32, Option<String>),
-    /// Input and control modes of its client's terminal, if they are known.
+    /// Input and control modes of the client's terminal, if known.
     pub(super) modes: Option<[u32; 2]>,
     /// The last received byte.
     pub(super) last: Option<u8>,
-    /// Whether bytes to send stay here.
+    /// Whether sending is stopped.
     is_held: bool,
     /// Modem lines set by hand at this end.
     pub(super) forced: [Option<bool>; 4],
@@ -74,7 +74,8 @@ pub(super) struct Outside {
     messages: Option<[VecDeque<usize>; 2]>,
 }
 
-/// Bytes that wait for an outside reader before further ones are lost, as in a UART's driver.
+/// Maximum number of bytes that wait for an outside reader, as in a UART's driver. Further bytes
+/// are lost.
 const OUTSIDE_MAX: usize = 4096;
 
 impl Outside {
@@ -110,7 +111,7 @@ impl Outside {
         self.to_rig.extend_from_slice(bytes);
     }
 
-    /// Stops or continues sending; `true` if that is new.
+    /// Stops or continues sending; returns whether this is a change.
     pub(super) const fn hold(&mut self, is_held: bool) -> bool {
         core::mem::replace(&mut self.is_held, is_held) != is_held
     }
@@ -141,7 +142,7 @@ impl Outside {
         self.marks.extend(marks);
     }
 
-    /// Discards what its owner wrote and the rig has not taken yet.
+    /// Discards the bytes of the owner that the rig has not taken yet.
     pub(super) fn discard(&mut self) {
         self.to_rig.clear();
         if let Some([to_rig, _]) = &mut self.messages {
@@ -149,8 +150,8 @@ impl Outside {
         }
     }
 
-    /// Pulls the plug or plugs it in again; then the owner's port is `back_as`. Bytes that the
-    /// owner wrote before are lost.
+    /// Pulls the plug, or plugs it in again; then the owner's port is called `back_as`. Earlier
+    /// bytes of the owner are lost.
     pub(super) fn plug(&mut self, is_out: bool, back_as: Option<&str>) {
         self.discard();
         let (depth, name) = &mut self.unplugged;
@@ -190,7 +191,7 @@ pub(super) enum Body {
     Program {
         program: Box<dyn Program>,
         busy_until: Instant,
-        /// Of the last work that took time.
+        /// Duration of the last work that took time.
         last_cost: Duration,
     },
     Outside(Outside),
@@ -206,7 +207,7 @@ pub(super) struct Node {
     pub(super) excused_from: u64,
 }
 
-/// Something came in since the last poll.
+/// Poll time of a node that received something since its last poll.
 pub(super) const AT_ONCE: Instant = Instant::ZERO;
 
 impl Node {
@@ -226,7 +227,7 @@ impl Node {
         }
     }
 
-    /// The logs of its device of which each moment is known.
+    /// The logs of its device that keep each moment.
     pub(super) fn logs(&self) -> Vec<&BrokenRules> {
         match &self.body {
             Body::Device(device) => device.logs(),
@@ -234,7 +235,7 @@ impl Node {
         }
     }
 
-    /// Rules broken from now on may be excused.
+    /// Records the current number of broken rules. Later ones may be excused.
     pub(super) fn note_breaks(&mut self) {
         self.excused_from = self.broken_rules().map_or(0, BrokenRules::total);
     }
@@ -262,7 +263,7 @@ impl Node {
         }
     }
 
-    /// Characters arrive that are damaged, before the bytes that come with them.
+    /// Marks the node for damaged characters, which precede the bytes that arrive with them.
     pub(super) fn mark(&mut self, marks: &[Mark]) {
         if let Body::Outside(outside) = &mut self.body
             && !marks.is_empty()
@@ -295,7 +296,7 @@ impl Node {
         }
     }
 
-    /// Whether the node has nothing for a line; anything it has is lost.
+    /// Whether the node has nothing to send on a line. If it has bytes, they are lost.
     pub(super) fn is_silent(&mut self, port: Port) -> bool {
         self.line_change(port).is_none() && self.transmit(port, &mut [0]) == 0
     }
@@ -373,7 +374,7 @@ mod tests {
         buf[..len].to_vec()
     }
 
-    /// Bytes are sent when there is room for them, and stay while the line is held.
+    /// Bytes are sent when there is room for them, and wait while sending is stopped.
     #[test]
     fn an_open_end_gives_what_was_put_into_it() {
         let mut end = outside();

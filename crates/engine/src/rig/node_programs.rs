@@ -1,4 +1,4 @@
-//! The nodes of a rig that are programs of their own.
+//! Node programs of a rig: devices that are programs of their own.
 
 use core::any::Any;
 
@@ -25,24 +25,24 @@ impl Rig {
         nodes.filter_map(|node| node.device_mut())
     }
 
-    /// The node programs that cannot continue, and why.
+    /// The node programs that cannot continue, with the reason.
     pub fn lost_nodes(&self) -> impl Iterator<Item = (&str, NodeError)> {
         let nodes = self.node_programs();
         nodes.filter_map(|(name, node)| Some((name, node.error()?)))
     }
 
-    /// Whether there is one, besides those for which the rig no longer waits.
+    /// Whether a node program cannot continue, apart from those for which the rig no longer waits.
     pub(crate) fn has_lost_node(&self) -> bool {
         let stopped = |error: &NodeError| matches!(error, NodeError::Stopped { .. });
         self.lost_nodes().any(|(_, error)| !stopped(&error))
     }
 
-    /// Whether a node program takes part.
+    /// Whether the rig has a node program.
     pub(super) fn has_node_programs(&self) -> bool {
         self.node_programs().next().is_some()
     }
 
-    /// Whether copies of all node programs could continue as they do.
+    /// Whether all node programs can be copied with their state.
     pub(super) fn can_save_nodes(&self) -> bool {
         self.node_programs().all(|(_, node)| node.can_save())
     }
@@ -64,7 +64,7 @@ impl Rig {
         words.filter(|(_, said)| !said.is_empty()).collect()
     }
 
-    /// Measures from now on how long node programs take for their answers.
+    /// Starts to measure the response times of node programs.
     pub fn measure_nodes(&mut self, stopwatch: &Stopwatch) {
         self.node_programs_mut()
             .for_each(|node| node.measure_by(stopwatch.clone()));
@@ -84,8 +84,8 @@ impl Rig {
         ))
     }
 
-    /// Puts `device` in the place of the outside ends `ends`, each of which becomes one of its
-    /// ports, numbered in this order; the number of its node.
+    /// Replaces the outside ends `ends` by `device`. Each end becomes one of its ports, numbered in
+    /// this order. Returns the number of its node.
     pub fn seat(&mut self, name: &str, device: Box<dyn AnyDevice>, ends: &[usize]) -> usize {
         let node = self.add_boxed_device(name, device);
         let lines = self.links.iter_mut().flat_map(|link| &mut link.lines);

@@ -1,4 +1,4 @@
-//! The near future of a rig: what its outside ends receive if nothing comes from outside.
+//! Preview of a rig: the bytes that its outside ends will receive without further input.
 
 use bytes::Bytes;
 use protocols::Instant;
@@ -20,9 +20,9 @@ pub struct Arrival {
 }
 
 impl Rig {
-    /// All that arrives at outside ends up to `until`, in order of time, if nothing comes from
-    /// outside. The rig itself stays where it is. `None`: a node program takes part, which has no
-    /// copy.
+    /// All chunks that arrive at outside ends up to `until` without further input, in order of
+    /// time. The rig does not advance. `None` if the rig has a node program, which cannot be
+    /// copied.
     pub fn preview(&self, until: Instant) -> Option<Vec<Arrival>> {
         if self.has_node_programs() {
             return None;
@@ -58,7 +58,7 @@ impl Rig {
         }
     }
 
-    /// Moves what has arrived at outside ends now to `arrivals`.
+    /// Moves the bytes that have arrived at outside ends to `arrivals`.
     fn take_arrivals(&mut self, arrivals: &mut Vec<Arrival>) {
         for (index, node) in self.nodes.iter_mut().enumerate() {
             let Body::Outside(outside) = &mut node.body else {
@@ -84,8 +84,8 @@ mod tests {
     use super::*;
     use crate::rig::bare;
 
-    /// At 9600 baud a byte takes 1.0417 ms: two of three bytes come within 3 ms. The rig stays
-    /// where it is, and does the same later, to the nanosecond.
+    /// At 9600 baud a byte takes 1.0417 ms: two of three bytes arrive within 3 ms. The preview does
+    /// not advance the rig; the rig later does the same, to the nanosecond.
     #[test]
     fn a_preview_is_what_comes() {
         let (mut rig, [[device, master]]) = bare::linked(["line"], 9600);

@@ -6,7 +6,7 @@ use super::{Link, Rig};
 use crate::rig::line::Direction;
 
 impl Link {
-    /// The nodes at its ends.
+    /// The nodes at the ends of the link.
     fn nodes(&self) -> [usize; 2] {
         let line = self.line(Direction::ToMaster);
         [line.from.node, line.to.node]
@@ -49,7 +49,7 @@ mod tests {
     use crate::scenario::Scenario;
 
     /// The PC of a scenario waits for the program at the radio. A program that only reads the lidar
-    /// has nothing to do with it.
+    /// is not connected to it.
     #[test]
     fn a_client_reaches_what_hangs_on_its_port_and_nothing_else() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
@@ -63,7 +63,7 @@ mod tests {
         assert!(!rig.reaches(&[], "lidar"));
     }
 
-    /// No link is called as the program is, which is at the end of most of them.
+    /// The program has a name of its own, unlike the links that end at it.
     #[test]
     fn a_node_is_reached_by_its_own_name() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");

@@ -13,7 +13,7 @@ use super::line::passage::{Mark, MarkDamage};
 /// `2 * receiver.baud` units and a receiver's bit `2 * sender.baud`.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resampler {
-    /// Levels still to be checked, one per sender's bit.
+    /// Levels not yet sampled, one per bit of the sender.
     bits: Vec<bool>,
     /// Units of `bits[0]` that the receiver has already passed.
     phase: u64,
@@ -67,7 +67,7 @@ impl Resampler {
         core::mem::take(&mut self.marks)
     }
 
-    /// Time at which [`idle`](Self::idle) is to be called unless more bytes come before.
+    /// Time at which [`idle`](Self::idle) must be called if no bytes arrive before.
     pub(crate) fn idle_at(&self) -> Option<Instant> {
         self.end.map(|(end, quiet)| end + quiet)
     }
@@ -153,11 +153,11 @@ impl Resampler {
 
 /// Idle bits that separate two bursts for certain.
 const IDLE_BITS: u64 = 24;
-/// Bound for absurd pairs of rates.
+/// Limit for extreme ratios of the rates.
 const IDLE_BITS_MAX: u64 = 100_000;
 
 /// The first change from high to low at or after `at`. The level before the first bit counts as
-/// high, and so does a line that is low at `at` but was so before: a receiver waits for an edge.
+/// high. A line that was already low before `at` has no edge there: a receiver waits for a change.
 fn falling_edge(bits: &[bool], at: u64, bit: u64) -> Option<u64> {
     let mut index = usize::try_from(at / bit).ok()?;
     if at.is_multiple_of(bit) && bits.get(index) == Some(&false) && (index == 0 || bits[index - 1])

@@ -1,4 +1,5 @@
-//! One round of a rig: lines deliver arrived bytes, nodes work, lines take the nodes' bytes.
+//! One round of a rig: lines deliver bytes that have arrived, nodes work, lines take the nodes'
+//! bytes.
 
 use protocols::{Instant, LineEvent};
 
@@ -45,7 +46,7 @@ impl Rig {
         }
     }
 
-    /// The node `index` may have something to send.
+    /// Marks the node `index`, which may have bytes to send.
     #[inline]
     fn touch(&mut self, index: usize) {
         for &number in &self.plan.lines_from[index] {
@@ -53,7 +54,7 @@ impl Rig {
         }
     }
 
-    /// Plans the poll of the node `index`, to which something happened.
+    /// Plans the next poll of the node `index` after an event.
     #[inline]
     fn note_poll(&mut self, index: usize) {
         self.plan.polls.set(index, self.nodes[index].polled_at);
@@ -86,7 +87,7 @@ impl Rig {
         }
     }
 
-    /// Delivers all that has arrived on one line.
+    /// Delivers all bytes that have arrived on one line.
     fn deliver_on(&mut self, index: usize, direction: Direction) {
         let line = &mut self.links[index].lines[direction as usize];
         let node = &mut self.nodes[line.to.node];
@@ -163,7 +164,7 @@ impl Rig {
             let line = &self.links[link].lines[direction as usize];
             self.plan.lines_due.set(number, line.next_at(self.now));
         }
-        // A node that was touched behind its own line has its turn with its poll.
+        // A node that is touched after its own line was polled is handled at its next poll.
         self.plan.asked.clear(2 * self.links.len());
     }
 
@@ -203,7 +204,7 @@ impl Rig {
         let ends = if kind.carries_messages() {
             line.take_message(kind, self.now, sender_line, budget, sent)
         } else {
-            // A level has no rate that its receiver could read at.
+            // A pin has a level, which is read without a rate.
             let receiver = match kind {
                 LinkKind::Pin => sender_line,
                 _ => self.nodes[to.node].line_config(to.port),
@@ -278,8 +279,8 @@ mod tests {
         clock.expect("it is there").rings_at = Some(Instant::from_millis(20));
     }
 
-    /// A change announced at 10 ms for 20 ms has no effect before that, and has the same result as
-    /// one that was known from the start. A change with immediate effect wakes its device.
+    /// A change announced at 10 ms for 20 ms has no effect before that time, and has the same
+    /// result as a change known from the start. An immediate change wakes its device.
     #[test]
     fn what_is_planned_later_wakes_nobody_now() {
         let polls = |tell: &dyn Fn(&mut Rig)| {
@@ -295,7 +296,7 @@ mod tests {
         assert_eq!(polls(&|rig| ring(rig.device_mut("clock"))), [0, 10, 20]);
     }
 
-    /// A node that received an event is asked at once, then it rings at 20 ms; there are no events
+    /// A node that received an event is polled at once, then it rings at 20 ms; there are no events
     /// after that.
     #[test]
     fn where_nobody_waits_for_anything_nothing_comes_next() {

@@ -14,7 +14,7 @@ struct Item {
     id: FaultId,
     activity: Activity,
     disturbances: Vec<Disturbance>,
-    /// Number of the current spell, or of the next one.
+    /// Number of the current active period, or of the next one.
     spell: u128,
     is_on: bool,
 }
@@ -141,7 +141,7 @@ mod tests {
         assert!(agenda.0.is_empty());
     }
 
-    /// Time that advanced without a call still performs each begin and end.
+    /// If time advances without a call, each begin and end is performed afterwards.
     #[test]
     fn what_was_due_meanwhile_is_made_up_for() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());
@@ -150,7 +150,7 @@ mod tests {
         assert_eq!((agenda.0[0].spell, agenda.0[0].is_on), (1, true));
     }
 
-    /// Ended at 10.5 s: the active spell ends then, and later ones never begin.
+    /// The fault is ended at 10.5 s: the active period ends then, and later ones never begin.
     #[test]
     fn what_is_ended_early_ends_then_and_never_comes_again() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());
@@ -167,7 +167,8 @@ mod tests {
         assert_eq!(due_after(&mut agenda, &mut rig, 11), None);
     }
 
-    /// Moved to 12 s, the spells are at 12 and 15 s; a fault without a remaining spell is removed.
+    /// The fault is moved to 12 s: its periods begin at 12 and 15 s. A fault without a remaining
+    /// period is removed.
     #[test]
     fn what_is_moved_is_due_in_its_other_window() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());

@@ -1,5 +1,5 @@
-//! Checkers of the whole run: invariants observed from the first to the last moment, and their
-//! verdicts and those of the scenario's expectations.
+//! Checkers that observe the whole run, with their verdicts and the verdicts of the scenario's
+//! expectations.
 
 use firmware_core::memory::StrayWrites;
 use protocols::Instant;
@@ -31,7 +31,7 @@ pub use silence::{STOPS, WATCHDOG};
 
 pub use crate::robots::checker::{Check, Checker, Look, Status};
 
-/// The checkers of every run, selected by the data that `instruments` provides. Some listen to
+/// The checkers of every run. `instruments` provides data only for some of them. Some observe
 /// `rig`.
 pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Checker>> {
     let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
@@ -56,7 +56,7 @@ pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Che
     checkers
 }
 
-/// The set-points of some axes, for the user.
+/// The set-points of some axes as text.
 fn set_points(axes: &[Axis]) -> String {
     let points: Vec<String> = axes.iter().map(|axis| axis.set_point.to_string()).collect();
     points.join(", ")
@@ -110,7 +110,7 @@ pub struct NoCollisionAtSpeed {
     worst_m_s: f64,
 }
 
-/// A slower touch does no harm, m/s.
+/// Maximum speed of a harmless touch, m/s.
 pub(super) const HARMLESS_M_S: f64 = 0.05;
 
 impl Checker for NoCollisionAtSpeed {
@@ -154,7 +154,7 @@ impl Checker for BytesConserved {
     fn observe(&mut self, look: &Look<'_>) {
         self.sent = 0;
         for link in look.rig.links() {
-            // Bytes that a capture plays into a line were not sent on it.
+            // A line that plays a capture did not send its bytes.
             for line in link.lines.iter().filter(|line| !line.is_played) {
                 self.sent += line.traffic().sent;
                 if self.broken.is_none() && !line.conserves_bytes() {

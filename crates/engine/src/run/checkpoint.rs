@@ -40,7 +40,7 @@ impl Run {
     }
 
     fn fork(&self) -> Option<Self> {
-        // Watches read the lines of this rig.
+        // Watches refer to the lines of this rig.
         if self.line_watches.is_some() || !self.fault_watches.is_empty() {
             return None;
         }
@@ -75,7 +75,7 @@ impl Run {
 /// Changes to the faults of a checkpoint's run.
 #[derive(Debug, Default)]
 struct Changes<'a> {
-    /// New number of each fault, if it is kept.
+    /// New number of each fault; `None` if it is removed.
     numbers: Vec<Option<usize>>,
     /// Faults with another window. The differences between the windows are in the future.
     moved: Vec<(FaultId, Window)>,
@@ -109,7 +109,7 @@ impl Checkpoint {
         if self.0.is_over || ends <= now || !is_as_asked || !is_alike(asked, scenario) {
             return None;
         }
-        // The checker of this key counts back from the end of the run.
+        // This check counts back from the end of the run, so a change of the length changes it.
         let safety = asked.expect.safety.as_ref();
         let counts_back = safety.is_some_and(|safety| safety.alive_for.is_some());
         if counts_back && asked.duration != scenario.duration {
@@ -161,12 +161,13 @@ impl Checkpoint {
         changes.added.iter().all(can_add).then_some(changes)
     }
 
-    /// Whether the fault would not have acted yet. A random fault would have used random numbers.
+    /// Whether a new fault would not have acted before the checkpoint. A random fault would have
+    /// drawn random numbers.
     fn can_add(&self, fault: &FaultSpec) -> bool {
         !fault.waits_for_condition() && fault.rate.is_none() && self.is_to_come(fault)
     }
 
-    /// Whether the fault would not have acted differently so far if its window were `window`.
+    /// Whether the fault would have acted in the same manner until now with `window`.
     fn can_move(&self, fault: &FaultSpec, window: Window) -> bool {
         let (was, now) = (fault.window(), self.at());
         let had_begun = was.from <= now;
@@ -263,7 +264,7 @@ fn is_moved(other: &FaultSpec, fault: &FaultSpec) -> bool {
     is_plain && fault.every.is_none() && when_it_was == *fault
 }
 
-/// Whether the fault's number selects its random stream.
+/// Whether the number of the fault selects its random stream.
 fn has_numbered_dice(fault: &FaultSpec) -> bool {
     let kind = matches!(fault.kind, FaultKind::Jitter | FaultKind::Clog);
     fault.stream.is_none() && (fault.rate.is_some() || kind)

@@ -1,5 +1,4 @@
-//! Orders to a run while it continues. They become part of the scenario, so that the run can be
-//! repeated.
+//! Orders to a running run. They become part of the scenario, so that the run can be repeated.
 
 use protocols::Instant;
 
@@ -80,13 +79,13 @@ impl Run {
         Ok(())
     }
 
-    /// The run so far as a scenario that repeats it up to now. Results of the mission are expected
-    /// only if the mission was over, because a shortened run cannot reach them.
+    /// The run until now as a scenario that repeats it. Results of the mission are expected only if
+    /// the mission was over, because a shortened run cannot reach them.
     pub fn case_so_far(&self) -> Scenario {
         let mut case = self.case();
         case.duration = Span(self.rig.now() - Instant::ZERO);
         case.mission.to_the_end = true;
-        // A rule that must hold once may not hold within this time.
+        // A rule that must hold once may hold only later.
         let checks = self.checks();
         let is_met = |name: &str| {
             let mut met = checks.iter().filter(|check| check.status == Status::Pass);
@@ -120,7 +119,7 @@ pub enum CommandError {
     /// The rig has no station of its own.
     #[error("the rig has no PC, because the PC's end is a port")]
     NoStation,
-    /// The protocol does not allow it.
+    /// The protocol does not allow the order.
     #[error("{0}")]
     Script(String),
     /// The robot has no display.
@@ -192,7 +191,7 @@ mod tests {
             .iter()
             .map(|s| s.at.expect("a time").instant().as_millis())
             .collect();
-        // After the steps of the scenario, in their order.
+        // These steps follow those of the scenario, in their order.
         assert_eq!(times, [6_000, 3_000, 2_501, 4_001, 4_002, 8_001]);
         let outcome = again(&case).finish();
         assert_eq!(outcome.trace_hash, run.rig.trace_hash());
@@ -200,7 +199,7 @@ mod tests {
     }
 
     /// The robot rests at its goal, and 2 s of rest end a mission. But one step waits for an event
-    /// at 2.5 s, and another one for the effect of the first.
+    /// at 2.5 s, and another step waits for the effect of the first.
     #[test]
     fn a_mission_that_waits_for_something_is_repeated_byte_by_byte() {
         let mut run = run("[mission]\nwaypoints_m = [[1.5, 1.2]]\nstep = [\
@@ -242,13 +241,13 @@ mod tests {
         };
         assert_eq!(names(Status::Fail), [""; 0]);
         assert!(names(Status::Pass).contains(&"violations".to_owned()));
-        // Without the change the run would have failed.
+        // Without the change the run would fail.
         let failed =
             |check: &&Check| check.name == "waypoints-visited" && check.status == Status::Fail;
         assert!(run.judge().checks.iter().any(|check| failed(&check)));
     }
 
-    /// Taps of the scenario and by hand, also faster than a finger: repeated exactly.
+    /// Taps of the scenario and by hand, also faster than a finger, are repeated exactly.
     #[test]
     fn taps_by_hand_are_repeated_byte_by_byte() {
         let mut run = run("[[device.display.touch-panel.tap]]\nat = \"4s\"\nplace = [410, 50]");
@@ -270,7 +269,7 @@ mod tests {
         );
     }
 
-    /// Observing a run, and advancing it in other pieces, changes nothing.
+    /// A run gives the same result if it is observed, and if it is advanced in other steps.
     #[test]
     fn a_run_that_nobody_touches_is_the_one_without_a_hand() {
         let (mut alone, mut watched) = (run(""), run(""));

@@ -20,7 +20,7 @@ pub struct Contacts {
 }
 
 impl Contacts {
-    /// Their number.
+    /// Number of contacts.
     pub const fn count(&self) -> u64 {
         self.count
     }

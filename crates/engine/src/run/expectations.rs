@@ -8,8 +8,8 @@ use super::score::{PoseError, WallOverlap, wall_overlap};
 use super::{Run, WAY_EVERY, explored, golden, victims};
 use crate::scenario::Flaw;
 
-/// Whether the check `name` judges an expectation at the end: a run that is too short also fails
-/// it.
+/// Whether the check `name` judges an expectation at the end of the run. A run that is too short
+/// fails such a check.
 pub fn is_of_the_end(name: &str) -> bool {
     let names = [
         "waypoints-visited",
@@ -55,7 +55,7 @@ impl Run {
         }
     }
 
-    /// Resemblance to an earlier run.
+    /// Comparison with an earlier run.
     fn golden_expectations(&self, checks: &mut Vec<Check>) {
         let Some(spec) = &self.scenario.expect.golden else {
             return;
@@ -82,7 +82,7 @@ impl Run {
         }
     }
 
-    /// Agreement of map and world, if the scenario expects some.
+    /// Agreement of map and world, if the scenario expects a minimum.
     pub(super) fn expected_overlap(&self) -> Option<WallOverlap> {
         let is_expected = self.scenario.expect.wall_overlap_min.is_some();
         is_expected.then(|| self.wall_overlap()).flatten()
@@ -92,7 +92,7 @@ impl Run {
     pub(super) fn wall_overlap(&self) -> Option<WallOverlap> {
         let way = self.truth.iter().step_by(WAY_EVERY as usize);
         let mut way: Vec<Pose> = way.map(|&(_, pose)| pose).collect();
-        // While the robot rested, it saw nothing new.
+        // A resting robot sees nothing new.
         way.dedup();
         let map = self.instruments.map(&self.rig)?;
         let within_mm = self.scenario.expect.wall_within_mm;

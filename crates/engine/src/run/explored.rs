@@ -77,10 +77,10 @@ impl Floor {
     }
 }
 
-/// Share of the floor that `map` knows, of the floor that the body covers at all poses reachable
-/// from `start`. `None` if no pose on the map is reachable. Moving obstacles stay at their current
+/// Share of the known cells of `map` among those that the body covers at all poses reachable from
+/// `start`. `None` if no pose on the map is reachable. Moving obstacles stay at their current
 /// position. A slit of one cell between known cells counts as known: beams of a scanner are 35 mm
-/// apart at 2 m, and a robot that has stood still has a fan of slits between them.
+/// apart at 2 m, and a robot at rest leaves a fan of slits between them.
 pub(crate) fn explored(map: MapView<'_>, world: &World, start: Pose) -> Option<f64> {
     let floor = Floor::of(map);
     let covered = covered(&floor, world.clone(), start);
@@ -125,7 +125,7 @@ fn covered(floor: &Floor, mut world: World, start: Pose) -> Vec<bool> {
         }
     }
     let mut covered = reached.clone();
-    // The body's rim is enough: other positions cover its inside.
+    // Only the rim of the body is needed: other positions cover its inside.
     let rim: Vec<(f64, f64)> = (0..72_u16)
         .map(|step| {
             let angle = f64::from(step * 5).to_radians();

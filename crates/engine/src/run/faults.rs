@@ -22,7 +22,7 @@ pub const FAULTS_MAX: usize = 10_000;
 pub enum FaultState {
     /// Its time or its condition has not come yet.
     Planned,
-    /// It is active, or will be again.
+    /// The fault is active, or will be active again.
     Active,
     /// Its time is over, or it was removed.
     Over,
@@ -41,17 +41,17 @@ pub struct FaultReport {
 
 /// Minimum delay of a change after the rig's current time.
 const NEXT: Duration = Duration::from_nanos(1);
-/// Maximum number of spells of one clogged line that a case holds.
+/// Maximum number of active periods of a clogged line in a saved case.
 const SPELLS_MAX: u128 = 100_000;
 
 impl Run {
     /// Adds a fault to the run, from now on or from its own later time. Its times count from the
     /// start of the run. The fault becomes part of the scenario: the saved [`case`](Self::case)
-    /// contains it with the time of its begin.
+    /// contains the fault with the time of its begin.
     ///
     /// # Errors
-    /// If its keys do not fit together, if it names an unknown link or a byte that has passed, or
-    /// if there are [`FAULTS_MAX`] faults already. The run does not change then.
+    /// If the keys of the fault contradict each other, if it names an unknown link or a byte that
+    /// has already passed, or if there are [`FAULTS_MAX`] faults. The run does not change then.
     pub fn inject(&mut self, mut fault: FaultSpec) -> Result<FaultId, Flaw> {
         if self.scenario.fault.len() >= FAULTS_MAX {
             let message = format!("the run already has {FAULTS_MAX} faults, the maximum");
@@ -110,8 +110,8 @@ impl Run {
         }
     }
 
-    /// Watches the conditions of faults: those of a begin at once, those of an end from the begin
-    /// on.
+    /// Watches the conditions of faults: those for a begin from the start, those for an end after
+    /// the begin.
     pub(super) fn watch_faults(&mut self) {
         let now = self.rig.now();
         let mut wanted = Vec::new();
@@ -128,14 +128,14 @@ impl Run {
             }
         }
         for (key, condition) in wanted {
-            // The names were checked as the rig was wired, or as the fault was added.
+            // The names were checked during the wiring of the rig, or when the fault was added.
             if let Ok(watch) = self.watch(&condition) {
                 self.fault_watches.insert(key, watch);
             }
         }
     }
 
-    /// Ends the faults whose conditions for that have come true.
+    /// Ends the active faults whose end condition has become true.
     fn end_what_is_held(&mut self) {
         let has_come = |((id, key), watch): (&(FaultId, &'static str), &Watch)| {
             (*key == "ends_when" && self.has_come(watch)).then_some(*id)
@@ -152,7 +152,7 @@ impl Run {
         }
     }
 
-    /// Begins and ends the faults whose conditions have come true.
+    /// Begins and ends the faults whose conditions have become true.
     pub(super) fn begin_what_waited(&mut self) {
         if !self.fault_watches.is_empty() {
             self.end_what_is_held();
@@ -306,9 +306,9 @@ impl Run {
         self.rig.log("rig", event);
     }
 
-    /// The run so far as a scenario with explicit seed and defaults. Lists of damaged bytes replace
-    /// random damage, and times replace the conditions of faults. A run of this scenario has the
-    /// same faults, independent of the random numbers of later versions.
+    /// The run until now as a scenario with explicit seed and defaults. Lists of damaged bytes
+    /// replace random damage, and times replace the conditions of faults. A run of this scenario
+    /// has the same faults, independent of the random numbers of later versions.
     pub fn case(&self) -> Scenario {
         let mut case = self.scenario.clone();
         case.seed = self.seed;
@@ -342,17 +342,17 @@ impl Run {
         case
     }
 
-    /// Records the measured price of a program's computing in the case of this run.
+    /// Stores the measured computing times of a program in the case of this run.
     pub fn set_computing(&mut self, computing: ComputingSpec) {
         self.scenario.computing = Some(computing);
     }
 
-    /// A fault with its real times, and without random values where possible.
+    /// The fault with its real times, and without random values where possible.
     fn resolved(&self, id: FaultId, fault: &FaultSpec) -> Vec<FaultSpec> {
         let activity = self.activity_of(id, fault);
         let mut fault = fault.clone();
         if fault.waits_for_condition() || activity.trigger.is_some() {
-            // It never began, but may yet in a longer run, unless it was withdrawn.
+            // The fault has not begun, but may begin in a longer run, unless it was withdrawn.
             return Vec::from_iter(fault.until.is_none().then_some(fault));
         }
         let span = |at: Instant| (at < Window::ALWAYS.until).then(|| Span(at - Instant::ZERO));
@@ -411,8 +411,8 @@ mod tests {
         run.faults().map(|report| report.state).collect()
     }
 
-    /// An action now takes effect a nanosecond later. A fault is therefore active this long before
-    /// its begin, and over this long before its end.
+    /// An action takes effect a nanosecond later. So the fault counts as active a nanosecond before
+    /// its begin, and as over a nanosecond before its end.
     #[test]
     fn a_fault_is_planned_then_active_then_over() {
         use FaultState::{Active, Over, Planned};
@@ -427,8 +427,8 @@ mod tests {
         assert_eq!(told, expected.map(|state| vec![state]));
     }
 
-    /// A bus is cut from when the robot drives until the base has stopped its motors. A case has
-    /// the times, and gives the same bytes.
+    /// A bus is cut from the time at which the robot drives until the base has stopped its motors.
+    /// A case contains the times, and gives the same bytes.
     #[test]
     fn a_fault_is_held_until_a_condition_comes_true() {
         use FaultState::{Over, Planned};
@@ -467,8 +467,8 @@ mod tests {
         assert_eq!(again.rig.trace_hash(), run.rig.trace_hash());
     }
 
-    /// A byte that has passed is over, and so is what lasted for a while from a byte on; all is in
-    /// the log.
+    /// A fault on a byte is over after that byte has passed. A fault that lasts for a time from a
+    /// byte on is then over, too. The log contains both.
     #[test]
     fn a_fault_that_waits_for_a_byte_is_over_behind_it() {
         use FaultState::{Over, Planned};
@@ -515,8 +515,8 @@ mod tests {
         }
     }
 
-    /// A clog with the random stream `clogs` becomes one stall per spell in a case, without random
-    /// numbers: one every 300 ms, of 100 ms on average.
+    /// A clogged line with the random stream `clogs` becomes one stall per active period in a case,
+    /// without random numbers: one every 300 ms, of 100 ms on average.
     #[test]
     fn a_case_has_the_spells_of_a_clog_as_stalls() {
         let mut run = run();
@@ -531,8 +531,8 @@ mod tests {
         assert_eq!(read.expect("sound").0.fault, case.fault);
     }
 
-    /// The fault's number in the run selects the random stream. In a case the fault may have
-    /// another number, so the stream is named.
+    /// The number of the fault in the run selects the random stream. In a case the fault may have
+    /// another number, so the case names the stream.
     #[test]
     fn a_case_names_the_dice_of_what_is_late_by_chance() {
         let mut run = run();

@@ -12,7 +12,7 @@ use crate::scenario::Walls;
 /// Samples of a path per tolerance.
 const SAMPLES: f64 = 10.0;
 
-/// The check of a path: each of the two lies within `within_mm` of the other.
+/// The check of a path: every point of each path lies within `within_mm` of the other path.
 pub(super) fn path_check(golden: &[Point], path: &[Point], within_mm: f64) -> Check {
     let within = within_mm / 1000.0;
     let far = |from: &[Point], to: &[Point]| {
@@ -94,7 +94,8 @@ fn sampled(path: &[Point], step: f64) -> impl Iterator<Item = Point> + '_ {
     legs.chain(path.last().copied())
 }
 
-/// The check of a map: walls of each of the two that the other one has within so many cells.
+/// The check of a map: the share of each map's walls that have a wall of the other map within
+/// `within` cells.
 pub(super) fn map_check(
     golden: &Walls,
     map: Option<MapView<'_>>,
@@ -124,7 +125,7 @@ pub(super) fn map_check(
     Check::new(name, kept.min(right) >= least, detail)
 }
 
-/// Share of the walls of `of` that `other` has within so many cells; 0 without walls.
+/// Share of the walls of `of` that have a wall of `other` within `within` cells; 0 without walls.
 fn share(of: &Walls, other: &Walls, within: usize) -> f64 {
     let height = other.cells.len() / other.width.max(1);
     let walls = of.cells.iter().enumerate().filter(|(_, is)| **is);

@@ -1,5 +1,5 @@
-//! History of a run, for the report: wires, scans and maps. It is sampled so that its size is
-//! limited for any duration.
+//! History of a run for the report: wires, scans and maps. The size is limited for any duration of
+//! the run.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -82,8 +82,8 @@ impl<T> Thinned<T> {
         self.next = now + self.period;
     }
 
-    /// The same for data that changes rarely: a sample is added only if it differs from the last
-    /// one.
+    /// As [`offer`](Self::offer), for data that changes rarely: a sample is added only if it
+    /// differs from the last one.
     fn offer_change(&mut self, now: Instant, make: impl FnOnce() -> T)
     where
         T: PartialEq + Default,
@@ -106,7 +106,7 @@ impl<T> Thinned<T> {
 /// A scan from the program's view, in the map's frame: x and y of each point in turn, metres.
 pub(crate) type Points = Vec<f64>;
 
-/// A run over its time.
+/// The course of a run over time.
 #[derive(Clone, Debug)]
 pub struct History {
     /// Length of a bin of the lanes.
@@ -204,7 +204,7 @@ mod tests {
     use crate::rig::fault::{Damage, Strike};
     use crate::rig::line::End;
 
-    /// Unchanged data is sampled once, missing data is not sampled.
+    /// Unchanged data is sampled once; missing data is not sampled.
     #[test]
     fn what_seldom_changes_is_sampled_when_it_does() {
         let mut thinned = Thinned::new(Duration::from_secs(1), 5);

@@ -33,7 +33,7 @@ pub(super) struct Frames {
     codec: &'static Codec,
     stream: Stream,
     heard: Instant,
-    /// Names of the registers, if the line is that of a slave as data.
+    /// Names of the registers, if the line belongs to a slave that the scenario defines.
     names: Option<RegisterNames>,
     /// The last bytes and the positions of pauses among them, from which a copy reaches the same
     /// state, and the number of all bytes.
@@ -144,7 +144,7 @@ impl Frames {
         names.words(self.tail.get(index(place.start)?..index(place.end)?)?)
     }
 
-    /// The value of a frame; `None` if the condition does not apply to it.
+    /// The reading of a frame; `None` if the condition does not apply to the frame.
     fn reading(&self, words: &str) -> Option<Reading> {
         let FrameCondition {
             contains,
@@ -224,11 +224,12 @@ pub(super) struct Found {
     pub(super) has_held: bool,
     /// Moments since the last call that took them.
     moments: Vec<(Instant, Reading)>,
-    /// Counts of bytes, frames and readings on the line, and the last frame in words.
+    /// Number of bytes on the line. The following fields have the counts of frames and readings,
+    /// and the last frame as text.
     pub(super) bytes: u64,
     pub(super) frames: u64,
     pub(super) readings: u64,
-    /// Moments beyond [`FOUND_MAX`] between two looks.
+    /// Number of moments beyond [`FOUND_MAX`] between two updates.
     pub(super) lost: u64,
     pub(super) last: String,
 }
@@ -298,7 +299,7 @@ impl LineWatches {
         self.0.lock().is_empty()
     }
 
-    /// Adds a watch; it works once these watches are a tap of the rig.
+    /// Adds a watch. It starts to work when these watches become a tap of the rig.
     pub(super) fn add(&self, watch: LineWatch) -> Shared<LineWatch> {
         let watch = Shared::new(watch);
         self.0.lock().push(watch.downgrade());
@@ -468,7 +469,7 @@ mod tests {
         }
     }
 
-    /// Only bytes on the own line count, and only while a condition waits.
+    /// A watch counts only bytes of its own line, and only while a condition waits.
     #[test]
     fn a_watch_hears_its_own_line_alone() {
         let mut watches = LineWatches::default();

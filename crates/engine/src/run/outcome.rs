@@ -43,7 +43,7 @@ pub struct Outcome {
     pub footprint: scene::Outline,
     /// Maps other than the program's by name, at the end.
     pub layers: Vec<(&'static str, KeptMap)>,
-    /// The run over its time.
+    /// The course of the run over time.
     pub history: History,
     /// The robot's display at the end.
     pub display: Option<Picture>,
@@ -59,7 +59,7 @@ pub struct Outcome {
     pub violations: u64,
     /// Violated rules with their devices and counts.
     pub broken_rules: Vec<(String, &'static str, u64)>,
-    /// The probable cause of a failure, if the program was a foreign one and its ports were
+    /// Probable cause of a failure, if the program ran in another process and its ports were
     /// watched.
     pub probable_cause: Option<String>,
     /// The end of the node programs' standard error, by node names.
@@ -77,7 +77,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Whether something was judged, nothing failed, and each rule was observed.
+    /// Whether at least one check was judged, no check failed, and each rule was observed.
     pub fn passed(&self) -> bool {
         let is = |status| self.checks.iter().any(|check| check.status == status);
         let is_whole = self.unobserved_rules().next().is_none();
@@ -113,8 +113,7 @@ impl Outcome {
     }
 }
 
-/// Those of `checks` that are of rules of `expect` which a run must observe, and that were not
-/// observed.
+/// The checks in `checks` of rules in `expect` that a run must observe but did not observe.
 pub fn unobserved<'a>(expect: &'a Expect, checks: &'a [Check]) -> impl Iterator<Item = &'a Check> {
     let open = checks
         .iter()

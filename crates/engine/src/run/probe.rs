@@ -1,9 +1,8 @@
 //! Evaluation of a condition over a run: for a rule at each moment, for a wait since its start.
 //!
-//! Conditions on the state (registers, axes, figures of the robot, the map) are read at each look,
-//! 10 ms apart. Bytes, frames, contacts and events of the log have moments of their own, also
-//! events that a device folds into one entry. Between its moments such a condition says neither yes
-//! nor no.
+//! Conditions on the state (registers, axes, figures of the robot, the map) are sampled every 10
+//! ms. Bytes, frames, contacts and log events have moments of their own, also events that a device
+//! folds into one entry. Between its moments such a condition has no value.
 
 mod words;
 
@@ -42,13 +41,14 @@ struct Leaf {
     now: Option<Reading>,
     /// Of the log: the state of its rule.
     known: Known,
-    /// Of the log: whether its source has logged something.
+    /// For a condition on the log: whether its source has logged something.
     is_logged: bool,
-    /// Of the log: a rule that its source has logged, and whose name is nearly the wanted one.
+    /// For a condition on the log: a logged rule of the source with a name similar to the wanted
+    /// one.
     near: Option<String>,
     /// Number of moments that were lost.
     lost: u64,
-    /// Of a register: why its name is none of the device's, as of the last look.
+    /// For a register: the message for a name that the device does not have, from the last sample.
     missing: Option<String>,
 }
 
@@ -163,13 +163,13 @@ impl Probe {
         }
     }
 
-    /// The moments of all its parts, oldest first; several parts may have the same moment.
+    /// Collects the moments of all its parts, oldest first; several parts may have the same moment.
     pub(super) fn moments(&self, into: &mut Vec<(Instant, usize)>) {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().for_each(|part| part.moments(into)),
             Node::Not(inner) => inner.moments(into),
             Node::Leaf(leaf) => {
-                // The order distinguishes frames that ended at the same time.
+                // The number distinguishes frames that ended at the same time.
                 let mut before: Option<(Instant, usize)> = None;
                 for (at, _) in &leaf.moments {
                     let number = match before {
@@ -187,7 +187,7 @@ impl Probe {
     pub(super) fn judge(&mut self, at: Option<(Instant, usize)>) -> Truth {
         match &mut self.node {
             Node::All(parts) => {
-                // Each part is judged, so that each has words.
+                // Every part is judged, so that every part has a reading for the message.
                 let truths: Vec<_> = parts.iter_mut().map(|part| part.judge(at)).collect();
                 together(&truths, false)
             }
@@ -226,8 +226,8 @@ impl Probe {
         }
     }
 
-    /// Whether the subject of the condition has appeared, so that it could have held: its line, its
-    /// frames, the log, a moving robot.
+    /// Whether the subject of the condition has appeared: bytes on its line, its frames, log
+    /// entries, a moving robot. Only then could the condition have held.
     pub(super) fn has_appeared(&self, has_moved: bool) -> bool {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => {
@@ -261,8 +261,8 @@ impl Probe {
         }
     }
 
-    /// Whether a part has read a value at this moment that cannot be compared, because it has
-    /// another type or is not a number.
+    /// Whether a part has just read a value that cannot be compared: it has another type or is not
+    /// a number.
     pub(super) fn is_incomparable(&self) -> bool {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().any(Self::is_incomparable),
@@ -274,8 +274,8 @@ impl Probe {
         }
     }
 
-    /// The reason for a missing observation: a line that carried other frames, a log without the
-    /// source.
+    /// The reason for a missing observation, e.g. a line with other frames only, or a log without
+    /// entries of the source.
     pub(super) fn silence(&self) -> Option<String> {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::silence),
@@ -305,7 +305,7 @@ impl Probe {
         }
     }
 
-    /// The first name of a register that its device has not, with the known ones.
+    /// The first register name that its device does not have, with the known names.
     pub(super) fn missing(&self) -> Option<&str> {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().find_map(Self::missing),
@@ -314,7 +314,7 @@ impl Probe {
         }
     }
 
-    /// Whether moments of a part were lost, so that what it forbids may have come.
+    /// Whether moments of a part were lost. A forbidden event may be among the lost moments.
     pub(super) fn has_lost(&self) -> bool {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => parts.iter().any(Self::has_lost),
@@ -326,8 +326,8 @@ impl Probe {
         }
     }
 
-    /// Whether it has held since its start; of a state, whether it holds now. `None`: it has no
-    /// value that could be compared.
+    /// Whether the condition has held since its start; for a state, whether it holds now. `None` if
+    /// it has no comparable value.
     pub(super) fn has_come(&self, moment: &Moment<'_>, contacts: &super::Contacts) -> Truth {
         let truths = |parts: &[Self]| -> Vec<Truth> {
             let parts = parts.iter();
@@ -409,8 +409,8 @@ impl Leaf {
         }
     }
 
-    /// Whether an entry of its rule could come: its source is known to log it, or is one whose
-    /// rules are not known, and has logged something.
+    /// Whether an entry of the wanted rule is possible: the source is known to log this rule, or
+    /// the rules of the source are unknown and it has logged something.
     fn could_be_logged(&self) -> bool {
         match self.known {
             Known::Logged => true,
@@ -420,7 +420,7 @@ impl Leaf {
         }
     }
 
-    /// Why the log says nothing of it, if it does not.
+    /// The reason for missing log entries of the event; `None` if there is no reason to name.
     fn silence_of_log(&self, event: &EventCondition) -> Option<String> {
         let rule = &event.rule;
         let source = event.source.as_deref();
@@ -453,7 +453,7 @@ fn is_event(wanted: &EventCondition, logged: &LogMoment<'_>) -> bool {
     logged.rule == wanted.rule && is_source(wanted, logged)
 }
 
-/// Whether the moment is of the wanted source. A condition without one asks for the rule.
+/// Whether the entry comes from the wanted source. A condition without a source accepts any.
 fn is_source(wanted: &EventCondition, logged: &LogMoment<'_>) -> bool {
     match &wanted.source {
         Some(source) => *source == logged.source,
@@ -470,7 +470,7 @@ fn is_contact(
         .is_none_or(|speed| contact.own_m_s > speed)
 }
 
-/// The moments of several conditions since the last look, in their order, without repetition.
+/// The moments of several conditions since the last update, in order, without repetition.
 pub(super) fn moments_of<'a>(probes: impl Iterator<Item = &'a Probe>) -> Vec<(Instant, usize)> {
     let mut all = Vec::new();
     probes.for_each(|probe| probe.moments(&mut all));

@@ -10,7 +10,7 @@ pub use crate::robots::overlay::millimetres;
 pub struct Scene {
     /// Minimum and maximum x and y: x0, y0, x1, y1.
     pub bounds: [f64; 4],
-    /// Outlines, as they are now.
+    /// Outlines at the current time.
     pub shapes: Vec<Outline>,
 }
 
@@ -26,7 +26,7 @@ pub enum Outline {
     Circle([f64; 3]),
 }
 
-/// The fixtures of `world`, and its obstacles where they are now.
+/// The fixtures of `world`, and its obstacles at their current positions.
 pub fn scene(world: &World) -> Scene {
     let scene = world.scene();
     let bounds = scene.bounds();

@@ -294,7 +294,8 @@ mod tests {
         assert_eq!(pose_error(&[]), None);
     }
 
-    /// Values of a map at 3, 2 and 1 cells before the middle, at the middle, and behind it.
+    /// Result for two profiles along x and y: values of a map 3, 2 and 1 cells before the middle,
+    /// at the middle, and behind it.
     fn is_a_wall(profile: [u8; 7]) -> [bool; 2] {
         let along = |cell: fn(usize) -> [usize; 2], axis: usize| {
             let cells: Vec<u8> = (0..49).map(|at| profile[cell(at)[axis]]).collect();

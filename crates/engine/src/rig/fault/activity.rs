@@ -32,7 +32,7 @@ impl Window {
     }
 }
 
-/// Repeated times within a window in which a fault is at work.
+/// Repeated active periods within a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spells {
     /// Time between two begins.
@@ -41,7 +41,7 @@ pub struct Spells {
     pub lasting: Duration,
     /// Maximum number of repetitions.
     pub count: Option<u32>,
-    /// Seed and name of the dice, if each begins and ends by chance within its period: then
+    /// Seed and name of the random stream, if each period begins and ends at random times. Then
     /// `lasting` is the mean length.
     pub dice: Option<(u64, String)>,
 }
@@ -49,18 +49,20 @@ pub struct Spells {
 /// Event on the line that a fault waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trigger {
-    /// This byte, counted from zero as sent.
+    /// The byte with this number, counted from zero as sent.
     Byte(u64),
-    /// This frame, counted from zero; frames are separated by a pause of two characters.
+    /// The frame with this number, counted from zero. Frames are separated by a pause of two
+    /// characters.
     Frame(u64),
 }
 
 /// The activity of a fault.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Activity {
-    /// Never outside. While a trigger is waited for, its length counts from there.
+    /// Window of the fault. While the fault waits for its trigger, the length of the window counts
+    /// from the trigger.
     pub window: Window,
-    /// In spells, or all the time.
+    /// Active periods within the window; `None` if the fault is active all the time.
     pub spells: Option<Spells>,
     /// The awaited event; `None` after it has occurred.
     pub trigger: Option<Trigger>,
@@ -90,17 +92,17 @@ impl Activity {
         spell.contains(now).then_some(spell)
     }
 
-    /// Whether the fault is never at work from `now` on.
+    /// Whether the fault is never active from `now` on.
     pub(super) fn is_over(&self, now: Instant) -> bool {
         self.trigger.is_none() && self.window.until <= now
     }
 
-    /// Whether the fault is at work at `now`.
+    /// Whether the fault is active at `now`.
     pub fn is_active(&self, now: Instant) -> bool {
         self.spell_at(now).is_some()
     }
 
-    /// The spell with this number, cut to the window; `None` behind the last one.
+    /// The period with this number, cut to the window; `None` after the last one.
     pub fn spell(&self, number: u128) -> Option<Window> {
         let Some(spells) = &self.spells else {
             return (number == 0 && !self.window.is_empty()).then_some(self.window);
@@ -132,7 +134,7 @@ impl Activity {
         })
     }
 
-    /// The event that was waited for has come at `now`.
+    /// Handles the awaited event, which occurred at `now`.
     pub fn fire(&mut self, now: Instant) {
         let length = self.window.until.as_nanos() - self.window.from.as_nanos();
         self.trigger = None;
@@ -142,7 +144,7 @@ impl Activity {
         };
     }
 
-    /// Ends the activity at `at`, if it would continue for longer. One that still waits for its
+    /// Ends the activity at `at`, if it would continue for longer. A fault that still waits for its
     /// event was never active.
     pub fn end(&mut self, at: Instant) {
         if self.trigger.take().is_some() {
@@ -186,7 +188,7 @@ mod tests {
         assert_eq!(at(&spells(None, None)), [10, 13, 16, 19]);
         assert_eq!(at(&spells(Some(2), None)), [10, 13]);
         assert_eq!(at(&spells(Some(0), None)), [0; 0]);
-        // A period of more than the 584 years that nanoseconds count comes once.
+        // A period longer than the 584 years that a counter of nanoseconds covers occurs once.
         let mut once = spells(None, None);
         once.spells.as_mut().expect("it has some").every = Duration::MAX;
         assert_eq!(at(&once), [10]);
@@ -231,8 +233,8 @@ mod tests {
         assert_eq!(activity.spell(0), None);
     }
 
-    /// On average two of each ten seconds, so from none to four, anywhere within the ten; with nine
-    /// on average never more than the ten.
+    /// On average two active seconds of each ten, so from none to four, anywhere within the ten.
+    /// With nine on average, never more than ten.
     #[test]
     fn spells_by_chance_have_their_mean_length() {
         let spells = |lasting: u64| {

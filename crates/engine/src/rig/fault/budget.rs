@@ -9,9 +9,9 @@ use protocols::Instant;
 /// because it was ordered.
 #[derive(Clone, Debug, Default)]
 pub struct Budget {
-    /// Most strikes of the run.
+    /// Maximum number of strikes in the run.
     pub total: Option<u64>,
-    /// Most strikes within [`AT_ONCE`].
+    /// Maximum number of strikes within [`AT_ONCE`].
     pub at_once: Option<u32>,
     spent: u64,
     recent: VecDeque<Instant>,
@@ -21,7 +21,7 @@ pub struct Budget {
 pub const AT_ONCE: Duration = Duration::from_millis(100);
 
 impl Budget {
-    /// Bounds that are not reached yet.
+    /// Limits without any strike so far.
     pub const fn new(total: Option<u64>, at_once: Option<u32>) -> Self {
         Self {
             total,

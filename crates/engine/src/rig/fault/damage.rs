@@ -20,11 +20,11 @@ pub enum Damage {
     },
     /// The byte arrives twice.
     Duplicate,
-    /// This byte and those behind it are garbled.
+    /// This byte and the following ones are garbled.
     Burst {
         /// Number of bytes, including this one.
         len: u16,
-        /// The bits inverted in each.
+        /// The inverted bits in each byte.
         mask: u8,
     },
     /// This byte and the rest of its frame never arrive: all bytes up to the next pause of two
@@ -33,9 +33,9 @@ pub enum Damage {
         /// Maximum number of lost bytes.
         len: u16,
     },
-    /// The byte arrives behind the one that follows it.
+    /// The byte arrives after the next one.
     Swap,
-    /// The byte's parity is wrong: the receiver reports that and has no byte.
+    /// The byte's parity is wrong: the receiver reports an error and gets no byte.
     ParityError,
     /// The sender pauses before the byte.
     Idle {
@@ -93,7 +93,7 @@ pub enum DamageKind {
 }
 
 impl DamageKind {
-    /// All kinds, with a figure where one is needed.
+    /// All kinds, with a value if one is needed.
     pub const ALL: [Self; 9] = [
         Self::Flip,
         Self::Drop,
@@ -141,7 +141,8 @@ pub struct Strike {
 mod tests {
     use super::*;
 
-    /// A lot of 0 to 255 is a bit, a byte or a mask, never one that does nothing.
+    /// Any random number from 0 to 255 gives a valid bit, byte or mask, never one without an
+    /// effect.
     #[test]
     fn what_is_drawn_completes_a_damage() {
         let with = |kind: DamageKind, detail| kind.with_detail(detail).to_string();

@@ -14,9 +14,9 @@ pub enum Effect {
     Strikes {
         /// Damage to bytes.
         kind: DamageKind,
-        /// Chance per byte, 0 to 1.
+        /// Probability per byte, 0 to 1.
         chance: f64,
-        /// Strikes after which the fault has worn off.
+        /// Number of remaining strikes, after which the fault ends; `None`: no limit.
         left: Option<u32>,
         /// The dice.
         rng: Box<Rng>,
@@ -25,9 +25,9 @@ pub enum Effect {
     Host(HostDamage),
     /// The sender receives its own bytes.
     Echo,
-    /// No byte gets through.
+    /// All bytes are lost.
     Cut,
-    /// No byte is delivered before the end, then all at once.
+    /// Bytes are withheld until the end of the fault, then delivered at once.
     Stall,
     /// Like a stall, with a receive buffer of this many bytes; further bytes are lost.
     Overrun {
@@ -44,7 +44,7 @@ pub enum Effect {
         /// Added delay.
         by: Duration,
     },
-    /// Bytes take longer, sometimes more, sometimes less, but never overtake each other.
+    /// Bytes are delayed by random times, but never overtake each other.
     Jitter {
         /// Maximum added delay.
         by: Duration,
@@ -76,22 +76,22 @@ impl Effect {
     }
 }
 
-/// A rate that differs from the one agreed on.
+/// A rate that differs from the configured one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rate {
-    /// This rate, instead of the sender's own.
+    /// Rate of the sender during the fault; `None`: its own.
     pub baud: Option<u32>,
-    /// Millionths by which it is too fast, at the beginning.
+    /// Deviation of the rate at the begin, millionths; positive is too fast.
     pub ppm: f64,
-    /// Millionths that are added each second.
+    /// Change of the deviation per second, millionths.
     pub ppm_per_s: f64,
 }
 
-/// A drifting rate moves in steps of this time.
+/// Step of a drifting rate.
 const DRIFT_STEP: Duration = Duration::from_millis(10);
 
 impl Rate {
-    /// Coding of a sender with `line`, `since` the fault began.
+    /// Line coding of a sender with `line`, at the time `since` after the begin of the fault.
     pub fn of(self, line: LineConfig, since: Duration) -> LineConfig {
         let steps = since.as_nanos() / DRIFT_STEP.as_nanos();
         let seconds = steps as f64 * DRIFT_STEP.as_secs_f64();
@@ -114,9 +114,9 @@ pub const BAUD_MAX: u32 = 50_000_000;
 /// Withheld bytes, and the time of their delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Gate {
-    /// Time at which all is delivered.
+    /// Time at which all bytes are delivered.
     pub(crate) opens: Instant,
-    /// Number of bytes for which there is room meanwhile.
+    /// Maximum number of withheld bytes; `None`: no limit.
     pub(crate) fifo: Option<usize>,
 }
 

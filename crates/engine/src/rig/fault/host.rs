@@ -1,6 +1,6 @@
 //! Changes to a byte stream by a host port in text mode.
 
-/// A terminal setting, or a program, that was not made for binary data.
+/// A terminal setting, or a program, that is unsuitable for binary data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum HostDamage {
     /// NUL never arrives.

@@ -11,8 +11,8 @@ use protocols::{Instant, LineConfig};
 use super::{Activity, Budget, Damage, DamageKind, Effect, FaultId, Gate, Strike, Trigger, Window};
 use crate::rig::line::{Mark, MarkDamage};
 
-/// Maximum number of strikes that are kept for the saved case; later ones take effect without being
-/// kept.
+/// Maximum number of strikes that are stored for the saved case. Later strikes take effect but are
+/// not stored.
 pub const STRIKES_MAX: usize = 1 << 20;
 
 #[derive(Clone, Debug)]
@@ -20,7 +20,7 @@ struct Entry {
     id: FaultId,
     activity: Activity,
     effect: Effect,
-    /// Bytes for which dice were thrown, of all that were counted.
+    /// Number of bytes with drawn random numbers, among all counted bytes.
     drawn: u64,
 }
 
@@ -28,13 +28,13 @@ struct Entry {
 #[derive(Clone, Debug, Default)]
 struct Order {
     is_known: bool,
-    /// Those that strike at random, have begun or wait for an event, and are not over.
+    /// Entries with random damage that have begun or wait for an event, and are not over.
     striking: Vec<usize>,
-    /// Those that strike and begin later, the next one last.
+    /// Entries with random damage that begin later, the next one last.
     later: Vec<usize>,
     /// Entries with other effects.
     others: Vec<usize>,
-    /// Those that wait for an event.
+    /// Entries that wait for an event.
     waiting: Vec<usize>,
 }
 
@@ -53,11 +53,11 @@ pub struct LineFaults {
 /// State of damage for the following bytes.
 #[derive(Clone, Debug, Default)]
 struct Wire {
-    /// Bytes still to be garbled, and how.
+    /// Number of bytes still to be garbled, and the inverted bits.
     burst: (u16, u8),
     /// Bytes still to be lost unless the sender pauses.
     truncated: u16,
-    /// A byte that waits for the next one.
+    /// A byte that is swapped with the next one.
     held: Option<u8>,
     /// Time at which the sender last ended.
     quiet_from: Instant,
@@ -65,7 +65,7 @@ struct Wire {
     frames: u64,
 }
 
-/// Output of the line for bytes sent in one go.
+/// Output of the line for consecutive bytes of the sender.
 #[derive(Debug, Default)]
 pub(crate) struct Passed {
     /// The bytes.
@@ -74,11 +74,11 @@ pub(crate) struct Passed {
     pub(crate) pauses: Vec<(usize, Duration)>,
     /// Bytes with a parity error.
     pub(crate) parity_errors: u32,
-    /// The same, with read values and positions.
+    /// Characters with a parity error: read values and positions.
     pub(crate) marks: Vec<Mark>,
-    /// Longest piece in which they are handed over.
+    /// Maximum number of bytes that are delivered at once.
     pub(crate) piece: Option<usize>,
-    /// Their delay.
+    /// Delay of the bytes.
     pub(crate) late: Duration,
     /// Whether the sender receives its own bytes.
     pub(crate) echo: bool,
@@ -98,9 +98,10 @@ impl LineFaults {
         self.order.is_known = false;
     }
 
-    /// Adds damage at random: `chance` per byte, drawn from `rng` for every byte of the run, inside
-    /// the window or not, so that changing one fault never shifts another. Draws for bytes before
-    /// the window are made when it begins; bytes after it need none.
+    /// Adds random damage with `chance` per byte. Random numbers are drawn from `rng` for every
+    /// byte of the run, inside the window or not, so that a change of one fault never shifts
+    /// another one. Numbers for bytes before the window are drawn at its begin; bytes after the
+    /// window need none.
     pub fn add_rate(
         &mut self,
         id: FaultId,
@@ -127,19 +128,19 @@ impl LineFaults {
             .push(strike.damage);
     }
 
-    /// Adds a time in which no byte gets through.
+    /// Adds a time in which all bytes are lost.
     pub fn add_cut(&mut self, id: FaultId, window: Window) {
         self.add(id, window.into(), Effect::Cut);
     }
 
-    /// Ends a fault that has a window at `at`, if it would continue for longer.
+    /// Ends a fault with a window at `at`, if it would continue for longer.
     pub fn end(&mut self, id: FaultId, at: Instant) {
         let entries = self.entries.iter_mut().filter(|entry| entry.id == id);
         entries.for_each(|entry| entry.activity.end(at));
         self.order.is_known = false;
     }
 
-    /// Gives a fault that has one another window.
+    /// Changes the window of a fault that has one.
     pub(crate) fn move_to(&mut self, id: FaultId, window: Window) {
         let entries = self.entries.iter_mut().filter(|entry| entry.id == id);
         entries.for_each(|entry| entry.activity.window = window);
@@ -158,14 +159,14 @@ impl LineFaults {
         entries.for_each(|entry| entry.id = to(entry.id));
     }
 
-    /// Activity of the fault, as far as it is known.
+    /// Activity of the fault, as far as known.
     pub fn activity(&self, id: FaultId) -> Option<&Activity> {
         let mut entries = self.entries.iter();
         let entry = entries.find(|entry| entry.id == id)?;
         Some(&entry.activity)
     }
 
-    /// Takes back damage to a certain byte; whether it was still to come.
+    /// Removes damage to a certain byte; returns whether the byte was not yet sent.
     pub fn remove_strike(&mut self, strike: Strike) -> bool {
         let Some(damages) = self.planned.get_mut(&strike.byte) else {
             return false;
@@ -184,7 +185,7 @@ impl LineFaults {
         self.struck.iter()
     }
 
-    /// Damage to certain bytes that is still to come, in order.
+    /// Damage to certain bytes that are not sent yet, in order.
     pub fn to_come(&self) -> impl Iterator<Item = Strike> {
         let planned = self.planned.iter();
         planned
@@ -196,12 +197,12 @@ impl LineFaults {
         self.struck.len()
     }
 
-    /// Bytes that were sent and wait for another one.
+    /// Number of sent bytes that wait for another byte.
     pub(crate) const fn held(&self) -> u64 {
         self.wire.held.is_some() as u64
     }
 
-    /// The coding that a sender with `line` really has at `now`.
+    /// The actual coding at `now` of a sender with `line`.
     pub(crate) fn sender_line(&self, line: LineConfig, now: Instant) -> LineConfig {
         let active = self.others();
         active
@@ -220,8 +221,8 @@ impl LineFaults {
                 Effect::Overrun { fifo } => Some(fifo),
                 _ => return None,
             };
-            // Bytes that arrive at the begin were sent before and pass. The same holds if the begin
-            // is the sending of another byte.
+            // Bytes that arrive at the begin of the fault were sent before and pass. This also
+            // holds if the fault begins when another byte is sent.
             let spell = entry
                 .activity
                 .spell_at(at)
@@ -232,7 +233,7 @@ impl LineFaults {
         gates.max_by_key(|gate| gate.opens)
     }
 
-    /// Entries that do not strike at random; all entries until the order is known.
+    /// Entries without random damage; all entries until the order is known.
     fn others(&self) -> impl Iterator<Item = &Entry> {
         let is_known = self.order.is_known;
         let all = if is_known { 0 } else { self.entries.len() };
@@ -242,7 +243,7 @@ impl LineFaults {
         self.entries[..all].iter().chain(others)
     }
 
-    /// Looks which entries matter from `now` on; it never goes back.
+    /// Updates the lists of entries that matter from `now` on. Time never decreases.
     fn look(&mut self, now: Instant) {
         let (entries, order) = (&self.entries, &mut self.order);
         if !order.is_known {
@@ -373,7 +374,7 @@ impl LineFaults {
                 rng.next_u64();
             }
             entry.drawn = self.counted + 1;
-            // Two draws per byte whatever their result, see `add_rate`.
+            // Each byte needs two random numbers whatever their result, see `add_rate`.
             let hit = rng.chance(*chance);
             let detail = rng.next_u64().to_le_bytes()[0];
             if hit && *left != Some(0) && entry.activity.is_active(now) && budget.spend(now) {
@@ -397,7 +398,7 @@ impl Wire {
         self.burst.0 == 0 && self.truncated == 0 && self.held.is_none()
     }
 
-    /// Delivers the bytes for `byte`; `None`: an earlier damage removed it.
+    /// Adds the output for `byte`. `None` if an earlier damage removed the byte.
     fn apply(&mut self, byte: Option<u8>, damages: &[Damage], passed: &mut Passed) {
         let waiting = self.held.take();
         let mut byte = byte;

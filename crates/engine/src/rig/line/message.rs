@@ -233,7 +233,7 @@ mod tests {
         assert_eq!((traffic.lost, traffic.added), (72, 72));
     }
 
-    /// The second of three messages of 8 bytes, number 1, arrives twice. The first copy carries the
+    /// The second of three messages of 8 bytes, number 1, is duplicated. The first copy carries the
     /// report of the damage.
     #[test]
     fn a_message_that_was_struck_says_so_when_it_arrives() {
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(told.collect::<Vec<_>>(), expected);
     }
 
-    /// Until 500 us packets take 5 ms longer: the first arrives behind the second.
+    /// Until 500 us packets take 5 ms longer: the first arrives after the second.
     #[test]
     fn a_late_packet_is_overtaken() {
         let mut rig = joined(LinkKind::Datagram, 1_000_000);

@@ -1,4 +1,4 @@
-//! Input and output of a line in one go.
+//! Input and output of a line in one step.
 
 use protocols::{Instant, LineEvent};
 
@@ -7,12 +7,12 @@ use crate::rig::fault::Strike;
 /// Largest piece.
 pub const PIECE_MAX: usize = 64;
 
-/// Bytes that a receiver gets in one go.
+/// Bytes that a receiver gets at once.
 #[derive(Clone, Debug)]
 pub struct Delivery {
     /// Time at which the last byte was complete.
     pub at: Instant,
-    /// The bytes, faults applied; may be empty.
+    /// The bytes after all faults; may be empty.
     pub bytes: Vec<u8>,
     /// Further events.
     pub event: Option<LineEvent>,
@@ -25,10 +25,10 @@ pub struct Delivery {
     pub original: Option<Box<Original>>,
 }
 
-/// A character that the receiver knows to be damaged.
+/// A damaged character that the receiver detects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
-    /// Index of the byte, among those that arrived with it, in front of which it lies.
+    /// Index, among the bytes that arrived with it, of the byte after the character.
     pub before: usize,
     /// The bytes read by the receiver.
     pub value: u8,
@@ -39,16 +39,17 @@ pub struct Mark {
 /// Error of a character.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MarkDamage {
-    /// Its parity bit is wrong.
+    /// The parity bit is wrong.
     Parity,
-    /// It has no stop bit.
+    /// The stop bit is missing.
     Framing,
     /// The line was low from its start bit to its stop bit.
     Break,
 }
 
 impl Mark {
-    /// Takes those that come before byte `to` out of `marks`, counted from byte `from` on.
+    /// Removes the marks before byte `to` from `marks` and returns them. Bytes are counted from
+    /// `from` on.
     pub(super) fn split(marks: &mut Vec<Self>, from: usize, to: usize) -> Vec<Self> {
         let place = marks.partition_point(|mark| mark.before < to);
         let mut taken: Vec<Self> = marks.drain(..place).collect();
@@ -59,7 +60,7 @@ impl Mark {
     }
 }
 
-/// Characters of a chunk that are no bytes.
+/// Characters of a chunk that give no byte.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Errors {
     pub(super) framing: u32,
@@ -86,9 +87,9 @@ pub struct Original {
     pub bytes: Vec<u8>,
     /// The damage, byte by byte.
     pub strikes: Vec<Strike>,
-    /// The active faults of the line, in words.
+    /// The active faults of the line, as text.
     pub effects: Vec<&'static str>,
-    /// The rates of sender and receiver, if those do not agree.
+    /// The rates of sender and receiver, if they differ.
     pub bauds: Option<[u32; 2]>,
 }
 

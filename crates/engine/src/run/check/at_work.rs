@@ -14,7 +14,7 @@ use crate::rig::line::Direction;
 /// estimate its pose.
 #[derive(Clone, Debug)]
 pub struct AtWorkAgain {
-    /// Warm-up, adversity, recovery, judgement.
+    /// The phases: warm-up, adversity, recovery, judgement.
     phases: [Window; 4],
     /// Bytes delivered per line: at the four quarters of the second half of the warm-up, at its
     /// end, at the begin of the judgement, and now.
@@ -91,7 +91,8 @@ impl Checker for AtWorkAgain {
         let least = BUSY * u64::try_from(self.quarter().as_millis()).unwrap_or(u64::MAX) / 1000;
         let (quarters, [before, after]) = self.delivered.split_last_chunk().expect("seven");
         let of = |seen: &Vec<u64>, line: usize| seen.get(line).copied().unwrap_or(0);
-        // In each quarter: a list that is sent once does not make a line busy.
+        // A busy line carries bytes in each quarter; a list that is sent once does not make a line
+        // busy.
         let busy = |line| {
             let mut quarters = quarters.windows(2);
             quarters.all(|pair| of(&pair[1], line) >= of(&pair[0], line) + least.max(1))
@@ -159,7 +160,7 @@ mod tests {
         verdict_on("base", quarters, more)
     }
 
-    /// No other line is busy here, so there is no verdict.
+    /// The line is not busy, so there is no verdict.
     #[test]
     fn a_link_that_speaks_now_and_then_may_be_silent() {
         let (_, detail) = verdict_on("markers", [10; 4], 0);

@@ -20,7 +20,7 @@ pub(crate) fn node_programs(rig: &Rig) -> Option<Check> {
         let words = last_words(&said).map(|line| format!("; its last words: {line}"));
         let detail = format!("{name} {error}{}", words.unwrap_or_default());
         return Some(match error {
-            // The program may have been about to answer.
+            // The program may have been just about to answer.
             NodeError::Stopped { .. } => Check::not_observed(NODE_PROGRAMS, detail),
             _ => Check::new(NODE_PROGRAMS, false, detail),
         });

@@ -21,7 +21,7 @@ use crate::rig::{Logged, Rig};
 use crate::robots::{Instruments, Need};
 use crate::scenario::{SafetySpec, Scenario};
 
-/// The checkers that `scenario` requests. Some listen to `rig`.
+/// The checkers that `scenario` requests. Some observe `rig`.
 pub(crate) fn asked_for(
     scenario: &Scenario,
     rig: &mut Rig,
@@ -108,7 +108,7 @@ pub(crate) fn overruns(most: u64, rig: &Rig, events: &[Logged]) -> Check {
         .filter(|(_, rule, _)| OVERRUNS.contains(rule))
         .map(|(device, rule, count)| (format!("{device} {rule}"), count))
         .collect();
-    // A device without counts has its entries in the log.
+    // Devices without counts report violations only in the log.
     let is_counted = |logged: &Logged| {
         let name = format!("{} {}", logged.source, logged.event.rule);
         counted.iter().any(|(known, _)| *known == name)

@@ -16,7 +16,7 @@ pub const STOPS: &str = "motors-stop-after-silence";
 /// Log entries of devices that stop because their master is silent.
 pub const WATCHDOG: [&str; 3] = ["made-safe", "watchdog", "dead-man"];
 
-/// The motors come to rest when their device receives nothing any more.
+/// The motors stop after their device receives no more bytes.
 #[derive(Clone, Debug)]
 pub struct MotorsStopAfterSilence {
     watched: Vec<Watched>,

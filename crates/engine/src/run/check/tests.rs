@@ -206,7 +206,7 @@ fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
     assert_eq!(after(2_000_091), (Status::Fail, untold));
 }
 
-/// A stray write and an end are reported with the first time at which they were observed.
+/// A stray write and an end of the program are reported with the time of their first observation.
 #[test]
 fn what_a_program_broke_is_told_with_its_time() {
     let at = Instant::from_millis(40);

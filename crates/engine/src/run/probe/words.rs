@@ -1,4 +1,4 @@
-//! What a condition read, in words.
+//! Readings of conditions as text.
 
 use crate::robots::conditions::Reading;
 use crate::scenario::Condition;

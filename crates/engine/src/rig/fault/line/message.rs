@@ -14,7 +14,7 @@ pub(crate) struct PassedMessage {
     pub(crate) copies: usize,
     /// Whether the next message arrives before it.
     pub(crate) is_overtaken: bool,
-    /// Its delay.
+    /// Delay of the message.
     pub(crate) late: Duration,
     /// The active faults.
     pub(crate) effects: Vec<&'static str>,

@@ -14,8 +14,8 @@ const BRAKES: Duration = Duration::from_millis(500);
 /// Maximum speed of a resting robot, m/s and rad/s: noise of the drive train.
 const REST_M_S: f64 = 0.03;
 const REST_RAD_S: f64 = 0.15;
-/// Minimum time for which commands must have reached the device of the drive: a silent device stops
-/// by itself, which `motors-stop-after-silence` checks.
+/// Minimum time for which commands must have reached the drive's device. A device without commands
+/// stops by itself; the check `motors-stop-after-silence` covers that case.
 const COMMANDS: Duration = Duration::from_millis(300);
 
 /// The robot rests after a link that it needs has been silent for too long.
@@ -58,7 +58,8 @@ struct Watched {
     moving_since: Option<Instant>,
     /// Whether the robot needed the link when its silence began: a robot may change its mode then.
     was_needed: bool,
-    /// Number of silences in which the robot could have rested, and whether the current one counts.
+    /// Number of silences during which the robot had time to stop, and whether the current one
+    /// counts.
     silences: u64,
     is_counted: bool,
     broken: Option<(Instant, Duration)>,

@@ -23,14 +23,14 @@ pub struct NoticesSilence {
 
 struct Watched {
     alarm: Alarm,
-    /// Without a codec each byte counts as a sign of work.
+    /// Decoder of the link. Without a codec, each byte counts as a sign of work.
     ear: Option<Shared<Ear>>,
     delivered: u64,
     heard_at: Instant,
     /// Valid frames so far, and since the last silence.
     frames: u64,
     worked: u64,
-    /// Value of the counter at the last valid frame; garbage is also counted as a failure.
+    /// Value of the failure counter at the last valid frame. Garbage also increments the counter.
     counted: u64,
     silences: u64,
     is_judged: bool,

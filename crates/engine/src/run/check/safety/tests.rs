@@ -78,7 +78,7 @@ fn nothing_is_observed_without_links() {
     assert_eq!(observed(&mut says, 3).status, Status::NotObserved);
 }
 
-/// Two queues were full; a wrong baud rate does not count. Notes count as well, because a device
+/// Two queues overflowed; a wrong baud rate does not count. Notes count as well, because a device
 /// that only notes an overflow has also lost bytes.
 #[test]
 fn queues_that_overflowed_are_counted() {
