@@ -1,4 +1,4 @@
-//! Table of the wire formats, one row each, and the functions that use it to print bytes in words.
+//! Table of the wire formats, one row each, and the functions that use it to print bytes as text.
 //!
 //! A [`Codec`] holds all the tool's knowledge of a format. `decode`, `--diagnose`, `shrink`,
 //! `fuzz`, the page, the museum and the dissector for Wireshark ask the table. So all of them know
@@ -99,7 +99,7 @@ pub fn find(name: &str) -> Option<&'static Codec> {
     CODECS.find(name)
 }
 
-/// All names in the order of the alphabet, as a message lists them.
+/// All names in alphabetical order, for a message.
 pub fn names() -> Vec<&'static str> {
     CODECS.names()
 }
@@ -115,13 +115,13 @@ pub fn register(codec: Codec) -> Result<&'static Codec, NameTaken> {
     CODECS.register(Box::new(codec))
 }
 
-/// The row with the most bytes of `bytes` in valid frames, of those that the bytes speak enough
-/// for: see [`Evidence`].
+/// The row with the most bytes of `bytes` in valid frames, among the rows with enough evidence: see
+/// [`Evidence`].
 pub fn guess(bytes: &[u8]) -> Option<&'static Codec> {
     best(bytes).map(|(codec, _)| codec)
 }
 
-/// The same, with how many bytes those are.
+/// As [`guess`], with the number of these bytes.
 pub fn best(bytes: &[u8]) -> Option<(&'static Codec, u64)> {
     let mut best = None;
     for codec in all() {

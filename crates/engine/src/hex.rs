@@ -1,7 +1,7 @@
-//! Bytes in hexadecimal: the only place that writes and reads them so.
+//! Bytes in hexadecimal: the only module that writes and reads them.
 //!
-//! Two spellings: *pairs*, `AB 24 0A`, where people look at frames, and *digits*, `AB240A`, where
-//! bytes are one word of a line. Capitals out, either case in.
+//! Two spellings: *pairs*, `AB 24 0A`, where people read frames, and *digits*, `AB240A`, where
+//! bytes are one word of a line. Output has capital letters; input may have both cases.
 
 const DIGITS: [u8; 16] = *b"0123456789ABCDEF";
 
@@ -11,20 +11,20 @@ fn push(out: &mut String, byte: u8) {
     out.push(char::from(DIGITS[usize::from(byte & 15)]));
 }
 
-/// Appends `bytes` to `out`, nothing between them.
+/// Appends `bytes` to `out` without separators.
 pub fn push_digits(out: &mut String, bytes: &[u8]) {
     out.reserve(2 * bytes.len());
     bytes.iter().for_each(|&byte| push(out, byte));
 }
 
-/// `bytes` with nothing between them.
+/// `bytes` without separators.
 pub fn digits(bytes: &[u8]) -> String {
     let mut out = String::new();
     push_digits(&mut out, bytes);
     out
 }
 
-/// `bytes` with a space between each two.
+/// `bytes` separated by spaces.
 pub fn pairs(bytes: &[u8]) -> String {
     let mut out = String::with_capacity(3 * bytes.len());
     for (index, &byte) in bytes.iter().enumerate() {
@@ -36,14 +36,14 @@ pub fn pairs(bytes: &[u8]) -> String {
     out
 }
 
-/// The byte that two digits spell; signs, spaces and any other number of letters spell none.
+/// The byte of two digits; `None` for signs, spaces and any other number of letters.
 pub fn byte(pair: &[u8]) -> Option<u8> {
     let &[high, low] = pair else { return None };
     let digit = |letter: u8| char::from(letter).to_digit(16);
     u8::try_from(digit(high)? * 16 + digit(low)?).ok()
 }
 
-/// The bytes that digits without anything between them spell.
+/// The bytes of digits without separators.
 pub fn bytes(text: &str) -> Option<Vec<u8>> {
     text.as_bytes().chunks(2).map(byte).collect()
 }

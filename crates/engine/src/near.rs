@@ -1,10 +1,10 @@
 //! Names that were probably meant.
 
-/// Letters by which a misspelt name differs at most.
+/// Maximum number of different letters of a misspelt name.
 const LETTERS: usize = 2;
 
-/// The name of `known` that was probably meant, if `name` is none of them. Names that differ by
-/// more than two letters, or that are as short as that, are other names.
+/// The name of `known` that was probably meant, if `name` is not in the list. A name counts as
+/// another name if it differs by more than two letters, or if it has no more letters than differ.
 pub fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if known.contains(&name) {
         return None;
@@ -13,7 +13,8 @@ pub fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     (near.0 <= LETTERS && near.0 < name.chars().count()).then_some(near.1)
 }
 
-/// What was expected in place of `name`: the name that was probably meant, and all `known` ones.
+/// The expected names for a message about `name`: the name that was probably meant, and all `known`
+/// names.
 pub fn expected(name: &str, known: &[&str]) -> String {
     let all = known.join(", ");
     match misspelt(name, known) {
@@ -23,7 +24,7 @@ pub fn expected(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// Letters to insert, leave out or change.
+/// Number of letters to insert, remove or change.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

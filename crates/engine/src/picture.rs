@@ -1,4 +1,4 @@
-//! Pictures as plain data: maps and displays out, floor plans in.
+//! Pictures as plain data: output of maps and displays, input of floor plans.
 //!
 //! ```text
 //! Grid, TouchPanel --> Picture --> PNG, PGM        PNG, PGM, PPM --> Picture --> walls
@@ -62,10 +62,10 @@ fn narrow(wide: u16) -> u8 {
 /// A file without a picture, or with an unsuitable one.
 #[derive(Debug, thiserror::Error)]
 pub enum PictureError {
-    /// It cannot be opened.
+    /// The file cannot be opened.
     #[error(transparent)]
     Open(io::Error),
-    /// It has no pixel, or more than are allowed.
+    /// The picture has no pixel, or more than allowed.
     #[error("has {width} x {height} pixels")]
     Size {
         /// Pixels of a row.
@@ -73,13 +73,13 @@ pub enum PictureError {
         /// Rows.
         height: usize,
     },
-    /// It is damaged or of another format; a sentence with the reason.
+    /// The file is damaged or has another format; a sentence with the reason.
     #[error("{0}")]
     Form(String),
 }
 
 impl<P: Copy> Picture<P> {
-    /// A picture whose pixel at column `x` and row `y` is `pixel(x, y)`.
+    /// A picture with `pixel(x, y)` at column `x` and row `y`.
     pub fn from_fn(width: usize, height: usize, mut pixel: impl FnMut(usize, usize) -> P) -> Self {
         let mut pixels = Vec::with_capacity(width * height);
         for y in 0..height {
@@ -92,7 +92,7 @@ impl<P: Copy> Picture<P> {
         }
     }
 
-    /// The same picture, each pixel `scale` times as wide and as high.
+    /// The picture magnified: each pixel `scale` times as wide and as high.
     #[must_use]
     pub fn magnified(&self, scale: usize) -> Self {
         let mut pixels = Vec::with_capacity(self.pixels.len() * scale * scale);
@@ -190,7 +190,7 @@ impl Picture<u8> {
     }
 }
 
-/// The number of pixels that a file announces, if it is allowed.
+/// The number of pixels announced by a file, if allowed.
 fn sized(width: usize, height: usize, pixels_max: usize) -> Result<usize, PictureError> {
     let pixels = width.checked_mul(height);
     pixels

@@ -26,27 +26,27 @@ impl<T: ?Sized + Named> Registry<T> {
         Self { built_in, added }
     }
 
-    /// All, in their order.
+    /// All items, in their order.
     pub(crate) fn all(&self) -> Vec<&'static T> {
         [self.built_in, &self.added()[..]].concat()
     }
 
-    /// The one called `name`.
+    /// The item called `name`.
     pub(crate) fn find(&self, name: &str) -> Option<&'static T> {
         self.all().into_iter().find(|one| one.name() == name)
     }
 
-    /// All names in the order of the alphabet, as a message lists them.
+    /// All names in alphabetical order, for a message.
     pub(crate) fn names(&self) -> Vec<&'static str> {
         let mut names: Vec<_> = self.all().into_iter().map(Named::name).collect();
         names.sort_unstable();
         names
     }
 
-    /// Adds `one` behind the others.
+    /// Adds `one` after the others.
     ///
     /// # Errors
-    /// If there is one of its name.
+    /// If there is an item with its name.
     pub(crate) fn register(&self, one: Box<T>) -> Result<&'static T, NameTaken> {
         let mut added = self.added();
         let mut others = self.built_in.iter().chain(added.iter());
@@ -58,15 +58,14 @@ impl<T: ?Sized + Named> Registry<T> {
         Ok(one)
     }
 
-    /// A panic elsewhere cannot have left the list half changed.
+    /// A panic of another thread cannot have left the list incomplete.
     fn added(&self) -> MutexGuard<'_, Vec<&'static T>> {
         self.added.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Something with this name is there already.
-///
-/// Written by hand, because the fuzzers' build of the codecs has no dependency for it.
+/// An item with this name exists. Written by hand, because the fuzzers' build of the codecs has no
+/// dependency for it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NameTaken {
     /// The name.

@@ -1,4 +1,4 @@
-//! The robots: which devices, links and program each one consists of.
+//! The robots: devices, links and program of each.
 //!
 //! A robot is a row of the registry: [`Robot`]. Scenarios name it; another crate adds its own with
 //! [`register`]. The robot's [`Instruments`] travel with the rig and answer the queries of
@@ -55,7 +55,7 @@ use crate::rig::line::End;
 use crate::rig::{PortRate, Program, Rig};
 use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
 
-/// A kind of robot: how a scenario of it becomes a rig.
+/// A kind of robot. It turns a scenario into a rig.
 pub trait Robot: Sync {
     /// Its name, as in a scenario.
     fn name(&self) -> &'static str;
@@ -66,7 +66,7 @@ pub trait Robot: Sync {
     /// The robot's drive train and outline; `None`: two wheels with the figures of the scenario.
     ///
     /// # Errors
-    /// If the scenario sets it up in a way that it cannot be.
+    /// If the scenario has impossible settings for the robot.
     fn chassis(
         &self,
         scenario: &Scenario,
@@ -75,16 +75,16 @@ pub trait Robot: Sync {
         refuse_chassis(scenario, source).map(|()| None)
     }
 
-    /// Wires its devices and its program, or open ends in the place of the program, into `world`.
+    /// Wires its devices and its program into `world`, or open ends instead of the program.
     ///
     /// # Errors
-    /// If the scenario sets it up in a way that it cannot be.
+    /// If the scenario has impossible settings for the robot.
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError>;
 
-    /// Its program by itself, for a process of its own; `None` if it brings none.
+    /// The robot's program alone, for a separate process; `None` if the robot has no program.
     ///
     /// # Errors
-    /// If the scenario sets it up in a way that it cannot be.
+    /// If the scenario has impossible settings for the robot.
     fn program(
         &self,
         _scenario: &Scenario,
@@ -122,13 +122,14 @@ pub trait Robot: Sync {
         None
     }
 
-    /// Whether the scenario's mission can order it about: connect, send waypoints, choose modes.
+    /// Whether the mission can order the robot to connect, to visit waypoints, or to change its
+    /// mode.
     fn takes_orders(&self) -> bool {
         true
     }
 
-    /// Counters of the program that tell of situations which a campaign must bring about at least
-    /// once: otherwise nothing is known about how it copes with them.
+    /// Counters of the program for situations that a campaign must cause at least once. Without
+    /// such a situation, the campaign does not show whether the robot can handle it.
     fn situations(&self) -> &'static [&'static str] {
         &[]
     }
@@ -141,7 +142,7 @@ pub trait Robot: Sync {
     /// The data that a mapper needs to interpret the bytes on the robot's links.
     ///
     /// # Errors
-    /// If the scenario sets it up in a way that it cannot be.
+    /// If the scenario has impossible settings for the robot.
     fn senses(
         &self,
         _scenario: &Scenario,
@@ -150,7 +151,7 @@ pub trait Robot: Sync {
         Ok(None)
     }
 
-    /// The station that steers such a robot from afar, with the coding of its port.
+    /// The station that controls such a robot remotely, with the coding of its port.
     fn remote(&self) -> Option<(Box<dyn RemoteStation>, LineConfig)> {
         None
     }
@@ -173,10 +174,10 @@ static ROBOTS: Registry<dyn Robot> = Registry::new(&[
     &custom::Bare,
 ]);
 
-/// Makes a robot known to all scenarios of this process.
+/// Adds a robot to the registry, for all scenarios of this process.
 ///
 /// # Errors
-/// If there is a robot of that name.
+/// If the registry has a robot of that name.
 pub fn register(robot: impl Robot + 'static) -> Result<(), NameTaken> {
     ROBOTS.register(Box::new(robot)).map(drop)
 }
@@ -203,7 +204,7 @@ pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, Sc
     })
 }
 
-/// Refuses a chassis as data: the robot has one of its own.
+/// Rejects a chassis in the scenario, because the robot has its own.
 fn refuse_chassis(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
     if scenario.chassis.is_none() {
         return Ok(());
@@ -216,17 +217,17 @@ fn refuse_chassis(scenario: &Scenario, source: &Source) -> Result<(), ScenarioEr
 pub struct WirePlan<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// Where it comes from, for messages.
+    /// The source of the scenario, for messages.
     pub source: &'a Source,
-    /// Ground truth, the robot's body in it.
+    /// The true world with the robot's body.
     pub world: World,
-    /// The part of the program.
+    /// The kind of program.
     pub dut: Dut,
-    /// The part of the PC.
+    /// The kind of PC.
     pub pc: PcEnd,
 }
 
-/// The part of the robot's program.
+/// The robot's program in a rig.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dut {
     /// The program in this process.
@@ -235,7 +236,7 @@ pub enum Dut {
     External,
 }
 
-/// The part of the PC, if the robot has one.
+/// The PC in a rig, if the robot has one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PcEnd {
     /// The mission's script.
@@ -247,19 +248,19 @@ pub enum PcEnd {
 /// An end of a link that is served from outside.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct OpenEnd {
-    /// Name under which it is offered, e.g. `lidar`.
+    /// Name of the port, e.g. `lidar`.
     pub name: String,
-    /// Link that it belongs to.
+    /// Name of its link.
     pub link: String,
     /// Node of the rig, see [`Rig::inject`].
     pub node: usize,
-    /// Coding that its port begins with.
+    /// Initial coding of its port.
     pub line: LineConfig,
-    /// Which baud rates of a client are right.
+    /// The accepted baud rates of a client.
     pub rate: PortRate,
-    /// The program that is to connect, for people.
+    /// Description of the program that connects here, for messages.
     pub connect: &'static str,
-    /// Whether a robot can do without.
+    /// Whether a program may leave the port closed.
     pub is_optional: bool,
 }
 
@@ -283,7 +284,7 @@ impl Wired {
         }
     }
 
-    /// The same end, which a robot can do without if `is_optional`.
+    /// Sets whether a program may leave the port of `end` closed.
     pub fn set_optional(&mut self, end: End, is_optional: bool) {
         let ends = self.open_ends.iter_mut();
         for open in ends.filter(|open| open.node == end.node) {
@@ -291,7 +292,7 @@ impl Wired {
         }
     }
 
-    /// The same end, at whose port clients are right at `rate`.
+    /// Sets the accepted baud rates of a client at the port of `end`.
     pub fn set_rate(&mut self, end: End, rate: PortRate) {
         let ends = self.open_ends.iter_mut();
         for open in ends.filter(|open| open.node == end.node) {
@@ -322,14 +323,14 @@ impl Wired {
     }
 }
 
-/// What suits a robot, for worlds and missions that are made by chance.
+/// Limits of generated worlds and missions for a robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arena {
-    /// Side of the square from the origin that its map holds, metres.
+    /// Side of the square that the robot's map covers, from the origin, metres.
     pub side_m: f64,
     /// Free margin that the robot needs beside its body, metres.
     pub margin_m: f64,
-    /// How far it gets in a second at least, metres: with its turns, stops and ways around.
+    /// Minimum average speed of the robot, metres per second, including turns, stops and detours.
     pub pace_m_s: f64,
     /// Minimum and maximum width of a door or corridor.
     pub passage_mm: [u64; 2],
@@ -340,7 +341,7 @@ pub struct Arena {
 /// Wires the scenario's robot into its world.
 ///
 /// # Errors
-/// If the scenario cannot be.
+/// If the scenario is invalid for the robot.
 pub fn wire(
     scenario: &Scenario,
     source: &Source,
@@ -360,10 +361,10 @@ pub fn wire(
     })
 }
 
-/// The same into a world that is not the scenario's own.
+/// As [`wire`], into another world than that of the scenario.
 ///
 /// # Errors
-/// If the scenario cannot be.
+/// If the scenario is invalid for the robot.
 pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     let (scenario, source) = (plan.scenario, plan.source);
     let mut wired = of(scenario, source)?.wire(plan)?;
@@ -383,8 +384,8 @@ pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// Adds the devices of the scenario that `fits` and that are missing, each port on its own link
-/// with an open end. Returns the protocols of these links.
+/// Adds the missing devices of the scenario that `fits` accepts, each port on its own link with an
+/// open end. Returns the protocols of these links.
 fn add_devices(
     wired: &mut Wired,
     scenario: &Scenario,
@@ -411,7 +412,8 @@ fn add_devices(
         spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
         let node = wired.rig.add_boxed_device(name, built.device);
         for (index, info) in built.ports.into_iter().enumerate() {
-            // The first port is the one that counts; further ones are distinguished by their names.
+            // The first port is the main port; the links of further ports have the port's name as
+            // suffix.
             let link = match index {
                 0 => name.clone(),
                 _ => format!("{name}-{}", info.name),
@@ -431,14 +433,14 @@ fn add_devices(
     Ok(codecs)
 }
 
-/// A world without anything in it, for devices without a robot.
+/// An empty world, for devices without a robot.
 pub fn nowhere() -> World {
     let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("an empty scene is valid");
     World::new(scene, BodyConfig::default(), WorldPose::default(), 0)
         .expect("an empty place is free")
 }
 
-/// A robot's program by itself, with the names of its ports.
+/// A robot's program alone, with the names of its ports.
 pub struct Alone {
     /// The program.
     pub program: Box<dyn Program>,
@@ -449,26 +451,26 @@ pub struct Alone {
 /// A port of a robot's program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProgramPort {
-    /// Name of the link that belongs there.
+    /// Name of the link at this port.
     pub name: &'static str,
-    /// The program's number for it.
+    /// The program's number of the port.
     pub port: Port,
     /// Coding of its line.
     pub line: LineConfig,
-    /// Whether the program can do without.
+    /// Whether the port may be left closed.
     pub is_optional: bool,
 }
 
 /// The data that a mapper needs to interpret the bytes on a robot's links.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Senses {
-    /// Link on which an XV-11 sends.
+    /// Link of the XV-11 lidar.
     pub lidar: &'static str,
-    /// How it sits, and which of its readings count.
+    /// Mounting of the lidar, and filter of its readings.
     pub mounting: Mounting,
     /// Register bus of the base.
     pub base: &'static str,
-    /// Order of its checksum.
+    /// Byte order of its checksum.
     pub checksum_order: ChecksumOrder,
     /// First registers of the wheels' counters of 32 bits, left and right.
     pub counters: [u8; 2],

@@ -8,14 +8,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 pub struct Shared<T>(Arc<Mutex<T>>);
 
 impl<T> Shared<T> {
-    /// `value`, with one owner so far.
+    /// A shared `value` with one owner.
     pub fn new(value: T) -> Self {
         Self(Arc::new(Mutex::new(value)))
     }
 
     /// The value, locked. A second lock on the same thread waits forever.
     pub fn lock(&self) -> MutexGuard<'_, T> {
-        // An owner that panicked left a value that is still whole.
+        // A panic of an owner leaves the value valid.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -36,7 +36,7 @@ impl<T> Clone for Shared<T> {
 pub(crate) struct WeakShared<T>(Weak<Mutex<T>>);
 
 impl<T> WeakShared<T> {
-    /// The value, unless its last owner is gone.
+    /// The value, unless its last owner was dropped.
     pub(crate) fn upgrade(&self) -> Option<Shared<T>> {
         self.0.upgrade().map(Shared)
     }

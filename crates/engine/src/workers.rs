@@ -2,17 +2,18 @@
 
 use std::thread::{Builder, Scope, ScopedJoinHandle};
 
-/// What a program goes over on its way to the heap: with a map of 28 m that is 10 MB, some times.
+/// Stack of a thread. A program is built on the stack before it moves to the heap: with a map of 28
+/// m these are several copies of 10 MB.
 const STACK: usize = if cfg!(feature = "large") {
     128 << 20
 } else {
     2 << 20
 };
 
-/// Does `work` beside the caller.
+/// Runs `work` on a thread beside the caller.
 ///
 /// # Panics
-/// If the host has no room for a thread.
+/// If the host cannot create a thread.
 pub fn spawn<'scope, T: Send + 'scope>(
     scope: &'scope Scope<'scope, '_>,
     work: impl FnOnce() -> T + Send + 'scope,

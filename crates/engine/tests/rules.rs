@@ -1,5 +1,5 @@
-//! Rules of the user's own robot: ten of a stranger's robot, each kept by a sound run and broken by
-//! a mutant, and what they say.
+//! Rules for the robot of another crate. Each of ten rules is kept by a valid run and broken by a
+//! mutant; the tests check the messages.
 
 use std::path::Path;
 
@@ -10,16 +10,16 @@ use hilrig_engine::scenario::{Scenario, ScenarioError};
 use protocols::avr::{ChecksumOrder, Frame};
 use protocols::{Instant, LineConfig};
 
-/// The stranger's driver: it drives until `stops_ms`, then orders 0; each second it weighs.
+/// The robot's driver: it drives until `stops_ms`, then orders 0. It weighs every second.
 #[derive(Clone, Copy, Debug)]
 struct Driver {
     cm_s: i8,
     stops_ms: u64,
-    /// Drives again for a moment at this time.
+    /// Time at which the robot drives again for a moment.
     again_ms: u64,
-    /// Reverses at this time.
+    /// Time at which it reverses.
     back_ms: u64,
-    /// Damages the checksums of three orders from this time on.
+    /// Time from which on the checksums of three orders are wrong.
     damage_ms: u64,
 }
 
@@ -122,8 +122,8 @@ fn a_sound_run_keeps_all_ten_rules() {
     );
 }
 
-/// A mutant: what it is, its driver, what it adds to the scenario, the rules that it breaks, and
-/// what the first of them says.
+/// A mutant: its name, its driver, its additions to the scenario, the rules that it breaks, and the
+/// message of the first of them.
 type Mutant = (
     &'static str,
     Driver,
@@ -247,7 +247,7 @@ fn each_rule_is_broken_by_its_mutant_and_says_how() {
     for (what, driver, fault, broken, says) in MUTANTS {
         let text = match fault {
             "" => porter(),
-            // The wheels hardly turn.
+            // With this addition the wheels hardly turn.
             "kind = \"off\"\ndevices = [\"nothing\"]" => {
                 porter().replace("speed_m_s = 0.01 }", "speed_m_s = 0.0001 }")
             }
@@ -265,8 +265,8 @@ fn each_rule_is_broken_by_its_mutant_and_says_how() {
     assert_eq!(left, [""; 0], "no mutant breaks these");
 }
 
-/// Rules that a sound run must not pass, as their subject never came or cannot be compared: what is
-/// added, its verdict, and what that says.
+/// Rules that a valid run must not pass, because their subject never appeared or cannot be
+/// compared: the addition to the scenario, the verdict, and its message.
 const UNPROVED: [(&str, Status, &str); 6] = [
     (
         "never = { event = { rule = \"bad-cheksum\", source = \"wheels\" } }",
@@ -339,11 +339,12 @@ fn a_run_passes_only_with_each_rule_observed() {
     }
 }
 
-/// Times of rules: what is added to the scenario, the verdict and what it says. The scale is asked
-/// each second and answers after 30 ms. The left wheel turns from 0.5 s to 6.5 s, and the robot is
-/// beyond x = 1.5 m from about 3 s on.
+/// Times of rules: the addition to the scenario, the verdict and its message. The scale gets a
+/// request each second and replies after 30 ms. The left wheel turns from 0.5 s to 6.5 s, and the
+/// robot is beyond x = 1.5 m from about 3 s on.
 const TIMES: [(&str, Status, &str); 8] = [
-    // The requests of 5, 6 and 7 s have no answer until 8.022 s: that is in time for the last.
+    // The requests at 5, 6 and 7 s have no answer until 8.022 s, which is in time for the last
+    // request.
     (
         "after = { frame = { link = \"scale\", direction = \"to-device\", contains = \"weigh\" } }\n\
          within = \"1200ms\"\neventually = { frame = { link = \"scale\", direction = \"to-master\", \
@@ -371,7 +372,7 @@ const TIMES: [(&str, Status, &str); 8] = [
         Status::Fail,
         "asked at 6.0",
     ),
-    // The same frame sets both wheels: the answer comes with its question.
+    // The same frame sets both wheels: it is both the trigger and the answer.
     (
         "after = { frame = { link = \"wheels\", direction = \"to-device\", contains = \"left=0\" } }\n\
          eventually = { frame = { link = \"wheels\", direction = \"to-device\", \
@@ -379,7 +380,8 @@ const TIMES: [(&str, Status, &str); 8] = [
         Status::Pass,
         "; the slowest after 0.000 s",
     ),
-    // `after` stays true, so that it begins the rule once: before its end at the first reading.
+    // `after` stays true, so it triggers the rule once: before the end of `after` at the first
+    // reading.
     (
         "after = { axis = { name = \"left\", op = \">\", value = 0.1 } }\n\
          never = { robot = { of = \"x-m\", op = \">\", value = 1.5 } }\n\
@@ -393,7 +395,7 @@ const TIMES: [(&str, Status, &str); 8] = [
         Status::NotObserved,
         "did not come true",
     ),
-    // The state answers at the look that follows the moment.
+    // The state counts as the answer at the sample after the moment.
     (
         "after = { frame = { link = \"scale\", direction = \"to-master\", contains = \"reading\" } }\n\
          within = \"10ms\"\nuntil = \"6s\"\nfrom = \"1s\"\n\
@@ -401,7 +403,8 @@ const TIMES: [(&str, Status, &str); 8] = [
         Status::Pass,
         "; the slowest after 0.00",
     ),
-    // Once in this window; ten characters at 9600 baud need 10.4 ms after the 20 ms of the scale.
+    // The condition holds once in this window; ten characters at 9600 baud need 10.4 ms after the
+    // 20 ms of the scale.
     (
         "after = { frame = { link = \"scale\", direction = \"to-device\", contains = \"weigh\" } }\n\
          from = \"3500ms\"\nuntil = \"4500ms\"\neventually = { frame = { link = \"scale\", \
@@ -463,7 +466,7 @@ fn a_golden_path_is_kept_or_broken() {
     }
 }
 
-/// Frames that only a silence ends count as others do, and a broken rule finds them.
+/// Frames that end only by a silence count like other frames, and a rule that they break fails.
 #[test]
 fn frames_that_a_silence_ends_are_judged() {
     let text = porter().replace("scale.toml", "silent-scale.toml");
@@ -482,9 +485,9 @@ fn frames_that_a_silence_ends_are_judged() {
     assert!(load.ends_with("; 8 times in all"), "{load}");
 }
 
-/// Steps of the rig: the scale's door opens at 3 s, and a frame that sets the left wheel to 9 cm/s
-/// reaches the board at 7.05 s, between two orders of the driver. A wrong name is refused with its
-/// place.
+/// Steps of the rig: the scale's door opens at 3 s. A frame that sets the left wheel to 9 cm/s
+/// reaches the board at 7.05 s, between two orders of the driver. A wrong name is rejected with its
+/// position.
 #[test]
 fn a_step_sets_a_value_and_puts_bytes_on_a_line() {
     let step = |at: &str, what: &str| format!("\n[[mission.step]]\nat = \"{at}\"\ndo = {what}\n");

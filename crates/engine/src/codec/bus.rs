@@ -168,7 +168,7 @@ impl<O: Order> Wire for Avr<O> {
 /// A register of a slave: its address, length and format.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NamedRegister {
-    /// Its first address.
+    /// Address of its first byte.
     pub address: u8,
     /// Bytes of its value, 1, 2 or 4, the lowest first.
     pub bytes: u8,
@@ -180,12 +180,12 @@ pub struct NamedRegister {
     pub unit: String,
 }
 
-/// The registers of one slave, for words with its own names.
+/// The registers of one slave, to print frames with its own names.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RegisterNames(Vec<NamedRegister>);
 
 impl RegisterNames {
-    /// Of these registers, in any order.
+    /// The table of these registers, in any order.
     pub fn new(registers: impl IntoIterator<Item = NamedRegister>) -> Self {
         Self(registers.into_iter().collect())
     }
@@ -203,7 +203,7 @@ impl RegisterNames {
         Self::new(all)
     }
 
-    /// The register that an address is part of.
+    /// The register that contains `address`.
     fn at(&self, address: u8) -> Option<&NamedRegister> {
         let holds = |register: &&NamedRegister| {
             let end = u16::from(register.address) + u16::from(register.bytes);
@@ -212,7 +212,7 @@ impl RegisterNames {
         self.0.iter().find(holds)
     }
 
-    /// The words of a valid frame of the bus; none if `bytes` are no frame.
+    /// A valid frame of the bus as text; `None` if `bytes` are not a frame.
     pub fn words(&self, bytes: &[u8]) -> Option<String> {
         [ChecksumOrder::LowFirst, ChecksumOrder::HighFirst]
             .into_iter()

@@ -170,7 +170,7 @@ fn range(choices: &mut Choices<'_>) -> u16 {
     }
 }
 
-/// Makes the word in `bytes` one between `least` and `greatest`, the same if it is one already.
+/// Clamps the word in `bytes` to `least` to `greatest`.
 fn put_within(bytes: &mut [u8], [least, greatest]: [u16; 2]) {
     if let [low, high] = bytes {
         let word = u16::from_le_bytes([*low, *high]);
@@ -255,7 +255,7 @@ impl Wire for CarCommand {
         made_again(bytes, &made)
     }
 
-    /// Signs of speed and steering.
+    /// The signs of speed and steering identify the kind of a command.
     fn kind(Pair(bytes): &Pair) -> u64 {
         let order = |byte: u8, middle: u8| match byte.cmp(&middle) {
             core::cmp::Ordering::Less => 0,

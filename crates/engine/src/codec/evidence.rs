@@ -1,7 +1,8 @@
 //! Evidence that bytes have a format, and the minimum evidence for recognising it.
 //!
-//! Every format has frames in some foreign bytes. A checksum makes that rare, so few frames prove
-//! it; a format without one must explain nearly all bytes, with many frames one behind the other.
+//! Any format matches some bytes of another format by chance. With a checksum this is rare, so few
+//! frames are sufficient evidence. A format without a checksum must explain nearly all bytes, with
+//! many consecutive frames.
 
 use super::floor::Floor;
 use super::row::Codec;
@@ -36,8 +37,8 @@ impl Evidence {
         evidence
     }
 
-    /// Whether that is enough. Chance has as many tries as there are bytes, so more bytes need more
-    /// bits; bytes that are explained nearly all need fewer.
+    /// Whether the evidence is sufficient. Each byte is another chance for a random match, so more
+    /// bytes need more bits of evidence. If nearly all bytes are explained, fewer bits are needed.
     pub fn is_enough(&self, floor: &Floor) -> bool {
         if self.frames < u64::from(floor.frames).max(1) {
             return false;
@@ -88,7 +89,8 @@ mod tests {
         assert!(is_enough(&CAR_COMMAND, &damaged));
     }
 
-    /// Twelve bytes of a sample are no evidence if its counters have more bits than the hardware's.
+    /// A frame in the format of a sample is no evidence if its counters have more bits than those
+    /// of the hardware.
     #[test]
     fn values_that_cannot_be_are_no_evidence() {
         let frame = [

@@ -24,7 +24,7 @@ pub fn value_in<'a>(words: &'a str, name: &str) -> Option<&'a str> {
     assigned.or_else(beside).or_else(unit)
 }
 
-/// What stands before and after each place where `name` is a whole word, outside of quoted text.
+/// The text before and after each occurrence of `name` as a whole word, outside of quoted text.
 fn places_of<'a>(words: &'a str, name: &str) -> impl Iterator<Item = (&'a str, &'a str)> {
     let is_part = |c: char| c.is_alphanumeric() || "_-.".contains(c);
     let quotes = |text: &str| text.matches('"').count();
@@ -53,7 +53,7 @@ fn token(text: &str) -> Option<&str> {
     (!word.is_empty()).then_some(word)
 }
 
-/// The number that `text` ends with, before a space.
+/// The number at the end of `text`, before a space.
 fn number_at_end(text: &str) -> Option<&str> {
     let text = text.strip_suffix(' ')?;
     let begin = text.rfind([' ', '=', ',']).map_or(0, |at| at + 1);

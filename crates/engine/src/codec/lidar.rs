@@ -40,11 +40,11 @@ impl Ranges {
 pub struct Lidar {
     /// Sound frames: packets, or turns of the old firmware.
     pub frames: u64,
-    /// Candidates whose checksum was wrong; turns have none.
+    /// Candidates with a wrong checksum; turns have none.
     pub bad: u64,
     /// Bytes in no frame.
     pub outside: u64,
-    /// Those at the end that begin a frame without its rest.
+    /// Bytes at the end that begin an incomplete frame.
     pub cut: u64,
     /// Readings with a distance.
     pub ok: Ranges,
@@ -104,7 +104,7 @@ impl Lidar {
         counts
     }
 
-    /// Turns per minute: least, median, mean, most. None without packets.
+    /// Turns per minute: minimum, median, mean, maximum. `None` without packets.
     pub fn rpm(&self) -> Option<[f64; 4]> {
         let rpm = |word: u16| f64::from(word) / 64.0;
         let (first, last) = (self.speeds.first()?, self.speeds.last()?);
@@ -134,7 +134,8 @@ impl Lidar {
                 Err(_) => {}
             }
         }
-        // Less than a frame is left: its bytes begin one, or the decoder would have discarded them.
+        // Less than a frame is left. The decoder would have discarded bytes that do not begin a
+        // frame.
         self.cut = decoder.pending() as u64;
         self.outside = bytes.len() as u64 - self.frames * frame_len as u64;
     }
@@ -156,7 +157,7 @@ impl Lidar {
 
 /// Common part of the banners of all generations, after two letters and a line end.
 const BANNER: &[u8] = b"\n\rPiccolo";
-/// Most of a text that is shown.
+/// Maximum length of the printed text.
 const TEXT_MAX: usize = 400;
 
 /// Position of the banner, and the text from there to a frame's `header`. The old firmware's banner
@@ -173,7 +174,7 @@ fn boot_text(bytes: &[u8], header: &[u8]) -> Option<(usize, String)> {
     let mut len = bytes[start..].iter().take_while(is_text).count();
     let is_header = |&at: &usize| {
         let next = &bytes[start + at..];
-        // One byte of it at the end of all bytes may be a letter as well.
+        // At the end of all bytes, a single byte of the header may also be a letter of the text.
         next.len() >= 2 && next.iter().zip(header).all(|(a, b)| a == b)
     };
     len = (0..len).find(is_header).unwrap_or(len);
@@ -182,7 +183,7 @@ fn boot_text(bytes: &[u8], header: &[u8]) -> Option<(usize, String)> {
 }
 
 impl core::fmt::Display for Lidar {
-    /// Frames, speed, readings, ranges, boot text: a line each, those that there are.
+    /// Prints the available data, one line each: frames, speed, readings, ranges, boot text.
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let (frames, bad, outside) = (self.frames, self.bad, self.outside);
         write!(

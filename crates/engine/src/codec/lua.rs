@@ -11,11 +11,11 @@ pub struct Lua {
     pub judge: &'static str,
     /// A function that returns a frame's title and a list of fields and values.
     pub tell: &'static str,
-    /// Its value; rows may share some.
+    /// Fields of the frames; rows may share fields.
     pub fields: &'static [LuaField],
 }
 
-/// Something that can be filtered for in Wireshark.
+/// A field that Wireshark can filter by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LuaField {
     /// Its name in `f`.
@@ -26,7 +26,7 @@ pub struct LuaField {
     pub filter: &'static str,
     /// Its label in the tree.
     pub label: &'static str,
-    /// More arguments, e.g. the base of a number; empty for none.
+    /// Further arguments, e.g. the base of a number; empty for none.
     pub shown_as: &'static str,
 }
 
@@ -47,7 +47,7 @@ pub const fn field(
 }
 
 impl LuaField {
-    /// The field with more arguments of its `ProtoField`, in Lua.
+    /// Adds further arguments of its `ProtoField`, in Lua.
     #[must_use]
     pub const fn shown_as(mut self, arguments: &'static str) -> Self {
         self.shown_as = arguments;

@@ -57,7 +57,7 @@ const FIELDS: [LuaField; 6] = [
 #[derive(Clone, Copy, Debug)]
 pub struct Odometer;
 
-/// A line that holds.
+/// A valid line.
 #[derive(Clone, Debug)]
 pub struct Line {
     bytes: Vec<u8>,
@@ -70,7 +70,7 @@ enum Meaning {
     Raw(Raw),
 }
 
-/// Lines that hold in their dialect.
+/// Lines that are valid in their dialect.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LineFormat;
 
@@ -225,7 +225,7 @@ impl Wire for Odometer {
         out.extend(dialect.line(&measured).as_bytes());
     }
 
-    /// Writes the sum or CRC that the figures have, if it has as many digits.
+    /// Writes the sum or CRC of the figures, if it has the same number of digits.
     fn repair(frame: &mut [u8]) {
         if let Some(end) = frame.len().checked_sub(2) {
             frame[end..].copy_from_slice(b"\r\n");
@@ -291,7 +291,7 @@ fn holds_slowly(line: &str) -> Option<bool> {
         return Some(digits && sum.len() == 4 && found == crc_slowly(covered.as_bytes()));
     }
     let found = figures(&format!("{sum}*"))?[0];
-    // In milliseconds, the rate is in the sum a second time by the sketch's wrong factor.
+    // In milliseconds, the sketch adds the rate a second time to the sum, with a wrong factor.
     let factor = if time.contains('.') { 1.0 } else { 0.0125 };
     let expected = distance + rate * factor + yaw + time_figure;
     #[expect(

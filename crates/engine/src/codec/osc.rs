@@ -30,7 +30,7 @@ pub static OSC: Codec = Codec::of::<Osc>("Messages of Open Sound Control, no bun
         fields: &FIELDS,
     });
 
-/// A packet comes at once.
+/// A packet arrives completely at once.
 const GAP: Duration = Duration::from_millis(5);
 /// The longest message.
 const MESSAGE_MAX: usize = 256;
@@ -45,7 +45,7 @@ const FIELDS: [LuaField; 3] = [
 #[derive(Clone, Copy, Debug)]
 pub struct Osc;
 
-/// Messages in a row.
+/// Consecutive messages.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OscFormat;
 
@@ -53,10 +53,10 @@ pub struct OscFormat;
 #[derive(Clone, Debug)]
 pub struct OscMessage(Vec<u8>);
 
-/// A text, and where the next part begins.
+/// A text, and the offset of the next part.
 type Part<'a> = (&'a [u8], usize);
 
-/// The text at `from`, which ends in one to four zeros; `None` if it takes more bytes.
+/// The text at `from`, which ends with one to four zeros; `None` if more bytes are needed.
 fn text(bytes: &[u8], from: usize) -> Result<Option<Part<'_>>, FrameError> {
     let wrong = |at: usize| FrameError::Implausible {
         at: u32::try_from(at).unwrap_or(u32::MAX),
@@ -88,7 +88,7 @@ const fn argument_len(kind: u8) -> Option<usize> {
 /// Address, types and arguments.
 type Message<'a> = [&'a [u8]; 3];
 
-/// The message that `bytes` begin with and its length; `None` if it takes more bytes.
+/// The message at the begin of `bytes`, and its length; `None` if more bytes are needed.
 fn message(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, FrameError> {
     let Some((address, begin)) = text(bytes, 0)? else {
         return Ok(None);
@@ -192,7 +192,7 @@ impl Wire for Osc {
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let bytes = &bytes[..bytes.len().min(256)];
         let mut parts = bytes.chunks_exact(4);
-        // Whole groups of four bytes, up to the one with the zeros.
+        // Whole groups of four bytes, up to the group with the zeros.
         let mut text = || {
             let mut text = Vec::new();
             loop {

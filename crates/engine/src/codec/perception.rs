@@ -63,7 +63,7 @@ const FIELDS: [LuaField; 5] = [
 #[derive(Clone, Copy, Debug)]
 pub struct Perception;
 
-/// Messages in a row.
+/// Consecutive messages.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct MessageFormat;
 
@@ -160,7 +160,7 @@ impl Wire for Perception {
         out.extend(&message[..len]);
     }
 
-    /// A message of its length: a marker, or as many values as there is room for.
+    /// Makes a message of the given length: a marker, or as many values as fit.
     fn repair(frame: &mut [u8]) {
         let len = frame.len();
         let head = match frame.first() {

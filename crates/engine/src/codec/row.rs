@@ -12,8 +12,8 @@ use crate::rig::direction::Direction;
 
 /// A wire format that can be recognised from its bytes: a row of the table.
 ///
-/// Made of a [`Wire`] by [`of`](Self::of), which is enough for `decode`, `shrink` and `fuzz`. The
-/// `with_` functions add knowledge that is not in the format itself.
+/// [`of`](Self::of) makes a row from a [`Wire`], which is enough for `decode`, `shrink` and `fuzz`.
+/// The `with_` functions add knowledge that is not in the format itself.
 #[derive(Clone, Copy)]
 pub struct Codec {
     name: &'static str,
@@ -38,21 +38,21 @@ enum Format {
         build: fn(&mut Choices<'_>, &mut Vec<u8>),
         frame_at: fn(&[u8]) -> Option<usize>,
     },
-    /// A value that was made as the process ran.
+    /// A format that was created while the process ran.
     Own(&'static dyn OwnFormat),
 }
 
-/// A wire format that is a value and no type: one that a file describes.
+/// A wire format that is a value instead of a type: the format of a description.
 pub trait OwnFormat: Send + Sync {
     /// A fresh decoder.
     fn decoder(&self) -> Box<dyn AnyDecoder>;
 
-    /// A fresh decoder of the bytes in this direction, if the directions have formats of their own.
+    /// A new decoder of the bytes in this direction, if the directions have different formats.
     fn decoder_towards(&self, _direction: Direction) -> Box<dyn AnyDecoder> {
         self.decoder()
     }
 
-    /// Makes lengths and checksum fit the damaged `frame` again, if it still has room for them.
+    /// Corrects lengths and checksum of the damaged `frame`, if it still has room for them.
     fn repair(&self, frame: &mut [u8]);
 
     /// Appends a valid frame, made of `choices`, to `out`.
@@ -79,7 +79,7 @@ pub struct Answers {
 }
 
 impl Answers {
-    /// All frames are of one kind, and none is a refusal.
+    /// All frames have one kind, and no frame is a refusal.
     pub const PLAIN: Self = Self {
         kind: |frame| frame.get(..1).unwrap_or(frame),
         head: 1,
@@ -145,12 +145,12 @@ impl Codec {
         }
     }
 
-    /// Whether the format is a value and no type.
+    /// Whether the format is a value instead of a type.
     pub const fn is_own(&self) -> bool {
         matches!(self.format, Format::Own(_))
     }
 
-    /// The row under another name in `hilrig fuzz` and of its corpus.
+    /// Sets the name of the row in `hilrig fuzz` and of its corpus.
     #[must_use]
     pub const fn fuzzed_as(mut self, name: &'static str) -> Self {
         self.target.name = name;
@@ -164,7 +164,7 @@ impl Codec {
         self
     }
 
-    /// The row with another silence that ends half a frame.
+    /// Sets the idle time after which a partial frame is discarded.
     #[must_use]
     pub const fn with_idle(mut self, idle: Duration) -> Self {
         self.idle = idle;
@@ -193,14 +193,14 @@ impl Codec {
         self
     }
 
-    /// The row with figures of a whole stream, for `decode --summary`: lines without an end.
+    /// Adds figures of a whole stream, for `decode --summary`: lines without a line end.
     #[must_use]
     pub const fn with_figures(mut self, figures: fn(&[u8]) -> String) -> Self {
         self.figures = Some(figures);
         self
     }
 
-    /// The row with its part of the dissector.
+    /// Adds the row's part of the dissector.
     #[must_use]
     pub const fn with_lua(mut self, lua: Lua) -> Self {
         self.lua = Some(lua);
@@ -252,8 +252,7 @@ impl Codec {
         self.lua.as_ref()
     }
 
-    /// Makes lengths and checksum fit the damaged or cut `frame` again, if it still has room for
-    /// them.
+    /// Corrects lengths and checksum of the damaged or cut `frame`, if it still has room for them.
     pub fn repair(&self, frame: &mut [u8]) {
         match self.format {
             Format::Typed { repair, .. } => repair(frame),
@@ -269,7 +268,8 @@ impl Codec {
         }
     }
 
-    /// The length of the frame that `bytes` begins with, by the slow reading of the format.
+    /// The length of the frame at the begin of `bytes`, by the slow reference decoder of the
+    /// format.
     pub fn frame_at(&self, bytes: &[u8]) -> Option<usize> {
         match self.format {
             Format::Typed { frame_at, .. } => frame_at(bytes),
@@ -282,27 +282,27 @@ impl Codec {
         }
     }
 
-    /// Figures of a whole stream, lines without an end, if there are any for this format.
+    /// Figures of a whole stream, lines without a line end, if the format has figures.
     pub fn figures(&self, bytes: &[u8]) -> Option<String> {
         self.figures.map(|figures| figures(bytes))
     }
 
-    /// Bytes of `bytes` that are in valid frames.
+    /// Number of bytes in valid frames.
     pub fn framed(&self, bytes: &[u8]) -> u64 {
         len_of(&self.frames(bytes))
     }
 
-    /// The same of bytes that go in this direction.
+    /// As [`framed`](Self::framed), for bytes in this direction.
     pub fn framed_towards(&self, bytes: &[u8], direction: Direction) -> u64 {
         len_of(&self.frames_towards(bytes, direction))
     }
 
-    /// Places of the valid frames in `bytes`.
+    /// Positions of the valid frames in `bytes`.
     pub fn frames(&self, bytes: &[u8]) -> Vec<Range<u64>> {
         frames_if(self.decoder(), bytes, |_| true)
     }
 
-    /// The same of bytes that go in this direction.
+    /// As [`frames`](Self::frames), for bytes in this direction.
     pub fn frames_towards(&self, bytes: &[u8], direction: Direction) -> Vec<Range<u64>> {
         frames_if(self.decoder_towards(direction), bytes, |_| true)
     }
@@ -374,13 +374,13 @@ impl fmt::Debug for Codec {
     }
 }
 
-/// A decoder with frames of any type, described by their length, or in words on request.
+/// A decoder of frames of any type. It gives their length, or their text on request.
 pub trait AnyDecoder: Send {
     /// Like [`Decode::step`], with the frame's length.
     fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
-    /// The frame that the last step found, in words.
+    /// The last frame as text.
     fn words(&self) -> String;
-    /// Whether its values can be.
+    /// Whether the values of the last frame are possible.
     fn is_plausible(&self) -> bool {
         true
     }

@@ -1,7 +1,8 @@
 //! `rplidar`: both directions of an RPLIDAR's serial port.
 //!
 //! The meaning of bytes depends on the descriptor before them: only answers and requests are
-//! recognisable alone. A node has three check bits in five bytes, so any bytes contain some.
+//! recognisable alone. A node has three check bits in five bytes, so any bytes contain some valid
+//! nodes.
 
 use protocols::rplidar::{
     Answer, CAPSULE_LEN, CAPSULE_SAMPLES, Capsule, CapsuleSample, Command, Decoder, Descriptor,
@@ -130,7 +131,7 @@ impl Wire for Rplidar {
         }
     }
 
-    /// Nodes and capsules count only if they are all of `bytes`.
+    /// Nodes and capsules count only if `bytes` contains nothing else.
     fn frame_at(bytes: &[u8]) -> Option<usize> {
         let is_whole = |len: &usize| *len == bytes.len();
         let [answer, request] = [answer_at(bytes), request_at(bytes)];
@@ -139,7 +140,7 @@ impl Wire for Rplidar {
         whole.find(is_whole).or(answer).or(request)
     }
 
-    /// An answer of a known kind and length; other bytes may be a part of one.
+    /// An answer of a known kind and length; other bytes may be part of such an answer.
     fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
         let len = answer_at(bytes)?;
         is_known(bytes).then_some(len)
@@ -215,7 +216,7 @@ impl Wire for Rplidar {
     }
 }
 
-/// A command may carry bytes without meaning: those need not come again.
+/// A command may carry bytes without meaning; these need not be the same after encoding.
 fn command_means_itself(request: Request) -> Result<(), Broken> {
     let command = request.command();
     let again = command.and_then(|command| command.request().command());
@@ -241,7 +242,7 @@ fn answer_at(bytes: &[u8]) -> Option<usize> {
     (fits && end <= bytes.len()).then_some(end)
 }
 
-/// Kinds of answers with the least and greatest length that they announce, and of streams.
+/// Kinds of answers and of streams, with the minimum and maximum length that they announce.
 const LENGTHS: [(u8, u8, [u8; 2]); 8] = [
     (0x00, 0x04, [20, 20]),
     (0x00, 0x06, [3, 3]),

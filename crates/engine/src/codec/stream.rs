@@ -29,20 +29,20 @@ pub struct Stretch {
 /// The meaning of bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum What {
-    /// A valid frame, in words.
+    /// A valid frame as text.
     Frame(String),
     /// Bytes outside all frames, with the errors of the candidates among them, if any.
     Bad(Vec<FrameError>),
 }
 
 impl Stretch {
-    /// Whether it is a frame.
+    /// Whether the stretch is a frame.
     pub const fn is_frame(&self) -> bool {
         matches!(self.what, What::Frame(_))
     }
 }
 
-/// The decoder of one direction of a link; keeps count of its position.
+/// The decoder of one direction of a link. It counts its position.
 pub struct Stream {
     decoder: Box<dyn AnyDecoder>,
     place: Progress,
@@ -59,7 +59,7 @@ struct Progress {
 
 /// Maximum number of bad bytes that are reported as one stretch.
 pub const BAD_MAX: u64 = 256;
-/// Errors kept of one stretch of bad bytes.
+/// Maximum number of errors kept for one stretch of bad bytes.
 const ERRORS_MAX: usize = 8;
 
 impl Codec {
@@ -68,14 +68,14 @@ impl Codec {
         Stream::new(self).all(bytes)
     }
 
-    /// The same of bytes that go in this direction.
+    /// As [`found`](Self::found), for bytes in this direction.
     pub fn found_towards(&'static self, bytes: &[u8], direction: Direction) -> Vec<Stretch> {
         Stream::towards(self, direction).all(bytes)
     }
 }
 
 impl Stream {
-    /// No bytes received yet.
+    /// A stream without bytes.
     pub fn new(codec: &Codec) -> Self {
         let (decoder, place) = (codec.decoder(), Progress::default());
         Self { decoder, place }
@@ -99,7 +99,7 @@ impl Stream {
         self.settle(bytes)
     }
 
-    /// The line is silent: a partial frame will not be completed.
+    /// Handles a silence of the line: a partial frame will not be completed.
     pub fn idle(&mut self) -> Vec<Stretch> {
         self.decoder.idle();
         let mut found = self.settle(&[]);
@@ -133,7 +133,7 @@ impl Stream {
 }
 
 impl Progress {
-    /// Reports the remaining bytes before `until` as bad, in stretches that do not depend on the
+    /// Reports the remaining bytes before `until` as bad. The stretches do not depend on the
     /// chunking.
     fn report_bad(&mut self, until: u64, found: &mut Vec<Stretch>) {
         while self.told < until {
@@ -154,7 +154,7 @@ impl Progress {
     }
 }
 
-/// Counts of one direction of a link, without words.
+/// Counts of one direction of a link, without the text of frames.
 pub struct Counter {
     decoder: Box<dyn AnyDecoder>,
 }
@@ -169,7 +169,7 @@ pub struct Count {
 }
 
 impl Counter {
-    /// No bytes received yet.
+    /// A counter without bytes.
     pub fn new(codec: &Codec) -> Self {
         let decoder = codec.decoder();
         Self { decoder }
@@ -193,7 +193,7 @@ impl Counter {
         count
     }
 
-    /// The line is silent: a partial frame will not be completed.
+    /// Handles a silence of the line: a partial frame will not be completed.
     pub fn idle(&mut self) -> Count {
         self.decoder.idle();
         self.push(&[])

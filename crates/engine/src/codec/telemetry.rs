@@ -161,7 +161,7 @@ impl Wire for Telemetry {
     }
 }
 
-/// The frame of `payload`; nothing if that is too long.
+/// The frame of `payload`; empty if the payload is too long.
 fn encoded(payload: &[u8]) -> Vec<u8> {
     let mut bytes = vec![0; 1 + 2 * (payload.len().min(PAYLOAD_MAX) + 3)];
     let len = telemetry::encode(payload, &mut bytes).unwrap_or_default();
@@ -169,7 +169,7 @@ fn encoded(payload: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// `bytes` without escapes, sound or not.
+/// `bytes` without escapes, valid or not.
 fn unescaped(bytes: &[u8]) -> Vec<u8> {
     let mut plain = Vec::new();
     let mut bytes = bytes.iter().copied();

@@ -184,7 +184,8 @@ fn a_damaged_stream_is_still_told() {
         let bytes = bytes.filter(|(_, at)| at % 151 != 150);
         let damaged = bytes.map(|(byte, at)| if at % 97 == 96 { byte ^ 0x10 } else { byte });
         let stream: Vec<u8> = b"boot 1.2\r\n".iter().copied().chain(damaged).collect();
-        // Turns of 1446 bytes and messages of 1000 hardly survive that: those are sound here.
+        // Turns of 1446 bytes and messages of 1000 bytes would hardly survive this damage, so they
+        // stay intact here.
         let stream = if frame.len() > 97 {
             frame.repeat(3)
         } else {
@@ -199,7 +200,7 @@ fn a_damaged_stream_is_still_told() {
 fn counting_comes_to_the_same_as_telling() {
     for Golden { codec, frame, .. } in golden() {
         let mut counter = Counter::new(codec);
-        // A format without a checksum may wait for the bytes behind a frame.
+        // A format without a checksum may wait for the bytes after a frame.
         let counts = [counter.push(&frame.repeat(3)), counter.idle()];
         let sum = |of: fn(&Count) -> u64| counts.iter().map(of).sum::<u64>();
         assert_eq!(

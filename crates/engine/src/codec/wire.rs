@@ -1,9 +1,9 @@
 //! A wire format for the table, and its test: any bytes become a stream, and every decoder must
-//! keep its laws on it.
+//! keep its laws on this stream.
 //!
 //! The same functions serve `hilrig fuzz`, the coverage-guided targets of the folder `fuzz`, the
-//! bench, and the replay of the corpus in the tests. With the table they use only the wire formats,
-//! so that an instrumented build of them is small.
+//! bench, and the replay of the corpus in the tests. These functions and the table need only the
+//! wire formats, so an instrumented build of them is small.
 
 mod choices;
 mod laws;
@@ -44,16 +44,16 @@ pub trait Wire {
     /// Appends a valid frame to `out`.
     fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>);
 
-    /// Makes lengths and checksum fit the damaged `frame` again, if it still has room for them.
+    /// Corrects lengths and checksum of the damaged `frame`, if it still has room for them.
     fn repair(frame: &mut [u8]);
 
     /// Length of the frame at the start of `bytes`, from a slow and simple reference implementation
     /// that does not use the tested code.
     fn frame_at(bytes: &[u8]) -> Option<usize>;
 
-    /// The length of the frame at the start of `bytes`, if it is a frame whatever precedes it. A
-    /// decoder never discards such a frame. By default every frame qualifies. Override this for
-    /// formats in which only another frame distinguishes a frame from noise.
+    /// The length of the frame at the start of `bytes`, if it is a frame regardless of the bytes
+    /// before it. A decoder never discards such a frame. By default every frame qualifies. Override
+    /// this for formats in which only another frame distinguishes a frame from noise.
     fn unmistakable_at(bytes: &[u8]) -> Option<usize> {
         Self::frame_at(bytes)
     }
@@ -90,7 +90,7 @@ pub struct Broken {
 }
 
 impl Broken {
-    /// The law called `law` was broken.
+    /// A violation of the law `law`.
     pub fn new(law: &'static str, detail: impl Into<String>) -> Self {
         let detail = detail.into();
         Self { law, detail }
@@ -114,15 +114,15 @@ pub struct Target {
     pub stream: fn(&[u8]) -> Stream,
     /// Whether the laws hold on a stream.
     pub check: fn(&Stream) -> Result<(), Broken>,
-    /// The decoder's reactions to it, as numbers.
+    /// The decoder's reactions to a stream, as numbers.
     pub marks: fn(&Stream, Mark<'_>),
     /// Generator of its streams.
     pub holds: Holds,
-    /// Cases that a fuzzer tries in one go: fewer of long ones.
+    /// Number of cases that a fuzzer tries in one round; smaller for long cases.
     pub round: u64,
 }
 
-/// Default number of cases in one go.
+/// Default number of cases in one round.
 const ROUND: u64 = 4096;
 
 /// Generator of a target's streams.
@@ -135,7 +135,7 @@ pub enum Holds {
 }
 
 impl Target {
-    /// Formats without frames: rows of a map in their code, and the radio's commands.
+    /// Formats without frames: coded rows of a map, and the radio's commands.
     pub const TEXTS: [Self; 2] = [
         Self {
             name: "rle",
@@ -167,7 +167,7 @@ impl Target {
         }
     }
 
-    /// Bytes as they are, of which no law is known.
+    /// A target whose streams are plain bytes, without known laws.
     pub const fn bytes(name: &'static str) -> Self {
         Self {
             name,
@@ -179,7 +179,7 @@ impl Target {
         }
     }
 
-    /// Data that [`stream`](Self::stream) makes `stream` of.
+    /// Data from which [`stream`](Self::stream) makes `stream`.
     pub fn data_of(&self, stream: &Stream) -> Vec<u8> {
         match self.holds {
             Holds::Frames => stream.to_data(),
@@ -199,7 +199,7 @@ impl Target {
     }
 }
 
-/// The law that a frame made again of its parts is the same.
+/// The law that a frame rebuilt from its parts is the same.
 pub(super) fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
     if found == made {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Words for bytes outside of frames.
+//! Text for bytes outside of frames.
 
 use protocols::hc06::{Command, LineCommand};
 

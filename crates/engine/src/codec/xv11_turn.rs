@@ -1,4 +1,4 @@
-//! `xv11-turn`: a turn a frame, of firmware 2.1.
+//! `xv11-turn`: frames of firmware 2.1, one per turn.
 
 use protocols::xv11::{RawReading, Reading, turn};
 
@@ -83,7 +83,7 @@ impl Wire for Xv11Turns {
     }
 }
 
-/// A turn of the old firmware, its readings counted.
+/// A turn of the old firmware as text, with counts of its readings.
 fn words(frame: &turn::Frame) -> String {
     let (mut ok, mut weak, mut invalid) = (0, 0, 0);
     for degree in 0..360 {

@@ -1,4 +1,4 @@
-//! PNG: everything the form allows comes in, eight bits of red, green and blue go out.
+//! PNG: reads all formats of the standard; writes eight bits of red, green and blue.
 
 use std::io::{self, BufRead, Seek, Write};
 
@@ -58,7 +58,8 @@ pub(super) fn write(picture: &Picture, file: impl Write) -> io::Result<()> {
     );
     encoder.set_color(ColorType::Rgb);
     encoder.set_depth(BitDepth::Eight);
-    // Looking for the best filter of each row takes longer than all the rest of a run's folder.
+    // To choose the best filter of each row would take longer than writing all other files of a
+    // run.
     encoder.set_compression(Compression::Fastest);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(picture.pixels.as_flattened())?;
@@ -95,7 +96,7 @@ mod tests {
         picture.pixels
     }
 
-    /// Each depth has its own largest value, and that is white.
+    /// Each bit depth has its own largest value, which is white.
     #[test]
     fn grays_of_any_depth_become_eight_bits() {
         let gray = |depth, data: &[u8]| grays(&file(ColorType::Grayscale, depth, data, |_| ()));
@@ -110,7 +111,7 @@ mod tests {
         assert_eq!(gray(BitDepth::Sixteen, &wide), [0, 1, 205, 255]);
     }
 
-    /// A gray of three equal parts stays itself.
+    /// A gray of three equal parts does not change.
     #[test]
     fn colours_become_their_brightness() {
         let parts = [0, 0, 0, 205, 205, 205, 10, 20, 30, 255, 255, 255];

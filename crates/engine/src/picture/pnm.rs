@@ -29,7 +29,7 @@ pub(super) fn read<P: Pixel>(
             "the largest value is {most}, expected 1 to 65535"
         )));
     }
-    // Grows with the true content of the file.
+    // The memory grows with the actual content of the file, not with the announced size.
     let mut pixels = Vec::new();
     for _ in 0..count {
         let mut sample = || {
@@ -53,11 +53,11 @@ pub(super) fn read<P: Pixel>(
     })
 }
 
-/// `value` of `most` in eight bits, rounded; larger values are white.
+/// `value` of `most`, scaled to eight bits and rounded; larger values are white.
 fn scaled(value: u32, most: u32) -> u8 {
     let value = u64::from(value.min(most));
     let to = |full: u64| (value * full + u64::from(most) / 2) / u64::from(most);
-    // Through sixteen bits if the file has more than eight, like PNG.
+    // A file with more than eight bits is converted over sixteen bits, like PNG.
     if most > 255 {
         narrow(u16::try_from(to(65535)).expect("at most all of it"))
     } else {
@@ -80,7 +80,7 @@ impl<R: Read> Input<R> {
         }
     }
 
-    /// The next number, and the one byte of white space after it. It may end the file.
+    /// The next number, and one byte of white space after it. The file may end with the number.
     fn number(&mut self) -> Result<u32, PictureError> {
         let mut digits = String::new();
         loop {
@@ -132,7 +132,7 @@ mod tests {
         assert_eq!(colours.pixels, [[10, 20, 30]]);
     }
 
-    /// GIMP and map_saver write one after the magic.
+    /// GIMP and map_saver write a comment after the magic number.
     #[test]
     fn comments_are_passed_over() {
         let text = b"P5\n# CREATOR: map_saver 0.050 m/pix\n2 # width\n#\n1\n#P2\n255\n#\xCD";

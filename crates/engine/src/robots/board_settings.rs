@@ -11,8 +11,8 @@ type Tell<C> = fn(&C, &mut Report<'_>);
 /// Changes a configuration by one word.
 type Set<C> = fn(&mut C, &str, &str) -> Result<(), &'static str>;
 
-/// Keys and values that turn `default` into `config`; `None`: no words can. Enabled defects of the
-/// program, selected by `is_own`, come last.
+/// Keys and values that turn `default` into `config`; `None` if no words can do this. Enabled
+/// defects of the program, selected by `is_own`, come last.
 pub(super) fn words<C: PartialEq>(
     scenario: &Scenario,
     (config, default): (&C, C),

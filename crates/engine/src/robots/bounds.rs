@@ -1,17 +1,17 @@
-//! Whether missions and rooms fit the robot's map.
+//! Checks that missions and rooms fit the robot's map.
 
 use super::conditions::Moment;
 use super::{Robot, Wired};
 use crate::rig::Rig;
 use crate::scenario::{Action, Scenario, ScenarioError, Source};
 
-/// A wall may lie this far outside: a map's last cell is drawn from inside, metres.
+/// Maximum distance of a wall outside the map, metres: the last cell of a map is drawn from inside.
 const SLACK_M: f64 = 0.05;
 
-/// Whether all waypoints lie on the robot's map.
+/// Checks that all waypoints lie on the robot's map.
 ///
 /// # Errors
-/// The first one that does not: the robot cannot be sent there.
+/// The first waypoint outside: the robot cannot drive there.
 pub(super) fn check_waypoints(
     robot: &dyn Robot,
     scenario: &Scenario,
@@ -36,10 +36,10 @@ pub(super) fn check_waypoints(
     Ok(())
 }
 
-/// Whether the links that `[expect.safety]` names exist.
+/// Checks that the links of `[expect.safety]` exist.
 ///
 /// # Errors
-/// The first one that does not.
+/// The first unknown link.
 pub(super) fn check_safety_links(
     rig: &Rig,
     scenario: &Scenario,
@@ -60,7 +60,7 @@ pub(super) fn check_safety_links(
 /// Checks that the robot has the items that the conditions of rules and steps name.
 ///
 /// # Errors
-/// The first name that it has not.
+/// The first unknown name.
 pub(super) fn check_conditions(
     wired: &Wired,
     scenario: &Scenario,

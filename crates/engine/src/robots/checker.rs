@@ -67,7 +67,7 @@ impl Check {
         }
     }
 
-    /// The same check, or not observed if `observed` is false.
+    /// Returns the check unchanged, or as not observed if `observed` is false.
     #[must_use]
     pub fn if_observed(self, observed: bool) -> Self {
         match self.status {
@@ -111,8 +111,8 @@ pub trait Checker: Send {
     /// The verdict so far; not observed if nothing could be checked.
     fn verdict(&self) -> Check;
 
-    /// The same checker in the same state, for a copy of the rig. Adds its observers to that copy,
-    /// `rig`. `None` if the checker cannot be copied: a run with it has no checkpoints.
+    /// Copies the checker with its state, for `rig`, a copy of the rig. Adds its observers to this
+    /// copy. `None` if the checker cannot be copied: a run with it has no checkpoints.
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
         None
     }

@@ -42,13 +42,13 @@ pub(crate) struct Moment<'a> {
 pub(crate) struct Reading {
     /// Whether the condition holds; `None` if the value cannot be compared.
     pub(crate) holds: Option<bool>,
-    /// The value, if there is one to be shown.
+    /// The value, if there is one for display.
     pub(crate) value: Option<Operand>,
 }
 
 impl Moment<'_> {
-    /// The current value of `condition`; `None` if there is no value, or if the condition is not on
-    /// the state.
+    /// The current value of `condition`; `None` if there is no value, or if the condition does not
+    /// refer to the state.
     pub(crate) fn reading(&self, condition: &Condition) -> Option<Reading> {
         let compared = |op: crate::scenario::Op, found: Operand, wanted: &Operand| Reading {
             holds: op.compares(&found, wanted),
@@ -90,7 +90,7 @@ impl Moment<'_> {
         }
     }
 
-    /// Share of known cells of the robot's map, or of the one that its station received.
+    /// Share of known cells of the robot's map, or of the map that its station received.
     pub(crate) fn known_share(&self) -> Option<f64> {
         let station = || self.instruments.station(self.rig)?.map();
         let map = self.instruments.map(self.rig).or_else(station)?;
@@ -145,7 +145,7 @@ impl Moment<'_> {
         values.into_iter().find(is_it).map(|value| value.value)
     }
 
-    /// The values of a device: its own, or those that the robot shows of it.
+    /// The values of a device: its own, or those that the robot displays for the device.
     fn values(&self, device: &str) -> Vec<DeviceValue> {
         let own = self.devices.get(device);
         let own = own.map_or(Vec::new(), |spec| spec.values(self.rig, device));
@@ -265,7 +265,7 @@ impl Moment<'_> {
         if !known.contains(&device.as_str()) {
             return Err(Flaw::new("device", near::expected(device, &known)));
         }
-        // A program that plays a device says the names of its values when it has begun.
+        // The names of values of a program that plays a device are known only after its start.
         let own = self.devices.get(device);
         if register.name.is_some() && own.is_some_and(DeviceSpec::has_late_values) {
             return Ok(());
@@ -319,7 +319,7 @@ impl Moment<'_> {
         log_rules::known(device.map(DeviceSpec::kind), &event.rule)
     }
 
-    /// The names of values that `register` can have, if it names none of them now.
+    /// The possible names for `register`, if its name is unknown now.
     pub(crate) fn missing_value(&self, register: &RegisterCondition) -> Option<String> {
         let name = register.name.as_ref()?;
         let values = self.values(&register.device);
@@ -338,7 +338,7 @@ impl Moment<'_> {
         }
     }
 
-    /// Whether a map may come that is not there yet: the station receives one.
+    /// Whether the robot has no map yet but can get one, because its station receives a map.
     fn may_get_a_map(&self) -> bool {
         let station = self.instruments.station(self.rig);
         station.is_some_and(|station| station.has_whole_map().is_some())

@@ -87,14 +87,14 @@ impl Need {
         }
     }
 
-    /// The same, for these modes only.
+    /// Restricts the need to these modes.
     #[must_use]
     pub const fn only(mut self, modes: &'static [&'static str]) -> Self {
         self.only = modes;
         self
     }
 
-    /// The same, except for these modes.
+    /// Excludes these modes from the need.
     #[must_use]
     pub const fn except(mut self, modes: &'static [&'static str]) -> Self {
         self.except = modes;
@@ -373,7 +373,7 @@ pub trait Instruments: Send + Sync {
         None
     }
 
-    /// The same, mutable, to plan its later actions.
+    /// As [`station`](Self::station), mutable, to plan its later actions.
     fn station_mut<'a>(&'a self, _rig: &'a mut Rig) -> Option<&'a mut dyn Station> {
         None
     }
@@ -410,7 +410,7 @@ pub trait Instruments: Send + Sync {
     }
 }
 
-/// A robot of which only the rig is known.
+/// Instruments of an unknown robot: only the rig is observable.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unknown;
 

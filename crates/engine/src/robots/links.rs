@@ -72,7 +72,7 @@ fn end(wired: &mut Wired, link: &str, port: &str, spec: &CableSpec) -> End {
 /// Plans the scenario's latencies and faults on the links of a wired rig.
 ///
 /// # Errors
-/// The first link that there is not, or a fault that does not fit its link.
+/// The first unknown link, or a fault that does not fit its link.
 pub(super) fn plan(
     rig: &mut Rig,
     scenario: &Scenario,

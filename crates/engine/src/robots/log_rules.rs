@@ -1,4 +1,4 @@
-//! Names of the rules that devices log, by which a misspelt name is found.
+//! Names of the rules that devices log, to find misspelt names.
 
 use crate::near;
 
@@ -61,8 +61,8 @@ const OF_DESCRIPTION: [&str; 24] = [
     "wrong-address",
 ];
 
-/// Rules that other devices, the links and the rig log. A name that nearly is one of these is
-/// misspelt; other names may be those of a program or of another crate.
+/// Rules that other devices, the links and the rig log. A name similar to one of these is misspelt.
+/// Other names may belong to a program or to another crate.
 const OF_OTHERS: [&str; 74] = [
     "bad-message",
     "bad-row",
@@ -140,22 +140,22 @@ const OF_OTHERS: [&str; 74] = [
     "wrong-baud",
 ];
 
-/// Knowledge of a rule by its name and the device that is to log it.
+/// Knowledge of a rule by its name and by the device that the condition names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Known {
     /// The device logs it.
     Logged,
     /// The device logs other rules only.
     NeverLogged,
-    /// It nearly is a known name, which was probably meant.
+    /// The name is similar to this known name, which was probably meant.
     Misspelt(&'static str),
-    /// Other devices log it, and this one may.
+    /// Other devices log the rule, and this device may do so as well.
     OfOthers,
-    /// The name says nothing: the device may be a program.
+    /// Nothing is known of the name: the device may be a program.
     Open,
 }
 
-/// Knowledge of `rule`, if a device of the kind `kind` is to log it.
+/// Knowledge of `rule` for a device of the kind `kind`.
 pub(crate) fn known(kind: Option<&str>, rule: &str) -> Known {
     let own: &[&str] = match kind {
         Some("registers") => &OF_REGISTERS,
@@ -183,7 +183,7 @@ mod tests {
 
     use super::*;
 
-    /// Each name of the lists is one that the devices' own code has.
+    /// Each name of the lists occurs in the code of a device.
     #[test]
     fn the_lists_hold_names_of_the_code() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");

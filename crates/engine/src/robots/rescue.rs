@@ -49,8 +49,8 @@ use crate::scenario::{
 use arena::{ARENA, SITUATIONS};
 use instruments::RescueInstruments;
 
-/// The base stops the motors within 1.006 s of silence (field firmware, measured), plus a
-/// regulator's period of 40 ms and a look of the checker.
+/// The base stops the motors within 1.006 s of silence (field firmware, measured). A period of the
+/// regulator, 40 ms, and an update of the checker are added.
 const SILENCE: Silence = Silence {
     link: "base",
     silence_max: Duration::from_millis(1060),
@@ -64,7 +64,7 @@ const SET_POINT_MAX: i16 = 35;
 
 const LINKS: [&str; 6] = ["lidar", "motor", "base", "radio", "pc", display::NAME];
 
-/// The duty of the lidar's motor is a level, not a message: it gets through at once.
+/// Line of the lidar's motor pin. A duty is a level, not a message, so it arrives at once.
 const PIN: LineConfig = LineConfig::new_8n1(10_000_000);
 
 /// Blumenkamp's robot of 2015.
@@ -218,7 +218,7 @@ fn wire(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     Ok(wired)
 }
 
-/// The program by itself. The motor's drive is no UART on a real board.
+/// The program alone. On a real board the motor's drive is not a UART.
 fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     check_names(scenario, source)?;
     let order = order_of(base(scenario, source)?.profile);
@@ -242,7 +242,7 @@ fn alone(scenario: &Scenario, source: &Source) -> Result<Alone, ScenarioError> {
     })
 }
 
-/// The order in which the base sends its checksum, which the program must share.
+/// The byte order of the base's checksum, which the program must share.
 const fn order_of(profile: avr_base::Profile) -> ChecksumOrder {
     match profile {
         avr_base::Profile::Document => ChecksumOrder::LowFirst,
@@ -277,7 +277,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
                 return Err(source.invalid(source.find(name), format!("device.{name}"), message));
             }
         };
-        // A base may be played by its own firmware, or by a program.
+        // The base's own firmware or a program may emulate the base.
         let stands_in = name == "base" && ["firmware", "program"].contains(&spec.kind());
         if spec.kind() != kind && !stands_in {
             let message = format!("is of kind {}, expected {kind}", spec.kind());
@@ -295,7 +295,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
 }
 
 /// The lidar, on even surfaces unless the scenario says otherwise: the figures of this robot's
-/// missions are made with them.
+/// missions were measured with even surfaces.
 fn lidar_spec(scenario: &Scenario, source: &Source) -> Result<DeviceSpec, ScenarioError> {
     let plain = || {
         let plain = DeviceSpec::plain(XV11);
@@ -311,7 +311,7 @@ fn lidar_spec(scenario: &Scenario, source: &Source) -> Result<DeviceSpec, Scenar
     Ok(spec)
 }
 
-/// How the base is set up.
+/// Settings of the base.
 fn base(scenario: &Scenario, source: &Source) -> Result<AvrBaseConfig, ScenarioError> {
     let spec = scenario.device.get("base");
     match spec.and_then(DeviceSpec::settings::<AvrBaseSpec>) {
@@ -400,7 +400,7 @@ fn program(
     Ok(config)
 }
 
-/// Modes that the PC can order, by name; to drive by hand is an order of its own.
+/// Modes that the PC can order, by name; manual driving is a separate order.
 const MODES: [(&str, Mode); 4] = [
     ("stop", Mode::Stop),
     ("exploration", Mode::Exploration),
@@ -439,7 +439,7 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
             action,
         });
     }
-    // Steps with a condition are handed over when it has come true.
+    // Steps with a condition are added when the condition becomes true.
     let mut timed: Vec<&Step> = Vec::new();
     let is_order = |(_, step): &(usize, &Step)| !step.action.is_of_the_rig();
     for (index, step) in mission.step.iter().enumerate().filter(is_order) {
@@ -455,7 +455,7 @@ fn script(scenario: &Scenario, source: &Source) -> Result<pc::Script, ScenarioEr
         .map_err(|error| source.invalid(source.find("mission"), "mission", error.to_string()))
 }
 
-/// A step of the mission as the PC does it.
+/// Converts a step of the mission to a step of the PC.
 fn pc_step(step: &Step) -> Result<pc::Step, String> {
     Ok(pc::Step {
         when: pc::When::At(step.at.unwrap_or_default().0),
@@ -463,7 +463,7 @@ fn pc_step(step: &Step) -> Result<pc::Step, String> {
     })
 }
 
-/// The action of the PC in the units of the wire.
+/// Converts an action to the PC's action in the units of the wire.
 ///
 /// # Errors
 /// The expected modes or axes, if the robot does not have the given ones.
@@ -484,7 +484,7 @@ pub fn pc_action(action: &Action) -> Result<pc::Action, String> {
     })
 }
 
-/// The wheels' set-points as the wire has them.
+/// The wheels' set-points in the format of the wire.
 fn wheels(set_points: &[SetPoint]) -> Result<[i8; 2], String> {
     let whole = set_points.iter().map(|one| i8::try_from(one.whole()?).ok());
     let whole: Option<Vec<i8>> = whole.collect();

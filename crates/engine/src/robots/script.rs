@@ -57,7 +57,7 @@ impl<W: Clone> Script<W> {
         self.steps.insert(index, (at, wish));
     }
 
-    /// When the next step is due.
+    /// Time of the next step.
     pub(super) fn due(&self) -> Option<Instant> {
         // A step does not overtake its predecessor.
         self.steps.get(self.next).map(|(at, _)| *at)

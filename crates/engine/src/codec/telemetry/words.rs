@@ -14,7 +14,7 @@ use crate::hex;
 /// Maximum number of printed bytes of an invalid payload.
 const TOLD_MAX: usize = 16;
 
-/// A payload in words.
+/// A payload as text.
 pub(super) fn of(payload: &[u8]) -> String {
     let told = Telemetry::decode(payload).ok();
     if let Some(told) = told.filter(|told| is_whole(payload, |out| told.encode(out)))
@@ -38,7 +38,7 @@ pub(super) fn is_message(payload: &[u8]) -> bool {
             || command().is_some_and(|command| is_whole(payload, |out| command.encode(out))))
 }
 
-/// Whether a message, written again, has all that the payload has.
+/// Whether encoding a decoded message gives all fields of the payload.
 fn is_whole(payload: &[u8], encode: impl FnOnce(&mut [u8]) -> Result<usize, MessageError>) -> bool {
     let mut out = [0; PAYLOAD_MAX];
     encode(&mut out).is_ok_and(|len| out.get(..len) == Some(payload))
@@ -114,7 +114,7 @@ fn plain(payload: &[u8]) -> String {
     format!("{} bytes: {told}{more}", payload.len())
 }
 
-/// Place and heading; `any` heading if the robot may choose.
+/// Position and heading; `any` heading if the robot may choose.
 fn pose(pose: Pose) -> String {
     let mut out = format!("{} {} m", rounded(pose.x), rounded(pose.y));
     let heading = if pose.alpha.to_bits() == ANY_HEADING.to_bits() {
@@ -126,7 +126,7 @@ fn pose(pose: Pose) -> String {
     out
 }
 
-/// With three digits at most behind the point.
+/// The value with at most three decimals.
 fn rounded(value: f32) -> String {
     let value = (f64::from(value) * 1_000.0).round() / 1_000.0;
     value.to_string()

@@ -1,5 +1,5 @@
-/// Choices encoded in a string of bytes, which a fuzzer mutates. After its end every choice is the
-/// first one, so that shorter strings give simpler inputs.
+/// Choices encoded in a string of bytes, which a fuzzer mutates. After the end of the bytes, every
+/// choice is the first one, so shorter strings give simpler inputs.
 #[derive(Clone, Debug)]
 pub struct Choices<'a>(&'a [u8]);
 
@@ -30,7 +30,7 @@ impl<'a> Choices<'a> {
         u16::from_le_bytes([self.byte(), self.byte()])
     }
 
-    /// A number below `n`, from one byte if that can reach all of them; 0 if `n` is.
+    /// A number below `n`, from one byte if one byte is sufficient; 0 if `n` is 0.
     pub fn below(&mut self, n: usize) -> usize {
         let drawn = match n {
             0 | 1 => return 0,

@@ -34,8 +34,8 @@ impl<W: Wire> Listener<W> {
         }
     }
 
-    /// Takes the next piece of `all`, of which `self.pushed` bytes were taken before. `each` sees
-    /// each frame and where it began.
+    /// Takes the next piece of `all`, after the first `self.pushed` bytes. Calls `each` with each
+    /// frame and its start.
     fn receive(
         &mut self,
         mut piece: &[u8],

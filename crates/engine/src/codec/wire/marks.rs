@@ -1,5 +1,5 @@
-//! A decoder's reactions to a stream, as numbers: they show a fuzzer without instrumentation that a
-//! stream is of a new kind.
+//! A decoder's reactions to a stream, as numbers. A fuzzer without instrumentation uses them to
+//! find streams of a new kind.
 
 use protocols::Decode;
 use protocols::hc06::{Command, LineCommand};
@@ -14,8 +14,9 @@ const fn size(number: usize) -> u64 {
     (usize::BITS - number.leading_zeros()) as u64
 }
 
-/// The kinds of frames; and each frame or error, whatever its kind, with the two before it and the
-/// size of the discarded bytes in between. Finer marks would call every session new.
+/// Marks of a session: the kinds of frames; and each frame or error, regardless of its kind, with
+/// the two before it and the size of the discarded bytes in between. With finer marks, every
+/// session would be new.
 pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
     let mut decoder = W::decoder();
     // Of nothing yet.
@@ -48,7 +49,7 @@ pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
     }
 }
 
-/// The end state of a row's code.
+/// The end state of the decoder of a coded row.
 pub(super) fn of_row(stream: &Stream, mark: Mark<'_>) {
     let mut row = [0; 300];
     let bytes = stream.bytes();

@@ -15,7 +15,7 @@ pub struct Stream {
 /// A part of a [`Stream`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Piece<'a> {
-    /// Bytes that come in one go.
+    /// Bytes that arrive at once.
     Bytes(&'a [u8]),
     /// The line is quiet.
     Idle,
@@ -142,13 +142,13 @@ impl Stream {
         session
     }
 
-    /// Ends a piece here.
+    /// Ends a piece at the current position.
     fn mark(&mut self, idle: bool, last: &mut usize) {
         *last = self.bytes.len();
         self.marks.push((*last, idle));
     }
 
-    /// Damages a byte at or behind `from`.
+    /// Damages a byte at or after `from`.
     fn damage(&mut self, kind: u8, from: usize, choices: &mut Choices<'_>) {
         let len = self.bytes.len() - from;
         if len == 0 {

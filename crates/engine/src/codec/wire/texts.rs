@@ -1,4 +1,4 @@
-//! Laws of the formats without frames: the code of map rows, and the radio's commands.
+//! Laws of the formats without frames: coded map rows, and the radio's commands.
 
 use protocols::hc06::{Command, LineCommand};
 use protocols::rle::{self, Dialect};
@@ -8,8 +8,8 @@ use super::{Broken, Stream};
 /// Width of a map row.
 const WIDTH: usize = 300;
 
-/// A coded row is refused in words or decodes to pixels that survive being coded again; and the
-/// same bytes taken as pixels come back.
+/// A coded row is rejected with a message, or decodes to pixels that are the same after encoding
+/// and decoding. The same bytes, used as pixels, are also the same after encoding and decoding.
 pub(super) fn rows_survive_their_code(stream: &Stream) -> Result<(), Broken> {
     let mut row = [0; WIDTH];
     if let Ok(len) = rle::decode(stream.bytes(), &mut row) {

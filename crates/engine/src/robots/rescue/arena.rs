@@ -2,8 +2,9 @@
 
 use crate::robots::Arena;
 
-/// Its map is 3 m wide. It keeps a distance of 4.5 cm to obstacles, and its planner uses cells of 3
-/// cm. A third of its speed of 227 mm/s leaves time for turns and new plans.
+/// The map of the robot is 3 m wide. The robot keeps a distance of 4.5 cm to obstacles, and its
+/// planner uses cells of 3 cm. A third of its speed of 227 mm/s leaves time for turns and new
+/// plans.
 pub(super) const ARENA: Arena = Arena {
     side_m: 3.0,
     margin_m: 0.13,
