@@ -8,7 +8,7 @@ use std::env;
 use std::path::Path;
 use std::process::Command;
 
-/// What goes into the program. If none of it changes, nothing is asked again.
+/// Sources of the program. If none of them changes, the build script does not run again.
 const SOURCES: [&str; 7] = [
     "build.rs",
     "src",
@@ -53,7 +53,7 @@ fn commit() -> Option<String> {
     })
 }
 
-/// What git says, if it is there and has an answer.
+/// The output of a git command; `None` if git is missing or fails.
 fn git(arguments: &[&str]) -> Option<String> {
     let output = Command::new("git").args(arguments).output().ok()?;
     let said = String::from_utf8(output.stdout).ok()?;

@@ -9,7 +9,7 @@ use hilrig::prelude::*;
 
 const LINE: LineConfig = LineConfig::new_8n1(115_200);
 
-/// Both wheels do what the last byte said, as a signed number of 127 at most.
+/// Drive of both wheels: the last byte, a signed number up to 127, is the power.
 #[derive(Clone, Default)]
 struct Wheels(i8);
 
@@ -133,7 +133,7 @@ impl Robot for Cart {
     }
 }
 
-/// What page, report and checks may ask of it.
+/// Data of the cart for page, report and checks.
 struct CartInstruments;
 
 impl Instruments for CartInstruments {

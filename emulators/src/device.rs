@@ -75,8 +75,8 @@ pub trait Device {
         None
     }
 
-    /// The logs of which each moment is known, also those that are folded into one entry of
-    /// [`take_events`](Self::take_events); none: each entry is a moment of its own.
+    /// The logs that keep each moment, also moments that [`take_events`](Self::take_events) folds
+    /// into one entry. In a device without such logs, each entry is one moment.
     fn logs(&self) -> Vec<&BrokenRules> {
         self.broken_rules().into_iter().collect()
     }

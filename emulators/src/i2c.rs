@@ -61,7 +61,8 @@ const GENERAL_CALL: u8 = 0x00;
 /// Time never runs backwards between calls. The world is that of the call's `now`. Answers must
 /// depend on the chip's model alone, not on how often the chip is called.
 pub trait RegisterChip: Clone {
-    /// Whether it acknowledges the first byte of a transaction, `address` without the lowest bit.
+    /// Whether the chip acknowledges the first byte of a transaction, `address` without the lowest
+    /// bit.
     fn acknowledges(&self, now: Instant, address: u8) -> bool;
 
     /// Takes `data` for the registers from `register` on; never empty.
@@ -106,7 +107,7 @@ pub struct OnBus<C> {
     begun: Vec<u8>,
     answers: VecDeque<Vec<u8>>,
     line: LineConfig,
-    /// When the chip's log has something to count up.
+    /// Time at which the chip's log next updates a count.
     told_at: Option<Instant>,
     broken: BrokenRules,
 }

@@ -153,7 +153,7 @@ impl Srf08 {
         Duration::from_secs_f64(2.0 * self.range_m() / SPEED_M_S) + OVERHEAD
     }
 
-    /// Whether it ranges, and so does not acknowledge.
+    /// Whether the chip is ranging; then it does not acknowledge.
     pub fn is_ranging(&self, now: Instant) -> bool {
         now < self.ready_at
     }

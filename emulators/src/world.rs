@@ -88,7 +88,8 @@ impl World {
         Self::with_chassis(scene, Box::new(chassis), start)
     }
 
-    /// A body of any kind, none of whose steps has begun; `start` is where its reference point is.
+    /// A world with a body of any kind that has not moved yet. `start` is the pose of the body's
+    /// reference point.
     ///
     /// # Errors
     /// If the start is not finite or in a wall.

@@ -226,7 +226,7 @@ impl Xv11 {
         earliest([self.uart.release_at(), self.edge_at, self.work_at])
     }
 
-    /// Finds out when the firmware has something to do, after anything happened to it.
+    /// Computes the time of the firmware's next work, after any event for the firmware.
     fn foresee(&mut self) {
         self.work_at = self.firmware.next_at(&self.uart);
     }
@@ -241,7 +241,7 @@ impl Xv11 {
         self.plan();
     }
 
-    /// Finds out when the next tooth passes.
+    /// Computes the time at which the next tooth passes.
     fn plan(&mut self) {
         self.edge_at = self.rotor.reaches(self.encoder.edge_deg());
     }

@@ -195,7 +195,7 @@ mod tests {
         assert!(expected.len() > 60, "{expected:?}");
     }
 
-    /// Where nothing contradicts the needed option, `clap` asks for it.
+    /// Message of `clap` for a missing required option.
     const BY_CLAP: &str = "error: the following required arguments were not provided";
 
     /// Options whose needed one contradicts another option, so that `clap` does not ask for it; the

@@ -323,8 +323,9 @@ fn check(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError>
     Err(CliError::Usage(wrong.to_owned()))
 }
 
-/// Rejects two programs under test, and one that a case of bytes would not be played to. `clap`'s
-/// own conflicts would switch off what options require: those of `--exec` would be ignored.
+/// Rejects two programs under test, and a program to which a case of bytes could not be played. The
+/// conflicts of `clap` cannot be used: they would switch off requirements of options, so options of
+/// `--exec` would be ignored.
 fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
     let given = [
         ("--exec", args.program.exec.is_some()),
@@ -397,7 +398,7 @@ pub(super) enum Runnable {
 }
 
 impl Runnable {
-    /// Whether it is a scenario that names its programs.
+    /// Whether this is a scenario that names its programs.
     fn has_programs(&self) -> bool {
         matches!(self, Self::Scenario(scenario) if !scenario.0.exec.is_empty())
     }

@@ -396,7 +396,7 @@ impl Log {
         self.visits = visits;
     }
 
-    /// Whether this second has room for another line.
+    /// Whether the event may be printed: the number of lines per second is limited.
     fn says(&mut self, event: &Event) -> bool {
         let is_always = ALWAYS.contains(&event.rule);
         self.lines += u32::from(!is_always);

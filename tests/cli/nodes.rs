@@ -86,7 +86,7 @@ fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
     wait_until("its end", || !is_running(&mark));
 }
 
-/// When the rig is told to stop, it no longer waits for a silent program.
+/// After an interrupt the rig no longer waits for a silent program.
 #[test]
 fn an_interrupt_ends_the_wait_for_a_silent_program() {
     let session = Session::new("nodes-interrupt");

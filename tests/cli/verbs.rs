@@ -8,7 +8,7 @@ use hilrig::realtime::clock::{Clock as _, WallClock};
 
 use super::{Session, wait_until};
 
-/// One command.
+/// A command with its expected result.
 pub(crate) struct Verb {
     /// Its name.
     pub(crate) name: &'static str,
@@ -30,7 +30,7 @@ const fn verb(name: &'static str, line: &'static str) -> Verb {
 }
 
 impl Verb {
-    /// It fails a check.
+    /// Expects a failed check.
     const fn fails(self) -> Self {
         Self { code: 1, ..self }
     }
@@ -130,7 +130,7 @@ start = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }
 path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
 "#;
 
-/// A folder in which every command finds what it needs.
+/// A folder with all files that the commands need.
 pub(crate) struct Bench {
     pub(crate) session: Session,
     /// The rig in `live`: it ends when this is closed.
@@ -185,7 +185,7 @@ impl Bench {
         std::fs::create_dir(&o).expect("can be made");
     }
 
-    /// All files below `o` with what is in them.
+    /// All files below `o` with their contents.
     pub(crate) fn files(&self) -> Vec<(String, Vec<u8>)> {
         let mut files = Vec::new();
         collect(&self.session.path("o"), &mut files);

@@ -224,8 +224,8 @@ const CASES: [Case; 25] = [
     ),
 ];
 
-/// Programs that also run in real time. Programs whose result depends on the machine's load are not
-/// among them.
+/// Programs that also run in real time. Programs whose result depends on the load of the machine
+/// are excluded.
 const REAL: [&str; 11] = [
     "prints-and-exits",
     "opens-and-exits",
@@ -336,7 +336,7 @@ fn who_works_listens_or_ends_with_its_work_done_passes() {
     }
 }
 
-/// The same in real time, where only the system knows the reason of a program's wait.
+/// In real time, only the system knows the reason for a program's wait; the cause is named as well.
 #[test]
 fn in_real_time_the_cause_is_named_as_well() {
     let judge = |(name, port, python, words): Case| {

@@ -20,7 +20,7 @@ eventually = { bytes = { link = \"sonar\", direction = \"to-device\", hex = \"70
 const PLANNER: &str = include_str!("programs/slow/planner.c");
 const MAPPER: &str = include_str!("programs/slow/mapper.py");
 const ANSWERER: &str = include_str!("programs/slow/answerer.rs");
-/// Each step of the programs takes some milliseconds here, and some hundred at this scale.
+/// Scale at which each step of the programs takes some hundred milliseconds, instead of some here.
 const SCALE: &str = "100";
 
 fn run(name: &str, scenario: &str, command: &str, more: &[&str]) -> Ended {
@@ -31,7 +31,7 @@ fn run(name: &str, scenario: &str, command: &str, more: &[&str]) -> Ended {
     run_in(&folder, &files, command, &[&how[..], more].concat())
 }
 
-/// Computes as long as it is held.
+/// Processes that load the processor until they are dropped.
 struct Load(Vec<Child>);
 
 impl Load {
@@ -87,8 +87,8 @@ fn programs_that_are_too_slow_fail_and_their_cases_repeat() {
     }
 }
 
-/// A case with other charges is another run, and a program with other calls is no repeat. Both
-/// charge what the case says: nothing is measured.
+/// A case with other charges is another run, and a program with other calls does not repeat the
+/// case. Both are charged with the times of the case: nothing is measured.
 #[test]
 fn a_case_that_does_not_fit_its_program_fails() {
     let Some(planner) = compiled("slow-other", "cc", PLANNER, &[]) else {
@@ -102,7 +102,7 @@ fn a_case_that_does_not_fit_its_program_fails() {
     let (_, after) = charges.split_once(']').expect("a list");
     let free = format!("{before}charges = []{after}");
     let ended = run("other", &free, command, &["--cpu", "case"]);
-    // It goes on where the recorded run ended.
+    // The program continues where the recorded run ended.
     assert_eq!(ended.failed(), ["computes-as-recorded"], "{}", ended.said);
     // The case keeps its record: a second try fails as well.
     let recorded = |text: &str| {

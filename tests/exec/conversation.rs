@@ -106,7 +106,7 @@ impl Bench {
         self.hilrig(&[&words[..], &exec, more].concat())
     }
 
-    /// Whether the case in `file` fails with one client and passes with the other.
+    /// Whether the case in `file` fails with the broken client and passes with the fixed one.
     fn tells(&self, file: &str, broken: &str, fixed: &str, more: &[&str]) -> (Option<i32>, String) {
         let [broken, fixed] =
             [broken, fixed].map(|words| format!("exec python3 client.py {words}"));
@@ -174,9 +174,9 @@ fn a_client_that_asks_something_else_is_told_apart_in_words() {
     );
 }
 
-/// From 2 s to 3 s no question reaches the meter. One client gives up for good, the other repeats
-/// its question. The case of the first one's capture distinguishes them, whether the devices answer
-/// or the capture.
+/// From 2 s to 3 s no request reaches the meter. One client stops permanently, the other repeats
+/// its request. The case from the capture of the first client distinguishes them: with the devices
+/// as well as with the capture as partner.
 #[test]
 fn the_case_of_a_client_that_fell_silent_is_red_until_it_goes_on() {
     let fault = "[[fault]]\nkind = \"cut\"\nlink = \"meter\"\ndirection = \"to-device\"\n\

@@ -1,4 +1,4 @@
-//! `hilrig debug`: gdb holds a program while time stands, and the run stays what it is.
+//! `hilrig debug`: gdb stops a program, virtual time stands still, and the run does not change.
 
 mod languages;
 mod points;
@@ -17,22 +17,22 @@ use crate::support::{Ended, ended_in, folder, run_in};
 
 /// "mm=700" each 100 ms at 9600 baud for three seconds.
 const SONAR: &str = include_str!("programs/sonar.toml");
-/// Threads, a signal, children, and code that all of them share.
+/// A program with threads, a signal, children, and code that all of them share.
 const DEBUGGED: &str = include_str!("programs/debugged.c");
 
 /// A program that waits for a debugger.
 struct Debugged {
     folder: PathBuf,
-    /// There is none only after the end.
+    /// The process; `None` only after its end.
     child: Option<Child>,
     stderr: BufReader<ChildStderr>,
-    /// What was said up to now.
+    /// The output until now.
     said: String,
     port: u16,
 }
 
 impl Debugged {
-    /// `hilrig debug` in a fresh folder, up to the place where the program stands.
+    /// Starts `hilrig debug` in a new folder, until the program waits for a debugger.
     fn start(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> Self {
         let folder = folder(&format!("debug-{name}"));
         let _ = fs::remove_dir_all(&folder);
@@ -69,7 +69,7 @@ impl Debugged {
         new
     }
 
-    /// Reads what is said up to the port on which the program waits.
+    /// Reads the output up to the port on which the program waits.
     fn hear_port(&mut self) -> u16 {
         loop {
             let mut line = String::new();
@@ -82,7 +82,7 @@ impl Debugged {
         }
     }
 
-    /// What gdb prints for `script`; `None`, said loudly, where there is none.
+    /// The output of gdb for `script`; `None`, with a visible message, if gdb is missing.
     fn gdb(&self, program: Option<&Path>, script: &str) -> Option<String> {
         let begin = format!(
             "set pagination off\nset confirm off\nset debuginfod enabled off\n\
@@ -91,7 +91,7 @@ impl Debugged {
         );
         let file = self.folder.join("script.gdb");
         fs::write(&file, begin + script).expect("a fresh file");
-        // What the rig answers comes with the errors: in one stream it is in order.
+        // The replies of the rig are written to the error output: in one stream they are in order.
         let log = fs::File::create(self.folder.join("gdb.log")).expect("a fresh file");
         let gdb = Command::new("gdb")
             .args(["-nx", "-batch"])
@@ -132,7 +132,7 @@ impl Debugged {
         ended
     }
 
-    /// Ends it from outside, as Ctrl-C does.
+    /// Interrupts the command, as Ctrl-C does.
     fn interrupt(self) -> Ended {
         let pid = self.child.as_ref().expect("it runs").id().to_string();
         let sent = Command::new("kill").args(["-INT", &pid]).status();
@@ -141,7 +141,7 @@ impl Debugged {
     }
 }
 
-/// A failed test leaves no debugger and no program.
+/// Ends debugger and program also after a failed test.
 impl Drop for Debugged {
     fn drop(&mut self) {
         if let Some(child) = &mut self.child {
@@ -153,7 +153,7 @@ impl Drop for Debugged {
 
 /// Waits for gdb to end; a gdb that hangs fails the test.
 fn await_gdb(mut gdb: Child) {
-    /// Five minutes of looks.
+    /// Maximum number of checks: five minutes.
     const LOOKS: u32 = 6000;
     let clock = WallClock::start();
     for _ in 0..LOOKS {
@@ -172,7 +172,7 @@ fn undisturbed(name: &str, command: &str, files: &[(&str, &str)]) -> String {
     undisturbed_by(name, command, files, &[])
 }
 
-/// The same with these options.
+/// The trace of the same program with these options, without a debugger.
 fn undisturbed_by(name: &str, command: &str, files: &[(&str, &str)], more: &[&str]) -> String {
     let folder = folder(&format!("undisturbed-{name}"));
     let ended = run_in(&folder, files, command, &[&["--virtual"], more].concat());
@@ -222,7 +222,7 @@ fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
     for (name, flags, more) in [
         ("pie", pie, &[][..]),
         ("static", &["-g", "-O0", "-pthread", "-static"], &[]),
-        // A stop takes no decision of chance.
+        // A stop draws no random number.
         ("pie-3", pie, &["--schedule", "3"]),
         ("pie-4", pie, &["--schedule", "4"]),
     ] {
@@ -252,12 +252,12 @@ fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
         assert!(said.contains("beat (port=3, number=9)"), "{name}\n{said}");
         let waits = said.contains("waits in clock_nanosleep");
         assert!(waits || !more.is_empty(), "{name}\n{said}");
-        // The child's count is no stop, and none of its business is lost.
+        // The child does not stop at its count, and the child's work is complete.
         assert!(!said.contains("count of 3"), "{name}\n{said}");
     }
 }
 
-/// What a person does: look, step, change a variable, ask the rig, kill.
+/// A typical session: inspect, step, change a variable, query the rig, kill.
 const SESSION: &str = "\
 break understand
 continue
@@ -331,7 +331,7 @@ fn a_session_looks_steps_changes_and_asks_the_rig() {
         assert!(said.contains(expected), "{expected}\n{said}");
     }
     let ended = debugged.end();
-    // As a run that SIGTERM ends.
+    // The exit code is that of a run ended by SIGTERM.
     assert_eq!(ended.code, Some(143), "{}", ended.said);
     assert_eq!(ended.failed(), ["ran-to-its-end"], "{}", ended.said);
 }
@@ -373,7 +373,7 @@ fn breakpoints_in_an_interpreter_with_threads_change_no_byte() {
     assert_eq!(ended.code, Some(0), "{}", ended.said);
 }
 
-/// What is at the port may be anything: none of it moves time or ends the run.
+/// Any bytes may arrive at the port: none of them advances time or ends the run.
 #[test]
 fn clients_that_misbehave_leave_the_program_standing() {
     let files = [("sonar.toml", SONAR), ("program.py", PYTHON)];
@@ -391,7 +391,7 @@ fn clients_that_misbehave_leave_the_program_standing() {
         let _ = client.read_to_end(&mut answer);
         debugged.port = debugged.hear_port();
     }
-    // Beside the first client a second one is turned away, and the first one is still served.
+    // A second client is rejected, and the first client is still served.
     let mut first = debugged.connect();
     first.write_all(b"+$?#3f").expect("it reads");
     let mut answer = [0; 4];
@@ -403,11 +403,11 @@ fn clients_that_misbehave_leave_the_program_standing() {
         second.read_to_end(&mut rest).is_err() || rest.is_empty(),
         "{rest:?}"
     );
-    // It lets the program go on, and leaves in the middle of that.
+    // The client continues the program and disconnects while the program runs.
     first.write_all(b"+$vCont;c#a8").expect("it reads");
     drop(first);
     debugged.port = debugged.hear_port();
-    // Another one leaves as it should: the run comes to its end and is judged.
+    // Another client disconnects correctly: the run continues to its end and is judged.
     debugged.connect().write_all(b"$D#44").expect("it reads");
     let expected = undisturbed("hostile", "python3 program.py", &files);
     let ended = debugged.end();
@@ -415,7 +415,7 @@ fn clients_that_misbehave_leave_the_program_standing() {
     assert_eq!(count(&ended.said, "the debugger is gone; time stands"), 5);
 }
 
-/// Ctrl-C of gdb reaches a program that computes for ever, which is no error while it is debugged.
+/// Ctrl-C of gdb stops a program that computes without end. This is no error in a debugged program.
 #[test]
 fn an_interrupt_stops_a_thread_that_computes() {
     let source = "#include <fcntl.h>\n#include <stdlib.h>\n#include <unistd.h>\n\
@@ -441,7 +441,7 @@ fn an_interrupt_stops_a_thread_that_computes() {
     assert_eq!(debugged.end().code, Some(143));
 }
 
-/// Nothing to debug, nowhere to listen, nothing to run: each in one sentence with its fix.
+/// No program to debug, no free port, no command: each gets one sentence with the fix.
 #[test]
 fn what_cannot_be_debugged_is_said() {
     let taken = std::net::TcpListener::bind(("localhost", 0)).expect("a free port");
@@ -471,7 +471,7 @@ fn what_cannot_be_debugged_is_said() {
             "expected an earlier --at",
         ),
         (&["--port", "0"], 2, "--exec: is missing"),
-        // The program's options are known without --virtual.
+        // The options of the program work without --virtual.
         (
             &["--schedule", "3", "--call-cost", "2us", "--spin-max", "5s"],
             2,
@@ -490,7 +490,7 @@ fn what_cannot_be_debugged_is_said() {
     }
 }
 
-/// A fault is a stop before the program gets it; afterwards the run is judged as ever.
+/// A fault stops the program before the signal is delivered; afterwards the run is judged as usual.
 #[test]
 fn a_crash_is_seen_where_it_happens() {
     let source = "#include <unistd.h>\nstatic void fall(int *place) { *place = 1; }\n\
@@ -500,7 +500,7 @@ fn a_crash_is_seen_where_it_happens() {
     };
     let command = program.to_str().expect("a plain path");
     let mut debugged = Debugged::start("crash", command, &[("sonar.toml", SONAR)], &[]);
-    // A debugger that dies at its breakpoint leaves none to the next one.
+    // A debugger that dies at its breakpoint leaves no breakpoint to the next debugger.
     let dies = "break fall\ncontinue\nshell kill -9 $PPID\n";
     if debugged.gdb(Some(&program), dies).is_none() {
         debugged.interrupt();
@@ -524,8 +524,8 @@ fn a_crash_is_seen_where_it_happens() {
     assert!(ended.failed().contains(&"program-alive"), "{}", ended.said);
 }
 
-/// What is seen on the way forth is seen again on the way back, in the other order: the rig's time,
-/// the number of the place, variables, registers; afterwards the run is the same.
+/// A session backwards sees the same states as the session forwards, in reverse order: the rig's
+/// time, the number of the position, variables, registers. Afterwards the run is the same.
 const FORTH_AND_BACK: &str = "\
 break understand
 commands
@@ -584,7 +584,7 @@ fn the_way_back_is_the_way_forth() {
     };
     let ended = debugged.end();
     assert_eq!(ended.trace(), expected, "{said}");
-    // A line of the program's, then one of the rig's.
+    // The lines alternate: one of the program, one of the rig.
     let lines: Vec<&str> = said.lines().collect();
     let seen: Vec<[&str; 2]> = lines
         .windows(2)
@@ -602,7 +602,7 @@ fn the_way_back_is_the_way_forth() {
         .filter(|it| it.starts_with("at "))
         .collect();
     assert!(at.len() == 3 && at[0] == at[2] && at[0] != at[1], "{said}");
-    // The watched variable changes forth, back, and forth again.
+    // The watched variable changes forwards, backwards, and forwards again.
     let values: Vec<&str> = lines
         .iter()
         .copied()

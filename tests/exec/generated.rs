@@ -1,5 +1,5 @@
 //! Randomly generated programs with threads, sleeps, pipes, polls and locks. In virtual time each
-//! makes the same calls in both runs; its output equals that in real time where that is determined.
+//! makes the same calls in both runs. Deterministic output equals that in real time.
 
 use std::process::{Command, Stdio};
 

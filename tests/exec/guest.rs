@@ -372,8 +372,8 @@ fn kills_awaited_signals_and_the_processors_counter_are_in_virtual_time() {
     let ended = run("kills", &program, &[], &["--check"]);
     let (status, detail) = ended.check("deterministic");
     assert_eq!(status, "pass", "{detail}");
-    // The alarm is set one call before the first look, and ends the wait one call before the
-    // second.
+    // The alarm is set one call before the first clock reading, and ends the wait one call before
+    // the second.
     let first = ended.log.lines().next();
     assert_eq!(first, Some("1 1 -1 1 2000"), "{}", ended.said);
 }

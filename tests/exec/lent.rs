@@ -8,7 +8,7 @@ const LENT: &str = include_str!("programs/lent.c");
 /// A line of 7 bytes and its end every 40 ms, at 9600 baud.
 const SONAR: &str = include_str!("programs/sonar.toml");
 
-/// How many reads and selects were no stops, by the run's own words.
+/// Number of reads and selects without a stop, from the output of the run.
 fn served(ended: &Ended) -> u32 {
     let words = ended.said.split(" reads and selects without a stop").next();
     let count = words.and_then(|words| words.rsplit(' ').next());
@@ -40,12 +40,13 @@ fn reads_without_a_stop_are_those_of_stops() {
     assert_eq!(lent.log, stopped.log, "{}\n{}", lent.said, stopped.said);
     assert_eq!(trace(&lent), trace(&stopped));
     assert_eq!(served(&stopped), 0, "{}", stopped.said);
-    // The rest waits for a stop: the last byte that is known, a request, a time-out, a signal.
+    // The other reads need a stop: for the last known byte, a request, a timeout, a signal.
     assert!(served(&lent) > 1_500, "{}\n{}", lent.said, lent.log);
 }
 
-/// A port with RTS/CTS or BRKINT is read with a stop for each call: the line's future depends on
-/// more than its bytes. After the run a program that writes more than the line takes still ends.
+/// A port with RTS/CTS or BRKINT is read with a stop for each call, because the future of the line
+/// depends on more than its bytes. After the end of the run, a program that writes more than the
+/// line takes still ends.
 #[test]
 fn stopped_settings_and_the_end_of_a_run() {
     let Some(program) = compiled("lent-stopped", "cc", LENT, &["-w"]) else {

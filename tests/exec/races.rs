@@ -7,16 +7,16 @@ use crate::support::{Ended, folder, run_in};
 /// "mm=700" each 100 ms at 9600 baud for three seconds.
 const SONAR: &str = include_str!("programs/sonar.toml");
 const ACCOUNT: &str = include_str!("programs/races/account.py");
-/// Each ends with code 7 if its race is lost, as with this seed.
+/// Programs with a race. With this seed, each loses its race and ends with code 7.
 const RACES: [(&str, &str, u64); 4] = [
     ("counter", include_str!("programs/races/counter.c"), 1),
     ("lazy", include_str!("programs/races/lazy.c"), 1),
     ("order", include_str!("programs/races/order.c"), 0),
     ("pair", include_str!("programs/races/pair.c"), 7),
 ];
-/// The same of the program in Python.
+/// Seed with which the program in Python loses its race.
 const ACCOUNT_SEED: u64 = 2;
-/// Seeds that are tried if chance has changed.
+/// Maximum number of seeds to try if the random numbers have changed.
 const SEEDS: u64 = 200;
 
 fn run(name: &str, command: &str, more: &[&str]) -> Ended {
@@ -48,7 +48,7 @@ fn races_are_lost_in_some_orders_of_threads_and_never_in_the_order_of_calls() {
             run(name, command, &["--schedule", &seed]).code == Some(1)
         });
         let seed = lost.unwrap_or_else(|| panic!("{name}: in none of {SEEDS} orders"));
-        // The same again, and under the second run that --check makes.
+        // The failure repeats, also in the second run of --check.
         let seed = seed.to_string();
         let again = run(name, command, &["--schedule", &seed, "--check"]);
         assert_eq!(again.code, Some(1), "{name}, seed {seed}: {}", again.said);
@@ -61,7 +61,8 @@ fn races_are_lost_in_some_orders_of_threads_and_never_in_the_order_of_calls() {
     }
 }
 
-/// An order of threads that would not vary, or not as asked, is refused before the first run.
+/// Options that would not vary the order of threads, or not as requested, are rejected before the
+/// first run.
 #[test]
 fn orders_that_would_not_vary_are_refused() {
     let folder = folder("race-refused");
@@ -84,8 +85,8 @@ fn orders_that_would_not_vary_are_refused() {
     }
 }
 
-/// Each child waits in a call until its parent ends it by a signal: sound in each order, so also in
-/// those in which the signal comes while the child is late at its call.
+/// Each child waits in a call until its parent ends it by a signal. This is correct in each order,
+/// also if the signal arrives while the child is late at its call.
 const ENDED_CHILDREN: &str = "\
 #include <fcntl.h>
 #include <signal.h>
@@ -134,9 +135,9 @@ fn a_signal_reaches_a_thread_that_is_late_at_its_call() {
 
 const FLAGS: &str = include_str!("programs/races/flags.c");
 
-/// A wait in a loop ends by what it waits for, whatever the processor's speed: after 150 ms a
-/// signal, then three times 200 ms of another thread, each answered. Without `--schedule` no time
-/// passes, and a loop that counts is no wait.
+/// A wait in a loop ends by its event, independent of the processor's speed: after 150 ms a signal,
+/// then three times 200 ms of another thread, each answered. Without `--schedule` no time passes. A
+/// loop that counts is not recognised as a wait.
 #[test]
 fn a_loop_that_waits_for_a_flag_lets_time_pass() {
     let Some(program) = compiled("race-flags", "cc", FLAGS, &["-O1", "-pthread"]) else {

@@ -98,7 +98,7 @@ while True:
     assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
 }
 
-/// One byte a second is read of ninety that arrive: there are always unread bytes.
+/// The program reads one byte a second, while ninety arrive: there are always unread bytes.
 #[test]
 fn who_reads_slowly_but_steadily_does_not_hang() {
     let python = "fd = port()\nwhile True:\n    os.read(fd, 1)\n    time.sleep(1)\n";

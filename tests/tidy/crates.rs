@@ -120,8 +120,8 @@ fn the_lower_crates_depend_on_next_to_nothing() {
     }
 }
 
-/// Licences that require only their text. MPL-2.0 requires changes of its own files to be
-/// published; there are none.
+/// Licences that require only their text. MPL-2.0 also requires that changes of its files are
+/// published; there are no changes.
 const LICENCES: [&str; 13] = [
     "0BSD",
     "Apache-2.0",

@@ -1,7 +1,7 @@
-//! Findings of users, attackers and measurements, and the test that failed before each was fixed.
+//! Findings of users, attackers and measurements, each with the test that failed before the fix.
 //!
 //! The numbers are those of the list of findings; comments use them. A finding that is no fault, or
-//! that is left, has a heading in FIDELITY.md instead.
+//! is not fixed, has a heading in FIDELITY.md instead.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use crate::files::{all, functions};
 enum Kept {
     /// These tests.
     Tests(&'static [&'static str]),
-    /// The finding is left, for the reason below this heading of FIDELITY.md.
+    /// The finding is not fixed; the reason is below this heading of FIDELITY.md.
     Left(&'static str),
 }
 

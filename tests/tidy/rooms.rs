@@ -1,5 +1,5 @@
-//! Rules about modules: the order of those of the engine, files beside each other, and robots by
-//! their names. Cargo holds the order of the crates.
+//! Rules about modules: the order of the engine's modules, no cycles between files, and no robot
+//! names in general code. Cargo checks the order of the crates.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +11,7 @@ type Findings = Vec<String>;
 const ENGINE: &str = "crates/engine/src";
 /// Its modules from the top.
 const ROOMS: [&str; 5] = ["run", "robots", "scenario", "codec", "rig"];
-/// What each of them may use, and what uses none.
+/// Modules that all of them may use, and that use none of them.
 const BOTTOM: [&str; 6] = ["hex", "near", "picture", "registry", "workers", "TOOL"];
 /// Roots of crates: a path that begins with `crate` begins there.
 const ROOTS: [&str; 12] = [
@@ -38,7 +38,7 @@ const ANY_ROBOT: [&str; 6] = [
     "crates/ui/src",
 ];
 
-/// Files above the robots that name one all the same, and why.
+/// Files above the robots that name a robot nevertheless, with the reason.
 const NAMED: [(&str, &str); 9] = [
     (
         "crates/search/src/generate/fault_names.rs",
@@ -116,7 +116,7 @@ fn mentions(file: &File) -> Vec<(usize, Vec<String>)> {
         .chain(text.match_indices("super::"))
     {
         let before = text[..at].chars().next_back();
-        // A name that only ends so, or the second "super" of a path.
+        // `crate` is only the end of a longer name, or this is the second "super" of a path.
         if before.is_some_and(|c| c.is_alphanumeric() || "_:".contains(c)) {
             continue;
         }
@@ -183,13 +183,13 @@ fn tree(text: &str) -> Vec<Vec<&str>> {
     paths
 }
 
-/// How far below the top a room is; what lies at the bottom is below all.
+/// Depth of a room, counted from the top; modules of the bottom are below all rooms.
 fn depth(room: &str) -> Option<usize> {
     let room_at = ROOMS.iter().position(|known| *known == room);
     room_at.or_else(|| BOTTOM.contains(&room).then_some(ROOMS.len()))
 }
 
-/// Mentions of a room that does not lie below.
+/// Mentions of a room that is not below the file's own room.
 fn climbs(file: &File) -> Findings {
     let Some((ENGINE, names)) = module(&file.path) else {
         return Vec::new();
@@ -246,8 +246,8 @@ fn rooms_stand_on_those_below_them() {
 
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
-/// Which file mentions which, without `.rs`; parents and what is in their folders may know each
-/// other, as a parent's file is the door of its folder.
+/// The files that each file mentions, without `.rs`. A parent and the files in its folder may
+/// mention each other, because the parent's file is the entry of its folder.
 fn graph(files: &[File]) -> Graph {
     let name = |file: &File| file.path.trim_end_matches(".rs").to_owned();
     let known: BTreeSet<String> = files.iter().map(name).collect();
@@ -277,7 +277,7 @@ fn graph(files: &[File]) -> Graph {
     graph
 }
 
-/// All that can be reached from `from`.
+/// All files that can be reached from `from`.
 fn reach<'a>(graph: &'a Graph, from: &str) -> BTreeSet<&'a str> {
     let mut seen = BTreeSet::new();
     let mut next: Vec<&str> = graph
@@ -294,7 +294,7 @@ fn reach<'a>(graph: &'a Graph, from: &str) -> BTreeSet<&'a str> {
     seen
 }
 
-/// Mentions that close a circle, as `a -> b`.
+/// Mentions that close a cycle, as `a -> b`.
 fn circles(graph: &Graph) -> Findings {
     let mentions = graph
         .iter()
@@ -327,7 +327,7 @@ fn files_do_not_mention_each_other_in_a_circle() {
     assert!(circles.is_empty(), "\n{}", circles.join("\n"));
 }
 
-/// Names of a robot, or of a device that is one robot's, in what must do for any.
+/// Names of a robot, or of a device of a single robot, in code for any robot.
 fn names_a_robot(file: &File) -> Findings {
     let is_judged = |root: &str, names: &[&str]| {
         ANY_ROBOT.contains(&root) && (root != ENGINE || !["robots", "codec"].contains(&names[0]))

@@ -90,7 +90,7 @@ fn os_clocks(file: &File) -> Findings {
     )
 }
 
-/// The lint of the same purpose can be expected away; this cannot.
+/// The lint with the same purpose can be disabled with `expect`; this rule cannot.
 #[test]
 fn only_the_clock_and_the_real_time_runner_read_an_os_clock() {
     let call = ["let start = Instant", "::now();"].concat();
@@ -280,8 +280,8 @@ fn neighbours(file: &File) -> Findings {
     )
 }
 
-/// Files beside the repository are not part of it: a test that wants one must pass without it, and
-/// say so.
+/// Files outside the repository are not part of it: a test that needs such a file must pass without
+/// it, and print a message.
 #[test]
 fn what_lies_beside_the_repository_is_not_needed() {
     let sample = ["include_str!(\"../../../sha", "red/spec.md\")"].concat();

@@ -39,8 +39,8 @@ fn the_client_of_other_tests_ends_only_when_its_port_does() {
     }
 }
 
-/// A client with its received bytes and its bug: `crash`, `hang`, `accept`, `meddle`, `patient` or
-/// another word for none.
+/// A client with its received bytes and its bug: `crash`, `hang`, `accept`, `meddle`, `patient`;
+/// any other word is a client without a bug.
 pub(crate) struct Client {
     bug: String,
     pending: Vec<u8>,

@@ -80,7 +80,7 @@ fn faults_added_by_hand_are_in_the_case_and_in_its_replay() {
     up.signal(Signal::INT);
     let (status, said) = up.end();
     assert!(status.success(), "{said}");
-    // Printed for people: the time of a change depends on the machine and is not judged.
+    // Printed for the reader: the time of a change depends on the machine and is not judged.
     println!(
         "{}",
         said.lines()

@@ -105,8 +105,9 @@ fn a_python_client_does_all_that_the_contract_says() {
     assert_eq!((case.mission.step.len(), case.fault.len()), (1, 1));
 }
 
-/// Silent clients, one that sends half a line, one that never reads: the seventeenth is served.
-/// When all places are taken, the client that was silent for longest gets a message and is closed.
+/// Silent clients, a client that sends half a line, and a client that never reads: the seventeenth
+/// client is served. When all connections are used, the client with the longest silence gets a
+/// message and is closed.
 #[test]
 fn silent_clients_keep_nobody_out() {
     let dir = fresh_path("silent");
@@ -203,7 +204,7 @@ fn waited(run: &mut Run, condition: &str, timeout: &str) -> Value {
     asked(run, &request)
 }
 
-/// In virtual time a wait runs the run on: each condition comes true in a mission.
+/// In virtual time a wait advances the run: each condition becomes true in a mission.
 #[test]
 fn each_condition_comes_true_in_virtual_time() {
     let mut run = run_of("[mission]\nwaypoints_m = [[1.5, 1.9]]");

@@ -60,7 +60,7 @@ fn nothing_that_is_not_ours_is_overwritten() {
     assert!(fs::symlink_metadata(path.join("base")).is_ok());
 }
 
-/// A killed rig removes nothing. Its process numbers are soon in use again, so a link that looks
+/// A killed rig removes nothing. Its process numbers are soon used again, so a link that looks
 /// alive proves nothing; the record left by the rig names its owner.
 #[test]
 fn links_of_a_killed_rig_are_replaced() {
@@ -115,7 +115,7 @@ fn a_note_is_not_written_through_a_link() {
     assert_untouched(&victim, &error, link);
 }
 
-/// The same for the temporary name of a note.
+/// The same applies to the temporary name of a note.
 #[test]
 fn a_note_in_the_making_follows_no_link() {
     let (path, victim) = trapped_dir("note_new_link", ".hilrig-scenario.toml.part");

@@ -31,7 +31,7 @@ fn client() -> String {
     format!("'{}' --exact {name} --nocapture", exe.display())
 }
 
-/// Exit code and output of `command` with a client that has that bug.
+/// Exit code and output of `command` with a client with this bug.
 fn run(command: &mut Command, bug: &str) -> (Option<i32>, String) {
     let output = command.env(BUG, bug).output().expect("the command starts");
     let [stdout, stderr] = [output.stdout, output.stderr].map(String::from_utf8);
@@ -52,7 +52,7 @@ fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
 fn search_in(out: &Path, exec: &str, bug: &str, more: &[&str]) -> (Vec<String>, String) {
     let mut command = Command::new(HILRIG);
     command.args(["fuzz", "--exec", exec, "--scenario", SCENARIO]);
-    // On a busy machine the answers of a program that lives may come late.
+    // On a busy machine the answers of a correct program may arrive late.
     let is_virtual = more.contains(&"--virtual");
     let alive = if is_virtual { "1s" } else { "60s" };
     command.args(["--case", "300ms", "--alive", alive]);
@@ -94,13 +94,13 @@ fn a_crash_is_found_and_its_command_repeats_it() {
     let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "crash");
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("seen again: crash-sigabrt"), "{said}");
-    // Mended, the program passes the same case.
+    // The fixed program passes the same case.
     let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "none");
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not seen again: crash-sigabrt"), "{said}");
 }
 
-/// The client stands still at two start bytes in a row, alive and with its port open.
+/// The client hangs after two start bytes in a row, alive and with its port open.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_hang_is_found_and_told_from_a_crash() {
@@ -134,8 +134,8 @@ fn a_missing_timeout_is_found_in_a_program_that_answers() {
     );
 }
 
-/// The sound client answers a bad checksum by the refusal of the bus, which is no acceptance.
-/// Two cases, then the same command continues to the third.
+/// The correct client answers a wrong checksum with the refusal of the bus, which does not count as
+/// acceptance. Two cases run, then the same command continues with the third.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn nothing_is_found_in_a_sound_program() {
@@ -170,7 +170,7 @@ fn a_broken_rule_of_a_device_is_found() {
     assert!(!case.contains("[[fault]]"), "{case}");
 }
 
-/// Two programs of one line: one ends with exit code 0, the other never reads its port.
+/// Two programs of one line each: one ends with exit code 0, the other never reads its port.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn an_early_end_and_a_port_that_is_not_read_are_found() {
@@ -205,7 +205,7 @@ fn a_crash_found_in_virtual_time_is_repeated_to_the_byte() {
     assert_eq!(bytes("capture.pcapng"), bytes("repeated.pcapng"));
 }
 
-/// A program of one line that computes endlessly takes no virtual time, and is found nevertheless.
+/// A program of one line that computes endlessly takes no virtual time, but is found.
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 fn a_program_that_spins_is_found_in_virtual_time() {
@@ -296,7 +296,7 @@ fn an_interrupted_search_ends_its_program() {
     assert!(!out.join("ports").exists(), "{said}");
 }
 
-/// A board that is there already: a client in a thread, behind a terminal that the test made.
+/// A board that is already running: a client in a thread, behind a terminal that the test created.
 #[test]
 fn a_program_behind_a_port_is_asked_as_well() {
     let dir = PortDir::open(&fresh_path("fuzz-board")).expect("a fresh directory");
@@ -309,7 +309,7 @@ fn a_program_behind_a_port_is_asked_as_well() {
         while !is_over.load(Ordering::Relaxed) {
             let mut fds = Vec::new();
             board.readiness(&mut fds);
-            // An answer comes at once, and silence ends half a frame.
+            // An answer is sent at once, and silence ends a partial frame.
             wait(&fds, idle).expect("poll works");
             let len = board.read(&mut buf).unwrap_or(0);
             while board.next_event().is_some() {}

@@ -45,7 +45,7 @@ while True:
     values = [rest[1 + at] for at in range(count)]
 "#;
 
-/// The folder of a search with the driver, `check` being its check of the count.
+/// The folder of a search with the driver. `check` is the driver's check of the count.
 fn search(name: &str, check: &str, more: &[&str]) -> (PathBuf, Option<i32>, String) {
     let dir = fresh_path(&format!("fuzz-learned-{name}"));
     let frames = dir.join("frames");

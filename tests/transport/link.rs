@@ -17,9 +17,9 @@ use crate::support::*;
 struct Row {
     fault: &'static str,
     sent: Vec<u8>,
-    /// At the second port, then back at the first one.
+    /// Bytes that arrive at the second port, then those that return to the first port.
     arrives: [Vec<u8>; 2],
-    /// Number of characters at the second port that the line does not count as bytes.
+    /// Number of characters at the second port that give no byte.
     damaged: u64,
 }
 
@@ -27,7 +27,7 @@ fn all() -> Vec<u8> {
     (0..=255).collect()
 }
 
-/// All byte values are sent; they come as `change` makes them.
+/// All byte values are sent; `change` gives the bytes that arrive.
 fn row(fault: &'static str, change: impl Fn(&mut Vec<u8>)) -> Row {
     let mut changed = all();
     change(&mut changed);
@@ -40,12 +40,12 @@ fn row(fault: &'static str, change: impl Fn(&mut Vec<u8>)) -> Row {
     }
 }
 
-/// Only their times change.
+/// A fault that changes only the times of bytes.
 fn late(fault: &'static str) -> Row {
     row(fault, |_| {})
 }
 
-/// One of each kind. Bytes that a fault names are counted from 0, and byte 10 is 0x0A.
+/// One row for each kind. Bytes that a fault names are counted from 0, and byte 10 is 0x0A.
 fn rows() -> Vec<Row> {
     vec![
         row("none", |_| {}),
@@ -60,7 +60,7 @@ fn rows() -> Vec<Row> {
         }),
         row("truncate,byte=10,len=5", |bytes| drop(bytes.drain(10..15))),
         row("swap,byte=10", |bytes| bytes.swap(10, 11)),
-        // A port that does not check parity reads the byte as it came.
+        // A port without a parity check reads the byte unchanged.
         Row {
             damaged: 1,
             ..late("parity-error,byte=10")
@@ -80,7 +80,7 @@ fn rows() -> Vec<Row> {
         },
         late("stall,at_byte=10,lasting=50ms"),
         late("clog,every=10ms,lasting=5ms"),
-        // Room for two while the client does not read.
+        // The buffer holds two bytes while the client does not read.
         row("overrun,at_byte=10,lasting=300ms,fifo=2", |bytes| {
             bytes.truncate(12);
         }),
@@ -88,7 +88,7 @@ fn rows() -> Vec<Row> {
         late("latency,by=20ms"),
         late("jitter,by=5ms"),
         row("cut,at_byte=10", |bytes| bytes.truncate(10)),
-        // The port is gone until then, and its clients come later.
+        // The port is missing until then, and its clients open it later.
         late("unplugged,until=1ms"),
         // A terminal that neither ignores a break nor takes it for a signal reads it as 0.
         Row {
@@ -146,7 +146,7 @@ fn all_have(clients: &mut BTreeMap<usize, [Client; 2]>, rows: &[Row]) -> bool {
         let row = &rows[*n];
         [second.has(&row.arrives[0]), first.has(&row.arrives[1])] == [true; 2]
     });
-    // Each client is asked, because `has` also reads.
+    // `has` is called for each client, because it also reads.
     have.filter(|one| !one).count() == 0
 }
 
@@ -196,12 +196,12 @@ fn what_comes_out_of_a_link_differs_by_its_fault_alone() {
         assert_eq!(first.read, row.arrives[1], "{}", row.fault);
     }
 
-    // No more came than was read.
+    // The number of arrived bytes equals the number of read bytes.
     let arrived = arrived(&said);
     let count = |n: usize| arrived[&format!("b{n}")];
     let undamaged = |row: &Row| row.arrives[0].len() as u64 - row.damaged;
     let expected: Vec<u64> = rows.iter().map(undamaged).collect();
-    // The line counts the bytes that cross it, also if the reader does not take them.
+    // The line also counts bytes that the reader does not take.
     let lines = 0..rows.len() - 2;
     let counted: Vec<u64> = lines.clone().map(count).collect();
     assert_eq!(counted, expected[lines]);

@@ -36,7 +36,7 @@ struct Heard {
     echoes: u32,
     /// Waypoints that the client shows in the end.
     waypoints: usize,
-    /// Waypoints that the robot was at, of those in the scenario, which are the clicked ones.
+    /// Number of visited waypoints of the scenario, which are the clicked ones.
     visited: usize,
     log: String,
 }
@@ -119,7 +119,7 @@ impl Heard {
         self.rows.len() == ROWS && self.visited == 2
     }
 
-    /// Everything came through, and the rate is not reported as the client's fault.
+    /// Checks that everything arrived, and that the rate is not reported as the client's fault.
     fn assert_whole(&self) {
         assert_eq!(self.bad_frames, 0);
         assert_eq!(self.rows.len(), ROWS, "of {} frames", self.frames);
@@ -149,7 +149,7 @@ fn a_pc_program_at_115200_reads_every_frame() {
     fielded_client("pc_115200", |path| at_baud(path, 115_200)).assert_whole();
 }
 
-/// `cat` and similar programs set no rate.
+/// `cat` and similar programs set no baud rate.
 #[test]
 fn a_pc_program_that_sets_no_rate_reads_every_frame() {
     fielded_client("pc_untouched", open_untouched).assert_whole();

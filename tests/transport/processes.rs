@@ -1,4 +1,4 @@
-//! `hilrig up` and `hilrig dut` as processes of their own, met only through their ports, their
+//! `hilrig up` and `hilrig dut` as separate processes, tested only through their ports, their
 //! output and signals.
 
 use core::time::Duration;
@@ -188,7 +188,7 @@ fn a_robot_in_a_process_of_its_own_reaches_its_waypoint() {
     assert_eq!(status.code(), Some(0), "{said}");
 }
 
-/// Any program will do as a client: here one that only listens to the lidar.
+/// Any program can be a client: here one that only reads the lidar.
 #[test]
 fn a_foreign_client_reads_whole_packets_from_the_lidars_port() {
     let dir = fresh_path("foreign");
@@ -212,7 +212,7 @@ fn a_rig_that_was_stopped_loses_nothing_and_blames_nobody() {
     up.signal(Signal::STOP);
     WallClock::start().sleep_until(Instant::from_millis(1_500));
     up.signal(Signal::CONT);
-    // The port holds 186 packets of before at most.
+    // The port holds at most 186 earlier packets.
     let mut decoder = xv11::Decoder::default();
     let (mut indices, mut buf) = (Vec::new(), [0; 512]);
     wait_until(|| {
@@ -226,7 +226,7 @@ fn a_rig_that_was_stopped_loses_nothing_and_blames_nobody() {
     assert!(status.success(), "{said}");
     let follows = |pair: &[u8]| pair[1] == if pair[0] == 89 { 0 } else { pair[0] + 1 };
     assert!(indices.windows(2).all(follows), "{indices:?}");
-    // On a busy machine the note may be of a moment before: there is one a second.
+    // On a busy machine the note may be older: there is one a second.
     assert!(said.contains("rig time stood meanwhile"), "{said}");
     assert!(!said.contains("did not read"), "{said}");
     assert!(!said.contains("broke a rule"), "{said}");
@@ -404,7 +404,7 @@ fn a_capture_is_readable_after_the_process_was_killed() {
     let file = path.to_str().expect("plain");
     let up = Running::up(&dir, &["--capture", file]);
     let len = || std::fs::metadata(&path).map_or(0, |data| data.len());
-    // Something behind the file's head was written, and not only once.
+    // Bytes after the file's head were written, more than once.
     let head = len();
     wait_until(|| len() > head + 200);
     let first = len();
@@ -455,7 +455,8 @@ fn a_client_behind_an_adapter_reads_pieces_of_packets() {
     let mut up = Running::start(&["up", scenario, "--dir", dir_text, "--duration", "60s"]);
     up.wait_for("locked");
     let (mut reads, mut inside, mut begun, mut indices) = (0_u32, 0_u32, 0, Vec::new());
-    // Where a client comes in is chance; one place of 22 is a packet's first byte.
+    // The position at which a client joins the stream is random; one of 22 positions is the first
+    // byte of a packet.
     for _ in 0..6 {
         let mut client = client_at(&dir.join("lidar"), xv11::BAUD);
         let (mut decoder, mut buf, mut first) = (xv11::Decoder::default(), [0; 512], None);

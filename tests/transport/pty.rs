@@ -1,4 +1,4 @@
-//! Pseudo-terminals as clients meet them.
+//! Behaviour of pseudo-terminals for clients.
 
 use core::time::Duration;
 use std::io::{Read, Write};
@@ -79,7 +79,7 @@ fn what_a_client_left_unread_is_gone_for_the_next() {
     let mut port = Pty::open(&dir, "lidar", LINE).expect("a free name");
     let mut first = client(&port, LINE.baud);
     assert_eq!(port.write(&[0xAA; 4096]), 4096);
-    // As many as a terminal holds.
+    // The number of bytes that a terminal holds.
     wait_until(|| waiting(&first) >= 4095);
     first.read_exact(&mut [0; 1]).expect("is there");
     drop(first);
@@ -92,7 +92,7 @@ fn what_a_client_left_unread_is_gone_for_the_next() {
     assert_eq!(client_gets(&mut second, 5), b"fresh");
 }
 
-/// Closed and opened again between two looks: the hang-up is gone by the time we look.
+/// The port is closed and reopened between two polls: the hang-up is over before the next poll.
 #[test]
 fn a_quick_restart_of_the_client_is_noticed() {
     let dir = fresh_dir("quick_restart");
@@ -111,7 +111,7 @@ fn a_quick_restart_of_the_client_is_noticed() {
     assert_eq!(next_events(&mut port, 1), [Closed]);
 }
 
-/// `stty -F` and similar tools open a port beside its client.
+/// `stty -F` and similar tools open a port that a client has open.
 #[test]
 fn a_second_visitor_neither_opens_nor_closes() {
     let dir = fresh_dir("second_visitor");
@@ -125,7 +125,7 @@ fn a_second_visitor_neither_opens_nor_closes() {
     assert_eq!(next_events(&mut port, 1), [Closed]);
 }
 
-/// `echo command > DIR/pc`: the client is gone before the rig looks for the first time.
+/// `echo command > DIR/pc`: the client has closed the port before the rig polls for the first time.
 #[test]
 fn a_client_that_sends_and_leaves_is_heard_before_it_is_gone() {
     let dir = fresh_dir("sends_and_leaves");

@@ -288,7 +288,7 @@ impl Case {
         self.run_with(source, |program| program)
     }
 
-    /// As [`run`](Self::run), with another program, which is made from the robot's.
+    /// As [`run`](Self::run), with another program: `program` makes it from the robot's program.
     ///
     /// # Errors
     /// If the case cannot be played.

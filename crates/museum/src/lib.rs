@@ -25,9 +25,9 @@ pub use observation::{Difference, Exchange, Figure, Observation};
 /// Variant of a program, firmware or client.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variant {
-    /// The fielded one, with the defect of the exhibit.
+    /// The fielded program, with the defect of the exhibit.
     Defective,
-    /// The same without the defect.
+    /// The same program without the defect.
     Sound,
 }
 
@@ -105,7 +105,7 @@ impl Bug {
         self.reproduce_telling(|_| {})
     }
 
-    /// As `reproduce`; `begins` is called with each variant before it runs.
+    /// As `reproduce`; calls `begins` with each variant before the variant runs.
     pub fn reproduce_telling(&self, mut begins: impl FnMut(Variant)) -> Option<Reproduction> {
         let Live::Exhibit { by, show } = self.live else {
             return None;

@@ -334,7 +334,7 @@ impl Process {
         String::from_utf8_lossy(&words).into_owned()
     }
 
-    /// The same after its end: waits for the last output.
+    /// As `said`, after the end of the process: waits for the last output.
     pub fn said_at_last(&mut self) -> String {
         if let Some(listener) = self.listener.take() {
             let (tell, told) = mpsc::channel();

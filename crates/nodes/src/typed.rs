@@ -40,7 +40,7 @@ impl Listener {
         }
     }
 
-    /// When the silence is long enough to end a frame.
+    /// Time at which the silence is long enough to end a frame.
     pub(crate) const fn quiet_at(&self) -> Option<Instant> {
         self.quiet_at
     }

@@ -48,7 +48,7 @@ struct Open {
     bytes: Vec<u8>,
     /// Lengths of its chunks, as pairs of length and count.
     runs: Vec<u8>,
-    /// When its last byte arrived.
+    /// Time at which its last byte arrived.
     at: u64,
     delay: u64,
     /// Time on the wire of 0 to `PIECE_MAX` bytes.

@@ -25,7 +25,7 @@ pub struct AvrBaseConfig {
     /// see [`AvrBase::DEBUG`](super::AvrBase::DEBUG); it makes every reply some 7 ms late.
     pub debug_text: DebugText,
     /// Chance that a read of an encoder returns a torn count: the count carried into a higher byte
-    /// while the registers were filled. Applies if it carried since the last look. See
+    /// while the registers were filled. Applies if it carried since the last sample. See
     /// [`NATURAL_TEAR`].
     pub encoder_tear: f64,
     /// Thermometers and rescue kits. Only firmware that refuses registers beyond its map has them.
@@ -62,7 +62,7 @@ pub enum DebugText {
 }
 
 /// Chance of a torn encoder count, derived from the firmware: a copy of 1 us in a main loop of 38
-/// us. Only the copy before the reply counts, and the last look was up to 25 ms ago. An estimate;
+/// us. Only the copy before the reply counts, and the last sample was up to 25 ms ago. An estimate;
 /// no torn count has been observed.
 pub const NATURAL_TEAR: f64 = 4e-5;
 

@@ -317,7 +317,7 @@ impl Memory {
         self.bytes[REPLY + 1] = 0;
     }
 
-    /// The reply was sent.
+    /// Stores the checksum of a sent reply.
     pub(super) fn hold_reply_checksum(&mut self, checksum: u16) {
         self.bytes[REPLY + 4..][..2].copy_from_slice(&checksum.to_le_bytes());
     }

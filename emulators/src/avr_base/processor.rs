@@ -47,7 +47,7 @@ impl Chip {
 }
 
 impl AvrBase {
-    /// Whether the main loop's next steps do anything.
+    /// Whether the main loop has work in its next steps.
     fn is_attentive(&self) -> bool {
         let fragment = !self.listens_to_a_buffer() && !self.receiver.is_waiting();
         let expired = self.chip.watchdog_counts == Some(0);

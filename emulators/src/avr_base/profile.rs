@@ -157,7 +157,7 @@ pub enum Watchdog {
 pub enum Registers {
     /// Sets them to zero.
     Cleared,
-    /// Leaves them.
+    /// Leaves the registers unchanged.
     Kept,
 }
 
@@ -243,7 +243,7 @@ pub enum Status {
 pub enum Processor {
     /// 16 MHz with all tasks in interrupts, as measured.
     Measured,
-    /// Answers after a fixed time and fills the line.
+    /// Answers after a fixed time, and sends without gaps.
     Steady {
         /// From the end of a request to the first byte of the reply.
         latency: Duration,

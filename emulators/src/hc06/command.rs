@@ -35,7 +35,7 @@ pub(super) struct LineEndMatters;
 pub(super) struct Attempt {
     /// The bytes, cut after [`TEXT_MAX`].
     pub(super) text: Vec<u8>,
-    /// Their number.
+    /// Number of the bytes.
     pub(super) count: u64,
     /// Time between the first and the last.
     pub(super) took: Duration,

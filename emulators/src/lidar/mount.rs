@@ -29,9 +29,9 @@ impl Default for Mount {
 /// Direction of rotation of the head, seen from above.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Direction {
-    /// As in all reports but one.
+    /// Direction of all reports except one.
     #[default]
     CounterClockwise,
-    /// As in that one report.
+    /// Direction of that one report.
     Clockwise,
 }

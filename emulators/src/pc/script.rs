@@ -32,7 +32,7 @@ pub enum When {
 pub enum Action {
     /// Opens the port.
     Open,
-    /// Closes it.
+    /// Closes the port.
     Close,
     /// Sends a list of points to visit, in mm of the robot's map, repeatedly until the robot
     /// returns it.
@@ -127,7 +127,7 @@ impl Action {
 pub enum ScriptError {
     /// More steps than [`STEPS_MAX`].
     Steps {
-        /// Their number.
+        /// Number of steps.
         found: usize,
     },
     /// More waypoints than one frame holds.

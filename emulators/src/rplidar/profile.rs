@@ -156,7 +156,7 @@ impl Profile {
         }
     }
 
-    /// Whether it knows configuration requests.
+    /// Whether the firmware knows configuration requests.
     pub const fn has_conf(self) -> bool {
         !matches!(self, Self::Fw120)
     }

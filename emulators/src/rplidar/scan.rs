@@ -19,9 +19,10 @@ use super::{Fault, Rplidar};
 use crate::lidar::beam::normal;
 use crate::world::World;
 
-/// The rotation is checked this often while a scan starts. A guess, ...
+/// Interval of the checks of the rotation while a scan starts. A guess, ...
 const CHECK_TIME: Duration = Duration::from_millis(25);
-/// ... and is even if it changed by less than this between that many checks in a row.
+/// ... The rotation is steady if it changed by less than this share in [`EVEN_CHECKS`] consecutive
+/// checks.
 const EVEN_CHANGE: f64 = 0.002;
 const EVEN_CHECKS: u8 = 4;
 /// Slowest rotation that counts as one (LD108: 1 to 10 turns a second).

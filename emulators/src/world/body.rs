@@ -31,7 +31,7 @@ use super::geometry::{Point, Pose};
 
 /// Length of one step of the physics.
 pub(super) const STEP_NANOS: u64 = 1_000_000;
-/// The same in seconds.
+/// Length of one step of the physics, seconds.
 pub(super) const STEP_S: f64 = 1e-3;
 /// Steps for which one draw of the noise holds. Wheel slip changes with the floor, not within a
 /// millisecond; drawing seldom also makes it nearly free.
@@ -76,7 +76,7 @@ impl Motion {
         }
     }
 
-    /// The same turn, and `part` of the distance.
+    /// The motion with the same turn and `part` of the distance.
     pub(super) fn slowed(self, part: f64) -> Self {
         let drift = Point::new(self.drift.x * part, self.drift.y * part);
         Self {
@@ -86,7 +86,7 @@ impl Motion {
         }
     }
 
-    /// The same arc, and `part` of it.
+    /// The first `part` of the motion, on the same arc.
     pub(super) fn shortened(self, part: f64) -> Self {
         let turn = self.turn * part;
         Self {

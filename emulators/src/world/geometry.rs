@@ -163,7 +163,8 @@ impl Ray {
     }
 }
 
-/// Where a ray meets a primitive: how far along, and the cosine between ray and surface normal.
+/// Intersection of a ray with a primitive: distance along the ray, and the cosine between ray and
+/// surface normal.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
     pub(super) distance: f64,

@@ -40,7 +40,7 @@ pub struct Statistics {
     pub packets: u64,
     /// Whole turns of 1446 bytes, firmware 2.1.
     pub turns: u64,
-    /// Bytes in neither.
+    /// Bytes outside packets and turns.
     pub outside: u64,
     /// Packets with a distance, and those among them whose checksum is right only because a carry
     /// is dropped. Packets without a distance are left out: those of a stall are all equal.

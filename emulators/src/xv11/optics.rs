@@ -100,14 +100,14 @@ fn strength_sigma_captured(mean: f64) -> f64 {
 /// Angular jitter of a beam. A guess; it lets the dot fall on either side of an edge, and is small
 /// enough to leave the noise of slanting walls to the range law.
 const JITTER_RAD: f64 = 0.01 * PI / 180.0;
-/// The same of a captured sensor: over 32 turns of (A) slanting walls have no more noise than walls
-/// that face the sensor, and the scan turns by less than 0.006 degrees.
+/// Angular jitter of a captured sensor: over 32 turns of (A) slanting walls have no more noise than
+/// walls that face the sensor, and the scan turns by less than 0.006 degrees.
 const JITTER_CAPTURED_RAD: f64 = 0.003 * PI / 180.0;
 /// Odds that a wall spoils the dot for no visible reason, so that it is too wide: (A) outside of
 /// hand and corners, and where all neighbours see the same wall (3 of 11,520).
 const FLAW_TOO_WIDE: f64 = 7e-4;
 const FLAW_TOO_WIDE_CAPTURED: f64 = 1e-4;
-/// The same of a dot that is too dim.
+/// Odds that a wall makes the dot too dim for no visible reason.
 const FLAW_TOO_DIM: f64 = 3e-4;
 const FLAW_TOO_DIM_CAPTURED: f64 = 1.8e-4;
 
@@ -120,7 +120,7 @@ pub(super) struct Laws {
     pub(super) jitter_rad: f64,
     /// Odds of a dot that is too wide for no visible reason.
     pub(super) too_wide: f64,
-    /// The same of one that is too dim.
+    /// Odds of a dot that is too dim for no visible reason.
     pub(super) too_dim: f64,
 }
 

@@ -140,9 +140,9 @@ impl Swept {
 }
 
 /// An outline at a pose, and a square of fixed size at any position. Two convex shapes are apart if
-/// one side of one has the other completely beyond it.
+/// one shape is completely beyond a side of the other shape.
 struct Placed {
-    /// Along the normals of the outline's sides, then x and y.
+    /// Spans along the normals of the outline's sides, then along x and y.
     spans: Vec<Span>,
 }
 

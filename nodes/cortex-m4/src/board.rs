@@ -25,7 +25,7 @@ const GREETING: &[u8] = br#"{"hilrig_node": 1}"#;
 /// Clock of the robots' boards, an STM32F407.
 const CLOCK_HZ: u64 = 168_000_000;
 
-/// What the command line says.
+/// Settings from the command line.
 pub struct Setup {
     lines: [Option<Line>; PORTS_MAX],
     /// Price of a scan, a try, a point, nanoseconds.
@@ -37,9 +37,9 @@ pub struct Setup {
 #[derive(Clone, Copy)]
 struct Line {
     port: Port,
-    /// Most bytes that leave at once.
+    /// Maximum number of bytes sent at once.
     piece: usize,
-    /// When the last byte will have left.
+    /// Time at which the last byte will have been sent.
     free_at: u64,
     /// Whether the program may have more bytes: it is asked again at `free_at`.
     has_more: bool,
@@ -48,8 +48,8 @@ struct Line {
 }
 
 impl Setup {
-    /// Reads the command line. `ports` are the program's ports by their names; `set` takes a
-    /// setting, or says what was expected.
+    /// Reads the command line. `ports` are the program's ports by their names. `set` takes a
+    /// setting, or returns the expected value.
     pub fn read(
         ports: &[(&str, Port)],
         mut set: impl FnMut(&str, &str) -> Result<(), &'static str>,
@@ -209,7 +209,7 @@ impl<M: Master> Board<M> {
         costs.map(|(cost, amount)| cost * u64::from(amount)).sum()
     }
 
-    /// Sends what may leave at `now`; when the rig has to ask again.
+    /// Sends the bytes that are due at `now`; returns the time of the rig's next poll.
     fn send(&mut self, now: u64, is_touched: bool) -> u64 {
         let mut next = self.polled_at;
         let lines = (0..).zip(&mut self.lines);

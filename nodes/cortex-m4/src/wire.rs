@@ -15,7 +15,7 @@ pub(crate) struct Wire {
     from: File,
     to: File,
     input: [u8; MESSAGE_MAX],
-    /// Where the next message begins, and the end of the read bytes.
+    /// Start of the next message, and end of the read bytes.
     came: (usize, usize),
     output: [u8; MESSAGE_MAX],
     written: usize,
@@ -33,13 +33,13 @@ pub(crate) struct Request {
 
 /// An item of an exchange.
 pub(crate) struct Item<'a> {
-    /// What it is.
+    /// Kind of the item.
     pub(crate) kind: u8,
     /// The port.
     pub(crate) port: u8,
     /// Nanoseconds since the run began.
     pub(crate) at: u64,
-    /// What it carries.
+    /// Content of the item.
     pub(crate) payload: &'a [u8],
 }
 

@@ -82,7 +82,7 @@ pub enum Reply {
     PinSet,
     /// `OK9600`: this is the new rate.
     Baud(u32),
-    /// This is the new parity.
+    /// The new parity.
     Parity(Parity),
     /// `OK+ROLE:S`: this is the new role.
     Role(Role),

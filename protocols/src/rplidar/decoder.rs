@@ -8,11 +8,12 @@ use super::ultra::{self, ULTRA_LEN, UltraCapsule};
 use super::{ANSWER_START, DESCRIPTOR_LEN, START};
 use crate::{Candidate, Decode, Format, FrameError};
 
-/// Number of nodes behind a node whose check bits must hold as well, without a valid node right
-/// before it. A quarter of all positions in a stream look like a node; five in a row are one in a
+/// Number of further nodes after a node whose check bits must be valid as well, if no valid node
+/// precedes it. A quarter of all positions in a stream look like a node; five in a row are one in a
 /// thousand.
 const NODES_AHEAD: usize = 4;
-/// The same behind a valid node. The next node is checked because only it reveals a lost byte.
+/// As [`NODES_AHEAD`], directly after a valid node. The next node is checked because only it
+/// reveals a lost byte.
 const NODES_AHEAD_ALIGNED: usize = 1;
 
 /// Data of the sensor other than answers.

@@ -97,8 +97,8 @@ pub(super) const fn head(bytes: &[u8]) -> Head {
     }
 }
 
-/// The three check bits of a node (!S S C, expected 101 or 011) as a checksum that does not hold.
-/// Where the start bits are wrong the third counts as right: it may not have arrived yet.
+/// The three check bits of a node (!S S C, expected 101 or 011) as a wrong checksum. If the start
+/// bits are wrong, the third bit counts as right, because it may not have arrived yet.
 pub(super) fn check_bits(bytes: &[u8]) -> FrameError {
     let first = bytes.first().copied().unwrap_or_default();
     let (start, not_start) = (u32::from(first & 1), u32::from(first >> 1 & 1));

@@ -194,7 +194,7 @@ impl FirmwareArgs {
         Ok(wanted)
     }
 
-    /// Where on the board each port of the rig is.
+    /// The position on the board of each port of the rig.
     fn wired(&self, board: &Board, wanted: &[(String, PortKind)]) -> Result<Value, CliError> {
         let told = board.wire(wanted, &self.wires()?);
         told.map_err(|error| CliError::Usage(format!("--wire: {error}")))

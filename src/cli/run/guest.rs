@@ -77,7 +77,7 @@ pub(super) fn judged_guest(
     report(played, wall, &guest.foreign.command, out, stop)
 }
 
-/// Writes the result folder of a finished run and prints what came of it.
+/// Writes the result folder of a finished run and prints the result.
 pub(in crate::cli) fn report(
     played: Played,
     wall: Duration,

@@ -45,7 +45,7 @@ pub(in crate::cli) struct Ran {
     pub(in crate::cli) wall: Duration,
     /// Number of the signal that ended the run early.
     pub(in crate::cli) signal: Option<u8>,
-    /// Whether it failed in ways that the rig's own lateness may have caused.
+    /// Whether the run failed in a manner that the rig's own lateness may have caused.
     pub(in crate::cli) is_doubtful: bool,
 }
 

@@ -23,7 +23,7 @@ pub(super) fn program(name: &str, compiler: &str) -> Option<PathBuf> {
     }
 }
 
-/// Each stop of these goes on by itself.
+/// Stops that continue by themselves.
 const STOPS: &str = "\
 break UNDERSTAND
 commands
@@ -40,7 +40,7 @@ end
 continue
 detach
 ";
-/// Break, look, step, watch, change, ask.
+/// A session: break, inspect, step, watch, change, query.
 const CPP_SESSION: &str = "\
 break Rover::understand
 continue

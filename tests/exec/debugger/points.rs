@@ -1,4 +1,4 @@
-//! The way back comes to the same state as a fresh run that is stopped there.
+//! A step backwards reaches the same state as a new run that stops at the same position.
 
 use core::fmt::Write as _;
 use std::path::PathBuf;
@@ -29,7 +29,7 @@ fn state(said: &str) -> Option<&str> {
         .map(|it| it.0)
 }
 
-/// A fresh run to the hit of this number of a breakpoint, and some instructions farther.
+/// A new run to a hit of a breakpoint, and some instructions farther.
 fn forth(function: &str, hit: u64, steps: u64, state: &str) -> String {
     let mut script = format!("break {function}\nignore 1 {}\ncontinue\n", hit - 1);
     if steps > 0 {
@@ -38,7 +38,7 @@ fn forth(function: &str, hit: u64, steps: u64, state: &str) -> String {
     script + state + "kill\n"
 }
 
-/// The same point from behind: two hits and an instruction back.
+/// The same position reached backwards: two hits and one instruction back.
 fn back(function: &str, hit: u64, steps: u64, state: &str) -> String {
     let mut script = format!("break {function}\nignore 1 {}\n", hit + 1);
     script += "continue\nreverse-continue\nreverse-continue\n";
@@ -46,7 +46,7 @@ fn back(function: &str, hit: u64, steps: u64, state: &str) -> String {
     script + state + "kill\n"
 }
 
-/// A few thousand different numbers; the same in each run.
+/// A pseudo-random number below `below`; the same in each run.
 fn draw(index: u64, below: u64) -> u64 {
     let mixed = (index + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
     (mixed >> 33) % below
@@ -103,14 +103,14 @@ fn points_on_the_way_back_are_those_of_a_fresh_run() {
     }
 }
 
-/// Its master must say something each 300 ms; the program does each 200 ms.
+/// The master must send a byte every 300 ms; the program sends one every 200 ms.
 const WATCHDOG: &str = "\
 device.sonar.text.watchdog = \"300ms\"
 device.sonar.text.variable = [{ name = \"speed\", initial = 1, safe = 0 }]
 ";
 
-/// Wall time is not time: a minute at a breakpoint with HILRIG_TESTS=all, else half a second. What
-/// the watchdog would do is seen with one of 100 ms.
+/// Wall time has no effect: a minute at a breakpoint with HILRIG_TESTS=all, else half a second. A
+/// watchdog of 100 ms shows the effect that the watchdog would have.
 #[test]
 fn a_long_stop_fires_no_watchdog_and_loses_no_byte() {
     let Some(program) = compiled("long-stop", "cc", DEBUGGED, &["-g", "-O0", "-pthread"]) else {
@@ -147,7 +147,7 @@ fn a_long_stop_fires_no_watchdog_and_loses_no_byte() {
     assert!(!ended.said.contains("lost"), "{}", ended.said);
 }
 
-/// The processor's counter is answered in place of its instruction.
+/// The supervisor answers the instruction that reads the processor's counter.
 const COUNTER: &str = "\
 #include <fcntl.h>
 #include <stdlib.h>
@@ -166,7 +166,8 @@ int main(void) {
 }
 ";
 
-/// Back from the line behind the counter: over `mov`, `or` and `shl` to the instruction itself.
+/// A step back from the line after the counter: over `mov`, `or` and `shl` to the instruction
+/// itself.
 #[test]
 fn a_step_back_passes_a_look_at_the_counter() {
     let Some(program) = compiled("counter", "cc", COUNTER, &["-g", "-O0"]) else {

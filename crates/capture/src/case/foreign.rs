@@ -77,8 +77,8 @@ impl Case {
     }
 
     /// Judges the bytes of a program in its own process; `own` are the verdicts on the process. The
-    /// second result names what no port shows: rules of devices and checks of the robot, which are
-    /// absent here.
+    /// second result names properties that are not visible at a port: rules of devices and checks
+    /// of the robot. They are not judged.
     pub fn judge_foreign(
         &self,
         own: impl IntoIterator<Item = Check>,

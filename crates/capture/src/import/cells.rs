@@ -22,7 +22,7 @@ pub(super) fn rows(bytes: &[u8]) -> impl Iterator<Item = CellRow<'_>> {
     rows_of(bytes, ',')
 }
 
-/// As `rows`, with another divider.
+/// As `rows`, with another separator.
 pub(super) fn rows_of(bytes: &[u8], divider: char) -> impl Iterator<Item = CellRow<'_>> {
     let mut lines = lines(bytes).filter(|line| !line.text.is_empty());
     core::iter::from_fn(move || {

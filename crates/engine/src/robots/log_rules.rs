@@ -149,7 +149,7 @@ pub(crate) enum Known {
     NeverLogged,
     /// The name is similar to this known name, which was probably meant.
     Misspelt(&'static str),
-    /// Other devices log the rule, and this device may do so as well.
+    /// Other devices log the rule, and this device may log it as well.
     OfOthers,
     /// Nothing is known of the name: the device may be a program.
     Open,

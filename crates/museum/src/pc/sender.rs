@@ -10,7 +10,8 @@ use crate::robot::{MS, Robot, config};
 use crate::{Observation, Variant};
 use engine::codec::PCUI;
 
-/// What the PC decodes from all bytes of the robot: rows, and bytes outside of frames.
+/// Number of rows that the PC decodes from all bytes of the robot, and number of bytes outside of
+/// frames.
 fn rows(robot: &mut Robot) -> (usize, u64) {
     let mut decoder = pcui::Decoder::default();
     let frames: Vec<_> = decoder.push(&robot.radio).flatten().collect();

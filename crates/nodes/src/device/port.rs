@@ -100,7 +100,7 @@ impl PortState {
         len
     }
 
-    /// When the next output becomes due; at once if the first piece is not bytes.
+    /// Time at which the next output becomes due; at once if the first piece is not bytes.
     pub(super) fn poll_at(&self, now: Instant) -> Option<Instant> {
         match self.out.front() {
             Some((at, Out::Bytes(_))) => Some(*at).filter(|at| *at > now),

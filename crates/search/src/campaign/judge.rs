@@ -189,9 +189,9 @@ pub(super) fn situations_of(scenario: &Scenario) -> &'static [&'static str] {
 pub(super) struct CountedRule {
     /// Name of its check.
     check: String,
-    /// Name under which runs count that they observed it, or reached it.
+    /// Name for the count of runs that observed the rule, or reached the goal.
     pub(super) name: String,
-    /// Whether it is a goal.
+    /// Whether the rule is a goal.
     pub(super) is_goal: bool,
 }
 

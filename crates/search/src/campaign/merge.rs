@@ -41,7 +41,7 @@ pub struct Group {
     pub picture: Option<String>,
 }
 
-/// What a campaign counts.
+/// Kinds of items that a campaign counts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Counted {

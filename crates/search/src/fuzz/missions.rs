@@ -183,7 +183,7 @@ impl Subject for Missions {
         8
     }
 
-    /// The same number as for a cause in a campaign.
+    /// The number of tries for a cause in a campaign.
     fn tries(&self) -> u32 {
         150
     }

@@ -17,10 +17,10 @@ const WARM_UP_MS: u64 = 5_000;
 /// that is started with a lidar error of 2 % keeps it, 60 mm for walls 3 m away.
 const WITHIN_MM: f64 = 150.0;
 
-/// The same if the mission's script drives by hand: an order that comes one second late also acts
-/// one second later, and the robot has no means to correct this.
+/// As [`WITHIN_MM`], if the mission's script drives manually: an order that arrives one second late
+/// also acts one second later, and the robot has no means to correct this.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
-/// The same for the final position, if the order to stop came late too.
+/// As [`BY_HAND_WITHIN_MM`], for the final position, if the order to stop arrived late too.
 const BY_HAND_REST_MM: f64 = 800.0;
 
 /// In a run with phases the robot works before the first fault, and must work again afterwards.
@@ -235,7 +235,7 @@ impl Adversity {
 }
 
 impl Adversity {
-    /// The same, if only runs without faults judge the mission.
+    /// Applies the adversity to a scenario whose mission is judged only in runs without faults.
     fn apply_without_mission(self, profile: &Profile, mission: &mut Scenario) {
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let is_by_hand = mission.mission.step.iter().any(is_by_hand);

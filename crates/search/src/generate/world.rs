@@ -60,8 +60,8 @@ pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
     place
 }
 
-/// The same for a mission that its steps lead: another maze of the same size, or another world if
-/// the mission needs no object at a fixed position.
+/// Changes the world of a mission that is led by its steps: another maze of the same size, or
+/// another world if the mission needs no object at a fixed position.
 pub(super) fn vary_around(made: &mut Scenario, dice: &mut Dice) {
     if let Some(maze) = &mut made.world.maze {
         maze.get_mut().seed = dice.world.below(1 << 32);

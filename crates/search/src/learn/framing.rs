@@ -79,7 +79,7 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
     })
 }
 
-/// As many of `chunks` as are examined.
+/// The first of `chunks`, up to the number of bytes that are examined.
 fn few(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     let mut room = BYTES_MAX;
     let mut few = Vec::new();

@@ -62,7 +62,7 @@ const TABLE: [(&str, &str, Probe); 20] = [
     ),
 ];
 
-/// The rest of the table.
+/// The second part of the table.
 const TABLE_2: [(&str, &str, Probe); 2] = [
     ("AV-19", "a very near object reads as negative", av_19),
     ("AV-20", "an acknowledgement looks like an error", av_20),

@@ -30,7 +30,7 @@ impl Bench {
         self.run(at - self.now);
     }
 
-    /// The same with the first byte of `bytes` ending at `first`.
+    /// Sends `bytes` so that the first byte ends at `first`.
     fn send_to(&mut self, first: Instant, bytes: &str) {
         self.run(first - self.now - BUS_LINE.byte_time());
         self.send(&hex(bytes));
@@ -490,7 +490,7 @@ fn point_08_registers_that_the_base_feeds_are_refilled_on_every_pass() {
     }
 }
 
-/// When the motor time-out was noted, from the 40th count on, if it fell at `count`.
+/// Time from the 40th count, which falls at `count`, to the log entry of the motor timeout.
 fn cleared_after(count: Instant, probe: Option<Duration>) -> Duration {
     let mut bench = observed();
     bench.send_to(before(count, 984 * MS + 100 * US), "AB 2E 82 0B 0C 01 72");

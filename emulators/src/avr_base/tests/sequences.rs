@@ -315,7 +315,7 @@ proptest! {
         prop_assert_eq!(bench.read(46, 2), [0, 0]);
     }
 
-    /// The same for the fielded base, its known defects left out.
+    /// The fielded base endures any sequence without its known defects.
     #[test]
     fn the_fielded_base_endures_anything_but_its_known_defects(
         attacks in vec(attack().prop_filter("known", |attack| !is_defect(attack)), 1..12),

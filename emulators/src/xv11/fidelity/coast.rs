@@ -80,7 +80,7 @@ fn rpm_of(tooth_s: f64) -> f64 {
     60.0 / f64::from(TEETH) / tooth_s
 }
 
-/// Faster than the line allows: a tooth taken for two.
+/// Whether the speed is too high for the sensor: one tooth was counted as two.
 fn is_doubled(word: u16) -> bool {
     rpm(word) > 330.0
 }

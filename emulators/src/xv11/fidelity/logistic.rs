@@ -94,8 +94,8 @@ mod tests {
             .collect()
     }
 
-    /// Two separate groups are always told apart, by the figure in which they differ; a group and
-    /// itself never.
+    /// Two separate groups are always distinguished, by the figure in which they differ. A group is
+    /// never distinguished from itself.
     #[test]
     fn what_differs_is_told_and_what_does_not_is_not() {
         let apart = Logistic::trained(&heap(5.0), &heap(0.0));

@@ -40,7 +40,7 @@ impl Spot {
     }
 }
 
-/// What a sensor at rest saw again and again.
+/// Spots that a sensor at rest measured repeatedly.
 pub(super) type Room = Vec<Option<Spot>>;
 
 fn median(values: &mut [f64]) -> Option<f64> {

@@ -15,7 +15,7 @@ pub(super) struct Layout {
 enum Cell {
     /// Bytes in order, two hex digits each, in groups of any size.
     Pairs,
-    /// A number of so many digits of a base, whose bytes come low first.
+    /// A number with this number of digits in this radix, the low byte first.
     Word {
         radix: u32,
         digits: usize,
@@ -59,9 +59,9 @@ const CELLS: [Cell; 11] = [
     Cell::Decimal,
 ];
 
-/// All layouts of a dump whose offsets have so many digits, in groups with one kind of cell, the
-/// most common first. od has seven digits, octal by default. hexdump without -C also has seven, but
-/// in hex.
+/// All layouts of a dump with this number of digits in its offsets, in groups with one kind of
+/// cell, the most common first. od has seven digits, octal by default. hexdump without -C also has
+/// seven, but in hex.
 pub(super) fn layouts(digits: usize) -> impl Iterator<Item = [Layout; 3]> {
     let radixes = if digits == 7 {
         [8, 10, 16]

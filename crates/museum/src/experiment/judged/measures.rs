@@ -42,7 +42,7 @@ pub struct Measure {
     pub name: &'static str,
     /// The planted change of the model.
     pub planted: &'static str,
-    /// Performs it.
+    /// Performs the measurement.
     pub perform: fn(&Plan, Model, &Told<'_>) -> Measured,
 }
 

@@ -82,7 +82,7 @@ fn titled(report: Report) -> &'static str {
     }
 }
 
-/// How many rows have which verdict.
+/// Number of rows for each verdict, as text.
 fn sums(judged: &[Judged]) -> String {
     let of = |verdict: Verdict| judged.iter().filter(|one| one.verdict == verdict).count();
     let measured = of(Verdict::Reproduced) + of(Verdict::Differs);

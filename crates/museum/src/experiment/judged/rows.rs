@@ -69,7 +69,7 @@ pub struct Row {
     pub report: Report,
     /// Figure and page, or page of the statement.
     pub place: String,
-    /// What it shows, in a sentence.
+    /// Description of the figure or statement, a sentence.
     pub what: String,
     /// Axes of the report's figure with their units.
     #[serde(default)]

@@ -133,7 +133,7 @@ pub struct Pair {
     pub good: Hex,
     /// The damaged frame, which is not a valid frame.
     pub damaged: Hex,
-    /// The same number of bytes, without a valid frame.
+    /// Noise: the same number of bytes as the intact frame, without a valid frame.
     pub noise: Hex,
 }
 

@@ -37,9 +37,9 @@ pub(super) struct Session<'a> {
     player: Player,
     raw: Option<usize>,
     heard: Vec<u8>,
-    /// When the last byte was sent on the raw link.
+    /// Time at which the last byte was sent on the raw link.
     said_at: Instant,
-    /// When the ports were checked last.
+    /// Time of the last check of the ports.
     looked_at: Instant,
     names: Vec<String>,
     ports: BTreeMap<String, PortActivity>,

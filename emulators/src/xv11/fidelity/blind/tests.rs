@@ -25,7 +25,8 @@ fn accuracy(all: &[Told], group: &str) -> Option<f64> {
     told.expect("a group").accuracy
 }
 
-/// Adds noise to distances, with `mm`, or to strengths, as a part of their root.
+/// Adds noise to the readings: `mm` millimetres to distances, or `root` times the square root of a
+/// strength to the strength.
 fn noisy(turns: &mut [Turn], mm: f64, root: f64) {
     let mut rng = Rng::stream(7, "mutant");
     for reading in turns.iter_mut().flat_map(|turn| &mut turn.readings) {
