@@ -162,7 +162,7 @@ impl Board {
     /// Reports the restart at `at`.
     pub(crate) fn tell_reset(&self, at: Instant, why: &str, log: &mut EventLog) {
         let up = self.boots_until.unwrap_or(at);
-        let detail = format!("{why}: starts anew, hears nothing until {up} s");
+        let detail = format!("{why}: restarts, receives nothing until {up} s");
         log.note(at, "board-reset", detail);
     }
 

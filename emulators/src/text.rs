@@ -124,7 +124,7 @@ impl Text {
     pub fn new(config: TextConfig) -> Result<Self, TextError> {
         let variables = Variables::new(config.variables.clone()).map_err(TextError::Variable)?;
         if config.terminator.is_empty() {
-            let message = "it is empty, expected what ends a line";
+            let message = "it is empty, expected the end of a line";
             return Err(TextError::Key("terminator", message.to_owned()));
         }
         let mut commands = Vec::new();
@@ -317,7 +317,7 @@ fn request(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
     let pieces = pieces(text, variables)?;
     let touching = |pair: &[Piece]| matches!(pair, [Piece::Field(_), Piece::Field(_)]);
     if pieces.is_empty() {
-        return Err("it is empty, expected what the master says".to_owned());
+        return Err("it is empty, expected a request of the master".to_owned());
     }
     if pieces.windows(2).any(touching) {
         return Err(format!("\"{text}\": expected words between two fields"));

@@ -170,7 +170,7 @@ fn an_actuator_is_named_with_those_that_there_are() {
     let endless: &dyn Error = &endless;
     assert_eq!(
         endless.to_string(),
-        "left was given a figure that is not finite"
+        "left was given a value that is not finite"
     );
 }
 

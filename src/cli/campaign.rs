@@ -227,7 +227,7 @@ fn summarise(
     }
     let merged = campaign::summarise(store, earlier, is_over)?;
     if is_over() && !merged.groups.is_empty() {
-        eprintln!("the cases may not be the smallest; the same command looks on");
+        eprintln!("the cases may not be the smallest; the same command continues the search");
     }
     Ok(merged)
 }
@@ -464,7 +464,9 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
         println!("  FAIL {rule} was not observed in any of the runs");
     }
     for rule in merged.lost_rules() {
-        println!("  not judged: {rule} names what no generated mission of this campaign has");
+        println!(
+            "  not judged: {rule} names an item that no generated mission of this campaign has"
+        );
     }
     println!("table in {}", out.join("campaign.html").display());
     answer(&CampaignEnded::of(merged, out));

@@ -279,7 +279,7 @@ fn say_sum(sum: &Sum, name: &str) {
     let (direction, bytes, framed) = (sum.direction.name(), sum.bytes, sum.framed);
     match sum.codec {
         Some(codec) => eprintln!(
-            "{name} {direction}: {bytes} bytes of {}, {framed} of them in sound frames",
+            "{name} {direction}: {bytes} bytes of {}, {framed} of them in valid frames",
             codec.name()
         ),
         None => eprintln!("{name} {direction}: {bytes} bytes, {UNKNOWN}"),
@@ -312,7 +312,7 @@ fn print_sums(
         let of = codec.name();
         writeln!(
             out,
-            "{name}: {len} bytes of {of}, {framed} of them in sound frames"
+            "{name}: {len} bytes of {of}, {framed} of them in valid frames"
         )?;
         if let Some(figures) = codec.figures(&lane.bytes) {
             writeln!(out, "{figures}")?;

@@ -101,7 +101,7 @@ fn follow(
                     let [x_m, y_m] = [pose.x_mm, pose.y_mm].map(|mm| mm / 1000.0);
                     eprintln!("  {now} mode {mode}, at ({x_m:.2}, {y_m:.2}) m");
                 }
-                None => eprintln!("  {now} mode {mode}, place unknown"),
+                None => eprintln!("  {now} mode {mode}, pose unknown"),
             }
         }
     }

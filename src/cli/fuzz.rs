@@ -171,7 +171,7 @@ fn subjects(args: &FuzzArgs) -> Result<Subjects, CliError> {
 fn unknown(name: &str, all: &Subjects) -> CliError {
     let known: Vec<&str> = all.iter().map(|subject| subject.name()).collect();
     let known = known.join(", ");
-    let text = format!("there is nothing called \"{name}\" to fuzz, expected one of {known}");
+    let text = format!("there is no target \"{name}\", expected one of {known}");
     CliError::Usage(text)
 }
 

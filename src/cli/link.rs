@@ -154,7 +154,7 @@ fn faults(text: &str, ports: &[NamedPort]) -> Result<Vec<FaultSpec>, CliError> {
         serde_json::from_value(keys.into()).map_err(|error| wrong(error.to_string()))?;
     if fault.kind.place() != FaultPlace::Line {
         let kind = fault.kind.name();
-        let what = format!("{kind} happens to a device, expected what happens to a line");
+        let what = format!("{kind} is a fault of a device, expected a fault of a line");
         return Err(wrong(what));
     }
     let to = to.as_ref().map(|to| to.as_str().unwrap_or_default());

@@ -57,7 +57,7 @@ pub(super) fn run(args: Wireshark) -> Result<Verdict, CliError> {
         written.map_err(|error| CliError::write(format!("--install {}", path.display()), error))?;
         eprintln!("installed; Wireshark and tshark read it when they next start");
     } else {
-        eprintln!("put what --print prints here, or let --install do it:");
+        eprintln!("write the output of --print to this folder, or use --install:");
     }
     println!("{}", path.display());
     let files = vec![path.display().to_string()];

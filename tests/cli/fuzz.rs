@@ -116,8 +116,7 @@ fn what_cannot_be_fuzzed_is_told_with_what_can() {
     let (code, _, error) = fuzz(&session, "xv12");
     assert_eq!(code, Some(2));
     assert!(
-        error
-            .starts_with("error: there is nothing called \"xv12\" to fuzz, expected one of xv11, "),
+        error.starts_with("error: there is no target \"xv12\", expected one of xv11, "),
         "{error}"
     );
     let (code, _, error) = fuzz(&session, "--defect MA-99");

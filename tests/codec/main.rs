@@ -168,7 +168,7 @@ fn it_comes_behind_what_is_built_in_and_only_once() {
     assert_eq!((row.name(), row.about()), ("gripper", "Gripper of our own"));
     let again = codec::register(Codec::of::<Gripper>("twice"));
     let error = again.expect_err("the name is taken").to_string();
-    assert_eq!(error, "there is something called \"gripper\" already");
+    assert_eq!(error, "the name \"gripper\" is already taken");
 }
 
 /// The format of the line is not given: the decoder recognises it by the bytes.

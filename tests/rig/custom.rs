@@ -131,7 +131,7 @@ fn what_cannot_be_is_told_with_its_place() {
     );
     insta::assert_snapshot!(
         refusal(&robot.replace("speed_m_s = 0.01 }", "speed_m_s = 0.01, power = 1 }")),
-        @r#"<test>:27: device.wheels.registers.register[0].drives: drives "left" in no way or in several, expected one of power, speed_m_s and angle_deg, other than 0"#
+        @r#"<test>:27: device.wheels.registers.register[0].drives: drives "left" without a scale or with several, expected one of power, speed_m_s and angle_deg, other than 0"#
     );
     insta::assert_snapshot!(
         refusal(&robot.replace("{ encoder = \"left\" }", "{ encoder = \"drive\" }")),

@@ -285,7 +285,7 @@ fn a_tap_beside_the_display_is_refused() {
     let error = Run::new(scenario, &source, None).err().expect("unsound");
     insta::assert_snapshot!(
         error.to_string(),
-        @"<test>:7: device.display.touch-panel.tap: is 480, 0, expected a place on 480 x 272 pixels"
+        @"<test>:7: device.display.touch-panel.tap: is 480, 0, expected a position on 480 x 272 pixels"
     );
 }
 

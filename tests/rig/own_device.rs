@@ -229,7 +229,7 @@ fn a_kind_of_another_crate_is_one_like_ours() {
     register_beacon();
     let again = hilrig::scenario::device::register(beacon::BeaconKind);
     let taken = again.expect_err("its name is taken").to_string();
-    assert_eq!(taken, "there is something called \"beacon\" already");
+    assert_eq!(taken, "the name \"beacon\" is already taken");
 
     let (scenario, source) = in_a_room("1s", BEACON);
     let text = scenario.to_toml();

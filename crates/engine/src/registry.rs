@@ -74,7 +74,7 @@ pub struct NameTaken {
 
 impl fmt::Display for NameTaken {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "there is something called \"{}\" already", self.name)
+        write!(f, "the name \"{}\" is already taken", self.name)
     }
 }
 

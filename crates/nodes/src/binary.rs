@@ -294,7 +294,7 @@ fn number(from: &[u8]) -> Result<f64, String> {
 }
 
 fn message_of(from: &[u8]) -> Result<Value, String> {
-    serde_json::from_slice(from).map_err(|error| format!("is a message that is no JSON: {error}"))
+    serde_json::from_slice(from).map_err(|error| format!("is a message that is not JSON: {error}"))
 }
 
 fn code_of(event: LineEvent) -> u8 {

@@ -207,7 +207,7 @@ fn only(object: &Value, keys: &[&str]) -> Result<(), String> {
 
 fn text<'a>(item: &'a Value, key: &str) -> Result<&'a str, String> {
     let text = item[key].as_str();
-    text.ok_or_else(|| format!("has a \"{key}\" that is no text"))
+    text.ok_or_else(|| format!("has a \"{key}\" that is not a text"))
 }
 
 fn number(item: &Value, key: &str) -> Result<f64, String> {

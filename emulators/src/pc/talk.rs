@@ -37,7 +37,7 @@ impl Pc {
             }
             Due::GiveUp => {
                 let (count, tries) = (wish.what.len(), wish.tries());
-                let detail = format!("{count} waypoints did not come back in {tries} tries");
+                let detail = format!("{count} waypoints were not confirmed in {tries} tries");
                 let rule = "waypoints-not-confirmed";
                 self.log.violation(now, rule, detail, &[]);
             }

@@ -223,7 +223,11 @@ impl Rplidar {
         }
         let limit_ma = self.faults.figure(Fault::WeakSupply);
         if limit_ma.is_some_and(|limit_ma| self.current_ma() > limit_ma) {
-            self.restart(at, "brown-out", "the supply gives way as the scan begins");
+            self.restart(
+                at,
+                "brown-out",
+                "the supply is too weak for the start of the scan",
+            );
             return true;
         }
         false

@@ -103,7 +103,7 @@ impl core::fmt::Display for NoPlan {
             Self::Start => "the robot cannot be where it begins",
             Self::Goal => "the robot cannot be at its goal",
             Self::NoWay => "there is no way",
-            Self::Limit => "no way was found within the limits",
+            Self::Limit => "no path was found within the limits",
         })
     }
 }

@@ -101,7 +101,7 @@ pub(in crate::cli) fn judge_case(
     }
     if !tried.unjudged.is_empty() {
         let names = tried.unjudged.join(", ");
-        println!("  not judged, no device hears the program: {names}");
+        println!("  not judged, no device receives the program's bytes: {names}");
     }
     tell(&tried.notes);
     if !tried.judgement.passed() {

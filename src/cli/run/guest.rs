@@ -113,7 +113,7 @@ fn same(first: &Played, second: &Played, logs: [PathBuf; 2]) -> Check {
     let parts = first.calls.part_from(&second.calls);
     let [one, other] = logs.map(|log| std::fs::read(log).unwrap_or_default());
     if let Some(words) = other_words(&one, &other).filter(|_| hashes[0] == hashes[1]) {
-        let detail = format!("the same bytes, but the program says something else: {words}");
+        let detail = format!("the same bytes, but other output of the program: {words}");
         return Check::new("deterministic", false, detail);
     }
     let detail = match (&parts, hashes[0] == hashes[1]) {

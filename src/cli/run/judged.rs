@@ -61,7 +61,7 @@ impl Ran {
         if self.is_doubtful {
             let node = self.outcome.slow_node.as_ref();
             let node = node.map_or(String::new(), |node| format!("; {node}"));
-            let detail = format!("{lateness}{node}: what failed may be its fault");
+            let detail = format!("{lateness}{node}: this may be the reason for the failures");
             let checks = &mut self.outcome.checks;
             checks.insert(0, Check::not_observed("rig-on-time", detail));
         }

@@ -89,7 +89,7 @@ fn damage_that_is_still_to_come_stays_in_the_case() {
     strike.byte = Some(0);
     let flaw = run.inject(strike).expect_err("has passed");
     assert_eq!(flaw.key, "byte");
-    assert!(flaw.message.starts_with("is 0, expected one to come: "));
+    assert!(flaw.message.starts_with("is 0, expected a later byte: "));
 }
 
 #[test]

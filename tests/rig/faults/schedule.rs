@@ -191,7 +191,7 @@ fn keys_that_mean_nothing_together_are_refused() {
     );
     said(
         "every = \"1s\"",
-        "9: fault[0].every: expected at least 100us, and a lasting that is not longer",
+        "9: fault[0].every: expected at least 100us, and at least lasting",
     );
     said(
         "count = 3",

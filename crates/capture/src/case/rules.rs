@@ -128,7 +128,7 @@ impl Expectation {
         words.extend(self.sends.iter().map(|bytes| format!("it sends {bytes}")));
         let never = self.never_sends.iter();
         words.extend(never.map(|bytes| format!("it never sends {bytes}")));
-        let damage = "it behaves as if damaged frames had not come".to_owned();
+        let damage = "it behaves as if damaged frames had not arrived".to_owned();
         words.extend(self.ignores_damage.then_some(damage));
         words.extend(self.recovers_ns.map(|nanos| {
             let within = Duration::from_nanos(nanos).as_secs_f64();

@@ -211,7 +211,9 @@ fn analog(
             own.push((nanos, volts));
         }
     }
-    out.note("the voltages are read as levels, by a threshold halfway of what each swings");
+    out.note(
+        "the voltages are converted to levels: the threshold is the middle of each channel's range",
+    );
     let channels = head.names.iter().zip(&samples);
     let channels = channels.filter_map(|(name, samples)| {
         let (name, levels) = (name.clone(), digital(samples)?);

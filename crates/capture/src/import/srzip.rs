@@ -55,7 +55,7 @@ fn metadata(text: &str, options: &Options) -> Result<Metadata, ImportError> {
     let unit = value("unitsize").and_then(|unit| unit.trim().parse().ok());
     let unit = unit.filter(|unit| (1..=64).contains(unit));
     let unit: usize = unit.ok_or_else(|| {
-        ImportError::of_file("the metadata of this sigrok session has no sound unitsize")
+        ImportError::of_file("the metadata of this sigrok session has no valid unitsize")
     })?;
     let probe = |(key, name): (&str, &str)| {
         let number: usize = key.trim().strip_prefix("probe")?.parse().ok()?;

@@ -32,7 +32,7 @@ const LITTLE: Order = Order::Little;
 
 /// The directory of an archive.
 pub(super) fn entries(bytes: &[u8]) -> Result<Vec<Entry>, String> {
-    const DAMAGED: &str = "is damaged: it has no sound directory at its end; copy it again";
+    const DAMAGED: &str = "is damaged: it has no valid directory at its end; copy it again";
     const END: usize = 22;
     // A comment may follow the end record.
     let last = bytes.len().checked_sub(END).ok_or(DAMAGED)?;

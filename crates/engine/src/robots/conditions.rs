@@ -332,7 +332,7 @@ impl Moment<'_> {
         match self.instruments.has_body() {
             true => Ok(()),
             false => {
-                let message = "there is no robot that could move (robot = \"none\")";
+                let message = "the scenario has no robot (robot = \"none\")";
                 Err(Flaw::new(key, message))
             }
         }

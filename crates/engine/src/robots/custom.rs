@@ -123,7 +123,7 @@ fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), Scenar
     if has_body {
         return Ok(());
     }
-    let message = "expected none: there is no robot that could move (robot = \"none\")";
+    let message = "expected none: the scenario has no robot (robot = \"none\")";
     if let Some(key) = given(&of_body) {
         return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
     }

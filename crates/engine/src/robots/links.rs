@@ -28,7 +28,7 @@ pub(super) fn add_cables(
         if wired.rig.link(name).is_some() {
             return invalid(
                 "",
-                "there is a link of this name, expected another name".to_owned(),
+                "a link with this name exists, expected another name".to_owned(),
             );
         }
         for (key, port) in [(".master", &spec.master), (".device", &spec.device)] {

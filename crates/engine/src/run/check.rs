@@ -85,7 +85,7 @@ impl Checker for SetPointsInRange {
     fn verdict(&self) -> Check {
         let detail = match &self.worst {
             None if self.looks == 0 => "no axis with a limit to watch".to_owned(),
-            None => format!("in range at all of {} looks", self.looks),
+            None => format!("in range in all {} samples", self.looks),
             Some((at, axes)) => {
                 let limits = axes.iter().filter_map(|axis| axis.limit);
                 let limit = limits.fold(0.0, f64::max);

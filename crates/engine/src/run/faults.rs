@@ -62,7 +62,7 @@ impl Run {
         let sent = self.line_of(&fault).map_or(0, |line| line.traffic().sent);
         for (key, wanted) in [("byte", fault.byte), ("at_byte", fault.at_byte)] {
             if let Some(byte) = wanted.filter(|&byte| byte < sent) {
-                let message = format!("is {byte}, expected one to come: {sent} have passed");
+                let message = format!("is {byte}, expected a later byte: {sent} have passed");
                 return Err(Flaw::new(key, message));
             }
         }
@@ -214,7 +214,7 @@ impl Run {
         let Some(fault) = self.scenario.fault.get(id.0).cloned() else {
             let message = match count {
                 0 => format!("is {id}, but there are no faults yet"),
-                1 => format!("is {id}, expected 0, the only fault there is"),
+                1 => format!("is {id}, expected 0, the only fault"),
                 _ => format!("is {id}, expected one of the faults 0 to {}", count - 1),
             };
             return Err(Flaw::new("id", message));
@@ -510,7 +510,7 @@ mod tests {
             assert!(inject(sent).is_ok(), "{key}");
             let last = sent - 1;
             let refused = inject(last).expect_err("it has passed").message;
-            let expected = format!("is {last}, expected one to come: {sent} have passed");
+            let expected = format!("is {last}, expected a later byte: {sent} have passed");
             assert_eq!(refused, expected, "{key}");
         }
     }

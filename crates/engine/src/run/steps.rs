@@ -68,7 +68,7 @@ impl Steps {
                 (0, true, _) => continue,
                 (0, false, true) => Check::new(&name, false, detail + " until the end"),
                 (0, false, false) => Check::not_observed(&name, "is still waited for"),
-                _ => Check::not_observed(&name, "its turn has not come"),
+                _ => Check::not_observed(&name, "an earlier step is not done"),
             });
         }
         checks
@@ -213,7 +213,7 @@ mod tests {
     fn what_was_waited_for_is_judged_at_the_end() {
         let (mut steps, _) = steps();
         let later = |number: u8| {
-            let detail = "its turn has not come".to_owned();
+            let detail = "an earlier step is not done".to_owned();
             (
                 format!("mission-step-{number}"),
                 Status::NotObserved,

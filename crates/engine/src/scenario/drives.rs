@@ -44,7 +44,7 @@ impl DrivesSpec {
                 kind,
             }),
             _ => Err(format!(
-                "drives \"{}\" in no way or in several, \
+                "drives \"{}\" without a scale or with several, \
                  expected one of power, speed_m_s and angle_deg, other than 0",
                 self.actuator
             )),

@@ -120,7 +120,7 @@ impl Warnings<'_> {
         for value in values {
             let has_source = *value.source != SourceSpec::Stored;
             if value.limits && (has_source || !value.is_set) {
-                let message = "has no effect: limits hold for what a master sets, and none sets it";
+                let message = "has no effect: limits apply to values from a master, and no master can set this value";
                 self.at(value.span.clone(), format!("{}.limits", value.key), message);
             }
             if value.safe && has_source {

@@ -296,7 +296,7 @@ impl fmt::Display for CommandError {
                 command,
             } => write!(f, "{actuator} is a {kind} and cannot do {command:?}"),
             Self::NotFinite { actuator } => {
-                write!(f, "{actuator} was given a figure that is not finite")
+                write!(f, "{actuator} was given a value that is not finite")
             }
         }
     }

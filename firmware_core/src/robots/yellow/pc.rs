@@ -132,7 +132,7 @@ impl Failure {
         match self {
             Self::Silent => "failed: robot is silent",
             Self::NoAnswer => "failed: robot does not obey",
-            Self::NoWay => "failed: no way leads there",
+            Self::NoWay => "failed: no path leads there",
             Self::NothingSeen => "failed: no wall in sight",
             Self::Ambiguous => "failed: places look alike",
             Self::TooLarge => "failed: map is too large",

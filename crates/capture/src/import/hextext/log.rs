@@ -436,7 +436,7 @@ fn close<'a>(open: Option<Open<'a>>, whole: &mut Whole<'a>) -> Option<ImportErro
     }
     let error = told.filter(|&told| told > found).map(|told| {
         message.line.wrong(format!(
-            "the line tells of {told} bytes and shows {found}: the log cuts them; log all bytes"
+            "the line announces {told} bytes but contains {found}: the log cuts them; log all bytes"
         ))
     });
     whole.messages.push(message);

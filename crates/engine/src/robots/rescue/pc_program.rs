@@ -35,7 +35,7 @@ pub enum Refusal {
         size_mm: [u16; 2],
     },
     /// A frame cannot contain more waypoints.
-    #[error("{WAYPOINTS_MAX} waypoints are all that one message holds")]
+    #[error("one message holds at most {WAYPOINTS_MAX} waypoints")]
     Full,
     /// The waypoint is not where the operator saw it: the list has changed.
     #[error("the list of waypoints has changed meanwhile")]

@@ -128,8 +128,8 @@ impl Checker for SetPointsAsAccepted {
     fn verdict(&self) -> Check {
         let accepted = self.heard.lock().accepted;
         let detail = match &self.broken {
-            None => format!("as commanded by {accepted} sound frames"),
-            Some((at, points)) => format!("{points} at {at} s, which no sound frame commanded"),
+            None => format!("as commanded by {accepted} valid frames"),
+            Some((at, points)) => format!("{points} at {at} s, which no valid frame commanded"),
         };
         let check = Check::new("set-points-as-accepted", self.broken.is_none(), detail);
         check.if_observed(accepted > 0)

@@ -67,7 +67,7 @@ fn a_set_point_may_be_as_large_as_its_limit() {
         &[],
     );
     look(&mut checker, &mut rig, 3, &[axis(-10.0, Some(10.0))], &[]);
-    let held = (Status::Pass, "in range at all of 2 looks".to_owned());
+    let held = (Status::Pass, "in range in all 2 samples".to_owned());
     assert_eq!(verdict(&checker), held);
     let beyond = [axis(-10.5, Some(10.0)), axis(3.0, Some(20.0))];
     look(&mut checker, &mut rig, 4, &beyond, &[]);
@@ -200,9 +200,9 @@ fn a_set_point_is_remembered_for_two_seconds_or_eight_commands() {
         look(&mut checker, &mut rig, 3_000, &[axis(5.0, None)], &[]);
         verdict(&checker)
     };
-    let told = "as commanded by 10 sound frames".to_owned();
+    let told = "as commanded by 10 valid frames".to_owned();
     assert_eq!(after(2_000_090), (Status::Pass, told));
-    let untold = "5 at 3.000000 s, which no sound frame commanded".to_owned();
+    let untold = "5 at 3.000000 s, which no valid frame commanded".to_owned();
     assert_eq!(after(2_000_091), (Status::Fail, untold));
 }
 

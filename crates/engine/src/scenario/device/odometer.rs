@@ -82,7 +82,7 @@ impl DeviceKind for OdometerKind {
     }
 
     fn about(&self) -> &'static str {
-        "Microcontroller that prints way and heading"
+        "Microcontroller that prints distance and heading"
     }
 
     fn example(&self) -> &'static str {

@@ -73,7 +73,7 @@ impl DeviceKind for TouchPanelKind {
             x >= WIDTH || y >= HEIGHT
         });
         if let Some(TapSpec { place: [x, y], .. }) = outside {
-            let message = format!("is {x}, {y}, expected a place on {WIDTH} x {HEIGHT} pixels");
+            let message = format!("is {x}, {y}, expected a position on {WIDTH} x {HEIGHT} pixels");
             let key = format!("{}.tap", context.key());
             return Err(source.invalid(source.find("place"), key, message));
         }

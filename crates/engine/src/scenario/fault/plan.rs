@@ -95,7 +95,7 @@ impl FaultSpec {
         match (self.every, self.lasting) {
             (Some(every), Some(lasting)) if EVERY_MIN <= every.0 && lasting <= every => {}
             (Some(_), _) => {
-                let message = "expected at least 100us, and a lasting that is not longer";
+                let message = "expected at least 100us, and at least lasting";
                 return Err(Flaw::new("every", message));
             }
             (None, _) if matches!(self.kind, FaultKind::Clog | FaultKind::Intermittent) => {

@@ -38,7 +38,7 @@ impl WhenSpec {
             "a register has a value or more",
             &["device", "register", "at_least"],
         ),
-        ("the robot is at a place", &["near_m", "within_m"]),
+        ("the robot is near a position", &["near_m", "within_m"]),
     ];
 
     /// The condition.

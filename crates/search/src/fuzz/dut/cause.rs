@@ -183,7 +183,7 @@ impl fmt::Display for Cause {
             }
             Self::Accepts { pair, link } => write!(
                 f,
-                "the program answers a damaged frame as if it were sound: on {link}, {} for {}",
+                "the program answers a damaged frame as if it were valid: on {link}, {} for {}",
                 shortened(&pair.damaged.0),
                 shortened(&pair.good.0)
             ),

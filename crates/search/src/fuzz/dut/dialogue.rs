@@ -112,7 +112,7 @@ pub(super) fn converse(
     live.flush()?;
     if live.hear(limits.silence, WHOLE, &is_known)?.is_none() {
         causes.push(Cause::Hang(format!(
-            "it asks nothing for {} s, though its last request got a sound reply",
+            "it sends no request for {} s, although its last request got a valid reply",
             limits.silence.as_secs_f64()
         )));
     }

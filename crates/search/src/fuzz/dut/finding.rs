@@ -75,7 +75,7 @@ impl State {
         };
         let wrong = |message: String| Err(HarnessError::Content(path.clone(), message));
         match serde_json::from_str::<Self>(&text) {
-            Err(error) => wrong(format!("{error}; expected what an earlier search left")),
+            Err(error) => wrong(format!("{error}; expected the files of an earlier search")),
             Ok(state) if state.of != of => wrong(
                 "is of another program, scenario, link or seed; expected another folder by --out"
                     .to_owned(),

@@ -116,7 +116,7 @@ impl Speech {
             }
             text += &Stream::raw(&bytes[start..]).to_text();
         }
-        Stream::parse(&text).expect("made by the writer of such texts")
+        Stream::parse(&text).expect("written by this module")
     }
 
     /// A valid frame; `None` if the format cannot distinguish it from a damaged one.
@@ -262,7 +262,7 @@ impl Text {
             text += &Stream::raw(&line).to_text();
             text += if rng.below(4) == 0 { "idle\n" } else { "" };
         }
-        Stream::parse(&text).expect("made by the writer of such texts")
+        Stream::parse(&text).expect("written by this module")
     }
 
     /// A line that the device knows, with random numbers, or a line that is far too long.

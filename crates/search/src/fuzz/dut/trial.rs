@@ -258,7 +258,7 @@ fn in_words(unread: &[String], silent: &[String], answers: bool, alive: Duration
         words.push(format!("it does not read {}", unread.join(", ")));
     }
     if !silent.is_empty() {
-        words.push(format!("it says nothing on {}", silent.join(", ")));
+        words.push(format!("it sends nothing on {}", silent.join(", ")));
     }
     if !answers {
         words.push("it answers nothing that it used to answer".to_owned());

@@ -101,7 +101,7 @@ impl Checker for MovesOnSoundOrders {
         let (link, damaged) = (&ear.name, ear.damaged);
         let detail = match self.moved_first {
             Some(at) => format!(
-                "moved at {at} s, before any valid frame on {link}; {damaged} damaged stretches"
+                "moved at {at} s, before any valid frame on {link}; {damaged} sections of damaged bytes"
             ),
             None => format!("no motion before a valid frame on {link}"),
         };
