@@ -265,7 +265,7 @@ fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
     match (args.shard, args.shards) {
         (ShardChoice::Given(shard), None) => Ok(shard),
         (ShardChoice::Given(_), Some(_)) => {
-            let message = "--shards: means nothing to --shard I/N, expected --shard auto";
+            let message = "--shards: has no effect with --shard I/N, expected --shard auto";
             Err(CliError::Usage(message.to_owned()))
         }
         (ShardChoice::Auto, None) => {

@@ -91,8 +91,9 @@ fn spec_of(args: &CheckArgs) -> Result<NodeSpec, CliError> {
         false => NodeSpec::new("node", &args.command),
     };
     if let Some(text) = &args.settings {
-        spec.settings = serde_json::from_str(text)
-            .map_err(|error| CliError::Usage(format!("--settings: is no JSON object: {error}")))?;
+        spec.settings = serde_json::from_str(text).map_err(|error| {
+            CliError::Usage(format!("--settings: is not a JSON object: {error}"))
+        })?;
     }
     if !args.port.is_empty() {
         let ports = args.port.iter().map(|port| port_of(port));

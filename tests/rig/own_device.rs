@@ -258,7 +258,7 @@ fn the_settings_of_such_a_kind_are_told_with_their_place() {
         "[[fault]]\nkind = \"flip\"\nlink = \"lamp\"\ndirection = \"to-master\"\nrate = 1.0\n";
     insta::assert_snapshot!(
         refusal(&format!("{BEACON}{fault}")),
-        @r#"<test>:9: fault[0].kind: flip means nothing to "lamp", a link of kind datagram, expected one of kind uart, pin"#
+        @r#"<test>:9: fault[0].kind: flip has no effect on "lamp", a link of kind datagram, expected one of kind uart, pin"#
     );
     let reorder = fault.replace("flip", "reorder");
     assert!(wire(in_a_room("1s", &format!("{BEACON}{reorder}"))).is_ok());

@@ -62,7 +62,7 @@ pub fn program() -> Result<PathBuf, BuildError> {
         return match path.is_file() {
             true => Ok(path),
             false => Err(BuildError(format!(
-                "{VARIABLE} names {}, which is no file",
+                "{VARIABLE} names {}, which is not a file",
                 path.display()
             ))),
         };

@@ -94,7 +94,7 @@ pub fn split(bytes: &[u8]) -> Result<Option<(&[u8], usize)>, String> {
 fn object(text: &[u8]) -> Result<(String, Value), String> {
     let shown = || String::from_utf8_lossy(&text[..text.len().min(40)]).into_owned();
     let map: Map<String, Value> = serde_json::from_slice(text)
-        .map_err(|error| format!("{:?} is no JSON object: {error}", shown()))?;
+        .map_err(|error| format!("{:?} is not a JSON object: {error}", shown()))?;
     let mut entries = map.into_iter();
     match (entries.next(), entries.next()) {
         (Some(only), None) => Ok(only),
@@ -194,7 +194,7 @@ fn kind_of(item: &Value, kinds: &[Kind]) -> Result<&'static str, String> {
 /// Checks that an object has no other keys.
 fn only(object: &Value, keys: &[&str]) -> Result<(), String> {
     let Value::Object(map) = object else {
-        return Err("is no JSON object".to_owned());
+        return Err("is not a JSON object".to_owned());
     };
     match map.keys().find(|key| !keys.contains(&key.as_str())) {
         None => Ok(()),

@@ -150,7 +150,7 @@ pub(crate) fn frame_of(description: &Description, message: &Json) -> Result<Vec<
     if let Some(other) = fields.keys().find(|field| !names.contains(&field.as_str())) {
         let names = names.join(", ");
         return Err(format!(
-            "has the field \"{other}\", which the message {name} has not, expected: {names}"
+            "has the field \"{other}\", which the message {name} does not have, expected: {names}"
         ));
     }
     let fields = fields.iter();

@@ -24,7 +24,7 @@ impl Rplidar {
             }
             _ => {
                 let name = self.profile.name();
-                let detail = format!("{command:?} means nothing to an A1 with {name}");
+                let detail = format!("{command:?} has no effect on an A1 with {name}");
                 let request = command.request();
                 let bytes = request.as_bytes();
                 self.log

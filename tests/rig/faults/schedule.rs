@@ -179,7 +179,7 @@ fn keys_that_mean_nothing_together_are_refused() {
     let said = |keys: &str, expected: &str| assert_eq!(refused(keys), format!("<test>:{expected}"));
     said(
         "rate = 0.1",
-        "9: fault[0].rate: means nothing to cut, expected link, direction or a time",
+        "9: fault[0].rate: has no effect on cut, expected link, direction or a time",
     );
     said(
         "until = \"0s\"",
@@ -204,6 +204,6 @@ fn keys_that_mean_nothing_together_are_refused() {
     );
     said(
         "device = \"lidar\"",
-        "9: fault[0].device: means nothing to cut, expected link, direction or a time",
+        "9: fault[0].device: has no effect on cut, expected link, direction or a time",
     );
 }

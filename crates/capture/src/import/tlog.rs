@@ -33,7 +33,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
-    out.note("a telemetry log does not tell directions: all is taken as from the device");
+    out.note("a telemetry log has no directions: all bytes count as sent by the device");
     let link = out.link(&options.link, options);
     let mut at = 0;
     while at < bytes.len() {

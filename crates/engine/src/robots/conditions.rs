@@ -186,7 +186,7 @@ impl Moment<'_> {
                 Err(Flaw::new("visited", message))
             }
             Condition::Map(_) if self.known_share().is_none() && !self.may_get_a_map() => {
-                let message = "the robot has no map that can be looked at from outside";
+                let message = "the robot has no map that hilrig can read";
                 Err(Flaw::new("map", message))
             }
             Condition::Pose(_) => self.check_body("pose"),

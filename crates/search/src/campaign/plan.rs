@@ -139,7 +139,7 @@ impl CampaignPlan {
         // Files of cases are named after their scenarios.
         let leads_elsewhere = |name: &&String| name.contains(['/', '\0']);
         match plan.scenarios.keys().find(leads_elsewhere) {
-            Some(name) => Err(wrong(&format!("{name:?} is no name of a scenario"))),
+            Some(name) => Err(wrong(&format!("{name:?} is not the name of a scenario"))),
             None => Ok(plan),
         }
     }

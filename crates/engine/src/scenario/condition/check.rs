@@ -46,7 +46,7 @@ impl FrameCondition {
             (Some(_), None) => Err(Flaw::new("value", "is missing, field needs it")),
             (None, Some(_)) => Err(Flaw::new("field", "is missing, value needs it")),
             (None, None) if self.op.is_of_order() || self.op == Op::Unequal => {
-                Err(Flaw::new("field", "is missing, op needs it"))
+                Err(Flaw::new("field", "is missing; op requires it"))
             }
             (Some(_), Some(value)) => check_operand(self.op, value),
             (None, None) => Ok(()),

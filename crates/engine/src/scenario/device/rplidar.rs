@@ -129,7 +129,7 @@ impl DeviceKind for RplidarKind {
         };
         let drive = match motor {
             MotorControl::Pwm => {
-                let connect = "the lidar's motor drive, a duty a byte";
+                let connect = "the lidar's motor drive, one duty per byte";
                 Some(pin("motor", Rplidar::MOTOR, connect))
             }
             MotorControl::Dtr => {

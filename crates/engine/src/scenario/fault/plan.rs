@@ -34,7 +34,7 @@ impl FaultSpec {
             let own = kind.place().keys().iter().chain(kind.own_keys());
             let expected: Vec<&str> = own.copied().collect();
             let message = format!(
-                "means nothing to {}, expected {} or a time",
+                "has no effect on {}, expected {} or a time",
                 kind.name(),
                 expected.join(", ")
             );
@@ -77,7 +77,7 @@ impl FaultSpec {
             return Err(Flaw::new(key, message));
         }
         if (events[0] || events[1]) && !self.is_on_line_only() {
-            let message = format!("means nothing to {name}, expected a time or when");
+            let message = format!("has no effect on {name}, expected a time or when");
             let key = if events[0] { "at_byte" } else { "at_frame" };
             return Err(Flaw::new(key, message));
         }
@@ -89,7 +89,7 @@ impl FaultSpec {
             condition.check().map_err(flawed)?;
         }
         if self.ends_when.is_some() && self.byte.is_some() {
-            let message = "means nothing to the damage of one byte, expected a rate or no end";
+            let message = "has no effect on the damage of one byte, expected a rate or no end";
             return Err(Flaw::new("ends_when", message));
         }
         match (self.every, self.lasting) {
@@ -153,7 +153,7 @@ impl FaultSpec {
             .given()
             .find(|key| super::kind::TIME_KEYS.contains(key))
         {
-            let message = "means nothing to a fault of one byte, expected none";
+            let message = "has no effect on a fault of one byte, expected none";
             return Err(Flaw::new(key, message));
         }
         let damage = match (self.damage()?, self.bit, self.value) {

@@ -84,7 +84,7 @@ impl Rig {
         let fitting: Vec<&str> = kind.links().iter().map(|kind| kind.name()).collect();
         let (kind, fitting) = (kind.name(), fitting.join(", "));
         let message = format!(
-            "{kind} means nothing to \"{name}\", a link of kind {found}, expected one of kind {fitting}"
+            "{kind} has no effect on \"{name}\", a link of kind {found}, expected one of kind {fitting}"
         );
         Err(Flaw::new(key, message))
     }
