@@ -59,7 +59,7 @@ fn an_output_that_is_full_is_told_once() {
         let output = command.output().expect("starts");
         let mut told = complaints(verb.line, &output.stderr);
         if verb.code == 2 {
-            // Its own error comes besides.
+            // The command's own error is printed as well.
             told.retain(|line| line.contains("os error 28"));
         }
         // The rig's list of faults is empty, and so are the output of a program and the draft of a
@@ -217,7 +217,7 @@ fn ctrl_c_ends_each_with_whole_files() {
     }
 }
 
-/// Whether it catches SIGINT, as the system lists it: bit 1 of a mask.
+/// Whether the process catches SIGINT, as the system lists it: bit 1 of a mask.
 fn catches_interrupt(child: &Child) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{}/status", child.id()));
     let status = status.unwrap_or_default();

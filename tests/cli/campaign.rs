@@ -74,7 +74,7 @@ fn a_folder_of_another_campaign_is_refused() {
     );
 }
 
-/// Runs without faults pass, but prove nothing about the robot's handling of faults.
+/// Runs without faults pass, but prove nothing about the robot's reaction to faults.
 #[test]
 fn a_campaign_in_which_too_little_came_up_fails_on_request() {
     let session = Session::new("campaign-situations");
@@ -91,8 +91,9 @@ fn a_campaign_in_which_too_little_came_up_fails_on_request() {
     assert!(said.contains("  never occurred: base silences\n"), "{said}");
 }
 
-/// Two goals: each run drives, none drives 9 m/s. The campaign fails by the second one alone, as a
-/// whole and merged from two shards, which do not judge goals. Without it, it passes.
+/// Two goals: each run drives, but no run drives 9 m/s. The campaign fails because of the second
+/// goal, as a whole and merged from two shards, which do not judge goals. Without this goal, it
+/// passes.
 #[test]
 fn a_campaign_whose_goal_never_came_up_fails() {
     let session = Session::new("campaign-goals");
@@ -171,7 +172,7 @@ fn a_campaign_whose_goal_never_came_up_fails() {
         session.read("merged/campaign.json"),
         session.read("whole/campaign.json")
     );
-    // Gone on with, it still judges all of its runs.
+    // After it is continued, the campaign still judges all of its runs.
     assert_eq!(run(&format!("{all} --out whole")).status.code(), Some(1));
 }
 

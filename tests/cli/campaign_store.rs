@@ -45,14 +45,14 @@ fn hilrig(session: &Session, arguments: &str) -> (Option<i32>, String, String) {
     (output.status.code(), stdout, stderr)
 }
 
-/// Two seconds in which nothing fails.
+/// Two seconds without a failure.
 fn calm(session: &Session) {
     let scenario = shipped("empty-room").replace("\"90s\"", "\"2s\"");
     let scenario = scenario.replace("visit_within_mm = 200", "");
     session.write("calm.toml", &scenario);
 }
 
-/// Two seconds of a mission that takes longer: each run fails and there are cases.
+/// Two seconds of a longer mission: each run fails and there are cases.
 fn short(session: &Session) {
     let scenario = shipped("empty-room").replace("\"90s\"", "\"2s\"");
     session.write("short.toml", &scenario);

@@ -227,8 +227,8 @@ fn an_own_slave_is_decoded_with_its_own_names() {
     assert!(said.contains("46: grip-to=20 EC 00\n"), "{said}");
 }
 
-/// A description may have different frames per direction: the figures count those of the line's
-/// direction.
+/// A description may have different frames for each direction: the figures count the frames of the
+/// line's direction.
 #[test]
 fn frames_are_counted_by_the_way_they_go() {
     let session = Session::new("decode-two-ways");

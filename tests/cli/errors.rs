@@ -225,7 +225,7 @@ fn options_of_another_program_under_test_are_refused() {
         let said = tell(&[&["run", &bytes][..], program].concat());
         assert!(said.contains("v1.toml is a case of bytes"), "{said}");
     }
-    // Nor are wires that lead to one place.
+    // Wires that lead to the same pin are rejected as well.
     for (wires, expected) in [
         (
             &["--wire", "a=b", "--wire", "a=c"][..],
@@ -242,7 +242,7 @@ fn options_of_another_program_under_test_are_refused() {
     }
 }
 
-/// A robot whose program takes no words on a board.
+/// A robot whose program takes no settings as words on a board.
 #[test]
 fn settings_that_do_not_reach_a_board_are_refused() {
     let session = Session::new("board-settings");

@@ -60,7 +60,7 @@ fn the_real_capture_has_the_published_figures() {
     assert_eq!(lines.count(), 3, "{said}");
 }
 
-/// A capture against itself; also that firmware 2.1's whole turns are read.
+/// A capture compared with itself; whole turns of firmware 2.1 are read as well.
 #[test]
 fn any_other_capture_is_read() {
     let Some(bytes) = capture("xv11/xevel_sparkfun_noshield_fw21.bin") else {

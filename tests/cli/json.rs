@@ -128,7 +128,7 @@ fn every_command_prints_one_object_as_its_schema_says() {
     let schema = bench.command("schema --output").output().expect("starts");
     let schema: Value = serde_json::from_slice(&schema.stdout).expect("JSON");
     for verb in &VERBS {
-        // After two dashes the option would belong to the program.
+        // After two dashes, the option would belong to the program.
         let line = match verb.line.split_once(" -- ") {
             Some((ours, program)) => format!("{ours} --json -- {program}"),
             None => format!("{} --json", verb.line),

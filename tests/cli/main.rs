@@ -36,8 +36,8 @@ use std::process::{Command, Output, Stdio};
 
 use hilrig::realtime::clock::{Clock as _, WallClock};
 
-/// Maximum time to wait for an expected event, on a machine with other work. Only a failing test
-/// waits that long.
+/// Maximum time to wait for an expected event, on a busy machine. Only a failing test waits that
+/// long.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Waits until `holds`.

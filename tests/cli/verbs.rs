@@ -1,4 +1,5 @@
-//! Every command once, small: what it is called with, and what it leaves in the folder `o`.
+//! Every command once, with a short run: its command line, and the files that it writes into the
+//! folder `o`.
 
 use core::time::Duration;
 use std::path::Path;
@@ -10,13 +11,13 @@ use super::{Session, wait_until};
 
 /// A command with its expected result.
 pub(crate) struct Verb {
-    /// Its name.
+    /// Name of the command.
     pub(crate) name: &'static str,
-    /// The whole command line; what it writes is in `o`.
+    /// The whole command line; the command writes into `o`.
     pub(crate) line: &'static str,
-    /// Its exit code.
+    /// Expected exit code.
     pub(crate) code: i32,
-    /// Whether it leaves something in `o`.
+    /// Whether the command writes files into `o`.
     pub(crate) writes: bool,
 }
 
@@ -35,12 +36,12 @@ impl Verb {
         Self { code: 1, ..self }
     }
 
-    /// It ends with an error, behind what it writes.
+    /// Expects an error after the command has written its files.
     const fn errs(self) -> Self {
         Self { code: 2, ..self }
     }
 
-    /// It writes nothing but to its standard output.
+    /// Expects that the command writes only to its standard output.
     const fn reads_only(self) -> Self {
         Self {
             writes: false,
@@ -49,14 +50,14 @@ impl Verb {
     }
 }
 
-/// All of them. `base` is the folder of an earlier run, a rig runs in `live`.
+/// All commands. `base` is the folder of an earlier run; a rig runs in `live`.
 pub(crate) const VERBS: [Verb; 33] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
-    // A shell alone is nothing to debug.
+    // A shell without another program cannot be debugged.
     verb("debug", "debug s.toml --exec : --port 0 --out o/debug").errs(),
     verb("new", "new o/new"),
-    // Its ports stay unused, and that is judged.
+    // The ports stay unused, which is judged.
     verb("up", "up s.toml --dir ports --out o/up --duration 200ms").fails(),
     verb("dut", "dut --dir live --duration 200ms").reads_only(),
     verb("fault", "fault --dir live list").reads_only(),
@@ -79,9 +80,9 @@ pub(crate) const VERBS: [Verb; 33] = [
     verb("export", "export base -o o/exported.csv"),
     verb("decode", "decode base/capture.pcapng").reads_only(),
     verb("describe", "describe modbus-meter -o o/meter.md"),
-    // Bytes without any form.
+    // The bytes have no known format.
     verb("learn", "learn dump").reads_only().fails(),
-    // Nothing of the sort is at that port.
+    // There is no such device at the port.
     verb(
         "talk",
         "talk --rig live lidar --description modbus-meter --timeout 100ms read voltage",
@@ -89,7 +90,7 @@ pub(crate) const VERBS: [Verb; 33] = [
     .reads_only()
     .fails(),
     verb("conform", "conform --description cobs-sensor").reads_only(),
-    // It exits before it answers.
+    // The program exits before it answers.
     verb("node", "node check false").reads_only().fails(),
     verb("bugs", "bugs PU-01").reads_only(),
     verb("campaign", "campaign s.toml --seeds 0..2 --out o/campaign"),
@@ -112,7 +113,7 @@ pub(crate) const VERBS: [Verb; 33] = [
     verb("man", "man o/man"),
 ];
 
-/// Three seconds of a robot in a room: everything that a run can leave, soon.
+/// Three seconds of a robot in a room: a short run with all kinds of results.
 const SHORT: &str = r#"
 schema = 1
 name = "short"
@@ -133,7 +134,7 @@ path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]
 /// A folder with all files that the commands need.
 pub(crate) struct Bench {
     pub(crate) session: Session,
-    /// The rig in `live`: it ends when this is closed.
+    /// The rig in `live`. It ends when this input is closed.
     rig: Child,
     lease: Option<ChildStdin>,
 }
@@ -142,7 +143,7 @@ impl Bench {
     pub(crate) fn new(name: &str) -> Self {
         let session = Session::new(name);
         session.write("s.toml", SHORT);
-        // The robot does not get there in 300 ms.
+        // The robot does not reach the goal in 300 ms.
         let bad = SHORT.replace("\"3s\"", "\"300ms\"");
         let bad = format!("{bad}\n[expect]\nvisit_within_mm = 100\n");
         session.write("bad.toml", &bad);
@@ -162,18 +163,18 @@ impl Bench {
             rig,
             lease,
         };
-        // The last that it makes: all its ports are there.
+        // The last file that the rig creates: all its ports exist then.
         bench.wait_for("live/.hilrig-scenario.toml");
         bench
     }
 
-    /// Waits until there is a file; only a failing test waits long.
+    /// Waits until the file exists; only a failing test waits long.
     pub(crate) fn wait_for(&self, name: &str) {
         let path = self.session.path(name);
         wait_until(name, || path.exists());
     }
 
-    /// A command in the folder, its output not yet wanted.
+    /// A command in the folder; its output is discarded.
     pub(crate) fn command(&self, line: &str) -> Command {
         command(&self.session, line)
     }
@@ -195,7 +196,7 @@ impl Bench {
 }
 
 impl Drop for Bench {
-    /// The rig must see by itself that its last user is gone.
+    /// The rig must detect by itself that its last user has closed the input.
     fn drop(&mut self) {
         drop(self.lease.take());
         let ended = self.rig.wait().expect("it was started");
@@ -206,7 +207,7 @@ impl Drop for Bench {
     }
 }
 
-/// Waits by the one clock that may.
+/// Waits with the only clock that tests may use.
 pub(crate) fn wait(span: Duration) {
     let clock = WallClock::start();
     clock.sleep_until(clock.now() + span);

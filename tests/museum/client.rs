@@ -27,7 +27,7 @@ fn six_odd_frames_make_the_program_deaf() {
     );
 }
 
-/// -10 and -90 without their sign.
+/// -10 and -90 displayed without their sign.
 #[test]
 fn negative_figures_are_shown_without_their_sign() {
     let name = "x, y and psi as shown";

@@ -261,8 +261,8 @@ impl Browser {
 
     /// Pauses the run at a time at which an expression in the page is true.
     pub(crate) fn pause_when(&self, expression: &str) -> u64 {
-        // Looked at and clicked at once. What the run did until it stood is undone by no step, but
-        // a later time will do.
+        // The condition is checked and the button clicked in one script. The run may still advance
+        // until it pauses; then the condition is tried again at a later time.
         let click = "(hilrig.now.paused || document.getElementById('play').click(), true)";
         self.wait(&format!("({expression}) && {click}"));
         let mut at_ns = self.pause();

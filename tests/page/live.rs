@@ -55,7 +55,8 @@ fn a_rig_on_ports_is_shown_and_steered() {
     );
 }
 
-/// A judged run may be watched: the page sees it begin and continue, and the verdict is unchanged.
+/// A judged run may be watched: the page sees its begin and progress, and the verdict does not
+/// change.
 #[test]
 fn a_judged_run_in_real_time_is_shown() {
     let dir = folder("judged");
@@ -70,7 +71,7 @@ fn a_judged_run_in_real_time_is_shown() {
         page.hear("now", |now| now["at_ns"].as_u64() > Some(500_000_000))
             .is_some()
     );
-    // Ended by a signal, a little before its mission is done; it is judged all the same.
+    // A signal ends the run shortly before its mission is done; the run is judged nevertheless.
     assert!(!run.process().end());
     assert!(dir.join("out/result.json").exists());
 }

@@ -136,8 +136,8 @@ impl Server {
         Self::start(&[&scenario(name), "--speed", speed, "--paused"])
     }
 
-    /// The same, but it continues for an hour: it must not be over before `test` is done with it,
-    /// however slow the browser is.
+    /// As [`held`](Self::held), but the run lasts an hour, so that it is not over before `test`
+    /// ends, however slow the browser is.
     pub(crate) fn held_on(name: &str, speed: &str, test: &str) -> Self {
         Self::start(&[&endless(name, test), "--speed", speed, "--paused"])
     }

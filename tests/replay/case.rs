@@ -21,7 +21,7 @@ use crate::support::*;
 /// Defect of a program.
 #[derive(Clone, Copy)]
 enum Defect {
-    /// From the 200th byte to the base on, a bit of each 50th byte is wrong.
+    /// From the 200th byte to the base on, one bit of each 50th byte is wrong.
     Mangles,
     /// The program hangs from this time on: it neither receives, nor computes, nor sends.
     HangsAt(Instant),
@@ -153,8 +153,8 @@ fn failed(judgement: &Judgement) -> Vec<&str> {
     failed.map(|check| &*check.name).collect()
 }
 
-/// The base reports a violation by the captured program. It reports it again when the case is
-/// played, and no violation once the program is correct.
+/// The base reports a violation by the captured program. It reports the violation again when the
+/// case is played, and none after the program is corrected.
 #[test]
 fn a_broken_rule_fails_the_case_until_the_program_is_mended() {
     let (case, rules) = case_of("case-rule", Some(Defect::Mangles));

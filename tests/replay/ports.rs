@@ -60,8 +60,8 @@ fn what_was_recorded_is_replayed_and_recorded_again_byte_by_byte() {
     let ends = [&device, &program].map(|path| format!("x=pty:{}", shown(path)));
     let record = Running::start(&["record", "--tap", &ends[0], &ends[1], "-o", &shown(&second)]);
     let mut client = client(&program);
-    // Once a byte passes, the recorder has noticed that both ports are open; this byte is in its
-    // file too.
+    // As soon as a byte passes, the recorder has noticed that both ports are open. This byte is in
+    // its file, too.
     let mut probe = crate::support::client(&device);
     let mut got = Vec::new();
     wait_until("a first byte", || {
@@ -168,7 +168,7 @@ fn a_device_that_answers_otherwise_is_told_with_byte_and_frame() {
     assert_eq!(told, expected);
 }
 
-/// Each line on standard input sends one piece, and nothing is sent without a line.
+/// Each line on standard input sends one piece; nothing is sent without a line.
 #[test]
 fn a_stepped_replay_sends_one_piece_a_line() {
     let folder = folder("stepped");

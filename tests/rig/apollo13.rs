@@ -8,7 +8,7 @@ use hilrig::scenario::{Action, Scenario, Source, Span, Step};
 use super::{failures, run_to_end, shipped};
 use crate::thorough::few;
 
-/// The seeds that each mission is done with. They are not those that it was tuned with.
+/// The seeds for each mission. The car was not tuned with them.
 const SEEDS: [u64; 3] = [2, 101, 102];
 
 fn passes(name: &str) {
@@ -48,7 +48,8 @@ fn a_ring_of_corridors_is_mapped_and_the_drive_ends_by_itself() {
     assert_eq!(failures(&outcome), [""; 0]);
 }
 
-/// A hall with three gates of 0.8 m, the places across it and the numbers of the markers by chance.
+/// A hall with three gates of 0.8 m. Their lateral positions and the numbers of the markers are
+/// random.
 fn drawn_gates(seed: u64) -> (Scenario, Source) {
     let mut dice = Rng::stream(seed, "gates");
     let mut ids = vec![10, 11, 12, 13, 16, 17];
@@ -89,9 +90,9 @@ fn ap14_gates_are_passed_wherever_they_stand() {
     }
 }
 
-/// Page 14: the wheels differ from the table, differently at each car, and the difference changes
-/// during a drive. Two degrees to the left, a tenth less than commanded, a degree more or less each
-/// metre: the car reaches its goals all the same.
+/// Page 14: the steering differs from the table, for each car in another manner, and the difference
+/// changes during a drive. With two degrees to the left, a tenth less than commanded and one degree
+/// of random change each metre, the car still reaches its goals.
 #[test]
 fn d1_a_car_that_steers_off_its_table_gets_to_its_goals() {
     let law = "[chassis.ackermann]\nsteering_trim_deg = 2\nsteering_gain = 0.9\n\
@@ -110,8 +111,8 @@ fn d1_a_car_that_steers_off_its_table_gets_to_its_goals() {
     }
 }
 
-/// A car that starts on ice, with the lines that carry accelerations; `grip` is the floor's, `None`
-/// for a floor that holds.
+/// A car that starts on ice, with the odometer lines that contain accelerations. `grip` is the grip
+/// of the floor; `None` for a normal floor.
 fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
     let ice = grip
         .map(|grip| format!("[[world.slick]]\nmin_m = [0, 0]\nmax_m = [2, 2]\ngrip = {grip}\n"));
@@ -126,8 +127,8 @@ fn on_ice(seed: u64, grip: Option<f64>) -> (Scenario, Source) {
     Scenario::parse(Path::new("<ice>"), text).expect("sound")
 }
 
-/// The accelerometer detects wheels that spin on ice, once; on a floor that holds it detects
-/// nothing. Ice of 0.002 g gives 4 cm/s in two seconds, the wheels 35.
+/// The accelerometer detects wheels that spin on ice, once; on a normal floor it detects nothing.
+/// Ice of 0.002 g gives 4 cm/s in two seconds, while the wheels reach 35 cm/s.
 #[test]
 fn d1_a_car_on_ice_feels_that_its_wheels_spin() {
     for seed in 0..20 {

@@ -12,7 +12,7 @@ fn own_slave() -> Bench {
     Bench::new(scenario, &source).expect("can be wired")
 }
 
-/// At 9600 baud a byte takes 1041666 ns: six of them out, eight back.
+/// At 9600 baud a byte takes 1041666 ns: six bytes are sent, eight are received.
 #[test]
 fn calls_take_the_time_of_their_bytes() {
     let bench = own_slave();
@@ -42,7 +42,7 @@ fn a_read_waits_for_its_timeout_and_no_longer() {
     assert_eq!(sonar.available().expect("a run"), 8);
 }
 
-/// A program that serves its port forever must end at some time: at the end of the scenario.
+/// A program that serves its port without end must stop at some time: at the end of the scenario.
 #[test]
 fn a_port_is_hung_up_at_the_end_of_the_scenario() {
     let bench = own_slave();
@@ -64,7 +64,8 @@ fn a_port_is_hung_up_at_the_end_of_the_scenario() {
     );
 }
 
-/// So is one that is written to: of 6000 bytes 960 go in the last second, and 4096 wait.
+/// A blocked write also ends with the scenario: of 6000 bytes 960 are sent in the last second, and
+/// 4096 wait.
 #[test]
 fn a_write_that_finds_no_room_ends_with_the_scenario() {
     let bench = own_slave();
@@ -84,7 +85,7 @@ fn an_unknown_port_is_told_with_the_known_ones() {
     assert_eq!(own_slave().names(), names);
 }
 
-/// Two drivers in turn, one of them writing more than fits: each run is the same to the byte.
+/// Two drivers in turn, one of which writes more than fits: each run is the same to the byte.
 #[test]
 fn the_same_calls_give_the_same_bytes() {
     let run = || {

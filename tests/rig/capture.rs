@@ -16,10 +16,10 @@ use protocols::{Instant, LineConfig, LineEvent};
 
 use super::in_a_room;
 
-/// All that passed one line: bytes on each side, with the time of each chunk.
+/// All chunks of one line, on each side, with their times.
 type Chunks = Vec<(usize, Direction, u64, Vec<u8>)>;
 
-/// Keeps the input of the trace.
+/// Stores the input of the trace.
 #[derive(Default)]
 struct Witness {
     sent: Shared<Chunks>,
@@ -44,8 +44,8 @@ fn folder(name: &str) -> PathBuf {
     dir
 }
 
-/// Two seconds of the rescue robot: one strike of each kind, a cut and a latency on the base's
-/// line, a radio line that was opened.
+/// Two seconds of the rescue robot with one strike of each kind, a cut and a latency on the base's
+/// line, and a radio line that was opened.
 fn faulty_run() -> Run {
     let (scenario, source) = in_a_room("2s", "[expect]\n");
     let mut run = Run::new(scenario, &source, None).expect("wired");
@@ -83,8 +83,8 @@ fn record(mut run: Run, path: &Path, limits: Limits) -> Run {
     run
 }
 
-/// Compares the capture with a second record by the trace's own calls: both sides of every chunk,
-/// to the nanosecond. Chunks in flight at the end are not in the file.
+/// Compares the capture with a second record, made from the trace's own calls: both sides of every
+/// chunk, to the nanosecond. Chunks in flight at the end are not in the file.
 #[test]
 fn a_capture_holds_both_sides_of_every_chunk() {
     let path = folder("capture-true").join("capture.pcapng");
@@ -166,7 +166,8 @@ fn a_capture_says_what_the_faults_did() {
     );
 }
 
-/// Long runs must not fill the disk: the newest file has the plain name, the oldest go.
+/// Long runs must not fill the disk: the newest file has the plain name, and the oldest files are
+/// removed.
 #[test]
 fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     let dir = folder("capture-rotation");
@@ -182,7 +183,7 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     let mut paths: Vec<PathBuf> = entries
         .map(|entry| entry.expect("readable").path())
         .collect();
-    // Files put aside sort before the newest: a digit before a letter.
+    // The names of earlier files sort before the newest: a digit before a letter.
     paths.sort();
     assert_eq!(paths.len(), 3, "{paths:?}");
     for path in paths {
@@ -194,8 +195,8 @@ fn a_long_recording_puts_files_aside_and_keeps_the_newest() {
     assert!(numbers.is_sorted_by(|a, b| a + 1 == *b));
 }
 
-/// V5: an hour of the rescue robot takes two files. Whichever of them is named, the recording is
-/// read whole. A file left beside it by another recording is not taken for a part of it.
+/// V5: an hour of the rescue robot takes two files. The recording is read completely from either
+/// file. A file of another recording in the same folder is not treated as a part of it.
 #[test]
 fn a_recording_of_several_files_is_read_as_one() {
     let dir = folder("capture-parts");
@@ -231,7 +232,7 @@ fn a_recording_of_several_files_is_read_as_one() {
     assert_eq!(read("several.pcapng").1, count - 2);
     assert_eq!(read("several.1.pcapng").1, 1);
 
-    // An earlier recording's files, of which the newest has the name of one that is missing.
+    // Files of an earlier recording; the newest has the name of a missing file.
     fs::copy(dir.join("several.1.pcapng"), dir.join("several.2.pcapng")).expect("writable");
     assert_eq!(read("several.pcapng").1, count - 2);
     fs::write(dir.join("several.2.pcapng"), "no capture").expect("writable");

@@ -9,7 +9,7 @@ use super::{failures, in_a_room, run_to_end, start};
 
 const EXPLORES: &str = "start_mode = \"exploration\"\n";
 
-/// The verdict called `name`, of a program that explores with `defects` beside `more` that happens.
+/// The verdict called `name`, of a program that explores with `defects`, in a scenario with `more`.
 fn verdict(name: &str, defects: &str, more: &str) -> (Status, String) {
     let text = format!("[program]\n{EXPLORES}defects = [{defects}]\n{more}");
     verdict_of(name, &run_to_end(in_a_room("12s", &text)))
@@ -21,7 +21,8 @@ fn verdict_of(name: &str, outcome: &Outcome) -> (Status, String) {
     (check.status, check.detail.clone())
 }
 
-/// The verdicts in the middle of a run are those that its end will give, of its map too.
+/// In the middle of a run, the verdicts are those that the run would get if it ended then, also the
+/// verdict on its map.
 #[test]
 fn the_verdicts_so_far_are_those_of_the_end() {
     let walls = "[expect]\nwall_overlap_min = 0.1\n";
@@ -36,8 +37,8 @@ fn the_verdicts_so_far_are_those_of_the_end() {
     assert_eq!(verdict_of("wall-overlap", &outcome).0, Status::Pass);
 }
 
-/// A lidar that sees nothing, before a robot that takes missing distances for free space (XV-11).
-/// The robot drives into the wall at its travelling speed; the sound program stands still.
+/// A blind lidar, and a robot that treats missing distances as free space (XV-11). The robot drives
+/// into the wall at its travelling speed; the correct program stands still.
 #[test]
 fn a_robot_that_drives_blind_is_caught_at_the_wall() {
     let dark =
@@ -49,7 +50,7 @@ fn a_robot_that_drives_blind_is_caught_at_the_wall() {
     assert_eq!(status, Status::Pass, "{said}");
 }
 
-/// Each reply's checksum goes one element behind the caller's array (MA-01).
+/// The checksum of each reply is written one element after the end of the caller's array (MA-01).
 #[test]
 fn a_write_beside_a_buffer_is_caught_though_no_byte_on_the_wire_tells() {
     let (status, said) = verdict("memory-intact", "\"MA-01\"", "");
@@ -122,8 +123,8 @@ fn a_set_point_that_no_frame_told_is_caught() {
 const MISSION: &str = "[expect]\nvisit_within_mm = 200\nsettle = \"3s\"\n\
     [mission]\nwaypoints_m = [[1.5, 1.8]]\n";
 
-/// The waypoint is visited, and the PC then orders a turn on the spot that never ends: without the
-/// order the robot rests, and the run is over when it has done so for three seconds.
+/// The waypoint is visited, and the PC then orders a turn on the spot that never ends. Without this
+/// order, the robot would rest, and the run would be over after three seconds of rest.
 #[test]
 fn a_robot_that_does_not_come_to_rest_is_caught() {
     let rests = run_to_end(in_a_room("30s", MISSION));

@@ -1,5 +1,5 @@
-//! A run continues from a checkpoint like the uninterrupted one, and a branch like a run of its
-//! own.
+//! A run that continues from a checkpoint equals the uninterrupted run, and a branch equals a
+//! separate run.
 
 use core::time::Duration;
 
@@ -12,8 +12,8 @@ use protocols::Instant;
 
 use super::{in_a_room, shipped, start};
 
-/// Twelve faults of all sorts, spread over six seconds. The dice of a rate are named by its place
-/// in the list: those two stand first.
+/// Twelve faults of all kinds, spread over six seconds. The position of a fault with a rate in the
+/// list selects its random stream, so the two faults with a rate come first.
 const FAULTS: &str = r#"
 [[fault]]
 kind = "drop"
@@ -142,7 +142,7 @@ fn taking_a_checkpoint_changes_nothing() {
     assert_eq!(identity(&start(faulted()).finish()), whole);
 }
 
-/// The branch is at 2.555 s: faults that began earlier cannot be left out or begin later.
+/// The branch is at 2.555 s: faults that began earlier cannot be removed or begin later.
 #[test]
 fn what_has_come_to_bear_cannot_be_taken_back() {
     let (scenario, source) = faulted();
@@ -166,10 +166,10 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
             .map(|from| Span(from.0 + Duration::from_micros(1)));
         point.resume_as(&other).is_some()
     };
-    // The first has no time from which on it may be at work.
+    // The first fault has no start time before which it cannot act.
     let begins_later: Vec<bool> = (1..12).map(later).collect();
     assert_eq!(begins_later, known_by_then[1..]);
-    // The stall of 2.5 s on is there from that nanosecond on.
+    // The stall at 2.5 s exists from that nanosecond on.
     let known_at = [2_499_999_999, 2_500_000_000].map(|nanos| {
         let mut run = start(faulted());
         run.go_on_until(Instant::from_nanos(nanos));
@@ -189,8 +189,8 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
     }
 }
 
-/// Any other change of a scenario makes another run from the beginning. Its names and texts do not
-/// count.
+/// Any other change of a scenario requires a run from the beginning. Changes of names and texts do
+/// not count.
 #[test]
 fn a_run_of_something_else_does_not_branch() {
     let (scenario, source) = faulted();
@@ -234,7 +234,7 @@ fn a_run_of_something_else_does_not_branch() {
     assert!(branches(|it| it.description.push('x')));
 }
 
-/// The branch is at 2.555 s: later faults can begin earlier, but not at that very time.
+/// The branch is at 2.555 s: later faults can begin earlier, but not at exactly that time.
 #[test]
 fn what_is_to_come_can_begin_earlier() {
     let (scenario, source) = faulted();
@@ -256,8 +256,8 @@ fn what_is_to_come_can_begin_earlier() {
     );
 }
 
-/// The first of two future faults is left out. The second then has its number, and would use the
-/// random stream of that number, unless its own stream has a name.
+/// The first of two future faults is removed. The second fault then has the first one's number, and
+/// would use the random stream of that number, unless its own stream has a name.
 #[test]
 fn dice_that_are_named_by_a_place_keep_it() {
     let cut = "[[fault]]\nkind = 'cut'\nlink = 'base'\ndirection = 'to-master'\nfrom = '5s'\n";
@@ -318,8 +318,9 @@ fn what_is_judged_in_the_end_can_be_another() {
     }
 }
 
-/// Each of the twelve faults is added alone to a run without faults at 2.555 s. Refused are those
-/// that wait for one byte of all, draw for each byte, or should have begun before.
+/// Each of the twelve faults is added alone at 2.555 s to a run without faults. Rejected are faults
+/// that wait for the number of a byte, draw random numbers for each byte, or should have begun
+/// before.
 #[test]
 fn what_is_still_to_come_can_be_added() {
     let (scenario, source) = faulted();
@@ -348,7 +349,7 @@ fn what_is_still_to_come_can_be_added() {
 proptest! {
     #![proptest_config(cases(6))]
 
-    /// A run of the first few of the twelve faults branches into one of more of them.
+    /// A run with the first few of the twelve faults branches into a run with more of them.
     #[test]
     fn a_branch_with_more_faults_equals_a_run_of_its_own(
         first in prop::sample::select(vec![0_usize, 2, 4]),
@@ -400,8 +401,8 @@ proptest! {
         prop_assert_eq!(identity(&point.resume().finish()), identity(&start(made()).finish()));
     }
 
-    /// Some of the twelve faults are left out, one may begin later or end earlier, and the run may
-    /// be shorter. Where a branch is possible, its result equals that of a run from the beginning.
+    /// Some of the twelve faults are removed, one may begin later or end earlier, and the run may
+    /// be shorter. If a branch is possible, its result equals that of a run from the beginning.
     #[test]
     fn a_branch_equals_a_run_of_its_own(
         kept in 0_u16..1 << 12,

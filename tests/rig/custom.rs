@@ -33,8 +33,9 @@ fn run_of((scenario, source): (Scenario, Source)) -> (Run, Vec<robots::OpenEnd>)
     (Run::with_rig(scenario, rig, instruments), open_ends)
 }
 
-/// 20 cm/s on both wheels for two seconds, repeated each 100 ms. The robot moves by 0.4 m, less the
-/// half per cent of slip and the motors' start. Then silence: the wheels stop.
+/// Both wheels drive at 20 cm/s for two seconds; the order is repeated each 100 ms. The robot moves
+/// by 0.4 m, minus half a per cent of slip and the motors' start. Then the master is silent and the
+/// wheels stop.
 #[test]
 fn registers_drive_the_wheels_of_a_robot_of_data() {
     let (mut run, ends) = run_of(shipped("custom-robot"));

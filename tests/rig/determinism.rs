@@ -1,4 +1,4 @@
-//! Same case, same bytes: the promise that everything else stands on.
+//! The same case gives the same bytes. Everything else in the rig depends on this property.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 use std::path::Path;
@@ -54,8 +54,8 @@ fn load_on_the_processor_changes_nothing() {
     assert_eq!(quiet, loaded);
 }
 
-/// A saved case repeats its run even after random faults: it holds the strikes of the faults, not
-/// the random numbers.
+/// A saved case repeats its run even after random faults: it contains the strikes of the faults
+/// instead of random numbers.
 #[test]
 fn a_saved_case_gives_the_same_bytes_again() {
     let faults = "[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"flip\"\n\
@@ -78,7 +78,7 @@ fn a_saved_case_gives_the_same_bytes_again() {
     assert_eq!(first.case, again.case);
 }
 
-/// The division of a run into steps concerns the runner, not the world.
+/// The division of a run into steps has no effect on the world.
 #[test]
 fn looking_more_often_changes_nothing() {
     let mut coarse = start(shipped("empty-room"));
@@ -117,7 +117,8 @@ fn scenarios_give_the_bytes_maps_and_cases_that_they_always_gave() {
     assert_eq!(found, KNOWN);
 }
 
-/// A copy of a rig in the middle of a mission continues by itself, and both give the same result.
+/// A copy of a rig in the middle of a mission continues independently, and both give the same
+/// result.
 #[test]
 fn a_fork_goes_on_as_the_rig_itself_does() {
     let mut run = start(shipped("two-rooms"));

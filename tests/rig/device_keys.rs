@@ -10,7 +10,7 @@ use hilrig::robots::{self, Dut, PcEnd};
 
 use super::{in_a_room, start};
 
-/// A dark lidar sends packets and sees nothing: the program gets turns and finds no pose.
+/// A blind lidar sends packets without distances: the program receives turns and finds no pose.
 #[test]
 fn a_fault_from_the_start_is_seen_by_the_program() {
     let mut run = start(in_a_room(
@@ -55,7 +55,8 @@ fn wall_ahead(keys: &str) -> usize {
     (130..300).max_by_key(darkness).expect("there are rows")
 }
 
-/// Rows of up to 320 bytes do not pass a FIFO of 64 that fills faster than the air empties it.
+/// Rows of up to 320 bytes do not fit through a FIFO of 64 bytes, which fills faster than the radio
+/// empties it.
 #[test]
 fn figures_of_base_and_radio_are_taken_over() {
     let keys = "[device.base.avr-base]\nprofile = \"rcj2015-2015\"\nphase = \"10ms\"\n";
@@ -91,7 +92,7 @@ fn figures_that_cannot_be_are_refused() {
     );
 }
 
-/// A client gets the rate of the configured radio, not that of the robot's usual one.
+/// A client gets the rate of the configured radio instead of the robot's usual rate.
 #[test]
 fn a_radio_of_another_rate_is_offered_at_it() {
     for (radio, baud) in [("", 460_800), ("[device.radio.hc06]\nbaud = 9600\n", 9_600)] {

@@ -17,7 +17,7 @@ use protocols::pcui::message::Mode;
 
 use super::{in_a_room, run_to_end, shipped, start};
 
-/// Places of the buttons, as a finger finds them on the pictures.
+/// Positions of the buttons on the pictures.
 const STOP: [u16; 2] = [280, 50];
 const EXPLORE: [u16; 2] = [410, 50];
 const MAPPING: [u16; 2] = [410, 90];
@@ -32,7 +32,7 @@ const RESET: [u16; 2] = [280, 130];
 
 const PANEL: &str = "[device.display.touch-panel]\n";
 
-/// A blind robot: its display does not depend on how well it maps.
+/// A blind robot: its display does not depend on the quality of the map.
 const BLIND: &str = "[device.display.touch-panel]\n[[fault]]\nlink = \"lidar\"\n\
     direction = \"to-master\"\nkind = \"cut\"\nfrom = \"0s\"\nuntil = \"999s\"\n";
 
@@ -136,8 +136,8 @@ fn buttons_do_what_they_say() {
     assert_eq!(program(&run).ordered_mode(), Mode::Stop);
     assert!(!run.rig.world.is_moving());
 
-    // A touched waypoint is in the list, and the robot sets off as if the PC had sent it. Pixel
-    // (6 + 100, 231 - 80) is cell (150.75, 120.75) of 10 mm.
+    // A touched waypoint is added to the list, and the robot starts as if the PC had sent the
+    // waypoint. Pixel (6 + 100, 231 - 80) is cell (150.75, 120.75) of 10 mm.
     tap(&mut run, SET_WAYPOINTS);
     tap(&mut run, [106, 151]);
     let places: Vec<_> = program(&run).waypoints().all().to_vec();
@@ -169,7 +169,8 @@ fn the_pc_link_is_silent_while_it_is_switched_off() {
     assert!(sent(&run) > before + 1000);
 }
 
-/// Whether the robot drives the motor itself or the rig holds its speed.
+/// The lidar runs down in both cases: if the robot drives the motor, and if the rig holds the
+/// speed.
 #[test]
 fn a_lidar_that_is_switched_off_runs_out_and_the_robot_stops() {
     lidar_is_switched_off("");
@@ -223,7 +224,7 @@ fn a_reset_takes_two_taps() {
     assert!(known(&run) > 10_000);
     run.tap(RESET).expect("it has a display");
     run.tap(RESET).expect("it has a display");
-    // Looked at before the next turn of the lidar fills the map again.
+    // The map is checked before the next turn of the lidar fills it again.
     let mut least = usize::MAX;
     for _ in 0..60 {
         run.rig.run_for(Duration::from_millis(10));
@@ -233,7 +234,7 @@ fn a_reset_takes_two_taps() {
 }
 
 /// Bytes in both directions are damaged for ten seconds. Half a minute later the picture equals
-/// that of an undisturbed robot. Damage is the line's fault, not the program's.
+/// that of an undisturbed robot. The damage counts against the line, not against the program.
 #[test]
 fn a_picture_that_a_bad_line_damaged_mends() {
     let noise = |direction| {
@@ -259,8 +260,8 @@ fn a_picture_that_a_bad_line_damaged_mends() {
     assert_eq!(damaged.rig.violations(), 0);
 }
 
-/// The display uses only spare time: a run with it equals the run without it, except for its own
-/// line.
+/// The display uses only spare time: a run with the display equals the run without it, except for
+/// the display's own line.
 #[test]
 fn a_display_changes_nothing_else() {
     let run = |with: bool| {
@@ -289,7 +290,7 @@ fn a_tap_beside_the_display_is_refused() {
     );
 }
 
-/// The same taps by the scenario: a run that is touched can be repeated.
+/// The scenario makes the same taps: a run with touches can be repeated.
 #[test]
 fn a_scenario_can_touch() {
     let taps = format!(

@@ -56,8 +56,8 @@ fn mazes_of_all_sizes_are_searched() {
     }
 }
 
-/// A person walks through the door to and fro. The person may block the robot for a time, and an
-/// unreached target gets another chance.
+/// A person walks through the door to and fro. The person may block the robot for some time; the
+/// robot tries an unreached target again.
 #[test]
 fn something_that_moves_keeps_the_robot_from_nothing() {
     let walker = "[[world.moving]]\npath_m = [[2.2, 2.6], [2.2, 1.3]]\nspeed_m_s = 0.1\n\

@@ -129,8 +129,8 @@ fn s2_the_raw_scan_is_smeared_by_60_mm_at_0_3_m_s() {
 }
 
 /// S3: a push of 400 mm within a second at rest. The robot knows its pose again after six searches
-/// (1.2 s) of about a thousand tries, with the document's algorithm and constants. "Again" is
-/// within 50 mm, an eighth of the push; the search is random, so five seeds have a median.
+/// (1.2 s) of about a thousand tries, with the document's algorithm and constants. "Again" means
+/// within 50 mm, an eighth of the push. The search is random, so the median of five seeds counts.
 #[test]
 fn s3_a_push_of_400_mm_is_made_good_in_six_searches() {
     let mut errors: Vec<f64> = (1..=5)

@@ -16,7 +16,7 @@ use super::{in_a_room, start};
 /// A defect in the rig.
 struct Row {
     id: &'static str,
-    /// Text added to the scenario of an empty room.
+    /// Text added to the scenario of an empty room, to make the defect visible.
     occasion: fn() -> String,
     /// Time at which the sign is checked.
     after_ms: u64,
@@ -90,7 +90,7 @@ const ROWS: [Row; 44] = {
     ]
 };
 
-/// Switches without a sign in any run of the rig, and why. The museum's exhibits have one.
+/// Switches without a sign in any run of the rig, with the reason. The museum's exhibits show them.
 #[rustfmt::skip]
 const EXHIBITS_ONLY: [(&str, &str); 17] = [
     ("MA-03", "a reply is given up long before its 127th byte"),
@@ -112,8 +112,8 @@ const EXHIBITS_ONLY: [(&str, &str); 17] = [
     ("NV-05", "no frame holds more than 56 waypoints"),
 ];
 
-/// Whether the row's sign shows, with its defect or without. Those of the mapper are compared with
-/// the same mapping method.
+/// Whether the row's sign is true, with its defect or without. Signs of the mapper are compared
+/// with the same mapping method.
 fn shows(row: &Row, defect: Option<&str>) -> bool {
     let program = match defect {
         Some(id) => format!("[program]\ndefects = [\"{id}\"]\n"),
@@ -122,7 +122,7 @@ fn shows(row: &Row, defect: Option<&str>) -> bool {
     };
     let mut text = (row.occasion)();
     match text.find("[program]\n") {
-        // An occasion with settings of the program has them joined.
+        // If the occasion has settings of the program, the defect is added to them.
         Some(at) => text.insert_str(
             at + "[program]\n".len(),
             program.strip_prefix("[program]\n").unwrap_or(""),

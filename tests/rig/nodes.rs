@@ -14,7 +14,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A scenario whose only device is played by `command`.
+/// A scenario whose only device is the program `command`.
 fn scenario(command: &str, more: &str) -> (Scenario, Source) {
     let text = format!(
         "schema = 1\nname = \"scale\"\nrobot = \"none\"\nduration = \"20s\"\n\
@@ -29,7 +29,7 @@ fn python(name: &str) -> String {
     format!("PYTHONPATH={root}/python/src exec python3 {root}/nodes/examples/{name}.py")
 }
 
-/// The next line from `port`; the bytes so far if none comes in time.
+/// The next line from `port`; the bytes so far if no line arrives in time.
 fn line(port: &mut VirtualPort) -> String {
     let mut line = Vec::new();
     let mut byte = [0];
@@ -82,8 +82,8 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
     );
 }
 
-/// Names of outputs are known once the program shows them: then a rule on one is judged, and a name
-/// that is none of them fails.
+/// Names of outputs are known after the program has shown them. Then a rule on an output is judged,
+/// and a rule with an unknown name fails.
 #[test]
 fn a_rule_on_an_output_is_judged_when_the_program_shows_it() {
     for (name, status, says) in [
@@ -114,7 +114,7 @@ fn an_idle_program_costs_nothing() {
     assert_eq!(node.exchanges(), 1);
 }
 
-/// The copy has its own process, which begins with the state that the first one saved.
+/// The copy has its own process, which starts with the state that the first process saved.
 #[test]
 fn a_program_that_can_save_takes_part_in_checkpoints() {
     let fault = "[[fault]]\nkind = \"device\"\ndevice = \"scale\"\nfault = \"draught\"\n\
@@ -143,8 +143,8 @@ fn a_program_that_cannot_save_has_no_checkpoints() {
     assert!(run.checkpoint().is_none());
 }
 
-/// The run ends at its first look, 10 ms; the check has the sentence and the program's last words,
-/// and the words are kept.
+/// The run ends at its first update, 10 ms. The check contains the sentence and the program's last
+/// words, and the words are kept.
 #[test]
 fn a_program_that_fails_ends_the_run() {
     let (scenario, source) = scenario("echo 'no such meter' >&2; exit 3", "");

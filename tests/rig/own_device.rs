@@ -1,4 +1,4 @@
-//! Devices that a scenario describes by data, met through the open ends of their links.
+//! Devices that a scenario defines by data, tested through the open ends of their links.
 
 use core::time::Duration;
 use std::path::Path;
@@ -13,7 +13,7 @@ fn wire((scenario, source): (Scenario, Source)) -> Result<Wired, ScenarioError> 
     robots::wire(&scenario, &source, Dut::External, PcEnd::External)
 }
 
-/// Bytes that come back on an open end within 20 ms.
+/// Bytes that an open end returns within 20 ms.
 fn asked(rig: &mut Rig, node: usize, bytes: &[u8]) -> Vec<u8> {
     rig.inject(node, bytes);
     rig.run_for(Duration::from_millis(20));
@@ -35,7 +35,7 @@ fn a_register_slave_of_ones_own_answers_from_the_world() {
     assert_eq!(reply, [0xAB, 4, 0x82, 0xA4, 0x06, 0xDB, 0x01]);
 }
 
-/// To its left, at 0.3 m, is another wall, 700 mm away.
+/// Another wall is to its left at 0.3 m, 700 mm away.
 #[test]
 fn a_text_slave_of_ones_own_answers_from_the_world() {
     let mut wired = wire(shipped("own-slave")).expect("sound");
@@ -104,7 +104,7 @@ fn a_bad_table_is_told_with_its_line_and_key() {
     );
 }
 
-/// A kind that another crate brings: it sends its settings over a datagram link.
+/// A kind of device from another crate: it sends its settings over a datagram link.
 mod beacon {
     use emulators::world::World;
     use emulators::{Device, Event};
@@ -222,8 +222,8 @@ fn register_beacon() {
     let _ = hilrig::scenario::device::register(beacon::BeaconKind);
 }
 
-/// At stake: that a device kind may come from another crate. Its settings are read and written back
-/// unchanged, and its device is wired on the kind of link that it needs.
+/// A device kind may come from another crate. Its settings are read and written back unchanged, and
+/// its device is wired to the kind of link that it needs.
 #[test]
 fn a_kind_of_another_crate_is_one_like_ours() {
     register_beacon();

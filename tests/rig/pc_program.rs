@@ -31,7 +31,7 @@ fn robot(rig: &Rig) -> &Rescue {
     program.downcast_ref().expect("the rescue robot")
 }
 
-/// Runs until `condition` holds; returns the time that this took.
+/// Runs until `condition` holds; returns the elapsed time.
 fn wait_for(run: &mut Run, most: Duration, condition: impl Fn(&Run) -> bool) -> Duration {
     let begin = run.rig.now();
     while !condition(run) {
@@ -144,7 +144,8 @@ fn radio(run: &mut Run) -> &mut Hc06 {
     run.rig.device_mut("radio").expect("emulated")
 }
 
-/// PU-10: while it drove to the third waypoint the robot got a list of one, and drove to (-1, -1).
+/// PU-10: while the fielded robot drove to the third waypoint, it got a list with one waypoint, and
+/// drove to (-1, -1).
 #[test]
 fn pu_10_a_shorter_list_changes_the_target() {
     let mut run = connected("");

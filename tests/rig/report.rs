@@ -17,7 +17,7 @@ fn wounded() -> String {
     report::html(&run_to_end(in_a_room("6s", WOUNDED)))
 }
 
-/// Wall time, addresses and hashing of the host must not be in it.
+/// The report must not contain wall time, addresses or hashing of the host.
 #[test]
 fn the_same_case_makes_the_same_report() {
     assert!(wounded() == wounded());

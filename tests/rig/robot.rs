@@ -1,4 +1,4 @@
-//! The robot where it once failed: seeds that were found, kept.
+//! Seeds with which the robot once failed.
 
 use super::{failures, run_to_end, shipped};
 

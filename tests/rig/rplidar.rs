@@ -134,7 +134,7 @@ fn a_client_gets_a_turn_that_agrees_with_the_room() {
     }
 }
 
-/// Everything that came, and the hash of the run.
+/// All received bytes, and the hash of the run.
 fn recorded(keys: &str) -> (Vec<u8>, String) {
     let bench = room(keys);
     let mut client = Client::new(&bench);
@@ -149,8 +149,8 @@ fn the_same_seed_gives_the_same_scan() {
     assert_ne!(recorded("").0, recorded("profile = \"fw1.24\"").0);
 }
 
-/// A fault of the scenario during a scan: from 3 s on the sensor sees nothing. And a fault of the
-/// settings: the turn begins elsewhere.
+/// A fault of the scenario during a scan: from 3 s on the sensor measures nothing. And a fault of
+/// the settings: the turn begins at another angle.
 #[test]
 fn a_fault_of_the_device_shows_in_the_stream() {
     let fault =
@@ -168,7 +168,7 @@ fn a_fault_of_the_device_shows_in_the_stream() {
     assert!(client.bytes.starts_with(&[0xAA, 0x55]));
 }
 
-/// One motor for each kind of control: with the pin it stands until the first byte.
+/// One motor for each kind of control. With the pin, the motor stands still until the first byte.
 #[test]
 fn the_motor_turns_by_what_is_wired() {
     let bench = room("motor = \"pwm\"");

@@ -1,5 +1,5 @@
-//! Checkers of `[expect.safety]`: each finds a planted defect, or a program of a stranger that is
-//! wrong, and passes the sound one.
+//! Checkers of `[expect.safety]`: each finds a planted defect, or a defective user's program, and
+//! passes the correct program.
 
 use hilrig::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use hilrig::run::check::{Check, Status};
@@ -78,8 +78,8 @@ fn a_car_whose_remote_is_gone_must_stop() {
     assert_eq!(without.status, Status::Pass, "{}", without.detail);
 }
 
-/// A lidar that is silent for a while is no failure at the end; one that stays silent is, unless
-/// the scenario says that it stays broken.
+/// A lidar that is silent for some time is no failure at the end. A lidar that stays silent is one,
+/// unless the scenario names its link as broken.
 #[test]
 fn what_was_healed_must_carry_bytes_again() {
     let judged = |until: &str, without: &str| {
@@ -102,7 +102,8 @@ fn what_was_healed_must_carry_bytes_again() {
     );
 }
 
-/// A robot of data with a lidar, wheels, and a hand-held remote that is asked for its speed.
+/// A custom robot with a lidar, wheels, and a hand-held remote that the program reads the speed
+/// from.
 fn own_robot(more: &str) -> (Run, Vec<OpenEnd>) {
     let (_, source) = shipped("custom-robot");
     let remote = "[device.remote.registers]\nbaud = 115200\n[[device.remote.registers.register]]\n\
@@ -153,8 +154,8 @@ fn drive(more: &str, may_drive: impl Fn(&[u8], &[u8]) -> bool) -> Outcome {
     run.judge()
 }
 
-/// At stake: the rules for the built-in robots also hold for a user's program. One program drives
-/// without regard to its lidar; the other stops when no bytes come.
+/// The rules for the built-in robots also hold for a user's program. One program drives without
+/// regard to its lidar; the other stops when no bytes arrive.
 #[test]
 fn a_strangers_program_must_rest_without_its_lidar() {
     let more = "[expect.safety]\nrests_within = \"1s\"\n[[fault]]\nkind = \"cut\"\n\

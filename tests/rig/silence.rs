@@ -1,4 +1,4 @@
-//! The slave is the last guard of the robot: these runs attack its line.
+//! The slave is the last protection of the robot: these runs attack its line.
 
 use core::time::Duration;
 

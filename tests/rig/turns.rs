@@ -1,5 +1,6 @@
-//! Turns do not depend on how a lidar's stream is cut. An adapter delivers the bytes that its timer
-//! gathered, a client reads the bytes in its buffer, and neither knows packets.
+//! Turns do not depend on the chunking of a lidar's stream. An adapter delivers the bytes that
+//! arrived before its timer expired, a client reads the bytes in its buffer, and neither knows
+//! packets.
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
@@ -21,7 +22,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    /// `len` bytes of the lidar that `device` describes, after it was sent `request`.
+    /// `len` bytes of the lidar that `device` describes, after `request`.
     fn new(device: &str, request: &[u8], len: usize) -> Self {
         let text = format!(
             "schema = 1\nname = \"test\"\nrobot = \"custom\"\nduration = \"30s\"\nseed = 4\n\
@@ -51,7 +52,7 @@ impl Recorded {
         Self::new(device, command.request().as_bytes(), 12_000)
     }
 
-    /// The page's turns from reads of `lens` bytes in turn.
+    /// The page's turns from reads of `lens` bytes, in this order.
     fn shown(&self, lens: &[usize]) -> Vec<Vec<Beam>> {
         let run = self.bench.run();
         let scanner = run.instruments().scanner(&run.rig);
@@ -61,7 +62,7 @@ impl Recorded {
     }
 }
 
-/// `bytes` in pieces of `lens` bytes, again and again.
+/// `bytes` in pieces of `lens` bytes, repeatedly.
 fn pieces<'a>(bytes: &'a [u8], lens: &'a [usize]) -> impl Iterator<Item = &'a [u8]> {
     lens.iter().cycle().scan(bytes, |rest, &len| {
         let (piece, behind) = rest.split_at(len.min(rest.len()));
@@ -70,8 +71,8 @@ fn pieces<'a>(bytes: &'a [u8], lens: &'a [usize]) -> impl Iterator<Item = &'a [u
     })
 }
 
-/// The turns of an XV-11 as the robot's program puts them together, which reads at the end of each
-/// piece.
+/// The turns of an XV-11 as the robot's program assembles them. The program reads at the end of
+/// each piece.
 fn assembled(bytes: &[u8], lens: &[usize]) -> Vec<[u16; BEAMS]> {
     let mut assembler = TurnAssembler::new(Mounting {
         position: Point::default(),
@@ -152,7 +153,7 @@ fn an_rplidars_turns_do_not_depend_on_where_its_stream_is_cut() {
     });
 }
 
-/// Capsules need the next one for their angles, so a cut can do more harm.
+/// The angles of a capsule need the next capsule, so a cut can have more effect.
 #[test]
 fn turns_of_capsules_do_not_depend_on_where_the_stream_is_cut() {
     let recorded = Recorded::rplidar(rplidar::Command::ExpressScan { mode: 0 });

@@ -36,8 +36,8 @@ fn ye6_nineteen_of_twenty_leave_the_labyrinth_by_infrared_alone() {
     assert!(out + 1 >= seeds.len(), "{out} of {}", seeds.len());
 }
 
-/// YR-01, the published law: it touches walls at corners that the shipped law passes, and faster
-/// than is harmless.
+/// YR-01, the published law: the robot touches walls at corners that it passes with the shipped
+/// law, at a harmful speed.
 #[test]
 fn ye6_the_published_law_runs_into_corners() {
     let fielded = |scenario: &mut Scenario| {
@@ -86,7 +86,7 @@ fn ye12_targets_are_reached_within_5_cm_while_a_third_of_the_commands_is_lost() 
     passes("yellow-lost-commands", [4, 6, 103]);
 }
 
-/// A room that one look shows.
+/// A room that is completely visible from one position.
 const ROOM: &str = r#"
 schema = 1
 name = "by-hand"

@@ -1,4 +1,4 @@
-//! The mapper on logs: the data that is read, the data that is left out, and the accuracy of the
+//! The mapper on logs: the data that is read, the data that is ignored, and the accuracy of the
 //! path.
 
 mod bags;

@@ -12,7 +12,7 @@ use crate::protocol::{Protocol, Wire};
 /// Meaning of a frame, whatever its checksum order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Says {
-    /// A read request of so many registers; an acknowledgement if the number is 0.
+    /// A read request for this number of registers; an acknowledgement if the number is 0.
     Read(u8, u8),
     /// A write request, or the reply to a read.
     Write(u8, &'static [u8]),
@@ -110,7 +110,7 @@ fn the_document_order_swaps_the_checksum_and_nothing_else() {
     }
 }
 
-/// The fielded firmware refused this one; as written, its checksum is wrong.
+/// The fielded firmware rejected this frame: its checksum is wrong.
 #[test]
 fn a_request_with_a_wrong_sum_is_refused() {
     let mut decoder = avr::Decoder::new(ChecksumOrder::HighFirst);

@@ -1,5 +1,5 @@
-//! The entry functions of the fuzzers: over the corpus, over sessions made by chance, and over
-//! decoders with one fault each, which they have to catch.
+//! The entry functions of the fuzzers: over the corpus, over random sessions, and over decoders
+//! with one fault each, which they must detect.
 
 use core::panic::AssertUnwindSafe;
 use std::panic::catch_unwind;
@@ -26,7 +26,7 @@ fn files(target: &str) -> Vec<PathBuf> {
     files
 }
 
-/// Every stream that once taught something, in every change. A target without a corpus fails.
+/// Every stream that once showed a defect, in every change. A target without a corpus fails.
 #[test]
 fn every_stream_of_the_corpus_keeps_the_laws() {
     for target in codec::targets() {
@@ -149,7 +149,7 @@ impl<const FAULT: usize> Wire for Faulty<FAULT> {
     }
 }
 
-/// The law that the fault broke first in 5,000 sessions, `panic` if the decoder gave up.
+/// The law that the fault broke first in 5,000 sessions; `panic` if the decoder panicked.
 fn caught<const FAULT: usize>() -> Option<&'static str> {
     (0..5000).find_map(|seed| {
         let stream = Stream::session::<Sound>(&data(seed));
@@ -161,7 +161,7 @@ fn caught<const FAULT: usize>() -> Option<&'static str> {
     })
 }
 
-/// The control: without it a judge that finds fault with everything would pass below.
+/// A control: without it, a judge that rejects everything would pass the tests below.
 #[test]
 fn a_slow_decoder_without_a_fault_keeps_the_laws_of_fuzzing() {
     assert_eq!(caught::<0>(), None);

@@ -30,7 +30,7 @@ fn xor(bytes: &[u8]) -> u8 {
     bytes.iter().fold(0, |sum, byte| sum ^ byte)
 }
 
-/// CRC-8 of any polynomial, the highest bit first.
+/// CRC-8 with any polynomial, the highest bit first.
 fn crc8(bytes: &[u8], polynomial: u8) -> u8 {
     bytes.iter().fold(0, |crc, byte| {
         (0..8).fold(crc ^ byte, |crc, _| {
@@ -50,7 +50,7 @@ fn crc16(bytes: &[u8]) -> u16 {
     })
 }
 
-/// A wave of `step`s of a circle of 1000, between 0 and 2000: a triangle.
+/// A triangle wave with `step`s of a circle of 1000, between 0 and 2000.
 fn wave(step: usize) -> u16 {
     let at = u16::try_from(step * 17 % 4_000).expect("below 4000");
     if at < 2_000 { at } else { 4_000 - at }

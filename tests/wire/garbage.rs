@@ -43,7 +43,7 @@ fn record(index: usize, bytes: &[u8]) -> Record {
     }
 }
 
-/// A capture of two links with a bit of everything.
+/// A capture of two links with records of all kinds.
 fn sample() -> Vec<u8> {
     let mut out = Vec::new();
     let about = "seed=7\nstart_ns=5".to_owned();
@@ -67,7 +67,7 @@ fn sample() -> Vec<u8> {
     out
 }
 
-/// All that is done with a capture.
+/// Applies all readers, decoders and judges to a capture.
 fn judge(capture: &Capture) {
     let mut transcript = Transcript::new(None);
     for record in &capture.records {
@@ -93,7 +93,7 @@ fn judge(capture: &Capture) {
     assert_eq!(told, fed as u64);
 }
 
-/// All that is done with bytes of a line.
+/// Applies all readers, decoders and judges to the bytes of a line.
 fn judge_dump(bytes: &[u8], opposite: &[u8]) {
     for codec in [None].into_iter().chain(codec::all().into_iter().map(Some)) {
         diagnose(&Line {
@@ -109,7 +109,7 @@ fn judge_dump(bytes: &[u8], opposite: &[u8]) {
     Capture::of(bytes);
 }
 
-/// The report on `bytes` that come in pieces of `size`, times left out.
+/// The report on `bytes` in pieces of `size`, without times.
 fn told(bytes: &[u8], size: usize, protocol: Option<&'static Codec>) -> Vec<(u64, Said)> {
     let mut transcript = Transcript::new(protocol);
     let link = Interface::new("raw", 0);

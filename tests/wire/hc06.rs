@@ -131,8 +131,8 @@ fn each_baud_rate_has_its_character() {
 proptest! {
     #![proptest_config(crate::thorough::cases(20_000))]
 
-    /// Telemetry reaches the command parser whenever the PC hangs up. A parsed command must be one:
-    /// encoded again, it gives the same bytes.
+    /// Telemetry reaches the command parser whenever the PC disconnects. A parsed command must be a
+    /// real command: encoded again, it gives the same bytes.
     #[test]
     fn whatever_is_understood_can_be_said_again(
         start in proptest::sample::select(TABLE.map(|(text, _)| text).to_vec()),
@@ -148,7 +148,7 @@ proptest! {
         }
     }
 
-    /// The same for lines; a question mark and a colon may be encoded differently.
+    /// The same holds for lines; a question mark and a colon may be encoded differently.
     #[test]
     fn whatever_line_is_understood_can_be_said_again(
         start in proptest::sample::select(LINES.map(|(text, _)| text).to_vec()),

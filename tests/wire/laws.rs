@@ -169,9 +169,9 @@ pub(crate) fn a_cut_frame_costs_nothing_behind_it<D: Decode<Frame: Wire>>(
     Ok(())
 }
 
-/// Frames of `sent` that are missing in `got`, and frames of `got` that were never sent, by the
-/// longest common subsequence: a damaged frame may be equal to one that was sent much later, and
-/// taking it for that one would call everything between them lost.
+/// Number of frames of `sent` that are missing in `got`, and of frames of `got` that were never
+/// sent, by the longest common subsequence. A damaged frame may be equal to a frame that was sent
+/// much later. A simple comparison would then count everything between them as lost.
 fn compare(sent: &[Vec<u8>], got: &[Vec<u8>]) -> (usize, Vec<Vec<u8>>) {
     // common[i][j]: frames that the rests from `i` on and from `j` on have in common.
     let mut common = vec![vec![0; got.len() + 1]; sent.len() + 1];

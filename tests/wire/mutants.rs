@@ -1,5 +1,5 @@
-//! Decoders with one fault each, and the law that catches it. A law that does not catch its mutant
-//! proves nothing about ours.
+//! Decoders with one fault each, and the law that detects the fault. A law that does not detect its
+//! mutant proves nothing about our decoders.
 
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestRng, TestRunner};
@@ -13,7 +13,7 @@ use crate::protocol::{Protocol, cut_frame, cuts, frames, one_damage, stream};
 /// The defect of a mutant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Fault {
-    /// Nothing: the control that keeps every law.
+    /// No fault: the control that keeps every law.
     None,
     /// Throws away the whole rejected candidate, with the frame that may begin inside it.
     DropsCandidate,
@@ -23,9 +23,9 @@ pub(crate) enum Fault {
     CountsNoNoise,
     /// After a rejected candidate, takes nothing until the line is quiet.
     SulksUntilQuiet,
-    /// Has no idle rule.
+    /// Has no rule for idle lines.
     NeverGivesUp,
-    /// Takes a second "idle" for a reason to skip a byte.
+    /// Skips a byte at a second "idle".
     SkipsAfterTwoIdles,
     /// Ignores checksums.
     Believes,
@@ -66,7 +66,8 @@ impl Mutant {
         let verdict = self.format.judge(&self.buf);
         match (self.fault, verdict) {
             (Fault::Believes, Candidate::Rejected(_)) => Candidate::Complete(self.buf.len()),
-            // Once: the iterator is dropped while the panic unwinds, and feeds the rest.
+            // This happens once: the iterator is dropped while the panic unwinds, and feeds the
+            // rest.
             (Fault::OverrunsOn127, _) if self.buf.get(2) == Some(&0xFF) => {
                 self.fault = Fault::None;
                 panic!("index out of bounds")
@@ -183,7 +184,7 @@ const ALL: [Law; 10] = [
     Law::AnyBytes,
 ];
 
-/// Whether a decoder with `fault` keeps `law` on as many streams as our own has to.
+/// Whether a decoder with `fault` keeps `law` on as many streams as our own decoder must.
 fn keeps(law: Law, fault: Fault) -> bool {
     let new = move || Mutant::new(fault);
     let (at, any_bytes) = (
@@ -230,8 +231,8 @@ fn keeps(law: Law, fault: Fault) -> bool {
     }
 }
 
-/// Runs a law on 1,000 cases that are the same every time: a mutant that lives today must not die
-/// tomorrow.
+/// Runs a law on 1,000 cases that are the same every time: the result of a mutant must not change
+/// from day to day.
 fn holds<S: Strategy>(cases: S, law: impl Fn(S::Value) -> Result<(), TestCaseError>) -> bool {
     let config = Config {
         cases: 1000,
@@ -245,7 +246,7 @@ fn holds<S: Strategy>(cases: S, law: impl Fn(S::Value) -> Result<(), TestCaseErr
         .is_ok()
 }
 
-/// Without this one, a harness that fails everything would pass for ten good laws.
+/// Without this test, a harness that fails everything would pass for ten good laws.
 #[test]
 fn a_slow_decoder_without_a_fault_keeps_every_law() {
     for law in ALL {

@@ -30,7 +30,7 @@ fn crc(bytes: &[u8]) -> u16 {
     rest
 }
 
-/// A figure: digits, one point at most and within them, a minus before them.
+/// A figure: digits with at most one point between them, and an optional minus.
 fn figure(text: &str) -> Option<f64> {
     let plain = text.strip_prefix('-').unwrap_or(text);
     let (whole, decimals) = plain.split_once('.').unwrap_or((plain, "0"));
@@ -61,14 +61,14 @@ fn holds(line: &str) -> Option<bool> {
         25.0 / 2000.0
     };
     let expected = distance + rate * counted_twice + yaw + at;
-    // Of 32-bit floats: 24 bits below the highest one.
+    // 32-bit floats have 24 bits below the highest one.
     let largest = expected.abs().max(at);
     let mut unit = 2_f64.powi(-149);
     while unit * 16_777_216.0 <= largest {
         unit *= 2.0;
     }
     let off = (expected - figure(sum)?).abs();
-    // At the very edge of a power of two the largest is rounded to 32 bits first.
+    // Next to a power of two, the largest value is rounded to 32 bits first.
     let rounded = (largest / unit).round_ties_even() >= 16_777_216.0;
     Some(off <= 0.025 + if rounded { 2.0 * unit } else { unit })
 }

@@ -177,7 +177,7 @@ fn a_length_beyond_the_longest_frame_is_refused_at_once() {
     assert_eq!(errors, [Err(expected)]);
 }
 
-/// A reading of more than twelve bits, a third state of the pen and odd pixels are no messages.
+/// A reading of more than twelve bits, a third state of the pen and odd pixels are not messages.
 #[test]
 fn what_has_no_meaning_is_not_given_one() {
     assert_eq!(only(&sealed("7E 54 00 05 01 10 00 00 00")).pen(), None);

@@ -286,7 +286,7 @@ impl Protocol for Pcui {
     }
 }
 
-/// Any message, sent and understood, is the same message.
+/// Any message is the same after encoding and decoding.
 mod identity {
     use super::*;
 

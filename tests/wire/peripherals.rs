@@ -15,7 +15,7 @@ impl Wire for BoardFrame {
     }
 }
 
-/// Both ways of the wire.
+/// Both directions of the wire.
 pub(crate) struct Registers;
 
 impl Protocol for Registers {

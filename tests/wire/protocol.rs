@@ -1,4 +1,4 @@
-//! A protocol as the laws see it, and streams of it as a bad line delivers them.
+//! A protocol for the laws, and its streams as a bad line delivers them.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -9,7 +9,7 @@ use crate::damage::{Damage, damage};
 
 /// A frame with access to its wire bytes.
 pub(crate) trait Wire {
-    /// Its bytes.
+    /// The bytes of the frame.
     fn wire(&self) -> Vec<u8>;
 }
 

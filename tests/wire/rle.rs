@@ -31,9 +31,9 @@ fn encoded(pixels: &[u8], dialect: Dialect) -> Vec<u8> {
     code
 }
 
-/// The fielded rule, as in the field program e94332f. The run so far goes out at every pixel that
-/// differs from the one before, at the last pixel, and when the count is full; only then is the
-/// pixel counted. So the last pixel is never counted.
+/// The fielded rule, as in the field program e94332f. The current run is written at every pixel
+/// that differs from the one before, at the last pixel, and when the count is full; only then is
+/// the pixel counted. So the last pixel is never counted.
 fn fielded_slowly(pixels: &[u8]) -> Vec<u8> {
     let mut code = Vec::new();
     let (mut value, mut count) = (pixels[0], 0_u8);

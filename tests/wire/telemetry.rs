@@ -15,7 +15,7 @@ impl Wire for Frame {
     }
 }
 
-/// Both ways of the link.
+/// Both directions of the link.
 pub(crate) struct Telemetry;
 
 impl Protocol for Telemetry {

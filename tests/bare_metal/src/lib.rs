@@ -19,7 +19,7 @@ use firmware_core::robots::yellow::{Config, Yellow as Program};
 use protocols::avr::{self, ChecksumOrder};
 use protocols::{Decode, Instant, Port, hc06, pcui, rle, rplidar, telemetry, xv11};
 
-/// The robot's only memory besides the stack.
+/// The robot's only memory except for the stack.
 struct Robot(UnsafeCell<Program>);
 
 // SAFETY: one core, no interrupts: only `reset` ever looks at it.

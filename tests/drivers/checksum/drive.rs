@@ -1,7 +1,7 @@
-//! Drives as fast as the way ahead allows.
+//! Drives as fast as the distance ahead allows.
 //!
-//! Frames: AB, register, count (bit 7: with data), data, byte sum low byte first.
-//! Defect: the checksum of what comes is not looked at, so a damaged distance becomes a speed.
+//! Frames: AB, register, count (bit 7: with data), data, byte sum low byte first. Defect: the
+//! checksum of received frames is not checked, so a damaged distance becomes a speed.
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
 use std::sync::mpsc::{channel, Receiver};

@@ -1,6 +1,6 @@
-//! Prints what a sonar says, and finds it again when its adapter was pulled.
+//! Prints the readings of a sonar, and reopens its port after the adapter was unplugged.
 //!
-//! Defect: the end of input is taken for "nothing yet".
+//! Defect: the end of input is treated as "no data yet".
 use std::fs::OpenOptions;
 use std::io::Read;
 use std::thread;

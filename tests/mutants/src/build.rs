@@ -23,8 +23,8 @@ const TESTS: &str = "TESTS";
 
 /// Appended to the package's `lib.rs`. The attribute stands at its top.
 const SWITCH: &str = "
-/// Which mutant holds, by its number from 1; 0: none. If asked for, it is noted which thread came
-/// by the mutants `here`: each test has one of its own, with its name.
+/// The number of the active mutant, from 1; 0: none. On request, notes that the current thread has
+/// reached the mutants `here`: each test has a thread with its name.
 #[doc(hidden)]
 pub fn active_mutant(here: &[u32]) -> u32 {
     extern crate std;

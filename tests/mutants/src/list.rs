@@ -40,7 +40,7 @@ pub enum Genre {
 /// Start of the replaced part; its end follows from the syntax.
 #[derive(Clone, Copy, Debug, Deserialize)]
 pub struct Span {
-    /// Its first character.
+    /// Position of its first character.
     pub start: Place,
 }
 

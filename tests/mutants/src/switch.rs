@@ -121,11 +121,11 @@ struct Site {
 
 #[derive(Clone, Copy, PartialEq)]
 enum Form {
-    /// An expression instead of an expression.
+    /// Replaces an expression by an expression.
     Expression,
-    /// Before a function's first statement.
+    /// Inserted before a function's first statement.
     Body,
-    /// Before `=>`, or before the guard, which is the range.
+    /// Inserted before `=>`, or before the guard, which is the range.
     Arm { guarded: bool },
     /// The `const` of a function, which must be removed because the function calls `active_mutant`.
     Cut,

@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 
-/// Maximum number of looks at the page, each a second or longer: on a busy machine one in twenty
+/// Maximum number of checks of the page, each a second or longer: on a busy machine one in twenty
 /// shows the panels.
 const LOOKS: usize = 200;
 

@@ -25,8 +25,8 @@ fn shape() -> impl Strategy<Value = Shape> {
     prop_oneof![4 => wall, 2 => leg, 1 => pillar]
 }
 
-/// Both answers are nothing, or the same distance and incidence. Where ray and surface are nearly
-/// parallel rounding is magnified by one over the sine, in parry2d by its square.
+/// Both rays hit nothing, or the distances and incidences are equal. If ray and surface are nearly
+/// parallel, rounding errors are multiplied by one over the sine, in parry2d by its square.
 fn agree(ours: Option<(f64, f64)>, theirs: Option<(f64, f64)>) -> bool {
     match (ours, theirs) {
         (None, None) => true,
@@ -61,7 +61,7 @@ proptest! {
         prop_assert!(agree(ours, theirs), "ours {ours:?}, parry2d {theirs:?}");
     }
 
-    /// From far outside, so that the grid must be entered first.
+    /// Rays that start far outside must first enter the grid.
     #[test]
     fn rays_from_outside_hit_what_parry2d_says_they_hit(
         shapes in prop::collection::vec(shape(), 1..40),

@@ -33,7 +33,7 @@ fn named(name: &str) -> String {
     format!("\"{name}\"")
 }
 
-/// A value for `key`, sound or not.
+/// A value for `key`, valid or not.
 fn value(key: &'static str) -> BoxedStrategy<String> {
     let of = |values: &'static [&'static str]| proptest::sample::select(values);
     match key {

@@ -1,6 +1,6 @@
-//! Faults of the motor board and of the RPLIDAR through a scenario's schedule, each name that the
-//! devices know. Each shows in the device's bytes from the third second to the fourth, not before
-//! that, and in no other device.
+//! Faults of the motor board and of the RPLIDAR, scheduled by a scenario: every name that the
+//! devices know. Each fault is visible in the device's bytes from the third second to the fourth,
+//! not before, and in no other device.
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
@@ -16,13 +16,13 @@ use protocols::peripherals::{Outputs, Sample, SampleDecoder, SampleFormat};
 use protocols::rplidar::{Decoder, Frame, Node};
 
 const WINDOW: Duration = Duration::from_millis(100);
-/// Windows of a session, and those of the fault.
+/// Number of windows of a session, and the windows of the fault.
 const WINDOWS: usize = 90;
 const BEGINS: usize = 30;
 const ENDS: usize = 40;
 
-/// The client's requests to the lidar, by the window: scan; stop, info, health, the typical mode,
-/// the desired speed, scan; reset, scan.
+/// The client's requests to the lidar, by window: scan; stop, info, health, the typical mode, the
+/// desired speed, scan; reset, scan.
 const ASKED: [(usize, &[u8]); 9] = [
     (10, &[0xA5, 0x20]),
     (32, &[0xA5, 0x25]),
@@ -60,7 +60,7 @@ fn observe(faults: &str) -> Seen {
     let (mut board, mut lidar) = (open("board"), open("lidar"));
     let mut motor = open("lidar-motor");
     motor.write_all(&[153]).expect("room");
-    // The right motor is mounted mirrored: equal duties turn the robot.
+    // The right motor is mounted mirrored, so equal duties turn the robot.
     let turns = Outputs {
         duty: [6_000, 6_000],
         channel: 0,
@@ -128,7 +128,7 @@ fn board_row(name: &str) -> Option<BoardRow> {
         "off" => (None, false, |seen, _| {
             seen.samples(BEGINS, ENDS).len() < 3 && seen.samples(ENDS + 1, 50).len() > 890
         }),
-        // The counters begin at 0, having counted 3 s.
+        // Before the restart, the counters have counted for 3 s; after it they begin at 0.
         "restart" => (None, false, |seen, plain| {
             let count = |seen: &Seen| seen.samples(BEGINS, BEGINS + 1)[20].counters[0];
             count(plain) > 3_000 && count(seen) < 200
@@ -172,10 +172,10 @@ fn each_fault_of_a_motor_board_is_seen_in_its_samples() {
     }
 }
 
-/// Figures by which a fault is certain to show within the second; `None`: not on this robot.
+/// Values with which a fault is certain to be visible within the second; `None`: not on this robot.
 fn lidar_figure(name: &str) -> Option<Option<f64>> {
     Some(match name {
-        // Its motor hangs on a pin.
+        // The motor of this lidar is driven by a pin.
         "dtr-inverted" => return None,
         "protection-stop" => Some(0.05),
         "torn-start" | "deaf-start" => Some(1.0),
@@ -197,8 +197,8 @@ fn nodes(seen: &Seen, from: usize, until: usize) -> Vec<Node> {
     nodes.collect()
 }
 
-/// 2000 nodes a second. After the reset and another start the state is as before: a finished fault
-/// has no lasting effect.
+/// The lidar sends 2000 nodes a second. After the reset and another start the state is as before: a
+/// finished fault has no lasting effect.
 #[test]
 fn each_fault_of_an_rplidar_is_seen_in_its_stream() {
     let plain = observe("");

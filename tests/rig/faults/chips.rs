@@ -1,5 +1,5 @@
-//! Chips on a bus and a depth camera by themselves: their answers to requests by hand, and the
-//! effects of their own faults.
+//! Chips on a bus and a depth camera alone: their answers to requests, and the effects of their own
+//! faults.
 
 use core::time::Duration;
 use std::io::{Read as _, Write as _};
@@ -41,10 +41,10 @@ fn transact(bus: &mut VirtualPort, message: &[u8], answer: usize) -> Option<Vec<
     (len == answer).then_some(bytes)
 }
 
-/// The range that the chip at E2 measures in centimetres 70 ms after it was asked to.
+/// The range in centimetres that the chip at E2 measures, 70 ms after the request.
 fn range_cm(bench: &Bench, bus: &mut VirtualPort) -> Option<u16> {
     transact(bus, &[0xE2, 0x00, 0x51], 0);
-    // 6 m there and back take longer than this, the default range of 11 m as well.
+    // An echo from 6 m takes longer than this, and so does the default range of 11 m.
     bench.sleep(Duration::from_millis(20));
     let meanwhile = transact(bus, &[0xE3, 1], 1);
     // While it ranges, no chip acknowledges and none pulls the bus down.
@@ -168,7 +168,7 @@ fn a_camera_by_itself_sends_30_rows_a_second_and_its_faults_others() {
         while scan.read(&mut [0; 2_000]).is_ok() && bench.now().as_millis() < 10_080 {}
         let after = rows(&bench, &mut scan);
         assert!(holds(&after), "{fault}: {after:?}");
-        // Five seconds from the collapse on nothing comes.
+        // After the collapse no bytes arrive for five seconds.
         if fault == "battery" {
             bench.sleep(Duration::from_secs(5));
             while scan.read(&mut [0; 2_000]).is_ok() {}

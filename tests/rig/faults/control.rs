@@ -1,4 +1,4 @@
-//! The result of a request, without any socket.
+//! The result of a request, without a socket.
 
 use hilrig::realtime::control::obey;
 use hilrig::run::Run;
@@ -41,8 +41,8 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     assert_eq!(run.faults().count(), 0);
 }
 
-/// A person walks at 0.5 m/s into the robot that stands, 0.31 m centre to centre on contact, 0.59 m
-/// from the start of the walk. Both speeds are reported, and the contact is not the robot's fault.
+/// A person walks at 0.5 m/s into a standing robot: 0.31 m centre to centre on contact, 0.59 m from
+/// the start of the walk. Both speeds are reported, and the contact is not the robot's fault.
 #[test]
 fn who_ran_into_whom_is_told() {
     let person = "[[world.moving]]\npath_m = [[0.6, 1.2], [1.3, 1.2]]\nspeed_m_s = 0.5\n\

@@ -23,7 +23,7 @@ type Stream = Vec<(Instant, Vec<u8>)>;
 /// Bytes sent by all devices.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Seen {
-    /// Lidar, motor, base, radio, pc.
+    /// Links in this order: lidar, motor, base, radio, pc.
     links: [Stream; 5],
     case: Option<Scenario>,
 }
@@ -33,7 +33,7 @@ const BASE: usize = 2;
 const RADIO: usize = 3;
 
 impl Seen {
-    /// The bytes that came on `link` from `from` until `until`, ms.
+    /// The bytes that arrived on `link` from `from` until `until`, ms.
     fn bytes(&self, link: usize, from: u64, until: u64) -> Vec<u8> {
         let window = Instant::from_millis(from)..Instant::from_millis(until);
         let inside = self.links[link]
@@ -126,7 +126,7 @@ fn observe(scenario: Scenario) -> Seen {
             let pause = Instant::from_millis(100 * tenth) + Duration::from_millis(10);
             run.go_on_until(run.rig.now().max(pause) + Duration::from_millis(10));
         }
-        // The module takes bytes without a pause of a second for one command.
+        // The module treats bytes without a pause of a second as one command.
         if tenth % 15 == 0 {
             run.rig.inject(radio, b"AT");
         }
@@ -162,7 +162,8 @@ fn fault(kind: FaultKind, keys: &str, when: &str) -> Seen {
 /// Keys besides device and time, and the condition on the bytes with and without the fault.
 type Row = (&'static str, fn(&Seen, &Seen));
 
-/// A kind without a row does not compile; `None`: it acts on lines, see `kinds`.
+/// The row of a kind; a kind without a row does not compile. `None`: the kind acts on lines, see
+/// `kinds`.
 fn row(kind: FaultKind) -> Option<Row> {
     use FaultKind as K;
     Some(match kind {
@@ -183,7 +184,7 @@ fn row(kind: FaultKind) -> Option<Row> {
     })
 }
 
-/// No bytes except those in flight. Afterwards the lidar boots and repeats its text.
+/// Only bytes in flight arrive. Afterwards the lidar boots and repeats its text.
 fn the_lidar_is_silent(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.bytes(LIDAR, 0, 4_000), plain.bytes(LIDAR, 0, 4_000));
     assert!(plain.bytes(LIDAR, 4_010, 6_000).len() > 10_000);
@@ -204,7 +205,7 @@ fn all_are_silent(seen: &Seen, plain: &Seen) {
         assert!(seen.is_silent(link, 4_100, 6_000));
         assert!(!seen.is_silent(link, 7_000, 10_000));
     }
-    // A base that restarts has counted nothing.
+    // After a restart, the base starts to count at 0.
     assert!(seen.left_count(7_000) < plain.left_count(7_000) / 2);
 }
 
@@ -224,14 +225,14 @@ fn the_lidar_says_hello_once_more(seen: &Seen, plain: &Seen) {
     assert!(!greets(&seen.bytes(LIDAR, 5_000, 10_000)));
 }
 
-/// The head runs down; then the sensor measures nothing any more.
+/// The head runs down; then the sensor measures nothing.
 fn the_head_stands_still(seen: &Seen, plain: &Seen) {
     let ranges = |seen: &Seen| ranges(&seen.packets(5_000, 6_000).0).len();
     assert!(ranges(plain) > 1_000);
     assert_eq!(ranges(seen), 0);
 }
 
-/// 22 bytes a packet, each with one byte that is wrong.
+/// Each packet of 22 bytes has one wrong byte.
 fn no_packet_is_whole(seen: &Seen, plain: &Seen) {
     let ((frames, _), (sound, _)) = (seen.packets(4_010, 6_000), plain.packets(4_010, 6_000));
     assert!(frames.is_empty(), "{}", frames.len());
@@ -252,7 +253,7 @@ fn ranges(frames: &[Frame]) -> Vec<u16> {
     readings.filter_map(range).collect()
 }
 
-/// Halves may be rounded up or down.
+/// Half millimetres may be rounded up or down.
 fn distances_are_half_as_long_again(seen: &Seen, plain: &Seen) {
     let [wrong, right] = [seen, plain].map(|seen| ranges(&seen.packets(4_100, 5_900).0));
     assert!(right.len() > 1_000);
@@ -317,8 +318,7 @@ fn check(kind: FaultKind, plain: &Seen) {
     assert_eq!(again.links, seen.links, "{} again", kind.name());
 }
 
-/// At stake: that a fault of one device is a fault of that device only, comes when it should, and
-/// is over when it should be.
+/// A fault of one device acts only on that device, and only in its time window.
 #[test]
 fn each_fault_of_a_device_is_seen_in_what_it_sends_and_in_nothing_else() {
     let plain = with("");

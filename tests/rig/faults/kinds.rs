@@ -11,13 +11,13 @@ use super::wire::{SENT, Seen, one, run, run_each};
 struct Row {
     /// Keys of a fault that strikes.
     keys: &'static str,
-    /// Longest piece of the bytes put in.
+    /// Maximum length of the pieces that are sent.
     piece: usize,
     sees: Sees,
 }
 
 enum Sees {
-    /// This arrives, written down by hand.
+    /// The bytes that arrive, written by hand.
     Text(&'static str),
     /// This condition holds for the received bytes with and without the fault.
     That(fn(&Seen, &Seen)),
@@ -25,12 +25,12 @@ enum Sees {
 
 /// Bytes leave at 0, 1, 2 .. and arrive one byte time later; the fourth is byte 3.
 const PLAIN: &str = "1:00 2:0d 3:11 4:13 5:81 6:05 7:06 8:07 9:08 10:09";
-/// Bytes 3 and 4 leave in it, and bytes 2 and 3 arrive in it.
+/// Bytes 3 and 4 are sent in this window, and bytes 2 and 3 arrive in it.
 const SHORT: &str = "from = \"10300us\"\nuntil = \"10500us\"";
-/// Bytes 3 to 6 arrive in it; byte 2 as it begins.
+/// Bytes 3 to 6 arrive in this window; byte 2 arrives at its begin.
 const LONG: &str = "from = \"10300us\"\nuntil = \"10800us\"";
 
-/// Keys that keep a fault from ever striking.
+/// Keys with which a fault never strikes.
 fn never(kind: FaultKind, keys: &str) -> String {
     if kind.is_strike() {
         let needed: Vec<&str> = keys.lines().filter(|key| key.starts_with("by ")).collect();
@@ -55,7 +55,8 @@ fn that(keys: &'static str, sees: fn(&Seen, &Seen)) -> Row {
     Row { keys, piece, sees }
 }
 
-/// A kind without a row does not compile; `None`: it acts on devices, see `devices`.
+/// The row of a kind; a kind without a row does not compile. `None`: the kind acts on devices, see
+/// `devices`.
 fn row(kind: FaultKind) -> Option<Row> {
     use FaultKind as K;
     Some(match kind {
@@ -127,7 +128,7 @@ fn bytes(kind: FaultKind) -> Row {
 fn timing(kind: FaultKind) -> Row {
     use FaultKind as K;
     match kind {
-        // Bytes 3 to 6 come meanwhile, and there is room for two.
+        // Bytes 3 to 6 arrive in this time, and there is room for two.
         K::Overrun => text(
             "fifo = 2\nfrom = \"10300us\"\nuntil = \"10800us\"",
             "1:00 2:0d 3:11 8:13 8:81 8:!overrun 8:!overrun 8:07 9:08 10:09",
@@ -195,8 +196,8 @@ fn times(seen: &Seen) -> Vec<f64> {
     parts.map(|part| time(part).expect("a number")).collect()
 }
 
-/// All bytes arrive, in order, none early, none later than 20 byte times. Some arrive together,
-/// because one before them was late.
+/// All bytes arrive, in order, none early, none more than 20 byte times late. Some arrive together,
+/// because a byte before them was late.
 fn late_by_chance(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.got, plain.got);
     let times = times(seen);
@@ -210,8 +211,8 @@ fn late_by_chance(seen: &Seen, plain: &Seen) {
     assert!(times.windows(2).any(|pair| pair[0] == pair[1]), "{times:?}");
 }
 
-/// The case has the times at which the line was clogged. A byte from such a time arrives at its
-/// end.
+/// The case contains the times at which the line was clogged. A byte from such a time arrives at
+/// the end of that time.
 fn held_back_in_the_spells_of_the_case(seen: &Seen, plain: &Seen) {
     assert_eq!(seen.got, plain.got);
     let spells: Vec<[f64; 2]> = seen.case.fault.iter().map(spell).collect();
@@ -251,7 +252,7 @@ fn check(kind: FaultKind) {
         Sees::Text(text) => assert_eq!(seen.line(0), text, "{}", kind.name()),
         Sees::That(holds) => holds(&seen, &plain),
     }
-    // A pulled plug takes the other direction, too, until a client opens the port again.
+    // A pulled plug also affects the other direction, until a client opens the port again.
     if ![FaultKind::Echo, FaultKind::Unplugged].contains(&kind) {
         assert_eq!(seen.others(0), plain.others(0), "{}", kind.name());
     }
@@ -269,16 +270,16 @@ fn assert_again(seen: &Seen, piece: usize) {
     assert_eq!(again.case.fault, seen.case.fault);
 }
 
-/// At stake: a fault does what its name says, and nothing else. Each kind of fault shows at its
-/// target and as often as it should. A fault that never strikes leaves the wire unchanged. A second
-/// run gives the same bytes, and so does the saved case; three other lines carry their usual bytes.
+/// A fault does what its name says, and nothing else. Each kind of fault is visible at its target,
+/// as often as it should be. A fault that never strikes leaves the wire unchanged. A second run
+/// gives the same bytes, and so does the saved case; three other lines carry their usual bytes.
 #[test]
 fn each_kind_of_fault_is_seen_where_it_strikes_and_nowhere_else() {
     FaultKind::ALL.iter().copied().for_each(check);
 }
 
-/// The same by chance: the bytes that the case names are those that differ, and a fifth of 1000 is
-/// 200, more or less four standard deviations (of 12.6).
+/// With random damage, the bytes that the case names are those that differ. A fifth of 1000 is 200,
+/// with a tolerance of four standard deviations (of 12.6).
 #[test]
 fn random_flips_are_where_the_case_says_they_were() {
     let sent: Vec<u8> = (0..1000_u32)

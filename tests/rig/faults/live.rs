@@ -1,4 +1,4 @@
-//! Faults added to, and taken from, a run that continues.
+//! Faults added to, and removed from, a running run.
 
 use core::time::Duration;
 use std::path::Path;
@@ -50,8 +50,8 @@ fn a_fault_added_to_a_running_rig_acts_from_now_on_until_withdrawn() {
     assert_eq!(window.until, Instant::from_nanos(13_000_000_001));
 }
 
-/// Faults added by a person leave a case that needs no person: the same bytes and the same faults,
-/// in virtual time.
+/// Faults added by a person leave a case that needs no person: it gives the same bytes and the same
+/// faults, in virtual time.
 #[test]
 fn a_case_with_faults_added_by_hand_runs_again_as_it_ran() {
     let mut run = start(in_a_room("20s", DRIVES));

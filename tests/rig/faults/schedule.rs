@@ -15,8 +15,8 @@ fn lost(keys: &str) -> String {
     run(one("cut", keys), &SENT, 1).line(0)
 }
 
-/// Byte 3 leaves at 10.3 ms; bytes that leave within 200 us from then are lost. The saved case has
-/// that time and waits for no byte.
+/// Byte 3 is sent at 10.3 ms; bytes sent in the 200 us from then on are lost. The saved case
+/// contains that time and waits for no byte.
 #[test]
 fn a_fault_begins_with_the_byte_that_it_waits_for() {
     let seen = run(one("cut", "at_byte = 3\nlasting = \"200us\""), &SENT, 1);
@@ -30,8 +30,8 @@ fn a_fault_begins_with_the_byte_that_it_waits_for() {
     assert_eq!(window.until, Instant::from_micros(10_500));
 }
 
-/// Bytes 0 and 3 leave while the line is cut for the first and the second time. A count of two is
-/// over then; without one byte 6 and 9 are lost too.
+/// Bytes 0 and 3 are sent during the first and the second cut of the line. With a count of two, the
+/// fault is then over; without one, bytes 6 and 9 are lost too.
 #[test]
 fn spells_come_as_often_as_they_should() {
     let spells = "from = \"10ms\"\nevery = \"300us\"\nlasting = \"100us\"\n";
@@ -54,8 +54,8 @@ fn on_both(budget: &str) -> [Vec<u8>; 2] {
 }
 
 /// Two lines that would lose all bytes lose three together: the first of both, and the second of
-/// the first line. With `at_once = 1` all of
-/// that is one moment, which allows one strike.
+/// the first line. With `at_once = 1`, all of this happens within one window, which allows one
+/// strike.
 #[test]
 fn a_budget_bounds_the_damage_of_all_lines_together() {
     let [a, b] = on_both("total = 3");
@@ -91,8 +91,8 @@ const PHASES: &str = "[phases]\nwarm_up = \"8s\"\nadversity = \"3s\"\nrecovery =
                       judgement = \"2s\"\n";
 const CUT: &str = "[[fault]]\nkind = \"cut\"\nlink = \"base\"\ndirection = \"to-master\"\n";
 
-/// The bus is cut in the adversity, the default time of a fault. The robot is at work again in the
-/// judgement.
+/// The bus is cut in the adversity, the default time of a fault. In the judgement the robot works
+/// again.
 #[test]
 fn a_robot_that_recovers_is_at_work_in_the_judgement() {
     let outcome = run_to_end(in_a_room("20s", &format!("{DRIVES}{PHASES}{CUT}")));
@@ -137,9 +137,9 @@ fn begins(when: &str) -> (Run, Instant) {
     (run, window.from)
 }
 
-/// Register 46 is the set-point of the left wheel, and the robot stands for the first seconds. Two
-/// runs are equal until then. The one without the fault shows when the wheel first moved: the
-/// condition is checked every 10 ms.
+/// Register 46 is the set-point of the left wheel, and the robot stands still for the first
+/// seconds. Until then, two runs are equal. The run without the fault shows when the wheel first
+/// moved: the condition is checked every 10 ms.
 #[test]
 fn a_fault_begins_when_a_register_says_so() {
     let (_, began) = begins("device = \"base\", register = 46, at_least = 1");

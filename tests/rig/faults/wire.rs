@@ -17,7 +17,8 @@ use crate::in_a_room;
 
 /// A byte takes 100 us.
 pub(super) const LINE: LineConfig = LineConfig::new_8n1(100_000);
-/// Bytes that each line gets at 10 ms, the second line with 20 hex added to each byte, and so on.
+/// Bytes that each line gets at 10 ms. The second line gets them with 20 hex added to each byte,
+/// and so on.
 pub(super) const SENT: [u8; 10] = [0x00, 0x0D, 0x11, 0x13, 0x81, 5, 6, 7, 8, 9];
 
 /// Content of the four lines: `a` to its master and to its device, then `b`.
@@ -86,7 +87,7 @@ pub(super) fn one(kind: &str, keys: &str) -> Scenario {
     ))
 }
 
-/// Runs `scenario` on the bench; each line is given `sent`, in pieces of at most `piece` bytes.
+/// Runs `scenario` on the bench; each line gets `sent`, in pieces of at most `piece` bytes.
 pub(super) fn run(scenario: Scenario, sent: &[u8], piece: usize) -> Seen {
     let sent = [0, 0x20, 0x40, 0x60].map(|offset| sent.iter().map(|byte| byte + offset).collect());
     run_each(scenario, sent, piece)
@@ -114,7 +115,7 @@ fn bench(piece: usize) -> (Rig, [usize; 4]) {
     (rig, nodes)
 }
 
-/// The same with bytes of its own for each line.
+/// As [`run`], with separate bytes for each line.
 pub(super) fn run_each(scenario: Scenario, sent: [Vec<u8>; 4], piece: usize) -> Seen {
     let (mut rig, nodes) = bench(piece);
     rig.budget = scenario.budget.unwrap_or_default().into();

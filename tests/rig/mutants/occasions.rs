@@ -24,7 +24,7 @@ pub(super) fn count_of_126() -> String {
     way() + &strike("burst", "byte = 2\nlen = 1\nvalue = 0x74")
 }
 
-/// These bytes, in place of byte `at` of the original sender.
+/// Replaces bytes of the original sender, from byte `at` on, by these bytes.
 fn says(link: &str, at: u32, bytes: &[u8]) -> String {
     let insert = |value| format!("kind = \"insert\"\nbyte = {at}\nvalue = {value}");
     let each = bytes
@@ -52,7 +52,7 @@ const fn waypoint(place: u8, id: u8, previous: [u8; 2]) -> [u8; 9] {
 
 const NOBODY: [u8; 2] = [0xFF, 0xFF];
 
-/// A list that announces 50 waypoints and holds one.
+/// A list that announces 50 waypoints and contains one.
 pub(super) fn list_that_lies() -> String {
     let list = [&[50, 0][..], &waypoint(9, 0, NOBODY)].concat();
     by_hand() + &pc_says(b"LWP", &list)
@@ -75,7 +75,8 @@ pub(super) fn two_behind_one() -> String {
     by_hand() + &pc_says(b"LWP", &list)
 }
 
-/// In front of the second answer to a read of the wheels: the first has 15 bytes, the battery's 8.
+/// Position before the second answer to a read of the wheels: the first answer has 15 bytes, the
+/// battery's has 8.
 const SECOND_ANSWER: u32 = 23;
 
 /// Two bytes instead of ten; the rest of the buffer has the battery's bytes.
@@ -120,7 +121,7 @@ pub(super) fn no_lidar() -> String {
     way() + &fault("lidar", "to-master", "kind = \"cut\"\nfrom = \"4s\"")
 }
 
-/// A lidar that sees nothing from the beginning.
+/// A lidar that is blind from the beginning.
 const DARK: &str = "[device.lidar.xv11]\nfaults = [\"dark\"]\n";
 
 pub(super) fn dark_exploration() -> String {
@@ -153,12 +154,12 @@ pub(super) fn by_hand() -> String {
     hand([10, -10])
 }
 
-/// The PC is gone a second after its order.
+/// The PC disconnects a second after its order.
 pub(super) fn hand_gone() -> String {
     hand([10, -10]) + "[[mission.step]]\nat = \"5s\"\ndo = \"disconnect\"\n"
 }
 
-/// In front of the PC's first frame.
+/// A stray byte before the PC's first frame.
 pub(super) fn stray_p() -> String {
     way()
         + &fault(
@@ -195,7 +196,7 @@ pub(super) fn list_of_20() -> String {
     list(20, [1.5, 2.2])
 }
 
-/// While it drives to the third waypoint the robot gets a list of one.
+/// While the robot drives to the third waypoint, it gets a list with one waypoint.
 pub(super) fn shorter_list() -> String {
     "[mission]\nto_the_end = true\nwaypoints_m = [[1.5, 1.25], [1.5, 1.3], [1.5, 2.2]]\n\
      [[mission.step]]\nat = \"6s\"\ndo = { waypoints-m = [[0.9, 0.9]] }\n"
@@ -206,7 +207,7 @@ pub(super) fn empty_list() -> String {
     way() + "[[mission.step]]\nat = \"4s\"\ndo = { waypoints-m = [] }\n"
 }
 
-/// The link is switched off on the display before a list of 30 comes, and on again after it.
+/// The link is switched off on the display before a list of 30 arrives, and on again afterwards.
 pub(super) fn list_while_off() -> String {
     let places = ["[1.5, 2.2]"; 30].join(", ");
     format!(
@@ -221,21 +222,22 @@ pub(super) fn stop() -> String {
     way() + "[[mission.step]]\nat = \"6s\"\ndo = { mode = \"stop\" }\n"
 }
 
-/// The hand turns the robot from 90 to some -10 degrees, psi -170; the place lies at psi 170.
+/// Manual driving turns the robot from 90 to some -10 degrees, psi -170; the position lies at psi
+/// 170.
 pub(super) fn past_the_seam() -> String {
     hand([10, -10]).replace("\"4s\"", "\"600ms\"")
         + "[[mission.step]]\nat = \"3500ms\"\ndo = { waypoints-m = [[2.4, 1.36]] }\n\
            [[mission.step]]\nat = \"3550ms\"\ndo = { mode = \"waypoint\" }\n"
 }
 
-/// Two turns and a third to the right, then a place straight ahead of where the robot looked first.
+/// Two turns and a third to the right, then a position straight ahead of the robot's first heading.
 pub(super) fn two_turns() -> String {
     hand([20, -20]).replace("\"4s\"", "\"600ms\"")
         + "[[mission.step]]\nat = \"9900ms\"\ndo = { waypoints-m = [[1.5, 2.2]] }\n\
            [[mission.step]]\nat = \"9950ms\"\ndo = { mode = \"waypoint\" }\n"
 }
 
-/// Switched off on the display while the robot is driven by hand, then on again.
+/// Mapping is switched off on the display while the robot is driven manually, then on again.
 pub(super) fn mapping_off() -> String {
     hand([15, 15])
         + "[[mission.step]]\nat = \"7s\"\ndo = { mode = \"stop\" }\n\

@@ -49,7 +49,7 @@ pub(super) fn battery_is_empty(run: &Run) -> bool {
         .is_some_and(|battery| battery.percent == 0)
 }
 
-/// 226 mm/s are reported as 2.
+/// A speed of 226 mm/s is reported as 2.
 pub(super) fn speed_is_told_in_tenths(run: &Run) -> bool {
     let (_, state) = pc(run).record().state.expect("five a second");
     state.speed.iter().any(|ticks| *ticks > 8) && state.speed_mm_s.iter().all(|speed| *speed < 10)
@@ -66,7 +66,7 @@ pub(super) fn draws_beyond_the_walls(run: &Run) -> bool {
     (0..600).any(|at| cell(at) != Some(127))
 }
 
-/// A packet of four is lost, and where packet 0 ends a turn, one turn of four: of 36 in 8 s.
+/// One packet of four is lost. If packet 0 ends a turn, one turn of four is lost: of 36 in 8 s.
 pub(super) fn turns_are_lost(run: &Run) -> bool {
     counter(run, "lidar turns") < 33
 }
@@ -76,7 +76,7 @@ pub(super) fn pc_hears_nothing(run: &Run) -> bool {
     (run.rig.now() - at).as_secs() >= 2
 }
 
-/// Seven candidates are bad as the PC connects in the middle of a frame.
+/// Seven candidates for a frame are bad, because the PC connects in the middle of a frame.
 pub(super) fn pc_hears_noise(run: &Run) -> bool {
     pc(run).record().counts.bad_frames > 50 || pc(run).record().text_bytes() > 2_000
 }
@@ -95,7 +95,7 @@ fn cells_above(run: &Run, value: u8) -> usize {
     cells.iter().filter(|&&cell| cell > value).count()
 }
 
-/// The first scans are of a robot at rest: some four, of weight 10, in sum 147.
+/// The first scans are those of a robot at rest: about four, with weight 10, together 147.
 pub(super) fn only_what_it_saw_at_rest(run: &Run) -> bool {
     cells_above(run, 165) == 0
 }
@@ -144,7 +144,7 @@ pub(super) fn no_waypoints(run: &Run) -> bool {
     program(run).waypoints().is_empty()
 }
 
-/// The stored bytes are no whole frame.
+/// The stored bytes are not a complete frame.
 pub(super) fn half_a_list(run: &Run) -> bool {
     counter(run, "radio bad frames") > 0
 }

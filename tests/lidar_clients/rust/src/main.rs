@@ -14,10 +14,10 @@ use rplidar_drv::{Channel, RplidarDevice, RplidarHostProtocol, ScanOptions, Scan
 use serialport::{ClearBuffer, SerialPort};
 
 type Lidar = RplidarDevice<dyn SerialPort>;
-/// Errors of the driver that are no `std` errors become text.
+/// Result of the client. Errors of the driver that are not `std` errors become text.
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
-/// Damaged packets in a row that a patient client reads past.
+/// Maximum number of consecutive damaged packets that a patient client skips.
 const ERRORS_IN_A_ROW_MAX: u32 = 10;
 
 fn main() -> Outcome<()> {
