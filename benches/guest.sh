@@ -13,7 +13,7 @@ python=${PYTHON:-python3}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
-cp "$here"/tests/exec/programs/* .
+cp -r "$here"/tests/exec/programs/* .
 sed -i 's/^duration.*/duration = "20s"/' sonar.toml
 cc -O1 -o stops stops.c
 sed 's/t.tv_sec < 1002/1/' poll.c > endless.c
