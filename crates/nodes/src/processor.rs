@@ -95,25 +95,40 @@ fn only(cpu: usize) -> CpuSet {
     set
 }
 
-/// Moves a program and its children, because a shell may be the parent. Processes that have ended
-/// are ignored.
+/// Moves all threads of a program and of its children, because a shell may be the parent and the
+/// program may answer in another thread than its first. Processes that have ended are ignored.
 fn move_all(program: Option<Pid>, to: &CpuSet) {
     let mut family: Vec<Pid> = program.into_iter().collect();
     let mut next = 0;
     while let Some(&pid) = family.get(next) {
         next += 1;
-        let _ = sched_setaffinity(Some(pid), to);
-        let number = pid.as_raw_nonzero();
-        let children = fs::read_to_string(format!("/proc/{number}/task/{number}/children"));
-        let children = children.unwrap_or_default();
-        let children = children.split_whitespace();
-        let children = children.filter_map(|child| child.parse().ok().and_then(Pid::from_raw));
-        family.extend(children.take(FAMILY_MAX.saturating_sub(family.len())));
+        for thread in threads(pid) {
+            let _ = sched_setaffinity(Some(thread), to);
+            let (process, thread) = (pid.as_raw_nonzero(), thread.as_raw_nonzero());
+            let children = fs::read_to_string(format!("/proc/{process}/task/{thread}/children"));
+            let children = children.unwrap_or_default();
+            let children = children.split_whitespace().filter_map(number);
+            family.extend(children.take(FAMILY_MAX.saturating_sub(family.len())));
+        }
     }
+}
+
+/// Threads of a process.
+fn threads(process: Pid) -> Vec<Pid> {
+    let tasks = fs::read_dir(format!("/proc/{}/task", process.as_raw_nonzero()));
+    let names = tasks.into_iter().flatten().flatten();
+    names
+        .filter_map(|task| number(task.file_name().to_str()?))
+        .collect()
+}
+
+fn number(word: &str) -> Option<Pid> {
+    word.parse().ok().and_then(Pid::from_raw)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::io::{BufRead as _, BufReader};
     use std::process::{Child, Command, Stdio};
 
     use super::*;
@@ -129,6 +144,30 @@ mod tests {
         let child = shell.spawn().expect("a shell");
         let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
         (child, pid.expect("a number"))
+    }
+
+    /// A thread other than the program's first moves as well: QEMU computes in one.
+    #[test]
+    fn all_threads_of_a_program_move() {
+        if allowed(None) < 2 {
+            return;
+        }
+        let mut shell = Command::new("python3");
+        let waits = "import sys, threading; t = threading.Thread(target=sys.stdin.read); t.start(); \
+                     print(t.native_id, flush=True)";
+        shell.args(["-c", waits]);
+        shell.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let mut child = shell.spawn().expect("Python");
+        let mut line = String::new();
+        let output = child.stdout.take().expect("a pipe");
+        BufReader::new(output).read_line(&mut line).expect("a line");
+        let thread = number(line.trim());
+        let kept = SameProcessor::keep(number(&child.id().to_string())).expect("two processors");
+        assert_eq!(allowed(thread), 1);
+        drop(kept);
+        assert_eq!(allowed(thread), allowed(None));
+        drop(child.stdin.take());
+        assert!(child.wait().expect("it ends").success());
     }
 
     /// A thread shares one processor with its programs while one of them is bound. Before and
