@@ -148,6 +148,16 @@ static void step(avr_cycle_count_t end) {
         crashed();
 }
 
+/* Steps between two looks at the wire: some 50 ms of computing. */
+#define STEPS_UNSEEN (1 << 20)
+
+/* Ends the program if the rig is gone: an exchange may ask for hours. */
+static void look_at_wire(void) {
+    static uint32_t steps;
+    if (++steps % STEPS_UNSEEN == 0 && wire_is_gone())
+        exit(0);
+}
+
 void run_until(uint64_t ns, uint64_t now_ns) {
     avr_t *avr = chip.avr;
     avr_cycle_count_t end = cycles_of(ns);
@@ -158,6 +168,7 @@ void run_until(uint64_t ns, uint64_t now_ns) {
         }
         if (held_by_gdb())
             continue;
+        look_at_wire();
         avr_cycle_count_t deadline = bus_deadline();
         avr_cycle_count_t stop = deadline < end ? deadline : end;
         step(stop);
