@@ -273,7 +273,7 @@ impl CarBoard {
         self.changed_at = Some(now);
     }
 
-    /// As after power-up: the motor stands, the counts are 0.
+    /// Sets the state after power-up: the motor stands, the counts are 0.
     fn reset(&mut self, now: Instant) {
         self.faults.is_off = false;
         self.frames.clear();

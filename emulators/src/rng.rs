@@ -178,7 +178,8 @@ mod tests {
         assert!((variance - 1.0).abs() < 0.035, "{variance}");
     }
 
-    /// The same for the sum of four uniform numbers, all within 3.47; it uses one word.
+    /// Checks mean and variance of the sum of four uniform numbers, all within 3.47. The sum uses
+    /// one word.
     #[test]
     fn the_quick_bell_has_mean_zero_and_variance_one() {
         let mut rng = Rng::stream(3, "bell");

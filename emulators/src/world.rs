@@ -198,7 +198,8 @@ impl World {
         self.scene.cast_ray(self.now, from, angle, max_range)
     }
 
-    /// The same with the obstacles where they are at `at`: for a beam measured a little earlier.
+    /// As [`cast_ray`](Self::cast_ray), with the obstacles at their positions at the time `at`: for
+    /// a beam measured a little earlier.
     pub fn cast_ray_at(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
         self.scene.cast_ray(at, from, angle, max_range)
     }
@@ -305,7 +306,8 @@ impl World {
         self.clearance_up_to(REACH_M)
     }
 
-    /// The same, limited to `limit_m`: a smaller limit needs fewer surfaces.
+    /// As [`clearance`](Self::clearance), limited to `limit_m`: a smaller limit needs fewer
+    /// surfaces.
     pub fn clearance_up_to(&self, limit_m: f64) -> f64 {
         let limit_m = limit_m.min(REACH_M);
         self.bumper

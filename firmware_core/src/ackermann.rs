@@ -121,8 +121,8 @@ impl CarGeometry {
         arc(path_m, turn_rad)
     }
 
-    /// The same for the middle of the front axle, which has moved `path_m`: it rolls along the
-    /// steered wheels.
+    /// As [`rear_arc`](Self::rear_arc), for the middle of the front axle, which has moved `path_m`:
+    /// it rolls along the steered wheels.
     pub fn front_arc(&self, steering_rad: f64, path_m: f64) -> Motion {
         let (sin, cos) = libm::sincos(steering_rad);
         let turn_rad = path_m * sin / self.wheelbase_m;

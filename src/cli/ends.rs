@@ -31,7 +31,7 @@ impl EndArgs {
         !self.device_at.is_empty() || !self.dut_at.is_empty()
     }
 
-    /// The same options as text, each after a blank.
+    /// The given options as text, each after a blank.
     pub(super) fn repeat(&self) -> String {
         let option = |name: &str, ports: &[NamedPort]| {
             let words = ports.iter().map(|port| {

@@ -211,12 +211,12 @@ impl ExecArgs {
         self.how.schedule.is_some()
     }
 
-    /// The price of computing.
+    /// The scale of `--cpu`.
     pub(super) const fn cpu(&self) -> Option<Cpu> {
         self.how.cpu
     }
 
-    /// Rejects a price of computing where no case is saved that could repeat it.
+    /// Rejects `--cpu` for a command that saves no case to repeat the measured times.
     pub(super) fn refuse_cpu(&self, command: &str) -> Result<(), CliError> {
         self.how.refuse_cpu(command)
     }
@@ -226,7 +226,7 @@ impl ExecArgs {
         self.how.is_virtual
     }
 
-    /// The same options as text, each after a blank.
+    /// The given options as text, each after a blank.
     pub(super) fn repeat(&self) -> String {
         let Some(command) = &self.exec else {
             return String::new();
@@ -236,7 +236,7 @@ impl ExecArgs {
 }
 
 impl ManyExecArgs {
-    /// The same as for one program.
+    /// Rejects `--cpu` for these programs, as for one program.
     pub(super) fn refuse_cpu(&self, command: &str) -> Result<(), CliError> {
         self.how.refuse_cpu(command)
     }

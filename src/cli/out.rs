@@ -147,7 +147,7 @@ macro_rules! print {
     ($($text:tt)*) => { $crate::cli::out::write(format_args!($($text)*)) };
 }
 
-/// The same with a line end.
+/// As `print`, with a line end.
 macro_rules! println {
     () => { $crate::cli::out::write(format_args!("\n")) };
     ($($text:tt)*) => {

@@ -51,7 +51,7 @@ fn a_report_opens_from_disk_without_a_network() {
     assert_eq!(browser.value(failed), first.expect("too short a run").name);
 
     let time = "Number(document.getElementById('time').value)";
-    // It opens at the first failed check: the fault acts from 2 s to 3 s.
+    // The report opens at the first failed check: the fault acts from 2 s to 3 s.
     let failed = browser.value(time).as_f64().expect("a time");
     assert!((2.0..=3.5).contains(&failed), "{failed}");
     let event = "Number(document.querySelector('#events .jump').dataset.at)";

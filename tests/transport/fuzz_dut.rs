@@ -264,7 +264,7 @@ fn an_interrupted_search_ends_its_program() {
         "--out",
         out_text,
     ];
-    // It shows its progress only on a terminal.
+    // The command shows its progress only on a terminal.
     let dir = PortDir::open(&fresh_path("fuzz-screen")).expect("a fresh directory");
     let mut screen = Pty::open(&dir, "screen", LINE).expect("a free name");
     let terminal = File::options().write(true).open(screen.path());

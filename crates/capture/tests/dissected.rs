@@ -15,7 +15,7 @@ use protocols::{Decode as _, Instant};
 
 /// Number of frames per description, unless the variable `HILRIG_FRAMES` is set.
 const FRAMES: usize = 100;
-/// The same for the whole suite, `HILRIG_TESTS=all`.
+/// Number of frames per description for the whole suite, `HILRIG_TESTS=all`.
 const FRAMES_ALL: usize = 10_000;
 /// Separates several values of a packet; no example contains it.
 const AGGREGATOR: char = '~';
@@ -251,7 +251,7 @@ fn differences(name: &str, text: &str) -> Option<Vec<String>> {
     Some(wrong.collect())
 }
 
-/// The same for the frames of one end: a row of cells per packet, and the decoded frames.
+/// Differences of the frames of one end: a row of cells per packet, and the decoded frames.
 fn of_one_end(of: &Description, rows: &[&[String]], told: &[&Told]) -> Vec<String> {
     let mut wrong = Vec::new();
     let cells = |column: usize| -> Vec<&str> {

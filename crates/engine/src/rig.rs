@@ -92,7 +92,7 @@ pub struct Rig {
     /// Time until which broken rules do not count.
     excused_until: Instant,
     excused: u64,
-    /// Those of the excused violations that devices count by themselves.
+    /// Number of excused violations that devices count by themselves.
     excused_counts: u64,
     /// Limits of random faults.
     pub budget: Budget,

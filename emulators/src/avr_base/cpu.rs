@@ -24,8 +24,8 @@ use super::ticks::{TICK, Ticks};
 
 /// One received byte. Measured.
 const RECEIVE: u64 = 6_400;
-/// The transmit interrupt before its byte is in the line's register, and after. Derived: 20
-/// requests without a gap get three or four answers.
+/// Duration of the transmit interrupt until its byte is in the line's register, and after that.
+/// Derived: 20 requests without a gap get three or four answers.
 const TRANSMIT: [u64; 2] = [3_000, 3_600];
 /// The line takes this long for a byte. Measured: replies have a pitch of 10.0 to 10.2 us.
 const BYTE: u64 = 10_000;

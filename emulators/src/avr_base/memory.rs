@@ -33,7 +33,7 @@ const REPLY: usize = 59;
 const BUFFER: u16 = 65;
 /// Address of the register map in the processor's memory, build b77a6df.
 pub(super) const MAP_2015: u16 = 0x02AC;
-/// The same of build 5f54f4d.
+/// Address of the register map in the processor's memory, build 5f54f4d.
 pub(super) const MAP_2014: u16 = 0x02AD;
 /// The processor's memory behind its registers.
 const RAM: core::ops::Range<u16> = 0x0200..0x2200;
@@ -202,7 +202,7 @@ impl Memory {
         }
     }
 
-    /// The same for the battery's high byte and percent, where the fielded builds have them.
+    /// Refills the battery's high byte and percent, at their registers in the fielded builds.
     pub(super) fn refill_battery(&mut self) {
         self.set(registers::BATTERY_MV, self.battery_mv.to_le_bytes()[1]);
         self.set(registers::BATTERY_PERCENT, self.percent);

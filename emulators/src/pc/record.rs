@@ -257,7 +257,7 @@ mod tests {
 
     /// Cells of 10 mm, 30 mm x 20 mm of them in one layer, the robot at (0, 0): 3 x 2 cells.
     const MAP: [u8; 13] = [10, 30, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];
-    /// The same without any cell.
+    /// A map of the same format without any cell.
     const NO_MAP: [u8; 13] = [10, 9, 0, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0];
 
     /// Each kind of message is counted as its kind and reports its news.

@@ -38,7 +38,7 @@ impl Sink {
         self.command_of(value)
     }
 
-    /// The same for a value with a fraction.
+    /// Converts a value with a fraction to a command.
     pub fn command_of(&self, value: f64) -> Command {
         let figure = value * self.scale;
         match self.kind {

@@ -34,7 +34,7 @@ const SPEED_CHANGE: f64 = 0.25;
 const PAUSE_TIME: Duration = Duration::from_secs(2);
 /// Current of a scan at 5 V (LD108).
 const CORE_MA: f64 = 300.0;
-/// The same while the head starts: LD108 says 500 to 600.
+/// Current at 5 V while the head starts: LD108 says 500 to 600.
 const START_MA: f64 = 550.0;
 /// Error codes of the health. Guesses: the vendor does not document any.
 mod error {

@@ -349,7 +349,7 @@ fn a_board_that_restarts_forgets_counts_and_outputs() {
     let mut bench = with_fault("restart", None);
     assert_eq!(bench.board.outputs(), AT_RESET);
     assert!(bench.world.wheel_speed(Wheel::Left) < 0.01);
-    // It runs out with the 150 ms of an open bridge: 4800 * 0.15 counts.
+    // The wheel runs down during the 150 ms of an open bridge: 4800 * 0.15 counts.
     let [left, _] = bench.counters();
     assert!((left - 720).abs() <= 12, "{left}");
     bench.set(forward(7_500, 7_500));

@@ -91,8 +91,8 @@ pub fn strength_sigma(mean: f64) -> f64 {
     0.47 * mean.sqrt()
 }
 
-/// The same of a surface with speckle: the noise of a median point. (A) has 0.50 times the root at
-/// 295, 0.43 at 520 and 0.38 at 900; (B) has 0.60 times the root at 27.
+/// Standard deviation of a strength on a surface with speckle: the noise of a median point. (A) has
+/// 0.50 times the root at 295, 0.43 at 520 and 0.38 at 900; (B) has 0.60 times the root at 27.
 fn strength_sigma_captured(mean: f64) -> f64 {
     (0.44 * mean / (1.0 + mean / 500.0)).sqrt()
 }
@@ -205,8 +205,8 @@ mod tests {
         assert!(other(225.0) < 0.5 * own(225.0));
     }
 
-    /// The same over 32 turns of the 2.4 capture, by the share of turns that change a distance,
-    /// within a third.
+    /// Checks the noise over 32 turns of the 2.4 capture, by the share of turns that change a
+    /// distance, within a third.
     #[test]
     fn f8_the_noise_of_a_captured_sensor_is_that_of_facing_walls() {
         let near = |found: f64, figure: f64| (found / figure - 1.0).abs() < 0.34;

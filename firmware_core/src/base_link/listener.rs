@@ -74,8 +74,8 @@ impl Listener {
         self.state = State::Start;
     }
 
-    /// Takes a byte while a reply of `wanted` bytes is expected; `None`: no reader waits, and its
-    /// former buffer holds other data by now.
+    /// Takes a byte while a reply of `wanted` bytes is expected. `None`: no reader waits, and the
+    /// buffer of the last reader now holds other data.
     pub(super) fn take(&mut self, byte: u8, wanted: Option<u8>, defects: &Defects) {
         self.state = match self.state {
             State::Start if byte == START => State::Register,

@@ -96,7 +96,7 @@ fn the_primitives_are_those_of_the_car() {
             assert!(steering < 10.9, "primitive {index}: {steering}");
         }
     }
-    // Those of the slanted headings that stand twice in the file are tried once.
+    // Primitives of slanted headings that occur twice in the file are tried once.
     let tried: usize = (0..16).map(|angle| car().actions(angle).len()).sum();
     assert_eq!(tried, 68);
 }

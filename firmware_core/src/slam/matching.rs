@@ -191,7 +191,8 @@ fn tally_each<const W: usize, const H: usize>(
 /// Number of points whose cells are computed together.
 const BLOCK: usize = 12;
 
-/// The same in blocks; the compiler turns their multiplications and comparisons into SSE2 code.
+/// As [`tally_each`], in blocks of points. The compiler turns the multiplications and comparisons
+/// of a block into SSE2 code.
 #[inline]
 fn tally_in_blocks<const W: usize, const H: usize>(
     cells: &[[u8; W]; H],

@@ -66,7 +66,8 @@ pub(super) fn sums(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
     }
 }
 
-/// The same for two rows, one above the other, on a map of `W` cells across; both must lie on it.
+/// As [`sums`], for two rows, one above the other, on a map of `W` cells across; both must lie on
+/// the map.
 #[inline(never)]
 pub(super) fn pair<const W: usize>(cells: &[u8], starts: &[u32], offset: usize) -> [Sums; 2] {
     if !WIDE {

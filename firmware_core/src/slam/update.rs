@@ -123,7 +123,7 @@ fn parts(part: u32, whole: u32) -> u32 {
     narrow_parts(part, whole)
 }
 
-/// The same in two divisions of 32 bits, which a Cortex-M4 can do.
+/// Computes the quotient with two divisions of 32 bits, which a Cortex-M4 can do.
 const fn narrow_parts(part: u32, whole: u32) -> u32 {
     let (high, rest) = ((part << 16) / whole, (part << 16) % whole);
     (high << 16) + (rest << 16).div_ceil(whole)

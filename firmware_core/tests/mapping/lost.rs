@@ -44,7 +44,7 @@ fn the_documents_search_finds_a_pushed_robot_within_six_scans() {
     );
 }
 
-/// The same push: the core follows it.
+/// After the same push, the core follows the robot.
 #[test]
 fn the_core_finds_a_pushed_robot_within_two_scans() {
     let mut run = toured(Settings::default());

@@ -49,7 +49,7 @@ fn ye7_fifty_goals_are_reached() {
     fifty_goals(false);
 }
 
-/// The same with motors whose friction only holds them: they do not turn slower than 20 rpm.
+/// Fifty goals with motors whose friction stops slow wheels: they do not turn slower than 20 rpm.
 #[test]
 fn ye7_fifty_goals_are_reached_by_jerky_motors() {
     fifty_goals(true);

@@ -93,8 +93,8 @@ fn ye8_the_fielded_merge_makes_fewer_of_an_octagon() {
     );
 }
 
-/// The same with the whole robot: a lidar of 364 samples a turn with 5 mm of noise, away from the
-/// middle of the room.
+/// The walls found by the whole robot: a lidar of 364 samples a turn with 5 mm of noise, away from
+/// the middle of the room.
 #[test]
 fn ye8_the_robot_finds_the_walls_of_its_room() {
     use protocols::telemetry::message::{LinesRequest, Telecommand};

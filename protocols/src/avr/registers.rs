@@ -86,7 +86,7 @@ pub const LED_MODE: u8 = 49;
 /// Reading of the left thermometer, tenths of a degree Celsius, two bytes. Not in the report; on a
 /// converter channel that the fielded base has free.
 pub const HEAT_LEFT: u8 = 13;
-/// The same on the right.
+/// Reading of the right thermometer, in the same format.
 pub const HEAT_RIGHT: u8 = 17;
 /// Number of rescue kits that have left the magazine; it survives restarts. A write sets the number
 /// to reach, so that a repeated write drops no kit twice. Not in the report; behind the fielded

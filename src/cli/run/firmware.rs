@@ -113,7 +113,7 @@ impl FirmwareArgs {
     /// A run of `scenario` with the firmware at its open ends.
     pub(super) fn run(&self, scenario: Scenario, source: &Source) -> Result<Run, CliError> {
         let (elf, board) = self.loaded()?;
-        // As natively: the run differs in the program alone.
+        // Wired as for a native program: the run differs only in the program.
         let mut wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
         let ends = core::mem::take(&mut wired.open_ends);
         let mut spec = match &board.qemu {

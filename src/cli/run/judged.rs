@@ -120,8 +120,8 @@ pub(in crate::cli) fn judged_run(
     judged_with(run, out, pace, talk, None, stop)
 }
 
-/// The same for a run that is wired already. `again` is the command that repeats it, if that is not
-/// the usual one.
+/// Runs and judges a run that is already wired. `again` is the command that repeats it, if this is
+/// not the usual command.
 pub(super) fn judged_with(
     mut run: Run,
     out: &Path,

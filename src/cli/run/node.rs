@@ -12,7 +12,7 @@ const NODE: &str = "program";
 
 /// A run of `scenario` with the node program of `command` at all open ends.
 pub(super) fn run(scenario: Scenario, source: &Source, command: &str) -> Result<Run, CliError> {
-    // As natively: the run differs in the program alone.
+    // Wired as for a native program: the run differs only in the program.
     let mut wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
     let ends = core::mem::take(&mut wired.open_ends);
     let port = |end: &OpenEnd| NodePort {

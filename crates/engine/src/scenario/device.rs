@@ -200,7 +200,7 @@ impl DeviceSpec {
         self.check_with(name, source, (device, world), true)
     }
 
-    /// The same for a device that may be used without a robot.
+    /// As [`check`](Self::check), for a device that may be used without a robot.
     pub(crate) fn check_with(
         &self,
         name: &str,

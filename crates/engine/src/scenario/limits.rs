@@ -188,7 +188,7 @@ mod tests {
         );
     }
 
-    /// It took 3.2 GB for a million of them to be refused.
+    /// A million walls once took 3.2 GB to reject.
     #[test]
     fn more_walls_than_a_scene_can_have_are_refused_before_they_are_read() {
         let walls = "[[world.wall]]\npath_m = [[0, 0], [1, 0]]\n".repeat(200_001);

@@ -67,7 +67,7 @@ impl VirtualPort {
 
     fn drive(&self, what: &str, level: bool) -> Result<()> {
         let Some(node) = self.pin(what) else {
-            // As on an adapter with an unconnected line.
+            // The behaviour of an adapter with an unconnected line.
             return self.with(|_, _| ());
         };
         self.with(|run, _| {

@@ -102,7 +102,7 @@ fn scene() -> World {
 
 /// The hand.
 fn hand() -> Obstacle {
-    // It moves within a quarter of a second, then rests until it moves again.
+    // The hand moves within a quarter of a second, then rests until it moves again.
     let waypoint = |seconds: f64, (angle_deg, distance_m): (f64, f64)| Waypoint {
         at: BEGIN_AT + core::time::Duration::from_secs_f64(seconds),
         position: polar(angle_deg, distance_m),

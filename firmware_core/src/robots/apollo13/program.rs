@@ -502,7 +502,7 @@ impl Master for Apollo13 {
     }
 
     fn take_work(&mut self) -> Work {
-        // It runs on a PC.
+        // The program runs on a PC.
         Work::NONE
     }
 }

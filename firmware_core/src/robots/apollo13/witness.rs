@@ -15,7 +15,7 @@ use crate::ackermann::{CarPose, Motion, wrapped};
 /// Travel by the board after which distances are compared, metres: six pulses. Then the travel that
 /// ends a comparison: long enough to detect an encoder that loses an eighth of its counts.
 const WAY_M: [f64; 2] = [0.15, 0.60];
-/// The same for turns.
+/// Travel by the board after which turns are compared, metres.
 const TURN_M: f64 = 0.30;
 /// Maximum difference of distances that agree: two pulses and the time of a frame.
 const WAY_OFF_M: f64 = 0.08;

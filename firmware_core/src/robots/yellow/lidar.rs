@@ -24,7 +24,8 @@ const MOTOR_DUTY: u8 = 153;
 const START: Duration = Duration::from_secs(1);
 /// Time without nodes after which the driver requests the lidar's health.
 const SILENCE: Duration = Duration::from_secs(1);
-/// The same before the first node: it arrives only when the head turns evenly.
+/// Time without nodes before the first node, after which the health is requested. The first node
+/// arrives only when the head turns evenly.
 const SPIN_UP: Duration = Duration::from_secs(3);
 /// Timeout for the answer.
 const ANSWER: Duration = Duration::from_millis(100);

@@ -32,7 +32,7 @@ fn deliveries(line: &mut Line) -> Vec<Delivery> {
     all
 }
 
-/// The same as time in us and bytes.
+/// Deliveries as time in us and bytes.
 fn arrivals(line: &mut Line) -> Vec<(u64, Vec<u8>)> {
     let all = deliveries(line).into_iter();
     all.map(|one| (one.at.as_micros(), one.bytes)).collect()

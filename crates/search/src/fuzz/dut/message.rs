@@ -37,7 +37,7 @@ impl Input {
         self.0.iter().map(|message| message.0.len()).sum()
     }
 
-    /// This input behind the last messages of `before`.
+    /// The last messages of `before`, followed by this input.
     pub(super) fn after(&self, before: &[Hex]) -> Self {
         let most = MESSAGES_MAX.saturating_sub(self.0.len());
         let before = &before[before.len().saturating_sub(most)..];

@@ -338,7 +338,7 @@ impl Apollo13 {
     pub(super) fn hear_phone(&mut self, packet: &[u8]) {
         match rosc::decoder::decode_udp(packet) {
             Ok(([], packet)) => self.take_packet(packet, 0),
-            // Also bytes behind a packet: a datagram holds one.
+            // Bytes after a packet count as well: a datagram holds one packet.
             _ => self.counters.bad_packets += 1,
         }
     }
