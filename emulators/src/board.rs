@@ -53,8 +53,8 @@ pub struct BoardConfig {
     pub resets_on: Option<ResetOn>,
     /// From its reset until it receives again; [`BOOT`] if not given.
     pub boot: Option<Duration>,
-    /// The lines that it sets, each with the name of the value that the line follows: on while that
-    /// is not 0.
+    /// The lines that it sets, each with the name of a value: the line is on while the value is not
+    /// 0.
     pub raises: Vec<(HostLine, String)>,
 }
 

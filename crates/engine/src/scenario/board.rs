@@ -22,8 +22,8 @@ pub enum ResetSpec {
     Break,
 }
 
-/// Modem lines that a board sets, each with the name of the value that the line follows: on while
-/// it is not 0.
+/// Modem lines that a board sets. Each line follows a value of the device, given by its name: the
+/// line is on while the value is not 0.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RaisesSpec {

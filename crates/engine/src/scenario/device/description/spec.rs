@@ -180,9 +180,9 @@ impl JsonSchema for DescriptionSpec {
         let table = generator.subschema_for::<UnitSpec>();
         let one = json_schema!({ "anyOf": [{ "type": "string" }, table] });
         json_schema!({
-            "description": "A description that comes with the tool, by its name, or a file that \
-                ends with `.toml`; a table to give an address; a list for several devices on one \
-                wire.",
+            "description": "The name of a description that comes with the tool, or a file that ends \
+                with `.toml`. A table also gives an address; a list describes several devices \
+                on one wire.",
             "anyOf": [{ "type": "string" }, table, { "type": "array", "items": one }],
         })
     }
