@@ -123,7 +123,7 @@ pub struct Xv11 {
     faults: Faults,
     /// Random numbers for the damage in a packet: its position and kind.
     garbage: Rng,
-    /// Whether it was reported that the host's motor drive is not connected.
+    /// Whether the missing connection of the host's motor drive was already reported.
     duty_told: bool,
     /// The host has ordered a stopped motor, and the rig's regulated supply obeys.
     is_switched_off: bool,

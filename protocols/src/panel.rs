@@ -94,7 +94,7 @@ pub enum Command<'a> {
 /// Position of the pen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pen {
-    /// Whether it touches the panel.
+    /// Whether the pen touches the panel.
     pub contact: Contact,
     /// Readings along x and y, 0 to 4095.
     pub reading: [u16; 2],

@@ -32,7 +32,7 @@ pub enum Variant {
 }
 
 impl Variant {
-    /// Whether it is the defective one.
+    /// Whether this is the defective variant.
     pub fn is_defective(self) -> bool {
         self == Self::Defective
     }

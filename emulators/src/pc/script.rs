@@ -105,7 +105,7 @@ impl Script {
 }
 
 impl Action {
-    /// Whether it stays within the limits of the protocol; an error names step 0.
+    /// Whether the action stays within the limits of the protocol; an error names step 0.
     pub(super) fn check(&self) -> Result<(), ScriptError> {
         match self {
             Self::Waypoints(list) if list.len() > WAYPOINTS_MAX => Err(ScriptError::Waypoints {

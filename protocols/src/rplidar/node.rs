@@ -47,7 +47,7 @@ impl Node {
         Self(bytes)
     }
 
-    /// Whether it is the first of a turn.
+    /// Whether the node is the first of a turn.
     pub const fn starts_turn(self) -> bool {
         self.0[0] & 1 != 0
     }

@@ -11,7 +11,7 @@ pub(in crate::cli) struct CaseMade {
     pub(in crate::cli) file: String,
     /// The checks of today's run; empty if it was not run.
     pub(in crate::cli) checks: Vec<Check>,
-    /// Whether it is green today; null if it was not run.
+    /// Whether the case is green today; null if the case was not run.
     pub(in crate::cli) passes_today: Option<bool>,
     /// The command that runs it.
     pub(in crate::cli) repeat: String,

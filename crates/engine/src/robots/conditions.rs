@@ -254,8 +254,9 @@ impl Moment<'_> {
             let (op, wanted) = (register.op, &register.value);
             let is_wrong =
                 self.devices.contains_key(device) && op.compares(&found, wanted).is_none();
-            let message =
-                format!("is {wanted}, but {device} shows {found}: expected one of its type");
+            let message = format!(
+                "is {wanted}, but {device} shows {found}: expected a value of the same type"
+            );
             return match is_wrong {
                 true => Err(Flaw::new("value", message)),
                 false => Ok(()),

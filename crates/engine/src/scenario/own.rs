@@ -131,7 +131,7 @@ pub enum SourceSpec {
     /// The last written value, or the initial value.
     #[default]
     Stored,
-    /// Counts up by one after each such time.
+    /// Counts up by one after each period.
     Counter(Span),
     /// Rises evenly and starts again, like a sawtooth.
     Ramp {

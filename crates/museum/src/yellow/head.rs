@@ -14,7 +14,7 @@ pub(super) struct Head {
     scene: Option<fn(u32, u16) -> u16>,
     /// Whether the lidar was still scanning when the robot restarted.
     pub(super) streams: bool,
-    /// Whether it is in Protection Stop.
+    /// Whether the head is in Protection Stop.
     pub(super) is_stopped: bool,
     pub(super) loses_byte: bool,
     /// Bytes before the next descriptor.

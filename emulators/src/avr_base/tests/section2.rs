@@ -528,8 +528,8 @@ fn point_09_the_motors_time_out_1_06_ms_after_an_even_count() {
     assert!((1_020 * US..=1_100 * US).contains(&after), "{after:?}");
 }
 
-/// Number of valid frames without an answer. One of `tries` frames comes at each tick, `every`
-/// apart from `first` on; its last byte ends within 0.25 ms around the tick.
+/// Number of valid frames without an answer. The test sends `tries` frames, one at a tick, each
+/// `every` ticks from `first` on; the last byte ends within 0.25 ms around the tick.
 fn vanished(first: u64, every: u64, tries: u64) -> usize {
     let mut rng = Rng::stream(1, "test.vanish");
     let mut bench = fielded();

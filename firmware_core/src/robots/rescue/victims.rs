@@ -88,7 +88,7 @@ impl Passing {
         share: 0.0,
     };
 
-    /// Whether this is a victim.
+    /// Whether the passed body is a victim for sure.
     fn is_sure(&self) -> bool {
         self.readings >= READINGS_MIN && self.share >= SHARE_MIN
     }
