@@ -37,7 +37,7 @@ pub struct Difference {
     pub name: &'static str,
     /// Value with the defect.
     pub defective: String,
-    /// Value without it.
+    /// Value of the sound variant, without the defect.
     pub sound: String,
 }
 

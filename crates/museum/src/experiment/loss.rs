@@ -27,7 +27,7 @@ const PACE: u32 = 12_000;
 /// Pace of the rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Pace {
-    /// As fast as the wire accepts them.
+    /// Rows are sent as fast as the wire accepts them.
     Flood,
     /// At the pace of the robot's program.
     Paced,

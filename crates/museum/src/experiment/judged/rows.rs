@@ -77,7 +77,7 @@ pub struct Row {
     /// Name of the measure.
     #[serde(default)]
     measure: Option<String>,
-    /// Reason why the rig cannot measure it.
+    /// Reason why the rig cannot measure the row.
     #[serde(default)]
     pub refused: Option<String>,
     /// Whether the rig is expected to differ from the report.

@@ -13,7 +13,7 @@ pub enum Verdict {
     Differs,
     /// Each band has its share, but the values follow from the rig's own settings.
     ByConstruction,
-    /// The rig cannot measure it.
+    /// The rig cannot measure the row.
     Refused,
     /// The command was interrupted before.
     NotRun,
