@@ -318,7 +318,10 @@ fn what_was_not_observed_is_not_passed() {
     let wrong = "\n[[expect.rule]]\nname = \"type\"\nnever = { register = { device = \"wheels\", \
                  name = \"left\", value = \"fast\" } }\n";
     let error = wired(porter() + wrong).err().expect("refused").to_string();
-    assert!(error.contains("expected a value of the same type"), "{error}");
+    assert!(
+        error.contains("expected a value of the same type"),
+        "{error}"
+    );
 }
 
 /// A sound run that leaves one rule unobserved does not pass, unless the rule allows it.

@@ -197,7 +197,7 @@ impl Warnings<'_> {
     }
 }
 
-const NO_RESET: &str = "has no effect: nothing starts the board anew, set resets_on";
+const NO_RESET: &str = "has no effect: nothing restarts the board; set resets_on";
 
 impl SourceSpec {
     /// Whether the source measures a robot or its surroundings.
@@ -233,12 +233,11 @@ mod tests {
              {WORLD}"
         );
         let expected = [
-            "t.toml:9: device.base.registers.register[0].limits: has no effect: limits hold for \
-             what a master sets, and none sets it",
+            "t.toml:9: device.base.registers.register[0].limits: has no effect: limits apply \
+             to values from a master, and no master can set this value",
             "t.toml:10: device.base.registers.register[1].safe: has no effect: the device has no \
              watchdog that would set it",
-            "t.toml:7: device.base.registers.boot: has no effect: nothing starts the board anew, \
-             set resets_on",
+            "t.toml:7: device.base.registers.boot: has no effect: nothing restarts the board; set resets_on",
         ];
         assert_eq!(warnings(&text), expected);
         let sound = text

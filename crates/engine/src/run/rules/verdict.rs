@@ -142,7 +142,7 @@ impl Rule {
         let (_, until) = self.window();
         let is_late = until.is_some_and(|until| now > until);
         if !is_over && !is_late && !seen.is_over {
-            return Check::not_observed(name, format!("has not come yet; expected {spec}"));
+            return Check::not_observed(name, format!("has not become true yet; expected {spec}"));
         }
         let silence = self.probes.subject.silence();
         let silence = silence.map(|why| format!(" ({why})")).unwrap_or_default();

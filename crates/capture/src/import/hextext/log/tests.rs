@@ -65,7 +65,7 @@ fn what_a_log_does_not_say_is_an_error() {
     };
     let cut = error("1 0.1 a IRP_MJ_WRITE S SUCCESS Length 40: 01 03 AB\n");
     assert!(
-        cut.starts_with("line 1") && cut.contains("tells of 40 bytes and shows 3"),
+        cut.starts_with("line 1") && cut.contains("announces 40 bytes but contains 3"),
         "{cut}"
     );
     let lost = error("send: AB CD EF\nother: AB CD EF\n");
