@@ -264,6 +264,10 @@ const HONEST: [(&str, &str, &str, &[&str]); 4] = [
 ];
 
 fn run(name: &str, port: &str, python: &str, more: &[&str]) -> Ended {
+    run_in(BENCH, name, port, python, more)
+}
+
+fn run_in(bench: &str, name: &str, port: &str, python: &str, more: &[&str]) -> Ended {
     let folder = format!("exec-causes-{name}-{}", std::process::id());
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(folder);
     let _ = fs::remove_dir_all(&folder);
@@ -275,7 +279,7 @@ fn run(name: &str, port: &str, python: &str, more: &[&str]) -> Ended {
     } else {
         "12s"
     };
-    let bench = BENCH.replace("\"6s\"", &format!("\"{duration}\""));
+    let bench = bench.replace("\"6s\"", &format!("\"{duration}\""));
     fs::write(folder.join("bench.toml"), bench).expect("a fresh file");
     fs::write(folder.join("program.py"), format!("{BEGIN}{python}")).expect("a fresh file");
     let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
@@ -348,6 +352,31 @@ fn in_real_time_the_cause_is_named_as_well() {
     let cases: Vec<Case> = CASES.into_iter().filter(is_real).collect();
     assert_eq!(cases.len(), REAL.len());
     assert_flawless(&side_by_side(&cases, &judge));
+}
+
+/// A device's program that fails is the cause, whatever the program under test does then.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_failed_program_of_a_device_is_the_cause() {
+    const LOST: &str = r#"
+schema = 1
+name = "lost"
+robot = "none"
+duration = "6s"
+
+[device.grip.program]
+exec = "echo no module named grip >&2; exit 3"
+"#;
+    let ended = run_in(
+        LOST,
+        "lost-device",
+        "grip",
+        "asks(opened('GRIP'))\n",
+        &["--virtual"],
+    );
+    let words = "the program that plays a device failed, not the program under test: grip exited \
+                 (exit code 3)";
+    assert_flawless(&Vec::from_iter(flaw(&ended, "lost-device", words)));
 }
 
 /// Results of `judge` for each of `cases`, which wait most of the time.

@@ -48,6 +48,7 @@ impl Cause {
 
 /// Weights, the heaviest first: a cause that explains other findings comes before them.
 mod weight {
+    pub(super) const DEVICE: u32 = 110;
     pub(super) const RATE: u32 = 100;
     pub(super) const NOT_OPENED: u32 = 95;
     pub(super) const SETTING: u32 = 90;
@@ -88,6 +89,8 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     // A cause with nearly the same weight may be the true one. Damage of bytes explains the other
     // findings, so only a second cause of this kind is printed beside it.
     let least = match first.weight {
+        // Without its device, the program's behaviour says little.
+        weight::DEVICE => u32::MAX,
         weight::SETTING.. => weight::SETTING,
         // A program that ends and leaves its motors on has two defects.
         weight::ENDED => weight::MOTORS,

@@ -1,12 +1,12 @@
 //! Causes that devices report: frames that they do not understand, unknown addresses, early
-//! requests, a watchdog that fires.
+//! requests, a watchdog that fires, a device's program that fails.
 
 use protocols::Instant;
 
 use super::trigger::{Trigger, after};
 use super::{Cause, Evidence, weight};
 use engine::run::Outcome;
-use engine::run::check::WATCHDOG;
+use engine::run::check::{NODE_PROGRAMS, Status, WATCHDOG};
 use engine::scenario::{DirectionSpec, FaultSpec};
 
 /// Rules that mean: the device does not understand its input.
@@ -81,7 +81,21 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
         causes.extend(order(evidence, &device, &of(&ORDER)));
     }
     causes.extend(watchdog(evidence));
+    causes.extend(node_program(outcome));
     causes
+}
+
+/// A program in place of a device that failed: the program under test talks to nothing.
+fn node_program(outcome: &Outcome) -> Option<Cause> {
+    let mut checks = outcome.checks.iter();
+    let failed =
+        checks.find(|check| check.name == NODE_PROGRAMS && check.status == Status::Fail)?;
+    let detail = &failed.detail;
+    let text = format!(
+        "the program that plays a device failed, not the program under test: {detail}; repair it \
+         first (hilrig node check tests it alone)"
+    );
+    Some(Cause::new(weight::DEVICE, text))
 }
 
 /// Requests for unknown or forbidden addresses and values.
