@@ -82,8 +82,8 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
     );
 }
 
-/// Names of outputs are known after the program has shown them. Then a rule on an output is judged,
-/// and a rule with an unknown name fails.
+/// Names of outputs are known after the program has shown them. Then a rule or a fault on an output
+/// is judged, and an unknown name fails.
 #[test]
 fn a_rule_on_an_output_is_judged_when_the_program_shows_it() {
     for (name, status, says) in [
@@ -94,7 +94,16 @@ fn a_rule_on_an_output_is_judged_when_the_program_shows_it() {
             "[[expect.rule]]\nname = \"net\"\nnever = {{ register = {{ device = \"scale\", \
              name = \"{name}\", op = \">\", value = 500 }} }}\n"
         );
-        let (_, outcome) = weighed(&rule);
+        let fault = format!(
+            "[[fault]]\nkind = \"cut\"\nlink = \"scale\"\ndirection = \"to-master\"\n\
+             begins_when = {{ register = {{ device = \"scale\", name = \"{name}\", op = \">\", \
+             value = 500 }} }}\n"
+        );
+        let (_, outcome) = weighed(&(rule + &fault));
+        let mut checks = outcome.checks.iter();
+        let fault = checks.find(|check| check.name == "fault-0-begins-when");
+        let is_wrong = fault.is_some_and(|check| check.detail.contains(says));
+        assert_eq!(is_wrong, status == Status::Fail, "{name}: {fault:?}");
         let mut checks = outcome.checks.iter();
         let check = checks
             .find(|check| check.name == "rule-net")

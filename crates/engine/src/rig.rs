@@ -33,10 +33,9 @@ use emulators::world::World;
 use emulators::{BrokenRules, Device, Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
-use crate::rig::cpu::CpuModel;
-use crate::rig::fault::Budget;
 use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
+use crate::rig::{cpu::CpuModel, fault::Budget};
 #[cfg(feature = "described")]
 pub use ::nodes::Stopwatch;
 use deadlines::Plan;

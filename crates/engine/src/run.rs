@@ -458,6 +458,7 @@ impl Run {
         checks.extend(check::node_programs(&self.rig));
         checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));
+        checks.extend(self.misnamed_faults());
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));
         if let Some(safety) = &self.scenario.expect.safety {
             checks.iter_mut().for_each(|check| safety.excuse(check));

@@ -375,13 +375,14 @@ const TIMES: [(&str, Status, &str); 8] = [
         Status::Fail,
         "asked at 6.0",
     ),
-    // The same frame sets both wheels: it is both the trigger and the answer.
+    // The same frame sets both wheels: it is the trigger, so it is no answer. The next frame comes
+    // 100 ms later.
     (
         "after = { frame = { link = \"wheels\", direction = \"to-device\", contains = \"left=0\" } }\n\
          eventually = { frame = { link = \"wheels\", direction = \"to-device\", \
          contains = \"right=0\" } }\nwithin = \"5ms\"",
-        Status::Pass,
-        "; the slowest after 0.000 s",
+        Status::Fail,
+        "asked at 0.00",
     ),
     // `after` stays true, so it triggers the rule once: before the end of `after` at the first
     // reading.
@@ -429,6 +430,82 @@ fn times_of_rules_are_kept_to_the_letter() {
         }
     }
     assert_eq!(wrong, [""; 0]);
+}
+
+/// 1,100 bytes ask before the one answer, at 1 s: more than a rule keeps. One answer is that of all,
+/// in time for the oldest, unless each needs its own.
+#[test]
+fn more_times_may_wait_than_a_rule_keeps() {
+    let rule = |more: &str| {
+        let text = "\n[[expect.rule]]\nname = \"many\"\nafter = { bytes = { link = \"wheels\", \
+                    direction = \"to-device\", hex = \"55\" } }\neventually = { frame = { link = \
+                    \"scale\", direction = \"to-master\", contains = \"reading\" } }\n";
+        let (scenario, wired) = wired(porter() + text + more).expect("sound");
+        let [wheels, scale] = ["wheels", "scale"].map(|name| {
+            let mut ends = wired.open_ends.iter();
+            ends.find(|end| end.name == name).expect("offered").node
+        });
+        let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
+        run.rig
+            .set_line_config(wheels, LineConfig::new_8n1(115_200));
+        run.rig.set_line_config(scale, LineConfig::new_8n1(9_600));
+        for _ in 0..11 {
+            run.rig.inject(wheels, &[0x55; 100]);
+            run.go_on_until(run.rig.now() + core::time::Duration::from_millis(20));
+        }
+        run.go_on_until(Instant::from_secs(1));
+        run.rig.inject(scale, b"W\n");
+        run.go_on_until(Instant::from_secs(12));
+        detail(&run.judge(), "rule-many").clone()
+    };
+    for (more, status, says) in [
+        ("", Status::Pass, "1100 times; the slowest after 1.0"),
+        (
+            "within = \"5s\"",
+            Status::Pass,
+            "1100 times; the slowest after 1.0",
+        ),
+        ("within = \"500ms\"", Status::Fail, "by 0.50"),
+        ("each = true", Status::Fail, "nothing until the end"),
+    ] {
+        let check = rule(more);
+        assert_eq!(check.status, status, "{more}: {check}");
+        assert!(check.detail.contains(says), "{more}: {check}");
+    }
+}
+
+/// Questions that their own frame or contact must not answer: the rule, and its verdict.
+#[test]
+fn a_question_is_not_its_own_answer() {
+    let frame = |direction: &str, words: &str| {
+        format!(
+            "{{ frame = {{ link = \"scale\", direction = \"{direction}\", contains = \"{words}\" }} }}"
+        )
+    };
+    let contact = |more: &str| format!("{{ contact = {{ {more} }} }}");
+    let event = |more: &str| format!("{{ event = {{ rule = \"bad-checksum\"{more} }} }}");
+    let driver = Driver {
+        stops_ms: 12_000,
+        damage_ms: 3_000,
+        ..SOUND
+    };
+    let bytes = "{ bytes = { link = \"scale\", direction = \"to-device\", hex = \"0a\" } }";
+    for (after, eventually, passes) in [
+        (frame("to-device", "weigh"), frame("to-device", ""), false),
+        (frame("to-device", "weigh"), bytes.to_owned(), false),
+        (frame("to-device", "weigh"), frame("to-master", ""), true),
+        (contact(""), contact("faster_than_m_s = 0"), false),
+        (event(", source = \"wheels\""), event(""), false),
+    ] {
+        let rule = format!(
+            "\n[[expect.rule]]\nname = \"own\"\nafter = {after}\nwithin = \"90ms\"\n\
+             eventually = {eventually}\n"
+        );
+        let outcome = drive(driver, porter() + &rule);
+        let check = detail(&outcome, "rule-own");
+        assert_eq!(check.status == Status::Pass, passes, "{rule}{check}");
+        assert!(!check.detail.contains("did not come true"), "{rule}{check}");
+    }
 }
 
 /// A run keeps its own path and breaks it if it stops on the way; a missing file is refused.

@@ -320,12 +320,30 @@ impl Moment<'_> {
         log_rules::known(device.map(DeviceSpec::kind), &event.rule)
     }
 
-    /// The possible names for `register`, if its name is unknown now.
+    /// The possible names for the first value in `condition` that its device does not have, if the
+    /// device shows values only after its start.
+    pub(crate) fn missing(&self, condition: &Condition) -> Option<String> {
+        match condition {
+            Condition::All(parts) | Condition::Any(parts) => {
+                parts.iter().find_map(|part| self.missing(part))
+            }
+            Condition::Not(inner) => self.missing(inner),
+            Condition::Register(register) => {
+                let device = self.devices.get(&register.device);
+                let is_late = device.is_some_and(DeviceSpec::has_late_values);
+                is_late.then(|| self.missing_value(register)).flatten()
+            }
+            _ => None,
+        }
+    }
+
+    /// The possible names for `register`, if its name is unknown now. A device that shows no values
+    /// yet may have any name.
     pub(crate) fn missing_value(&self, register: &RegisterCondition) -> Option<String> {
         let name = register.name.as_ref()?;
         let values = self.values(&register.device);
         let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
-        let is_there = names.contains(&name.as_str());
+        let is_there = names.is_empty() || names.contains(&name.as_str());
         (!is_there).then(|| near::expected(name, &names))
     }
 

@@ -2,6 +2,7 @@
 
 use super::Run;
 use super::probe::Probe;
+use crate::robots::Check;
 use crate::robots::conditions::Moment;
 use crate::scenario::{Condition, Flaw};
 
@@ -49,6 +50,21 @@ impl Run {
             devices: &self.scenario.device,
             waypoints: [self.progress.visits().len(), self.progress.waypoints()],
         }
+    }
+
+    /// A failed check for each condition of a fault that names a value which its device does not
+    /// have: the condition cannot become true. The outputs of a program have names only while the
+    /// program runs.
+    pub(super) fn misnamed_faults(&self) -> impl Iterator<Item = Check> {
+        let faults = self.scenario.fault.iter().enumerate();
+        faults.flat_map(move |(number, fault)| {
+            fault.conditions().filter_map(move |(key, condition)| {
+                let missing = self.moment().missing(condition)?;
+                let name = format!("fault-{number}-{}", key.replace('_', "-"));
+                let detail = format!("{missing}: it cannot come true; expected {condition}");
+                Some(Check::new(&name, false, detail))
+            })
+        })
     }
 
     /// Share of known cells of the robot's map, or of the map that its station received.

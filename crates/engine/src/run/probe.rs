@@ -4,6 +4,7 @@
 //! ms. Bytes, frames, contacts and log events have moments of their own, also events that a device
 //! folds into one entry. Between its moments such a condition has no value.
 
+mod answers;
 mod words;
 
 use protocols::Instant;

@@ -17,7 +17,7 @@ use crate::robots::conditions::Moment;
 use crate::robots::{Axis, Check, Instruments};
 use crate::scenario::{Condition, Demand, DeviceSpec, Flaw, RuleSpec, Scenario, UntilSpec};
 
-/// Maximum number of triggers that wait for an answer. With one more, the oldest counts as broken.
+/// Maximum number of kept triggers that wait for an answer. Later ones are counted only.
 const PENDING_MAX: usize = 1024;
 
 /// The rules of a run.
@@ -61,6 +61,10 @@ struct Seen {
     armed_since: Option<Instant>,
     /// Triggers that wait for their answers, oldest first.
     pending: VecDeque<Instant>,
+    /// Later times that wait as well. One answer is theirs, too, and the oldest time is due first.
+    more_pending: u64,
+    /// Whether later times were left out that each needed an answer of its own.
+    is_overfull: bool,
     /// Whether `until` has ended the rule.
     is_over: bool,
     /// Time at which the condition of an `eventually` or `sometimes` first became true, and the
@@ -365,6 +369,7 @@ impl Rule {
                 self.seen.slowest = Some((took, asked));
             }
         }
+        self.seen.answers += core::mem::take(&mut self.seen.more_pending);
         if answered > 0 && self.seen.met.is_none() {
             self.seen.met = Some((at, self.probes.subject.words()));
         }
@@ -393,28 +398,21 @@ impl Rule {
         if !matches!(self.demand, Demand::Eventually | Demand::Sometimes) {
             return;
         }
-        if self.seen.pending.len() == PENDING_MAX
-            && let Some(oldest) = self.seen.pending.pop_front()
-        {
-            self.miss(oldest, at);
+        match (self.seen.pending.len() < PENDING_MAX, self.spec.each) {
+            (true, _) => self.seen.pending.push_back(at),
+            (false, true) => self.seen.is_overfull = true,
+            (false, false) => self.seen.more_pending += 1,
         }
-        self.seen.pending.push_back(at);
-        // A frame at the same instant is an answer, unless it is the trigger itself. A state is an
-        // answer only at its own sample, not at the moments judged before the sample.
-        let is_answer = match self.is_moment() {
-            true => !self.is_its_own_answer(),
-            false => !is_moment,
+        // A frame at the same instant is an answer if it is on another line or of another device. A
+        // state is an answer only at its own sample, not at the moments judged before the sample.
+        let is_answer = match (self.is_moment(), &self.probes.after) {
+            (true, Some(after)) => self.probes.subject.answers(after),
+            (true, None) => true,
+            (false, _) => !is_moment,
         };
         if truth == Some(true) && is_answer {
             self.answer(at, true);
         }
-    }
-
-    /// Whether `after` and the rule have the same condition. Then each trigger would be its own
-    /// answer.
-    fn is_its_own_answer(&self) -> bool {
-        let subject = self.spec.demand().map(|(_, condition)| condition);
-        subject == self.spec.after.as_ref()
     }
 
     fn subject(&self) -> String {
@@ -433,6 +431,7 @@ impl Seen {
     fn end(&mut self, is_for_now: bool) {
         self.armed_since = None;
         self.pending.clear();
+        self.more_pending = 0;
         self.was_broken = false;
         self.is_over = !is_for_now;
     }

@@ -67,7 +67,7 @@ impl ExecSpec {
     pub fn shell(&self) -> String {
         let folder = self.folder.as_deref().unwrap_or_else(|| Path::new("."));
         let folder = folder.display().to_string().replace('\'', "'\\''");
-        format!("cd '{folder}' && {}", self.command)
+        format!("cd '{folder}' || exit 2; {}", self.command)
     }
 
     /// Stores the whole folder, so that a saved case starts the program there; `base` is that of
@@ -82,5 +82,40 @@ impl ExecSpec {
             false => folder,
         };
         self.folder = Some(std::path::absolute(&folder).unwrap_or(folder));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+
+    use super::*;
+
+    /// Each part of a command starts in the folder, and none if the folder is not there.
+    #[test]
+    fn a_whole_command_starts_in_its_folder() {
+        let run = |folder: &Path, command: &str| {
+            let spec = ExecSpec {
+                command: command.to_owned(),
+                folder: Some(folder.to_owned()),
+            };
+            let output = Command::new("sh").args(["-c", &spec.shell()]).output();
+            let output = output.expect("a shell");
+            let said = String::from_utf8_lossy(&output.stdout).into_owned();
+            (output.status.code(), said)
+        };
+        let folder = Path::new("/usr/bin");
+        for command in [
+            "pwd",
+            "true & pwd",
+            "true; pwd",
+            "false || pwd",
+            "true && pwd",
+        ] {
+            let expected = (Some(0), "/usr/bin\n".to_owned());
+            assert_eq!(run(folder, command), expected, "{command}");
+            let gone = run(Path::new("/no such folder"), command);
+            assert_eq!(gone, (Some(2), String::new()), "{command}");
+        }
     }
 }

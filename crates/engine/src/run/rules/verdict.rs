@@ -2,7 +2,7 @@
 
 use protocols::Instant;
 
-use super::{Rule, Seen};
+use super::{PENDING_MAX, Rule, Seen};
 use crate::robots::{Check, Status};
 use crate::run::probe::Probe;
 use crate::scenario::{Condition, Demand};
@@ -23,6 +23,13 @@ impl Rule {
         }
         let is_cut = self.probes.all().any(Probe::has_lost)
             || (self.seen.is_log_cut && self.conditions().any(Condition::is_of_log));
+        if self.seen.is_overfull && check.status == Status::Pass {
+            let detail = format!(
+                "{}; more than {PENDING_MAX} triggers waited at once, each for an answer of its own",
+                check.detail
+            );
+            return Check::not_observed(&name, detail);
+        }
         // Moments may be missing because the log or the frames were cut.
         match (is_cut, check.status, self.demand) {
             (true, Status::Pass, _) | (true, Status::Fail, Demand::Eventually) => {
