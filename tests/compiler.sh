@@ -3,10 +3,11 @@
 # the pass of the lints, too. Cargo calls it with the path of the compiler and the options of one
 # crate.
 #
-# Unit tests of two crates run for about a second at each level of optimisation. At level 0 they
+# Unit tests of three crates run for about a second at each level of optimisation. At level 0 they
 # compile in a quarter of the time. Other tests link these crates at their own levels.
 case " $* " in
-*" --crate-name hilrig_engine "*" --test "* | *" --crate-name protocols "*" --test "*)
+*" --crate-name hilrig_engine "*" --test "* | *" --crate-name hilrig_realtime "*" --test "* | \
+    *" --crate-name protocols "*" --test "*)
     set -- "$@" -C opt-level=0
     ;;
 esac

@@ -137,7 +137,7 @@ start = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }
     assert!(said.contains("the same 2 bytes"), "{said}");
     assert!(said.contains("not judged"), "{said}");
 
-    let (code, said) = run("python3 program.py");
+    let (code, said) = run("sed -i s/B/C/ answers.py; exec python3 answers.py");
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("FAIL same-outputs"), "{said}");
 }

@@ -298,14 +298,13 @@ fn the_case_of_a_parser_that_trusts_a_length_is_red_until_it_does_not() {
     assert!(said.contains("FAIL ignores-damage-base"), "{said}");
 }
 
-/// A scanner that sends a line of 38 bytes every 5 ms. A client that does not read for a second and
-/// a half loses bytes: a port holds only 4,095. One client exits with an error at the cut line that
-/// follows.
+/// A scanner that sends a line of 38 bytes every 10 ms. A client that does not read for 1.5 s loses
+/// bytes: a port holds only 4,095. One client exits with an error at the cut line that follows.
 #[test]
 fn the_case_of_a_client_that_dies_of_an_overflow_is_red_until_it_does_not() {
-    let scanner = "schema = 1\nname = \"scan\"\nrobot = \"none\"\nduration = \"4s\"\n\
+    let scanner = "schema = 1\nname = \"scan\"\nrobot = \"none\"\nduration = \"3s\"\n\
         [device.scan.text]\nbaud = 115200\nterminator = \"\\n\"\n\
-        periodic = { line = \"scan=0123456789,0123456789,0123456789\", period = \"5ms\" }\n\
+        periodic = { line = \"scan=0123456789,0123456789,0123456789\", period = \"10ms\" }\n\
         [[device.scan.text.command]]\nrequest = \"stop\"\nreply = \"stopped\"\n";
     let client = "import os, sys, time\n\
         fd = os.open(os.environ['HILRIG_PORT_SCAN'], os.O_RDWR | os.O_NOCTTY)\n\

@@ -14,6 +14,7 @@ use hilrig::realtime::clock::{Clock as _, WallClock};
 
 use crate::guest::compiled;
 use crate::support::{Ended, ended_in, folder, run_in};
+use crate::thorough::{few, is_thorough};
 
 /// "mm=700" each 100 ms at 9600 baud for three seconds.
 const SONAR: &str = include_str!("programs/sonar.toml");
@@ -219,13 +220,14 @@ detach
 #[test]
 fn a_run_with_fifty_stops_has_the_bytes_of_a_run_without() {
     let pie = &["-g", "-O0", "-pthread"][..];
-    for (name, flags, more) in [
+    let runs = [
         ("pie", pie, &[][..]),
-        ("static", &["-g", "-O0", "-pthread", "-static"], &[]),
         // A stop draws no random number.
         ("pie-3", pie, &["--schedule", "3"]),
+        ("static", &["-g", "-O0", "-pthread", "-static"], &[]),
         ("pie-4", pie, &["--schedule", "4"]),
-    ] {
+    ];
+    for (name, flags, more) in few(2, runs) {
         let Some(program) = compiled(&format!("debugged-{name}"), "cc", DEBUGGED, flags) else {
             return;
         };
@@ -533,22 +535,14 @@ silent
 printf \"seen %d %d %d %lx %lx\\n\", millimetres, counted[1], counted[2], $rsp, $rax
 monitor time
 end
-continue
-continue
-continue
-continue
-continue
+FORTH
 stepi
 printf \"at %lx %lx\\n\", $pc, $rsp
 stepi
 printf \"at %lx %lx\\n\", $pc, $rsp
 reverse-stepi
 printf \"at %lx %lx\\n\", $pc, $rsp
-reverse-continue
-reverse-continue
-reverse-continue
-reverse-continue
-reverse-continue
+BACK
 delete
 handle SIGUSR1 nostop noprint pass
 watch millimetres
@@ -578,7 +572,11 @@ fn the_way_back_is_the_way_forth() {
     let files = [("sonar.toml", SONAR)];
     let expected = undisturbed("back", command, &files);
     let debugged = Debugged::start("back", command, &files, &[]);
-    let Some(said) = debugged.gdb(Some(&program), FORTH_AND_BACK) else {
+    let stops = if is_thorough() { 5 } else { 3 };
+    let script = FORTH_AND_BACK
+        .replace("FORTH\n", &"continue\n".repeat(stops))
+        .replace("BACK\n", &"reverse-continue\n".repeat(stops));
+    let Some(said) = debugged.gdb(Some(&program), &script) else {
         debugged.interrupt();
         return;
     };
@@ -591,11 +589,11 @@ fn the_way_back_is_the_way_forth() {
         .filter(|pair| pair[0].starts_with("seen "))
         .map(|pair| [pair[0], pair[1]])
         .collect();
-    let (forth, back) = seen.split_at(5.min(seen.len()));
+    let (forth, back) = seen.split_at(stops.min(seen.len()));
     let mut reversed = forth.to_vec();
     reversed.reverse();
     assert_eq!(back, &reversed[..], "{said}");
-    assert!(forth[4][1].starts_with("rig 0."), "{said}");
+    assert!(forth[stops - 1][1].starts_with("rig 0."), "{said}");
     let at: Vec<&str> = lines
         .iter()
         .copied()
@@ -647,13 +645,7 @@ fn on_fail_stops_in_the_function_with_the_defect() {
         compiled(&format!("debugged-{name}"), "cc", source, &flags)
     };
     let in_beat = "beat (port=3, number=6)";
-    for (name, program, scenario, expected) in [
-        (
-            "ends",
-            of_c("ends", &ends),
-            SONAR,
-            ["program-alive fails at", in_beat],
-        ),
+    let runs = [
         (
             "crashes",
             of_c("crashes", &crashes),
@@ -666,20 +658,27 @@ fn on_fail_stops_in_the_function_with_the_defect() {
             &*strict,
             ["violations fails at", "nonsense (port=3)"],
         ),
+        (
+            "ends",
+            of_c("ends", &ends),
+            SONAR,
+            ["program-alive fails at", in_beat],
+        ),
         // Each throws or panics when it steers for the sixth time.
         (
             "throws",
-            languages::program("throws", "c++"),
+            languages::program("c++"),
             SONAR,
             ["program-alive fails at", "Rover::steer (this="],
         ),
         (
             "panics",
-            languages::program("panics", "rustc"),
+            languages::program("rustc"),
             SONAR,
             ["program-alive fails at", "program::steer"],
         ),
-    ] {
+    ];
+    for (name, program, scenario, expected) in few(3, runs) {
         let Some(program) = program else { continue };
         let sixth = match name {
             "throws" | "panics" => " 6",

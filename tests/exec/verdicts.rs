@@ -8,9 +8,13 @@ use crate::support::*;
 fn a_sound_robot_finds_its_ports_and_goes_on() {
     let bench = Bench::new("sound", "5s", "");
     let dut = format!("{} dut --dir \"$HILRIG_DIR\"", env!("CARGO_BIN_EXE_hilrig"));
+    let mission = std::fs::read_to_string(short()).expect("it is there");
+    let near = mission.replace("[[1.2, 1.2], [2.2, 1.2]]", "[[1.1, 1.2]]");
+    assert!(near != mission, "{mission}");
+    std::fs::write(bench.folder.join("near.toml"), near).expect("a fresh file");
     let output = std::process::Command::new(env!("CARGO_BIN_EXE_hilrig"))
         .current_dir(&bench.folder)
-        .args(["run", short().to_str().expect("plain"), "--out", "out"])
+        .args(["run", "near.toml", "--out", "out"])
         .args(["--exec", &dut, "--exec-wait", "60s"])
         .output();
     let ended = bench.ended(output.expect("the binary is built"));
@@ -71,7 +75,7 @@ fn who_opens_one_port_and_not_the_other_fails_and_the_other_is_named() {
 /// The run is long, because time by which a busy machine was late does not count.
 #[test]
 fn who_opens_and_never_reads_hangs() {
-    let bench = Bench::new("hangs", "15s", "fd = port()\ntime.sleep(600)\n");
+    let bench = Bench::new("hangs", "8s", "fd = port()\ntime.sleep(600)\n");
     let ended = bench.run(&[]);
     assert_eq!(ended.failed(), ["program-reads"], "{}", ended.said);
     let detail = ended.check("program-reads").1;
@@ -102,7 +106,7 @@ while True:
 #[test]
 fn who_reads_slowly_but_steadily_does_not_hang() {
     let python = "fd = port()\nwhile True:\n    os.read(fd, 1)\n    time.sleep(1)\n";
-    let bench = Bench::new("slow", "6s", python);
+    let bench = Bench::new("slow", "4s", python);
     let ended = bench.run(&[]);
     assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
     assert_eq!(ended.code, Some(0), "{}", ended.said);

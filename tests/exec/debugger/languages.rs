@@ -1,6 +1,7 @@
 //! Sessions in C++ and Rust with threads, and Python under its own debugger.
 
 use std::path::PathBuf;
+use std::sync::OnceLock;
 
 use super::{Debugged, SONAR, count, undisturbed};
 use crate::guest::compiled;
@@ -9,18 +10,17 @@ use crate::support::{folder, run_in};
 const CPP: &str = include_str!("../programs/debugged.cpp");
 const RUST: &str = include_str!("../programs/debugged.rs");
 
-/// A program in C++ or Rust.
-pub(super) fn program(name: &str, compiler: &str) -> Option<PathBuf> {
-    let name = format!("debugged-{name}");
-    match compiler {
-        "c++" => compiled(&name, "c++", CPP, &["-g", "-O0", "-pthread", "-std=c++17"]),
-        _ => compiled(
-            &name,
-            "rustc",
-            RUST,
-            &["-g", "-Copt-level=0", "-Cpanic=abort", "--edition=2021"],
-        ),
-    }
+/// The program in C++ or Rust, compiled once.
+pub(super) fn program(compiler: &str) -> Option<PathBuf> {
+    static PROGRAMS: [OnceLock<Option<PathBuf>>; 2] = [const { OnceLock::new() }; 2];
+    const CPP_FLAGS: [&str; 4] = ["-g", "-O0", "-pthread", "-std=c++17"];
+    const RUST_FLAGS: [&str; 4] = ["-g", "-Copt-level=0", "-Cpanic=abort", "--edition=2021"];
+    let (index, source, flags) = match compiler {
+        "c++" => (0, CPP, CPP_FLAGS),
+        _ => (1, RUST, RUST_FLAGS),
+    };
+    let build = || compiled(&format!("debugged-{compiler}"), compiler, source, &flags);
+    PROGRAMS[index].get_or_init(build).clone()
 }
 
 /// Stops that continue by themselves.
@@ -132,7 +132,7 @@ fn sessions_in_other_languages_see_and_change_their_variables() {
             ],
         ),
     ] {
-        let Some(program) = program(name, compiler) else {
+        let Some(program) = program(compiler) else {
             continue;
         };
         let command = program.to_str().expect("a plain path");
