@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -42,11 +43,20 @@ def test_a_robot_that_does_not_look_fails(tmp_path: Path) -> None:
     assert {"waypoints-visited", "no-collision-at-speed"} & {c.name for c in result.failures}
 
 
-def test_every_test_on_the_page_runs(inner, pytester: pytest.Pytester) -> None:
-    page = (DOCS / "python.md").read_text()
-    tests = [block for block in re.findall(r"```python\n(.*?)```", page, re.S) if "serial" in block]
-    assert tests
-    inner("\n".join(tests)).assert_outcomes(passed=len(tests))
+def test_every_test_on_the_page_runs(pytester: pytest.Pytester, monkeypatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(SOURCE))
+    page = DOCS / "python.md"
+    first = DOCS.parent / "tests" / "ci" / "first_test.py"
+    subprocess.run([sys.executable, first, page, pytester.path], check=True)
+    for name in ("robot.toml", "robot.py"):
+        shutil.copy(DOCS / "connect" / name, pytester.path)
+    tests = re.findall(r"```python\n(.*?)```", page.read_text(), re.S)
+    tests = [test for test in tests if "def test_" in test and "my_driver" not in test]
+    for number, test in enumerate(tests):
+        (pytester.path / f"test_{number}.py").write_text(test)
+    # The first one is in its own file, too.
+    words = [sys.executable, "-m", "pytest", "-p", "hilrig.plugin", "--hilrig-virtual"]
+    pytester.run(*words).assert_outcomes(passed=len(tests) + 1)
 
 
 def test_the_scale_of_the_page_is_weighed_and_fails_as_it_says(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ const NEEDS: [Needs; 17] = [
     },
     Needs {
         commands: &["run"],
-        options: &["check", "trace_calls"],
+        options: &["check", "trace_calls", "control"],
         needed: "is_virtual",
     },
     Needs {

@@ -78,6 +78,10 @@ pub(super) struct RunArgs {
     /// Write the answer of virtual time to each call of the program
     #[arg(long, value_name = "FILE", requires = "is_virtual")]
     trace_calls: Option<PathBuf>,
+    /// Open the control socket in virtual time: time passes only while a client waits for a
+    /// condition or a step, and after the last client has left (docs/control.md)
+    #[arg(long, requires = "is_virtual", conflicts_with = "check")]
+    control: bool,
     /// Speak JSON with node programs, one object a line, instead of the binary form
     #[arg(long)]
     json_nodes: bool,
@@ -276,6 +280,7 @@ fn one(
         foreign,
         trace: args.trace_calls.clone(),
         is_checked: args.check,
+        is_controlled: args.control,
     };
     judged_guest((&scenario, &source), &guest, &place, stop)
 }

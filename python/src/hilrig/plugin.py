@@ -1,4 +1,4 @@
-"""The pytest plugin: fixture ``rig``, marker ``hilrig``, options ``--hilrig-*``.
+"""The pytest plugin: fixtures ``rig`` and ``device``, marker ``hilrig``, options ``--hilrig-*``.
 
 ::
 
@@ -21,13 +21,15 @@ import re
 import shlex
 import shutil
 from pathlib import Path
-from typing import Any, Dict, Generator, List, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Generator, List, Optional, Sequence, Tuple
 
 import pytest
 
 from .binary import find_binary
+from .bench import Bench
 from .result import Result
-from .rig import PathLike, Rig, RigError, _virtual, run
+from .rig import Rig, Running, run
+from .session import PathLike, RigError, Session, needed
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -35,8 +37,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--hilrig-virtual",
         action="store_true",
-        help="run the programs of rig.run in virtual time; a test that is the program itself "
-        "stays in real time",
+        help="run the programs of rig.run and rig.start in virtual time; a test that is the program "
+        "itself stays in real time",
     )
     group.addoption(
         "--hilrig-seed", type=int, metavar="N", help="seed of all rigs, in place of their own"
@@ -56,7 +58,7 @@ def pytest_configure(config: pytest.Config) -> None:
     )
     if config.getoption("--hilrig-virtual"):
         try:
-            _virtual(find_binary(), "run")
+            needed(find_binary(), "run", "--virtual")
         except RuntimeError as error:
             raise pytest.UsageError(f"--hilrig-virtual: {error}") from error
 
@@ -66,7 +68,7 @@ class RigFactory:
 
     def __init__(self, request: pytest.FixtureRequest) -> None:
         self._request = request
-        self._rigs: List[Rig] = []
+        self._rigs: List[Session] = []
         self._seeds: List[int] = []
         #: Result folders; removed after a passed test.
         self._folders: List[Path] = []
@@ -76,19 +78,45 @@ class RigFactory:
         # A test that is the program itself runs in real time, so the rig must too.
         path, settings = self._settings(scenario, settings, is_virtual=False)
         rig = Rig(path, out=self._folder(), **settings)
+        self._add(rig)
+        return rig
+
+    def _add(self, rig: Session) -> None:
         self._rigs.append(rig)
         self._seeds.append(rig.seed)
-        return rig
 
     def run(self, program: str, scenario: Optional[PathLike] = None, **settings: Any) -> Result:
         """Runs and judges a program in the folder of the test's file, see ``hilrig.run``."""
-        is_virtual = bool(self._request.config.getoption("--hilrig-virtual"))
-        path, settings = self._settings(scenario, settings, is_virtual)
-        settings.setdefault("cwd", Path(self._request.node.path).parent)
+        path, settings = self._program_settings(scenario, settings)
         result = run(path, program, out=self._folder(), **settings)
         runs = result.raw["result"]["runs"]
         self._seeds.extend(int(one["seed"]) for one in runs if one["seed"] is not None)
         return result
+
+    def start(self, program: str, scenario: Optional[PathLike] = None, **settings: Any) -> Running:
+        """Starts a program as ``run`` does; the test adds faults and waits while it runs."""
+        path, settings = self._program_settings(scenario, settings)
+        running = Running(path, program, out=self._folder(), **settings)
+        self._add(running)
+        return running
+
+    def device(self, device: PathLike, **settings: Any) -> Bench:
+        """Starts a rig with one device, see ``hilrig.Bench``; a path begins at the test's file."""
+        beside = Path(self._request.node.path).parent / device
+        given = self._request.config.getoption("--hilrig-seed")
+        if given is not None:
+            settings["seed"] = given
+        bench = Bench(beside if beside.is_file() else device, out=self._folder(), **settings)
+        self._add(bench)
+        return bench
+
+    def _program_settings(
+        self, scenario: Optional[PathLike], settings: Dict[str, Any]
+    ) -> Tuple[PathLike, Dict[str, Any]]:
+        is_virtual = bool(self._request.config.getoption("--hilrig-virtual"))
+        path, settings = self._settings(scenario, settings, is_virtual)
+        settings.setdefault("cwd", Path(self._request.node.path).parent)
+        return path, settings
 
     def _settings(
         self, scenario: Optional[PathLike], given: Dict[str, Any], is_virtual: bool
@@ -186,6 +214,12 @@ def rig(request: pytest.FixtureRequest) -> Generator[RigFactory, None, None]:
     factory.close(request.node.stash.get(_FAILED, False))
 
 
+@pytest.fixture
+def device(rig: RigFactory) -> Callable[..., Bench]:
+    """Starts rigs with one device each: ``device("modbus-meter")``."""
+    return rig.device
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
     outcome = yield
@@ -196,4 +230,4 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, None]:
         report.sections.append(("hilrig", factory.story()))
 
 
-__all__: Sequence[str] = ["RigFactory", "rig"]
+__all__: Sequence[str] = ["RigFactory", "device", "rig"]

@@ -15,9 +15,11 @@ use crate::cli::CliError;
 use crate::cli::ends::{EndArgs, print_table};
 use crate::cli::exec::show_words;
 use crate::cli::stop::Stop;
+use crate::realtime::Place;
 use crate::realtime::clock::{Clock as _, WallClock};
-use crate::realtime::exec::{Cpu, Foreign, pc_end};
-use crate::realtime::guest::{Played, Trial};
+use crate::realtime::control::Control;
+use crate::realtime::exec::{Cpu, Foreign, Seat, pc_end};
+use crate::realtime::guest::{GuestError, Played, Trial};
 use crate::realtime::transport::PortDir;
 use crate::robots::{self, Dut};
 use crate::run::Run;
@@ -32,6 +34,8 @@ pub(super) struct Guest {
     pub(super) trace: Option<PathBuf>,
     /// Whether the program is run twice to compare the runs.
     pub(super) is_checked: bool,
+    /// Whether clients of the control socket decide when time passes.
+    pub(super) is_controlled: bool,
 }
 
 /// Runs `scenario` with a foreign program in virtual time and writes the result folder, also after
@@ -58,6 +62,7 @@ pub(super) fn judged_guest(
             foreign,
             trace: None,
             is_checked: false,
+            is_controlled: false,
         };
         // Both runs charge the same for computing.
         let mut scenario = scenario.clone();
@@ -172,19 +177,47 @@ impl Beginning<'_> {
         scenario: &Scenario,
         source: &Source,
     ) -> Result<Trial, CliError> {
+        let (trial, _) = self.begin_with(scenario, source, false)?;
+        Ok(trial)
+    }
+
+    /// The same with a control socket, if `is_controlled`.
+    fn begin_with(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+        is_controlled: bool,
+    ) -> Result<(Trial, Option<Control>), CliError> {
         let wired = robots::wire(scenario, source, Dut::External, pc_end(scenario))?;
         let dir = PortDir::open(self.ports)?;
         let (rig, instruments, seats) = self.ends.place(wired, &dir)?;
         if self.is_first {
             print_table(&seats);
         }
+        let control = match is_controlled {
+            true => Some(control_of(&dir, &seats)?),
+            false => None,
+        };
         let mut run = Run::with_rig(scenario.clone(), rig, instruments);
         let about = capture::about(run.scenario());
         record_to(&self.out.join("capture.pcapng"), about, &mut run)?;
         let log = self.out.join(LOG);
         let foreign = self.foreign.clone();
-        Ok(Trial::start(run, seats, dir, foreign, self.trace, &log)?)
+        let trial = Trial::start(run, seats, dir, foreign, self.trace, &log)?;
+        Ok((trial, control))
     }
+}
+
+/// The control socket of a run with the ports `seats` in `dir`.
+fn control_of(dir: &PortDir, seats: &[Seat]) -> Result<Control, CliError> {
+    let mut control = Control::open(dir)?;
+    control.offer(seats.iter().map(|seat| Place {
+        name: &seat.end.name,
+        path: seat.transport.path(),
+        baud: seat.end.line.baud,
+        node: seat.end.node,
+    }));
+    Ok(control)
 }
 
 /// Runs the program once; its output goes to `out`.
@@ -204,20 +237,55 @@ fn play(
         out,
         is_first: guest.is_checked || out == place.out,
     };
-    let mut trial = begun.begin(scenario, source)?;
+    let (mut trial, mut control) = begun.begin_with(scenario, source, guest.is_controlled)?;
     let clock = WallClock::start();
     let mut progress = Progress::new(Talk::Verdict);
     let mut turned = Ok(());
-    while !trial.is_over() && stop.signal().is_none() && turned.is_ok() {
-        turned = trial.turns();
+    let has_quit = |control: &Option<Control>| control.as_ref().is_some_and(Control::has_quit);
+    while !trial.is_over() && stop.signal().is_none() && turned.is_ok() && !has_quit(&control) {
+        turned = match &mut control {
+            Some(control) => controlled_turns(&mut trial, control, &clock),
+            None => trial.turns(),
+        };
         report_trouble(trial.run());
         progress.print(trial.run(), clock.now() - Instant::ZERO);
     }
+    // Before the directory of the ports.
+    drop(control);
     let was_cut = cut_short(trial.run(), stop);
     let mut played = trial.end();
     turned?;
     played.outcome.checks.extend(was_cut);
     Ok(played)
+}
+
+/// Wall time between two looks at the program's output and at signals.
+const LOOK_EVERY: Duration = Duration::from_millis(10);
+/// Wall time between two looks at a socket without requests.
+const REQUEST_EVERY: Duration = Duration::from_millis(1);
+
+/// Takes turns while clients wait, and executes their requests between two turns. Each change of
+/// a client that waits for conditions has the same virtual time in every run.
+fn controlled_turns(
+    trial: &mut Trial,
+    control: &mut Control,
+    clock: &WallClock,
+) -> Result<(), GuestError> {
+    let until = clock.now() + LOOK_EVERY;
+    while clock.now() < until && !trial.is_over() {
+        control.hear();
+        let now = trial.now();
+        control.serve(trial.run(), None, now);
+        if control.has_quit() {
+            break;
+        }
+        match (control.is_awaited(), control.is_deserted()) {
+            (true, _) => trial.turn()?,
+            (false, true) => return trial.turns(),
+            (false, false) => clock.sleep_until(clock.now() + REQUEST_EVERY),
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -167,6 +167,16 @@ impl Control {
         true
     }
 
+    /// Whether a client waits for a condition or for the end of a step.
+    pub fn is_awaited(&self) -> bool {
+        self.clients.iter().any(|one| one.idle_since().is_none())
+    }
+
+    /// Whether clients were connected, and all of them have left.
+    pub fn is_deserted(&self) -> bool {
+        self.tally.requests > 0 && self.clients.is_empty()
+    }
+
     /// Whether a client requested the end of the run.
     pub const fn has_quit(&self) -> bool {
         self.tally.quits
