@@ -144,6 +144,9 @@ fn programs_on_the_pages_are_the_files() {
         ("docs/python.md", "python", "docs/connect/test_robot.py"),
         ("docs/ci.md", "yaml", "docs/ci/github.yml"),
         ("docs/ci.md", "yaml", "docs/ci/gitlab.yml"),
+        ("docs/ci.md", "yaml", "docs/ci/pytest-github.yml"),
+        ("docs/ci.md", "yaml", "docs/ci/pytest-gitlab.yml"),
+        ("docs/ci.md", "yaml", "docs/ci/pytest-woodpecker.yml"),
     ];
     for (page, language, file) in files.into_iter().chain(several) {
         let text = read(file);
