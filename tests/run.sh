@@ -105,6 +105,13 @@ if proof crates src devices tests/devices; then
     # Reads the described receiver.
     command -v gpsd >/dev/null && command -v gpspipe >/dev/null || missing+=(gpsd gpsd-clients)
 fi
+if proof python nodes crates tests/bridges; then
+    # A node of ROS 1 reads a bridge.
+    python3_rospy=/usr/lib/python3/dist-packages
+    [[ -d $python3_rospy/rospy && -d $python3_rospy/nav_msgs && -d $python3_rospy/tf2_msgs ]] &&
+        command -v rosmaster >/dev/null ||
+        missing+=(ros-core python3-rospy python3-rosmaster python3-nav-msgs python3-tf2-msgs)
+fi
 if proof protocols emulators crates tests/osc_clients; then
     # Drives the model car.
     command -v oscsend >/dev/null || missing+=(liblo-tools)
@@ -254,6 +261,10 @@ fi
 if proof protocols emulators crates tests/osc_clients; then
     step "the model car, driven by what pip and Debian give"
     CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/osc_clients/run.sh
+fi
+if proof python nodes crates tests/bridges; then
+    step "bridges to Foxglove, ROS 1 and ROS 2, each with a reader"
+    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/bridges/run.sh
 fi
 if proof protocols emulators crates tests/i2c_clients; then
     step "chips on I2C, read by the calls of smbus2"

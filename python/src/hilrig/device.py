@@ -29,7 +29,7 @@ import random
 import struct
 import sys
 from heapq import heappop, heappush
-from typing import Any, BinaryIO, Callable, Dict, List, Optional, Tuple, Type, Union
+from typing import Any, BinaryIO, Callable, Dict, List, Optional, Tuple, Union
 
 __all__ = ["Device", "Message", "main"]
 
@@ -441,7 +441,7 @@ class _Json:
 
 
 def main(
-    device: Type[Device],
+    device: Callable[[Dict[str, Any]], Device],
     source: Optional[BinaryIO] = None,
     sink: Optional[BinaryIO] = None,
 ) -> None:
