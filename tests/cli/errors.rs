@@ -17,44 +17,21 @@ fn refusal(name: &str, scenario: &str) -> String {
 fn a_misspelt_key_is_shown_with_its_line() {
     let scenario = shipped("empty-room").replace("duration", "duratoin");
     let said = refusal("key", &scenario);
-    let (place, expected) = said
-        .split_once("unknown field")
-        .expect("the key is unknown");
-    insta::assert_snapshot!(place, @r#"
-    error: s.toml: TOML parse error at line 6, column 1
-      |
-    6 | duratoin = "90s"
-      | ^^^^^^^^
-    "#);
-    assert!(
-        expected.starts_with(" `duratoin`, expected one of `schema`"),
-        "{expected}"
-    );
-    assert!(expected.contains("`duration`"), "{expected}");
+    let expected = "error: s.toml:6: duratoin: is an unknown key, did you mean \"duration\"? \
+                    Expected one of schema, name";
+    assert!(said.starts_with(expected), "{said}");
 }
 
 #[test]
 fn a_time_without_unit_is_refused() {
     let scenario = shipped("empty-room").replace("\"90s\"", "90");
-    insta::assert_snapshot!(refusal("unit", &scenario), @r#"
-    error: s.toml: TOML parse error at line 6, column 12
-      |
-    6 | duration = 90
-      |            ^^
-    invalid type: integer `90`, expected a time with its unit such as "90s" or "200ms"
-    "#);
+    insta::assert_snapshot!(refusal("unit", &scenario), @r#"error: s.toml:6: duration: is 90, expected a time with its unit such as "90s" or "200ms""#);
 }
 
 #[test]
 fn a_wrong_unit_is_refused() {
     let scenario = shipped("empty-room").replace("\"90s\"", "\"90m\"");
-    insta::assert_snapshot!(refusal("wrong-unit", &scenario), @r#"
-    error: s.toml: TOML parse error at line 6, column 12
-      |
-    6 | duration = "90m"
-      |            ^^^^^
-    "90m" is no time, expected a number with its unit such as "90s" or "200ms"
-    "#);
+    insta::assert_snapshot!(refusal("wrong-unit", &scenario), @r#"error: s.toml:6: duration: "90m" is no time, expected a number with its unit such as "90s" or "200ms""#);
 }
 
 #[test]
@@ -92,7 +69,7 @@ fn a_lidar_that_the_program_cannot_read_is_refused() {
 fn an_unknown_device_lists_the_known_ones() {
     let device = "[device.ldar.xv11]\n\n[world]\n";
     let scenario = shipped("empty-room").replace("[world]\n", device);
-    insta::assert_snapshot!(refusal("device", &scenario), @"error: s.toml:15: device.ldar: no such device; the rescue robot has lidar, base, radio, display");
+    insta::assert_snapshot!(refusal("device", &scenario), @r#"error: s.toml:15: device.ldar: is "ldar", did you mean "lidar"? Expected one of lidar, base, radio, display"#);
 }
 
 #[test]
@@ -100,7 +77,7 @@ fn a_fault_on_no_link_lists_the_links() {
     let fault = "[[fault]]\nlink = \"bus\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 0.1\n\n[world]\n";
     let scenario = shipped("empty-room").replace("[world]\n", fault);
     insta::assert_snapshot!(refusal("fault", &scenario), @r#"
-    error: s.toml:16: fault[0].link: is "bus", expected one of lidar, motor, base, radio, pc
+    error: s.toml:16: fault[0].link: is "bus", did you mean "base"? Expected one of lidar, motor, base, radio, pc
     "#);
 }
 
@@ -108,7 +85,7 @@ fn a_fault_on_no_link_lists_the_links() {
 fn a_rate_beyond_one_is_refused() {
     let fault = "[[fault]]\nlink = \"base\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 10\n\n[world]\n";
     let scenario = shipped("empty-room").replace("[world]\n", fault);
-    insta::assert_snapshot!(refusal("rate", &scenario), @"error: s.toml:19: fault[0].rate: expected a chance per byte from 0 to 1");
+    insta::assert_snapshot!(refusal("rate", &scenario), @"error: s.toml:19: fault[0].rate: is 10, expected a chance per byte from 0 to 1");
 }
 
 #[test]
@@ -123,13 +100,7 @@ fn a_floor_plan_that_is_not_there_is_named() {
 #[test]
 fn a_schema_of_the_future_is_refused() {
     let scenario = shipped("empty-room").replace("schema = 1", "schema = 2");
-    insta::assert_snapshot!(refusal("schema", &scenario), @r#"
-    error: s.toml: TOML parse error at line 2, column 10
-      |
-    2 | schema = 2
-      |          ^
-    schema is 2, expected 1
-    "#);
+    insta::assert_snapshot!(refusal("schema", &scenario), @"error: s.toml:2: schema: is 2, expected 1");
 }
 
 #[test]

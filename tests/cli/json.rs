@@ -284,5 +284,5 @@ fn a_new_scenario_runs() {
     }
     let wrong = bench.command("new o/two,words").output().expect("starts");
     assert_eq!(wrong.status.code(), Some(2));
-    assert!(text(&wrong.stderr).contains("name is"), "{wrong:?}");
+    assert!(text(&wrong.stderr).contains("name: is"), "{wrong:?}");
 }

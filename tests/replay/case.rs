@@ -429,9 +429,15 @@ fn a_case_that_makes_no_sense_is_refused_with_its_line() {
         said
     };
     let future = says(&text.replacen("case = 1", "case = 2", 1));
-    assert!(future.contains("case is 2, expected 1"), "{future}");
+    assert!(
+        future.contains("c.toml:1: case: is 2, expected 1"),
+        "{future}"
+    );
     let misspelt = says(&text.replacen("end_ns", "end_us", 1));
-    assert!(misspelt.contains("unknown field `end_us`"), "{misspelt}");
+    assert!(
+        misspelt.contains("end_us: is an unknown key, did you mean \"end_ns\"?"),
+        "{misspelt}"
+    );
     let begin = "to_program = \"\"\"\n";
     let bytes = says(&text.replacen(begin, &format!("{begin}12 XY\n"), 1));
     let expected = "line 1: expected bytes of two hex digits, e.g. AB240A, or !\n";

@@ -128,7 +128,7 @@ fn what_cannot_be_is_told_with_its_place() {
     let robot = std::fs::read_to_string("scenarios/custom-robot.toml").expect("is there");
     insta::assert_snapshot!(
         refusal(&robot.replace("actuator = \"left\"", "actuator = \"rear\"")),
-        @r#"<test>:27: device.wheels.registers.register[0]: there is no actuator "rear", expected one of: left, right"#
+        @r#"<test>:34: device.wheels.registers.register[0].drives.actuator: there is no actuator "rear", expected one of: left, right"#
     );
     insta::assert_snapshot!(
         refusal(&robot.replace("speed_m_s = 0.01 }", "speed_m_s = 0.01, power = 1 }")),
@@ -136,10 +136,10 @@ fn what_cannot_be_is_told_with_its_place() {
     );
     insta::assert_snapshot!(
         refusal(&robot.replace("{ encoder = \"left\" }", "{ encoder = \"drive\" }")),
-        @r#"<test>:45: device.wheels.registers.register[2]: there is no encoder "drive", expected one of: left, right"#
+        @r#"<test>:49: device.wheels.registers.register[2].source.encoder: there is no encoder "drive", expected one of: left, right"#
     );
     insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"rescue\"")), @r#"<test>:18: chassis: expected none: this robot has its own chassis"#);
-    insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"costum\"")), @r#"<test>:1: robot: is "costum", expected one of apollo13, custom, none, rescue, yellow"#);
+    insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"costum\"")), @r#"<test>:8: robot: is "costum", did you mean "custom"? Expected one of apollo13, custom, none, rescue, yellow"#);
     insta::assert_snapshot!(refusal(&GRIPPER.replace("\"none\"", "\"custom\"")), @r#"<test>: world: is missing, expected a table with the robot's start and the obstacles"#);
     let car = "[chassis.ackermann]\nwheelbase_m = -1\n";
     insta::assert_snapshot!(refusal(&robot.replace("[chassis.differential]", car)), @r#"<test>:18: chassis.ackermann: body.wheelbase_m is -1; expected 0.02 to 4"#);

@@ -87,7 +87,7 @@ fn figures_that_cannot_be_are_refused() {
     );
     let error = refused("[device.lidar.xv11]\nfaults = [\"dusty\"]\n");
     assert!(
-        error.contains("is \"dusty\", expected one of off, dust"),
+        error.contains("is \"dusty\", did you mean \"dust\"? Expected one of off, dust"),
         "{error}"
     );
 }

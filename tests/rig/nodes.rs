@@ -77,7 +77,7 @@ fn faults_of_a_program_are_faults_of_the_scenario() {
         .expect_err("it knows no storm");
     let error = error.to_string();
     assert!(
-        error.contains("has no fault \"storm\", expected one of draught"),
+        error.contains("is \"storm\", expected one of draught (faults of scale)"),
         "{error}"
     );
 }

@@ -82,12 +82,12 @@ fn a_bad_table_is_told_with_its_line_and_key() {
         [[device.own.registers.register]]\naddress = 1\nname = \"a\"\nwidth = \"i16\"\n";
     insta::assert_snapshot!(
         refusal(&format!("{table}initial = 40000")),
-        @"<test>:7: device.own.registers.register[0]: initial is 40000, expected -32768 to 32767"
+        @"<test>:11: device.own.registers.register[0].initial: initial is 40000, expected -32768 to 32767"
     );
     let second = "[[device.own.registers.register]]\naddress = 2\nname = \"b\"\nwidth = \"u8\"";
     insta::assert_snapshot!(
         refusal(&format!("{table}{second}")),
-        @r#"<test>:11: device.own.registers.register[1]: address 2 belongs to "a""#
+        @r#"<test>:12: device.own.registers.register[1].address: address 2 belongs to "a""#
     );
     insta::assert_snapshot!(
         refusal(&table.replace("9600", "9")),

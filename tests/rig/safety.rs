@@ -190,7 +190,7 @@ fn a_strangers_program_must_not_move_on_damaged_frames() {
 fn a_link_that_safety_names_must_exist() {
     let (scenario, source) = in_a_room("1s", "[expect.safety]\nrests_without = [\"radar\"]\n");
     let refused = Run::new(scenario, &source, None).err().expect("refused");
-    let expected = "<test>:6: expect.safety.rests_without: no link \"radar\", expected one of ";
+    let expected = "<test>:6: expect.safety.rests_without: is \"radar\", did you mean ";
     assert!(refused.to_string().starts_with(expected), "{refused}");
     drop(start(in_a_room(
         "1s",

@@ -34,7 +34,7 @@ use engine::TOOL;
 use engine::rig::Program;
 use engine::robots::{self, Dut, PcEnd};
 use engine::run::check::{Check, Status};
-use engine::scenario::{Scenario, ScenarioError, Source};
+use engine::scenario::{Document, Scenario, ScenarioError, Source, read_whole};
 
 pub use decoder::Decoded;
 pub use expectation::Expectation;
@@ -178,13 +178,11 @@ impl Case {
     /// If `text` is no case.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), CaseError> {
         let path = path.to_owned();
-        match toml::from_str(&text) {
-            Ok(case) => Ok((case, Source { path, text })),
-            Err(source) => {
-                let source = Box::new(source);
-                Err(CaseError::File(ScenarioError::Parse { path, source }))
-            }
-        }
+        let source = Source { path, text };
+        let read =
+            |document: Document<'_>| Self::deserialize(toml::de::Deserializer::from(document));
+        let case = read_whole(&source, read).map_err(CaseError::File)?;
+        Ok((case, source))
     }
 
     /// Reads a case file.
@@ -499,12 +497,8 @@ mod tests {
 
     fn parsed(text: &str) -> Result<Case, String> {
         let case = Case::parse(Path::new("x.toml"), text.to_owned());
-        case.map(|(case, _)| case).map_err(|error| {
-            let CaseError::File(ScenarioError::Parse { source, .. }) = error else {
-                panic!("{error}")
-            };
-            source.to_string()
-        })
+        case.map(|(case, _)| case)
+            .map_err(|error| error.to_string())
     }
 
     const LEAST: &str = "case = 1\nname = \"x\"\nend_ns = 7\n[expect]\n";
@@ -515,7 +509,7 @@ mod tests {
         assert_eq!((case.end_ns, case.is_foreign), (7, false));
         assert!(case.link.is_empty() && case.scenario.is_none());
         let said = parsed(&LEAST.replace("case = 1", "case = 2")).expect_err("another");
-        assert!(said.contains("case is 2, expected 1"), "{said}");
+        assert!(said.contains("case: is 2, expected 1"), "{said}");
         assert!(!case.to_toml().contains("foreign"));
         let foreign = Case {
             is_foreign: true,

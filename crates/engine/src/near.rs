@@ -3,14 +3,32 @@
 /// Maximum number of different letters of a misspelt name.
 const LETTERS: usize = 2;
 
+/// Letters that two names have in common at least, if one begins with the other.
+const STEM: usize = 4;
+
 /// The name of `known` that was probably meant, if `name` is not in the list. A name counts as
-/// another name if it differs by more than two letters, or if it has no more letters than differ.
+/// another name if it differs by more than two letters, or if it has no more letters than differ,
+/// unless one of the two begins with the other.
 pub fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if known.contains(&name) {
         return None;
     }
     let near = known.iter().map(|&one| (distance(name, one), one)).min()?;
-    (near.0 <= LETTERS && near.0 < name.chars().count()).then_some(near.1)
+    let is_near = near.0 <= LETTERS && near.0 < name.chars().count();
+    match is_near {
+        true => Some(near.1),
+        false => known.iter().copied().find(|one| begins(one, name)),
+    }
+}
+
+/// Whether one of the names is the beginning of the other, up to a unit or another part: `speed`
+/// and `speed_m_s`, `baudrate` and `baud`.
+fn begins(one: &str, other: &str) -> bool {
+    let is_part = |short: &str, long: &str| {
+        let rest = long.strip_prefix(short);
+        rest.is_some_and(|rest| rest.starts_with(['_', '-']) || short.len() >= STEM)
+    };
+    is_part(one, other) || is_part(other, one)
 }
 
 /// The expected names for a message about `name`: the name that was probably meant, and all `known`
@@ -24,20 +42,37 @@ pub fn expected(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// Number of letters to insert, remove or change.
+/// A message that ends with `"name", expected one of: a, b`, with the name that was probably meant.
+pub fn with_meant(message: &str) -> String {
+    let meant = || {
+        let (before, all) = message.split_once("\", expected one of: ")?;
+        let known: Vec<&str> = all.split(", ").collect();
+        let meant = misspelt(before.rsplit('"').next()?, &known)?;
+        Some(format!(
+            "{before}\", did you mean \"{meant}\"? Expected one of: {all}"
+        ))
+    };
+    meant().unwrap_or_else(|| message.to_owned())
+}
+
+/// Number of letters to insert, remove, change, or exchange with the next one.
 fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (index, letter) in a.chars().enumerate() {
-        let mut before = row[0];
-        row[0] = index + 1;
-        for (column, other) in b.iter().enumerate() {
-            let changed = before + usize::from(letter != *other);
-            before = row[column + 1];
-            row[column + 1] = changed.min(before + 1).min(row[column] + 1);
+    let [a, b] = [a, b].map(|text| text.chars().collect::<Vec<char>>());
+    let mut before: Vec<usize> = Vec::new();
+    let mut last: Vec<usize> = (0..=b.len()).collect();
+    for (row, &letter) in a.iter().enumerate() {
+        let mut next = vec![row + 1];
+        for (column, &other) in b.iter().enumerate() {
+            let changed = last[column] + usize::from(letter != other);
+            let mut least = changed.min(last[column + 1] + 1).min(next[column] + 1);
+            if row > 0 && column > 0 && letter == b[column - 1] && a[row - 1] == other {
+                least = least.min(before[column - 1] + 1);
+            }
+            next.push(least);
         }
+        before = core::mem::replace(&mut last, next);
     }
-    row[b.len()]
+    last[b.len()]
 }
 
 #[cfg(test)]
@@ -46,8 +81,12 @@ mod tests {
 
     #[test]
     fn a_name_with_two_wrong_letters_is_found() {
-        let known = ["weight", "status", "x"];
+        let known = ["weight", "status", "x", "heading_deg", "baud", "x_m"];
         let rows = [
+            ("wieghtx", Some("weight")),
+            ("heading", Some("heading_deg")),
+            ("baudrate", Some("baud")),
+            ("head", Some("heading_deg")),
             ("wieght", Some("weight")),
             ("weigt", Some("weight")),
             ("weight", None),

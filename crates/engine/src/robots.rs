@@ -49,6 +49,7 @@ pub use overlay::{Overlay, OverlayRole};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 
 use crate::codec::Codec;
+use crate::near;
 pub use crate::registry::NameTaken;
 use crate::registry::{Named, Registry};
 use crate::rig::line::End;
@@ -198,8 +199,7 @@ pub fn find(name: &str) -> Option<&'static dyn Robot> {
 /// If it is unknown.
 pub fn of(scenario: &Scenario, source: &Source) -> Result<&'static dyn Robot, ScenarioError> {
     ROBOTS.find(&scenario.robot).ok_or_else(|| {
-        let known = ROBOTS.names().join(", ");
-        let message = format!("is \"{}\", expected one of {known}", scenario.robot);
+        let message = near::expected(&scenario.robot, &ROBOTS.names());
         source.invalid(source.find("robot"), "robot", message)
     })
 }
@@ -378,9 +378,12 @@ pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         spec.is_own() && is_new(name)
     })?;
     links::add_cables(&mut wired, scenario, source)?;
-    links::plan(&mut wired.rig, scenario, source)?;
-    bounds::check_safety_links(&wired.rig, scenario, source)?;
-    bounds::check_conditions(&wired, scenario, source)?;
+    let checks = [
+        links::plan(&mut wired.rig, scenario, source),
+        bounds::check_safety_links(&wired.rig, scenario, source),
+        bounds::check_conditions(&wired, scenario, source),
+    ];
+    ScenarioError::none_of(checks.into_iter().filter_map(Result::err).collect())?;
     Ok(wired)
 }
 
@@ -392,43 +395,59 @@ fn add_devices(
     source: &Source,
     fits: impl Fn(&str, &DeviceSpec) -> bool,
 ) -> Result<BTreeMap<String, &'static Codec>, ScenarioError> {
-    let mut codecs = BTreeMap::new();
+    let (mut codecs, mut wrong) = (BTreeMap::new(), Vec::new());
     for (name, spec) in scenario
         .device
         .iter()
         .filter(|(name, spec)| fits(name, spec))
     {
-        let key = format!("device.{name}");
-        let invalid = |message| Err(source.invalid(source.find(name), key.clone(), message));
-        if wired.rig.link(name).is_some() {
-            return invalid("the robot has a link of this name, expected another name");
+        match add_device(wired, scenario, source, (name, spec)) {
+            Ok(found) => codecs.extend(found),
+            Err(error) => wrong.push(error),
         }
-        let fits = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
-        if !name.chars().all(fits) {
-            return invalid("expected a name of letters, digits, '-' and '_'");
-        }
-        let built = spec.build(name, scenario.seed, source)?;
-        let parts = (built.device.as_ref(), &wired.rig.world);
-        spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
-        let node = wired.rig.add_boxed_device(name, built.device);
-        for (index, info) in built.ports.into_iter().enumerate() {
-            // The first port is the main port; the links of further ports have the port's name as
-            // suffix.
-            let link = match index {
-                0 => name.clone(),
-                _ => format!("{name}-{}", info.name),
-            };
-            let master = wired.open_end(&link, info.line, info.connect);
-            wired.set_optional(master, info.is_optional);
-            wired.set_rate(master, info.rate);
-            let device = End {
-                node,
-                port: info.port,
-            };
-            let rig = &mut wired.rig;
-            rig.connect_by(info.kind, &link, device, master, info.piece);
-            codecs.extend(info.codec.map(|codec| (link, codec)));
-        }
+    }
+    ScenarioError::none_of(wrong)?;
+    Ok(codecs)
+}
+
+/// Adds one device, and returns the protocols of its links.
+fn add_device(
+    wired: &mut Wired,
+    scenario: &Scenario,
+    source: &Source,
+    (name, spec): (&String, &DeviceSpec),
+) -> Result<Vec<(String, &'static Codec)>, ScenarioError> {
+    let key = format!("device.{name}");
+    let invalid = |message| Err(source.invalid(source.find(name), key.clone(), message));
+    if wired.rig.link(name).is_some() {
+        return invalid("the robot has a link of this name, expected another name");
+    }
+    let fits = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+    if !name.chars().all(fits) {
+        return invalid("expected a name of letters, digits, '-' and '_'");
+    }
+    let built = spec.build(name, scenario.seed, source)?;
+    let parts = (built.device.as_ref(), &wired.rig.world);
+    spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
+    let node = wired.rig.add_boxed_device(name, built.device);
+    let mut codecs = Vec::new();
+    for (index, info) in built.ports.into_iter().enumerate() {
+        // The first port is the main port; the links of further ports have the port's name as
+        // suffix.
+        let link = match index {
+            0 => name.clone(),
+            _ => format!("{name}-{}", info.name),
+        };
+        let master = wired.open_end(&link, info.line, info.connect);
+        wired.set_optional(master, info.is_optional);
+        wired.set_rate(master, info.rate);
+        let device = End {
+            node,
+            port: info.port,
+        };
+        let rig = &mut wired.rig;
+        rig.connect_by(info.kind, &link, device, master, info.piece);
+        codecs.extend(info.codec.map(|codec| (link, codec)));
     }
     Ok(codecs)
 }

@@ -16,6 +16,7 @@ mod mission;
 mod own;
 mod phases;
 pub(crate) mod plan;
+mod problems;
 mod rule;
 mod safety;
 pub mod schema;
@@ -58,6 +59,7 @@ pub use own::{
     TextSpec, VariableSpec, WidthSpec,
 };
 pub use phases::{BudgetSpec, PhasesSpec};
+pub use problems::{Document, read_whole};
 pub use rule::{Demand, LOOK_EVERY, RuleSpec, UntilSpec};
 pub use safety::SafetySpec;
 pub use source::{ScenarioError, Source};
@@ -285,11 +287,14 @@ impl Scenario {
         let path = path.to_owned();
         let source = Source { path, text };
         limits::check_text(&source)?;
-        let mut scenario = Self::deserialized(&source.text).map_err(|mut error| {
-            error.set_input(Some(&source.text));
-            let (path, source) = (source.path.clone(), Box::new(error));
-            ScenarioError::Parse { path, source }
-        })?;
+        let read = problems::read_mended(&source, Self::deserialized);
+        let mut problems = read.problems;
+        let Some(mut scenario) = read.value else {
+            return Err(ScenarioError::all(problems));
+        };
+        if problems.is_empty() {
+            problems = problems::too_long(&source, &scenario.to_toml());
+        }
         let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
         scenario.exec.values_mut().for_each(|exec| exec.embed(base));
         scenario
@@ -310,11 +315,18 @@ impl Scenario {
                 firmware.embed(base);
             }
         }
-        if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
+        let is_world = |problem: &ScenarioError| problem.key().starts_with("world");
+        if scenario.world.is_nowhere()
+            && scenario.robot != NO_ROBOT
+            && !problems.iter().any(is_world)
+        {
             let message = "is missing, expected a table with the robot's start and the obstacles";
-            return Err(source.invalid(None, "world", message));
+            problems.push(source.invalid(None, "world", message));
         }
-        limits::check(&scenario, &source)?;
+        limits::check(&scenario, &source, &mut problems);
+        if !problems.is_empty() {
+            return Err(ScenarioError::all(problems));
+        }
         if let Some(phases) = scenario.phases {
             if phases.length() > scenario.duration.0 {
                 let message = "is shorter than the phases together, expected at least their sum";
@@ -328,8 +340,7 @@ impl Scenario {
 
     /// Devices are read apart from the rest, because their settings have a type of their own and
     /// are to remember their places in the file.
-    fn deserialized(text: &str) -> Result<Self, toml::de::Error> {
-        let mut document = toml::de::DeTable::parse(text)?;
+    fn deserialized(mut document: Document<'_>) -> Result<Self, toml::de::Error> {
         let device = device::read_devices(document.get_mut());
         let scenario = Self::deserialize(toml::de::Deserializer::from(document))?;
         Ok(Self {

@@ -35,7 +35,7 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rat","message":"unknown field `rat`, expected one of `kind`, `link`, `direction`, `device`, `devices`, `rate`, `byte`, `bit`, `value`, `len`, `fifo`, `by`, `baud`, `ppm`, `ppm_per_s`, `with`, `back_as`, `fault`, `factor`, `from`, `until`, `lasting`, `every`, `count`, `at_byte`, `at_frame`, `when`, `begins_when`, `ends_when`, `stream`"}"#);
     let add =
         r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"flip","rate":7}}"#;
-    insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rate","message":"expected a chance per byte from 0 to 1"}"#);
+    insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rate","message":"is 7, expected a chance per byte from 0 to 1"}"#);
     let add = r#"{"do":"add","fault":{"link":"sonar","direction":"to-device","kind":"cut"}}"#;
     insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"link","message":"is \"sonar\", expected one of lidar, motor, base, radio, pc"}"#);
     assert_eq!(run.faults().count(), 0);

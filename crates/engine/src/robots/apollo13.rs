@@ -25,6 +25,7 @@ use firmware_core::robots::apollo13::wall::Side;
 use firmware_core::robots::apollo13::{Apollo13, Config};
 
 use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
+use crate::near;
 use crate::rig::line::End;
 use crate::rig::{LinkKind, Rig};
 use crate::scenario::device::{
@@ -267,8 +268,8 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
             Some((_, kind)) => format!("is of kind {}, expected {kind}", spec.kind()),
             None if spec.is_own() => continue,
             None => {
-                let known = DEVICES.map(|(name, _)| name).join(", ");
-                format!("no such device; apollo13 has {known}")
+                let known = DEVICES.map(|(name, _)| name);
+                near::expected(name, &known)
             }
         };
         return Err(source.invalid(source.find(name), format!("device.{name}"), message));
@@ -276,7 +277,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     for name in scenario.link.keys() {
         let is_own = scenario.device.contains_key(name);
         if !is_own && !LINKS.contains(&name.as_str()) {
-            let message = format!("no such link; apollo13 has {}", LINKS.join(", "));
+            let message = near::expected(name, &LINKS);
             return Err(source.invalid(source.find(name), format!("link.{name}"), message));
         }
     }

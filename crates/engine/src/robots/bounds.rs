@@ -1,9 +1,12 @@
 //! Checks that missions and rooms fit the robot's map.
 
+use core::ops::Range;
+
 use super::conditions::Moment;
 use super::{Robot, Wired};
+use crate::near;
 use crate::rig::Rig;
-use crate::scenario::{Action, Scenario, ScenarioError, Source};
+use crate::scenario::{Action, Flaw, Scenario, ScenarioError, Source};
 
 /// Maximum distance of a wall outside the map, metres: the last cell of a map is drawn from inside.
 const SLACK_M: f64 = 0.05;
@@ -53,14 +56,17 @@ pub(super) fn check_safety_links(
         return Ok(());
     };
     let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
-    let message = format!("no link \"{link}\", expected one of {}", known.join(", "));
+    let message = near::expected(link, &known);
     Err(source.invalid(source.find(key), format!("expect.safety.{key}"), message))
 }
+
+/// A list of the file, an index in it, and its position if that is known.
+type Entry<'a> = (&'a str, usize, Option<Range<usize>>);
 
 /// Checks that the robot has the items that the conditions of rules and steps name.
 ///
 /// # Errors
-/// The first unknown name.
+/// All unknown names.
 pub(super) fn check_conditions(
     wired: &Wired,
     scenario: &Scenario,
@@ -73,39 +79,33 @@ pub(super) fn check_conditions(
         devices: &scenario.device,
         waypoints: [0, scenario.mission.waypoints_m.len()],
     };
+    let mut wrong = Vec::new();
+    let mut check = |checked: Result<(), Flaw>, (list, index, place): Entry<'_>, key: &str| {
+        if let Err(flaw) = checked {
+            let span = source.find_in_list(list, index, key).or(place);
+            let key = format!("{list}[{index}].{key}.{}", flaw.key);
+            wrong.push(source.invalid(span, key, flaw.message));
+        }
+    };
     for (index, spanned) in scenario.expect.rule.iter().enumerate() {
         for (key, condition) in spanned.get_ref().conditions() {
-            moment.check(condition).map_err(|flaw| {
-                let span = source.find_in_list("expect.rule", index, key);
-                let key = format!("expect.rule[{index}].{key}.{}", flaw.key);
-                source.invalid(span.or(Some(spanned.span())), key, flaw.message)
-            })?;
+            let place = ("expect.rule", index, Some(spanned.span()));
+            check(moment.check(condition), place, key);
         }
     }
     for (index, fault) in scenario.fault.iter().enumerate() {
         for (key, condition) in fault.conditions() {
-            moment.check(condition).map_err(|flaw| {
-                let span = source.find_in_list("fault", index, key);
-                let key = format!("fault[{index}].{key}.{}", flaw.key);
-                source.invalid(span, key, flaw.message)
-            })?;
+            check(moment.check(condition), ("fault", index, None), key);
         }
     }
     for (index, step) in scenario.mission.step.iter().enumerate() {
-        moment.check_action(&step.action).map_err(|flaw| {
-            let span = source.find_in_list("mission.step", index, "do");
-            let key = format!("mission.step[{index}].do.{}", flaw.key);
-            source.invalid(span, key, flaw.message)
-        })?;
+        let entry = ("mission.step", index, None);
+        check(moment.check_action(&step.action), entry.clone(), "do");
         if let Some(condition) = &step.when {
-            moment.check(condition).map_err(|flaw| {
-                let span = source.find_in_list("mission.step", index, "when");
-                let key = format!("mission.step[{index}].when.{}", flaw.key);
-                source.invalid(span, key, flaw.message)
-            })?;
+            check(moment.check(condition), entry, "when");
         }
     }
-    Ok(())
+    ScenarioError::none_of(wrong)
 }
 
 /// The error if one of the waypoints of the robot called `name` is outside its map.

@@ -3,6 +3,7 @@
 use protocols::Port;
 
 use super::{OpenEnd, Wired};
+use crate::near;
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{LinkKind, PortRate, Rig};
@@ -72,17 +73,19 @@ fn end(wired: &mut Wired, link: &str, port: &str, spec: &CableSpec) -> End {
 /// Plans the scenario's latencies and faults on the links of a wired rig.
 ///
 /// # Errors
-/// The first unknown link, or a fault that does not fit its link.
+/// Unknown links, and faults that do not fit their links.
 pub(super) fn plan(
     rig: &mut Rig,
     scenario: &Scenario,
     source: &Source,
 ) -> Result<(), ScenarioError> {
+    let mut wrong = Vec::new();
     for (name, spec) in &scenario.link {
         let Some(link) = rig.link_mut(name) else {
             let known: Vec<&str> = rig.links().iter().map(|link| &*link.name).collect();
-            let message = format!("no such link, expected one of {}", known.join(", "));
-            return Err(source.invalid(source.find(name), format!("link.{name}"), message));
+            let message = near::expected(name, &known);
+            wrong.push(source.invalid(source.find(name), format!("link.{name}"), message));
+            continue;
         };
         let lines = link.lines.iter_mut();
         lines.for_each(|line| line.latency = spec.latency.0);
@@ -90,10 +93,11 @@ pub(super) fn plan(
     rig.budget = scenario.budget.unwrap_or_default().into();
     for (index, fault) in scenario.fault.iter().enumerate() {
         let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
-        planned.map_err(|flaw| {
+        if let Err(flaw) = planned {
             let span = source.find_in_list("fault", index, flaw.key);
-            source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
-        })?;
+            let key = format!("fault[{index}].{}", flaw.key);
+            wrong.push(source.invalid(span, key, flaw.message));
+        }
     }
-    Ok(())
+    ScenarioError::none_of(wrong)
 }

@@ -37,6 +37,7 @@ use super::{
     Alone, Arena, Console, Dut, PcEnd, ProgramPort, RemoteStation, Robot, Senses, Silence,
     WirePlan, Wired, board_settings,
 };
+use crate::near;
 use crate::rig::Rig;
 use crate::rig::cpu::CpuModel;
 use crate::rig::line::End;
@@ -261,7 +262,6 @@ const fn line_of(port: Port) -> LineConfig {
 }
 
 fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
-    let expected = |names: &[&str]| format!("the rescue robot has {}", names.join(", "));
     for (name, spec) in &scenario.device {
         let kind = match name.as_str() {
             "lidar" => "xv11",
@@ -270,10 +270,8 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
             display::NAME => "touch-panel",
             _ if spec.is_own() => continue,
             _ => {
-                let message = format!(
-                    "no such device; {}",
-                    expected(&["lidar", "base", "radio", display::NAME])
-                );
+                let known = ["lidar", "base", "radio", display::NAME];
+                let message = near::expected(name, &known);
                 return Err(source.invalid(source.find(name), format!("device.{name}"), message));
             }
         };
@@ -287,7 +285,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     for name in scenario.link.keys() {
         let is_own = scenario.device.get(name).is_some_and(DeviceSpec::is_own);
         if !is_own && !LINKS.contains(&name.as_str()) {
-            let message = format!("no such link; {}", expected(&LINKS));
+            let message = near::expected(name, &LINKS);
             return Err(source.invalid(source.find(name), format!("link.{name}"), message));
         }
     }

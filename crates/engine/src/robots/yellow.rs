@@ -28,6 +28,7 @@ use protocols::LineConfig;
 use super::{
     Alone, Dut, PcEnd, ProgramPort, RemoteStation, Robot, WirePlan, Wired, board_settings,
 };
+use crate::near;
 use crate::rig::Rig;
 use crate::rig::line::End;
 use crate::scenario::device::{Built, MotorSpec, RPLIDAR, RplidarSpec, WHEEL_BOARD};
@@ -269,7 +270,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
             BOARD => "wheel-board",
             _ if spec.is_own() => continue,
             _ => {
-                let message = "no such device; yellow has lidar, board";
+                let message = near::expected(name, &["lidar", BOARD]);
                 return Err(source.invalid(source.find(name), format!("device.{name}"), message));
             }
         };
@@ -281,7 +282,7 @@ fn check_names(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
     for name in scenario.link.keys() {
         let is_own = scenario.device.contains_key(name);
         if !is_own && !LINKS.contains(&name.as_str()) {
-            let message = format!("no such link; yellow has {}", LINKS.join(", "));
+            let message = near::expected(name, &LINKS);
             return Err(source.invalid(source.find(name), format!("link.{name}"), message));
         }
     }

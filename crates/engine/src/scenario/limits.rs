@@ -28,59 +28,87 @@ pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
 }
 
 /// Checks that the start and all waypoints are within the maximum distance, and that the
-/// expectations are possible.
-pub(super) fn check(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+/// expectations are possible. Adds the errors to `problems`, except for tables that have one.
+pub(super) fn check(scenario: &Scenario, source: &Source, problems: &mut Vec<ScenarioError>) {
+    // A wrong value was replaced; its table and those around it say nothing about the file.
+    let wrong: Vec<String> = problems
+        .iter()
+        .map(|error| error.key().to_owned())
+        .collect();
+    let mut found = Vec::new();
+    check_start(scenario, source, &mut found);
+    check_expectations(scenario, source, &mut found);
+    check_rules(scenario, source, &mut found);
+    check_mission(scenario, source, &mut found);
+    found.retain(|error| {
+        let (key, table) = (error.key(), table_of(error.key()));
+        let is_of = |wrong: &String| wrong.starts_with(key) || table_of(wrong) == table;
+        !wrong.iter().any(is_of)
+    });
+    problems.extend(found);
+}
+
+/// The table of a key.
+fn table_of(key: &str) -> &str {
+    key.rsplit_once('.').map_or(key, |(table, _)| table)
+}
+
+fn check_start(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
     let start = &scenario.world.start;
     let at = start.get_ref();
-    for (key, found, most) in [
+    for (key, value, most) in [
         ("x_m", at.x_m, FAR_M),
         ("y_m", at.y_m, FAR_M),
         ("heading_deg", at.heading_deg, TURN_DEG),
     ] {
-        if !(-most..=most).contains(&found) {
-            let message = format!("is {}, expected -{most} to {most}", shown(found));
-            return Err(source.invalid(Some(start.span()), format!("world.start.{key}"), message));
+        if !(-most..=most).contains(&value) {
+            let message = format!("is {}, expected -{most} to {most}", shown(value));
+            found.push(source.invalid(Some(start.span()), format!("world.start.{key}"), message));
         }
     }
-    for (key, found, most) in bounded(&scenario.expect) {
-        if found.is_some_and(|found| !(0.0..=most).contains(&found)) {
-            let found = shown(found.unwrap_or_default());
+}
+
+fn check_expectations(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
+    for (key, value, most) in bounded(&scenario.expect) {
+        if value.is_some_and(|value| !(0.0..=most).contains(&value)) {
+            let value = shown(value.unwrap_or_default());
             let message = match most.is_finite() {
-                true => format!("is {found}, expected 0 to {most}"),
-                false => format!("is {found}, expected at least 0"),
+                true => format!("is {value}, expected 0 to {most}"),
+                false => format!("is {value}, expected at least 0"),
             };
-            return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
+            found.push(source.invalid(source.find(key), format!("expect.{key}"), message));
         }
     }
-    check_rules(scenario, source)?;
     if let Some(Err(flaw)) = scenario.expect.golden.as_ref().map(GoldenSpec::check) {
         let span = source.find(flaw.key);
         let key = format!("expect.golden.{}", flaw.key);
-        return Err(source.invalid(span, key, flaw.message));
+        found.push(source.invalid(span, key, flaw.message));
     }
+}
+
+fn check_mission(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
     if let Some(message) = beyond(&scenario.mission.waypoints_m) {
         let span = source.find("waypoints_m");
-        return Err(source.invalid(span, "mission.waypoints_m", message));
+        found.push(source.invalid(span, "mission.waypoints_m", message));
     }
     for (index, step) in scenario.mission.step.iter().enumerate() {
         if let Err(flaw) = step.check() {
             let span = source.find_in_list("mission.step", index, "do");
             let key = format!("mission.step[{index}].{}", flaw.key);
-            return Err(source.invalid(span, key, flaw.message));
+            found.push(source.invalid(span, key, flaw.message));
         }
         if let Action::WaypointsM(waypoints) = &step.action
             && let Some(message) = beyond(waypoints)
         {
             let span = source.find_in_list("mission.step", index, "do");
             let key = format!("mission.step[{index}].do.waypoints-m");
-            return Err(source.invalid(span, key, message));
+            found.push(source.invalid(span, key, message));
         }
     }
-    Ok(())
 }
 
 /// Checks each rule, and that no two have one name.
-fn check_rules(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+fn check_rules(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
     let mut names = BTreeSet::new();
     for (index, spanned) in scenario.expect.rule.iter().enumerate() {
         let rule = spanned.get_ref();
@@ -96,9 +124,8 @@ fn check_rules(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError
         let key = format!("expect.rule[{index}].{}", flaw.key);
         let span = source.find_in_list("expect.rule", index, flaw.key);
         let span = span.or(Some(spanned.span()));
-        return Err(source.invalid(span, key, flaw.message));
+        found.push(source.invalid(span, key, flaw.message));
     }
-    Ok(())
 }
 
 /// Figures of `[expect]` with their maximum; the minimum is 0.

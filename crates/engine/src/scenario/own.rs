@@ -289,8 +289,8 @@ impl RegistersSpec {
         error: VariableError,
     ) -> ScenarioError {
         let span = self.register.get(error.index).map(Spanned::span);
-        let key = format!("{key}.register[{}]", error.index);
-        source.invalid(span, key, error.message)
+        let list = format!("{key}.register");
+        source.invalid_entry((&list, error.index), span, &error.message)
     }
 
     /// Its actuators and its watchdog.

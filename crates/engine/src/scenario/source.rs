@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use crate::near;
+
 /// An error in a scenario.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
@@ -13,14 +15,9 @@ pub enum ScenarioError {
         /// The error of the operating system.
         source: std::io::Error,
     },
-    /// The file is not a scenario; the text names line, column, key and the expected value.
-    #[error("{}: {}", .path.display(), .source.to_string().trim_end())]
-    Parse {
-        /// The file.
-        path: PathBuf,
-        /// The error, with the line of the file.
-        source: Box<toml::de::Error>,
-    },
+    /// Several errors of a file, in order of lines, one per line of the message.
+    #[error("{}", lines(.0))]
+    Several(Vec<Self>),
     /// A description in the scenario is wrong.
     #[cfg(feature = "described")]
     #[error(transparent)]
@@ -37,6 +34,76 @@ pub enum ScenarioError {
         /// The error, and the expected value.
         message: String,
     },
+}
+
+/// Whether a text between these two is a key, or a part of one.
+fn is_key(before: &str, after: &str) -> bool {
+    let begins = before.is_empty() || before.ends_with([' ', '.', '{', '[', ',', '"', '\t']);
+    let after = after.trim_start_matches('"');
+    let ends = after.trim_start().starts_with('=') || after.starts_with(['.', ']']);
+    begins && ends
+}
+
+/// Words of messages about registers and variables, and the keys that they are about.
+const NAMED: [(&str, &str); 6] = [
+    ("limits", "limits"),
+    ("address", "address"),
+    ("actuator", "drives.actuator"),
+    ("encoder", "source.encoder"),
+    ("initial", "initial"),
+    ("safe", "safe"),
+];
+
+/// Maximum number of errors that are shown for one file.
+const ERRORS_MAX: usize = 10;
+
+/// Errors, one per line.
+fn lines(errors: &[ScenarioError]) -> String {
+    let lines: Vec<String> = errors.iter().map(ScenarioError::to_string).collect();
+    lines.join("\n")
+}
+
+impl ScenarioError {
+    /// The errors of a file, at least one, as one: in order of lines, at most ten.
+    pub fn all(errors: Vec<Self>) -> Self {
+        let mut all = Vec::new();
+        for error in errors {
+            match error {
+                Self::Several(errors) => all.extend(errors),
+                error => all.push(error),
+            }
+        }
+        all.sort_by_key(Self::line);
+        all.truncate(ERRORS_MAX);
+        match all.len() {
+            1 => all.remove(0),
+            _ => Self::Several(all),
+        }
+    }
+
+    /// `Ok` without errors, else all of them as one.
+    pub(crate) fn none_of(errors: Vec<Self>) -> Result<(), Self> {
+        match errors.is_empty() {
+            true => Ok(()),
+            false => Err(Self::all(errors)),
+        }
+    }
+
+    /// The line, if known.
+    pub(crate) const fn line(&self) -> Option<usize> {
+        match self {
+            Self::Invalid { line, .. } => *line,
+            _ => None,
+        }
+    }
+
+    /// The key in question; empty if there is none.
+    pub(crate) fn key(&self) -> &str {
+        match self {
+            Self::Invalid { key, .. } => key,
+            _ => "",
+        }
+    }
 }
 
 /// A line number after the file name.
@@ -57,10 +124,27 @@ impl Source {
     /// Line of the table header or key `name`, for messages.
     pub fn find(&self, name: &str) -> Option<core::ops::Range<usize>> {
         let start = self
-            .text
-            .find(&format!(".{name}"))
-            .or_else(|| self.text.find(name))?;
+            .find_by(name, is_key)
+            .or_else(|| self.find_by(name, |_, _| true))?;
         Some(start..start + name.len())
+    }
+
+    /// Position of `text` in a line that is no comment, if `is_it` says so of the text before it in
+    /// the line and of the text after it.
+    fn find_by(&self, text: &str, is_it: fn(&str, &str) -> bool) -> Option<usize> {
+        let mut at = 0;
+        for line in self.text.split_inclusive('\n') {
+            let is_comment = line.trim_start().starts_with('#');
+            let found = line.match_indices(text);
+            let mut found = found
+                .map(|(place, _)| place)
+                .filter(|&place| is_it(&line[..place], &line[place + text.len()..]));
+            if let Some(place) = found.next().filter(|_| !is_comment) {
+                return Some(at + place);
+            }
+            at += line.len();
+        }
+        None
     }
 
     /// Line of `key` in the `index`-th table of the list `list`, or the first line of that table,
@@ -97,6 +181,31 @@ impl Source {
         table
     }
 
+    /// The error of an entry of a list, whose position is `span`: at the key that the message
+    /// names.
+    pub(crate) fn invalid_entry(
+        &self,
+        (list, index): (&str, usize),
+        span: Option<core::ops::Range<usize>>,
+        message: &str,
+    ) -> ScenarioError {
+        let mut words = message.split(|c: char| !c.is_ascii_alphanumeric());
+        let named = words.find_map(|word| {
+            let of_word = |(known, _): &&(&str, &str)| *known == word;
+            NAMED.iter().find(of_word).map(|(_, key)| *key)
+        });
+        let entry = format!("{list}[{index}]");
+        let message = near::with_meant(message);
+        match named {
+            Some(key) => {
+                let outer = key.split('.').next().unwrap_or_default();
+                let span = self.find_in_list(list, index, outer).or(span);
+                self.invalid(span, format!("{entry}.{key}"), message)
+            }
+            None => self.invalid(span, entry, message),
+        }
+    }
+
     /// The error for a value `found` of `key` that is not among `known`.
     pub fn unknown(
         &self,
@@ -104,8 +213,7 @@ impl Source {
         found: &toml::Spanned<String>,
         known: &[&str],
     ) -> ScenarioError {
-        let known = known.join(", ");
-        let message = format!("is \"{}\", expected one of {known}", found.get_ref());
+        let message = near::expected(found.get_ref(), known);
         self.invalid(Some(found.span()), key, message)
     }
 

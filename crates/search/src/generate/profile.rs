@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use engine::scenario::{FaultKind, SafetySpec, ScenarioError, Source, Span};
+use engine::scenario::{Document, FaultKind, SafetySpec, ScenarioError, Source, Span, read_whole};
 use serde::Deserialize;
 
 use super::fault_names;
@@ -225,13 +225,11 @@ impl Profile {
     /// # Errors
     /// If the text is not a profile; the error names file, line and key.
     pub fn parse(path: &Path, text: String) -> Result<Self, ScenarioError> {
-        let parsed = toml::from_str::<Self>(&text);
-        let profile = parsed.map_err(|source| ScenarioError::Parse {
-            path: path.to_owned(),
-            source: Box::new(source),
-        })?;
         let path = path.to_owned();
         let source = Source { path, text };
+        let read =
+            |document: Document<'_>| Self::deserialize(toml::de::Deserializer::from(document));
+        let profile = read_whole(&source, read)?;
         profile.check(&source)?;
         Ok(Self {
             kept: source.text,
@@ -420,7 +418,11 @@ mod tests {
                 "count_max = 1000",
                 "my.toml:7: faults.count_max: is 1000",
             ),
-            ("count_max", "counts_max", "unknown field `counts_max`"),
+            (
+                "count_max",
+                "counts_max",
+                "faults.counts_max: is an unknown key, did you mean \"count_max\"?",
+            ),
             (
                 "\"mirrored\"",
                 "\"mirored\"",
@@ -451,8 +453,12 @@ mod tests {
                 "",
                 "expected until (with afterwards) or heal",
             ),
-            ("\"after-faults\"", "\"never\"", "unknown variant `never`"),
-            ("\"3s\"", "\"3\"", "silence_max = \"3\""),
+            (
+                "\"after-faults\"",
+                "\"never\"",
+                ": is \"never\", expected one of ",
+            ),
+            ("\"3s\"", "\"3\"", "silence_max: \"3\" is no time"),
         ] {
             let error = refused(from, to);
             assert!(error.contains(told), "{error}");

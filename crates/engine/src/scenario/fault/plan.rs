@@ -235,8 +235,9 @@ impl FaultSpec {
                     left: self.count,
                     rng: rng(),
                 },
-                (Some(_), None) => {
-                    return Err(Flaw::new("rate", "expected a chance per byte from 0 to 1"));
+                (Some(chance), None) => {
+                    let message = format!("is {chance}, expected a chance per byte from 0 to 1");
+                    return Err(Flaw::new("rate", message));
                 }
                 (None, Some(_)) => return Ok(None),
                 _ => {

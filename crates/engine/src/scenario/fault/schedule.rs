@@ -1,5 +1,6 @@
 //! Faults of a scenario on a rig: their lines, and their effects on devices.
 
+use crate::near;
 use crate::rig::fault::{Effect, FaultId};
 use crate::rig::line::Direction;
 use crate::rig::{Disturbance, Link, Rig};
@@ -68,8 +69,7 @@ impl Rig {
         let found = self.links().iter().position(|link| link.name == name);
         found.ok_or_else(|| {
             let names: Vec<&str> = self.links().iter().map(|link| link.name.as_str()).collect();
-            let message = format!("is \"{name}\", expected one of {}", names.join(", "));
-            Flaw::new(key, message)
+            Flaw::new(key, near::expected(name, &names))
         })
     }
 
@@ -192,12 +192,12 @@ impl Rig {
         let known = self.known_faults(key, name)?;
         // A node program that does not answer its first message fails the run by itself.
         if !known.contains(&fault) && !self.is_lost(name) {
-            let known = known.join(", ");
-            let message = format!("\"{name}\" has no fault \"{fault}\", expected one of {known}");
+            let message = format!("{} (faults of {name})", near::expected(fault, known));
             return Err(Flaw::new(key, message));
         }
-        if figure.is_some_and(|figure| !(-1e6..=1e6).contains(&figure)) {
-            return Err(Flaw::new("factor", "expected -1000000 to 1000000"));
+        if let Some(figure) = figure.filter(|figure| !(-1e6..=1e6).contains(figure)) {
+            let message = format!("is {figure}, expected -1000000 to 1000000");
+            return Err(Flaw::new("factor", message));
         }
         Ok(Disturbance::Device {
             name: name.to_owned(),
@@ -215,7 +215,6 @@ impl Rig {
             }
             names.push(found);
         }
-        let message = format!("is \"{name}\", expected one of {}", names.join(", "));
-        Err(Flaw::new(key, message))
+        Err(Flaw::new(key, near::expected(name, &names)))
     }
 }

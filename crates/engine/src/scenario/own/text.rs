@@ -184,8 +184,8 @@ impl TextSpec {
         error: VariableError,
     ) -> ScenarioError {
         let span = self.variable.get(error.index).map(Spanned::span);
-        let key = format!("{key}.variable[{}]", error.index);
-        source.invalid(span, key, error.message)
+        let list = format!("{key}.variable");
+        source.invalid_entry((&list, error.index), span, &error.message)
     }
 }
 

@@ -7,6 +7,8 @@ use std::sync::Arc;
 
 use ::description::{Description, DescriptionError, shipped};
 
+use crate::near;
+
 /// Error when a description cannot be read.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
@@ -28,10 +30,13 @@ pub fn load(name: &str, base: &Path) -> Result<Arc<Description>, LoadError> {
         let nothing = |file: &str| Err(format!("cannot read {file}: there is no folder"));
         let text = shipped::text(name).ok_or_else(|| {
             let known: Vec<_> = shipped::ALL.iter().map(|(name, _)| *name).collect();
+            let all = known.join(", ");
+            let expected = match near::misspelt(name, &known) {
+                Some(meant) => format!("did you mean \"{meant}\"? Expected one of {all}"),
+                None => format!("expected one of {all}"),
+            };
             LoadError::Read(format!(
-                "there is no description \"{name}\", expected one of {}, or a file that ends with \
-                 .toml",
-                known.join(", ")
+                "there is no description \"{name}\", {expected}, or a file that ends with .toml"
             ))
         })?;
         return Ok(Description::parse(&format!("<{name}>"), text, &nothing)?);

@@ -1,0 +1,421 @@
+//! Wrong scenarios: each key misspelt, each value of a wrong type, each name with an additional
+//! letter. The mutation says what the message must contain: file, line, key, and the right word.
+
+#![cfg(feature = "robots")]
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use hilrig_engine::robots::{self, Dut, PcEnd};
+use hilrig_engine::scenario::Scenario;
+
+/// A scenario with most tables of a robot of one's own.
+const SOUND: &str = r#"schema = 1
+name = "wrong"
+description = "text"
+robot = "custom"
+duration = "20s"
+
+[mission]
+waypoints_m = [[2.2, 1.0]]
+
+[[mission.step]]
+at = "3s"
+do = { set = { device = "wheels", name = "left-cm-s", value = 3 } }
+
+[expect]
+visit_within_mm = 150
+violations_max = 0
+
+[[expect.rule]]
+name = "slow"
+always = { robot = { of = "speed-m-s", op = "<", value = 1 } }
+
+[chassis.differential]
+
+[device.lidar.xv11]
+profile = "fw2.6.15295"
+supply = { fixed-v = 3.3 }
+mount = { x_m = 0.05, heading_deg = 30 }
+
+[device.wheels.registers]
+baud = 115200
+watchdog = "500ms"
+
+[[device.wheels.registers.register]]
+address = 1
+name = "left-cm-s"
+width = "i8"
+access = "write"
+limits = [-30, 30]
+safe = 0
+drives = { actuator = "left", speed_m_s = 0.01 }
+
+[[device.wheels.registers.register]]
+address = 4
+name = "encoder-left"
+width = "i32"
+source = { encoder = "left" }
+
+[device.meter]
+description = "modbus-meter"
+
+[[fault]]
+kind = "flip"
+link = "wheels"
+direction = "to-device"
+rate = 0.01
+from = "2s"
+until = "4s"
+
+[link.wheels]
+latency = "1ms"
+
+[world.body]
+axle_m = 0.26
+
+[world]
+start = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }
+
+[[world.wall]]
+path_m = [[0.0, 0.0], [3.0, 0.0], [3.0, 2.0], [0.0, 2.0], [0.0, 0.0]]
+"#;
+
+/// A key of the text and its value.
+#[derive(Clone, Debug)]
+struct Entry {
+    line: usize,
+    key: core::ops::Range<usize>,
+    value: core::ops::Range<usize>,
+}
+
+/// All keys with their values, also those within others.
+fn entries() -> Vec<Entry> {
+    let starts = SOUND.match_indices(" = ").map(|(at, _)| at);
+    starts
+        .map(|at| {
+            let is_of_key = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+            let begin = SOUND[..at]
+                .rfind(|c| !is_of_key(c))
+                .map_or(0, |end| end + 1);
+            let value = at + 3;
+            Entry {
+                line: 1 + SOUND[..at].matches('\n').count(),
+                key: begin..at,
+                value: value..value + value_len(&SOUND[value..]),
+            }
+        })
+        .collect()
+}
+
+/// Length of the value at the beginning of `text`.
+fn value_len(text: &str) -> usize {
+    let (mut depth, mut is_quoted) = (0, false);
+    for (at, c) in text.char_indices() {
+        match c {
+            '"' => is_quoted = !is_quoted,
+            '[' | '{' if !is_quoted => depth += 1,
+            ']' | '}' if !is_quoted && depth > 0 => depth -= 1,
+            ',' | '\n' | '}' if !is_quoted && depth == 0 => return text[..at].trim_end().len(),
+            _ => {}
+        }
+    }
+    text.len()
+}
+
+/// The error of a scenario, also one that shows only when the robot is wired.
+fn error(text: &str) -> Option<String> {
+    let read = Scenario::parse(Path::new("s.toml"), text.to_owned());
+    let wired = read.and_then(|(scenario, source)| {
+        robots::wire(&scenario, &source, Dut::External, PcEnd::Scripted).map(drop)
+    });
+    wired.err().map(|error| error.to_string())
+}
+
+fn with(text: &str, part: &core::ops::Range<usize>, new: &str) -> String {
+    format!("{}{new}{}", &text[..part.start], &text[part.end..])
+}
+
+/// Words of this program, which no file has.
+fn has_type_name(said: &str) -> bool {
+    let words: BTreeSet<&str> = said
+        .split(|c: char| !c.is_ascii_alphanumeric() && !"_-".contains(c))
+        .collect();
+    let types = [
+        "u8", "u16", "u32", "u64", "i8", "i16", "i32", "i64", "f64", "usize", "struct", "enum",
+        "variant", "untagged", "serde", "Spec", "visitor", "tuple", "sequence",
+    ];
+    // Widths of registers are names of the file.
+    let is_file_s = said.contains("u8, i8, u16, i16, u32, i32");
+    !is_file_s && types.iter().any(|word| words.contains(word))
+        || said.contains("invalid type")
+        || said.contains("expected a map")
+}
+
+/// The place of an entry as a message names it, and its key.
+fn is_placed(said: &str, entry: &Entry, key: &str) -> bool {
+    let place = format!("s.toml:{}: ", entry.line);
+    said.lines().any(|line| {
+        let rest = line.strip_prefix(&place);
+        let path = rest.and_then(|rest| rest.split(": ").next());
+        path.is_some_and(|path| path.split(['.', '[', ']']).any(|part| part == key))
+    })
+}
+
+#[test]
+fn the_scenario_itself_is_sound() {
+    assert_eq!(error(SOUND), None);
+}
+
+#[test]
+fn a_misspelt_key_is_named_with_the_right_one() {
+    let mut count = 0;
+    for entry in entries() {
+        let key = &SOUND[entry.key.clone()];
+        // A word of two letters has no misspelt form that is near.
+        let Some(at) = (1..key.len())
+            .rev()
+            .find(|&at| key.as_bytes()[at] != key.as_bytes()[at - 1])
+        else {
+            continue;
+        };
+        if key.len() < 3 {
+            continue;
+        }
+        let misspelt = format!(
+            "{}{}{}{}",
+            &key[..at - 1],
+            &key[at..=at],
+            &key[at - 1..at],
+            &key[at + 1..]
+        );
+        let said = error(&with(SOUND, &entry.key, &misspelt)).expect(&misspelt);
+        let meant = format!("did you mean \"{key}\"?");
+        assert!(
+            is_placed(&said, &entry, &misspelt) && said.contains(&meant),
+            "{misspelt}: {said}"
+        );
+        assert_eq!(said.lines().count(), 1, "{misspelt}: {said}");
+        assert!(!has_type_name(&said), "{said}");
+        count += 1;
+    }
+    assert!(count > 40, "{count}");
+}
+
+#[test]
+fn a_value_of_a_wrong_type_is_named_with_its_key() {
+    let mut count = 0;
+    for entry in entries() {
+        let (key, value) = (&SOUND[entry.key.clone()], &SOUND[entry.value.clone()]);
+        // A value of any type is set; its device judges it while the run goes on.
+        if key == "value" && value == "3" {
+            continue;
+        }
+        let wrong = match value.as_bytes()[0] {
+            b'"' | b'{' => "3",
+            b'[' => "true",
+            _ => "\"x\"",
+        };
+        let said =
+            error(&with(SOUND, &entry.value, wrong)).unwrap_or_else(|| panic!("{key} = {wrong}"));
+        assert!(is_placed(&said, &entry, key), "{key} = {wrong}: {said}");
+        assert!(said.contains("expected"), "{key} = {wrong}: {said}");
+        assert_eq!(said.lines().count(), 1, "{key} = {wrong}: {said}");
+        assert!(!has_type_name(&said), "{key} = {wrong}: {said}");
+        count += 1;
+    }
+    assert!(count > 40, "{count}");
+}
+
+/// Names of links, devices, kinds, robots, profiles: a letter too many.
+#[test]
+fn a_misspelt_name_is_shown_with_the_right_one() {
+    let free = [
+        "name",
+        "description",
+        "duration",
+        "at",
+        "from",
+        "until",
+        "watchdog",
+        "latency",
+    ];
+    let mut count = 0;
+    for entry in entries() {
+        let (key, value) = (&SOUND[entry.key.clone()], &SOUND[entry.value.clone()]);
+        let is_name_of_value = key == "name" && entry.line == 12;
+        let is_description = key == "description" && entry.line > 3;
+        let is_free = free.contains(&key) && !is_name_of_value && !is_description;
+        if !value.starts_with('"') || is_free || key == "op" {
+            continue;
+        }
+        let wrong = format!("{}x\"", &value[..value.len() - 1]);
+        let said = error(&with(SOUND, &entry.value, &wrong)).expect(&wrong);
+        let meant = format!("did you mean {value}?");
+        assert!(
+            said.contains(&meant) && said.contains("xpected one of"),
+            "{key} = {wrong}: {said}"
+        );
+        assert!(said.contains("s.toml:"), "{said}");
+        count += 1;
+    }
+    assert!(count >= 12, "{count}");
+}
+
+#[test]
+fn figures_and_times_out_of_range_are_shown_with_the_range() {
+    let rows = [
+        ("schema = 1", "schema = 2", "schema: is 2, expected 1"),
+        (
+            "\"20s\"",
+            "\"20 m\"",
+            "duration: \"20 m\" is no time, expected",
+        ),
+        ("150", "-1", "visit_within_mm: is -1, expected at least 0"),
+        (
+            "violations_max = 0",
+            "violations_max = 0.5",
+            "violations_max: is 0.5, expected a whole",
+        ),
+        (
+            "baud = 115200",
+            "baud = 1",
+            "baud: is 1, expected 300 to 4000000",
+        ),
+        (
+            "baud = 115200",
+            "baud = 99999999999",
+            "is 99999999999, expected a whole number from 0 to",
+        ),
+        (
+            "address = 1\n",
+            "address = 300\n",
+            "address: is 300, expected a whole number from 0 to 255",
+        ),
+        (
+            "x_m = 0.05",
+            "x_m = 500",
+            "mount.x_m: is 500, expected -10 to 10",
+        ),
+        (
+            "rate = 0.01",
+            "rate = 10",
+            "fault[0].rate: is 10, expected a chance per byte from 0 to 1",
+        ),
+        (
+            "[2.2, 1.0]",
+            "[2.2]",
+            "waypoints_m[0]: is a list of 1, expected a list of 2 values",
+        ),
+        (
+            "[2.2, 1.0]",
+            "[2.2, 1, 3]",
+            "waypoints_m[0]: is a list of 3, expected a list of 2 values",
+        ),
+        (
+            "[-30, 30]",
+            "[-30, 30, 1]",
+            "limits: is a list of 3, expected a list of 2 values",
+        ),
+        (
+            "x_m = 1.0, y",
+            "x_m = 1e9, y",
+            "world.start.x_m: is 1e9, expected -10000 to 10000",
+        ),
+        (
+            "[-30, 30]",
+            "[30, -30]",
+            "s.toml:38: device.wheels.registers.register[0].limits: limits are 30",
+        ),
+        (
+            "address = 4",
+            "address = 1",
+            "register[1].address: address 1 belongs to",
+        ),
+        ("axle_m = 0.26", "axle_m = 9", "world.body"),
+    ];
+    for (sound, wrong, expected) in rows {
+        assert!(SOUND.contains(sound), "{sound}");
+        let said = error(&SOUND.replacen(sound, wrong, 1)).expect(wrong);
+        assert!(
+            said.contains(expected) && said.starts_with("s.toml:"),
+            "{wrong}: {said}"
+        );
+        assert_eq!(said.lines().count(), 1, "{wrong}: {said}");
+    }
+}
+
+#[test]
+fn a_missing_key_is_named_with_its_type() {
+    let rows = [
+        (
+            "duration = \"20s\"\n",
+            "s.toml: duration: is missing, expected a time with its unit",
+        ),
+        (
+            "address = 1\n",
+            "register[0].address: is missing, expected a whole number from 0 to 255",
+        ),
+        (
+            "kind = \"flip\"\n",
+            "fault[0].kind: is missing, expected one of flip, drop",
+        ),
+        (
+            "baud = 115200\n",
+            "device.wheels.registers.baud: is missing, expected a whole number",
+        ),
+        (
+            "path_m = [[0.0, 0.0]",
+            "world.wall[0].path_m: is missing, expected a list",
+        ),
+    ];
+    for (key, expected) in rows {
+        let line = SOUND
+            .lines()
+            .find(|line| format!("{line}\n").starts_with(key))
+            .expect(key);
+        let said = error(&SOUND.replacen(&format!("{line}\n"), "", 1)).expect(key);
+        assert!(said.contains(expected), "{key}: {said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+    }
+}
+
+/// Every third key misspelt at once: all of them are shown, at most ten, in order of lines.
+#[test]
+fn all_errors_of_a_file_are_shown_at_once() {
+    let keys = [
+        "waypoints_m",
+        "visit_within_mm",
+        "profile",
+        "watchdog",
+        "rate",
+    ];
+    let mut text = SOUND.to_owned();
+    for key in keys {
+        text = text.replacen(&format!("\n{key} ="), &format!("\n{key}x ="), 1);
+    }
+    text = text.replace("heading_deg = 0 }", "heading_deg = \"north\" }");
+    let said = error(&text).expect("wrong");
+    let lines: Vec<&str> = said.lines().collect();
+    assert_eq!(lines.len(), keys.len() + 1, "{said}");
+    for (key, line) in keys.iter().zip(&lines) {
+        assert!(
+            line.contains(&format!("did you mean \"{key}\"?")),
+            "{key}: {said}"
+        );
+    }
+    assert!(
+        lines[5].contains("heading_deg: is \"north\", expected a number"),
+        "{said}"
+    );
+    let many = text.replace("_m = ", "_n = ").replace("name = ", "nane = ");
+    assert_eq!(error(&many).expect("wrong").lines().count(), 10);
+    // Names that the robot does not have: found when it is wired.
+    let names = SOUND.replace("link = \"wheels\"", "link = \"weels\"");
+    let names = names.replace(
+        "do = { set = { device = \"wheels\"",
+        "do = { set = { device = \"lidr\"",
+    );
+    let said = error(&names).expect("wrong");
+    assert_eq!(said.matches("did you mean").count(), 2, "{said}");
+}
