@@ -1,5 +1,6 @@
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,14 @@ def scenario(tmp_path: Path) -> Path:
     path = tmp_path / "robot.toml"
     subprocess.run([find_binary(), "new", str(path), "--robot"], check=True, capture_output=True)
     return path
+
+
+@pytest.fixture
+def places(monkeypatch: pytest.MonkeyPatch):
+    """The parent folder of rigs; a short path, because the name of a socket is limited."""
+    with tempfile.TemporaryDirectory(prefix="h-") as folder:
+        monkeypatch.setenv("TMPDIR", folder)
+        yield Path(folder)
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -27,14 +26,6 @@ def test_one(rig, number):
     assert r.seed == number
     assert r.finish().raw["result"]["used"] == ["lidar"]
 """
-
-
-@pytest.fixture
-def places(monkeypatch):
-    """The parent folder of rigs; a short path, because the name of a socket is limited."""
-    with tempfile.TemporaryDirectory(prefix="h-") as folder:
-        monkeypatch.setenv("TMPDIR", folder)
-        yield Path(folder)
 
 
 def test_twenty_in_parallel_do_not_meet(inner, places) -> None:
@@ -146,7 +137,7 @@ def test_slow(rig, number, request):
 """
 
 
-def test_a_killed_pytest_leaves_no_process_and_no_port(inner, pytester) -> None:
+def test_a_killed_pytest_leaves_no_process_and_no_port(inner, pytester, places) -> None:
     pytester.makepyfile(test_inner=SLOW)
     words = [sys.executable, "-m", "pytest", "-p", "hilrig.plugin", "-n", "4"]
     environment = {**os.environ, "PYTHONPATH": str(SOURCE)}

@@ -106,7 +106,7 @@ def test_the_binary_is_the_one_that_is_named(monkeypatch: pytest.MonkeyPatch) ->
         hilrig.Rig("x.toml")
 
 
-def test_a_rig_ends_with_its_process(scenario: Path) -> None:
+def test_a_rig_ends_with_its_process(scenario: Path, places: Path) -> None:
     """A child process starts a rig, prints its directory, and is killed."""
     import signal
     import subprocess
