@@ -5,15 +5,15 @@ Python, so one wheel serves all versions from 3.9 on.
 usage: python3 python/wheel.py HILRIG [FOLDER]
 
 HILRIG is the command, e.g. target/release/hilrig; FOLDER gets the wheel [default: target/wheels].
-The wheel's platform tag names the oldest C library with all symbols that the command needs. It
-needs readelf (binutils).
+The wheel's platform tag names the machine of the command, and the oldest C library with all symbols
+that the command needs. It needs readelf (binutils).
 """
 
 from __future__ import annotations
 
 import base64
 import hashlib
-import platform
+import os
 import re
 import subprocess
 import sys
@@ -23,30 +23,73 @@ from typing import Dict, List, Tuple
 
 HERE = Path(__file__).resolve().parent
 #: Libraries of every Linux that pip calls manylinux (PEP 600); another one would be missing there.
-LIBRARIES = re.compile(r"(libc|libm|libdl|librt|libpthread|libgcc_s|ld-linux-[\w-]+)\.so\.\d+")
+LIBRARIES = re.compile(
+    r"(libc|libm|libdl|librt|libpthread|libgcc_s|ld-linux(-[\w-]+)?|ld64)\.so\.\d+"
+)
+#: Machines as readelf and as pip name them.
+MACHINES = {
+    "Advanced Micro Devices X86-64": "x86_64",
+    "AArch64": "aarch64",
+    "ARM": "armv7l",
+    "Intel 80386": "i686",
+    "IBM S/390": "s390x",
+    "PowerPC64": "ppc64le",
+    "RISC-V": "riscv64",
+}
+#: What the header of these machines must also have, for the tag to hold.
+NEEDED = {
+    "armv7l": r"Flags:.*hard-float ABI",
+    "ppc64le": r"Data:.*little endian",
+    "riscv64": r"Class: +ELF64",
+    "s390x": r"Class: +ELF64",
+    "x86_64": r"Class: +ELF64",
+}
 #: The time of all files: the same command gives the same wheel.
 TIME = (2020, 1, 1, 0, 0, 0)
 
 
 def platform_tag(binary: Path) -> str:
-    """The platform on which `binary` runs, from its ELF header."""
-    shown = subprocess.run(
-        ["readelf", "--wide", "--dynamic", "--version-info", str(binary)],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"LC_ALL": "C", "PATH": "/usr/bin:/bin"},
-    ).stdout
+    """The platform on which `binary` runs, from its ELF header and the versions that it needs."""
+    words = ["readelf", "--wide", "--file-header", "--dynamic", "--version-info", str(binary)]
+    env = {**os.environ, "LC_ALL": "C"}
+    try:
+        shown = subprocess.run(words, capture_output=True, text=True, check=True, env=env).stdout
+    except OSError as error:
+        sys.exit(f"wheel.py: {error}: install readelf (binutils)")
+    except subprocess.CalledProcessError as error:
+        sys.exit(f"wheel.py: {error.stderr.strip()}, expected a Linux command")
+    return tag_of(shown, binary)
+
+
+def tag_of(shown: str, binary: Path) -> str:
+    """The platform of `binary`, which readelf shows as `shown`."""
     needed = re.findall(r"\(NEEDED\).*\[(.+?)\]", shown)
     foreign = [name for name in needed if not LIBRARIES.fullmatch(name)]
     if foreign:
         sys.exit(f"wheel.py: {binary} needs {', '.join(foreign)}, which other machines may not have")
-    versions = re.findall(r"Name: GLIBC_(\d+)\.(\d+)", shown)
+    versions = [
+        (int(major), int(minor))
+        for major, minor in re.findall(r"Name: GLIBC_(\d+)\.(\d+)", shown)
+    ]
+    if re.search(r"Name: GLIBC_ABI_DT_RELR\b", shown):
+        # Packed relocations; a C library before 2.36 does not apply them.
+        versions.append((2, 36))
     if not versions:
         sys.exit(f"wheel.py: {binary} names no version of the GNU C library, expected a Linux command")
-    major, minor = max((int(major), int(minor)) for major, minor in versions)
+    major, minor = max(versions)
     # 2.17 is the oldest that Rust supports.
-    return f"manylinux_{major}_{max(minor, 17)}_{platform.machine()}"
+    return f"manylinux_{major}_{max(minor, 17)}_{machine_of(shown, binary)}"
+
+
+def machine_of(shown: str, binary: Path) -> str:
+    """The machine of `binary` as pip names it."""
+    named = re.search(r"^ *Machine: +(.*?) *$", shown, re.M)
+    name = named[1] if named is not None else "no machine"
+    machine = MACHINES.get(name)
+    if machine is None or not re.search(NEEDED.get(machine, ""), shown):
+        known = ", ".join(sorted(MACHINES.values()))
+        sys.exit(f"wheel.py: {binary} is for {name}, expected a machine that pip knows: {known}")
+    return machine
 
 
 def package() -> Tuple[str, str, str]:
