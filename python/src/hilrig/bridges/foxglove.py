@@ -142,7 +142,7 @@ class Commands:
         try:
             twist = json.loads(data)
             speed, turn = float(twist["linear"]["x"]), float(twist["angular"]["z"])
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, OverflowError) as error:
             print(f"{COMMANDS}: {error}, expected a Twist as JSON", file=sys.stderr)
             return
         number = self.latest[0] + 1 if self.latest is not None else 1

@@ -6,7 +6,7 @@ import math
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, NoReturn, Optional, Tuple
 
 #: Defaults of ``[world.body]``.
 AXLE_M = 0.26
@@ -22,6 +22,10 @@ WIDTHS = {
     "i32": (4, True),
 }
 WHEELS = ("left", "right")
+#: Sources of a register that counts a wheel, besides ``{ encoder = ".." }``.
+ENCODERS = {"encoder-left": "left", "encoder-right": "right"}
+#: Firmware of an XV-11 that sends whole turns in a format of its own.
+OLD_FIRMWARE = "fw2.1"
 
 
 class ModelError(ValueError):
@@ -39,14 +43,20 @@ class Register:
     speed_m_s: float = 0.0
     limits: Optional[Tuple[float, float]] = None
 
-    def counts(self, speed_m_s: float) -> bytes:
+    def count(self, speed_m_s: float) -> int:
         """The value for a wheel's speed, within the limits of the register and of its width."""
         low, high = self.limits if self.limits is not None else (-math.inf, math.inf)
         bits = 8 * self.size
         widest = (-(1 << bits - 1), (1 << bits - 1) - 1) if self.is_signed else (0, (1 << bits) - 1)
-        count = round(speed_m_s / self.speed_m_s)
-        count = int(max(low, widest[0], min(high, widest[1], count)))
-        return count.to_bytes(self.size, "little", signed=self.is_signed)
+        return round(max(low, widest[0], min(high, widest[1], speed_m_s / self.speed_m_s)))
+
+    def reached(self, speed_m_s: float) -> float:
+        """The speed of a wheel that obeys the value for ``speed_m_s``."""
+        return self.count(speed_m_s) * self.speed_m_s
+
+    def counts(self, speed_m_s: float) -> bytes:
+        """The bytes of ``count``."""
+        return self.count(speed_m_s).to_bytes(self.size, "little", signed=self.is_signed)
 
     def value(self, data: bytes) -> int:
         return int.from_bytes(data, "little", signed=self.is_signed)
@@ -72,6 +82,8 @@ class Base:
     name: str
     set_points: Dict[str, Register]
     encoders: Dict[str, Register] = field(default_factory=dict)
+    #: Whether the checksum of a frame has its high byte first.
+    is_high_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -83,6 +95,8 @@ class Model:
     axle_m: float
     #: Travel of a wheel per encoder tick.
     tick_m: float
+    #: Lines about what the bridge does not do for this robot.
+    notes: Tuple[str, ...] = ()
 
     @classmethod
     def read(cls, path: "str | Path") -> "Model":
@@ -100,26 +114,70 @@ class Model:
     @classmethod
     def of(cls, scenario: Dict[str, Any], path: str) -> "Model":
         """The robot of a scenario's content."""
-        devices = scenario.get("device", {})
-        lidars = [_lidar(name, one["xv11"]) for name, one in devices.items() if "xv11" in one]
-        bases = [_base(name, one["registers"]) for name, one in devices.items() if "registers" in one]
-        found = [base for base in bases if base is not None]
-        if not lidars and not found:
-            raise ModelError(
-                f"{path}: device: has no xv11 and no registers that drive the wheels left and "
-                "right, expected one of them at least (docs/own-robot.md)"
-            )
-        body = scenario.get("world", {}).get("body", {})
-        turn_m = 2 * math.pi * body.get("wheel_radius_m", WHEEL_RADIUS_M)
-        return cls(
-            lidars[0] if lidars else None,
-            found[0] if found else None,
-            body.get("axle_m", AXLE_M),
-            turn_m / body.get("ticks_per_turn", TICKS_PER_TURN),
+        try:
+            return _model(scenario, path)
+        except (AttributeError, KeyError, TypeError) as error:
+            raise ModelError(f"{path}: {error!r}, expected a scenario that hilrig runs") from error
+
+
+def _model(scenario: Dict[str, Any], path: str) -> Model:
+    if "ackermann" in scenario.get("chassis", {}):
+        _refuse(path, "chassis.ackermann", "is a car", "[chassis.differential], two driven wheels")
+    devices = scenario.get("device", {})
+    lidars = {name: one["xv11"] for name, one in devices.items() if "xv11" in one}
+    slaves = {name: one["registers"] for name, one in devices.items() if "registers" in one}
+    bases = [base for base in map(_base, slaves, slaves.values()) if base is not None]
+    if not lidars and not bases:
+        raise ModelError(
+            f"{path}: device: has no xv11 and no registers that drive the wheels left and "
+            "right, expected one of them at least (docs/own-robot.md)"
         )
+    lidar = next((_lidar(name, table, path) for name, table in lidars.items()), None)
+    base = bases[0] if bases else None
+    body = scenario.get("world", {}).get("body", {})
+    turn_m = 2 * math.pi * body.get("wheel_radius_m", WHEEL_RADIUS_M)
+    return Model(
+        lidar,
+        base,
+        body.get("axle_m", AXLE_M),
+        turn_m / body.get("ticks_per_turn", TICKS_PER_TURN),
+        tuple(f"{path}: {note}" for note in _notes(lidars, slaves, bases)),
+    )
 
 
-def _lidar(name: str, table: Dict[str, Any]) -> Lidar:
+def _refuse(path: str, key: str, found: str, expected: str) -> NoReturn:
+    message = f"{key}: {found}, which a bridge does not support, expected {expected}"
+    raise ModelError(f"{path}: {message}")
+
+
+def _notes(lidars: Dict[str, Any], slaves: Dict[str, Any], bases: List[Base]) -> List[str]:
+    notes = [
+        f"device.{name}: is not used, a bridge uses the first one of its kind"
+        for name in [*list(lidars)[1:], *(base.name for base in bases[1:])]
+    ]
+    if not lidars:
+        notes.append("device: has no xv11, so there is no /scan")
+    if not bases:
+        names = ", ".join(f"device.{name}" for name in slaves) or "device"
+        notes.append(
+            f"{names}: has no registers with drives = {{ actuator = \"left\", speed_m_s = .. }} "
+            "for left and right, so there is no /odom, and /cmd_vel has no effect"
+        )
+    elif not bases[0].encoders:
+        notes.append(
+            f"device.{bases[0].name}: has no registers with source = {{ encoder = \"left\" }} for "
+            "left and right, so /odom assumes that the wheels follow their commands"
+        )
+    return notes
+
+
+def _lidar(name: str, table: Dict[str, Any], path: str) -> Lidar:
+    key = f"device.{name}.xv11"
+    if table.get("profile") == OLD_FIRMWARE:
+        others = '"fw2.4.13386" or "fw2.6.15295", which send packets'
+        _refuse(path, f"{key}.profile", f'is "{OLD_FIRMWARE}"', others)
+    if "host-v" in table.get("supply", {}):
+        _refuse(path, f"{key}.supply", "is the host's drive", "regulated-rpm or fixed-v")
     mount = table.get("mount", {})
     return Lidar(
         name,
@@ -136,7 +194,7 @@ def _base(name: str, table: Dict[str, Any]) -> Optional[Base]:
     set_points: Dict[str, Register] = {}
     encoders: Dict[str, Register] = {}
     for row in rows:
-        size, is_signed = WIDTHS.get(row.get("width", "u8"), (1, False))
+        size, is_signed = WIDTHS[row["width"]]
         drives, source = row.get("drives", {}), row.get("source", {})
         wheel = drives.get("actuator")
         if wheel in WHEELS and "speed_m_s" in drives:
@@ -144,9 +202,12 @@ def _base(name: str, table: Dict[str, Any]) -> Optional[Base]:
             set_points[wheel] = Register(
                 row["address"], size, is_signed, drives["speed_m_s"], limits
             )
-        encoder = source.get("encoder") if isinstance(source, dict) else None
+        is_table = isinstance(source, dict)
+        encoder = source.get("encoder") if is_table else ENCODERS.get(source)
         if encoder in WHEELS:
             encoders[encoder] = Register(row["address"], size, is_signed)
     if set(set_points) != set(WHEELS):
         return None
-    return Base(name, set_points, encoders if set(encoders) == set(WHEELS) else {})
+    is_counted = set(encoders) == set(WHEELS)
+    is_high_first = table.get("checksum") == "high-first"
+    return Base(name, set_points, encoders if is_counted else {}, is_high_first)

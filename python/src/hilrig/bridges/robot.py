@@ -7,6 +7,7 @@ import math
 import os
 import struct
 import sys
+import traceback
 from dataclasses import dataclass
 from typing import Any, Callable, Dict, List, Optional, Tuple
 
@@ -24,6 +25,8 @@ ANSWER_S = 0.1
 READINGS, PACKET, PACKETS = 360, 22, 90
 #: Measuring range of an XV-11, metres.
 RANGE_M = (0.06, 6.0)
+#: Bits of a packet's speed per turn a minute.
+SPEED_PER_RPM = 64
 #: First byte of a request to a slave of registers, and of its answer.
 BUS = 0xAB
 
@@ -32,7 +35,7 @@ BUS = 0xAB
 class Scan:
     """A turn of the lidar."""
 
-    #: Rig time of the first reading.
+    #: Rig time at which the first packet of the turn arrived, after its four readings.
     at_s: float
     #: Duration of the turn.
     turn_s: float
@@ -93,8 +96,10 @@ class Robot(Device):
         self._turn = Turn(self.model.lidar) if self.model.lidar is not None else None
         self._driver = Driver(self.model.base) if self.model.base is not None else None
         self._path = Path(self.model)
-        #: Number and rig time of the last velocity command.
-        self._command: Tuple[int, float] = (0, -math.inf)
+        #: Number of the last velocity command that the sink gave.
+        self._number = 0
+        #: Rig time, speed and turn rate of the last one that counts.
+        self._command = (-math.inf, 0.0, 0.0)
         self.sink.begin(self.model)
         self.after(0.0, self.tick)
 
@@ -118,7 +123,7 @@ class Robot(Device):
         speed, turn = self._wanted(now)
         half = turn * self.model.axle_m / 2
         wheels = {"left": speed - half, "right": speed + half}
-        self._path.commanded(wheels)
+        self._path.commanded(self._driver.reached(wheels))
         if not self.model.base or not self.model.base.encoders:
             self._path.guess(now)
             self.sink.odometry(self._path.odometry(now))
@@ -127,13 +132,16 @@ class Robot(Device):
 
     def _wanted(self, now: float) -> Tuple[float, float]:
         command = self.sink.command()
-        if command is None:
-            return 0.0, 0.0
-        number, speed, turn = command
-        if number != self._command[0]:
-            self._command = (number, now)
-        is_fresh = now - self._command[1] <= COMMAND_AGE_S
-        return (speed, turn) if is_fresh else (0.0, 0.0)
+        if command is not None and command[0] != self._number:
+            self._number, speed, turn = command
+            if math.isfinite(speed) and math.isfinite(turn):
+                self._command = (now, speed, turn)
+            else:
+                # Messages can contain NaN and infinity.
+                said = f"velocity {speed} m/s, {turn} rad/s: ignored, expected finite values"
+                print(said, file=sys.stderr, flush=True)
+        at_s, speed, turn = self._command
+        return (speed, turn) if now - at_s <= COMMAND_AGE_S else (0.0, 0.0)
 
     def _send_next(self, now: float) -> None:
         assert self._driver is not None and self._wheels is not None
@@ -156,13 +164,21 @@ class Turn:
 
     def __init__(self, lidar: Lidar) -> None:
         self._buffer = b""
+        # The sensor's own angle 90 is ahead if the sensor is not rotated.
+        self.angle_min = lidar.index0_rad - math.pi / 2
+        self.angle_increment = math.radians(-1 if lidar.is_clockwise else 1)
+        #: Index and arrival of the first and of the last packet of this turn.
+        self._first: Optional[Tuple[int, float]] = None
+        self._last = (0, 0.0)
+        #: Duration of a turn at the speed that the last packet tells; zero means unknown.
+        self._told_s = 0.0
+        #: The first turn is published only if its beginning was seen.
+        self._is_whole = False
+        self._begin()
+
+    def _begin(self) -> None:
         self._ranges = [math.inf] * READINGS
         self._strengths = [0.0] * READINGS
-        self._begun_s: Optional[float] = None
-        sense = -1 if lidar.is_clockwise else 1
-        # The sensor's own angle 90 is ahead if the sensor is not rotated.
-        self.angle_min = sense * lidar.index0_rad - math.pi / 2
-        self.angle_increment = sense * math.radians(1)
 
     def feed(self, data: bytes, now: float) -> List[Scan]:
         """Takes bytes; returns the turns that they complete."""
@@ -183,27 +199,48 @@ class Turn:
     def _take(self, packet: bytes, now: float) -> List[Scan]:
         index = packet[1] - 0xA0
         scans = []
-        if index == 0:
-            if self._begun_s is not None and now > self._begun_s:
-                scans = [
-                    Scan(
-                        self._begun_s,
-                        now - self._begun_s,
-                        self.angle_min,
-                        self.angle_increment,
-                        self._ranges,
-                        self._strengths,
-                    )
-                ]
-            self._begun_s = now
-            self._ranges = [math.inf] * READINGS
-            self._strengths = [0.0] * READINGS
+        if self._is_next(index, now):
+            scans = self._scan(index, now)
+            self._is_whole = self._first is not None or index == 0
+            self._first = (index, now)
+            self._begin()
+        self._last = (index, now)
+        speed = struct.unpack_from("<H", packet, 2)[0]
+        self._told_s = 60 * SPEED_PER_RPM / speed if speed else 0.0
         for number in range(4):
             low, high, strength = struct.unpack_from("<BBH", packet, 4 + 4 * number)
             if not high & 0x80:
                 self._ranges[4 * index + number] = (low | (high & 0x3F) << 8) / 1000
                 self._strengths[4 * index + number] = float(strength)
         return scans
+
+    def _is_next(self, index: int, now: float) -> bool:
+        """Whether a packet begins a turn. Any packet may be lost, also the first of a turn."""
+        last, at_s = self._last
+        if self._first is None or index < last or self._is_gap(now):
+            return True
+        # The same packet may come twice.
+        return index == last and now - at_s >= self._told_s / 2
+
+    def _is_gap(self, now: float) -> bool:
+        """Whether a whole turn was lost before a packet."""
+        return 0 < self._told_s <= now - self._last[1]
+
+    def _scan(self, index: int, now: float) -> List[Scan]:
+        """The turn before the packet ``index``."""
+        if self._first is None or not self._is_whole:
+            return []
+        first, at_s = self._first
+        if self._is_gap(now):
+            turn_s = self._told_s
+        else:
+            turn_s = (now - at_s) * PACKETS / (PACKETS - first + index)
+        if turn_s <= 0:
+            return []
+        # The time at which the packet 0 arrives, also if it was lost.
+        at_s -= turn_s * first / PACKETS
+        optics = (self.angle_min, self.angle_increment)
+        return [Scan(at_s, turn_s, *optics, self._ranges, self._strengths)]
 
 
 def is_sound(packet: bytes) -> bool:
@@ -232,9 +269,14 @@ class Driver:
             for wheel, register in self._base.set_points.items()
         ]
         reads = [(one.address, one.size) for one in self._base.encoders.values()]
+        is_high_first = self._base.is_high_first
         # Requests that were not sent in time are too old.
-        self._waiting = [frame(address, data) for address, data in joined(writes)]
-        self._waiting += [request(address, size) for address, size in joined_reads(reads)]
+        self._waiting = [frame(*write, is_high_first) for write in joined(writes)]
+        self._waiting += [request(*read, is_high_first) for read in joined_reads(reads)]
+
+    def reached(self, wheels: Dict[str, float]) -> Dict[str, float]:
+        """The speeds of wheels that obey the requests."""
+        return {wheel: one.reached(wheels[wheel]) for wheel, one in self._base.set_points.items()}
 
     def next_frame(self, now: float) -> Optional[bytes]:
         """The next request, if the slave is idle or does not answer."""
@@ -259,7 +301,7 @@ class Driver:
             if len(self._buffer) < length + 5:
                 return answers
             body, total = self._buffer[: length + 3], self._buffer[length + 3 : length + 5]
-            if sum(body) & 0xFFFF != struct.unpack("<H", total)[0]:
+            if checksum(body, self._base.is_high_first) != total:
                 self._buffer = self._buffer[1:]
                 continue
             self._buffer = self._buffer[length + 5 :]
@@ -267,16 +309,21 @@ class Driver:
             answers.append((body[1], body[3:]))
 
 
-def frame(address: int, data: bytes) -> bytes:
+def checksum(body: bytes, is_high_first: bool) -> bytes:
+    """The two last bytes of a frame: the sum of all before."""
+    return (sum(body) & 0xFFFF).to_bytes(2, "big" if is_high_first else "little")
+
+
+def frame(address: int, data: bytes, is_high_first: bool = False) -> bytes:
     """A request that writes ``data`` from register ``address`` on."""
     body = bytes([BUS, address, 0x80 | len(data)]) + data
-    return body + struct.pack("<H", sum(body) & 0xFFFF)
+    return body + checksum(body, is_high_first)
 
 
-def request(address: int, size: int) -> bytes:
+def request(address: int, size: int, is_high_first: bool = False) -> bytes:
     """A request that reads ``size`` bytes from register ``address`` on."""
     body = bytes([BUS, address, size])
-    return body + struct.pack("<H", sum(body) & 0xFFFF)
+    return body + checksum(body, is_high_first)
 
 
 def joined(writes: List[Tuple[int, bytes]]) -> List[Tuple[int, bytes]]:
@@ -362,14 +409,32 @@ def main(about: str, sink: Callable[[argparse.Namespace], Sink], **options: Dict
         model = Model.read(arguments.scenario)
     except ModelError as error:
         sys.exit(str(error))
+    for note in model.notes:
+        print(note, file=sys.stderr, flush=True)
     # Libraries may print; the rig reads only answers.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     receiver = sink(arguments)
-    try:
-        play(lambda hello: Robot(hello, model, receiver), sys.stdin.buffer, answers)
-    finally:
-        receiver.end()
-    # The threads of a library may take longer than the rig waits for the end of this program.
+    code = exit_code(
+        lambda: play(lambda hello: Robot(hello, model, receiver), sys.stdin.buffer, answers)
+    )
+    code = exit_code(receiver.end) or code
     sys.stderr.flush()
-    os._exit(0)
+    # The threads of a library may take longer than the rig waits for the end of this program, and
+    # may not end at all.
+    os._exit(code)
+
+
+def exit_code(part: Callable[[], None]) -> int:
+    """Runs a part of a program; prints its error as Python does."""
+    try:
+        part()
+    except SystemExit as error:
+        if error.code is None or isinstance(error.code, int):
+            return error.code or 0
+        print(error.code, file=sys.stderr)
+        return 1
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    return 0
