@@ -1,6 +1,8 @@
 //! The other commands that run a user's program.
 
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::thread;
+use std::time::Duration;
 
 use crate::support::*;
 
@@ -140,4 +142,30 @@ start = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }
     let (code, said) = run("sed -i s/B/C/ answers.py; exec python3 answers.py");
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("FAIL same-outputs"), "{said}");
+}
+
+/// A client that leaves while it waits does not hold virtual time.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_client_that_leaves_while_it_waits_lets_the_run_end() {
+    use std::io::Write as _;
+    use std::os::unix::net::UnixStream;
+
+    let bench = Bench::new("left", "2s", READER);
+    let mut command = bench.command(&["--virtual", "--control"]);
+    let mut child = command.stdout(Stdio::null()).spawn().expect("a child");
+    let socket = bench.folder.join("out/ports/control");
+    let mut client = loop {
+        match UnixStream::connect(&socket) {
+            Ok(client) => break client,
+            Err(_) => thread::sleep(Duration::from_millis(20)),
+        }
+        assert!(child.try_wait().expect("a child").is_none(), "it runs");
+    };
+    let request =
+        r#"{"do":"wait","for":{"event":{"source":"sonar","rule":"break"}},"timeout":"1h"}"#;
+    writeln!(client, "{request}").expect("it listens");
+    drop(client);
+    let ended = child.wait().expect("it ends");
+    assert_eq!(ended.code(), Some(0));
 }

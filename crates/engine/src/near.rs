@@ -6,19 +6,24 @@ const LETTERS: usize = 2;
 /// Letters that two names have in common at least, if one begins with the other.
 const STEM: usize = 4;
 
-/// The name of `known` that was probably meant, if `name` is not in the list. A name counts as
-/// another name if it differs by more than two letters, or if it has no more letters than differ,
-/// unless one of the two begins with the other.
+/// The name of `known` that `name` misspells; `None` if `name` is in the list. A name counts as
+/// another name if it differs by more than two letters, or if it has no more letters than differ.
 pub fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if known.contains(&name) {
         return None;
     }
     let near = known.iter().map(|&one| (distance(name, one), one)).min()?;
-    let is_near = near.0 <= LETTERS && near.0 < name.chars().count();
-    match is_near {
-        true => Some(near.1),
-        false => known.iter().copied().find(|one| begins(one, name)),
+    (near.0 <= LETTERS && near.0 < name.chars().count()).then_some(near.1)
+}
+
+/// The name of `known` to propose in a message about `name`: one that `name` misspells, or one that
+/// begins with `name` or is its beginning. Only for messages: `wrong-current` may be another name
+/// than `wrong`.
+pub fn meant<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
+    if known.contains(&name) {
+        return None;
     }
+    misspelt(name, known).or_else(|| known.iter().copied().find(|one| begins(one, name)))
 }
 
 /// Whether one of the names is the beginning of the other, up to a unit or another part: `speed`
@@ -35,7 +40,7 @@ fn begins(one: &str, other: &str) -> bool {
 /// names.
 pub fn expected(name: &str, known: &[&str]) -> String {
     let all = known.join(", ");
-    match misspelt(name, known) {
+    match meant(name, known) {
         Some(meant) => format!("is \"{name}\", did you mean \"{meant}\"? Expected one of {all}"),
         None if known.is_empty() => format!("is \"{name}\", but there are none"),
         None => format!("is \"{name}\", expected one of {all}"),
@@ -44,15 +49,15 @@ pub fn expected(name: &str, known: &[&str]) -> String {
 
 /// A message that ends with `"name", expected one of: a, b`, with the name that was probably meant.
 pub fn with_meant(message: &str) -> String {
-    let meant = || {
+    let named = || {
         let (before, all) = message.split_once("\", expected one of: ")?;
         let known: Vec<&str> = all.split(", ").collect();
-        let meant = misspelt(before.rsplit('"').next()?, &known)?;
+        let meant = meant(before.rsplit('"').next()?, &known)?;
         Some(format!(
             "{before}\", did you mean \"{meant}\"? Expected one of: {all}"
         ))
     };
-    meant().unwrap_or_else(|| message.to_owned())
+    named().unwrap_or_else(|| message.to_owned())
 }
 
 /// Number of letters to insert, remove, change, or exchange with the next one.
@@ -93,8 +98,17 @@ mod tests {
             ("speed", None),
             ("y", None),
         ];
-        for (name, meant) in rows {
-            assert_eq!(misspelt(name, &known), meant, "{name}");
+        for (name, expected) in rows {
+            assert_eq!(meant(name, &known), expected, "{name}");
+        }
+    }
+
+    /// A name with another part is proposed, but it is no misspelling: it may be a name of its own.
+    #[test]
+    fn a_longer_name_is_no_misspelling() {
+        for (name, known) in [("wrong-current", "wrong"), ("overload", "overload-cleared")] {
+            let found = [misspelt(name, &[known]), meant(name, &[known])];
+            assert_eq!(found, [None, Some(known)], "{name}");
         }
     }
 }

@@ -419,3 +419,91 @@ fn all_errors_of_a_file_are_shown_at_once() {
     let said = error(&names).expect("wrong");
     assert_eq!(said.matches("did you mean").count(), 2, "{said}");
 }
+
+/// An error hides no other one: two tables lack the same key, a list has a wrong value beside a
+/// missing one, a renamed key has a wrong value as well.
+#[test]
+fn an_error_hides_no_other_one() {
+    let second_wall = "\n[[world.wall]]\nheight_m = 1.0\n\n[[world.wall]]\nheight_m = 1.0\n";
+    let second_fault = "\n[[fault]]\nlink = \"wheels\"\nrate = 0.5\n\n[[fault]]\nkind = \"drop\"\n\
+                        link = \"wheels\"\nrate = \"x\"\n";
+    let rows: [(String, &[&str]); 5] = [
+        (
+            SOUND.to_owned() + second_wall,
+            &["wall[1].path_m: is missing", "wall[2].path_m: is missing"],
+        ),
+        (
+            SOUND
+                .replace("address = 1\n", "")
+                .replace("address = 4\n", ""),
+            &[
+                "register[0].address: is missing",
+                "register[1].address: is missing",
+            ],
+        ),
+        (
+            SOUND.to_owned() + second_fault,
+            &[
+                "fault[1].kind: is missing, expected one of flip",
+                "fault[2].rate: is \"x\", expected a number",
+            ],
+        ),
+        (
+            SOUND.replace("rate = 0.01", "rates = [0.1]"),
+            &["fault[0].rates: is an unknown key, did you mean \"rate\"?"],
+        ),
+        (
+            SOUND
+                .replace("kind = \"flip\"", "kind = \"flipp\"")
+                .replace("name = \"slow\"\n", ""),
+            &[
+                "expect.rule[0].name: is missing, expected a text",
+                "fault[0].kind: is \"flipp\", did you mean \"flip\"?",
+            ],
+        ),
+    ];
+    for (text, expected) in rows {
+        let said = error(&text).expect("wrong");
+        assert_eq!(said.lines().count(), expected.len(), "{said}");
+        for words in expected {
+            assert!(said.contains(words), "{words}: {said}");
+        }
+    }
+}
+
+/// A value behind those that are read is an error, whatever its type.
+#[test]
+fn no_value_of_a_list_is_ignored() {
+    for (sound, wrong) in [
+        ("[[2.2, 1.0]]", "[[2.2, 1.0, \"x\"]]"),
+        ("limits = [-30, 30]", "limits = [-30, 30, true]"),
+    ] {
+        let said = error(&SOUND.replace(sound, wrong)).expect(wrong);
+        assert!(
+            said.contains("is a list of 3, expected a list of 2 values"),
+            "{wrong}: {said}"
+        );
+    }
+}
+
+/// A file that is no TOML: each message is one short line.
+#[test]
+fn a_file_that_is_no_toml_is_named_in_short_lines() {
+    let long = "x".repeat(1 << 20);
+    let deep = format!("{}b = 1\n", "a.".repeat(200));
+    for text in [
+        "a = 1\na = 2\n",
+        "name = \"open\n",
+        "\u{1b}[31mred = 1\n",
+        &long,
+        &deep,
+        "]]]]\n",
+    ] {
+        let said = error(text).expect("wrong");
+        for line in said.lines() {
+            assert!(line.starts_with("s.toml"), "{line}");
+            assert!(line.len() < 400, "{}", line.len());
+            assert!(!line.contains('\u{1b}'), "{line:?}");
+        }
+    }
+}

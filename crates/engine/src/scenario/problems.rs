@@ -7,16 +7,20 @@ mod lists;
 mod place;
 mod words;
 
+use std::collections::VecDeque;
+
 use toml::Spanned;
 use toml::de::{DeTable, Error};
 
 use super::{ScenarioError, Source};
 use crate::near;
 pub(super) use lists::too_long;
-use place::{MADE, Place, Repair, Step, apply, value_at};
+use place::{MADE, Place, Repair, Step, Value, apply, value_at};
 
 /// Maximum number of errors that are reported for one file.
 const PROBLEMS_MAX: usize = 10;
+/// Maximum length of a key in the error of a file that is no TOML: its line may have no key.
+const KEY_MAX: usize = 60;
 /// Maximum length of a file that is read again after its first error, bytes.
 const MENDED_MAX: usize = 256 << 10;
 
@@ -99,9 +103,15 @@ fn no_toml(source: &Source, wrong: &[Error]) -> Vec<ScenarioError> {
         let line = source.text[begin..].lines().next().unwrap_or_default();
         let name = line.split('=').next().unwrap_or_default();
         let name = name.trim_matches(|c: char| c.is_whitespace() || "[]{},".contains(c));
-        let key = match name.is_empty() || name.starts_with('#') {
-            true => "file",
-            false => name,
+        let is_key = !name.is_empty() && !name.starts_with('#') && error.span().is_some();
+        let key = match is_key {
+            true => name
+                .chars()
+                .take(KEY_MAX)
+                .collect::<String>()
+                .escape_debug()
+                .to_string(),
+            false => "file".to_owned(),
         };
         let message = format!("is no TOML: {}", words::plain(error.message()));
         source.invalid(error.span(), key, message)
@@ -127,7 +137,7 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
                 let dot = if key.is_empty() { "" } else { "." };
                 key = format!("{key}{dot}{name}");
                 let steps = place.as_ref().map_or(&[][..], |place| &place.steps);
-                let insert = |probe| Repair::Insert(name.to_owned(), probe);
+                let insert = |probe| Repair::Insert(name.to_owned(), Value::Toml(probe));
                 let expected = self.expected(steps, insert);
                 format!(
                     "is missing, expected {}",
@@ -139,7 +149,9 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
             Complaint::NoName(keys) => {
                 let steps = place.as_ref().map_or(&[][..], |place| &place.steps);
                 let probe = match keys {
-                    Some(0) => self.expected(steps, |_| Repair::Insert(PROBE.to_owned(), "{}")),
+                    Some(0) => self.expected(steps, |_| {
+                        Repair::Insert(PROBE.to_owned(), Value::Toml("{}"))
+                    }),
                     Some(_) => None,
                     None => self.expected(steps, Repair::Replace),
                 };
@@ -178,8 +190,12 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
             if !apply(trial.get_mut(), steps, &repair(probe)) {
                 return None;
             }
-            let error = (self.read)(trial).err()?;
+            // An error of another place says nothing about this one.
+            let Err(error) = (self.read)(trial) else {
+                break;
+            };
             match Complaint::of(error.message()) {
+                _ if !is_of_made(&error) && !self.is_at(&error, steps) => {}
                 Complaint::UnknownName(_, known) => {
                     return Some(format!("one of {}", known.join(", ")));
                 }
@@ -197,22 +213,59 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
         if place.is_none() && !is_missing {
             return Mended::Not;
         }
-        for (steps, repair) in repairs(error.message(), place.as_ref()) {
+        let mut is_named = false;
+        let mut repairs: VecDeque<_> = repairs(error.message(), place.as_ref()).into();
+        while let Some((steps, repair)) = repairs.pop_front() {
             let mut trial = self.document.clone();
             if !apply(trial.get_mut(), &steps, &repair) {
                 continue;
             }
-            match (self.read)(trial.clone()) {
+            let next = match (self.read)(trial.clone()) {
                 Ok(value) => return Mended::Sound(value),
-                Err(next) if is_other(&next, error, &steps, &repair) => {
-                    self.document = trial;
-                    return Mended::Next(next);
+                Err(next) => next,
+            };
+            if is_other(&next, error, &steps, &repair)
+                && !is_of_renamed(&next, &trial, &steps, &repair)
+            {
+                self.document = trial;
+                return Mended::Next(next);
+            }
+            // The inserted value is one of some names.
+            if let Repair::Insert(name, Value::Toml(_)) = &repair
+                && let Complaint::UnknownName(_, known) = Complaint::of(next.message())
+                && is_of_made(&next)
+                && !core::mem::replace(&mut is_named, true)
+            {
+                for known in known.into_iter().rev() {
+                    let value = Value::Name(known.to_owned());
+                    repairs.push_front((steps.clone(), Repair::Insert(name.clone(), value)));
                 }
-                Err(_) => {}
             }
         }
         Mended::Not
     }
+
+    /// Whether an error is about the part at `steps`.
+    fn is_at(&self, error: &Error, steps: &[Step]) -> bool {
+        self.place(error).is_some_and(|place| place.steps == steps)
+    }
+}
+
+/// Whether an error is about a value that a repair made.
+fn is_of_made(error: &Error) -> bool {
+    error.span().is_some_and(|span| span.start == MADE.start)
+}
+
+/// Whether an error is about the value of a renamed key: the file has no key of the new name.
+fn is_of_renamed(next: &Error, trial: &Document<'_>, steps: &[Step], repair: &Repair) -> bool {
+    let (Repair::Rename(meant), Some(span)) = (repair, next.span()) else {
+        return false;
+    };
+    let [around @ .., _] = steps else {
+        return false;
+    };
+    let renamed = [around, &[Step::Key(meant.clone())]].concat();
+    Place::of(trial, &span).is_some_and(|place| place.steps.starts_with(&renamed))
 }
 
 /// Values and names that no key has.
@@ -281,13 +334,13 @@ fn is_other(next: &Error, error: &Error, steps: &[Step], repair: &Repair) -> boo
         (Repair::Remove, Some(Step::Key(removed))) => Some(removed.as_str()),
         _ => None,
     };
-    let is_of_made = next.span().is_some_and(|span| span.start == MADE.start);
+    let is_of_made = is_of_made(next);
     let is_same = next.span() == error.span();
     match Complaint::of(next.message()) {
         Complaint::Missing(name) if removed == Some(name) => false,
         Complaint::Missing(_) if is_same && matches!(repair, Repair::Replace(_)) => false,
         // The next key of the same table that is missing.
-        Complaint::Missing(_) => !is_of_made && next.message() != error.message(),
+        Complaint::Missing(_) => !is_of_made && (next.message() != error.message() || !is_same),
         Complaint::NoName(Some(0)) if removed.is_some() => false,
         _ => !is_of_made && !is_same,
     }
@@ -300,17 +353,17 @@ fn repairs(message: &str, place: Option<&Place>) -> Vec<(Vec<Step>, Repair)> {
     let mut repairs = Vec::new();
     match Complaint::of(message) {
         Complaint::Missing(name) => {
-            let insert = |value| Repair::Insert(name.to_owned(), value);
+            let insert = |value| Repair::Insert(name.to_owned(), Value::Toml(value));
             repairs.extend(VALUES.into_iter().map(insert));
             repairs.push(Repair::Remove);
         }
         Complaint::UnknownKey(name, known) => {
-            let meant = near::misspelt(name, &known);
+            let meant = near::meant(name, &known);
             repairs.extend(meant.map(|meant| Repair::Rename(meant.to_owned())));
             repairs.push(Repair::Remove);
         }
         Complaint::UnknownName(name, known) if is_key => {
-            let meant = near::misspelt(name, &known);
+            let meant = near::meant(name, &known);
             repairs.extend(meant.map(|meant| Repair::Rename(meant.to_owned())));
         }
         Complaint::UnknownName(_, known) => {

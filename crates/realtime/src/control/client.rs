@@ -54,6 +54,11 @@ impl Client {
         self.is_broken || (self.has_ended && is_done)
     }
 
+    /// Whether the client has left or closed its side.
+    pub(super) const fn has_ended(&self) -> bool {
+        self.has_ended || self.is_broken
+    }
+
     /// Whether the client sets modem lines.
     pub(super) const fn has_modem(&self) -> bool {
         self.session.has_modem

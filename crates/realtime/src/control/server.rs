@@ -172,9 +172,10 @@ impl Control {
         self.clients.iter().any(|one| one.idle_since().is_none())
     }
 
-    /// Whether clients were connected, and all of them have left.
+    /// Whether clients were connected, and all of them have left or closed their side. A client
+    /// that closed its side still receives the answer that it waits for.
     pub fn is_deserted(&self) -> bool {
-        self.tally.requests > 0 && self.clients.is_empty()
+        self.tally.requests > 0 && self.clients.iter().all(Client::has_ended)
     }
 
     /// Whether a client requested the end of the run.

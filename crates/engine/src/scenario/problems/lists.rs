@@ -47,9 +47,7 @@ fn compare(found: &Spanned<DeValue<'_>>, kept: &DeValue<'_>, key: &str, note: No
             }
         }
         (DeValue::Array(list), DeValue::Array(kept))
-            if list.len() > kept.len()
-                && !kept.is_empty()
-                && list.iter().chain(kept.iter()).all(is_number) =>
+            if list.len() > kept.len() && !kept.is_empty() && kept.iter().all(is_number) =>
         {
             note(found.span(), key, list.len(), kept.len());
         }

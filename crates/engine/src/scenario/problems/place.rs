@@ -114,7 +114,14 @@ pub(super) enum Repair {
     Name(String),
     /// Another value, as TOML.
     Replace(&'static str),
-    Insert(String, &'static str),
+    Insert(String, Value),
+}
+
+/// An inserted value.
+pub(super) enum Value {
+    /// As TOML.
+    Toml(&'static str),
+    Name(String),
 }
 
 /// Position of made keys and values, which the file does not have.
@@ -140,7 +147,11 @@ pub(super) fn apply(table: &mut DeTable<'_>, steps: &[Step], repair: &Repair) ->
     match (steps, repair) {
         ([], Repair::Insert(name, value)) => {
             let key = Spanned::new(MADE, name.clone().into());
-            let value = Spanned::new(MADE, value_of(value));
+            let value = match value {
+                Value::Toml(text) => value_of(text),
+                Value::Name(name) => DeValue::String(name.clone().into()),
+            };
+            let value = Spanned::new(MADE, value);
             table.insert(key, value).is_none()
         }
         ([], _) => false,

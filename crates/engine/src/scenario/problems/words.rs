@@ -7,7 +7,7 @@ use crate::near;
 /// The error for a key that a table does not have.
 pub(super) fn unknown_key(name: &str, known: &[&str]) -> String {
     let all = known.join(", ");
-    match near::misspelt(name, known) {
+    match near::meant(name, known) {
         Some(meant) => {
             format!("is an unknown key, did you mean \"{meant}\"? Expected one of {all}")
         }

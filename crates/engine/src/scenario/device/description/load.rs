@@ -31,7 +31,7 @@ pub fn load(name: &str, base: &Path) -> Result<Arc<Description>, LoadError> {
         let text = shipped::text(name).ok_or_else(|| {
             let known: Vec<_> = shipped::ALL.iter().map(|(name, _)| *name).collect();
             let all = known.join(", ");
-            let expected = match near::misspelt(name, &known) {
+            let expected = match near::meant(name, &known) {
                 Some(meant) => format!("did you mean \"{meant}\"? Expected one of {all}"),
                 None => format!("expected one of {all}"),
             };
