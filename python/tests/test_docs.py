@@ -59,6 +59,25 @@ def test_every_test_on_the_page_runs(pytester: pytest.Pytester, monkeypatch) -> 
     pytester.run(*words).assert_outcomes(passed=len(tests) + 1)
 
 
+def test_every_call_of_the_devices_on_the_page_runs(inner, pytester) -> None:
+    page = (DOCS / "python.md").read_text()
+    section = page.split("## A device without a scenario\n")[1].split("\n## ")[0]
+    cells = re.findall(r"^\| (`.+?`) \|", section, re.M)
+    calls = [call for cell in cells for call in re.findall(r"`(.+?)`", cell)]
+    assert len(calls) == 6, calls
+    # The working directory of pytest is not the test's folder.
+    folder = pytester.mkdir("tests")
+    shutil.copy(DOCS.parent / "nodes" / "examples" / "scale.py", folder)
+    shutil.copy(DOCS.parent / "devices" / "modbus-meter.toml", folder / "meter.toml")
+    test = "import pytest\n\n@pytest.mark.parametrize('call', [%s])\n" % ", ".join(map(repr, calls))
+    test += "def test_call(device, call):\n    meter = device('modbus-meter')\n"
+    test += "    found = eval(call)\n    bench = found if hasattr(found, 'ports') else meter\n"
+    test += "    assert bench.state()['time_ns'] > 0 and bench.finish().checks is not None\n"
+    (folder / "test_calls.py").write_text(test)
+    words = [sys.executable, "-m", "pytest", "-p", "hilrig.plugin", "tests"]
+    pytester.run(*words).assert_outcomes(passed=len(calls))
+
+
 def test_the_scale_of_the_page_is_weighed_and_fails_as_it_says(tmp_path: Path) -> None:
     page = (DOCS / "device-program.md").read_text()
     scale, drive, typed = re.findall(r"```python\n(.*?)```", page, re.S)

@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 from conftest import SOURCE
+from hilrig import RigError
+from hilrig.plugin import RigFactory
 
 TWENTY = """
 import pytest, serial
@@ -68,6 +70,74 @@ def test_a_failing_test_keeps_its_folder_and_says_how_to_repeat_it(inner, pytest
     again = command[1].replace("python -m pytest", f"{sys.executable} -m pytest -p hilrig.plugin")
     shown = subprocess.run(["sh", "-c", again], cwd="/", capture_output=True, text=True)
     assert shown.returncode == 1 and "1 failed" in shown.stdout, shown.stdout
+
+
+WITHIN = """
+import pytest
+from hilrig.control import Control
+
+@pytest.mark.hilrig("robot.toml")
+def test_running(rig):
+    with rig():
+        assert False
+
+@pytest.mark.hilrig("robot.toml")
+def test_ended(rig):
+    with rig.start("exit 3") as r:
+        r.wait({"visited": 1}, "60s")
+
+@pytest.mark.hilrig("robot.toml")
+def test_ended_unseen(rig):
+    with rig() as r:
+        Control(r.dir).ask("quit")
+        r._process.wait()
+        assert False
+
+@pytest.mark.hilrig("robot.toml")
+def test_killed(rig):
+    with rig() as r:
+        r._process.kill()
+        r.state()
+"""
+
+
+def test_a_test_that_fails_within_its_rig_is_one_failure_and_keeps_the_log(
+    inner, pytester, places
+) -> None:
+    result = inner(WITHIN)
+    result.assert_outcomes(failed=4)
+    kept = pytester.path / "hilrig-out" / "pytest"
+    assert len(list(kept.iterdir())) == 4
+    for folder in kept.iterdir():
+        assert (folder / "hilrig.log").is_file(), folder
+    assert list(places.glob("hilrig-*")) == []
+    # The request that fails tells how the program ended.
+    said = result.stdout.str()
+    assert re.search(r"the r(un|ig) has ended\n.*exit code 3", said, re.S), said
+
+
+def test_a_rig_that_cannot_be_closed_does_not_keep_the_others_open(request) -> None:
+    class Stub:
+        def __init__(self, error=None) -> None:
+            self.error, self.calls = error, []
+
+        def keep_log(self) -> None:
+            self.call("keep_log")
+
+        def close(self) -> None:
+            self.call("close")
+
+        def call(self, name) -> None:
+            self.calls.append(name)
+            if self.error is not None:
+                raise self.error
+
+    for error in (RigError("stuck"), ValueError("closed"), OSError("full")):
+        factory = RigFactory(request)
+        factory._rigs = [Stub(error), Stub()]
+        with pytest.raises(RigError, match=str(error)):
+            factory.close(failed=True)
+        assert [rig.calls for rig in factory._rigs] == [["keep_log", "close"]] * 2
 
 
 JUDGED = """

@@ -1,6 +1,8 @@
 """Faults and waits while a program runs, and rigs with one device."""
 
 import asyncio
+import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -8,6 +10,7 @@ import pytest
 
 import hilrig
 import hilrig.aio
+from hilrig.control import Control
 
 CONNECT = Path(__file__).parent.parent.parent / "docs" / "connect"
 MOVES = {"robot": {"of": "speed-m-s", "op": ">", "value": 0.1}}
@@ -78,18 +81,125 @@ def test_a_program_plays_the_device() -> None:
             assert bench.state()["time_ns"] > 0
 
 
+def test_a_fault_may_outlive_its_rig() -> None:
+    """``finish``, ``close``, another client, and a kill end the rig within the block."""
+    ends = [
+        lambda rig: rig.finish(),
+        lambda rig: rig.close(),
+        lambda rig: Control(rig.dir).ask("quit"),
+        lambda rig: rig._process.kill(),
+    ]
+    for end in ends:
+        with hilrig.Bench("modbus-meter") as meter:
+            with meter.faulty("wrong-current"):
+                end(meter)
+            with pytest.raises(ConnectionError, match="(?s)^the rig has ended.(the rig's|hilrig)"):
+                meter.state()
+    # A request that the rig refuses is still an error.
+    with hilrig.Bench("modbus-meter") as meter:
+        with pytest.raises(hilrig.Refused, match="id"):
+            with meter.faulty("wrong-current") as fault:
+                fault.number = 7
+
+
+def test_a_rig_that_cannot_begin_leaves_no_directory(tmp_path: Path, monkeypatch) -> None:
+    old = tmp_path / "hilrig-old"
+    old.write_text("#!/bin/sh\nexit 1\n")
+    old.chmod(0o755)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    settings = {"binary": str(old), "virtual": True}
+    robot = CONNECT / "robot.toml"
+    for start in [
+        lambda: hilrig.Rig(robot, **settings),
+        lambda: hilrig.Running(robot, "true", **settings),
+        lambda: hilrig.Bench("modbus-meter", **settings),
+        lambda: hilrig.Rig(robot, binary=str(old)),
+        lambda: hilrig.Rig(robot, binary=str(tmp_path / "none")),
+        lambda: hilrig.Rig(None),
+    ]:
+        with pytest.raises((hilrig.RigError, TypeError)):
+            start()
+        assert list(tmp_path.iterdir()) == [old]
+
+
 async def waits_at_once() -> None:
+    relay = {"register": {"device": "modbus-meter", "name": "relay", "value": False}}
+    keys = {"device": "modbus-meter", "kind": "device", "fault": "wrong-current"}
     async with hilrig.aio.device("modbus-meter") as meter:
-        relay = {"device": "modbus-meter", "name": "relay", "value": False}
-        waiting = asyncio.create_task(meter.wait({"register": relay}, "300ms"))
-        keys = {"device": "modbus-meter", "kind": "device", "fault": "wrong-current"}
+        # More than the default executor has threads.
+        waiting = [asyncio.create_task(meter.wait(relay, "600s")) for _ in range(40)]
         async with meter.fault(**keys) as number:
             assert number == 0
-        assert not waiting.done()
-        assert await waiting is False
-        assert (await meter.state())["time_ns"] >= 300_000_000
-        assert (await meter.finish()).checks
+        assert not any(one.done() for one in waiting)
+        for one in waiting:
+            one.cancel()
+        await asyncio.wait(waiting)
+        assert not await meter.wait(relay, "10ms")
+        async with meter.fault(**keys):
+            assert (await meter.finish()).checks
+        with pytest.raises(ConnectionError, match="(?s)^the rig has ended.the rig's verdict"):
+            await meter.state()
 
 
 def test_asyncio_waits_and_adds_a_fault_at_the_same_time() -> None:
     asyncio.run(waits_at_once())
+
+
+class Stub:
+    """A rig whose start and ``finish`` wait for the test."""
+
+    def __init__(self) -> None:
+        self.begun, self.go, self.is_closed = threading.Event(), threading.Event(), False
+
+    def start(self) -> "Stub":
+        self.finish()
+        return self
+
+    def finish(self) -> None:
+        self.begun.set()
+        assert self.go.wait(60)
+
+    def _hang_up(self) -> None:
+        self.go.set()
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+async def cancelled(stub: Stub, body) -> None:
+    """Cancels ``body`` while the stub waits."""
+    task = asyncio.create_task(body())
+    while not stub.begun.is_set():
+        await asyncio.sleep(0.001)
+    task.cancel()
+    # Runs after the cancellation.
+    asyncio.get_running_loop().call_later(0.01, stub.go.set)
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert stub.is_closed
+
+
+def test_a_cancelled_start_closes_its_rig() -> None:
+    stub = Stub()
+
+    async def body() -> None:
+        async with hilrig.aio._started(stub.start):
+            pytest.fail("it was cancelled")
+
+    asyncio.run(cancelled(stub, body))
+
+
+def test_a_cancelled_finish_closes_its_rig() -> None:
+    stub = Stub()
+
+    async def body() -> None:
+        async with hilrig.aio._started(lambda: stub) as rig:
+            await rig.finish()
+
+    asyncio.run(cancelled(stub, body))
+
+
+def test_a_finish_in_another_thread_is_ended(tmp_path: Path) -> None:
+    with hilrig.Running(CONNECT / "robot.toml", "exec sleep 600", out=tmp_path / "out") as rig:
+        rig._hang_up()
+        assert rig.finish().verdict != "pass"

@@ -39,13 +39,14 @@ class Bench(Rig):
         exec: Optional[str] = None,
         settings: Optional[Mapping[str, Any]] = None,
         rate: Optional[int] = None,
+        folder: Optional[PathLike] = None,
         **rig: Any,
     ) -> None:
         """Starts the rig; ``settings`` are keys of the device in a scenario, ``rig`` those of
-        ``Rig``."""
+        ``Rig``. The program ``exec`` runs in ``folder``, by default in the current one."""
         keys: Dict[str, Any] = {}
         if exec is not None:
-            keys = {"exec": exec, "folder": os.getcwd()}
+            keys = {"exec": exec, "folder": os.path.abspath(folder or os.curdir)}
             keys.update({} if rate is None else {"rate": rate})
             keys.update({"description": _description(device)} if device else {})
             keys.update({} if settings is None else {"settings": dict(settings)})

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import socket
 from pathlib import Path
-from typing import Any, Dict, Union
+from typing import Any, Dict, Mapping, Union
 
 #: Version of the protocol that this client supports.
 PROTOCOL = 1
+#: The error of a request to a rig that has ended.
+ENDED = "the rig has ended"
 
 
 class Refused(ValueError):
@@ -18,6 +20,26 @@ class Refused(ValueError):
         super().__init__(f"{key}: {message}")
         self.key = key
         self.message = message
+
+
+def has_ended(error: Exception) -> bool:
+    """Whether ``error`` of a request says that the rig has ended."""
+    return isinstance(error, OSError) or (isinstance(error, Refused) and error.key == "run")
+
+
+def encoded(do: str, keys: Mapping[str, Any]) -> str:
+    """A request as its line."""
+    return json.dumps({"do": do, **keys}) + "\n"
+
+
+def answered(line: "str | bytes") -> Dict[str, Any]:
+    """The answer in a line; an empty one is the end of the connection."""
+    if not line:
+        raise ConnectionError(ENDED)
+    answer: Dict[str, Any] = json.loads(line)
+    if not answer.get("ok"):
+        raise Refused(str(answer.get("key")), str(answer.get("message")))
+    return answer
 
 
 class Control:
@@ -32,7 +54,11 @@ class Control:
             self._socket.close()
             raise
         self._file = self._socket.makefile("rw", encoding="utf-8", newline="\n")
-        self.greeting = self.ask("hello")
+        try:
+            self.greeting = self.ask("hello")
+        except BaseException:
+            self.close()
+            raise
         if self.greeting["protocol"] != PROTOCOL:
             spoken = self.greeting["protocol"]
             self.close()
@@ -40,16 +66,15 @@ class Control:
 
     def ask(self, do: str, **keys: Any) -> Dict[str, Any]:
         """Sends a request and returns its answer; raises ``Refused`` if the rig refuses it."""
-        request = {"do": do, **keys}
-        self._file.write(json.dumps(request) + "\n")
-        self._file.flush()
-        line = self._file.readline()
-        if not line:
-            raise ConnectionError("the rig has ended")
-        answer: Dict[str, Any] = json.loads(line)
-        if not answer.get("ok"):
-            raise Refused(str(answer.get("key")), str(answer.get("message")))
-        return answer
+        if self._file.closed:
+            raise ConnectionError(ENDED)
+        try:
+            self._file.write(encoded(do, keys))
+            self._file.flush()
+            line = self._file.readline()
+        except ConnectionError as error:
+            raise ConnectionError(ENDED) from error
+        return answered(line)
 
     def close(self) -> None:
         """Disconnects; the rig continues."""

@@ -100,13 +100,17 @@ class RigFactory:
         self._add(running)
         return running
 
-    def device(self, device: PathLike, **settings: Any) -> Bench:
-        """Starts a rig with one device, see ``hilrig.Bench``; a path begins at the test's file."""
-        beside = Path(self._request.node.path).parent / device
+    def device(self, device: PathLike = "", **settings: Any) -> Bench:
+        """Starts a rig with one device, see ``hilrig.Bench``; the path of a description begins at
+        the test's file, and a program runs in its folder."""
+        folder = Path(self._request.node.path).parent
+        settings.setdefault("folder", folder)
         given = self._request.config.getoption("--hilrig-seed")
         if given is not None:
             settings["seed"] = given
-        bench = Bench(beside if beside.is_file() else device, out=self._folder(), **settings)
+        if device and (folder / device).is_file():
+            device = folder / device
+        bench = Bench(device, out=self._folder(), **settings)
         self._add(bench)
         return bench
 
@@ -176,13 +180,11 @@ class RigFactory:
         """Ends all rigs; keeps their results if the test failed."""
         errors: List[str] = []
         for rig in self._rigs:
-            try:
-                if failed:
-                    rig.keep_log()
-            except (OSError, RuntimeError) as error:
-                errors.append(str(error))
-            finally:
-                rig.close()
+            for step in [rig.keep_log, rig.close] if failed else [rig.close]:
+                try:
+                    step()
+                except Exception as error:  # The other rigs must end, too.
+                    errors.append(str(error))
         for folder in [] if failed else self._folders:
             shutil.rmtree(folder, ignore_errors=True)
         if errors:

@@ -30,12 +30,15 @@ class Rig(Session):
     ) -> None:
         """Starts the rig; ``out`` is the result folder, ``options`` are added to ``hilrig up``."""
         super().__init__(out, binary)
-        words = [self._binary, "up", os.fspath(scenario), "--dir", str(self.dir)]
-        # The result folder contains the case; another copy in the working directory is not needed.
-        words += ["--out", str(self.out), "--case", str(self._work / "up.toml")]
-        words += ["--until-eof", "--json", *options]
-        words += [] if seed is None else ["--seed", str(seed)]
-        words += needed(self._binary, "up", "--virtual") if virtual else []
+
+        def words() -> List[str]:
+            words = [self._binary, "up", os.fspath(scenario), "--dir", str(self.dir)]
+            # The result folder contains the case; a copy in the working directory is not needed.
+            words += ["--out", str(self.out), "--case", str(self._work / "up.toml")]
+            words += ["--until-eof", "--json", *options]
+            words += [] if seed is None else ["--seed", str(seed)]
+            return words + (needed(self._binary, "up", "--virtual") if virtual else [])
+
         self._start(words)
 
 
@@ -61,9 +64,12 @@ class Running(Session):
         binary: Optional[str] = None,
     ) -> None:
         super().__init__(out, binary)
-        words = _run_words(self._binary, (scenario, program, self.out, self.dir), options)
-        words += _chosen(self._binary, seed, virtual, may_end)
-        words += needed(self._binary, "run", "--control") if virtual else []
+
+        def words() -> List[str]:
+            words = _run_words(self._binary, (scenario, program, self.out, self.dir), options)
+            words += _chosen(self._binary, seed, virtual, may_end)
+            return words + (needed(self._binary, "run", "--control") if virtual else [])
+
         self._start(words, cwd)
 
     def _finish(self) -> Result:
@@ -75,11 +81,14 @@ class Running(Session):
         self._process.wait()
         return result_of(said, self.log())
 
+    def _hang_up(self) -> None:
+        # The command watches this pipe.
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+
     def quit(self) -> Result:
         """Ends the run now, writes the result folder, and judges it."""
-        if self._result is None:
-            self._result = self._quit()
-        return self._result
+        return self._end(self._quit)
 
 
 def run(

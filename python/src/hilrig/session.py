@@ -10,10 +10,10 @@ import tempfile
 import time
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Type, TypeVar, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Type, TypeVar, Union
 
 from .binary import find_binary, knows, version
-from .control import Control
+from .control import ENDED, Control, has_ended
 from .result import Check, Result
 
 #: A path.
@@ -29,8 +29,8 @@ class RigError(RuntimeError):
 class Fault:
     """An active fault; ``end`` or the end of a ``with`` block ends it."""
 
-    def __init__(self, control: Control, number: int) -> None:
-        self._control = control
+    def __init__(self, rig: "Session", number: int) -> None:
+        self._rig = rig
         #: Number of the fault, as in ``hilrig fault list``.
         self.number = number
         self._is_over = False
@@ -39,13 +39,18 @@ class Fault:
         """Ends the fault now."""
         if not self._is_over:
             self._is_over = True
-            self._control.ask("end", id=self.number)
+            self._rig.ask("end", id=self.number)
 
     def __enter__(self) -> "Fault":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.end()
+        try:
+            self.end()
+        except (OSError, ValueError) as error:
+            # The end of the rig ends its faults, too.
+            if not has_ended(error):
+                raise
 
 
 _Self = TypeVar("_Self", bound="Session")
@@ -66,16 +71,43 @@ class Session:
         #: Result folder; written when the rig ends.
         self.out = Path(os.path.abspath(out)) if out is not None else self._work / "out"
         self._result: Optional[Result] = None
+        #: The error of the end of the run, in place of a result.
+        self._error: Optional[RigError] = None
+        self._is_kept = out is not None
+        #: The output of a closed rig.
+        self._told: Optional[str] = None
         self._log = (self._work / "hilrig.log").open("w+", encoding="utf-8")
 
-    def _start(self, words: Sequence[str], cwd: Optional[PathLike] = None) -> None:
-        """Starts the command and connects to its control socket."""
-        #: The command that was started.
-        self.command = list(words)
+    def _start(
+        self, words: Callable[[], Sequence[str]], cwd: Optional[PathLike] = None
+    ) -> None:
+        """Starts the command that ``words`` gives, and connects to its control socket."""
+        try:
+            #: The command that was started.
+            self.command = list(words())
+            self._process = self._spawn(cwd)
+        except BaseException:
+            self._clean()
+            raise
+        try:
+            self._control = self._connect()
+            greeting = self._control.greeting
+            #: Paths of the ports by name.
+            self.ports: Dict[str, str] = {
+                str(port["name"]): str(port["path"]) for port in greeting["ports"]
+            }
+            #: Seed of all randomness.
+            self.seed: int = int(greeting["seed"])
+        except BaseException:
+            self._kill()
+            self._clean()
+            raise
+
+    def _spawn(self, cwd: Optional[PathLike]) -> "subprocess.Popen[str]":
         try:
             # In its own session: after a signal to pytest's process group the rig must still
             # remove its ports.
-            self._process = subprocess.Popen(
+            return subprocess.Popen(
                 self.command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -85,21 +117,7 @@ class Session:
                 start_new_session=True,
             )
         except OSError as error:
-            self._clean()
             raise RigError(f"{self._binary} cannot be started: {error}") from error
-        try:
-            self._control = self._connect()
-        except BaseException:
-            self._kill()
-            self._clean()
-            raise
-        greeting = self._control.greeting
-        #: Paths of the ports by name.
-        self.ports: Dict[str, str] = {
-            str(port["name"]): str(port["path"]) for port in greeting["ports"]
-        }
-        #: Seed of all randomness.
-        self.seed: int = int(greeting["seed"])
 
     def _connect(self) -> Control:
         deadline = time.monotonic() + PATIENCE
@@ -131,8 +149,40 @@ class Session:
 
     def log(self) -> str:
         """The output of the rig so far."""
+        if self._told is not None:
+            return self._told
         self._log.flush()
         return (self._work / "hilrig.log").read_text(encoding="utf-8", errors="replace")
+
+    def ask(self, do: str, **keys: Any) -> Dict[str, Any]:
+        """Sends one request of docs/control.md and returns its answer."""
+        try:
+            return self._control.ask(do, **keys)
+        except (OSError, ValueError) as error:
+            explained = self._explained(error)
+            if explained is error:
+                raise
+            raise explained from error
+
+    def _explained(self, error: Exception) -> Exception:
+        """The error of a request; after the end of the rig with its result."""
+        if not has_ended(error) or self._is_running():
+            return error
+        try:
+            how = str(self._end(self._quit))
+        except RigError as reason:
+            how = str(reason)
+        return ConnectionError(f"{ENDED}\n{how}")
+
+    def _is_running(self) -> bool:
+        """Whether the rig still answers; it may disconnect a client."""
+        try:
+            Control(self.dir).close()
+        except OSError:
+            return False
+        except ValueError:
+            return True  # It refuses another client.
+        return True
 
     def fault(self, link: Optional[str] = None, **keys: Any) -> Fault:
         """Adds a fault as in a scenario: ``fault("base", direction="to-device", kind="cut")``.
@@ -142,53 +192,66 @@ class Session:
         fault = {key.rstrip("_"): value for key, value in keys.items()}
         if link is not None:
             fault["link"] = link
-        return Fault(self._control, int(self._control.ask("add", fault=fault)["id"]))
+        return Fault(self, int(self.ask("add", fault=fault)["id"]))
 
     def wait(self, condition: Mapping[str, Any], timeout: str = "10s") -> bool:
         """Waits until ``condition`` holds (docs/control.md); ``timeout`` is rig time."""
-        answer = self._control.ask("wait", **{"for": dict(condition)}, timeout=timeout)
+        answer = self.ask("wait", **{"for": dict(condition)}, timeout=timeout)
         return bool(answer["held"])
 
     def state(self) -> Dict[str, Any]:
         """The current state of the robot."""
-        return self._control.ask("state")
+        return self.ask("state")
 
     def mission(self, action: Union[str, Mapping[str, Any]]) -> None:
         """Gives an order as in ``[[mission.step]]``: ``{"waypoints-m": [[1.5, 1.9]]}``."""
-        self._control.ask("mission", action=action)
+        self.ask("mission", action=action)
 
     def press(self, column: int, row: int) -> None:
         """Taps the robot's display."""
-        self._control.ask("press", display=[column, row])
+        self.ask("press", display=[column, row])
 
     def pause(self) -> None:
         """Pauses rig time."""
-        self._control.ask("pause")
+        self.ask("pause")
 
     def resume(self) -> None:
         """Resumes rig time."""
-        self._control.ask("resume")
+        self.ask("resume")
 
     def step(self, by: str) -> None:
         """Advances rig time by ``by`` and waits for it; in real time call ``pause`` before."""
-        self._control.ask("step", by=by)
+        self.ask("step", by=by)
 
     def verdict(self) -> Result:
         """The verdict so far; the run continues."""
         if self._result is not None:
             return self._result
-        answer = self._control.ask("verdict")
+        answer = self.ask("verdict")
         checks = [Check.of(check) for check in answer["checks"]]
         return Result(str(answer["verdict"]), checks, None, answer)
 
     def finish(self) -> Result:
         """Ends the run, writes the result folder, and returns the verdict."""
+        return self._end(self._finish)
+
+    def _end(self, end: Callable[[], Result]) -> Result:
+        """Ends the run by ``end`` once; then its result or its error is known."""
+        if self._error is not None:
+            raise self._error
         if self._result is None:
-            self._result = self._finish()
+            try:
+                self._result = end()
+            except RigError as error:
+                self._error = error
+                raise
         return self._result
 
     def _finish(self) -> Result:
         return self._quit()
+
+    def _hang_up(self) -> None:
+        """Ends a ``finish`` in another thread."""
 
     def _quit(self) -> Result:
         """Ends the run now."""
@@ -205,19 +268,31 @@ class Session:
         return result_of(said, self.log())
 
     def keep_log(self) -> None:
-        """Copies the output of the rig to the result folder."""
-        if self._result is None:
-            self._result = self._quit()
-        shutil.copyfile(self._work / "hilrig.log", self.out / "hilrig.log")
+        """Ends a running run, and writes the output of the rig to the folder given as ``out``."""
+        try:
+            if self._told is None and self._result is None and self._error is None:
+                self._end(self._quit)
+        finally:
+            if self._is_kept:
+                self.out.mkdir(parents=True, exist_ok=True)
+                (self.out / "hilrig.log").write_text(self.log(), encoding="utf-8")
 
     def close(self) -> None:
         """Ends a running run, and removes its directory; a folder given as ``out`` stays."""
+        if self._told is not None:
+            return
+        is_over = self._process.poll() is not None
         try:
-            if self._process.poll() is None and self._result is None:
-                self._result = self._quit()
+            if self._result is None and self._error is None:
+                self._end(self._quit)
+        except RigError:
+            # A run that ended by itself tells its error to the request that needs it.
+            if not is_over:
+                raise
         finally:
             self._control.close()
             self._kill()
+            self._told = self.log()
             self._clean()
 
     def _kill(self) -> None:
