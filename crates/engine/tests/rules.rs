@@ -432,8 +432,8 @@ fn times_of_rules_are_kept_to_the_letter() {
     assert_eq!(wrong, [""; 0]);
 }
 
-/// 1,100 bytes ask before the one answer, at 1 s: more than a rule keeps. One answer is that of all,
-/// in time for the oldest, unless each needs its own.
+/// 1,100 bytes ask before the one answer, at 1 s: more than a rule keeps. One answer is that of
+/// all, in time for the oldest, unless each needs its own.
 #[test]
 fn more_times_may_wait_than_a_rule_keeps() {
     let rule = |more: &str| {
