@@ -114,6 +114,7 @@ impl Action {
     }
 
     /// The reason why no station can execute the action.
+    #[cfg(feature = "rescue")]
     pub(crate) fn not_an_order() -> String {
         "is no order of the PC, expected connect, disconnect, waypoints-m, mode or drive".to_owned()
     }
