@@ -150,15 +150,19 @@ impl Described {
         rows.collect()
     }
 
-    /// Resets everything except the variables at `now`.
+    /// Resets everything except the variables at `now`. Received bytes that were not processed yet
+    /// ended later.
     fn begin(&mut self, now: Instant) {
         self.cutter = self.description.cutter_of(From::Host);
-        self.inbox.clear();
         self.quiet_at = None;
         self.silent.clear();
         self.watchdog_at = None;
         self.pending.clear();
-        self.output.clear();
+        // Bytes that a prompt line has taken before `now` are on the wire.
+        let left = self.sending_until.as_nanos().saturating_sub(now.as_nanos());
+        let byte = self.description.line.byte_time().as_nanos().max(1);
+        let left = usize::try_from(u128::from(left) / byte).unwrap_or(usize::MAX);
+        self.output.truncate(self.output.len().saturating_sub(left));
         self.sending_until = now;
         self.busy_until = now;
         self.events.clear();
@@ -216,6 +220,15 @@ impl Described {
             self.sending_until = self.sending_until.max(due) + line.bytes_time(frame.len() as u64);
             self.output.extend(frame);
         }
+    }
+
+    /// When the device acts next without further bytes.
+    fn acts_at(&self) -> Option<Instant> {
+        let due = self.pending.front().map(|(due, _)| *due);
+        let event = self.events.front().map(|(at, _)| *at);
+        let all = [due, event, self.watchdog_at, self.boot_until];
+        let timers = self.timers.iter().map(|timer| Some(timer.at));
+        earliest(all.into_iter().chain(timers))
     }
 
     /// Whether a poll at `now` changes nothing but the transmitter.
@@ -276,10 +289,6 @@ impl Device for Described {
         if self.is_at_rest(now) {
             return self.send_due(now);
         }
-        if let Some(up) = self.boot_until.filter(|up| *up <= now) {
-            self.boot_until = None;
-            self.events.push_back((up, EventSpec::Start));
-        }
         self.lay_faults(now, world);
         let description = self.description.clone();
         let mut doer = Doer {
@@ -288,11 +297,7 @@ impl Device for Described {
             world,
         };
         doer.hear(now);
-        doer.run_timers(now);
-        doer.run_events(now);
-        doer.device.watch(now);
-        doer.run_events(now);
-        self.send_due(now);
+        doer.act(now);
     }
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
@@ -312,20 +317,8 @@ impl Device for Described {
         if self.faults.is_off() {
             return self.log.poll_at();
         }
-        let due = self.pending.front().map(|(due, _)| *due);
         let inbox = self.inbox.front().map(|(at, _)| *at);
-        let event = self.events.front().map(|(at, _)| *at);
-        let all = [
-            due,
-            inbox,
-            event,
-            self.quiet_at,
-            self.watchdog_at,
-            self.boot_until,
-            self.log.poll_at(),
-        ];
-        let timers = self.timers.iter().map(|timer| Some(timer.at));
-        earliest(all.into_iter().chain(timers))
+        earliest([self.acts_at(), inbox, self.quiet_at, self.log.poll_at()])
     }
 
     fn line_config(&self, _: Port) -> LineConfig {

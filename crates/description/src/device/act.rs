@@ -79,6 +79,18 @@ impl<'d> Doer<'d> {
             .ok()
     }
 
+    /// Does everything that is due at `now`.
+    pub(super) fn act(&mut self, now: Instant) {
+        if let Some(up) = self.device.boot_until.take_if(|up| *up <= now) {
+            self.device.events.push_back((up, EventSpec::Start));
+        }
+        self.run_timers(now);
+        self.run_events(now);
+        self.device.watch(now);
+        self.run_events(now);
+        self.device.send_due(now);
+    }
+
     fn failed(&mut self, now: Instant, detail: &str) {
         let detail = || detail.to_owned();
         self.device

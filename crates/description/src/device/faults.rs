@@ -59,6 +59,10 @@ impl Described {
         self.faults.is_changed = true;
         let own = self.description.faults.iter().find(|own| own.name == name);
         let restarts = own.is_some_and(|own| own.restarts);
+        if (begins && (name == "restart" || restarts)) || (name == "off" && was_off) {
+            // Bytes before the reset are lost.
+            self.inbox.clear();
+        }
         match name {
             "off" if begins => self.log.note(now, "off", "the supply is gone".to_owned()),
             "off" if was_off => self.restart(now, "the supply is back"),

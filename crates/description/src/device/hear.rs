@@ -19,25 +19,17 @@ impl Doer<'_> {
                 break;
             }
             self.end_of_silence(first_start(self.device.description.line, at, bytes.len()));
-            if let Some(up) = self.device.boot_until.filter(|up| at < *up) {
-                let detail = || {
-                    format!(
-                        "bytes arrived while the device starts, until {} ms",
-                        up.as_millis()
-                    )
-                };
-                let log = &mut self.device.log;
-                log.repeated(at, EventKind::Violation, "not-ready", detail);
-                continue;
-            }
             self.chunk(at, &bytes);
             self.device.spare = bytes;
         }
         self.end_of_silence(now);
     }
 
-    /// Processes bytes that arrived back to back, the last of them at `at`.
+    /// Processes bytes that arrived back to back, the last of them at `at`. The result is the same
+    /// for one delivery of all bytes and for one of each byte.
     fn chunk(&mut self, at: Instant, bytes: &[u8]) {
+        let line = self.device.description.line;
+        self.catch_up(byte_end(at, line, 0, bytes.len()));
         if self.is_free(at, bytes.len()) {
             if self.device.is_silence_framed {
                 self.device.heard(at);
@@ -49,17 +41,30 @@ impl Doer<'_> {
                 return self.frame(at, &frame);
             }
         }
-        let line = self.device.description.line;
         for (index, &byte) in bytes.iter().enumerate() {
             let end = || byte_end(at, line, index, bytes.len());
+            // A byte before it may have caused an action that is due before this byte.
+            if self.device.acts_at().is_some() {
+                self.catch_up(end());
+            }
             self.byte(&end, byte, index + 1 == bytes.len());
         }
     }
 
-    /// Whether the device hears all of `count` bytes that end at `at`: on a half-duplex line it
-    /// hears none while it sends.
+    /// Does everything that is due before `end`, at its time.
+    fn catch_up(&mut self, end: Instant) {
+        while let Some(due) = self.device.acts_at().filter(|due| *due < end) {
+            self.act(due);
+        }
+    }
+
+    /// Whether the device hears all of `count` bytes that end at `at`: it hears none while it
+    /// starts, and on a half-duplex line none while it sends.
     fn is_free(&self, at: Instant, count: usize) -> bool {
         let device = &*self.device;
+        if device.boot_until.is_some() || device.acts_at().is_some_and(|due| due < at) {
+            return false;
+        }
         if !device.description.is_half_duplex {
             return true;
         }
@@ -85,6 +90,14 @@ impl Doer<'_> {
     /// Processes a byte that ended at `end`; `is_last` marks the last byte of a chunk.
     fn byte(&mut self, end: &dyn Fn() -> Instant, byte: u8, is_last: bool) {
         let device = &mut *self.device;
+        if let Some(up) = device.boot_until.filter(|up| end() < *up) {
+            let detail = || {
+                let ms = up.as_millis();
+                format!("bytes arrived while the device starts, until {ms} ms")
+            };
+            let log = &mut device.log;
+            return log.repeated(end(), EventKind::Violation, "not-ready", detail);
+        }
         if device.description.is_half_duplex {
             let at = end();
             let started = device.description.line.byte_end(at, 1);

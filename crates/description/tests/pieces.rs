@@ -1,0 +1,147 @@
+//! A device behaves the same whether its bytes arrive in one delivery, in one for each byte, or in
+//! several that are processed together.
+
+use core::time::Duration;
+use std::sync::Arc;
+
+use description::{Described, Description, Place};
+use emulators::device::{Device, next_poll};
+use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
+use protocols::Instant;
+
+/// A device with a message that restarts it. A read is 55 01 sum, a reset 55 02 sum.
+fn description(half_duplex: bool, boot: &str, latency: &str) -> Arc<Description> {
+    let text = format!(
+        r#"
+        name = "restarting"
+        about = "x"
+        latency = "{latency}"
+        {boot}
+        line = {{ baud = 9600, half_duplex = {half_duplex} }}
+        frame = {{ sync = [0x55], size = 3, checksum = "sum8" }}
+        state = {{ count = 0 }}
+        message = [
+          {{ name = "read", from = "host", fields = [{{ type = "u8", value = 1 }}] }},
+          {{ name = "reset", from = "host", fields = [{{ type = "u8", value = 2 }}] }},
+          {{ name = "value", from = "device", fields = [{{ name = "count", type = "u8" }}] }},
+        ]
+        on = [
+          {{ message = "read", set = {{ count = "count + 1" }}, reply = "value" }},
+          {{ message = "reset", restart = true }},
+        ]
+        after = [{{ message = "read", delay = "3ms", set = {{ count = "count + 16" }} }}]
+        "#
+    );
+    let found = Description::parse("restarting", &text, &|_| Err("no file".to_owned()));
+    found.unwrap_or_else(|error| panic!("{error}"))
+}
+
+const READ: [u8; 3] = [0x55, 0x01, 0x56];
+const RESET: [u8; 3] = [0x55, 0x02, 0x57];
+
+/// The deliveries of bytes that follow each other without a gap.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Deliveries {
+    One,
+    /// One for each byte, each followed by a poll.
+    Each,
+    /// One for each byte, and a poll after the last one.
+    Together,
+}
+
+type Outcome = (Vec<u8>, Vec<(&'static str, u64)>);
+
+/// The bytes that the device sends, and the rules that it sees broken.
+fn outcome(description: &Arc<Description>, bytes: &[u8], deliveries: Deliveries) -> Outcome {
+    let place = Place {
+        name: "x".to_owned(),
+        seed: 1,
+        address: None,
+        is_alone: true,
+    };
+    let mut device = Described::new(description.clone(), place);
+    let scene = Scene::new::<Shape>([], vec![]).expect("nothing");
+    let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+    let line = description.line();
+    let mut sent = Vec::new();
+    let mut now = Instant::ZERO;
+    // A line takes a byte when it is free.
+    let mut free = Instant::ZERO;
+    let mut pass = |device: &mut Described, end: Instant| {
+        while now < end {
+            let soonest = now + Duration::from_nanos(1);
+            now = next_poll(device, now, end);
+            if device.may_send(Described::UART) {
+                now = now.min(free.max(soonest));
+            }
+            device.poll(now, &mut world);
+            let mut buf = [0; 1];
+            if free <= now && device.transmit(Described::UART, &mut buf) > 0 {
+                sent.push(buf[0]);
+                free = now + line.byte_time();
+            }
+        }
+    };
+    let end = Instant::from_millis(100) + line.bytes_time(bytes.len() as u64);
+    pass(&mut device, Instant::from_millis(100));
+    if deliveries == Deliveries::One {
+        pass(&mut device, end);
+        device.receive(Described::UART, end, bytes);
+    } else {
+        for (at, byte) in bytes.iter().enumerate() {
+            let ends = line.byte_end(end, (bytes.len() - 1 - at) as u64);
+            if deliveries == Deliveries::Each {
+                pass(&mut device, ends);
+            }
+            device.receive(Described::UART, ends, &[*byte]);
+        }
+    }
+    pass(&mut device, Instant::from_millis(500));
+    // What arrives afterwards shows the state.
+    device.receive(Described::UART, Instant::from_millis(500), &READ);
+    pass(&mut device, Instant::from_millis(600));
+    let rules = device
+        .broken_rules()
+        .map_or_else(Vec::new, |rules| rules.iter().collect());
+    (sent, rules)
+}
+
+#[test]
+fn the_number_of_deliveries_changes_nothing() {
+    let streams: [&[&[u8]]; 8] = [
+        &[&RESET, &READ],
+        &[&READ, &RESET, &READ],
+        &[&READ, &READ, &READ, &READ],
+        &[&RESET, &RESET[..2], &READ],
+        &[&READ[..2], &READ],
+        &[&READ, &READ[..2]],
+        &[&RESET, &[0x55, 0x01, 0x00], &READ, &READ],
+        &[&READ, &[0xFF; 20], &READ, &RESET, &READ[..1]],
+    ];
+    let mut found = Vec::new();
+    for half_duplex in [false, true] {
+        for boot in ["", "boot = \"2ms\"", "boot = \"20ms\""] {
+            for latency in ["0ms", "1ms", "30ms"] {
+                let description = description(half_duplex, boot, latency);
+                for stream in streams {
+                    let bytes = stream.concat();
+                    let [one, each, together] =
+                        [Deliveries::One, Deliveries::Each, Deliveries::Together]
+                            .map(|deliveries| outcome(&description, &bytes, deliveries));
+                    let case = format!("{half_duplex} {boot} {latency} {bytes:02X?}");
+                    assert_eq!(one, each, "{case}");
+                    assert_eq!(together, each, "{case}");
+                    found.push(one);
+                }
+            }
+        }
+    }
+    let rules = found
+        .iter()
+        .flat_map(|(_, rules)| rules.iter().map(|(rule, _)| *rule));
+    let rules: std::collections::BTreeSet<&str> = rules.collect();
+    assert!(
+        rules.contains("not-ready") && rules.contains("request-before-reply"),
+        "{rules:?}"
+    );
+}
