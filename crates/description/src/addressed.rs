@@ -87,6 +87,10 @@ impl Description {
         let mut trials = vec![like.clone()];
         let whens = entries.iter().filter_map(|on| on.deed.when.as_ref());
         let compared = whens.flat_map(|when| when.compared(&AtStart(self)));
+        let compared = compared.map(|(name, value)| {
+            let plain = name.strip_prefix("request.").map(str::to_owned);
+            (plain.unwrap_or(name), value)
+        });
         let mut fields: Vec<(String, Vec<Value>)> = Vec::new();
         for (name, value) in compared.filter(|(name, _)| names.contains(&name.as_str())) {
             let index = fields.iter().position(|(known, _)| *known == name);

@@ -163,6 +163,8 @@ impl Hole {
         let text = match (self.form, value) {
             (Form::Text, Value::Text(text)) => text.clone(),
             (Form::Plain, Value::Text(text)) => text.clone(),
+            // As in binary fields, so that it is read again.
+            (Form::Plain, Value::Bool(is)) => u8::from(*is).to_string(),
             (Form::Plain | Form::Text, other) => other.to_string(),
             (Form::Fixed, other) => {
                 let digits = self.precision.unwrap_or(6);
@@ -445,6 +447,14 @@ mod tests {
         assert_eq!(read("{a?},{b?}", ",7"), some("{b 7}"));
         assert_eq!(read("{a:x}", "fF"), some("{a 255}"));
         assert_eq!(read("{t:s}", ""), some("{t \"\"}"));
+        let mut line = String::new();
+        let pieces = pieces("{on} {off}").expect("a text");
+        for (piece, is) in pieces.iter().zip([true, true, false]) {
+            if let Piece::Hole(hole) = piece {
+                hole.write(&Value::Bool(is), &mut line);
+            }
+        }
+        assert_eq!(line, "10");
         for line in ["S", "S 1 2 3", "S x 1.0", "S 1 nan", "S 1 1e999", "S --1 2"] {
             assert_eq!(read("S {a} {b:.1f}", line), None, "{line}");
         }

@@ -11,6 +11,26 @@ use crate::schema::behaviour::{EventSpec, FaultSpec, OnSpec};
 use crate::schema::message::{From, Names};
 use crate::schema::short::Plain;
 
+/// The fields that a trigger's message has; of any message, those that all messages of the host
+/// have.
+fn fields_of(trigger: Trigger, messages: &[Message]) -> Vec<&str> {
+    let mut requests = messages
+        .iter()
+        .filter(|message| message.is_from(From::Host));
+    match trigger {
+        Trigger::Message(index) => messages.get(index).map(Message::names).unwrap_or_default(),
+        Trigger::AnyMessage => {
+            let mut common = requests.next().map(Message::names).unwrap_or_default();
+            for message in requests {
+                let names = message.names();
+                common.retain(|name| names.contains(name));
+            }
+            common
+        }
+        Trigger::Event(_) => Vec::new(),
+    }
+}
+
 impl Compiler<'_> {
     /// Compiles `[[on]]`.
     pub(super) fn on(&mut self, messages: &[Message], latency: Duration) -> Vec<On> {
@@ -30,10 +50,7 @@ impl Compiler<'_> {
             }
             (message, event) => self.trigger(&key, message.as_deref(), event, messages),
         };
-        let request = match trigger {
-            Trigger::Message(index) => messages.get(index),
-            _ => None,
-        };
+        let request = &fields_of(trigger, messages);
         let deed = self.deed(
             &key,
             "reply",
@@ -109,7 +126,7 @@ impl Compiler<'_> {
                 send: &spec.send,
                 with: &spec.with,
             };
-            let deed = self.deed(&key, "send", parts, None, messages);
+            let deed = self.deed(&key, "send", parts, &[], messages);
             if deed.send.is_empty() && deed.set.is_empty() {
                 self.wrong(&key, "does nothing, expected \"send\" or \"set\"");
             }
@@ -143,10 +160,7 @@ impl Compiler<'_> {
                 send: &spec.send,
                 with: &spec.with,
             };
-            let request = match trigger {
-                Trigger::Message(index) => messages.get(index),
-                _ => None,
-            };
+            let request = &fields_of(trigger, messages);
             let deed = self.deed(&key, "send", parts, request, messages);
             if deed.send.is_empty() && deed.set.is_empty() {
                 self.wrong(&key, "does nothing, expected \"send\" or \"set\"");
@@ -216,13 +230,13 @@ impl Compiler<'_> {
         key: &str,
         send_key: &str,
         parts: Parts<'_>,
-        request: Option<&Message>,
+        fields: &[&str],
         messages: &[Message],
     ) -> Deed {
         let when = parts
             .when
-            .map(|text| self.request_expr(&format!("{key}.when"), text, request));
-        let set = self.set(key, parts.set, request);
+            .map(|text| self.request_expr(&format!("{key}.when"), text, fields));
+        let set = self.set(key, parts.set, fields);
         let mut send = Vec::new();
         let is_single = parts.send.0.len() == 1;
         for (index, name) in parts.send.0.iter().enumerate() {
@@ -251,7 +265,7 @@ impl Compiler<'_> {
             }
             with.push((
                 field.as_str().into(),
-                self.request_expr(&key, &plain.expression(), request),
+                self.request_expr(&key, &plain.expression(), fields),
             ));
         }
         Deed {
@@ -266,12 +280,12 @@ impl Compiler<'_> {
         &mut self,
         key: &str,
         set: &BTreeMap<String, Plain>,
-        request: Option<&Message>,
+        fields: &[&str],
     ) -> Vec<(usize, Expr)> {
         let mut all = Vec::new();
         for (name, plain) in set {
             let key = format!("{key}.set.{name}");
-            let expr = self.request_expr(&key, &plain.expression(), request);
+            let expr = self.request_expr(&key, &plain.expression(), fields);
             match self.variable(name) {
                 Some(index) if self.variables[index].is_measured() => {
                     self.wrong(
@@ -299,13 +313,12 @@ impl Compiler<'_> {
     }
 
     /// An expression over the fields of a request and the state.
-    fn request_expr(&mut self, key: &str, text: &str, request: Option<&Message>) -> Expr {
+    fn request_expr(&mut self, key: &str, text: &str, fields: &[&str]) -> Expr {
         let variables: Vec<_> = self
             .variables
             .iter()
             .map(|known| known.name.clone())
             .collect();
-        let fields = request.map(Message::names).unwrap_or_default();
         let has_address = self.schema.line.address.is_some();
         let is_known = |name: &str| {
             let of_request = name.strip_prefix("request.");
@@ -322,6 +335,7 @@ impl Compiler<'_> {
         let names = || {
             let names = fields.iter().map(|name| (*name).to_owned());
             let names = names.chain(variables.iter().map(ToString::to_string));
+            let names = names.chain(has_address.then(|| "own_address".to_owned()));
             names.collect::<Vec<_>>().join(", ")
         };
         self.expr(key, text, &is_known, &names)

@@ -19,6 +19,9 @@ pub(super) fn tell(of: &Description, page: &mut Page) {
                 .map(|rule| format!("reports the violation {rule}")),
         );
         does.extend(on.restarts.then(|| "restarts".to_owned()));
+        if does.is_empty() {
+            does.push("does not reply".to_owned());
+        }
         let time = if on.deed.send.is_empty() {
             String::new()
         } else {
@@ -83,7 +86,7 @@ fn condition(deed: &Deed) -> String {
 fn when(of: &Description, trigger: Trigger, deed: &Deed) -> String {
     let what = match trigger {
         Trigger::Message(index) => of.messages[index].name.to_string(),
-        Trigger::AnyMessage => "any other message".to_owned(),
+        Trigger::AnyMessage => "any message".to_owned(),
         Trigger::Event(event) => match event {
             EventSpec::BadFrame => "a damaged frame",
             EventSpec::Unknown => "an unknown message",
