@@ -444,3 +444,6 @@ impl Framing {
             .try_for_each(|check| check.holds(content))
     }
 }
+
+#[cfg(test)]
+mod tests;

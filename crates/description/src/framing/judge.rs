@@ -239,7 +239,7 @@ impl Framing {
 
     /// Like [`judge`](Self::judge), for every format. Not inlined: a sound frame needs none of it.
     #[inline(never)]
-    fn judge_all(&self, bytes: &[u8], is_last: bool) -> Candidate {
+    pub(super) fn judge_all(&self, bytes: &[u8], is_last: bool) -> Candidate {
         if let Cut::Marked { .. } = self.cut {
             return self.judge_marked(bytes);
         }

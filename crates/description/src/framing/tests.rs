@@ -1,0 +1,154 @@
+//! The fast routes of recognition against the slow ones, which golden frames judge.
+
+use std::collections::BTreeSet;
+
+use protocols::{Candidate, Decode as _};
+
+use super::Framing;
+use crate::Description;
+
+/// How a frame ends, with its markers.
+const CUTS: [&str; 12] = [
+    "size = 14",
+    "sync = [0xFA]\nsize = 15",
+    "sync = [0xAA, 0x55]\nend = [0x0D]\nsize = 17",
+    "sync = [0xAA]\nend = [0x0D, 0x0A]\nsize = 18",
+    "sizes = { 0x11 = 14, 0x22 = 15, 0x33 = 23 }",
+    "sync = [0x7F]\nat = 1\nsizes = { 0x11 = 14, 0x22 = 19 }",
+    "head = 1\nsize = \"12 + (b0 & 7)\"",
+    "sync = [0xA5]\nend = [0x5A]\nhead = 3\nsize = \"b1 == 0x22 ? 14 : 12 + (b2 & 0x0f)\"",
+    "sync = [0x7E]\nlength = { at = 1, type = \"u8\" }",
+    "start = \":\"\nend = \"\\r\\n\"\nencoding = \"hex\"",
+    "stuffing = \"slip\"",
+    "terminator = \"\\n\"",
+];
+
+/// Checksums of each width; some in another place, over another range, or in other bytes.
+const CHECKS: [&str; 17] = [
+    "",
+    "checksum = \"sum8\"",
+    "checksum = { algorithm = \"xor\", from = 1 }",
+    "checksum = { algorithm = \"sum8\", bits = 6, plus = 0x20 }",
+    "checksum = { algorithm = \"sum16\", endian = \"little\" }",
+    "checksum = { algorithm = \"CRC-16/MODBUS\", endian = \"big\", from = 2 }",
+    "checksum = { algorithm = \"CRC-24/OPENPGP\", endian = \"little\" }",
+    "checksum = { algorithm = \"CRC-24/OPENPGP\", endian = \"big\" }",
+    "checksum = { algorithm = \"CRC-32/ISO-HDLC\", endian = \"big\", from = 1 }",
+    "checksum = { algorithm = \"CRC-32/ISO-HDLC\", endian = \"little\" }",
+    "checksum = { algorithm = \"CRC-64/XZ\", endian = \"little\" }",
+    "checksum = { algorithm = \"CRC-64/XZ\", endian = \"big\", from = 1 }",
+    "checksum = { algorithm = \"CRC-82/DARC\" }",
+    "checksum = { algorithm = \"CRC-8/SMBUS\", from = 0, at = 4 }",
+    "checksum = { algorithm = \"sum8\", before = [1, 2] }",
+    "checksum = { algorithm = \"sum8\", to = 0 }",
+    "checksum = [{ algorithm = \"CRC-8/SMBUS\", at = -3 }, { algorithm = \"CRC-16/XMODEM\" }]",
+];
+
+/// The formats that these keys describe, and the same without the fast route.
+fn formats() -> Vec<(String, Framing, Framing)> {
+    let mut all = Vec::new();
+    for cut in CUTS {
+        for check in CHECKS {
+            let text = format!(
+                "name = \"x\"\nabout = \"x\"\nendian = \"big\"\nline = {{ baud = 9600 }}\n[frame]\n{cut}\n{check}\n\
+                 [[message]]\nname = \"m\"\nfrom = \"both\"\nfields = [{{ name = \"all\", type = \
+                 \"bytes\", size = \"rest\" }}]\n[[on]]\nmessage = \"m\"\nreply = \"m\"\n"
+            );
+            let Ok(description) = Description::parse("x", &text, &|_| Err(String::new())) else {
+                continue;
+            };
+            let fast = description.frames.0[0].clone();
+            let mut slow = fast.clone();
+            slow.plain = None;
+            all.push((format!("{cut}\n{check}"), fast, slow));
+        }
+    }
+    all
+}
+
+/// Bodies with each first byte that decides a size.
+fn bodies() -> Vec<Vec<u8>> {
+    let firsts = [0x11, 0x22, 0x07];
+    let bodies = firsts.iter().flat_map(|first| {
+        (0..24_u8).map(move |len| {
+            let rest = (1..len).map(|at| at.wrapping_mul(37) ^ first);
+            [*first]
+                .into_iter()
+                .chain(rest)
+                .take(usize::from(len))
+                .collect()
+        })
+    });
+    bodies.collect()
+}
+
+/// Both routes judge the same: for each frame, each of its beginnings, each of its bytes changed,
+/// and bytes behind it. Both write the same bytes.
+#[test]
+fn the_fast_route_judges_as_the_slow_one() {
+    let (mut widths, mut several, mut sound) = (BTreeSet::new(), 0, 0);
+    for (keys, fast, slow) in formats() {
+        if let Some(plain) = &fast.plain {
+            several += usize::from(plain.len() > 1);
+            widths.extend(fast.checks.iter().map(|check| check.width));
+        }
+        let same = |bytes: &[u8]| {
+            for is_last in [false, true] {
+                let found = fast.judge(bytes, is_last);
+                assert_eq!(
+                    found,
+                    slow.judge_all(bytes, is_last),
+                    "{keys}\n{bytes:02X?}"
+                );
+            }
+        };
+        let mut made = 0;
+        for body in bodies() {
+            let frame = fast.frame(&body);
+            assert_eq!(frame, slow.frame(&body), "{keys}\n{body:02X?}");
+            let Some(frame) = frame else { continue };
+            made += 1;
+            sound += usize::from(fast.judge(&frame, false) == Candidate::Complete(frame.len()));
+            (0..=frame.len()).for_each(|end| same(&frame[..end]));
+            same(&[&frame[..], &[0x11, 0]].concat());
+            for at in 0..frame.len() {
+                for change in [0x01, 0xFE] {
+                    let mut damaged = frame.clone();
+                    damaged[at] ^= change;
+                    same(&damaged);
+                }
+            }
+        }
+        assert!(made > 0, "{keys}: no frame");
+    }
+    assert_eq!(widths, BTreeSet::from([1, 2, 3, 4, 8]));
+    assert!(several > 0 && sound > 500, "{several} {sound}");
+}
+
+/// The decoder takes a whole frame at once as byte by byte, also with two formats.
+#[test]
+fn a_whole_delivery_is_taken_as_single_bytes() {
+    let text = "name = \"x\"\nabout = \"x\"\nendian = \"little\"\nline = { baud = 9600 }\n\
+        frame = [{ name = \"a\", sync = [0x55], size = 9, checksum = \"sum8\" }, \
+        { name = \"b\", sync = [0x55], length = { at = 1, type = \"u8\" }, checksum = \"CRC-16/MODBUS\" }]\n\
+        message = [{ name = \"m\", from = \"both\", frame = \"a\", fields = [{ name = \"x\", type = \
+        \"bytes\", size = \"rest\" }] }, { name = \"n\", from = \"both\", frame = \"b\", fields = [{ name \
+        = \"x\", type = \"bytes\", size = \"rest\" }] }]\non = [{ message = \"m\", reply = \"n\" }]\n";
+    let description = Description::parse("x", text, &|_| Err(String::new()));
+    let description = description.unwrap_or_else(|error| panic!("{error}"));
+    for (format, body) in [(0, &[7; 7][..]), (1, &[7; 3]), (1, &[5; 5]), (1, &[4; 8])] {
+        let frame = description.frame_of(format, body).expect("it fits");
+        let whole = description.cutter().whole(&frame);
+        let mut cutter = description.cutter();
+        let mut single: Vec<_> = frame
+            .iter()
+            .flat_map(|byte| cutter.push(&[*byte]).collect::<Vec<_>>())
+            .collect();
+        if let Some(whole) = whole {
+            assert_eq!(single, [Ok(whole)], "{format} {body:02X?}");
+        }
+        cutter.idle();
+        single.extend(cutter.push(&[]));
+        assert_eq!(single.iter().flatten().count(), 1, "{format} {body:02X?}");
+    }
+}
