@@ -2,6 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use description::Description;
+use description::import::import;
 
 use super::answer::Files;
 use super::{CliError, Verdict, out};
@@ -27,7 +28,8 @@ const DEVICE: [&str; 3] = [
     hilrig new kitchen                # kitchen.toml: a room, a mission, a fault\n  \
     hilrig new tests/mine --robot     # a robot of your own, described by data\n  \
     hilrig new gripper --devices      # devices on their wires, no robot\n  \
-    hilrig new thermostat --device    # a device described in a file, its bench, a driver in Python")]
+    hilrig new thermostat --device    # a device described in a file, its bench, a driver in Python\n  \
+    hilrig new meter --device --from map.csv   # a Modbus device, from its register map")]
 pub(super) struct NewArgs {
     /// Name of the scenario, or the file to write
     #[arg(value_name = "NAME|PATH")]
@@ -41,6 +43,10 @@ pub(super) struct NewArgs {
     /// A device described in a file, with a scenario for it and a driver in Python
     #[arg(long)]
     device: bool,
+    /// Make the device of a register map: a CSV file whose first line names the columns, e.g.
+    /// address,name,type,scale,unit,access; or the JSON of pymodbus' simulator
+    #[arg(long, value_name = "FILE", requires = "device")]
+    from: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
@@ -52,6 +58,9 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     if path.exists() {
         let error = format!("{}: already exists; choose another name", path.display());
         return Err(CliError::Usage(error));
+    }
+    if let Some(map) = &args.from {
+        return imported(&path, &name, map);
     }
     if args.device {
         return device(&path, &name);
@@ -110,6 +119,42 @@ fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
         .iter()
         .map(|path| path.display().to_string())
         .collect();
+    out::answer(&Files { files });
+    Ok(Verdict::Pass)
+}
+
+/// Writes the description `path` of the device `name` with the registers of `map`, and a scenario.
+fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
+    let bytes = super::read(map)?;
+    let file = map.file_name().unwrap_or_default().to_string_lossy();
+    let draft = import(name, &file, &String::from_utf8_lossy(&bytes));
+    let draft = draft.map_err(CliError::Usage)?;
+    let bench = path.with_file_name(format!("{name}-bench.toml"));
+    if bench.exists() {
+        let error = format!("{} exists already; choose another name", bench.display());
+        return Err(CliError::Usage(error));
+    }
+    let own = path.file_name().unwrap_or_default().to_string_lossy();
+    let text = format!(
+        "# A bench for the driver of {name}: hilrig up {} --dir /tmp/rig\nschema = 1\nname = \
+         \"{name}-bench\"\nrobot = \"none\"\nduration = \"60s\"\ndevice.{name} = {{ description = \
+         \"{own}\" }}\n",
+        bench.display()
+    );
+    Scenario::parse(&bench, text.clone())?;
+    for (path, text) in [(path, &draft.text), (&bench, &text)] {
+        make(path, text)?;
+        println!("{}", path.display());
+    }
+    for part in &draft.left_out {
+        eprintln!("left out: {part}");
+    }
+    let (shown, count) = (path.display(), draft.registers);
+    eprintln!(
+        "{count} registers; try it: hilrig describe {shown}, hilrig up {}",
+        bench.display()
+    );
+    let files = vec![shown.to_string(), bench.display().to_string()];
     out::answer(&Files { files });
     Ok(Verdict::Pass)
 }

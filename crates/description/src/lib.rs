@@ -20,6 +20,7 @@
 //! | [`speak`] | requests and replies in the words of a description |
 //! | [`peer`] | the other end of a line: a device in virtual time, or a port |
 //! | [`conform`] | comparison of a device with its description |
+//! | [`import`] | descriptions made of register maps |
 //! | [`shipped`] | the descriptions that come with the tool |
 
 mod addressed;
@@ -34,6 +35,7 @@ pub mod error;
 pub mod expr;
 mod field;
 mod framing;
+pub mod import;
 mod lua;
 mod message;
 mod modbus;
