@@ -16,6 +16,8 @@ of docs/devices.md of it; without, the table there must be the same. HILRIG is t
 import json
 import os
 import re
+import resource
+import signal
 import subprocess
 import sys
 import tempfile
@@ -51,6 +53,22 @@ fault = "off"
 from = "15s"
 until = "20s"
 """
+
+
+# A busy machine stretches the wall clock: the limit of a run is processor time of each process. The
+# limit of the wall clock only ends a run that waits forever.
+CPU_MAX, WALL_MAX = 600, 7200
+
+
+def run(words, **given):
+    """Runs a command within the limits; its output is text."""
+    def limit():
+        resource.setrlimit(resource.RLIMIT_CPU, (CPU_MAX, CPU_MAX + 10))
+    done = subprocess.run(words, capture_output=True, text=True, timeout=WALL_MAX,
+                          preexec_fn=limit, **given)
+    if done.returncode == -signal.SIGXCPU:
+        done.stderr += f"\nthe command needs more than {CPU_MAX} s of processor time\n"
+    return done
 
 
 def fits(found, expected):
@@ -104,10 +122,9 @@ class Row:
 
     def hilrig(self, folder, *words, mode):
         command = f"exec {sys.executable} {self.program}"
-        return subprocess.run(
+        return run(
             [HILRIG, *words, "--exec", command, "--virtual", "--out", str(folder / mode)],
-            env={**os.environ, "MODE": mode, "PYTHONPATH": str(HERE / "drivers")},
-            capture_output=True, text=True, timeout=300)
+            env={**os.environ, "MODE": mode, "PYTHONPATH": str(HERE / "drivers")})
 
     def lines(self, folder, mode):
         log = folder / mode / "program.log"

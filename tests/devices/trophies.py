@@ -7,13 +7,12 @@ commands and what the programs print are shown. HILRIG is the command.
 """
 import os
 import re
-import subprocess
 import sys
 import tempfile
 import tomllib
 from pathlib import Path
 
-from judge import HERE, HILRIG, ROOT, versions
+from judge import HERE, HILRIG, ROOT, run, versions
 
 PAGE = ROOT / "docs/trophies.md"
 BEGAN = "import os, time\nBEGAN = time.monotonic()\nPORT = os.environ['HILRIG_DIR'] + '/dev'\n"
@@ -49,7 +48,7 @@ def show(number, trophy, is_told):
         command = f"exec {sys.executable} {trophy.get('options', '')} {folder}/program.py"
         words = [HILRIG, "run", str(folder / "scenario.toml"), "--virtual", "--exec-may-end",
                  "--exec-may-idle", "--exec", command, "--out", str(folder / "out")]
-        done = subprocess.run(words, capture_output=True, text=True, timeout=300)
+        done = run(words)
         log = folder / "out" / "program.log"
         said = log.read_text(errors="replace") if log.exists() else done.stderr
         is_shown = re.search(trophy["shows"], said, re.MULTILINE) is not None

@@ -24,7 +24,33 @@ wait_for() {
     exit 1
 }
 
+# The processor time of the process $1 in ticks.
+ticks() {
+    awk '{ print $14 + $15 }' "/proc/$1/stat"
+}
+
+# The device is ready: it has opened its terminal, and only waits.
+wait_until_ready() {
+    local name=$1 pid=$2 before now
+    for _ in $(seq 600); do
+        if ! kill -0 "$pid" 2>/dev/null; then
+            echo "FAIL $name: the device has ended" >&2
+            cat device.log >&2
+            exit 1
+        fi
+        before=$(ticks "$pid")
+        sleep 0.5
+        now=$(ticks "$pid")
+        if ((now - before < 5)) && find "/proc/$pid/fd" -lname "$(realpath dev)" | grep -q .; then
+            return
+        fi
+    done
+    echo "FAIL $name: the device does not open its terminal" >&2
+    exit 1
+}
+
 # NAME READER COMMAND..: the device on one end of a pair of pseudo-terminals, a driver on the other.
+# The driver runs once.
 try() {
     local name=$1 reader=$2
     shift 2
@@ -36,17 +62,13 @@ try() {
     pids+=($!)
     mkdir -p ports
     ln -sfn "$work/drv" ports/dev
-    # A simulator takes seconds to start, on a busy machine many; it does not tell when it is ready.
-    for attempt in $(seq 10); do
-        sleep 2
-        HILRIG_DIR=$work/ports PYTHONPATH=$here/../drivers timeout 20 "$python" \
-            "$here/../drivers/with_$reader.py" >read.log 2>&1 && break
-        if ((attempt == 10)); then
-            echo "FAIL $name" >&2
-            cat read.log device.log >&2
-            exit 1
-        fi
-    done
+    wait_until_ready "$name" "${pids[-1]}"
+    if ! HILRIG_DIR=$work/ports PYTHONPATH=$here/../drivers timeout 120 "$python" \
+        "$here/../drivers/with_$reader.py" >read.log 2>&1; then
+        echo "FAIL $name" >&2
+        cat read.log device.log >&2
+        exit 1
+    fi
     echo "$name: $(paste -sd ';' read.log)"
     kill "${pids[@]}" 2>/dev/null || true
     wait 2>/dev/null || true
