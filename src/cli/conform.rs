@@ -32,6 +32,9 @@ pub(super) struct ConformArgs {
     /// Description: one that comes with the tool, by its name, or a file that ends with .toml
     #[arg(long, value_name = "NAME|FILE")]
     description: String,
+    /// Address of the device, if it is not the described one
+    #[arg(long, value_name = "N")]
+    address: Option<u32>,
     /// The scenario's device [default: the only one]
     #[arg(long, value_name = "NAME")]
     link: Option<String>,
@@ -47,7 +50,7 @@ pub(super) struct ConformArgs {
 }
 
 pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
-    let description = described::load("--description", &args.description)?;
+    let description = described::load_at(&args.description, args.address)?;
     let found = match &args.device {
         None => {
             let mut peer = emulated(&description, args.seed);
@@ -128,25 +131,6 @@ fn of_port(
 /// The device of a scenario, in virtual time and without the scenario's faults.
 fn of_scenario(args: &ConformArgs, path: &Path) -> Result<Emulated, CliError> {
     let (scenario, source) = Scenario::read(path)?;
-    let names: Vec<&String> = scenario.device.keys().collect();
-    let wrong = |message: String| {
-        let known: Vec<&str> = names.iter().map(|name| name.as_str()).collect();
-        CliError::Usage(format!("{message}, expected one of: {}", known.join(", ")))
-    };
-    let name = match (&args.link, &names[..]) {
-        (Some(name), _) => name.clone(),
-        (None, [only]) => (*only).clone(),
-        (None, many) => {
-            return Err(wrong(format!(
-                "--link is missing: there are {} devices",
-                many.len()
-            )));
-        }
-    };
-    let spec = scenario.device.get(&name);
-    let spec = spec.ok_or_else(|| wrong(format!("--link {name}: no such device")))?;
-    let built = spec.build(&name, args.seed, &source)?;
-    let port = built.ports.first().map(|port| port.port);
-    let port = port.ok_or_else(|| CliError::Usage(format!("--link {name}: it has no port")))?;
-    Ok(Emulated::new(built.device, port))
+    let name = described::device_name(&scenario, args.link.as_deref())?;
+    described::emulated((&scenario, &source), &name, args.seed)
 }

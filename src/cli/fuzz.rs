@@ -1,3 +1,4 @@
+mod device;
 mod exec;
 
 use core::num::NonZeroUsize;
@@ -13,7 +14,7 @@ use super::answer::{FuzzEnded, TargetFuzzed};
 use super::exec::read_without_programs;
 use super::progress;
 use super::stop::Stop;
-use super::{CliError, Verdict, out};
+use super::{CliError, Verdict, described, out};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::run::Run;
 use crate::scenario::{Scenario, Span};
@@ -41,7 +42,9 @@ use crate::show::folder::factor;
     hilrig fuzz pcui --repeat night/findings/no-frame-is-lost-1A2B3C4D\n  \
     hilrig fuzz --exec 'my-robot --ports \"$HILRIG_DIR\"' --scenario my.toml --for 10min\n  \
     hilrig fuzz --exec ./parser --virtual --scenario my.toml --link base\n  \
-    hilrig fuzz --dut-dir /dev/robot --scenario my.toml --link base\n\n\
+    hilrig fuzz --dut-dir /dev/robot --scenario my.toml --link base\n  \
+    hilrig fuzz --description meter.toml         # the described device, emulated\n  \
+    hilrig fuzz --description meter.toml --port /dev/ttyUSB0 --for 10min   # a real one\n\n\
     Exit code 1: something was found, now or earlier in the same folder.")]
 pub(super) struct FuzzArgs {
     /// What to fuzz: wire formats and programs [default: all of them in turn]
@@ -100,6 +103,8 @@ pub(super) struct FuzzArgs {
     out: PathBuf,
     #[command(flatten)]
     exec: exec::ExecArgs,
+    #[command(flatten)]
+    device: device::DeviceArgs,
 }
 
 /// Duration if neither time nor cases are given.
@@ -120,6 +125,9 @@ pub(super) fn run(args: &FuzzArgs) -> Result<Verdict, CliError> {
     }
     if args.exec.is_wanted() {
         return exec::run(args);
+    }
+    if args.device.port.is_some() {
+        return device::at_port(args);
     }
     if args.link.is_some() && args.scenario.is_none() {
         let text = "--link needs --scenario <SCENARIO>, or --exec with --corpus";
@@ -148,6 +156,9 @@ type Subjects = Vec<Box<dyn Subject>>;
 fn subjects(args: &FuzzArgs) -> Result<Subjects, CliError> {
     if let Some(path) = &args.scenario {
         return Ok(vec![of_scenario(args, path)?]);
+    }
+    if args.exec.description.is_some() {
+        return Ok(vec![device::emulated(args)?]);
     }
     let mut all: Subjects = Wires::all().map(|wire| Box::new(wire) as _).collect();
     all.extend(fuzz::programs(&args.defects).map_err(|unknown| {
@@ -179,13 +190,21 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
     let (scenario, source) = read_without_programs("fuzz", path)?;
     // A scenario that cannot be wired is reported once, not for every case.
     let run = Run::new(scenario.clone(), &source, None)?;
+    if args.exec.description.is_some() || args.link.is_some() {
+        let of_device = device::of_scenario(args, path, (&scenario, &source))?;
+        if let Some(subject) = of_device {
+            return Ok(subject);
+        }
+    }
     let Some(link) = &args.link else {
         let profile = Profile::find(&args.profile)?;
         return Ok(Box::new(Missions::new(
             scenario, source, args.vary, profile,
         )));
     };
-    if let Some(codec) = run.instruments().codec(&run.rig, link) {
+    // A format without laws finds nothing.
+    let codec = run.instruments().codec(&run.rig, link);
+    if let Some(codec) = codec.filter(|codec| !codec.is_own()) {
         return Ok(Box::new(Wires(codec.target())));
     }
     let links: Vec<&str> = run.rig.links().iter().map(|link| &*link.name).collect();
@@ -277,6 +296,17 @@ fn look(args: &FuzzArgs, subjects: &Subjects) -> Result<Verdict, CliError> {
 fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
     let scenario = args.scenario.as_ref().map(|path| Scenario::read(path));
     let scenario = scenario.transpose()?.map(|(_, source)| source.text);
+    let described = args.exec.description.as_deref();
+    let described = described.map(|name| described::load("--description", name));
+    // The text of a description tells it from another one of the same name.
+    let described = described
+        .transpose()?
+        .map(|description| format!("{description:?}"));
+    let scenario = match (scenario, described) {
+        (scenario, None) => scenario,
+        (None, described) => described,
+        (Some(scenario), Some(described)) => Some(scenario + &described),
+    };
     Ok(FuzzPlan {
         tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
         seed: args.seed,

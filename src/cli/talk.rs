@@ -33,6 +33,9 @@ pub(super) struct TalkArgs {
     /// Description: one that comes with the tool, by its name, or a file that ends with .toml
     #[arg(long, value_name = "NAME|FILE")]
     description: String,
+    /// Address of the device, if it is not the described one
+    #[arg(long, value_name = "N")]
+    address: Option<u32>,
     /// Time within which a reply must begin
     #[arg(long, value_name = "TIME", default_value = "1s")]
     timeout: Span,
@@ -42,7 +45,7 @@ pub(super) struct TalkArgs {
 }
 
 pub(super) fn run(args: &TalkArgs) -> Result<Verdict, CliError> {
-    let description = described::load("--description", &args.description)?;
+    let description = described::load_at(&args.description, args.address)?;
     let path = match &args.rig {
         Some(dir) => dir.join(&args.port),
         None => Path::new(&args.port).to_owned(),

@@ -72,31 +72,49 @@ fn one_description_goes_through_all_uses() {
         "the field is there"
     );
 
-    // Fuzzed: the driver handles all input of a few cases, or the command reports a finding.
-    let fuzzed = session.hilrig(&[
-        "fuzz",
-        "--exec",
-        driver,
-        "--description",
-        "box.toml",
-        "--cases",
-        "2",
-        "--shrink",
-        "0",
-        "--start",
-        "60s",
-        "--alive",
-        "30s",
-        "--out",
-        "fuzz",
-    ]);
-    let said = text(&fuzzed.stdout);
-    assert!(
-        matches!(fuzzed.status.code(), Some(0 | 1)),
-        "{said}\n{}",
-        text(&fuzzed.stderr)
+    // Fuzzed: the driver handles all input of a few cases; the device, emulated and of a scenario,
+    // keeps its laws.
+    let wild = ["--description", "box.toml", "--cases", "2", "--out", "fuzz"];
+    let times = ["--shrink", "0", "--start", "60s", "--alive", "30s"];
+    let said = run(
+        &session,
+        &[&["fuzz", "--exec", driver][..], &wild, &times].concat(),
+        0,
     );
     assert!(said.contains("format: as box is described"), "{said}");
+    assert!(!said.contains("no frame was answered"), "{said}");
+    let said = run(
+        &session,
+        &[
+            "fuzz",
+            "--description",
+            "box.toml",
+            "--cases",
+            "50",
+            "--out",
+            "f1",
+        ],
+        0,
+    );
+    assert!(
+        said.starts_with("box: 50 cases, ") && !said.contains(" 0 behaviours"),
+        "{said}"
+    );
+    let of_bench = [
+        "--scenario",
+        "box-bench.toml",
+        "--link",
+        "box",
+        "--cases",
+        "50",
+        "--out",
+        "f2",
+    ];
+    let said = run(&session, &[&["fuzz"][..], &of_bench].concat(), 0);
+    assert!(
+        said.starts_with("box: 50 cases, ") && !said.contains(" 0 behaviours"),
+        "{said}"
+    );
 
     // On the ports of a rig.
     let long = session
@@ -127,6 +145,14 @@ fn one_description_goes_through_all_uses() {
         0,
     );
     assert!(found.contains("no difference"), "{found}");
+    // Fuzzed there, with inputs that change nothing.
+    let at_port = ["fuzz", "--description", "box.toml", "--port", "live/box"];
+    let few = ["--cases", "12", "--rate", "50", "--out", "f3"];
+    let said = run(&session, &[&at_port[..], &few].concat(), 0);
+    assert!(
+        said.contains("box: 12 inputs, ") && !said.contains(" 0 answered"),
+        "{said}"
+    );
     // Talked to.
     let talk = [
         "talk",
@@ -180,6 +206,34 @@ fn one_description_goes_through_all_uses() {
     );
 }
 
+/// A register map becomes a device; a wrong one is refused with its place, and nothing is written.
+#[test]
+fn a_register_map_becomes_a_device() {
+    let session = Session::new("register-map");
+    session.write(
+        "map.csv",
+        "Address,Name,Type,Scale,Unit\n40001,Set point,int16,0.1,C\n",
+    );
+    let line = ["new", "oven", "--device", "--from", "map.csv"];
+    assert_eq!(run(&session, &line, 0), "oven.toml\noven-bench.toml\n");
+    let page = run(&session, &["describe", "oven.toml"], 0);
+    assert!(page.contains("set\\_point"), "{page}");
+    run(
+        &session,
+        &["conform", "oven-bench.toml", "--description", "oven.toml"],
+        0,
+    );
+    session.write("wrong.csv", "at,type\n1,quark\n");
+    let output = session.hilrig(&["new", "other", "--device", "--from", "wrong.csv"]);
+    let told = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(
+        told.contains("wrong.csv: line 2: type: is \"quark\", expected a type as u16"),
+        "{told}"
+    );
+    assert!(!session.path("other.toml").exists());
+}
+
 /// Tags that are open in a page, without those that need no end tag.
 fn open_tags(page: &str) -> Vec<String> {
     let mut open: Vec<String> = Vec::new();
@@ -230,6 +284,8 @@ fn a_wrong_description_is_told_with_its_place_by_every_command() {
         &["wireshark", "--print", "--description", "wrong.toml"],
         &["decode", "bytes", "--description", "wrong.toml"],
         &["fuzz", "--exec", "true", "--description", "wrong.toml"],
+        &["fuzz", "--description", "wrong.toml"],
+        &["fuzz", "--description", "wrong.toml", "--port", "nowhere"],
     ] {
         let output = session.hilrig(line);
         let told = text(&output.stderr);

@@ -9,6 +9,7 @@
 //! The twins have different seeds and start times. Values that differ between the twins may differ
 //! in the device too: a measured value must lie within their range, a constant value must be equal.
 
+mod asks;
 mod judge;
 mod probes;
 
@@ -27,6 +28,7 @@ use crate::registers;
 use crate::schema::message::From;
 use crate::speak::{self, Asks};
 use crate::value::{Record, Value};
+pub use asks::Ask;
 use judge::Samples;
 use probes::Probe;
 
@@ -161,6 +163,9 @@ const STEPS_MAX: u32 = 10_000;
 /// Minimum number of reply bytes for which the timeout allows.
 const REPLY_BYTES: u64 = 64;
 
+/// The kind of a reply that is no message of the description.
+pub const UNKNOWN: &str = "an unknown message";
+
 /// A frame that answered a probe.
 #[derive(Clone, Debug)]
 struct Answer {
@@ -294,7 +299,7 @@ fn answer(of: &Description, probe: &Probe, latency: Duration, frame: &Frame) -> 
         return Some(answer);
     }
     let Some((message, record)) = of.message(frame, From::Device) else {
-        answer.label = "an unknown message".to_owned();
+        UNKNOWN.clone_into(&mut answer.label);
         return Some(answer);
     };
     let index = of

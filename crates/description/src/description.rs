@@ -114,6 +114,22 @@ impl Description {
         self.address
     }
 
+    /// The same device with another address.
+    ///
+    /// # Errors
+    /// If the device has no address, or not this one.
+    pub fn with_address(self: &Arc<Self>, address: u32) -> Result<Arc<Self>, String> {
+        if self.address.is_none() && self.protocol.is_none() {
+            return Err(format!("{} has no address", self.name));
+        }
+        if self.protocol.is_some() && !(1..=247).contains(&address) {
+            return Err(format!("is {address}, expected 1 to 247"));
+        }
+        let address = Some(address);
+        let other = Self::clone(self);
+        Ok(Arc::new(Self { address, ..other }))
+    }
+
     /// The protocol, if it is a built-in one.
     pub const fn protocol(&self) -> Option<Protocol> {
         self.protocol

@@ -50,9 +50,9 @@ impl Description {
         }
     }
 
-    /// The numbers of a content: the length of the frame, and the fields of the device's message in
-    /// it.
-    pub fn number_places(&self, format: usize, content: &[u8]) -> Vec<NumberPlace> {
+    /// The numbers of a content: the length of the frame, and the fields of the message of `from`
+    /// in it.
+    pub fn number_places(&self, format: usize, content: &[u8], from: From) -> Vec<NumberPlace> {
         let Some(framing) = self.frames.0.get(format) else {
             return Vec::new();
         };
@@ -72,7 +72,7 @@ impl Description {
                 at_of.push(at);
             }
         }
-        let Some((index, _)) = self.decode(format, &body, From::Device) else {
+        let Some((index, _)) = self.decode(format, &body, from) else {
             return places;
         };
         let Layout::Fields(fields) = &self.messages[index].layout else {

@@ -33,6 +33,20 @@ pub trait Peer {
     fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String>;
 }
 
+impl<P: Peer + ?Sized> Peer for &mut P {
+    fn now(&self) -> Instant {
+        (**self).now()
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<Instant, String> {
+        (**self).send(bytes)
+    }
+
+    fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String> {
+        (**self).hear(until)
+    }
+}
+
 /// A device in virtual time, at the other end of an ideal line.
 pub struct Emulated {
     device: Box<dyn Device>,
@@ -43,6 +57,10 @@ pub struct Emulated {
     /// When the device's transmission ends.
     sending_until: Instant,
     heard: VecDeque<(Instant, Vec<u8>)>,
+    /// Whether the device gets each byte when it ends, instead of all bytes of a request at once.
+    is_bytewise: bool,
+    /// Whether the line takes a byte only when it is free, instead of all bytes at once.
+    is_paced: bool,
 }
 
 impl Emulated {
@@ -58,7 +76,30 @@ impl Emulated {
             now: Instant::ZERO,
             sending_until: Instant::ZERO,
             heard: VecDeque::new(),
+            is_bytewise: false,
+            is_paced: false,
         }
+    }
+
+    /// Takes a byte of the device only when the line is free. A restart of the device then loses
+    /// those that the line has not taken.
+    #[must_use]
+    pub fn paced(mut self) -> Self {
+        self.is_paced = true;
+        self
+    }
+
+    /// Delivers each byte when it ends, instead of all bytes of a request at once.
+    #[must_use]
+    pub fn bytewise(mut self) -> Self {
+        self.is_bytewise = true;
+        self
+    }
+
+    /// The number of violations of each rule so far.
+    pub fn broken_rules(&self) -> Vec<(&'static str, u64)> {
+        let rules = self.device.broken_rules();
+        rules.map_or_else(Vec::new, |rules| rules.iter().collect())
     }
 
     /// Lets time pass and discards the device's output. Stops after `polls` steps, so that a device
@@ -75,10 +116,19 @@ impl Emulated {
     }
 
     fn step(&mut self, end: Instant) {
-        self.now = next_poll(&*self.device, self.now, end);
+        let next = next_poll(&*self.device, self.now, end);
+        // The device may have a byte for the line when it is free again.
+        self.now = match self.is_paced && self.sending_until > self.now {
+            true => next.min(self.sending_until),
+            false => next,
+        };
         self.device.poll(self.now, &mut self.world);
         let mut buf = [0; 1_024];
-        let len = self.device.transmit(self.port, &mut buf);
+        let room = match self.is_paced {
+            false => buf.len(),
+            true => usize::from(self.sending_until <= self.now),
+        };
+        let len = self.device.transmit(self.port, &mut buf[..room]);
         if len > 0 {
             let start = self.sending_until.max(self.now);
             self.sending_until = start + self.line.bytes_time(len as u64);
@@ -93,11 +143,17 @@ impl Peer for Emulated {
     }
 
     fn send(&mut self, bytes: &[u8]) -> Result<Instant, String> {
-        let end = self.now + self.line.bytes_time(bytes.len() as u64);
-        while self.now < end {
-            self.step(end);
+        let size = if self.is_bytewise { 1 } else { bytes.len() };
+        let mut behind = bytes.len() as u64;
+        let end = self.now + self.line.bytes_time(behind);
+        for piece in bytes.chunks(size.max(1)) {
+            behind -= piece.len() as u64;
+            let at = self.line.byte_end(end, behind);
+            while self.now < at {
+                self.step(at);
+            }
+            self.device.receive(self.port, at, piece);
         }
-        self.device.receive(self.port, end, bytes);
         Ok(end)
     }
 
@@ -156,8 +212,22 @@ impl<'a> Speaker<'a> {
         time: Duration,
         is_last: &mut dyn FnMut(&Frame) -> bool,
     ) -> Result<Heard, String> {
-        let mut heard = Heard::default();
         self.wait(peer, self.gap, &mut Heard::default())?;
+        self.exchange_now(peer, bytes, time, is_last)
+    }
+
+    /// Like [`exchange`](Self::exchange), without the silence before a frame: `bytes` continue it.
+    ///
+    /// # Errors
+    /// If the port is gone.
+    pub fn exchange_now(
+        &mut self,
+        peer: &mut dyn Peer,
+        bytes: &[u8],
+        time: Duration,
+        is_last: &mut dyn FnMut(&Frame) -> bool,
+    ) -> Result<Heard, String> {
+        let mut heard = Heard::default();
         let sent = match bytes {
             [] => peer.now(),
             bytes => peer.send(bytes)?,

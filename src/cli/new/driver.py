@@ -8,6 +8,7 @@ import time
 import tty
 
 PORT = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.environ["HILRIG_DIR"], "NAME")
+REPORT = struct.Struct("<BhhB")
 
 
 def crc16_modbus(data):
@@ -25,18 +26,20 @@ def frame(body):
 
 
 def ask(port, body, timeout=0.5, tries=3):
-    """The body of the reply; asks again after silence and after a damaged frame."""
+    """The values of the report; asks again after silence, a damaged frame, or another message."""
     for _ in range(tries):
         os.write(port, frame(body))
-        data, until = b"", time.monotonic() + timeout
-        while time.monotonic() < until:
-            if select.select([port], [], [], until - time.monotonic())[0]:
+        data, has_frame, until = b"", False, time.monotonic() + timeout
+        while (left := until - time.monotonic()) > 0:
+            if not has_frame and select.select([port], [], [], left)[0]:
                 data += os.read(port, 256)
             start = data.find(b"\xa5\x5a")
-            if start >= 0 and len(data) > start + 2 and len(data) >= start + 5 + data[start + 2]:
+            has_frame = 0 <= start < len(data) - 2 and len(data) >= start + 5 + data[start + 2]
+            if has_frame:
                 found = data[start : start + 5 + data[start + 2]]
-                if crc16_modbus(found[:-2]) == found[-2:]:
-                    return found[3:-2]
+                is_report = len(found) == 5 + REPORT.size and found[3] == 0x81
+                if crc16_modbus(found[:-2]) == found[-2:] and is_report:
+                    return REPORT.unpack(found[3:-2])
                 data = data[start + 1 :]
     raise TimeoutError(f"no reply to {body.hex()}")
 
@@ -46,7 +49,7 @@ def main():
     tty.setraw(port)
     body = b"\x02" + struct.pack("<h", 2250)
     while True:
-        _, temperature, target, heating = struct.unpack("<BhhB", ask(port, body))
+        _, temperature, target, heating = ask(port, body)
         print(f"{temperature / 100:.2f} C, target {target / 100:.2f} C, heating {heating}", flush=True)
         body = b"\x01"
         time.sleep(0.3)

@@ -41,12 +41,8 @@ pub(super) fn of(description: &Description) -> Vec<Probe> {
     if let Some(longest) = description.every.iter().map(|every| every.period).max() {
         probes.push(Probe {
             place: "unsolicited messages".to_owned(),
-            bytes: Vec::new(),
-            asks: None,
-            changes: false,
             listen: Some((4 * longest).min(LISTEN_MAX)),
-            cell: None,
-            is_strange: true,
+            ..Probe::unasked()
         });
     }
     if description.protocol.is_some() {
@@ -68,6 +64,19 @@ impl Probe {
             listen: None,
             cell: None,
             is_strange: false,
+        }
+    }
+
+    /// A probe that no frame answers.
+    pub(super) const fn unasked() -> Self {
+        Self {
+            place: String::new(),
+            bytes: Vec::new(),
+            asks: None,
+            changes: false,
+            listen: None,
+            cell: None,
+            is_strange: true,
         }
     }
 
@@ -210,7 +219,7 @@ fn outside(cell: &Cell, [least, most]: [f64; 2]) -> Vec<Value> {
 }
 
 /// Whether a message changes the device's state.
-fn changes(of: &Description, message: usize) -> bool {
+pub(super) fn changes(of: &Description, message: usize) -> bool {
     let fits =
         |trigger: Trigger| trigger == Trigger::Message(message) || trigger == Trigger::AnyMessage;
     let on = of
@@ -331,11 +340,7 @@ fn damaged(of: &Description, probes: &mut Vec<Probe>) {
     let probe = |place: &str, bytes: Vec<u8>| Probe {
         place: place.to_owned(),
         bytes,
-        asks: None,
-        changes: false,
-        listen: None,
-        cell: None,
-        is_strange: true,
+        ..Probe::unasked()
     };
     let mut spoiled = sound.clone();
     of.frames.spoil(0, &mut spoiled);

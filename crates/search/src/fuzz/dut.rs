@@ -24,6 +24,7 @@ mod case;
 mod cause;
 mod compare;
 mod coverage;
+pub mod device;
 mod dialogue;
 mod errors;
 mod finding;

@@ -14,12 +14,17 @@ const EXAMPLES: usize = 4;
 /// The frames of a description. If there are several formats, the first byte of a content is the
 /// index of its format.
 #[derive(Clone, Debug)]
-pub(crate) struct DescribedFormat(Arc<Description>);
+pub(crate) struct DescribedFormat(Arc<Description>, From);
 
 impl DescribedFormat {
     /// The format of the device's frames.
     pub(crate) fn of(description: &Arc<Description>) -> Self {
-        Self(description.clone())
+        Self(description.clone(), From::Device)
+    }
+
+    /// The format of the driver's frames.
+    pub(crate) fn of_requests(description: &Arc<Description>) -> Self {
+        Self(description.clone(), From::Host)
     }
 
     /// Frames that the device may send.
@@ -60,7 +65,7 @@ impl DescribedFormat {
     fn places(&self, content: &[u8], lengths: bool) -> Vec<FieldLimits> {
         let (format, plain) = self.parted(content);
         let before = content.len() - plain.len();
-        let places = self.0.number_places(format, plain).into_iter();
+        let places = self.0.number_places(format, plain, self.1).into_iter();
         let places = places.filter(|place| place.is_length == lengths);
         let limits = places.map(|place| FieldLimits {
             range: place.range.start + before..place.range.end + before,
@@ -72,7 +77,7 @@ impl DescribedFormat {
 
 impl FrameFormat for DescribedFormat {
     fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {
-        let mut cutter = self.0.cutter_for(From::Device);
+        let mut cutter = self.0.cutter_for(self.1);
         let (mut frames, mut rest, mut from) = (Vec::new(), chunk, 0);
         for is_over in [false, true] {
             if is_over {
@@ -96,7 +101,7 @@ impl FrameFormat for DescribedFormat {
     }
 
     fn content(&self, frame: &[u8]) -> Option<Vec<u8>> {
-        let mut cutter = self.0.cutter_for(From::Device);
+        let mut cutter = self.0.cutter_for(self.1);
         let mut found: Vec<_> = cutter.push(frame).flatten().collect();
         cutter.idle();
         found.extend(cutter.push(&[]).flatten());
@@ -138,9 +143,11 @@ impl FrameFormat for DescribedFormat {
 
     fn is_text(&self) -> bool {
         let messages = self.0.messages();
-        let mut told = messages
-            .iter()
-            .filter(|message| message.from() != From::Host);
+        let other = match self.1 {
+            From::Host => From::Device,
+            _ => From::Host,
+        };
+        let mut told = messages.iter().filter(|message| message.from() != other);
         !messages.is_empty() && told.all(|message| message.text().is_some())
     }
 }

@@ -16,7 +16,7 @@ use std::path::Path;
 use emulators::rng::Rng;
 
 use super::case::{Exchange, Hex, Turn, index};
-use crate::learn::{Corpus, DescribedFormat, Gathered, Seeds, conversation};
+use crate::learn::{Corpus, DescribedFormat, FrameFormat, Gathered, Seeds, conversation};
 use capture::Capture;
 use mutate::Material;
 
@@ -130,6 +130,17 @@ impl Lesson {
             say: mutant.pieces.into_iter().map(Hex).collect(),
         }
     }
+}
+
+/// A change of `chunk`, which holds frames of `format`: its kind and the pieces to send.
+pub(super) fn mutant(
+    format: &dyn FrameFormat,
+    contents: &[Vec<u8>],
+    chunk: &[u8],
+    rng: &mut Rng,
+) -> (&'static str, Vec<Vec<u8>>) {
+    let mutant = mutate::mutant(&Material { format, contents }, chunk, rng);
+    (mutant.kind, mutant.pieces)
 }
 
 #[cfg(test)]

@@ -121,6 +121,12 @@ impl<'a> Search<'a> {
         lessons.map(|(at, (lesson, _))| (&*self.ends[*at].0.link, lesson.in_words()))
     }
 
+    /// Whether the program sends requests on `link`, to which a device replies.
+    pub fn asks(&self, link: &str) -> bool {
+        let mut lessons = self.lessons.iter();
+        lessons.any(|(at, (lesson, _))| self.ends[*at].0.link == link && lesson.asks())
+    }
+
     /// Number of the next case; cases of earlier searches count.
     pub const fn next(&self) -> u64 {
         self.state.next

@@ -1,0 +1,357 @@
+//! Fuzzing of a described device through its line: an emulated one, a device program, or a real
+//! device at a port.
+//!
+//! ```text
+//!  description --> requests --> inputs: requests, changed or damaged --+--> the device
+//!                                                                      +--> the emulated device
+//!                  finding <-- a law is broken <-- replies of both <---+
+//! ```
+//!
+//! An *input* is a list of pieces, and a pause ends it. A device keeps these laws:
+//!
+//! | law | says |
+//! |---|---|
+//! | `pieces-change-nothing` | the device replies the same to bytes that arrive one by one |
+//! | `damage-is-not-answered` | bytes without a valid frame get no reply |
+//! | `answers-again` | after an input without an effect, the next request is answered |
+//! | `replies-are-described` | the reply to an unchanged request is a message of the description |
+//! | `replies-as-described` | a real device replies with the same messages as the emulated one |
+
+mod inputs;
+mod port;
+
+use core::time::Duration;
+use std::path::Path;
+use std::sync::Arc;
+
+use description::conform;
+use description::peer::{Emulated, Heard, Peer, Speaker};
+use description::{Description, From};
+use emulators::rng::Rng;
+use engine::codec::wire::Stream;
+use protocols::Decode as _;
+
+use super::super::engine::caught;
+use super::super::subject::{Behaviour, Kept, Subject, Violation};
+use crate::shrink::{Effort, fewest};
+use inputs::{Input, Inputs, REQUEST};
+pub use port::{PortFuzz, PortFuzzed, PortPlan, PortStep};
+
+/// Maximum number of inputs of a case.
+const INPUTS_MAX: usize = 8;
+/// Number of bytes of the choices that make an input.
+const CHOICE: usize = 8;
+/// Pause between two pieces of an input.
+const PIECE_GAP: Duration = Duration::from_millis(2);
+/// Number of requests after an input, one of which must be answered.
+const TRIES: usize = 3;
+/// File name of the inputs of a finding.
+const INPUTS: &str = "inputs.txt";
+
+/// Makes the device in its start state.
+pub type Make = Box<dyn Fn() -> Result<Emulated, String> + Sync>;
+
+/// A described device in virtual time as a subject.
+pub struct DescribedDevice {
+    description: Arc<Description>,
+    make: Make,
+    /// The command line, up to the options of one search.
+    command: String,
+    inputs: Inputs,
+    /// A request without an effect, and the kinds of its replies.
+    plain: Option<(Vec<u8>, Vec<String>)>,
+}
+
+impl DescribedDevice {
+    /// The device that `make` makes; `command` is the command line that selects it.
+    ///
+    /// # Errors
+    /// If the device cannot be made.
+    pub fn new(
+        description: &Arc<Description>,
+        make: Make,
+        command: String,
+    ) -> Result<Self, String> {
+        let inputs = Inputs::of(description, true);
+        let mut plain = None;
+        for ask in description.asks().iter().filter(|ask| !ask.changes) {
+            let mut bench = Bench::new(description, make()?)?;
+            let kinds = description.reply_kinds(&bench.say(core::slice::from_ref(&ask.bytes))?);
+            if !kinds.is_empty() {
+                plain = Some((ask.bytes.clone(), kinds));
+                break;
+            }
+        }
+        Ok(Self {
+            description: description.clone(),
+            make,
+            command,
+            inputs,
+            plain,
+        })
+    }
+
+    /// The device of a description, emulated.
+    ///
+    /// # Errors
+    /// Never: an emulated device can always be made.
+    pub fn emulated(description: &Arc<Description>, command: String) -> Result<Self, String> {
+        let of = description.clone();
+        let make = Box::new(move || Ok(conform::emulated(&of, SEED)));
+        Self::new(description, make, command)
+    }
+
+    fn inputs_of(&self, choices: &[u8]) -> Vec<Input> {
+        let seeds = choices.chunks(CHOICE).take(INPUTS_MAX);
+        let seeds = seeds.map(|part| {
+            let byte = |seed: u64, byte: &u8| seed << 8 | u64::from(*byte);
+            part.iter().fold(part.len() as u64, byte)
+        });
+        seeds
+            .map(|seed| self.inputs.next(&mut Rng::stream(seed, "device.input")))
+            .collect()
+    }
+
+    /// Sends the inputs to the device, and judges its replies.
+    fn judge(&self, inputs: &[Input], behaviour: &mut Behaviour) -> Result<(), Violation> {
+        let broken = |error: String| Violation::new("device-works", error);
+        let made = || (self.make)().map_err(broken);
+        let mut whole = Bench::new(&self.description, made()?.paced()).map_err(broken)?;
+        let mut single =
+            Bench::new(&self.description, made()?.paced().bytewise()).map_err(broken)?;
+        let mut is_plain = true;
+        for input in inputs {
+            let [heard, other] = [&mut whole, &mut single].map(|bench| bench.say(&input.pieces));
+            let (heard, other) = (heard.map_err(broken)?, other.map_err(broken)?);
+            let kinds = self.description.reply_kinds(&heard);
+            for kind in &kinds {
+                behaviour.named(kind, 1);
+            }
+            if input.kind == REQUEST && kinds.iter().any(|kind| kind == conform::UNKNOWN) {
+                let detail = "it replies with a frame that is no message of its description";
+                return Err(Violation::new("replies-are-described", detail));
+            }
+            is_damage(&self.description, input, &kinds)?;
+            is_plain &= self.description.is_harmless(&input.bytes());
+            if let Some((request, expected)) = self.plain.as_ref().filter(|_| is_plain) {
+                answers_again(&self.description, &mut whole, request, expected)?;
+                answers_again(&self.description, &mut single, request, expected)?;
+            }
+            let rules = [&whole, &single].map(|bench| bench.peer.broken_rules());
+            for (rule, count) in &rules[0] {
+                behaviour.named(rule, *count);
+            }
+            let bytes = |heard: &Heard| -> Vec<_> {
+                // A message of a timer may come before or after a request that is still arriving.
+                let frames = heard.frames.iter().map(|(_, frame)| frame);
+                let frames = frames.filter(|frame| !self.description.is_unasked(frame));
+                frames.map(|frame| frame.bytes.to_vec()).collect()
+            };
+            let replies = [bytes(&heard), bytes(&other)];
+            if replies[0] != replies[1] || rules[0] != rules[1] {
+                return Err(Violation::new(
+                    "pieces-change-nothing",
+                    format!(
+                        "to all bytes at once it replies {:02X?} and logs {:?}, to single bytes \
+                         {:02X?} and {:?}",
+                        replies[0], rules[0], replies[1], rules[1]
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    fn judged(&self, inputs: &[Input]) -> Result<(), Violation> {
+        caught(|| self.judge(inputs, &mut Behaviour::default()))
+    }
+}
+
+/// Seed of an emulated device.
+const SEED: u64 = 4711;
+
+/// Bytes without a valid frame get no reply.
+fn is_damage(of: &Description, input: &Input, kinds: &[String]) -> Result<(), Violation> {
+    if kinds.is_empty() || holds_frame(of, &input.pieces) {
+        return Ok(());
+    }
+    let detail = format!(
+        "after \"{}\" it replies {}, although the bytes hold no valid frame",
+        input.kind,
+        kinds.join(", ")
+    );
+    Err(Violation::new("damage-is-not-answered", detail))
+}
+
+/// Whether a driver's frame is in the pieces of an input, in all of them or in one.
+fn holds_frame(of: &Description, pieces: &[Vec<u8>]) -> bool {
+    let all = pieces.concat();
+    let mut parts = pieces.iter().chain([&all]);
+    if of.ends_with_silence() {
+        return parts.any(|part| of.whole(part).is_ok());
+    }
+    parts.any(|part| {
+        let mut cutter = of.cutter_of(From::Host);
+        let mut found = cutter.push(part).any(|frame| frame.is_ok());
+        cutter.idle();
+        found |= cutter.push(&[]).any(|frame| frame.is_ok());
+        found
+    })
+}
+
+/// One of a few requests is answered as usual.
+fn answers_again<P: Peer>(
+    of: &Description,
+    bench: &mut Bench<'_, P>,
+    request: &[u8],
+    expected: &[String],
+) -> Result<(), Violation> {
+    for _ in 0..TRIES {
+        let heard = bench.say(&[request.to_vec()]);
+        let heard = heard.map_err(|error| Violation::new("device-works", error))?;
+        let kinds = of.reply_kinds(&heard);
+        if expected.iter().all(|kind| kinds.contains(kind)) {
+            return Ok(());
+        }
+    }
+    let detail = format!(
+        "it does not answer {TRIES} requests {request:02X?} with {}",
+        expected.join(", ")
+    );
+    Err(Violation::new("answers-again", detail))
+}
+
+/// A device and the driver's end of its line.
+struct Bench<'a, P> {
+    peer: P,
+    speaker: Speaker<'a>,
+    /// Time after an input in which replies are received.
+    time: Duration,
+}
+
+impl<'a, P: Peer> Bench<'a, P> {
+    /// The device behind `peer`, when it has started.
+    fn new(description: &'a Arc<Description>, mut peer: P) -> Result<Self, String> {
+        let until = peer.now() + description.boot_time();
+        while peer.hear(until)?.is_some() {}
+        Ok(Self {
+            peer,
+            speaker: Speaker::new(description),
+            time: description.reply_time(),
+        })
+    }
+
+    /// Sends an input and receives the replies.
+    fn say(&mut self, pieces: &[Vec<u8>]) -> Result<Heard, String> {
+        let mut all = Heard::default();
+        for (number, piece) in (1..).zip(pieces) {
+            let time = match number == pieces.len() {
+                true => self.time,
+                false => PIECE_GAP,
+            };
+            let (speaker, peer) = (&mut self.speaker, &mut self.peer);
+            let heard = match number {
+                1 => speaker.exchange(peer, piece, time, &mut |_| false)?,
+                _ => speaker.exchange_now(peer, piece, time, &mut |_| false)?,
+            };
+            all.frames.extend(heard.frames);
+            all.stray += heard.stray;
+        }
+        Ok(all)
+    }
+
+    /// Lets time pass; replies in it are ignored.
+    fn wait(&mut self, time: Duration) -> Result<(), String> {
+        let none = self
+            .speaker
+            .exchange(&mut self.peer, &[], time, &mut |_| false);
+        none.map(drop)
+    }
+}
+
+/// The inputs as text: a piece on each line, `idle` behind each input.
+fn to_text(inputs: &[Input]) -> String {
+    let mut text = String::new();
+    for input in inputs {
+        text += &format!("# {}\n", input.kind);
+        for piece in &input.pieces {
+            text += &engine::hex::pairs(piece);
+            text.push('\n');
+        }
+        text += "idle\n";
+    }
+    text
+}
+
+/// Reads the text of [`to_text`].
+fn parse(text: &str) -> Result<Vec<Input>, String> {
+    use engine::codec::wire::Piece;
+    let stream = Stream::parse(text).map_err(|error| error.to_string())?;
+    let mut inputs = vec![Input::default()];
+    for piece in stream.pieces() {
+        match (piece, inputs.last_mut()) {
+            (Piece::Idle, _) => inputs.push(Input::default()),
+            (Piece::Bytes([]), _) | (_, None) => {}
+            (Piece::Bytes(bytes), Some(input)) => input.pieces.push(bytes.to_vec()),
+        }
+    }
+    inputs.retain(|input| !input.pieces.is_empty());
+    Ok(inputs)
+}
+
+impl Subject for DescribedDevice {
+    fn name(&self) -> &str {
+        self.description.name()
+    }
+
+    fn round(&self) -> u64 {
+        64
+    }
+
+    fn tries(&self) -> u32 {
+        300
+    }
+
+    fn run(&self, choices: &[u8], behaviour: &mut Behaviour) -> Result<(), Violation> {
+        self.judge(&self.inputs_of(choices), behaviour)
+    }
+
+    fn seeds(&self) -> Vec<Vec<u8>> {
+        (0..4).map(|seed| vec![seed; 4 * CHOICE]).collect()
+    }
+
+    fn in_words(&self, choices: &[u8]) -> String {
+        to_text(&self.inputs_of(choices))
+    }
+
+    fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept {
+        let small = fewest(&self.inputs_of(choices), effort, |inputs| {
+            let judged = self.judged(inputs);
+            judged.is_err_and(|other| other.cause == fault.cause)
+        });
+        Kept {
+            fault: self.judged(&small).err().unwrap_or_else(|| fault.clone()),
+            files: vec![(INPUTS, to_text(&small).into_bytes())],
+        }
+    }
+
+    fn case_file(&self) -> &'static str {
+        INPUTS
+    }
+
+    fn repeat(&self, dir: &Path) -> String {
+        format!("{} --repeat {}", self.command, dir.join(INPUTS).display())
+    }
+
+    /// Choices cannot be reconstructed from inputs.
+    fn choices_of(&self, text: &str) -> Result<Option<Vec<u8>>, String> {
+        parse(text).map(|_| None)
+    }
+
+    fn repeated(&self, text: &str) -> Result<Result<(), Violation>, String> {
+        Ok(self.judged(&parse(text)?))
+    }
+}
+
+#[cfg(test)]
+mod tests;
