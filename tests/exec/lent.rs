@@ -17,7 +17,7 @@ fn served(ended: &Ended) -> u32 {
 
 #[test]
 fn reads_without_a_stop_are_those_of_stops() {
-    let Some(program) = compiled("lent", "cc", LENT, &["-w"]) else {
+    let Some(program) = compiled("lent", "cc", LENT, &["-w", "-pthread"]) else {
         return;
     };
     let rig = SONAR.replace("\"3s\"", "\"40s\"").replace("100ms", "40ms");
@@ -38,10 +38,33 @@ fn reads_without_a_stop_are_those_of_stops() {
         lent.log
     );
     assert_eq!(lent.log, stopped.log, "{}\n{}", lent.said, stopped.said);
+    assert!(
+        lent.log.contains("cancelled threads took 0"),
+        "{}",
+        lent.log
+    );
     assert_eq!(trace(&lent), trace(&stopped));
     assert_eq!(served(&stopped), 0, "{}", stopped.said);
     // The other reads need a stop: for the last known byte, a request, a timeout, a signal.
     assert!(served(&lent) > 1_500, "{}\n{}", lent.said, lent.log);
+}
+
+/// A wait with VTIME counts from the last byte, also if that came between two stops.
+#[test]
+fn a_wait_counts_from_a_byte_that_came_without_a_stop() {
+    let Some(program) = compiled("lent-late", "cc", LENT, &["-w", "-pthread"]) else {
+        return;
+    };
+    let rig = SONAR.replace("100ms", "300ms");
+    let files = [("sonar.toml", rig.as_str())];
+    let command = format!("{} late", program.display());
+    let may_end = ["--exec-may-end"];
+    let lent = run("lent-late", &command, &files, &may_end);
+    let traced = [&may_end[..], &["--trace-calls", "calls.txt"]].concat();
+    let stopped = run("lent-late-stops", &command, &files, &traced);
+    assert!(lent.log.starts_with("late tenths: "), "{}", lent.said);
+    assert_eq!(lent.log, stopped.log, "{}\n{}", lent.said, stopped.said);
+    assert!(served(&lent) > 3, "{}", lent.said);
 }
 
 /// A port with RTS/CTS or BRKINT is read with a stop for each call, because the future of the line
@@ -49,7 +72,7 @@ fn reads_without_a_stop_are_those_of_stops() {
 /// line takes still ends.
 #[test]
 fn stopped_settings_and_the_end_of_a_run() {
-    let Some(program) = compiled("lent-stopped", "cc", LENT, &["-w"]) else {
+    let Some(program) = compiled("lent-stopped", "cc", LENT, &["-w", "-pthread"]) else {
         return;
     };
     let command = format!("{} stops", program.display());

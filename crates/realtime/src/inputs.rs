@@ -55,6 +55,11 @@ impl Inputs {
         }
     }
 
+    /// Whether a device sets any of these lines.
+    pub(crate) fn are_wired(&self) -> bool {
+        self.pins.iter().any(Option::is_some)
+    }
+
     /// Current levels, as TIOCMGET returns them.
     pub(crate) fn bits(&self, rig: &Rig) -> u32 {
         let forced = rig.forced_lines(self.node);

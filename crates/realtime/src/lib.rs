@@ -289,13 +289,14 @@ impl<C: Clock> Realtime<C> {
     }
 
     /// Whether bytes from the rig reach each client as they arrive, nothing is on its way from one,
-    /// and no CTS line holds back what it has sent.
+    /// no CTS line holds back what it has sent, and no device changes a modem line meanwhile.
     pub(crate) fn is_plain(&self) -> bool {
         self.ports.iter().all(|port| {
             port.adapter.is_none()
                 && port.spread.is_empty()
                 && port.transport.rests()
                 && !port.transport.has_flow_control()
+                && !port.inputs.is_some_and(|inputs| inputs.are_wired())
         })
     }
 

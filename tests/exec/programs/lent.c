@@ -2,13 +2,16 @@
 #define _GNU_SOURCE
 #include <errno.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
+#include <sys/mman.h>
 #include <sys/select.h>
 #include <sys/time.h>
+#include <sys/uio.h>
 #include <termios.h>
 #include <time.h>
 #include <unistd.h>
@@ -66,6 +69,94 @@ static unsigned long reads(int count, int length, int selects) {
 
 static unsigned long reads_of(int count) { return reads(count, 1, 1); }
 
+/* The last three bytes of a line come while the program looks at clocks; then a wait counts from the
+   last one. */
+static unsigned long late_tenths(void) {
+    unsigned long sum = 0;
+    for (int i = 0; i < 6; i++) {
+        set(1, 0);
+        sum = sum * 31 + reads(5, 1, 1);
+        for (long until = now() + 7000000 + 1700000 * (i % 3); now() < until;);
+        set(4, 1);
+        sum = sum * 31 + reads(1, 8, 0);
+    }
+    return sum;
+}
+/* Bytes that no stopped call has put into a pipe, and the end of one whose writer has a high
+   number. */
+static unsigned long quiet_pipes(void) {
+    long left;
+    char bytes[100];
+    int old = pipes[0], others[2];
+    struct iovec piece = {"x", 1};
+    set(1, 0);
+    unsigned long sum = reads(40, 1, 1) + wait_for(100000, &left) + left;
+    sum = sum * 31 + vmsplice(pipes[1], &piece, 1, 0);
+    sum = sum * 31 + wait_for(100000, &left) + left + read(pipes[0], bytes, 9);
+    pipe(others);
+    sum = sum * 31 + reads(4, 1, 1) + write(others[1], "yz", 2) + wait_for(100000, &left) + left;
+    sum = sum * 31 + tee(others[0], pipes[1], 2, 0);
+    sum = sum * 31 + wait_for(100000, &left) + left + read(pipes[0], bytes, 9);
+    read(others[0], bytes, 9);
+    dup2(others[1], 300);
+    close(others[1]);
+    pipes[0] = others[0];
+    sum = sum * 31 + reads(4, 1, 1) + wait_for(100000, &left) + left;
+    close(300);
+    sum = sum * 31 + wait_for(100000, &left) + left + read(pipes[0], bytes, 9);
+    close(others[0]);
+    pipes[0] = old;
+    return sum;
+}
+/* `read` on a stack of which so many bytes are left: the call itself takes none. */
+static long read_on(char *stack, char *byte) {
+    long got;
+    __asm__ volatile("mov %%rsp, %%rbx\n\tmov %[stack], %%rsp\n\tcall read\n\tmov %%rbx, %%rsp"
+                     : "=a"(got)
+                     : [stack] "r"(stack), "D"(port), "S"(byte), "d"(1L)
+                     : "rbx", "rcx", "r8", "r9", "r10", "r11", "memory", "cc");
+    return got;
+}
+static unsigned long small_stacks(void) {
+    long page = 4096;
+    char *guard = mmap(0, 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    unsigned long sum = 0;
+    mprotect(guard, page, PROT_NONE);
+    set(1, 0);
+    for (int left = 16; left <= 304; left += 8) {
+        char byte;
+        sum = sum * 31 + read_on(guard + page + left, &byte) + byte + now();
+    }
+    return sum;
+}
+static pthread_mutex_t gate = PTHREAD_MUTEX_INITIALIZER;
+static volatile long taken;
+
+static void *takes(void *sum) {
+    char byte;
+    pthread_mutex_lock(&gate);
+    if (sum) {
+        *(unsigned long *)sum = reads(200, 1, 0);
+        return 0;
+    }
+    for (;;) taken += read(port, &byte, 1);
+}
+/* A thread reads while others wait; one that is cancelled before it reads takes no byte. */
+static unsigned long in_threads(int is_cancelled) {
+    pthread_t thread;
+    unsigned long sum = 0;
+    set(1, 0);
+    taken = 0;
+    pthread_mutex_lock(&gate);
+    pthread_create(&thread, 0, takes, is_cancelled ? 0 : &sum);
+    usleep(50000);
+    if (is_cancelled) pthread_cancel(thread);
+    pthread_mutex_unlock(&gate);
+    pthread_join(thread, 0);
+    pthread_mutex_init(&gate, 0);
+    return sum + taken * 1000 + now();
+}
+
 static char pings[4096];
 
 static void write_pings(void) {
@@ -100,6 +191,10 @@ int main(int count, char **words) {
     port = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
     if (pipe(pipes))
         return 1;
+    if (count > 1 && !strcmp(words[1], "late")) {
+        report("late tenths", late_tenths());
+        return 0;
+    }
     if (count > 1)
         stops_and_fills();
     set(0, 0);
@@ -192,6 +287,11 @@ int main(int count, char **words) {
     report("tenths", reads(30, 1, 1) + reads(30, 1, 0));
     set(4, 1);
     report("four", reads(20, 8, 1) + reads(20, 8, 0));
+    report("quiet pipes", quiet_pipes());
+    report("small stacks", small_stacks());
+    report("threads", in_threads(0));
+    report("cancelled", in_threads(1));
+    printf("cancelled threads took %ld\n", taken);
     printf("%ld\n", now());
     return 0;
 }

@@ -9,7 +9,8 @@
 //!  stop --lend: now, limit, cost--> looks, looks, .. --stop, take: now, how many--> supervisor
 //! ```
 
-use nix::libc;
+use nix::errno::Errno;
+use nix::libc::{self, user_regs_struct};
 use nix::unistd::Pid;
 
 use super::inject::{Hands, NotMade, kernel_page};
@@ -102,7 +103,13 @@ const FUNCTIONS: [(&str, u64); 6] = [
 /// The code that answers calls, where it gives up, and its end.
 const SERVE: u64 = 0xEF;
 const GIVE_UP: u64 = 0x137;
-const SERVED: core::ops::Range<u64> = SERVE..CODE.len() as u64;
+/// Between its pushes and its pops.
+const SERVED: core::ops::Range<u64> = 0x102..0x43E;
+/// Where each of its pushes begins.
+const PUSHES: [u64; 12] = [0, 1, 2, 3, 4, 6, 8, 10, 12, 14, 16, 18];
+/// The instruction that calls it from a detour, its length, and the flag that says it gave up.
+const CALL: [u8; 2] = [0xE8, 5];
+const CARRY: u64 = 1;
 /// Room for detours, from the beginning of the code.
 const DETOURS: core::ops::Range<u64> = 2048..4096;
 /// Where the data is, from the beginning of the code: in a page of its own, because processors are
@@ -175,11 +182,31 @@ impl ClockPage {
         self.code() + SERVE
     }
 
-    /// Where a thread goes on that stands at `address` because a buffer of its call is none; `None`
-    /// if it is not about to answer a call.
-    pub(super) fn gives_up_at(self, address: u64) -> Option<u64> {
-        let inside = address.wrapping_sub(self.code());
-        SERVED.contains(&inside).then(|| self.code() + GIVE_UP)
+    /// Leads a thread that has met a fault there out of the code that answers calls: a buffer of its
+    /// call is none, or its stack has no room for that code. `None` if it stands elsewhere.
+    pub(super) fn gives_up(self, tid: Pid, registers: &mut user_regs_struct) -> Option<()> {
+        let inside = registers.rip.wrapping_sub(self.code());
+        if SERVED.contains(&inside) {
+            registers.rip = self.code() + GIVE_UP;
+            return Some(());
+        }
+        if DETOURS.contains(&inside) {
+            let [call, len] = CALL;
+            let mut found = [0];
+            Memory(tid).read(registers.rip, &mut found).ok()?;
+            if found != [call] {
+                return None;
+            }
+            registers.rip += u64::from(len);
+        } else {
+            let from = inside.wrapping_sub(SERVE);
+            let pushed = PUSHES.iter().position(|&at| at == from)?;
+            let place = registers.rsp + 8 * pushed as u64;
+            registers.rip = Memory(tid).u64(place).ok()?;
+            registers.rsp = place + 8;
+        }
+        registers.eflags |= CARRY;
+        Some(())
     }
 
     /// Room for a detour of `len` bytes.
@@ -198,8 +225,9 @@ impl ClockPage {
         self.place <= address && address < self.data
     }
 
-    /// Lets the thread count time by itself, and read what `ports` bring, at most four.
-    pub(super) fn lend(self, tid: Pid, loan: Loan, ports: &[LentPort]) {
+    /// Lets the thread count time by itself, and read what `ports` bring, at most four. Fails if the
+    /// program has made the page read-only: then nothing is lent.
+    pub(super) fn lend(self, tid: Pid, loan: Loan, ports: &[LentPort]) -> Result<(), Errno> {
         let ports = &ports[..ports.len().min(PORTS_MAX)];
         let words = [
             loan.now,
@@ -228,7 +256,7 @@ impl ClockPage {
         ];
         let head = head.into_iter().take(1 + usize::from(!ports.is_empty()));
         let all = head.chain(places);
-        let _ = Memory(tid).write_all(all);
+        Memory(tid).write_all(all)
     }
 
     /// How far it has come; `is_lent`: with ports.
@@ -373,6 +401,7 @@ mod tests {
         for (name, at) in FUNCTIONS
             .into_iter()
             .chain([("serve", SERVE), ("give_up", GIVE_UP)])
+            .chain([("served", SERVED.start), ("leave", SERVED.end)])
         {
             assert!(
                 names.contains(&format!("{at:016x} t {name}\n")),

@@ -102,7 +102,7 @@ serve:                          # eax: number of a call; rax: its answer, or car
         push    %r14
         push    %r15
         push    %rbp
-        lea     DATA(%rip), %r11
+served: lea     DATA(%rip), %r11
         mov     (%r11), %rcx
         add     16(%r11), %rcx          # rcx: time of the answer
         cmp     8(%r11), %rcx

@@ -10,6 +10,11 @@
 //! | `mov $number, %eax` or `xor %eax, %eax`; `syscall` | `mov` | goes on behind the call |
 //! | the same behind `cmpb $0, single(%rip); je ..`, first in a function | `cmpb` | returns |
 //! | the same behind `mov %fs:24, %eax; test; jne ..`, before 2.34 | `mov` | returns |
+//! | `mov %eax, %r8d; mov n(%rsp), %edi; xor %eax, %eax; syscall` | `mov`, `xor` | goes on behind the call |
+//!
+//! With several threads `read` is a point of cancellation (pthreads(7)): the second and third form
+//! leave it to the function then, whose call in the fourth form comes after a look at whether its
+//! thread is cancelled. No jump leads between the two instructions of that form.
 
 use nix::libc;
 use nix::unistd::Pid;
@@ -49,6 +54,9 @@ enum Form {
     Compare(i32),
     /// The same, and reads a word of the thread.
     Thread,
+    /// Behind a look at whether the thread is cancelled: it reads the file from this place of the
+    /// stack.
+    Cancelled(u8),
 }
 
 /// Whether the page may answer a call of this number.
@@ -96,6 +104,13 @@ fn find(code: &[u8], number: i64, call: u64) -> Option<Found> {
     if number != 0 {
         return None;
     }
+    if let [.., 0x41, 0x89, 0xC0, 0x8B, 0x7C, 0x24, place, 0x31, 0xC0] = *before {
+        return Some(Found {
+            before: 6,
+            len: 6,
+            form: Form::Cancelled(place),
+        });
+    }
     // xor %eax, %eax; where the word of the thread was 0, compilers leave it out.
     let short = before.strip_suffix(&[0x31, 0xC0]);
     let before = short.unwrap_or(before);
@@ -124,14 +139,35 @@ fn find(code: &[u8], number: i64, call: u64) -> Option<Found> {
 }
 
 /// Most bytes of a detour.
-const DETOUR: u64 = 48;
+const DETOUR: u64 = 56;
+/// Bytes of a detour from its look at the number of threads to its last piece.
+const UP_TO_LAST: u8 = 26;
 
 /// The detour at `at` of what was at `replaced`.
 fn assemble(found: Found, at: u64, replaced: u64, serve: u64, number: i64) -> Option<Vec<u8>> {
     let [a, b, c, d] = u32::try_from(number).ok()?.to_le_bytes();
     let set_number = [0xB8, a, b, c, d];
+    let mut code = Vec::new();
+    // With several threads the function is a point of cancellation: straight to the last piece.
+    match found.form {
+        Form::Number => {}
+        // mov place(%rsp), %edi
+        Form::Cancelled(place) => code.extend([0x8B, 0x7C, 0x24, place]),
+        Form::Compare(place) => {
+            // cmpb $0, place(%rip); je
+            let place = (replaced + found.len).checked_add_signed(place.into())?;
+            code.extend([0x80, 0x3D]);
+            code.extend(distance(at + 7, place)?);
+            code.extend([0, 0x74, UP_TO_LAST]);
+        }
+        Form::Thread => {
+            // mov %fs:24, %eax; test %eax, %eax; jne
+            code.extend([0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0]);
+            code.extend([0x85, 0xC0, 0x75, UP_TO_LAST]);
+        }
+    }
     // lea -128(%rsp), %rsp: the program may use what is below.
-    let mut code = vec![0x48, 0x8D, 0x64, 0x24, 0x80];
+    code.extend([0x48, 0x8D, 0x64, 0x24, 0x80]);
     code.extend(set_number);
     // call serve
     code.push(0xE8);
@@ -139,7 +175,7 @@ fn assemble(found: Found, at: u64, replaced: u64, serve: u64, number: i64) -> Op
     // lea 128(%rsp), %rsp; jc over the next piece
     code.extend([0x48, 0x8D, 0xA4, 0x24, 0x80, 0, 0, 0, 0x72]);
     match found.form {
-        Form::Number => {
+        Form::Number | Form::Cancelled(_) => {
             code.push(5);
             let behind = replaced + found.len + INSTRUCTION;
             code.extend(jump_to(at + code.len() as u64, behind)?);
@@ -185,8 +221,8 @@ mod tests {
         code
     }
 
-    /// The beginnings of `select` and `read` of glibc 2.36, and of `read` of 2.31, as a
-    /// disassembler shows them.
+    /// The beginnings of `select` and `read` of glibc 2.36, of `read` of 2.31, and the call of a
+    /// `read` with threads, as a disassembler shows them.
     #[test]
     fn the_instruction_before_a_call_is_replaced() {
         let select = padded(&[0x89, 0xDF, 0xB8, 0x0E, 1, 0, 0]);
@@ -201,6 +237,11 @@ mod tests {
         ];
         let found = find(&padded(&old), libc::SYS_read, CALL + 3).expect("known");
         assert_eq!((found.before, found.len, found.form), (14, 8, Form::Thread));
+        let threads = [0x41, 0x89, 0xC0, 0x8B, 0x7C, 0x24, 8, 0x31, 0xC0];
+        let found = find(&padded(&threads), libc::SYS_read, CALL).expect("known");
+        let form = Form::Cancelled(8);
+        assert_eq!((found.before, found.len, found.form), (6, 6, form));
+        assert_eq!(find(&padded(&threads[1..]), libc::SYS_read, CALL), None);
         let short = [&ENDBR[..], &old[..12]].concat();
         let found = find(&padded(&short), libc::SYS_read, CALL + 2).expect("known");
         assert_eq!((found.before, found.form), (12, Form::Thread));
@@ -234,5 +275,42 @@ mod tests {
         // Behind the call, at 11007, from 1001E; to the call itself, at 11005, from 10028.
         assert_eq!(code[25..30], [JUMP, 0xE9, 0x0F, 0, 0]);
         assert_eq!(code[35..40], [JUMP, 0xDD, 0x0F, 0, 0]);
+    }
+
+    /// With several threads a detour does what it replaced, and nothing else: by hand, the jump
+    /// behind the condition leads to the replaced instruction.
+    #[test]
+    fn a_program_with_threads_makes_its_call() {
+        for (form, len, condition, last) in [
+            (Form::Compare(0x100), 7, 9, &[0x80, 0x3D][..]),
+            (
+                Form::Thread,
+                8,
+                12,
+                &[0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0][..],
+            ),
+        ] {
+            let found = Found {
+                before: 11,
+                len,
+                form,
+            };
+            let code = assemble(found, 0x1_0000, 0x1_1000, 0x1_0F00, 0).expect("near");
+            let to = condition + usize::from(code[condition - 1]);
+            assert!(code[to..].starts_with(last), "{form:?}: {code:X?}");
+            assert!(code.starts_with(last), "{form:?}: {code:X?}");
+            assert_eq!(code[to - 1], 0xC3, "{form:?}: ret");
+        }
+        // Behind the look at whether the thread is cancelled: its own `mov`, then as ever.
+        let found = Found {
+            before: 6,
+            len: 6,
+            form: Form::Cancelled(8),
+        };
+        let code = assemble(found, 0x1_0000, 0x1_1000, 0x1_0F00, 0).expect("near");
+        assert!(code.starts_with(&[0x8B, 0x7C, 0x24, 8, 0x48, 0x8D]));
+        // Behind the call, at 11008, from 10022; to the call itself, at 11006, from 1002C.
+        assert_eq!(code[29..34], [JUMP, 0xE6, 0x0F, 0, 0]);
+        assert_eq!(code[39..44], [JUMP, 0xDA, 0x0F, 0, 0]);
     }
 }

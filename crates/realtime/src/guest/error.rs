@@ -74,6 +74,12 @@ pub enum GuestError {
         /// What the system said.
         source: io::Error,
     },
+    /// The program has written to the page that answers its looks at clocks.
+    #[error(
+        "the program has overwritten the page from which hilrig answers clocks and ports; expected \
+         writes to the program's own memory only"
+    )]
+    Overwritten,
     /// The program has read other bytes than the rig brought.
     #[error(
         "{0} at {secs:.6} s: the program has read bytes that the rig did not bring; this is a fault \

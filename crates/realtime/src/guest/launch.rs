@@ -167,6 +167,8 @@ const STOPPED: &[i64] = &[
     libc::SYS_preadv2,
     libc::SYS_pwritev2,
     libc::SYS_splice,
+    libc::SYS_tee,
+    libc::SYS_vmsplice,
     libc::SYS_sendfile,
     libc::SYS_io_submit,
     libc::SYS_io_uring_setup,

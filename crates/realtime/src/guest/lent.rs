@@ -71,6 +71,43 @@ pub(super) struct Taken {
     pub(super) last_counts: Vec<LentCount>,
 }
 
+impl Taken {
+    /// Whether the thread has neither looked at a clock nor made a call.
+    pub(super) const fn is_nothing(&self) -> bool {
+        self.looks == 0 && self.selects == 0 && self.counts == 0 && self.reads.is_empty()
+    }
+
+    /// Keeps what the page says within what was lent: times between these two, in order, at most so
+    /// many calls for each turn, and bytes of `ports`. Returns whether it was: the program can write
+    /// to its page.
+    pub(super) fn bound(&mut self, times: [Instant; 2], calls: u64, ports: &[LentPort]) -> bool {
+        let before = self.clone();
+        let [from, limit] = times;
+        let now = Instant::from_nanos(self.now).clamp(from, limit.max(from));
+        self.now = now.as_nanos();
+        // Each wait for a byte begins a turn.
+        let lent = ports.iter().map(|port| port.bytes.len().min(LENT_BYTES));
+        let mut left: Vec<usize> = lent.collect();
+        let turns = 1 + left.iter().sum::<usize>() as u64;
+        let most = calls.saturating_mul(turns);
+        for count in [&mut self.looks, &mut self.selects, &mut self.counts] {
+            *count = (*count).min(most);
+        }
+        self.reads.retain(|read| read.index < left.len());
+        let mut last = from;
+        for read in &mut self.reads {
+            last = read.at.clamp(last, now.max(last));
+            read.at = last;
+            read.len = read.len.min(left[read.index]);
+            left[read.index] -= read.len;
+        }
+        for count in &mut self.last_counts {
+            count.at = count.at.clamp(from, now);
+        }
+        *self == before
+    }
+}
+
 impl LentRead {
     pub(super) fn of(word: [u8; 8]) -> Self {
         let word = u64::from_ne_bytes(word);
@@ -97,5 +134,58 @@ impl LentPort {
         let bytes = bytes.iter();
         words.extend(bytes.map(|&(at, byte)| at.as_nanos() << 8 | u64::from(byte)));
         words.into_iter().flat_map(u64::to_ne_bytes).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(nanos: u64) -> Instant {
+        Instant::from_nanos(nanos)
+    }
+
+    /// A lease from 100 to 200 ns of one port with two bytes: what it allows stays, and each other
+    /// word of a page that was written to is cut back to it.
+    #[test]
+    fn a_page_says_no_more_than_was_lent() {
+        let port = LentPort {
+            port: 0,
+            fd: 3,
+            waits: true,
+            takes: true,
+            known_until: at(201),
+            bytes: vec![(at(0), 1), (at(150), 2)],
+        };
+        let read = |nanos, index, len| LentRead {
+            at: at(nanos),
+            index,
+            len,
+        };
+        let honest = Taken {
+            now: 160,
+            looks: 3,
+            reads: vec![read(110, 0, 1), read(150, 0, 1)],
+            ..Taken::default()
+        };
+        let times = [at(100), at(200)];
+        let mut taken = honest.clone();
+        assert!(taken.bound(times, 10, core::slice::from_ref(&port)));
+        assert_eq!(taken, honest);
+        let mut taken = Taken {
+            now: u64::MAX,
+            looks: u64::MAX,
+            selects: u64::MAX,
+            counts: u64::MAX,
+            reads: vec![read(150, 0, 1), read(99, 0, 255), read(1 << 50, 3, 1)],
+            ..Taken::default()
+        };
+        assert!(!taken.bound(times, 10, core::slice::from_ref(&port)));
+        // Two bytes, so at most three turns of ten calls.
+        assert_eq!(
+            [taken.now, taken.looks, taken.selects, taken.counts],
+            [200, 30, 30, 30]
+        );
+        assert_eq!(taken.reads, [read(150, 0, 1), read(150, 0, 1)]);
     }
 }

@@ -206,9 +206,9 @@ impl Trial {
     /// If a real port went away, or the program cannot be supervised.
     pub fn turn(&mut self) -> Result<(), GuestError> {
         match self.supervisor.turn() {
-            Err(error @ (GuestError::Spins(..) | GuestError::Stands(..))) => {
-                self.spins = Some(error.to_string())
-            }
+            Err(
+                error @ (GuestError::Spins(..) | GuestError::Stands(..) | GuestError::Overwritten),
+            ) => self.spins = Some(error.to_string()),
             done => done?,
         }
         let stage = &self.supervisor.stage;
@@ -384,6 +384,7 @@ impl Trial {
         let _ = self.supervisor.stage.carry();
         self.supervisor.stage.look();
         self.supervisor.stage.is_frozen = true;
+        self.supervisor.end_all_delays();
         let (left, was_killed) = self.stop();
         self.is_silent();
         let said = self.said();

@@ -1,6 +1,7 @@
 //! What the ports will bring in the next milliseconds, if the program sends nothing.
 
 use core::time::Duration;
+use std::collections::BTreeMap;
 
 use engine::rig::Arrival;
 use protocols::Instant;
@@ -113,6 +114,23 @@ impl Stage {
             });
         }
         Some(lent)
+    }
+
+    /// When each port brings something last before the program's time `until`, in order.
+    pub(in crate::guest) fn last_arrivals(&self, until: Instant) -> Vec<Instant> {
+        let (Some(rig_now), Some(foreseen)) = (self.rig_time(self.now), &self.foreseen) else {
+            return Vec::new();
+        };
+        let mut last = BTreeMap::new();
+        for arrival in foreseen.arrivals.iter().filter(|it| it.at > rig_now) {
+            let at = self.now + (arrival.at - rig_now);
+            if at <= until {
+                last.insert(arrival.node, at);
+            }
+        }
+        let mut times: Vec<Instant> = last.into_values().collect();
+        times.sort_unstable();
+        times
     }
 
     /// The program has come to `at` without a stop: the rig follows.

@@ -109,6 +109,8 @@ impl Supervisor {
             | libc::SYS_preadv2
             | libc::SYS_pwritev2
             | libc::SYS_splice
+            | libc::SYS_tee
+            | libc::SYS_vmsplice
             | libc::SYS_sendfile => self.lets_kernel_read(tid, call),
             libc::SYS_fcntl if NOTICES.contains(&low_i32(call.args[1])) => {
                 self.sets_notice(tid, call);

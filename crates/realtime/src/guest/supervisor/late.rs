@@ -20,7 +20,15 @@ impl Supervisor {
 
     /// Threads whose delay is over may run.
     pub(super) fn end_delays(&mut self) {
-        let now = self.stage.now();
+        self.end_delays_until(self.stage.now());
+    }
+
+    /// The run is over: nothing is late any more, so that each thread can end.
+    pub(in crate::guest) fn end_all_delays(&mut self) {
+        self.end_delays_until(Instant::from_nanos(u64::MAX));
+    }
+
+    fn end_delays_until(&mut self, now: Instant) {
         let mut due: Vec<(Instant, i32)> = Vec::new();
         self.late.retain(|&(at, tid)| {
             let is_due = at <= now;

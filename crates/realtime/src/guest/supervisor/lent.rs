@@ -9,11 +9,12 @@ use nix::unistd::Pid;
 use protocols::Instant;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use super::files::{File, Kind};
+use super::files::{File, Kind, numbers};
 use super::{On, SLICE, State, Supervisor, Thread};
 use crate::guest::clock_page::ClockPage;
 use crate::guest::detour;
 use crate::guest::error::GuestError;
+use crate::guest::launch::KEPT_BELOW;
 use crate::guest::lent::{LentPort, Loan, Taken};
 use crate::guest::trace::Record;
 use crate::transport::Code;
@@ -44,6 +45,8 @@ pub(super) struct Lease {
     ahead: Duration,
     unused: u32,
     has_waited: bool,
+    /// The program's page holds this lease.
+    is_lent: bool,
 }
 
 impl Default for Lease {
@@ -56,6 +59,7 @@ impl Default for Lease {
             ahead: AHEAD[0],
             unused: 0,
             has_waited: false,
+            is_lent: false,
         }
     }
 }
@@ -97,6 +101,7 @@ impl Supervisor {
             return self.keep_time(tid);
         }
         self.lease.ports.clear();
+        self.lease.is_lent = false;
         let Some(clocks) = self.clocks_of(tid) else {
             return;
         };
@@ -128,7 +133,16 @@ impl Supervisor {
             // A wait that has begun is a matter of the supervisor.
             counts: self.threads.get(&tid).is_some_and(|it| it.idle.is_none()),
         };
-        clocks.lend(Pid::from_raw(tid), loan, &self.lease.ports);
+        // Without ports only looks take time.
+        let by_looks = loan.now.saturating_add(loan.cost.saturating_mul(looks));
+        let is_bare = self.lease.ports.is_empty();
+        self.lease.limit = Instant::from_nanos(if is_bare { limit.min(by_looks) } else { limit });
+        self.lease.is_lent = clocks
+            .lend(Pid::from_raw(tid), loan, &self.lease.ports)
+            .is_ok();
+        if !self.lease.is_lent {
+            self.lease.ports.clear();
+        }
     }
 
     /// Lends the thread the bytes of its ports, if no other thread has to do with them. Returns the
@@ -194,7 +208,13 @@ impl Supervisor {
             .iter()
             .map(|(_, file)| PollFd::new(&file.fd, PollFlags::IN))
             .collect();
-        if polled.is_empty() || poll(&mut polled, Some(&Timespec::default())).is_err() {
+        // The close of a file with a high number is no stop, and the last writer's is news.
+        let has_high = |pid| numbers(pid).any(|fd| fd >= KEPT_BELOW.cast_signed());
+        let process = self.threads.get(&tid).map(|thread| thread.process);
+        if polled.is_empty()
+            || process.is_none_or(has_high)
+            || poll(&mut polled, Some(&Timespec::default())).is_err()
+        {
             return 0;
         }
         let quiet = files.iter().zip(&polled);
@@ -252,10 +272,9 @@ impl Supervisor {
         let Ok(mut registers) = ptrace::getregs(pid) else {
             return false;
         };
-        let Some(place) = clocks.gives_up_at(registers.rip) else {
+        if clocks.gives_up(pid, &mut registers).is_none() {
             return false;
-        };
-        registers.rip = place;
+        }
         ptrace::setregs(pid, registers).is_ok()
     }
 
@@ -276,6 +295,7 @@ impl Supervisor {
     /// The thread goes on where virtual time does not count: each look is a call.
     pub(super) fn keep_time(&mut self, tid: i32) {
         self.lease.ports.clear();
+        self.lease.is_lent = false;
         if let Some(clocks) = self.clocks_of(tid) {
             let nothing = Loan {
                 now: 0,
@@ -286,7 +306,8 @@ impl Supervisor {
                 known: 0,
                 counts: false,
             };
-            clocks.lend(Pid::from_raw(tid), nothing, &[]);
+            // A page that the program has made read-only fails at the program's own look.
+            let _ = clocks.lend(Pid::from_raw(tid), nothing, &[]);
         }
     }
 
@@ -297,9 +318,17 @@ impl Supervisor {
             return;
         };
         let ports = core::mem::take(&mut self.lease.ports);
-        let Some(taken) = clocks.take(Pid::from_raw(tid), !ports.is_empty()) else {
+        if !self.lease.is_lent {
+            return;
+        }
+        let Some(mut taken) = clocks.take(Pid::from_raw(tid), !ports.is_empty()) else {
             return;
         };
+        let times = [self.lease.from, self.lease.limit];
+        if !taken.is_nothing() && !taken.bound(times, self.lease.calls.max(TURN), &ports) {
+            self.trouble = Some(GuestError::Overwritten);
+            return;
+        }
         if !ports.is_empty() {
             self.lease.learn(&ports, &taken);
         }
@@ -347,12 +376,20 @@ impl Supervisor {
         }
     }
 
-    /// Rig and ports do what has come of what was lent.
+    /// Rig and ports do what has come of what was lent. The times of last arrivals are those from
+    /// which VTIME counts.
     fn follow(&mut self, ports: &[LentPort], taken: &Taken) {
+        let now = Instant::from_nanos(taken.now);
+        let mut arrivals = self.stage.last_arrivals(now);
+        if let Some(last) = arrivals.last_mut() {
+            *last = seen_at(*last, now, self.settings.supervision.call_cost);
+        }
+        let mut arrivals = arrivals.into_iter().peekable();
         for read in &taken.reads {
-            if let Err(error) = self.stage.follow(read.at) {
-                self.trouble = Some(error.into());
+            while let Some(at) = arrivals.next_if(|at| *at < read.at) {
+                self.follow_to(at);
             }
+            self.follow_to(read.at);
             let Some(lent) = ports.get(read.index) else {
                 continue;
             };
@@ -361,12 +398,30 @@ impl Supervisor {
                 self.trouble = Some(GuestError::Unsent(path, read.at - Instant::ZERO));
             }
         }
-        if let Err(error) = self.stage.follow(Instant::from_nanos(taken.now)) {
-            self.trouble = Some(error.into());
+        for at in arrivals.filter(|at| *at < now).chain([now]) {
+            self.follow_to(at);
         }
         if self.lease.has_waited {
             self.stage.end_fruitless();
         }
+    }
+
+    fn follow_to(&mut self, at: Instant) {
+        if let Err(error) = self.stage.follow(at) {
+            self.trouble = Some(error.into());
+        }
+    }
+}
+
+/// When a program that has come to `now` by looks and calls of this cost saw what came at `at`, and
+/// nothing came after that: with the first of them behind it, or while it waited.
+fn seen_at(at: Instant, now: Instant, cost: Duration) -> Instant {
+    let cost = u64::try_from(cost.as_nanos()).unwrap_or(u64::MAX);
+    let since = now.as_nanos().saturating_sub(at.as_nanos());
+    let calls = since.checked_div(cost).unwrap_or(0);
+    match cost {
+        0 => at,
+        _ => Instant::from_nanos(now.as_nanos() - calls * cost),
     }
 }
 
@@ -380,4 +435,20 @@ fn meddles(thread: &Thread, tid: i32) -> bool {
     };
     let waits_elsewhere = matches!(wait.on, On::Futex(..) | On::Child | On::Others | On::Queue);
     !waits_elsewhere || thread.lines_before.is_some()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By hand: looks at 10.0, 10.3, .. 11.2 us see a byte of 10.5 us at 10.6 us.
+    #[test]
+    fn a_byte_is_seen_by_the_next_look() {
+        let at = Instant::from_nanos;
+        let cost = Duration::from_nanos(300);
+        assert_eq!(seen_at(at(10_500), at(11_200), cost), at(10_600));
+        assert_eq!(seen_at(at(10_600), at(11_200), cost), at(10_600));
+        assert_eq!(seen_at(at(11_200), at(11_200), cost), at(11_200));
+        assert_eq!(seen_at(at(10_500), at(11_200), Duration::ZERO), at(10_500));
+    }
 }
