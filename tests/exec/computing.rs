@@ -115,6 +115,13 @@ fn a_case_that_does_not_fit_its_program_fails() {
     };
     assert_eq!(recorded(&ended.case()), recorded(&case));
     assert!(ended.case().contains("charges = []"), "{}", ended.case());
+    // The same calls of another file.
+    let quick = PLANNER.replace("step < 2000000", "step < 2000");
+    assert!(compiled("slow-other", "cc", &quick, &[]).is_some_and(|it| it == planner));
+    let ended = run("other", &case, command, &["--cpu", "case"]);
+    let (status, detail) = ended.check("computes-as-recorded");
+    assert_eq!(status, "fail", "{}", ended.said);
+    assert!(detail.starts_with("program is another file"), "{detail}");
     let wrong = format!("{before}charges = [\"7\"]{after}");
     let folder = folder("slow-wrong");
     fs::create_dir_all(&folder).expect("a fresh folder");
@@ -168,4 +175,77 @@ fn a_case_that_does_not_fit_its_program_fails() {
         assert!(said.contains(expected), "{words}: {said}");
         assert_eq!(output.status.code(), Some(code), "{words}: {said}");
     }
+}
+
+/// Words choose: a thread waits in a loop for one that sleeps 50 ms, or a child computes for seconds
+/// as the run ends.
+const FREE: &str = "\
+#include <fcntl.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+#include <unistd.h>
+static volatile int flag;
+static volatile unsigned plan;
+static void nap(long ms) {
+    struct timespec pause = {ms / 1000, ms % 1000 * 1000000};
+    nanosleep(&pause, NULL);
+}
+static long millis(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return now.tv_sec * 1000 + now.tv_nsec / 1000000;
+}
+static void *setter(void *none) {
+    nap(50);
+    flag = 1;
+    return none;
+}
+int main(int count, char **words) {
+    int port = open(getenv(\"HILRIG_PORT_SONAR\"), O_RDWR | O_NOCTTY);
+    char bytes[64];
+    pthread_t thread;
+    if (read(port, bytes, sizeof bytes) <= 0) return 2;
+    if (count > 1 && fork() == 0) {
+        nap(2500);
+        for (unsigned step = 0; step < 60000000; step++) plan = plan * 1664525 + step;
+        for (;;) nap(10);
+    }
+    if (count == 1) {
+        long begin = millis();
+        pthread_create(&thread, NULL, setter, NULL);
+        while (!flag);
+        dprintf(1, \"waited %ld ms\\n\", millis() - begin);
+    }
+    for (;;)
+        if (read(port, bytes, sizeof bytes) <= 0 || write(port, \"ping\\r\\n\", 6) != 6) return 3;
+}
+";
+
+/// Processor time of a loop that waits for another thread is no computing: 100 ms of it, after
+/// which the watch over the program looks, would be 2 s here. A thread whose computing has not
+/// passed when the run ends gets its signal then.
+#[test]
+fn waits_are_free_and_the_end_of_a_run_waits_for_no_charge() {
+    let Some(program) = compiled("slow-free", "cc", FREE, &["-pthread"]) else {
+        return;
+    };
+    let command = program.to_str().expect("a plain path");
+    let ended = run("free", SONAR, command, &["--cpu", "20", "--schedule", "3"]);
+    let line = ended
+        .log
+        .lines()
+        .find_map(|line| line.strip_prefix("waited "));
+    let waited = line.and_then(|line| line.strip_suffix(" ms")?.parse().ok());
+    let waited: u32 = waited.unwrap_or_else(|| panic!("{}\n{}", ended.said, ended.log));
+    assert!((50..1000).contains(&waited), "{waited} ms\n{}", ended.said);
+    let ended = run(
+        "child",
+        SONAR,
+        &format!("{command} child"),
+        &["--cpu", "100"],
+    );
+    assert!(ended.said.contains("of computing took"), "{}", ended.said);
+    assert_eq!(ended.failed(), Vec::<&str>::new(), "{}", ended.said);
 }

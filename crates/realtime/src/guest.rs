@@ -50,6 +50,8 @@ mod pending;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod place;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod programs;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod settings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod stage;

@@ -25,6 +25,9 @@ pub struct ComputingSpec {
     pub calls: u64,
     /// Fingerprint of these calls and their threads.
     pub fingerprint: String,
+    /// Files that ran, executables and scripts of interpreters: name and fingerprint of each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub programs: Vec<String>,
     /// Charges of each thread, in the order in which the threads began: `STEP:UNITS` for each, the
     /// number of calls since the charge before and the charge in units of 100 us.
     #[schemars(with = "Vec<String>")]

@@ -4,6 +4,7 @@
 //! thread and the number of its call, and a run with the same record is the same run.
 
 use core::time::Duration;
+use std::collections::BTreeSet;
 
 use engine::run::check::Check;
 use engine::scenario::{CHARGE_UNIT, Charges, ComputingSpec, Scenario};
@@ -30,8 +31,10 @@ pub(super) struct Computing {
     /// Processor time that was measured, and virtual time that was charged.
     pub(super) used: Duration,
     pub(super) charged: Duration,
-    /// The factor, calls and fingerprint that the case recorded.
-    recorded: Option<(f64, u64, String)>,
+    /// The files that ran: name and fingerprint of each.
+    programs: BTreeSet<String>,
+    /// What the case recorded.
+    recorded: Option<ComputingSpec>,
 }
 
 /// Charges of one thread.
@@ -47,6 +50,8 @@ struct Tape {
     /// Processor time since the last charge, and virtual nanoseconds of less than a unit.
     computed: Duration,
     rest: u128,
+    /// The last part of that time.
+    last: Duration,
 }
 
 impl Computing {
@@ -68,7 +73,8 @@ impl Computing {
             fingerprint: BASIS,
             used: Duration::ZERO,
             charged: Duration::ZERO,
-            recorded: recorded.map(|spec| (spec.scale, spec.calls, spec.fingerprint.clone())),
+            programs: BTreeSet::new(),
+            recorded: recorded.cloned(),
         })
     }
 
@@ -96,7 +102,22 @@ impl Computing {
     pub(super) fn used(&mut self, thread: u32, time: Duration) {
         let time = time.saturating_sub(FREE);
         self.used += time;
-        self.tape(thread).computed += time;
+        let tape = self.tape(thread);
+        tape.computed += time;
+        tape.last = time;
+    }
+
+    /// What a thread has used the processor for last was a wait for another thread: it is free.
+    pub(super) fn forgive(&mut self, thread: u32) {
+        let tape = self.tape(thread);
+        let last = core::mem::take(&mut tape.last);
+        tape.computed = tape.computed.saturating_sub(last);
+        self.used = self.used.saturating_sub(last);
+    }
+
+    /// These files run: name and fingerprint of each.
+    pub(super) fn runs(&mut self, files: Vec<String>) {
+        self.programs.extend(files);
     }
 
     /// A thread begins a call of this number: virtual time that its computing before has taken.
@@ -123,11 +144,12 @@ impl Computing {
         });
         ComputingSpec {
             scale: match (&self.recorded, self.scale) {
-                (Some((scale, ..)), _) => *scale,
+                (Some(recorded), _) => recorded.scale,
                 (None, thousandths) => f64::from(thousandths.unwrap_or(1_000)) / 1e3,
             },
             calls: self.calls,
             fingerprint: format!("{:016x}", self.fingerprint),
+            programs: self.programs.iter().cloned().collect(),
             charges: charges.collect(),
         }
     }
@@ -146,6 +168,7 @@ impl Computing {
             fingerprint: BASIS,
             used: Duration::ZERO,
             charged: Duration::ZERO,
+            programs: BTreeSet::new(),
             ..self
         }
     }
@@ -162,25 +185,48 @@ impl Computing {
     /// How this run differs from the recorded one: nothing, or in words; `None` if none was
     /// recorded.
     pub(super) fn difference(&self) -> Option<Result<String, String>> {
-        let (_, calls, fingerprint) = self.recorded.as_ref()?;
+        let recorded = self.recorded.as_ref()?;
+        let again = "measure again with --cpu SCALE";
+        if let Some(name) = self.changed_program(recorded) {
+            return Some(Err(format!(
+                "{name} is another file than in the recorded run, so its computing is not known: \
+                 {again}"
+            )));
+        }
         let own = self.spec();
+        let ComputingSpec { calls, .. } = recorded;
         Some(
-            match (own.calls == *calls, own.fingerprint == *fingerprint) {
-                (true, true) => Ok(format!("{calls} calls as in the case")),
-                _ => Err(format!(
+            match own.calls == *calls && own.fingerprint == recorded.fingerprint {
+                true => Ok(format!("{calls} calls as in the case")),
+                false => Err(format!(
                     "{} calls, the case has {calls} or others: the program or its options differ from \
-                 the recorded run; measure again with --cpu SCALE",
+                 the recorded run; {again}",
                     own.calls
                 )),
             },
         )
     }
+
+    /// A file that ran with other bytes than in the recorded run.
+    fn changed_program(&self, recorded: &ComputingSpec) -> Option<&str> {
+        let own = self.programs.iter();
+        let mut others = own
+            .filter(|line| !recorded.programs.contains(line))
+            .map(|line| name_of(line));
+        others.find(|name| recorded.programs.iter().any(|line| name_of(line) == *name))
+    }
+}
+
+/// The name in a line of name and fingerprint.
+fn name_of(line: &str) -> &str {
+    line.rsplit_once(' ').map_or(line, |(name, _)| name)
 }
 
 impl Tape {
     fn charge(&mut self, scale: Option<u32>) -> u32 {
         self.calls += 1;
         let computed = core::mem::take(&mut self.computed);
+        self.last = Duration::ZERO;
         let is_known = scale.is_none() || self.calls <= self.known;
         match self.charges.get(self.next) {
             Some(&(call, units)) if is_known && call == self.calls => {
@@ -255,5 +301,41 @@ mod tests {
         }
         assert_eq!(run.spec().charges[0].to_string(), "1:10 2:30");
         assert!(Computing::new(Cpu::OfCase, None).is_none());
+    }
+
+    /// By hand: 3 ms before a kick that found no loop, 1 s in a loop that waits, 2 ms behind it.
+    #[test]
+    fn a_wait_is_free() {
+        let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        run.used(0, 3 * MS + FREE);
+        run.used(0, 1000 * MS + FREE);
+        run.forgive(0);
+        run.forgive(0);
+        run.used(0, 2 * MS + FREE);
+        assert_eq!(run.charge(0, 1), 5 * MS);
+        assert_eq!(run.used, 5 * MS);
+        // What was charged is not taken back.
+        run.forgive(0);
+        assert_eq!(run.used, 5 * MS);
+    }
+
+    /// The same calls of another file are no repeat; a case without such names is judged by calls.
+    #[test]
+    fn a_changed_program_is_named() {
+        let files = |print: &str| vec![format!("sh {:016x}", 5), format!("my planner {print}")];
+        let mut first = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        first.runs(files("1"));
+        let mut spec = first.spec();
+        assert_eq!(spec.programs, ["my planner 1", "sh 0000000000000005"]);
+        let difference = |spec: &ComputingSpec, print: &str| {
+            let mut second = Computing::new(Cpu::OfCase, Some(spec)).expect("recorded");
+            second.runs(files(print));
+            second.difference().expect("recorded")
+        };
+        assert!(difference(&spec, "1").is_ok());
+        let error = difference(&spec, "2").expect_err("another file");
+        assert!(error.starts_with("my planner is another file"), "{error}");
+        spec.programs.clear();
+        assert!(difference(&spec, "2").is_ok());
     }
 }

@@ -4,6 +4,7 @@ use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
 
 use emulators::rng::Rng;
+use nix::errno::Errno;
 use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
@@ -19,6 +20,8 @@ use crate::guest::task::{Process, Thread, Timer};
 const AT_IGNORE: u64 = 1;
 const AT_RANDOM: u64 = 25;
 const AT_SYSINFO_EHDR: u64 = 33;
+/// The flag of `clone` for a child in the memory of its parent (CLONE_VM).
+const SHARES: u64 = 0x100;
 /// Most arguments and variables that are passed over on the way to it.
 const WORDS_MAX: u64 = 1 << 20;
 
@@ -91,7 +94,7 @@ impl Supervisor {
             return Flow::Goes(None);
         }
         let group = Pid::from_raw(group_of(new).unwrap_or(new));
-        if event == libc::PTRACE_EVENT_FORK {
+        if self.has_own_memory(tid, event, group.as_raw()) {
             self.forked_for_debugger(tid, pid);
         }
         let is_vfork = event == libc::PTRACE_EVENT_VFORK;
@@ -121,16 +124,10 @@ impl Supervisor {
         let Some(parent) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
         };
-        let Ok(registers) = ptrace::getregs(Pid::from_raw(tid)) else {
+        let Some(flags) = clone_flags(tid) else {
             return;
         };
-        let flags = match i64::try_from(registers.orig_rax) {
-            Ok(libc::SYS_clone) => Ok(registers.rdi),
-            Ok(libc::SYS_clone3) => Memory(Pid::from_raw(tid)).u64(registers.rdi),
-            _ => return,
-        };
-        let shares = u64::from(libc::CLONE_VM.unsigned_abs());
-        if parent == child || flags.is_ok_and(|flags| flags & shares == 0) {
+        if parent == child || flags.is_ok_and(|flags| flags & SHARES == 0) {
             return;
         }
         for pid in [parent, child] {
@@ -138,6 +135,16 @@ impl Supervisor {
                 process.shares_memory = true;
             }
         }
+    }
+
+    /// Whether what `tid` has just made is a process with memory of its own.
+    fn has_own_memory(&self, tid: i32, event: i32, child: i32) -> bool {
+        if event != libc::PTRACE_EVENT_CLONE {
+            return event == libc::PTRACE_EVENT_FORK;
+        }
+        let parent = self.threads.get(&tid).map(|thread| thread.process);
+        let flags = clone_flags(tid).and_then(Result::ok);
+        parent != Some(child) && flags.is_some_and(|flags| flags & SHARES == 0)
     }
 
     /// The child no longer uses the memory of `parent`, which goes on.
@@ -200,6 +207,7 @@ impl Supervisor {
                     .to_owned(),
             );
         }
+        self.note_program(tid);
         let flow = self.put_clock_page(tid);
         self.release(parent);
         self.execed_for_debugger(tid, flow)
@@ -368,6 +376,16 @@ impl Supervisor {
     /// A thread of which there are no news any more.
     pub(super) fn forget(&mut self, tid: i32) {
         self.buried(tid, 0);
+    }
+}
+
+/// The flags with which `tid` has made another thread or process, if by `clone`.
+fn clone_flags(tid: i32) -> Option<Result<u64, Errno>> {
+    let registers = ptrace::getregs(Pid::from_raw(tid)).ok()?;
+    match i64::try_from(registers.orig_rax) {
+        Ok(libc::SYS_clone) => Some(Ok(registers.rdi)),
+        Ok(libc::SYS_clone3) => Some(Memory(Pid::from_raw(tid)).u64(registers.rdi)),
+        _ => None,
     }
 }
 

@@ -93,7 +93,10 @@ impl Supervisor {
         match self.look_for_loop(tid) {
             Spin::Stopped(status) => return self.handle(tid, status),
             Spin::Computes => return self.go_on_later(tid),
-            Spin::Waits(state) => self.note_loop(tid, state),
+            Spin::Waits(state) => {
+                self.note_loop(tid, state);
+                self.forgive_computing(tid);
+            }
         }
         let is_in_loop = |tid: &i32| {
             let thread = self.threads.get(tid);

@@ -6,6 +6,7 @@ use core::time::Duration;
 use super::{Flow, Next, Supervisor};
 use crate::clock::processor_time;
 use crate::guest::computing::Computing;
+use crate::guest::programs::files_of;
 
 impl Supervisor {
     /// Processor time of the process of `tid`, if computing is measured. One thread runs at a time,
@@ -23,6 +24,21 @@ impl Supervisor {
         let index = self.threads.get(&tid).map(|thread| thread.index);
         if let (Some(index), Some(computing)) = (index, &mut self.computing) {
             computing.used(index, now.saturating_sub(before));
+        }
+    }
+
+    /// A thread has waited for another one in a loop without a call, which is no computing.
+    pub(super) fn forgive_computing(&mut self, tid: i32) {
+        let index = self.threads.get(&tid).map(|thread| thread.index);
+        if let (Some(index), Some(computing)) = (index, &mut self.computing) {
+            computing.forgive(index);
+        }
+    }
+
+    /// The process has become another program.
+    pub(super) fn note_program(&mut self, process: i32) {
+        if let Some(computing) = &mut self.computing {
+            computing.runs(files_of(process));
         }
     }
 

@@ -1,0 +1,149 @@
+//! Fingerprints of the files that run: each executable, and the script that an interpreter runs. A
+//! case with recorded computing shows by them that a program has changed since.
+
+use std::fs::{self, File};
+use std::io::{self, Read as _};
+use std::path::{Path, PathBuf};
+
+/// Most bytes of a file that count.
+const BYTES_MAX: u64 = 256 << 20;
+/// Bytes that are read at once.
+const PIECE: usize = 1 << 16;
+/// Factor of fingerprints: 2 to the power of 64 by the golden ratio, odd.
+const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
+/// Endings of files that an interpreter runs.
+const SCRIPTS: [&str; 16] = [
+    "bash", "exe", "jar", "jl", "js", "lua", "mjs", "php", "pl", "py", "pyc", "r", "rb", "scm",
+    "sh", "tcl",
+];
+
+/// The files that the process `pid` runs, which has just executed a program: `NAME FINGERPRINT`.
+pub(super) fn files_of(pid: i32) -> Vec<String> {
+    let exe = PathBuf::from(format!("/proc/{pid}/exe"));
+    let name = fs::read_link(&exe).unwrap_or_default();
+    let script = script_of(pid).map(|path| (path.clone(), path));
+    let files = core::iter::once((name, exe)).chain(script);
+    let files = files.filter_map(|(name, path)| {
+        let print = fingerprint(&path).ok()?;
+        let name = name.file_name()?.to_string_lossy().into_owned();
+        Some(format!("{name} {print:016x}"))
+    });
+    files.collect()
+}
+
+/// The script of an interpreter: the first argument that is a file and looks like one.
+fn script_of(pid: i32) -> Option<PathBuf> {
+    let words = fs::read(format!("/proc/{pid}/cmdline")).ok()?;
+    let folder = PathBuf::from(format!("/proc/{pid}/cwd"));
+    let words = words.split(|&byte| byte == 0).skip(1);
+    let words = words.filter(|word| !word.is_empty() && !word.starts_with(b"-"));
+    let mut files = words
+        .map(|word| folder.join(String::from_utf8_lossy(word).as_ref()))
+        .filter(|path| path.is_file());
+    files.next().filter(|path| is_script(path))
+}
+
+fn is_script(path: &Path) -> bool {
+    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
+    SCRIPTS.iter().any(|known| ending == *known) || head_of(path).is_ok_and(|head| &head == b"#!")
+}
+
+fn head_of(path: &Path) -> io::Result<[u8; 2]> {
+    let mut head = [0; 2];
+    File::open(path)?.read_exact(&mut head)?;
+    Ok(head)
+}
+
+/// A fingerprint of a file's bytes and their number.
+fn fingerprint(path: &Path) -> io::Result<u64> {
+    let mut file = File::open(path)?.take(BYTES_MAX);
+    let mut buf = vec![0; PIECE];
+    let (mut print, mut all) = (FACTOR, 0_u64);
+    loop {
+        let mut len = 0;
+        while len < PIECE {
+            match file.read(&mut buf[len..])? {
+                0 => break,
+                more => len += more,
+            }
+        }
+        all += len as u64;
+        buf[len..].fill(0);
+        for word in buf[..len.next_multiple_of(8)].chunks_exact(8) {
+            let word = u64::from_le_bytes(word.try_into().unwrap_or_default());
+            print = (print ^ word).wrapping_mul(FACTOR).rotate_left(29);
+        }
+        if len < PIECE {
+            return Ok((print ^ all).wrapping_mul(FACTOR));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fingerprint_is_of_all_bytes() {
+        let folder = std::env::temp_dir().join(format!("hilrig-print-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a free name");
+        let path = folder.join("program");
+        let mut prints = Vec::new();
+        let long = vec![7; 2 * PIECE];
+        let mut changed = long.clone();
+        changed[PIECE + 9] ^= 1;
+        let all = [
+            &b""[..],
+            b"\0",
+            b"\0\0",
+            b"12345678",
+            b"123456780",
+            &long,
+            &changed,
+        ];
+        for bytes in all {
+            fs::write(&path, bytes).expect("ours");
+            prints.push(fingerprint(&path).expect("it is there"));
+            assert_eq!(
+                Some(&fingerprint(&path).expect("it is there")),
+                prints.last()
+            );
+        }
+        let count = prints.len();
+        prints.sort_unstable();
+        prints.dedup();
+        assert_eq!(prints.len(), count);
+        fs::remove_dir_all(&folder).expect("ours");
+    }
+
+    /// The test itself: its own executable, and no script.
+    #[test]
+    fn a_process_runs_its_executable() {
+        let own = std::process::id().cast_signed();
+        let files = files_of(own);
+        let exe = std::env::current_exe().expect("it runs");
+        let name = exe
+            .file_name()
+            .expect("a file")
+            .to_string_lossy()
+            .into_owned();
+        assert!(files.len() == 1 && files[0].starts_with(&name), "{files:?}");
+    }
+
+    #[test]
+    fn a_script_is_known_by_its_ending_or_its_first_line() {
+        let folder = std::env::temp_dir().join(format!("hilrig-script-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a free name");
+        for (name, text, expected) in [
+            ("a.py", "", true),
+            ("a.JAR", "", true),
+            ("a", "#!/bin/sh", true),
+            ("a.log", "# words", false),
+            ("b", "", false),
+        ] {
+            fs::write(folder.join(name), text).expect("ours");
+            assert_eq!(is_script(&folder.join(name)), expected, "{name}");
+        }
+        fs::remove_dir_all(&folder).expect("ours");
+    }
+}
