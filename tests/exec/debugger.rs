@@ -1,6 +1,7 @@
 //! `hilrig debug`: gdb stops a program, virtual time stands still, and the run does not change.
 
 mod languages;
+mod left;
 mod points;
 
 use core::time::Duration;
