@@ -177,8 +177,8 @@ fn a_case_that_does_not_fit_its_program_fails() {
     }
 }
 
-/// Words choose: a thread waits in a loop for one that sleeps 50 ms, or a child computes for seconds
-/// as the run ends.
+/// Words choose: a thread waits in a loop for one that sleeps 50 ms, or a child computes for
+/// seconds as the run ends.
 const FREE: &str = "\
 #include <fcntl.h>
 #include <pthread.h>

@@ -182,8 +182,8 @@ impl ClockPage {
         self.code() + SERVE
     }
 
-    /// Leads a thread that has met a fault there out of the code that answers calls: a buffer of its
-    /// call is none, or its stack has no room for that code. `None` if it stands elsewhere.
+    /// Leads a thread that has met a fault there out of the code that answers calls: a buffer of
+    /// its call is none, or its stack has no room for that code. `None` if it stands elsewhere.
     pub(super) fn gives_up(self, tid: Pid, registers: &mut user_regs_struct) -> Option<()> {
         let inside = registers.rip.wrapping_sub(self.code());
         if SERVED.contains(&inside) {
@@ -225,8 +225,8 @@ impl ClockPage {
         self.place <= address && address < self.data
     }
 
-    /// Lets the thread count time by itself, and read what `ports` bring, at most four. Fails if the
-    /// program has made the page read-only: then nothing is lent.
+    /// Lets the thread count time by itself, and read what `ports` bring, at most four. Fails if
+    /// the program has made the page read-only: then nothing is lent.
     pub(super) fn lend(self, tid: Pid, loan: Loan, ports: &[LentPort]) -> Result<(), Errno> {
         let ports = &ports[..ports.len().min(PORTS_MAX)];
         let words = [

@@ -77,9 +77,9 @@ impl Taken {
         self.looks == 0 && self.selects == 0 && self.counts == 0 && self.reads.is_empty()
     }
 
-    /// Keeps what the page says within what was lent: times between these two, in order, at most so
-    /// many calls for each turn, and bytes of `ports`. Returns whether it was: the program can write
-    /// to its page.
+    /// Keeps what the page says within what was lent: times between these two, in order, at most
+    /// so many calls for each turn, and bytes of `ports`. Returns whether it was: the program can
+    /// write to its page.
     pub(super) fn bound(&mut self, times: [Instant; 2], calls: u64, ports: &[LentPort]) -> bool {
         let before = self.clone();
         let [from, limit] = times;
