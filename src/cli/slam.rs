@@ -268,27 +268,11 @@ fn print(timing: &folder::Timing<'_>) {
     println!("processor time {cpu}; a scan {median:.0} us in the median, {longest:.0} us at most");
 }
 
-/// A larger doubt is printed.
-const DOUBT_MOST: f64 = 0.5;
-
 /// Prints where the map may be wrong.
 fn warn(result: &Survey, path: &Path) {
     let path = path.display();
-    let doubt = result.doubt.unwrap_or_default();
-    let parts = result.parts.unwrap_or_default();
-    if parts > 1 {
-        eprintln!(
-            "{path}: warning: the map has {parts} separate parts: the robot moved without usable \
-             scans, and no place of one part was recognised in another. The pose of one part \
-             relative to another is unknown. The column part of scans.csv names the part of each \
-             scan"
-        );
-    } else if doubt > DOUBT_MOST {
-        eprintln!(
-            "{path}: warning: no loop closure corrects {:.0} % of the path; there the map may be \
-             worse than the odometry",
-            100.0 * doubt
-        );
+    for warning in result.warnings() {
+        eprintln!("{path}: warning: {}", warning.words());
     }
     let farthest = result
         .jumps

@@ -3,7 +3,7 @@
 use emulators::world::Pose;
 use hilrig::slam::map::walls;
 use hilrig::slam::mapping::building::{Building, Pass};
-use hilrig::slam::mapping::motion::distance;
+use hilrig::slam::mapping::motion::{aligned_m, distance};
 use hilrig::slam::mapping::{Kind, Localiser, Mapper, Settings, Shot, WallPoint};
 
 /// The mapper after all scans of a building, and the true pose of each scan.
@@ -45,6 +45,12 @@ fn a_way_around_a_building_ends_where_it_began() {
         .iter()
         .filter(|edge| edge.kind == Kind::Loop);
     assert!(loops.count() > 10);
+    // The mapper states a bound that holds, and that is no excuse.
+    let accuracy = mapper.accuracy().expect("loops are closed, and the map has one part");
+    let (mean_m, bound_m) = (aligned_m(&truth, &mapper.way()), accuracy.bound_m);
+    assert!(mean_m <= bound_m && bound_m < 0.25, "{mean_m} {bound_m}");
+    assert!(!accuracy.may_be_worse_than_wheels());
+    assert_eq!(accuracy.covariances.len(), truth.len());
     let (again, _) = mapped(SEED, true);
     assert_eq!(mapper.way(), again.way());
     let (without, _) = mapped(SEED, false);

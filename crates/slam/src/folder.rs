@@ -12,6 +12,7 @@ use super::Log;
 use super::look::Jump;
 use super::map::pcd;
 use super::survey::Survey;
+use super::trust::Warning;
 use engine::picture::Picture;
 use show::folder::{Folder, FolderError};
 
@@ -42,6 +43,15 @@ pub struct Timing<'a> {
     /// Share of the path that only scan matching confirms, 0 to 1; 1 if the map has several parts.
     /// `null` if the mapper does not close loops, or the log has no odometry.
     pub doubt: Option<f64>,
+    /// 95 % bound of the mean distance between trajectory and truth after the best rigid alignment,
+    /// metres. `null` if the mapper does not close loops, or parts of the map were not joined or
+    /// joined at one place only.
+    pub error_m: Option<f64>,
+    /// Mean distance between the trajectory and that of the odometry alone after the best rigid
+    /// alignment, metres.
+    pub from_odometry_m: Option<f64>,
+    /// Reasons why the map may be wrong: `parts`, `joins`, `error`, `odometry`.
+    pub warnings: Vec<&'static str>,
     /// Number of keyframes.
     pub keyframes: usize,
     /// Number of scans of which less than half lies on known walls.
@@ -71,6 +81,12 @@ pub fn timing<'a>(mode: &'a str, log: &Log, survey: &'a Survey) -> Timing<'a> {
         dropped_loops: survey.dropped_loops,
         parts: survey.parts,
         doubt: survey.doubt,
+        error_m: survey.accuracy.as_ref().map(|known| known.bound_m),
+        from_odometry_m: survey
+            .accuracy
+            .as_ref()
+            .and_then(|known| known.from_wheels_m),
+        warnings: survey.warnings().into_iter().map(Warning::name).collect(),
         keyframes: survey.graph.poses.len(),
         poor: survey.poor(),
         cpu_s: survey.cpu.map(|cpu| cpu.as_secs_f64()),
@@ -198,10 +214,12 @@ fn g2o(graph: &Graph) -> String {
     out
 }
 
-/// The uncertainty of each scan's pose, and the part of the map that it belongs to.
+/// The uncertainty of each scan's pose, first relative to the recent walls, then to the whole map
+/// laid over the truth; and the part of the map that it belongs to.
 fn sureness(survey: &Survey) -> String {
     let head = "at_s,x_m,y_m,heading_rad,quality,sigma_x_m,sigma_y_m,sigma_heading_rad,doubtful,\
-                part\n";
+                part,map_sigma_x_m,map_sigma_y_m,map_sigma_heading_rad\n";
+    let known = survey.accuracy.as_ref();
     let mut out = String::from(head);
     for (scan, ((at_s, place), sure)) in survey.way.iter().zip(&survey.sureness).enumerate() {
         let part = survey.scan_parts.get(scan).map(usize::to_string);
@@ -210,7 +228,13 @@ fn sureness(survey: &Survey) -> String {
         let [sx, sy, st] = sure.deviation;
         let (quality, doubtful) = (sure.quality, u8::from(sure.is_doubtful));
         write!(out, "{at_s:.6},{x:.6},{y:.6},{theta:.6},{quality:.3},").expect(ENDLESS);
-        writeln!(out, "{sx:.4},{sy:.4},{st:.5},{doubtful},{part}").expect(ENDLESS);
+        write!(out, "{sx:.4},{sy:.4},{st:.5},{doubtful},{part},").expect(ENDLESS);
+        let whole = known.and_then(|known| known.covariances.get(scan));
+        let words = whole.map(|whole| {
+            let [x, y, t] = [0, 1, 2].map(|axis: usize| libm::sqrt(whole[axis][axis].max(0.0)));
+            format!("{x:.4},{y:.4},{t:.5}")
+        });
+        writeln!(out, "{}", words.as_deref().unwrap_or(",,")).expect(ENDLESS);
     }
     out
 }

@@ -19,6 +19,7 @@ pub mod motion;
 mod stamps;
 pub mod survey;
 pub mod tour;
+pub mod trust;
 pub mod tuning;
 pub mod wire;
 

@@ -33,7 +33,7 @@ pub use cloud::Cloud;
 pub use graph::{Edge, Graph, Kind};
 pub use matrix::Matrix;
 pub use sheet::{Sheet, UNKNOWN};
-pub use track::{Localiser, Mapper, Outcome, Settings, WallPoint};
+pub use track::{Accuracy, Localiser, Mapper, Outcome, Settings, WallPoint};
 
 /// One scan, and the motion to it.
 #[derive(Clone, Copy, Debug)]

@@ -2,7 +2,7 @@
 
 use core::time::Duration;
 
-use crate::mapping::{Graph, Kind, Sheet, WallPoint};
+use crate::mapping::{Accuracy, Graph, Kind, Sheet, WallPoint};
 use emulators::world::Pose as Place;
 use firmware_core::grid::{Grid, UNKNOWN};
 use firmware_core::pose::Pose;
@@ -79,6 +79,10 @@ pub struct Survey {
     /// Share of the path that only scan matching confirms, 0 to 1; 1 if the map has several parts.
     /// Only if the mapper closes loops and the log has odometry.
     pub doubt: Option<f64>,
+    /// Number of unknown motions across which only one place was recognised.
+    pub unsure_joins: usize,
+    /// The accuracy of the map, if the mapper states it.
+    pub accuracy: Option<Accuracy>,
     /// Number of scans outside the map.
     pub outside: usize,
     /// Scans for which the mapper's pose is far from the odometry.
@@ -189,6 +193,8 @@ impl Survey {
             parts: None,
             scan_parts: Vec::new(),
             doubt: None,
+            unsure_joins: 0,
+            accuracy: None,
             outside: 0,
             jumps: Vec::new(),
             sureness: Vec::new(),

@@ -52,6 +52,8 @@ pub fn tour(log: &Log, wish: &Wish, clock: &dyn Clock, look: &mut dyn FnMut(&Loo
         survey.scan_parts = mapper.scan_parts();
     }
     survey.doubt = mapper.doubt();
+    survey.unsure_joins = mapper.unsure_joins();
+    survey.accuracy = mapper.accuracy();
     survey.walls = mapper.walls();
     survey.graph = mapper.graph().clone();
     survey

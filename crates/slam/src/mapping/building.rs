@@ -1,16 +1,19 @@
 //! Generated buildings and paths through them: the input of a mapper, and the true poses. Corridors
 //! on a grid, rooms behind doorways, halls with pillars, niches, glass, furniture; odometry with
-//! small errors and occasional slips.
+//! small errors and occasional slips. On request with troubles: unseen motion, wheels in the air,
+//! people, featureless or repeated corridors, a strong bias, short ranges, few beams.
 
 mod plan;
 mod rays;
+mod trouble;
 
 use emulators::rng::Rng;
 use emulators::world::{Pose, wrap_angle};
 
 use crate::mapping::motion::{between, moved};
-use plan::Plan;
+use plan::{Plan, Style};
 use rays::Rays;
+use trouble::{People, Trouble};
 
 /// A wall, or a pane of glass.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,6 +46,8 @@ pub struct Building {
     pub sights: Vec<Sight>,
     /// Length of the path, metres.
     pub way_m: f64,
+    /// The troubles, each as a word; empty without.
+    pub troubles: Vec<&'static str>,
 }
 
 /// The pass through a building.
@@ -94,6 +99,23 @@ impl Robot {
         }
     }
 
+    /// A robot with a larger variety of lidars, and odometry with a strong bias.
+    fn troubled(rng: &mut Rng) -> Self {
+        let usual = Self::drawn(rng);
+        let beams = [36, 61, 91, 181, 360][usize::try_from(rng.below(5)).unwrap_or(0)];
+        let has_bias = rng.chance(0.3);
+        let bias = rng.range(0.02, 0.045);
+        let sign = if rng.chance(0.5) { 1.0 } else { -1.0 };
+        // From 4 m to 80 m, short ranges as frequent as long ones.
+        let farthest_m = 4.0 * libm::pow(20.0, rng.uniform());
+        Self {
+            beams,
+            farthest_m,
+            bias: if has_bias { sign * bias } else { usual.bias },
+            ..usual
+        }
+    }
+
     /// The odometry of a motion.
     fn wheels(&self, moved: Pose, rng: &mut Rng) -> Pose {
         let way = libm::hypot(moved.x, moved.y);
@@ -106,7 +128,7 @@ impl Robot {
         Pose::new(moved.x * part, moved.y * part, wrap_angle(turn))
     }
 
-    fn scan(&self, rays: &Rays, at: Pose, rng: &mut Rng) -> Vec<[f32; 2]> {
+    fn scan(&self, rays: &Rays, at: Pose, people: &[[f64; 2]], rng: &mut Rng) -> Vec<[f32; 2]> {
         let step = self.field / self.beams as f64;
         let mut ends = Vec::with_capacity(self.beams);
         for beam in 0..self.beams {
@@ -115,7 +137,7 @@ impl Robot {
             let noise = self.noise_m * rng.bell();
             let is_lost = rng.chance(self.lost);
             let range = rays.cast(at, at.theta + bearing, glass > GLASS_PASSES);
-            let range = range + noise;
+            let range = range.min(trouble::met(people, at, bearing)) + noise;
             if !is_lost && range < self.farthest_m && range > 0.05 {
                 #[expect(clippy::cast_possible_truncation, reason = "metres")]
                 ends.push([
@@ -147,9 +169,8 @@ impl Building {
     /// The same building, and another pass through it.
     pub fn passed(seed: u64, least_m: f64, pass: Pass) -> Self {
         let mut rng = Rng::stream(seed, "building.plan");
-        let mut plan = Plan::drawn(&mut rng, least_m);
+        let mut plan = Plan::drawn(&mut rng, least_m, Style::default());
         let robot = Robot::drawn(&mut Rng::stream(seed, "building.robot"));
-        let rays = Rays::new(&plan.walls);
         let noise = match pass {
             Pass::First => String::new(),
             Pass::Again(number) => format!(".again.{number}"),
@@ -158,23 +179,51 @@ impl Building {
         if pass == Pass::Back {
             plan.route.reverse();
         }
+        Self::seen(seed, &noise, plan, &robot, &Trouble::default())
+    }
+
+    /// A building with troubles: some of unseen motion, wheels in the air, people, featureless or
+    /// repeated corridors, strong bias, short ranges, few beams.
+    pub fn troubled(seed: u64) -> Self {
+        let mut rng = Rng::stream(seed, "building.trouble");
+        let robot = Robot::troubled(&mut rng);
+        let style = Style::drawn(seed, &mut rng);
+        let mut plan = Rng::stream(seed, "building.trouble.plan");
+        let plan = Plan::drawn(&mut plan, 0.0, style);
+        let trouble = Trouble::drawn(style, &mut rng);
+        Self::seen(seed, ".trouble", plan, &robot, &trouble)
+    }
+
+    /// The scans and the odometry of a robot that follows the route of a plan.
+    fn seen(seed: u64, noise: &str, plan: Plan, robot: &Robot, trouble: &Trouble) -> Self {
+        let rays = Rays::new(&plan.walls);
         let mut wheels = Rng::stream(seed, &format!("building.wheels{noise}"));
         let mut lidar = Rng::stream(seed, &format!("building.lidar{noise}"));
+        let mut people = People::new(seed, trouble);
         let mut sights: Vec<Sight> = Vec::new();
         let mut way_m = 0.0;
-        for truth in walked(&plan.route, robot.step_m) {
-            let by = sights.last().map(|last| between(last.truth, truth));
+        for step in walked(&plan.route, robot.step_m, &trouble.events) {
+            let truth = step.truth;
+            let by = sights.last().map(|last| match step.hidden {
+                None => between(last.truth, truth),
+                Some([unseen, _]) => between(moved(last.truth, unseen), truth),
+            });
             way_m += by.map_or(0.0, |by| libm::hypot(by.x, by.y));
+            let by = by.map_or(Pose::default(), |by| robot.wheels(by, &mut wheels));
             sights.push(Sight {
                 truth,
-                moved: by.map_or(Pose::default(), |by| robot.wheels(by, &mut wheels)),
-                ends: robot.scan(&rays, truth, &mut lidar),
+                moved: match step.hidden {
+                    None => by,
+                    Some([_, air]) => moved(by, air),
+                },
+                ends: robot.scan(&rays, truth, people.around(truth), &mut lidar),
             });
         }
         Self {
             walls: plan.walls,
             sights,
             way_m,
+            troubles: trouble.words.clone(),
         }
     }
 }
@@ -185,16 +234,26 @@ const TURN_MOST: f64 = 0.9;
 /// Step length, metres.
 const STRIDE_M: f64 = 0.1;
 
-/// Poses along a route, one step apart.
-fn walked(route: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
+/// A pose along a route.
+struct Step {
+    truth: Pose,
+    /// The motion since the previous pose that the odometry misses, and the one that it reports
+    /// while the robot stands.
+    hidden: Option<[Pose; 2]>,
+}
+
+/// Poses along a route, one step apart, and one more after each event.
+fn walked(route: &[[f64; 2]], step_m: f64, events: &[trouble::Event]) -> Vec<Step> {
     let [Some(first), Some(second)] = [route.first(), route.get(1)] else {
         return Vec::new();
     };
     let towards = |from: Pose, to: &[f64; 2]| libm::atan2(to[1] - from.y, to[0] - from.x);
     let mut pose = Pose::new(first[0], first[1], 0.0);
     pose.theta = towards(pose, second);
-    let mut poses = vec![pose];
-    let mut since = 0.0;
+    let step = |truth, hidden| Step { truth, hidden };
+    let mut poses = vec![step(pose, None)];
+    let (mut since, mut way_m) = (0.0, 0.0);
+    let mut events = events.iter().peekable();
     for target in &route[1..] {
         for _ in 0..100_000 {
             let far = libm::hypot(target[0] - pose.x, target[1] - pose.y);
@@ -207,9 +266,15 @@ fn walked(route: &[[f64; 2]], step_m: f64) -> Vec<Pose> {
             let stride = if off.abs() > 0.8 { 0.0 } else { STRIDE_M };
             pose = moved(pose, Pose::new(stride, 0.0, turn));
             since += stride + 0.5 * turn.abs();
+            way_m += stride;
             if since >= step_m {
                 since = 0.0;
-                poses.push(pose);
+                poses.push(step(pose, None));
+                if let Some(event) = events.next_if(|event| event.at_m <= way_m) {
+                    let hidden = event.hidden(pose, *target);
+                    pose = moved(pose, hidden[0]);
+                    poses.push(step(pose, Some(hidden)));
+                }
             }
         }
     }

@@ -1,6 +1,8 @@
 //! A pose graph and its optimisation: Gauss-Newton steps (Grisetti et al. 2010), loops with a
 //! robust kernel (Agarwal et al. 2013).
 
+mod samples;
+
 use core::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap};
 
@@ -9,6 +11,7 @@ use emulators::world::{Pose, wrap_angle};
 use crate::mapping::matrix::{Matrix, applied, diagonal, product, scaled, transposed, weighed};
 use crate::mapping::motion::{between, moved};
 use crate::mapping::sparse::{Plan, System};
+pub(crate) use samples::Errors;
 
 /// The source of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +59,9 @@ const LOOP_FREE: f64 = 12.0;
 const WHEELS_FREE: f64 = 6.0;
 /// Information that fixes the first pose.
 const HELD: f64 = 1e12;
+/// Maximum change of a pose in a step, metres or radians: a larger one, or none, is a system that
+/// rounding has made singular.
+const STEP_MOST: f64 = 1e4;
 
 impl Graph {
     /// Adds a pose; returns its index.
@@ -106,6 +112,10 @@ impl Graph {
             let Some(by) = self.system(&part, &plan, kernel).solve() else {
                 break;
             };
+            let is_sound = by.iter().flatten().all(|by| by.abs() < STEP_MOST);
+            if !is_sound {
+                break;
+            }
             let mut most = 0.0_f64;
             for (pose, by) in poses.iter().zip(&by) {
                 most = most.max(by[0].abs()).max(by[1].abs()).max(by[2].abs());

@@ -103,7 +103,14 @@ impl<'a> System<'a> {
 
     /// The solution, node by node; `None` if the matrix is singular.
     pub(crate) fn solve(mut self) -> Option<Vec<[f64; 3]>> {
+        let right = core::mem::take(&mut self.right);
+        Some(self.factored()?.solve(right))
+    }
+
+    /// The factors of the matrix, for several right sides; `None` if the matrix is singular.
+    pub(crate) fn factored(mut self) -> Option<Factored<'a>> {
         let count = self.diagonal.len();
+        let mut inverses = Vec::with_capacity(count);
         for k in 0..count {
             let inverted = inverse(&self.diagonal[k])?;
             let lower: Vec<Matrix> = self.below[k]
@@ -111,21 +118,14 @@ impl<'a> System<'a> {
                 .map(|a| product(a, &inverted))
                 .collect();
             self.eliminate(k, &lower);
-            for (row, factor) in self.plan.columns[k].iter().zip(&lower) {
-                let by = applied(factor, self.right[k]);
-                (0..3).for_each(|axis| self.right[*row][axis] -= by[axis]);
-            }
-            self.right[k] = applied(&inverted, self.right[k]);
             self.below[k] = lower;
+            inverses.push(inverted);
         }
-        for k in (0..count).rev() {
-            for (row, factor) in self.plan.columns[k].iter().zip(&self.below[k]) {
-                let by = applied(&transposed(factor), self.right[*row]);
-                (0..3).for_each(|axis| self.right[k][axis] -= by[axis]);
-            }
-        }
-        let place = &self.plan.place;
-        Some(place.iter().map(|place| self.right[*place]).collect())
+        Some(Factored {
+            plan: self.plan,
+            inverses,
+            below: self.below,
+        })
     }
 
     /// Eliminates column `k` from the columns in which it has rows.
@@ -144,6 +144,48 @@ impl<'a> System<'a> {
                 subtract(&mut self.below[*column][at], &product(&lower[i], &across));
             }
         }
+    }
+}
+
+/// The factors of a matrix.
+#[derive(Clone, Debug)]
+pub(crate) struct Factored<'a> {
+    plan: &'a Plan,
+    /// Inverses of the diagonal blocks, and the blocks below the diagonal.
+    inverses: Vec<Matrix>,
+    below: Vec<Vec<Matrix>>,
+}
+
+impl Factored<'_> {
+    /// A right side of zeros.
+    pub(crate) fn right(&self) -> Vec<[f64; 3]> {
+        vec![[0.0; 3]; self.inverses.len()]
+    }
+
+    /// Adds to a right side at a node.
+    pub(crate) fn add_right(&self, right: &mut [[f64; 3]], row: usize, by: [f64; 3]) {
+        let right = &mut right[self.plan.place[row]];
+        (0..3).for_each(|axis| right[axis] += by[axis]);
+    }
+
+    /// The solution for a right side in elimination order, node by node.
+    pub(crate) fn solve(&self, mut right: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+        let count = self.inverses.len();
+        for k in 0..count {
+            for (row, factor) in self.plan.columns[k].iter().zip(&self.below[k]) {
+                let by = applied(factor, right[k]);
+                (0..3).for_each(|axis| right[*row][axis] -= by[axis]);
+            }
+            right[k] = applied(&self.inverses[k], right[k]);
+        }
+        for k in (0..count).rev() {
+            for (row, factor) in self.plan.columns[k].iter().zip(&self.below[k]) {
+                let by = applied(&transposed(factor), right[*row]);
+                (0..3).for_each(|axis| right[k][axis] -= by[axis]);
+            }
+        }
+        let place = &self.plan.place;
+        place.iter().map(|place| right[*place]).collect()
     }
 }
 

@@ -1,5 +1,6 @@
 //! Tracking: each scan is aligned with the recent walls.
 
+mod accuracy;
 mod closing;
 mod localise;
 mod lost;
@@ -17,6 +18,7 @@ use crate::mapping::matrix::{Matrix, diagonal, inverse, sum, turned};
 use crate::mapping::motion::{between, distance, moved};
 use crate::mapping::sheet::Sheet;
 use crate::mapping::surfels::{Surfels, some_of};
+pub use accuracy::Accuracy;
 use closing::Closing;
 pub use localise::{Localiser, WallPoint};
 use lost::Lost;
@@ -163,6 +165,8 @@ impl Mapper {
     pub fn take(&mut self, shot: &Shot<'_>) -> Outcome {
         let cloud = Cloud::new(shot.ends);
         if self.keyframes.is_empty() {
+            // The path begins with the first scan, whatever the earlier odometry was.
+            self.by_wheels.go(Pose::default());
             self.keep(cloud, 1.0, None);
             return self.outcome(1.0, diagonal([1e-6; 3]));
         }
@@ -447,14 +451,6 @@ impl Mapper {
     /// Number of loop closures that were removed because all other data contradicted them.
     pub const fn dropped_loops(&self) -> usize {
         self.closing.dropped
-    }
-
-    /// The scan number of each keyframe.
-    pub fn scans(&self) -> Vec<usize> {
-        self.keyframes
-            .iter()
-            .map(|keyframe| keyframe.scan)
-            .collect()
     }
 
     /// The graph of keyframes.

@@ -8,6 +8,34 @@ use super::Wall;
 pub(super) struct Plan {
     pub(super) walls: Vec<Wall>,
     pub(super) route: Vec<[f64; 2]>,
+    style: Style,
+}
+
+/// The look of corridors.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Style {
+    /// Whether most walls have no features.
+    pub(super) is_plain: bool,
+    /// Seed of the walls of every corridor, if all are alike.
+    pub(super) alike: Option<u64>,
+}
+
+/// Shares of buildings with these looks.
+const PLAIN: f64 = 0.25;
+const ALIKE: f64 = 0.2;
+/// Length of a wall without features, metres.
+const PLAIN_M: [f64; 2] = [12.0, 50.0];
+
+impl Style {
+    /// Draws a look.
+    pub(super) fn drawn(seed: u64, rng: &mut Rng) -> Self {
+        let is_plain = rng.chance(PLAIN);
+        let are_alike = rng.chance(ALIKE);
+        Self {
+            is_plain,
+            alike: are_alike.then_some(seed),
+        }
+    }
 }
 
 /// Minimum and maximum length of a building's longer side, metres.
@@ -15,18 +43,20 @@ const SIZE_M: [f64; 2] = [30.0, 300.0];
 
 impl Plan {
     /// Generates a plan with a route of at least `least_m` metres.
-    pub(super) fn drawn(rng: &mut Rng, least_m: f64) -> Self {
+    pub(super) fn drawn(rng: &mut Rng, least_m: f64, style: Style) -> Self {
         // Small buildings are as frequent as large ones.
         let size = SIZE_M[0] * libm::pow(SIZE_M[1] / SIZE_M[0], rng.uniform());
         let columns = 1 + rng.below(if size > 80.0 { 4 } else { 2 });
         let rows = 1 + rng.below(if size > 80.0 { 3 } else { 2 });
         let wide = rng.range(1.7, 3.5);
-        let xs = axis(columns, size, wide, rng);
+        let are_alike = style.alike.is_some();
+        let xs = axis(columns, size, wide, are_alike, rng);
         let side = size * rng.range(0.4, 1.0);
-        let ys = axis(rows, side, wide, rng);
+        let ys = axis(rows, side, wide, are_alike, rng);
         let mut plan = Self {
             walls: Vec::new(),
             route: route(&xs, &ys, least_m, rng),
+            style,
         };
         plan.outer(&xs, &ys, wide, rng);
         for x in xs.windows(2) {
@@ -117,10 +147,27 @@ impl Plan {
     fn side(&mut self, from: [f64; 2], to: [f64; 2], away: [f64; 2], rng: &mut Rng) {
         let length = libm::hypot(to[0] - from[0], to[1] - from[1]);
         let along = [(to[0] - from[0]) / length, (to[1] - from[1]) / length];
+        let mut alike = self
+            .style
+            .alike
+            .map(|seed| Rng::stream(seed, "building.alike"));
+        let rng = alike.as_mut().unwrap_or(rng);
         let mut at = 0.0;
         while at < length {
-            let end = (at + rng.range(1.5, 6.0)).min(length);
-            let kind = rng.below(10);
+            let lengths = if self.style.is_plain {
+                PLAIN_M
+            } else {
+                [1.5, 6.0]
+            };
+            let end = (at + rng.range(lengths[0], lengths[1])).min(length);
+            let mut kind = rng.below(10);
+            if self.style.is_plain {
+                // A plain wall has a door frame or a cupboard now and then.
+                let to = (end - 2.0).max(at);
+                self.wall(piece_of(from, along, at), piece_of(from, along, to), false);
+                at = to;
+                kind = if kind < 3 { kind } else { 9 };
+            }
             let piece = Piece {
                 from,
                 along,
@@ -201,6 +248,11 @@ impl Plan {
     }
 }
 
+/// A point on one side of a corridor.
+fn piece_of(from: [f64; 2], along: [f64; 2], on: f64) -> [f64; 2] {
+    [from[0] + on * along[0], from[1] + on * along[1]]
+}
+
 /// A part of one side of a corridor.
 struct Piece {
     from: [f64; 2],
@@ -220,8 +272,11 @@ impl Piece {
 }
 
 /// The centre lines of corridors.
-fn axis(blocks: u64, size: f64, wide: f64, rng: &mut Rng) -> Vec<f64> {
-    let parts: Vec<f64> = (0..blocks).map(|_| rng.range(0.6, 1.6)).collect();
+fn axis(blocks: u64, size: f64, wide: f64, are_alike: bool, rng: &mut Rng) -> Vec<f64> {
+    let parts: Vec<f64> = (0..blocks)
+        .map(|_| rng.range(0.6, 1.6))
+        .map(|part| if are_alike { 1.0 } else { part })
+        .collect();
     let sum: f64 = parts.iter().sum();
     let mut at = 0.0;
     let mut all = vec![0.0];

@@ -7,7 +7,7 @@ use super::Wall;
 /// Edge of a square, metres.
 const SQUARE_M: f64 = 2.0;
 /// Maximum length of a beam, metres.
-const FARTHEST_M: f64 = 60.0;
+const FARTHEST_M: f64 = 100.0;
 
 /// Walls by square.
 pub(super) struct Rays<'a> {

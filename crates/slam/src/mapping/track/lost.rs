@@ -11,7 +11,7 @@ use crate::mapping::cloud::{Cloud, Frame, Spot};
 use crate::mapping::free::Free;
 use crate::mapping::graph::{Edge, Kind};
 use crate::mapping::keyframe::Keyframe;
-use crate::mapping::matrix::diagonal;
+use crate::mapping::matrix::{Matrix, diagonal};
 use crate::mapping::motion::{between, distance, moved};
 
 /// State of a lost robot.
@@ -44,10 +44,15 @@ struct Tour {
 /// cross. The first limit is for scans of which less than half lies on walls, the second for scans
 /// that fit much less than usual.
 const CONTRADICTED: [f64; 2] = [0.25, 0.4];
+/// A smaller contradiction counts if it is above the first value, as moving people are below it,
+/// and outweighs the share on walls by the second: little of the scan can be compared at all, and
+/// most of that contradicts the walls.
+const OUTWEIGHS: [f64; 2] = [0.1, 2.0];
 /// Path length that replaces an unknown motion, metres: all keyframes before it count as old.
 const UNKNOWN_M: f64 = 40.0;
-/// Information of an unknown motion.
-const UNKNOWN: f64 = 1e-6;
+/// Deviations of an unknown motion, metres and radians. Much larger ones, with the lever of a long
+/// path, are lost in the rounding of the equations.
+const UNKNOWN: [f64; 2] = [100.0, 3.0];
 /// Spacing of searched places along the path, and radius of the search around each, metres.
 const APART_M: f64 = 4.0;
 const AROUND_M: f64 = 4.0;
@@ -56,11 +61,19 @@ const AROUND_M: f64 = 4.0;
 const SHORT_M: f64 = PLACE_M;
 /// Path length between the two sights of a place, metres.
 const AGAIN_M: f64 = 2.0;
+/// Path length between the first and the last place that confirm a join, metres.
+const CONFIRMED_M: f64 = 2.0 * PLACE_M;
 /// Places searched at a keyframe.
 const PLACES: usize = 2;
 /// Share of a scan on the walls of a recognised place, and highest relative score of any other.
 const EXPLAINED: f64 = 0.6;
 const RIVAL: f64 = 0.85;
+
+/// Information of an unknown motion.
+fn unknown() -> Matrix {
+    let [metres, radians] = UNKNOWN.map(|deviation| 1.0 / (deviation * deviation));
+    diagonal([metres, metres, radians])
+}
 
 impl Mapper {
     /// Contradiction between a scan and the recent walls: the share of its ends in free space plus
@@ -93,9 +106,11 @@ impl Mapper {
         };
         let is_poor = placed.fit.explained < self.least();
         let is_second = !self.lost.held.is_empty();
+        let explained = placed.fit.explained;
+        let is_denied = |by: f64| by > limit || by > OUTWEIGHS[0] && by > OUTWEIGHS[1] * explained;
         let is_lost = self.settings.closes_loops
             && !cloud.spots().is_empty()
-            && (is_second && placed.has_slipped || is_poor && self.contradiction(cloud) > limit);
+            && (is_second && placed.has_slipped || is_poor && is_denied(self.contradiction(cloud)));
         if !is_lost {
             self.lost.held.clear();
             return false;
@@ -139,7 +154,7 @@ impl Mapper {
             from: before,
             to: number,
             way: between(self.graph.poses[before], self.pose),
-            information: diagonal([UNKNOWN; 3]),
+            information: unknown(),
             kind: Kind::Unknown,
         });
         self.at = number;
@@ -159,6 +174,14 @@ impl Mapper {
     fn count_parts(&self) -> usize {
         let joined = self.graph.joined().into_iter().enumerate();
         joined.filter(|(pose, lowest)| pose == lowest).count()
+    }
+
+    /// The scan number of each keyframe.
+    pub fn scans(&self) -> Vec<usize> {
+        self.keyframes
+            .iter()
+            .map(|keyframe| keyframe.scan)
+            .collect()
     }
 
     /// Part of the map of each scan, from 1.
@@ -186,10 +209,36 @@ impl Mapper {
         self.lost.is_open = self.count_parts() > 1;
     }
 
+    /// Number of unknown motions across which only one place was recognised. A wrong place is
+    /// recognised as well as the right one, but no second place confirms it.
+    pub fn unsure_joins(&self) -> usize {
+        let loops = || {
+            let edges = self.graph.edges.iter();
+            edges.filter(|edge| edge.kind == Kind::Loop)
+        };
+        let is_unsure = |motion: &&Edge| {
+            let across = loops()
+                .map(|edge| [edge.from.min(edge.to), edge.from.max(edge.to)])
+                .filter(|[old, new]| *old < motion.to && *new >= motion.to)
+                .map(|[_, new]| self.keyframes[new].path_m);
+            let span = across.fold([f64::MAX, f64::MIN], |[least, most], path_m| {
+                [least.min(path_m), most.max(path_m)]
+            });
+            // Without any loop, the parts are not joined at all.
+            (0.0..CONFIRMED_M).contains(&(span[1] - span[0]))
+        };
+        let motions = self.graph.edges.iter();
+        motions
+            .filter(|edge| edge.kind == Kind::Unknown)
+            .filter(is_unsure)
+            .count()
+    }
+
     /// Share of the path that no loop closure confirms, 0 to 1. 1 if parts of the map were not
-    /// joined; `None` if the mapper does not close loops, or the wheels measured no path.
+    /// joined, or joined at one place only; `None` if the mapper does not close loops, or the
+    /// wheels measured no path.
     pub fn doubt(&self) -> Option<f64> {
-        if self.parts()? > 1 {
+        if self.parts()? > 1 || self.unsure_joins() > 0 {
             return Some(1.0);
         }
         let whole = self.keyframes.last().map_or(0.0, |key| key.wheels_m);
@@ -201,7 +250,8 @@ impl Mapper {
         let open = steps
             .filter(|(_, looped)| !**looped)
             .map(|(keys, _)| keys[1].wheels_m - keys[0].wheels_m);
-        Some(open.sum::<f64>() / whole)
+        // The sum of nothing is a negative zero.
+        Some(open.sum::<f64>().max(0.0) / whole)
     }
 
     /// Searches for the newest part in all others. Returns whether it was joined.
@@ -560,7 +610,7 @@ mod tests {
     #[test]
     fn a_robot_turned_unseen_is_found_again_or_the_map_has_two_parts() {
         let mut joined = 0;
-        let all = [(1, 180.0), (1, 80.0), (2, -135.0)];
+        let all = [(5, 80.0), (1, 180.0), (1, 80.0), (2, -135.0)];
         let cases = if is_thorough() { &all[..] } else { &all[..1] };
         for &(seed, degrees) in cases {
             let building = Building::generate(seed);
@@ -591,6 +641,38 @@ mod tests {
             assert_eq!(mapper.scan_parts()[last], 2);
         }
         assert!(3 * joined >= 2 * cases.len(), "{joined} joined");
+    }
+
+    /// Two long parts and an unknown motion between them: the equations determine the pose of the
+    /// second part hardly, and rounding must not move it far.
+    #[test]
+    fn a_part_that_nothing_joins_stays_where_it_was() {
+        let mut mapper = Mapper::new(Settings::default());
+        let by = Pose::new(1.0, 0.0, 0.001);
+        for number in 0..600 {
+            let pose = Pose::new(f64::from(number), 0.0, 0.0);
+            let to = mapper.graph.add_pose(pose);
+            if to == 0 {
+                continue;
+            }
+            let is_known = to != 300;
+            mapper.graph.add_edge(Edge {
+                from: to - 1,
+                to,
+                way: by,
+                information: if is_known {
+                    diagonal([4e4, 4e4, 1e6])
+                } else {
+                    unknown()
+                },
+                kind: if is_known { Kind::Way } else { Kind::Unknown },
+            });
+        }
+        mapper.graph.optimise(10);
+        for pair in mapper.graph.poses.windows(2) {
+            let step = between(pair[0], pair[1]);
+            assert!(distance(step, by) < 0.01, "{step:?}");
+        }
     }
 
     /// A robot is carried from one building into another: no place is recognised, so the map has

@@ -8,9 +8,11 @@ use crate::mapping::graph::{Edge, Kind};
 use crate::mapping::motion::{between, distance, moved};
 
 /// Odometry without scan matching.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ByWheels {
     pose: Pose,
+    /// The pose at each scan.
+    pub(super) way: Vec<Pose>,
     /// Sum of all turns, radians, and of all distances, metres.
     pub(super) turned: f64,
     pub(super) way_m: f64,
@@ -24,6 +26,7 @@ impl ByWheels {
         self.pose = moved(self.pose, by);
         self.turned += by.theta;
         self.way_m += libm::hypot(by.x, by.y);
+        self.way.push(self.pose);
     }
 
     /// Sets the pose of the robot to `from`, relative to a keyframe.
@@ -224,6 +227,17 @@ mod tests {
             assert_eq!(mapper.looped()[..4], [looped; 4], "{kind:?}");
             let doubt = if looped { 0.0 } else { 1.0 };
             assert_eq!((mapper.parts(), mapper.doubt()), (Some(1), Some(doubt)));
+            assert_eq!(mapper.unsure_joins(), usize::from(!looped));
+            // A second place, 37 m from the first, confirms the join.
+            mapper.keyframes[4].path_m = 40.0;
+            mapper.graph.add_edge(Edge {
+                from: 1,
+                to: 3,
+                way: Pose::default(),
+                information: diagonal([1.0; 3]),
+                kind: Kind::Loop,
+            });
+            assert_eq!(mapper.unsure_joins(), 0);
         }
     }
 }
