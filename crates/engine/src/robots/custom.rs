@@ -242,11 +242,14 @@ impl Instruments for CustomInstruments {
     fn panels(&self, rig: &Rig) -> Vec<Panel> {
         let panel = |(name, spec): (&String, &DeviceSpec)| {
             let rows = spec.rows(rig, name).into_iter();
-            let rows = rows.map(|row| PanelRow {
-                name: row.name.into(),
-                address: row.address,
-                value: row.value.to_string(),
-                unit: "".into(),
+            let rows = rows.map(|row| {
+                let (value, unit) = row.value_and_unit();
+                PanelRow {
+                    name: row.name.into(),
+                    address: row.address,
+                    value,
+                    unit: unit.into(),
+                }
             });
             Panel {
                 name: name.clone(),

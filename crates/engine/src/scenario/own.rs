@@ -307,10 +307,9 @@ impl RegistersSpec {
         let device = rig.device::<Registers>(name);
         let values = device.map(|device| device.values(rig.now(), &rig.world));
         let rows = self.register.iter().zip(values.unwrap_or_default());
-        let row = |(spec, value): (&Spanned<RegisterSpec>, i64)| ValueRow {
-            address: Some(spec.get_ref().address.into()),
-            name: spec.get_ref().name.clone(),
-            value,
+        let row = |(spec, value): (&Spanned<RegisterSpec>, i64)| {
+            let spec = spec.get_ref();
+            ValueRow::new(Some(spec.address.into()), &*spec.name, value)
         };
         rows.map(row).collect()
     }

@@ -57,19 +57,15 @@ impl DeviceKind for DescriptionKind {
         let values = device.map(|device| device.values(rig.now(), &rig.world));
         let rows = values.unwrap_or_default().into_iter();
         let rows = rows.filter_map(|(address, name, value, words)| {
-            let value = match &value {
-                Value::Text(_) | Value::Bytes(_) | Value::List(_) | Value::Record(_) => None,
-                number => number.as_int().and_then(|int| i64::try_from(int).ok()),
+            let whole = match &value {
+                Value::Bytes(_) | Value::List(_) | Value::Record(_) => return None,
+                Value::Text(_) => 0,
+                number => number.as_int().and_then(|int| i64::try_from(int).ok())?,
             };
-            // A row holds whole numbers; the text beside the name gives a fraction.
-            let name = match words.parse::<i64>() {
-                Ok(_) => name,
-                Err(_) => format!("{name} ({words})"),
-            };
+            let is_plain = words.parse::<i64>().is_ok() && !matches!(value, Value::Text(_));
             Some(ValueRow {
-                address,
-                name,
-                value: value?,
+                shown: (!is_plain).then_some(words),
+                ..ValueRow::new(address, name, whole)
             })
         });
         rows.collect()

@@ -236,6 +236,31 @@ pub struct ValueRow {
     pub name: String,
     /// Its current value.
     pub value: i64,
+    /// The value as text with its unit, if it is not a plain whole number.
+    pub shown: Option<String>,
+}
+
+impl ValueRow {
+    /// A row of a whole number.
+    pub fn new(address: Option<u32>, name: impl Into<String>, value: i64) -> Self {
+        Self {
+            address,
+            name: name.into(),
+            value,
+            shown: None,
+        }
+    }
+
+    /// The value as text, and its unit: `230.4` and `V`.
+    pub fn value_and_unit(&self) -> (String, String) {
+        let Some(shown) = &self.shown else {
+            return (self.value.to_string(), String::new());
+        };
+        match shown.split_once(' ') {
+            Some((value, unit)) if value.parse::<f64>().is_ok() => (value.into(), unit.into()),
+            _ => (shown.clone(), String::new()),
+        }
+    }
 }
 
 /// A value of a device, for conditions.

@@ -58,15 +58,9 @@ pub(super) fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
             reason = "compared with what it came from"
         )]
         let is_whole = (whole as f64 - value).abs() < 1e-9;
-        // A row holds whole numbers; the text beside the name gives a fraction.
-        let name = match is_whole {
-            true => name.to_owned(),
-            false => format!("{name} ({value})"),
-        };
         ValueRow {
-            address: None,
-            name,
-            value: whole,
+            shown: (!is_whole).then(|| value.to_string()),
+            ..ValueRow::new(None, name, whole)
         }
     };
     outputs.map(row).collect()

@@ -9,8 +9,7 @@ use schemars::{Schema, SchemaGenerator};
 use toml::de::ValueDeserializer;
 
 use super::{
-    BuildContext, Built, DeviceKind, DeviceValue, Drives, PortInfo, Settings, ValueRow,
-    read_settings, schema_of,
+    BuildContext, Built, DeviceKind, Drives, PortInfo, Settings, ValueRow, read_settings, schema_of,
 };
 use crate::rig::{AnyDevice, Rig};
 use crate::scenario::{Operand, ScenarioError, TextSpec};
@@ -59,7 +58,7 @@ impl DeviceKind for TextKind {
         read_settings::<TextSpec>(settings)
     }
 
-    fn values(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<DeviceValue> {
+    fn rows(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {
         let settings: &dyn Any = settings;
         let device = rig.device::<Text>(name);
         let Some((spec, device)) = settings.downcast_ref::<TextSpec>().zip(device) else {
@@ -67,12 +66,9 @@ impl DeviceKind for TextKind {
         };
         let values = device.values(rig.now(), &rig.world);
         let names = spec.variable.iter().map(|one| one.get_ref().name.clone());
-        let rows = names.zip(values).map(|(name, value)| ValueRow {
-            address: None,
-            name,
-            value,
-        });
-        rows.map(DeviceValue::from).collect()
+        let rows = names.zip(values);
+        rows.map(|(name, value)| ValueRow::new(None, name, value))
+            .collect()
     }
 
     fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {

@@ -202,11 +202,7 @@ fn range_sensors(
 }
 
 fn rows(board: &WheelBoard) -> Vec<ValueRow> {
-    let row = |name: String, value: i64| ValueRow {
-        address: None,
-        name,
-        value,
-    };
+    let row = |name: String, value: i64| ValueRow::new(None, name, value);
     let outputs = board.outputs();
     let [left, right] = board.counters().map(i64::from);
     let fixed = [
