@@ -2,7 +2,7 @@
 # Page, report and campaign.html in a real browser: each function at three sizes, light and dark,
 # judged by axe-core; with --pictures the pictures of the docs are made anew.
 #
-# usage: bash tests/browser/run.sh [--pictures]
+# usage: bash tests/browser/run.sh [--pictures] [rescue] [yellow] [apollo13] [custom] [devices]
 #
 # Needs chromium, chromedriver, node and npm, and hilrig ($HILRIG, or target/debug/hilrig). Takes a
 # minute: by hand, not in tests/run.sh, whose page tests cover the functions at one size.

@@ -46,6 +46,7 @@ pub mod score;
 mod steps;
 mod victims;
 pub mod watch;
+pub mod wire_log;
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -54,12 +55,14 @@ use std::sync::Arc;
 use emulators::world::{Contact, Pose};
 use protocols::Instant;
 
+use crate::Shared;
 use crate::rig::fault::FaultId;
 use crate::rig::{Paced, Rig};
 use crate::robots::{self, Dut, Instruments, KeptMap, PcEnd, Wired};
 use crate::run::check::{Check, Checker};
 use crate::run::history::History;
 use crate::run::mission::Progress;
+pub use crate::run::mission::Visit;
 use crate::run::score::{PoseError, PosePair, WallOverlap};
 use crate::run::watch::Watchers;
 use crate::scenario::world::PushSpec;
@@ -76,6 +79,7 @@ pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
 pub use outcome::{Outcome, unobserved};
 use steps::Steps;
+use wire_log::{Logging, WireLog};
 
 pub use crate::scenario::LOOK_EVERY;
 /// Number of checker updates between two kept points of the true path.
@@ -105,6 +109,8 @@ pub struct Run {
     truth: Vec<(Instant, Pose)>,
     pairs: Vec<PosePair>,
     history: History,
+    /// Bytes on the wires, without a robot.
+    wire_log: Option<Shared<WireLog>>,
     contacts: Contacts,
     /// Steps of the mission that wait for a condition, and steps added during the run.
     steps: Steps,
@@ -151,6 +157,7 @@ impl Run {
         pushes.sort_by_key(|push| push.at);
         let instruments: Arc<dyn Instruments> = Arc::from(instruments);
         let watchers = Watchers::of(&scenario, &mut rig, &instruments);
+        let wire_log = Logging::begin(&mut rig, &*instruments);
         let mut run = Self {
             rig,
             instruments,
@@ -166,6 +173,7 @@ impl Run {
             truth: Vec::new(),
             pairs: Vec::new(),
             history: History::new(scenario.duration.0),
+            wire_log,
             contacts: Contacts::default(),
             steps: Steps::take_from(&mut scenario.mission),
             line_watches: None,
@@ -412,6 +420,7 @@ impl Run {
             collided_at: self.contacts.first_in_earnest(),
             trace_hash: self.rig.trace_hash(),
             history: self.history,
+            wire_log: self.wire_log.map(|log| log.lock().clone()),
             truth: self.truth,
             pairs: self.pairs,
         }

@@ -9,7 +9,7 @@ use core::fmt::{self, Write as _};
 use emulators::world::Pose;
 use protocols::Instant;
 
-use super::report::failed_at;
+use super::report::{failed_at, last_exchanges};
 use super::view::{Outline, millimetres};
 use engine::run::Outcome;
 
@@ -21,10 +21,14 @@ const MARGIN: f64 = 0.03;
 const DOT: f64 = 0.012;
 
 /// Picture of the first failed check that names its time; otherwise of the end of `outcome`.
+/// Without a robot, a table of the last requests and replies.
 pub fn of_failure(outcome: &Outcome) -> String {
     let mut out = String::new();
     let end = outcome.ran.as_secs_f64();
     let at = failed_at(outcome).unwrap_or(end).clamp(0.0, end);
+    if !outcome.has_body {
+        return last_exchanges(outcome, at);
+    }
     write_moment(outcome, at, &mut out).expect("a string takes everything");
     out
 }
@@ -64,7 +68,7 @@ fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
     write!(
         out,
         "<figure class=\"moment\"><svg viewBox=\"{x} {y} {width} {height}\" role=\"img\" \
-         aria-label=\"the world {at:.1} s after the start, with the true and the believed robot\">\
+         aria-label=\"the world {at:.1} s after the start, with the true and the estimated pose\">\
          <g transform=\"scale(1 -1)\"><g class=\"shape\">"
     )?;
     for shape in &outcome.scene.shapes {
@@ -82,8 +86,8 @@ fn write_moment(outcome: &Outcome, at: f64, out: &mut String) -> fmt::Result {
     write_robot("belief", believed, at, &outcome.footprint, out)?;
     write!(
         out,
-        "</g></svg><figcaption>{at:.1} s after the start: the true robot and its path solid, the \
-         believed ones dashed</figcaption></figure>"
+        "</g></svg><figcaption>{at:.1} s after the start: true pose and path solid, estimated \
+         ones dashed</figcaption></figure>"
     )
 }
 

@@ -9,6 +9,7 @@
 mod data;
 mod faults;
 mod robot;
+mod talk;
 mod text;
 mod verdict;
 
@@ -20,6 +21,7 @@ use crate::view;
 use engine::rig::Logged;
 use engine::rig::trace;
 use engine::run::Outcome;
+use talk::Talk;
 use text::with_jumps;
 
 const SCRIPT: &str = include_str!("report/report.js");
@@ -34,8 +36,9 @@ const FAULTS_MAX: usize = 200;
 /// The report of `outcome`.
 pub fn html(outcome: &Outcome) -> String {
     let events = listed(&outcome.events);
+    let talk = Talk::of(outcome);
     // Without "<", the data cannot end the element that holds it.
-    let data = data::json(outcome, &events).replace('<', "\\u003c");
+    let data = data::json(outcome, &events, talk.as_ref()).replace('<', "\\u003c");
     let nonce = trace::fingerprint(data.as_bytes());
     let policy = format!(
         "default-src 'none'; script-src 'nonce-{nonce}'; style-src 'nonce-{nonce}'; \
@@ -43,16 +46,19 @@ pub fn html(outcome: &Outcome) -> String {
     );
     let name = escape(&outcome.case.name);
     let title = format!("{name} seed {}", outcome.seed);
-    let body = [
-        verdict::header(outcome),
-        stage(outcome),
-        verdict::checks(outcome),
+    let rest = [
         display(outcome),
         robot::section(outcome),
         event_list(outcome, &events),
         faults::list(&outcome.case.fault),
         figures(outcome),
         counters(outcome),
+    ];
+    let body = [
+        verdict::header(outcome, talk.as_ref()),
+        stage(outcome),
+        talk.as_ref().map(Talk::section).unwrap_or_default(),
+        format!("<div id=\"rest\">\n{}</div>\n", rest.concat()),
     ]
     .concat();
     let (drawing, lanes) = (view::SCRIPT, view::LANES);
@@ -86,13 +92,22 @@ pub(crate) fn failed_at(outcome: &Outcome) -> Option<f64> {
     data::failures(outcome).next()
 }
 
-/// World, map and lines over time; only the lines if there is no robot.
+/// A table of the last requests and replies of a run without a robot, until `at`, seconds.
+pub(crate) fn last_exchanges(outcome: &Outcome, at: f64) -> String {
+    let talk = Talk::of(outcome);
+    talk.map(|talk| talk.moment(at)).unwrap_or_default()
+}
+
+/// World, map, links over time, and the verdicts beside them; without world and map if there is no
+/// robot.
 fn stage(outcome: &Outcome) -> String {
+    let stage = STAGE.replace("<!-- checks -->", &verdict::checks(outcome));
     match outcome.has_body {
-        true => STAGE.to_owned(),
-        false => STAGE
-            .replace("World, map and wires over time", "Wires over time")
-            .replace("<div id=\"view\">", "<div id=\"view\" hidden>"),
+        true => stage,
+        false => stage
+            .replace("World, map and links over time", "Links over time")
+            .replace("<div id=\"view\">", "<div id=\"view\" hidden>")
+            .replace("id=\"stage\"", "id=\"stage\" class=\"bare\""),
     }
 }
 
@@ -131,7 +146,7 @@ fn display(outcome: &Outcome) -> String {
     }
     let canvas = "<canvas id=\"display\" role=\"img\" aria-label=\"The robot's display\">\
                   </canvas>\n";
-    section("display", "The robot's display in the end", canvas)
+    section("display", "The robot's display at the end", canvas)
 }
 
 fn event_list(outcome: &Outcome, events: &[&Logged]) -> String {
@@ -159,12 +174,12 @@ fn more(all: usize, shown: usize, file: &str) -> String {
 fn figures(outcome: &Outcome) -> String {
     // Wall time is not part of the run: it would make each report different.
     let metrics = Metrics::of(outcome, Duration::ZERO);
-    let share = |value: Option<f64>| value.map(|value| format!("{value:.3}"));
-    let figure = |value: Option<f64>, unit: &str| value.map(|value| format!("{value:.1} {unit}"));
+    let share = |value: Option<f64>| value.map(verdict::percent);
+    let figure = |value: Option<f64>, unit: &str| value.map(|value| format!("{value:.1}{unit}"));
     let rows = [
-        ("position error, RMS", figure(metrics.pose_rms_mm, "mm")),
-        ("position error, worst", figure(metrics.pose_max_mm, "mm")),
-        ("heading error, RMS", figure(metrics.heading_rms_deg, "deg")),
+        ("position error, RMS", figure(metrics.pose_rms_mm, " mm")),
+        ("position error, worst", figure(metrics.pose_max_mm, " mm")),
+        ("heading error, RMS", figure(metrics.heading_rms_deg, "°")),
         ("walls found", share(metrics.walls_found)),
         ("found walls right", share(metrics.walls_right)),
         (
@@ -174,6 +189,9 @@ fn figures(outcome: &Outcome) -> String {
         ),
         ("broken rules", Some(metrics.violations.to_string())),
     ];
+    if !outcome.has_body {
+        return String::new();
+    }
     let rows = rows
         .into_iter()
         .filter_map(|(name, value)| Some(row("", &[name, &value?])));
@@ -183,10 +201,14 @@ fn figures(outcome: &Outcome) -> String {
 fn counters(outcome: &Outcome) -> String {
     let counters = outcome.counters.iter().filter(|&(_, &value)| value > 0);
     let rows = counters.map(|(name, value)| row("", &[&escape(name), &value.to_string()]));
+    let rows: Vec<String> = rows.collect();
+    if rows.is_empty() {
+        return String::new();
+    }
     section(
         "counters",
         "The program's counters",
-        &table("counters", rows),
+        &table("counters", rows.into_iter()),
     )
 }
 

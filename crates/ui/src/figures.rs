@@ -90,7 +90,7 @@ pub(super) fn all(run: &Run) -> Vec<Figure> {
         all.push(Figure::new("error", "heading error", "deg", gap.error_deg));
         all.push(Figure::new(
             "error",
-            "lag of the estimate",
+            "age of the estimate",
             "ms",
             gap.lag_ms,
         ));
@@ -109,13 +109,13 @@ pub(super) fn of_panels(panels: &[Panel]) -> Vec<Figure> {
 fn of_axis(axis: &Axis) -> impl Iterator<Item = Figure> + use<> {
     let told = Figure::new(
         "axes",
-        &format!("{} told", axis.name),
+        &format!("{} set-point", axis.name),
         axis.unit,
         axis.set_point,
     );
     let does = axis.actual;
     let does =
-        does.map(|value| Figure::new("axes", &format!("{} does", axis.name), axis.unit, value));
+        does.map(|value| Figure::new("axes", &format!("{} actual", axis.name), axis.unit, value));
     [told].into_iter().chain(does)
 }
 

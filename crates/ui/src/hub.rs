@@ -8,7 +8,7 @@ use tokio::sync::{mpsc, watch};
 use super::command::{Answer, Command, Envelope};
 use super::snapshot::Snapshot;
 use super::timeline::Timeline;
-use super::wire_log::WireLog;
+use engine::run::wire_log::WireLog;
 
 /// Maximum number of queued commands; further ones are refused.
 const COMMANDS_MAX: usize = 256;

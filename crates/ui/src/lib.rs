@@ -31,7 +31,6 @@ mod timeline;
 mod token;
 mod told;
 mod wire;
-mod wire_log;
 
 pub use desk::Desk;
 pub use hub::Hub;

@@ -15,6 +15,7 @@ use super::hub::Hub;
 use super::map_layers::MapLayer;
 use super::snapshot::{Numbered, Snapshot};
 use super::timeline::Sample;
+use super::told;
 use engine::robots::{Gesture, Hand, RemoteStation, StationView};
 use realtime::transport::{Serial, Transport};
 use show::view::Outline;
@@ -229,6 +230,7 @@ impl Remote {
             "speed_max": 1,
             "pc": true,
             "modes": self.station.modes(),
+            "mode_words": told::mode_words(&*self.station),
             "place_acts": self.station.place_acts(),
             "keys": self.station.keys(),
         })

@@ -32,7 +32,7 @@ use super::guard;
 use super::hub::Hub;
 use super::snapshot::Snapshot;
 use super::token::Token;
-use super::wire_log;
+use engine::run::wire_log;
 use show::view;
 
 /// Maximum number of simultaneous pages.
@@ -53,6 +53,7 @@ const SCRIPT: &str = concat!(
     include_str!("assets/checks.js"),
     include_str!("assets/faults.js"),
     include_str!("assets/frames.js"),
+    include_str!("assets/exchanges.js"),
     include_str!("assets/controls.js"),
 );
 
@@ -134,6 +135,7 @@ fn router(hub: Arc<Hub>, address: SocketAddr, token: &Token) -> Router {
         .route("/page.js", file(script, SCRIPT))
         .route("/moment", get(moment))
         .route("/frames", get(frames))
+        .route("/exchanges", get(exchanges))
         .route("/case.toml", get(case))
         .route("/ws", get(page))
         .with_state(hub)
@@ -217,6 +219,30 @@ async fn frames(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     let kind = (header::CONTENT_TYPE, "application/json");
     let text = serde_json::json!({"frames": wire_log::frames(&tails)});
     ([kind], text.to_string()).into_response()
+}
+
+/// Number of bytes that are searched for requests and replies.
+const EXCHANGE_BYTES: usize = 160_000;
+/// Maximum number of listed requests and replies; their times are listed for all.
+const EXCHANGES_MAX: usize = 200;
+
+/// The newest requests and replies up to `/exchanges?at_ns=..`, and figures of each link.
+async fn exchanges(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
+    let Some(at) = number(&uri, "at_ns").map(Instant::from_nanos) else {
+        return expected("expected /exchanges?at_ns=NUMBER\n");
+    };
+    let log = hub.log.lock().unwrap_or_else(PoisonError::into_inner);
+    let (tails, totals) = (log.last_tails(at, EXCHANGE_BYTES), log.totals(at));
+    // The run must not wait for the decoders.
+    drop(log);
+    let all = wire_log::exchanges(wire_log::all_frames(&tails));
+    let value = serde_json::json!({
+        "talks": wire_log::talks(&totals, &all),
+        "plots": wire_log::reply_times(&all),
+        "exchanges": &all[all.len().saturating_sub(EXCHANGES_MAX)..],
+    });
+    let kind = (header::CONTENT_TYPE, "application/json");
+    ([kind], value.to_string()).into_response()
 }
 
 /// The run so far, as a scenario.

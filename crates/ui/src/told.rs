@@ -1,7 +1,9 @@
 //! JSON data of a run for a page.
 
 use core::time::Duration;
+use std::collections::BTreeMap;
 
+use emulators::world::Point;
 use protocols::Instant;
 use serde_json::{Value, json};
 
@@ -10,7 +12,7 @@ use super::wire::Tally;
 use engine::rig::line::Direction;
 use engine::robots::{Overlay, Station};
 use engine::run::check::{Check, Status};
-use engine::run::{Run, is_of_the_end};
+use engine::run::{Run, Visit, is_of_the_end};
 use engine::scenario::fault_catalogue;
 use show::meaning::meaning;
 use show::view;
@@ -44,8 +46,11 @@ pub(super) fn stage(run: &Run, number: u64, tempo: Tempo, branched: Option<Insta
         "links": links.collect::<Vec<_>>(),
         "pace": tempo.is_ours,
         "speed_max": SPEED_MAX,
+        "body": run.instruments().has_body(),
+        "goals": scenario.mission.waypoints_m,
         "pc": station.is_some(),
         "modes": station.map(Station::modes),
+        "mode_words": station.map(mode_words),
         "place_acts": station.map(Station::place_acts),
         "keys": station.and_then(Station::keys),
         "duration_ns": scenario.duration.instant().as_nanos(),
@@ -53,6 +58,26 @@ pub(super) fn stage(run: &Run, number: u64, tempo: Tempo, branched: Option<Insta
         "devices": devices.collect::<Vec<_>>(),
         "faults": fault_catalogue(),
     })
+}
+
+/// Words for the modes whose names do not explain them.
+pub(super) fn mode_words(station: &dyn Station) -> BTreeMap<&'static str, &'static str> {
+    let modes = station.modes().iter();
+    let words = modes.filter_map(|mode| Some((*mode, station.mode_words(mode)?)));
+    words.collect()
+}
+
+/// The waypoints of the mission, each with the time of its visit, seconds.
+fn goals(run: &Run) -> Vec<Value> {
+    let mission = &run.scenario().mission;
+    let mut visits: Vec<_> = run.progress().visits().iter().collect();
+    let goal = |&[x, y]: &[f64; 2]| {
+        let is_here = |visit: &&Visit| visit.waypoint == Point::new(x, y);
+        let visit = visits.iter().position(is_here);
+        let visit = visit.map(|index| visits.remove(index));
+        json!({"at": [x, y], "visited": visit.map(|visit| visit.at.as_secs_f64())})
+    };
+    mission.waypoints_m.iter().map(goal).collect()
 }
 
 /// Slowly changing data: wires, registers, counters, faults.
@@ -82,7 +107,6 @@ pub(super) fn slow(
     if let Some(program) = run.rig.program() {
         program.counters(&mut |name, value| counters.push((name, value)));
     }
-    let progress = run.progress();
     json!({
         "type": "slow",
         "lanes": lanes.collect::<Vec<_>>(),
@@ -90,7 +114,7 @@ pub(super) fn slow(
         "panels": run.instruments().panels(&run.rig),
         "counters": counters,
         "faults": run.faults().collect::<Vec<_>>(),
-        "visited": [progress.visits().len(), progress.waypoints()],
+        "goals": goals(run),
         "violations": run.rig.violations(),
         "trace": run.rig.trace_hash(),
     })

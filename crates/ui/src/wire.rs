@@ -6,7 +6,6 @@ use emulators::world::Pose;
 use protocols::Instant;
 use serde::Serialize;
 
-use super::wire_log::WireLog;
 use engine::Shared;
 use engine::codec::{Codec, Count, Counter};
 use engine::rig::Link;
@@ -14,6 +13,7 @@ use engine::rig::line::{Delivery, Direction};
 use engine::rig::trace::{Side, Tap};
 use engine::robots::{Beam, ScanDecoder};
 use engine::run::Run;
+use engine::run::wire_log::WireLog;
 use show::view::millimetres;
 
 /// Counters of one direction of a link.

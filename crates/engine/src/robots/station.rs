@@ -153,6 +153,11 @@ pub trait Station {
     /// The supported modes.
     fn modes(&self) -> &'static [&'static str];
 
+    /// Words for a mode on a button, if its name does not explain it.
+    fn mode_words(&self, _mode: &str) -> Option<&'static str> {
+        None
+    }
+
     /// Actions with a position on the map.
     fn place_acts(&self) -> &'static [PlaceAct] {
         &[]

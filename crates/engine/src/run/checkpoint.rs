@@ -19,6 +19,7 @@ use protocols::Instant;
 
 use super::Run;
 use super::mission::ends_alike;
+use super::wire_log::Logging;
 use crate::rig::fault::{FaultId, Window};
 use crate::scenario::{FaultKind, FaultSpec, Scenario};
 
@@ -46,6 +47,8 @@ impl Run {
         }
         let mut rig = self.rig.fork()?;
         let watchers = self.watchers.fork(&mut rig)?;
+        let wire_log = self.wire_log.as_ref();
+        let wire_log = wire_log.map(|log| Logging::go_on(&mut rig, log));
         Some(Self {
             rig,
             instruments: Arc::clone(&self.instruments),
@@ -62,6 +65,7 @@ impl Run {
             truth: self.truth.clone(),
             pairs: self.pairs.clone(),
             history: self.history.clone(),
+            wire_log,
             contacts: self.contacts.clone(),
             steps: self.steps.clone(),
             line_watches: None,

@@ -165,8 +165,10 @@ impl Run {
         if let Some(min) = expect.wall_overlap_min {
             let overlap = wall_overlap.unwrap_or_default();
             let detail = format!(
-                "{:.3} of the walls found, {:.3} of the found ones right, at least {min}",
-                overlap.found, overlap.right
+                "{:.1} % of the walls found, {:.1} % of the found ones right, at least {:.1} %",
+                overlap.found * 100.0,
+                overlap.right * 100.0,
+                min * 100.0
             );
             let within = expect.wall_within_mm.map(|mm| format!(" within {mm} mm"));
             let detail = detail + &within.unwrap_or_default();

@@ -10,6 +10,7 @@ use super::check::{Check, Status};
 use super::history::History;
 use super::scene;
 use super::score::{PoseError, PosePair, WallOverlap};
+use super::wire_log::WireLog;
 use crate::picture::Picture;
 use crate::rig::Logged;
 use crate::robots::{Axis, KeptMap, Panel};
@@ -45,6 +46,8 @@ pub struct Outcome {
     pub layers: Vec<(&'static str, KeptMap)>,
     /// The course of the run over time.
     pub history: History,
+    /// The last bytes on each link, of a run without a robot.
+    pub wire_log: Option<WireLog>,
     /// The robot's display at the end.
     pub display: Option<Picture>,
     /// Set-points and measured values of the robot at the end.

@@ -6,6 +6,7 @@ use core::time::Duration;
 use super::strip::class;
 use super::{CampaignPlan, Change, Comparison, Failures, Merged};
 use show::html::Escaped;
+use show::meaning::meaning;
 
 const HEAD: &str = concat!(
     "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n\
@@ -46,7 +47,15 @@ fn write_live_page(
         let seconds = period.as_secs();
         write!(out, "<meta http-equiv=\"refresh\" content=\"{seconds}\">")?;
     }
-    out.write_str("<h1>Campaign</h1><p>")?;
+    out.write_str("<h1>Campaign</h1>")?;
+    let failed: usize = failures.iter().map(|failures| failures.runs).sum();
+    match failed {
+        0 => out.write_str("<p id=\"verdict\">no failure so far<p>")?,
+        failed => write!(
+            out,
+            "<p id=\"verdict\" class=\"fail\"><b>\u{2717}</b> {failed} runs failed so far<p>"
+        )?,
+    }
     write_plan(plan, out)?;
     write!(out, "<p>{}", Escaped(far))?;
     out.write_str("<h2>Failures by cause</h2><table><tr><th>cause<th>runs<th>first")?;
@@ -78,35 +87,76 @@ fn write_plan(plan: &CampaignPlan, out: &mut String) -> fmt::Result {
 }
 
 fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
-    let goals = merged.missed_goals().count();
-    let verdict = match (merged.failed, goals, merged.unobserved_rules().count()) {
-        (0, 0, 0) => "<b class=\"good\">all pass</b>".to_owned(),
-        (0, 0, rules) => format!("<b class=\"bad\">{rules} rules not observed</b>"),
-        (0, goals, _) => format!("<b class=\"bad\">{goals} goals not reached</b>"),
-        (failed, ..) => format!("<b class=\"bad\">{failed} fail</b>"),
-    };
-    out.write_str("<h1>Campaign</h1><p>")?;
-    write_plan(&merged.plan, out)?;
-    write!(
-        out,
-        " {} runs, {:.1} h of virtual time: {verdict}.",
-        merged.runs,
-        merged.ran_ms as f64 / 3.6e6
-    )?;
-    if merged.missing > 0 {
-        write!(
-            out,
-            " <span class=\"bad\">{} runs are missing.</span>",
-            merged.missing
-        )?;
-    }
-    write!(out, "<p>Trace <code>{}</code>", merged.trace)?;
+    out.write_str("<h1>Campaign</h1>")?;
+    write_verdict(merged, out)?;
     write_causes(merged, out)?;
     if let Some(comparison) = &merged.comparison {
         write_comparison(comparison, out)?;
     }
     write_situations(merged, out)?;
+    out.write_str("<h2>Plan</h2><p>")?;
+    write_plan(&merged.plan, out)?;
+    write!(
+        out,
+        " {:.1} h of virtual time.<p>Trace <code>{}</code>",
+        merged.ran_ms as f64 / 3.6e6,
+        merged.trace
+    )?;
     out.write_str("</main>\n</html>\n")
+}
+
+/// Writes one word in green or red, and the reasons of a failure. A situation that never occurred
+/// is no failure.
+fn write_verdict(merged: &Merged, out: &mut String) -> fmt::Result {
+    let reasons = reasons(merged);
+    let (class, word) = match reasons.is_empty() {
+        true => ("pass", "\u{2713} PASS"),
+        false => ("fail", "\u{2717} FAIL"),
+    };
+    let passed = merged.runs - merged.failed;
+    write!(
+        out,
+        "<p id=\"verdict\" class=\"{class}\"><b>{word}</b> {passed} of {} runs passed",
+        merged.runs
+    )?;
+    for reason in reasons {
+        write!(out, "<br>{}", Escaped(&reason))?;
+    }
+    Ok(())
+}
+
+/// Why a campaign failed; empty if it passed.
+fn reasons(merged: &Merged) -> Vec<String> {
+    let mut reasons = Vec::new();
+    if merged.failed > 0 {
+        let causes = match merged.groups.len() {
+            1 => "1 cause".to_owned(),
+            causes => format!("{causes} causes"),
+        };
+        reasons.push(format!("{} runs failed, with {causes}", merged.failed));
+    }
+    let lists: [(&str, Vec<&str>); 2] = [
+        ("no run reached", merged.missed_goals().collect()),
+        ("no run observed", merged.unobserved_rules().collect()),
+    ];
+    let lists = lists.into_iter().filter(|(_, names)| !names.is_empty());
+    reasons.extend(lists.map(|(what, names)| format!("{what}: {}", names.join(", "))));
+    if merged.missing > 0 {
+        reasons.push(format!("{} runs are missing", merged.missing));
+    }
+    reasons
+}
+
+/// In place of a picture.
+const NO_PICTURE: &str = "<p>No picture: the failure needs the program under test. The command \
+                          below writes a report of it.";
+
+/// Name of a failed check, and what the check requires.
+fn named(cause: &str) -> String {
+    match meaning(cause) {
+        Some(meaning) => format!("check {cause}. {meaning}"),
+        None => format!("check {cause}"),
+    }
 }
 
 /// Writes a card for each cause, the most frequent first.
@@ -114,7 +164,7 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
     if merged.groups.is_empty() {
         return Ok(());
     }
-    out.write_str("<h2>Failures by cause</h2>")?;
+    out.write_str("<h2>Failures by cause, the most frequent first</h2>")?;
     let names: Vec<&str> = merged.groups.iter().map(|group| &*group.cause).collect();
     merged.strip.write(&names, out)?;
     out.write_str("<ol class=\"causes\">")?;
@@ -122,17 +172,17 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
         let (scenario, seed) = &group.first;
         write!(
             out,
-            "<li class=\"{}\"><h3>{}</h3><p><b>{} of {} runs</b> <progress max=\"{}\" value=\"{}\" \
-             aria-label=\"share of all runs\"></progress><p>{}",
+            "<li class=\"{}\"><h3>{}</h3><p><small>{}</small><p><b>{} of {} runs</b> <progress \
+             max=\"{}\" value=\"{}\" aria-label=\"share of all runs\"></progress>",
             class(Some(number)),
-            Escaped(&group.cause),
-            group.runs,
-            merged.runs,
-            merged.runs,
-            group.runs,
             Escaped(&group.detail),
+            Escaped(&named(&group.cause)),
+            group.runs,
+            merged.runs,
+            merged.runs,
+            group.runs,
         )?;
-        out.write_str(group.picture.as_deref().unwrap_or_default())?;
+        out.write_str(group.picture.as_deref().unwrap_or(NO_PICTURE))?;
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
             write!(
@@ -158,31 +208,32 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
     out.write_str("</ol>")
 }
 
-/// Writes the situations that never occurred, and a folded list of the others.
+/// Writes the situations that the runs covered, and those that no run covered. They are no part of
+/// the verdict.
 fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
-    let (met, never): (Vec<_>, Vec<_>) = merged.situations.iter().partition(|one| one.runs > 0);
-    let lists: [(&str, Vec<&str>); 3] = [
-        ("Not reached in any run", merged.missed_goals().collect()),
+    let met = merged.situations.iter().filter(|one| one.runs > 0);
+    let met: Vec<_> = met.collect();
+    let never: Vec<&str> = merged.missed_situations().collect();
+    let lost: Vec<&str> = merged.lost_rules().collect();
+    if merged.situations.is_empty() {
+        return Ok(());
+    }
+    out.write_str("<h2>Coverage</h2>")?;
+    let lists = [
         (
-            "Not observed in any run",
-            merged.unobserved_rules().collect(),
+            "Situations that did not occur in these runs, a failure with --all-situations only",
+            never,
         ),
-        (
-            "Not judged, no generated mission has it",
-            merged.lost_rules().collect(),
-        ),
+        ("Not judged, because no generated mission has it", lost),
     ];
     for (what, names) in lists.iter().filter(|(_, names)| !names.is_empty()) {
-        let names = names.join(", ");
-        write!(out, "<p class=\"bad\">{what}: {}.", Escaped(&names))?;
+        write!(out, "<p>{what}: {}.", Escaped(&names.join(", ")))?;
     }
-    out.write_str("<h2>Situations that must come up</h2>")?;
-    if !never.is_empty() {
-        out.write_str("<p class=\"bad\">Never occurred: ")?;
-        let names: Vec<&str> = never.iter().map(|one| &*one.situation).collect();
-        write!(out, "{}.", Escaped(&names.join(", ")))?;
-    }
-    write!(out, "<details><summary>{} occurred</summary>", met.len())?;
+    write!(
+        out,
+        "<details><summary>{} situations, goals and rules that occurred</summary>",
+        met.len()
+    )?;
     out.write_str("<table><tr><th>what<th>runs")?;
     for count in met {
         let name = Escaped(&count.situation);

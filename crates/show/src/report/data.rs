@@ -7,7 +7,7 @@
 //!  layers: [{name, width, height, resolution_m, origin_m, runs}],
 //!  scans: [{at, points}], overlays: [{at, overlays}],
 //!  bin, lanes: [{name, load, errors, faults}], marks: [{at, kind}],
-//!  bars: [{name, lane, from, to}], error: {at, mm}, failed: s | null,
+//!  bars: [{name, lane, from, to}], error: {at, mm}, plots: [PLOT..] | null, failed: s | null,
 //!  display: {width, height, runs} | null}
 //! ```
 //!
@@ -20,6 +20,7 @@ use protocols::Instant;
 use protocols::rle::{self, Dialect};
 use serde_json::{Value, json};
 
+use super::talk::Talk;
 use super::text::first_time;
 use crate::view::{self, base64, millimetres};
 use engine::rig::Logged;
@@ -37,7 +38,7 @@ const WAY_MAX: usize = 1500;
 const PLOT_MAX: usize = 500;
 
 /// Data of `outcome`; `events` are marked on the time line.
-pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
+pub(super) fn json(outcome: &Outcome, events: &[&Logged], talk: Option<&Talk>) -> String {
     let history = &outcome.history;
     let end = outcome.ran.as_secs_f64();
     let believed = outcome.pairs.iter().map(|pair| (pair.at, pair.estimate));
@@ -71,6 +72,7 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged]) -> String {
         "marks": marks(outcome, events),
         "bars": bars(&outcome.case.fault),
         "error": error(outcome),
+        "plots": talk.map(Talk::reply_times),
         "failed": super::failed_at(outcome),
         "display": outcome.display.as_ref().map(|picture| json!({
             "width": picture.width(),

@@ -45,9 +45,8 @@ pub(super) fn list(faults: &[FaultSpec]) -> String {
 
 /// Kind, link or device, and direction.
 fn place(fault: &FaultSpec) -> (&'static str, String, &'static str) {
-    let way = match fault.direction.map(Into::into) {
-        Some(Direction::ToMaster) => "to the robot",
-        Some(Direction::ToDevice) => "to the device",
+    let way = match fault.direction.map(Direction::from) {
+        Some(direction) => direction.name(),
         None => "",
     };
     (fault.kind.name(), fault.place(), way)

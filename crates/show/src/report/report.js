@@ -1,4 +1,4 @@
-// Draws the report from the JSON in #run: world, map and ways at the time that is chosen, wires.
+// Draws the report from the JSON in #run: world, map and paths at the selected time, links.
 "use strict";
 (() => {
   const run = JSON.parse(document.getElementById("run").textContent);
@@ -64,6 +64,7 @@
   }
 
   function drawWorld(now) {
+    if (at("view").hidden) return;
     const context = world.getContext("2d"), layer = at("layer").value;
     const frame = view.fit(world, bounds());
     const shows = (what) => at(`show-${what}`).checked;
@@ -96,6 +97,7 @@
     ({ name: lane.name.replace(/ to-master$/, ""), ways: lanesOf.slice(2 * i, 2 * i + 2) }));
   const plots = run.error.at.length
     ? [{ name: "position error", unit: "mm", at: run.error.at, values: run.error.mm }] : [];
+  plots.push(...run.plots ?? []);
   const bars = run.bars.map((bar) => ({ ...bar, isOver: bar.to !== null && bar.to < run.end }));
   let span = [0, run.end];
 
@@ -199,7 +201,7 @@
     if (!jump) return;
     stop();
     go(Number(jump.dataset.at));
-    world.scrollIntoView({ block: "nearest" });
+    (at("view").hidden ? lanes : world).scrollIntoView({ block: "nearest" });
   });
   if (run.display) {
     const canvas = at("display"), { width, height, runs } = run.display;

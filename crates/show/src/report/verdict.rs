@@ -3,6 +3,7 @@
 
 use core::time::Duration;
 
+use super::talk::Talk;
 use super::text::with_jumps;
 use super::{row, section};
 use crate::html::escape;
@@ -13,7 +14,7 @@ use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 
 /// Verdict, first failed check, name of the run, and the command that repeats it.
-pub(super) fn header(outcome: &Outcome) -> String {
+pub(super) fn header(outcome: &Outcome, talk: Option<&Talk>) -> String {
     let (class, verdict) = match outcome.passed() {
         true => ("pass", "PASS"),
         false => ("fail", "FAIL"),
@@ -27,7 +28,7 @@ pub(super) fn header(outcome: &Outcome) -> String {
         "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
          {cause}<p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
          again: <code>{again}</code></p>\n</header>\n{}",
-        tiles(outcome)
+        tiles(outcome, talk)
     )
 }
 
@@ -63,24 +64,28 @@ fn cause(outcome: &Outcome) -> String {
     )
 }
 
+/// Formats a share with one decimal: 99.7 % rounded to a whole number would read 100 %.
+pub(super) fn percent(share: f64) -> String {
+    format!("{:.1} %", share * 100.0)
+}
+
 /// Up to four figures that characterise a run.
-fn tiles(outcome: &Outcome) -> String {
+fn tiles(outcome: &Outcome, talk: Option<&Talk>) -> String {
     // Wall time is not part of the run: it would make each report different.
     let metrics = Metrics::of(outcome, Duration::ZERO);
-    // One decimal: 99.7 % rounded to a whole number would read 100 %.
-    let percent = |share: f64| format!("{:.1} %", share * 100.0);
     let waypoints = (metrics.waypoints > 0)
         .then(|| format!("{} of {}", metrics.waypoints_visited, metrics.waypoints));
+    let talked = talk.map(Talk::tiles).unwrap_or_default();
     let tiles = [
         (
-            "position error",
+            "position error, RMS",
             metrics.pose_rms_mm.map(|mm| format!("{mm:.1} mm")),
         ),
-        ("walls right", metrics.walls_right.map(percent)),
-        ("waypoints", waypoints),
+        ("found walls right", metrics.walls_right.map(percent)),
+        ("waypoints visited", waypoints),
         ("broken rules", Some(metrics.violations.to_string())),
     ];
-    let tiles = tiles.into_iter().filter_map(|(name, value)| {
+    let tiles = talked.into_iter().chain(tiles).filter_map(|(name, value)| {
         let value = value?;
         Some(format!("<li><b>{value}</b> {name}</li>\n"))
     });
@@ -99,9 +104,10 @@ pub(super) fn checks(outcome: &Outcome) -> String {
     let open: String = open.map(check).collect();
     let passed: String = of(all, Status::Pass).map(check).collect();
     let count = of(all, Status::Pass).count();
+    let checks = if count == 1 { "check" } else { "checks" };
     let content = format!(
         "<div id=\"checks\">\n<table><tbody>\n{open}</tbody></table>\n\
-         <details><summary>{count} checks passed</summary>\n\
+         <details><summary>{count} {checks} passed</summary>\n\
          <table><tbody>\n{passed}</tbody></table></details></div>\n"
     );
     section("checks", "Verdicts", &content)

@@ -3,7 +3,7 @@
 // classic script that needs view.js and adds one object, `hilrigLanes`. Times are seconds.
 //
 //   model   {from, to, links: [LINK..], bars: [BAR..], marks: [MARK..], plots: [PLOT..], cursor}
-//   LINK    {name, ways: [LANE to the robot, LANE to the device]}     one above the other
+//   LINK    {name, ways: [LANE to-master, LANE to-device]}     one above the other
 //   LANE    {at: [end of each bin..], load: [0..1..], errors: [n..], faults: [n..],
 //            damage: [[from, to | null]..]}      while faults are at work on it
 //   BAR     {name, from, to | null, isOver}       a fault at work
@@ -12,8 +12,8 @@
 "use strict";
 const hilrigLanes = (() => {
   const { colours } = hilrigView;
-  const ruler = 18, lane = 10, link = 2 * lane + 3, bar = 15, marks = 17, plot = 54;
-  const labels = (width) => width < 600 ? 84 : 156;
+  const ruler = 18, lane = 11, link = 2 * lane + 2, bar = 15, marks = 17, plot = 54;
+  const labels = (width) => width < 600 ? 112 : 156;
 
   // Pixel of a time on a time line of `width`, and back.
   const toPixel = ({ from, to }, width, at) =>
@@ -181,14 +181,14 @@ const hilrigLanes = (() => {
     }
     context.fillStyle = colours.grid;
     context.fillRect(left, low + 3, width - left - 8, 1);
-    const known = min <= max;
+    const isKnown = min <= max;
     const now = valueAt(one, model.cursor ?? model.to);
     context.fillStyle = colours.ink;
     context.fillText(one.name, 2, top + 14, left - 8);
     context.fillStyle = colours.dim;
     const shown = now === null ? "" : `${figure(now)} ${one.unit}`;
     context.fillText(shown, 2, top + 30, left - 8);
-    if (!known) return;
+    if (!isKnown) return;
     const span = max - min || 1;
     const y = (value) => low - (value - min) / span * (low - high);
     // Beside the plot, or in it where there is no room.
@@ -213,6 +213,13 @@ const hilrigLanes = (() => {
       down = true;
     }
     context.stroke();
+    // A value without neighbours is no line.
+    context.fillStyle = colour;
+    const known = (i) => one.values[i] !== null && one.values[i] !== undefined;
+    for (let i = first; i < last; i++) {
+      if (!known(i) || known(i - 1) || known(i + 1)) continue;
+      context.fillRect(toPixel(model, width, one.at[i]) - 2, y(one.values[i]) - 2, 4, 4);
+    }
     context.restore();
   }
 
@@ -242,14 +249,16 @@ const hilrigLanes = (() => {
       top += bar;
     });
     for (const { name: called, ways } of model.links) {
-      name(called, top, link - 3);
+      context.font = "11px system-ui, sans-serif";
       ways.forEach((one, index) => {
-        context.fillStyle = colours.dim;
-        context.fillText(index ? "\u2192" : "\u2190", left - 14, top + lane * (index + 0.5));
+        context.fillStyle = index ? colours.dim : colours.ink;
+        const words = `${called} ${index ? "to-device" : "to-master"}`;
+        context.fillText(words, 2, top + lane * (index + 0.5), left - 6);
         drawLane(context, model, width, top + lane * index, one);
       });
       top += link;
     }
+    context.font = "12px system-ui, sans-serif";
     model.plots.forEach((one, index) => {
       const palette = [colours.truth, colours.belief, colours.scan, colours.waypoint];
       drawPlot(context, model, width, top, one, palette[index % palette.length]);

@@ -229,24 +229,50 @@ const hilrigView = (() => {
     }
   }
 
-  // Numbered from 1 and joined; the first `reached` are pale.
-  function drawWaypoints(context, frame, waypoints, reached = 0) {
+  // Waypoints whose numbers would cover each other, as one mark: [[x, y, indices]..] in pixels.
+  function clustered(frame, waypoints) {
+    const marks = [];
+    for (let i = 0; i + 1 < waypoints.length; i += 2) {
+      const [x, y] = toPixel(frame, waypoints[i], waypoints[i + 1]);
+      const near = marks.find((mark) => Math.hypot(mark[0] - x, mark[1] - y) < 17);
+      if (near) near[2].push(i / 2); else marks.push([x, y, [i / 2]]);
+    }
+    return marks;
+  }
+
+  // "1, 4" of indices from 0; many are cut short.
+  const numbers = (indices) => indices.length > 4
+    ? `${indices.slice(0, 3).map((one) => one + 1).join(", ")}, ..`
+    : indices.map((one) => one + 1).join(", ");
+
+  // Numbered from 1 and joined. Those with `reached[index]` are pale, `marked` has a ring.
+  function drawWaypoints(context, frame, waypoints, reached = [], marked = null) {
     context.setLineDash([4, 4]);
     drawPath(context, frame, waypoints, colours.waypoint);
     context.setLineDash([]);
     context.font = "bold 12px sans-serif";
     context.textAlign = "center";
     context.textBaseline = "middle";
-    for (let i = 0; i + 1 < waypoints.length; i += 2) {
-      const [x, y] = toPixel(frame, waypoints[i], waypoints[i + 1]);
-      context.beginPath();
-      context.arc(x, y, 9, 0, 2 * Math.PI);
-      context.globalAlpha = i / 2 < reached ? 0.5 : 1;
+    for (const [x, y, indices] of clustered(frame, waypoints)) {
+      const text = numbers(indices), half = Math.max(context.measureText(text).width / 2 + 5, 9);
+      const outline = (more) => {
+        context.beginPath();
+        context.roundRect(x - half - more, y - 9 - more, 2 * (half + more), 18 + 2 * more,
+                          9 + more);
+      };
+      if (indices.includes(marked)) {
+        outline(4);
+        context.strokeStyle = colours.ink;
+        context.lineWidth = 3;
+        context.stroke();
+      }
+      outline(0);
+      context.globalAlpha = indices.every((index) => reached[index]) ? 0.5 : 1;
       context.fillStyle = colours.waypoint;
       context.fill();
       context.globalAlpha = 1;
       context.fillStyle = "#000000";
-      context.fillText(String(i / 2 + 1), x, y + 0.5);
+      context.fillText(text, x, y + 0.5);
     }
   }
 
@@ -312,7 +338,7 @@ const hilrigView = (() => {
 
   return {
     colours, fit, toPixel, toWorld, clear, drawWorld, mapImage, drawMap, drawPath, drawScan,
-    drawRobot, drawOverlay, offerOverlays, drawWaypoints, drawGrid, setDark, bytes, cells, shades,
+    drawRobot, drawOverlay, offerOverlays, clustered, drawWaypoints, drawGrid, setDark, bytes, cells, shades,
     drawPicture,
   };
 })();

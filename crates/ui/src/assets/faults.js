@@ -14,18 +14,16 @@ function beginFaults(stage) {
     return node;
   };
   const way = (link, direction) => {
-    const [arrow, words] = direction === "to-master" ? ["\u2190", "to the robot"]
-      : ["\u2192", "to the device"];
-    return pick(arrow, `${link.name}, ${words}`, { link: link.name, direction });
+    return pick(direction, `${link.name} ${direction}`, { link: link.name, direction });
   };
   const lines = stage.links.map((link) => {
     const line = make("div", "", { className: "link" }), wire = make("span");
     wire.append(make("b", link.name));
-    line.append("robot", way(link, "to-master"), wire, way(link, "to-device"), "device");
+    line.append("program", way(link, "to-master"), wire, way(link, "to-device"), "device");
     return line;
   });
   const devices = make("div", "", { className: "bar" });
-  devices.append("supply and senses of", ...stage.devices.map(({ name }) =>
+  devices.append("the device itself:", ...stage.devices.map(({ name }) =>
     pick(name, `device ${name}`, { device: name })));
   $("wiring").replaceChildren(...lines, ...(stage.devices.length ? [devices] : []));
   $("wiring").querySelector("button")?.click();
@@ -160,8 +158,7 @@ function faultItem({ id, state, fault }) {
   const item = make("li"), [from, to] = [seconds(fault.from), seconds(fault.until)];
   const settings = Object.entries(fault).filter(([key]) => !HIDDEN.includes(key))
     .map(([key, value]) => `${key} ${inWords(value)}`);
-  const ways = { "to-master": ", to the robot", "to-device": ", to the device" };
-  const way = ways[fault.direction] ?? "";
+  const way = fault.direction ? ` ${fault.direction}` : "";
   const times = [["from", from], ["to", to]].map(([word, at]) =>
     at === null ? "" : ` ${word} ${clockText(at)}`);
   item.append(make("strong", fault.kind), ` ${placeOf(fault)}${way} ${settings.join(", ")}`,

@@ -5,7 +5,7 @@ let framesAsked = 0, framesBusy = false, framesTold = [], frameChosen = null;
 function beginFrames(stage) {
   framesTold = [];
   frameChosen = null;
-  const lanes = stage.links.flatMap((link, index) => ["<", ">"].map((way, side) =>
+  const lanes = stage.links.flatMap((link, index) => ["to-master", "to-device"].map((way, side) =>
     make("option", `${link.name} ${way}`, { value: String(2 * index + side) })));
   $("frames-lane").replaceChildren(make("option", "all", { value: "" }), ...lanes);
   $("frame").replaceChildren();
@@ -25,7 +25,6 @@ function showFrames(atOnce = false) {
     .finally(() => { framesBusy = false; requestDraw(); });
 }
 
-const arrow = (way) => way === "to-master" ? "<" : ">";
 const spaced = (hex) => hex.replace(/../g, "$& ").trim();
 
 function listFrames() {
@@ -46,7 +45,7 @@ function frameItem(one) {
   item.className = classes.join(" ");
   item.setAttribute("aria-current", String(keyOf(one) === frameChosen));
   item.append(make("span", clockText(one.at_ns / 1e9), { className: "when" }),
-    make("span", `${one.link} ${arrow(one.way)}`), make("span", one.words));
+    make("span", `${one.link} ${one.way}`), make("span", one.words));
   item.onclick = () => chooseFrame(one);
   return item;
 }
@@ -61,9 +60,9 @@ function chooseFrame(one) {
       .map((byte) => byte >= 32 && byte < 127 ? String.fromCharCode(byte) : ".").join("");
     return `${(8 * index).toString(16).padStart(4, "0")}  ${spaced(line).padEnd(23)}  ${text}`;
   });
-  const words = make("p", `${one.link} ${arrow(one.way)}: ${one.words}`);
+  const words = make("p", `${one.link} ${one.way}: ${one.words}`);
   const damage = one.is_hit
-    ? [make("p", "A fault struck these bytes, or what came before them.")] : [];
+    ? [make("p", "A fault hit these bytes, or lost the bytes before them.")] : [];
   $("frame").replaceChildren(go, words, ...damage, make("pre", lines.join("\n")));
   listFrames();
   // The list is shorter now.

@@ -1,11 +1,11 @@
 // The live page: messages of the server update `hilrig`, the page draws `hilrig`, and the
 // operator's actions are sent. All text from a wire is shown as text, never as markup. The parts
-// that follow share this scope: stage (world and map), timeline, robot, checks, faults, frames, controls.
+// that follow share this scope: stage (world and map), timeline, robot, checks, faults, frames, exchanges, controls.
 "use strict";
 const hilrig = window.hilrig = {
   connected: false, stage: null, now: null, slow: null, scan: null, checks: null, maps: {},
   samples: [], series: [], events: [], refused: "", messages: 0, bytes: 0, past: null, ghost: null,
-  errors: [], folded: new Set(), overlays: [], hidden: new Set(),
+  errors: [], folded: new Set(), overlays: [], hidden: new Set(), talk: null, plots: [],
 };
 window.addEventListener("error", (event) => hilrig.errors.push(event.message));
 window.addEventListener("unhandledrejection", (event) => hilrig.errors.push(String(event.reason)));
@@ -78,7 +78,7 @@ function begin(stage) {
   const ghost = stage.branched_ns ? { at: stage.branched_ns / 1e6, samples: hilrig.samples } : null;
   Object.assign(hilrig, {
     stage, now: null, slow: null, scan: null, checks: null, maps: {}, samples: [], series: [],
-    events: [], past: null, overlays: [], believes: false, ghost,
+    events: [], past: null, overlays: [], believes: false, ghost, talk: null, plots: [],
   });
   $("overlays").replaceChildren();
   images = {};
@@ -88,6 +88,11 @@ function begin(stage) {
   $("about").textContent = stage.description;
   for (const kind of ["pc", "log"]) document.body.classList.toggle(kind, stage.kind === kind);
   document.body.classList.toggle("no-pc", !stage.pc);
+  document.body.classList.toggle("bare", stage.body === false);
+  document.body.classList.toggle("no-goals", Boolean(stage.pc) || !stage.goals?.length);
+  $("stage").setAttribute("aria-label",
+    stage.body === false ? "Requests and replies" : "World and map");
+  say("tab-robot", stage.body === false ? "Devices" : "Robot");
   document.body.classList.toggle("no-pace", !stage.pace);
   if (stage.seed !== null) $("seed").value = stage.seed;
   if (stage.kind !== "rig") $("map").value = stage.kind === "pc" ? "pc" : "mapper";

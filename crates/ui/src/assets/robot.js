@@ -1,7 +1,8 @@
 // ---- the robot: what it is told and does, its panels, its display, its station
 
 // A name of a scenario as one would say it.
-const words = (name) => (name[0].toUpperCase() + name.slice(1)).replaceAll("-", " ");
+const words = (name) => hilrig.stage?.mode_words?.[name]
+  ?? (name[0].toUpperCase() + name.slice(1)).replaceAll("-", " ");
 
 function beginRobot(stage) {
   const modes = (stage.modes ?? []).map((mode) => {
@@ -59,25 +60,63 @@ function showRobot() {
     node.disabled = Boolean(hilrig.past);
     node.setAttribute("aria-pressed", String(node.dataset.mode === pc?.state?.mode));
   }
-  // A program outside the rig believes what it likes.
+  // A program outside the rig does not report its estimate.
   hilrig.believes ||= Boolean(now.believed);
   $("show-belief").parentElement.hidden = !hilrig.believes;
-  say("error", gap ? `${gap.error_mm} mm, ${gap.error_deg}\u00b0` : "nothing to compare yet");
-  say("lag", gap ? `the belief is ${gap.lag_ms} ms old, the robot went ${gap.went_mm} mm since`
-    : "");
-  $("lag").hidden = $("lag-name").hidden = !gap;
-  const ticks = pc?.state?.to.length ? `, told ${pc.state.to.join(", ")}` : "";
-  say("mode", `${now.mode ?? pc?.state?.mode ?? "unknown"}${ticks}`);
-  if (!stage.pc || !pc) { say("pc-state", "not in the rig"); return; }
-  const silent = pc.heard_ms > 1500 ? `, silent for ${(pc.heard_ms / 1000).toFixed(0)} s` : "";
-  say("pc-state", `${pc.connection}${silent}${now.trouble ? `: ${now.trouble}` : ""}`);
+  showFacts(now);
+  $("show-waypoints").parentElement.hidden = !stage.pc && !stage.goals?.length;
+  if (!stage.pc || !pc) return;
   say("connect", pc.connection === "closed" ? "Connect" : "Disconnect");
-  say("pose", pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${pc.pose[2]}\u00b0` : "not told yet");
-  // A robot that sends no map, or has sent none yet.
-  $("rows").hidden = $("rows-name").hidden = pc.rows_missing === null && !pc.size_mm;
-  say("rows", pc.rows_missing === null ? "no map yet" : String(pc.rows_missing));
   say("confirmed", pc.waypoints.length ? (pc.confirmed ? "confirmed" : "on their way") : "");
   once("waypoints", [pc.waypoints, Boolean(hilrig.past)], () => pc.waypoints.map(waypointItem));
+}
+
+// Rows of names and values; a value that this robot does not have has no row.
+function showFacts({ mode, pc, gap, trouble, truth }) {
+  const { stage } = hilrig, facts = [];
+  const degrees = (value) => `${value}\u00b0`;
+  const doing = mode ?? pc?.state?.mode;
+  const told = pc?.state?.to.length ? `, set-points ${pc.state.to.join(", ")}` : "";
+  if (doing) facts.push(["activity", `${stage.mode_words?.[doing] ?? doing}${told}`]);
+  if (stage.pc && pc) {
+    const silent = pc.heard_ms > 1500 ? `, silent for ${(pc.heard_ms / 1000).toFixed(0)} s` : "";
+    facts.push(["PC", `${pc.connection}${silent}${trouble ? `: ${trouble}` : ""}`]);
+    facts.push(["reported pose",
+      pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${degrees(pc.pose[2])}` : "none yet"]);
+    // Not of a robot that sends no map.
+    if (pc.rows_missing !== null || pc.size_mm) {
+      facts.push(["map rows missing", pc.rows_missing === null ? "all" : String(pc.rows_missing)]);
+    }
+  }
+  if (truth && stage.body !== false) {
+    const [x, y] = truth.map((value) => Math.round(value * 1000));
+    facts.push(["true pose", `${x} mm, ${y} mm, ${degrees(Math.round(truth[2] * 1800 / Math.PI) / 10)}`]);
+  }
+  if (gap) {
+    facts.push(["position error", `${gap.error_mm} mm`], ["heading error", degrees(gap.error_deg)],
+      ["age of the estimate", `${gap.lag_ms} ms, ${gap.went_mm} mm driven since`]);
+  }
+  const node = $("facts");
+  if (node.children.length !== 2 * facts.length) {
+    node.replaceChildren(...facts.flatMap(() => [make("dt"), make("dd")]));
+  }
+  facts.flat().forEach((text, index) => {
+    const cell = node.children[index];
+    if (cell.textContent !== text) cell.textContent = text;
+  });
+}
+
+// The waypoints of the mission, where no PC shows its own list.
+function showGoals({ goals = [] }) {
+  const next = goals.findIndex(({ visited }) => visited === null);
+  once("goals", goals, () => goals.map(({ at, visited }, index) => {
+    const item = make("li", `${at.map((value) => value.toFixed(2)).join(" m, ")} m: `);
+    if (visited !== null) item.append("visited at ", jump(visited));
+    else item.append(index === next ? "next" : "not visited");
+    item.onpointerenter = () => markWaypoint(index);
+    item.onpointerleave = () => markWaypoint(null);
+    return item;
+  }));
 }
 
 function waypointItem(place, index) {
@@ -99,6 +138,9 @@ function waypointItem(place, index) {
   });
   gone.disabled = past;
   item.append(number(0), " ", number(1), " ", gone);
+  item.onpointerenter = () => markWaypoint(index);
+  item.onpointerleave = () => markWaypoint(null);
+  item.addEventListener("focusin", () => markWaypoint(index));
   return item;
 }
 
@@ -108,17 +150,22 @@ function showSlow() {
   once("axes", slow.axes, () => (slow.axes ?? []).map(axisRow));
   once("panels", slow.panels, () => (slow.panels ?? []).map(panelItem));
   once("counters", slow.counters, () => slow.counters.map(([name, value]) => row([name, value])));
+  $("counters-box").hidden = slow.counters.length === 0;
+  showGoals(slow);
   once("wires", slow.lanes, () => slow.lanes.flatMap(wireRows));
   showFaults(slow.faults);
   showEvents();
   showFrames();
+  showTalk();
 }
 
-// What an axis is told, what it does, and its limit.
+// The set-point of an axis, its actual value, and its limit.
 function axisRow({ name, unit, set_point, limit, actual }) {
   const figure = (value) => String(Math.round(value * 1000) / 1000 + 0);
-  const told = figure(set_point) + (actual === null ? "" : `, is ${figure(actual)}`);
-  return row([name, `${told} ${unit}${limit === null ? "" : ` (at most ${figure(limit)})`}`]);
+  const told = `set-point ${figure(set_point)}`
+    + (actual === null ? "" : `, actual ${figure(actual)}`);
+  const most = limit === null ? "" : `, limit ${figure(limit)}`;
+  return row([name, `${told}${unit && ` ${unit}`}${most}`]);
 }
 
 // A panel of the robot's: values that belong together, folded by a click. A value that is a number
@@ -137,7 +184,7 @@ function panelItem({ name: group, rows }) {
 function wireRows(lane) {
   return ["to-master", "to-device"].map((way) => {
     const { load, tally } = lane[way];
-    const name = `${lane.name} ${way === "to-master" ? "<" : ">"}`;
+    const name = `${lane.name} ${way}`;
     return row([name, `${(load * 100).toFixed(1)} %`, tally.bytes, tally.frames, tally.errors,
       tally.faults], [4, 5]);
   });

@@ -72,6 +72,7 @@ function fitBeside(bounds, ratio) {
 }
 
 function drawWorld() {
+  if (hilrig.stage.body === false) return;
   const ratio = fitCanvas(), context = canvas.getContext("2d");
   const { now, maps, scan, overlays } = seen(), name = $("map").value, map = maps[name];
   frame = camera ? { ...camera, height: canvas.height } : fitBeside(bounds(map), ratio);
@@ -86,8 +87,13 @@ function drawWorld() {
   for (const overlay of overlays) {
     if (!hilrig.hidden.has(overlay.name)) view.drawOverlay(context, frame, overlay);
   }
-  if ($("show-waypoints").checked && now.pc) {
-    view.drawWaypoints(context, frame, metres(dragged(now.pc.waypoints)));
+  if ($("show-waypoints").checked) {
+    const goals = seen().slow?.goals ?? [];
+    if (now.pc) view.drawWaypoints(context, frame, metres(dragged(now.pc.waypoints)), [], marked);
+    else {
+      const reached = goals.map(({ visited }) => visited !== null);
+      view.drawWaypoints(context, frame, goals.flatMap(({ at }) => at), reached, marked);
+    }
   }
   const { footprint } = hilrig.stage;
   // Both at the instant of the belief, so that what lies between them is error and not age.
@@ -192,6 +198,18 @@ function dragged(list) {
   return list.map((place, index) => index === drag.index ? drag.to : place);
 }
 
+// The waypoint under the pointer or in the list's row under it, by its index.
+let marked = null;
+
+function markWaypoint(index) {
+  if (marked === index) return;
+  marked = index;
+  [...$("waypoints").children].forEach((item, at) =>
+    item.classList.toggle("marked", at === index));
+  canvas.classList.toggle("on-waypoint", index !== null);
+  requestDraw();
+}
+
 // The waypoint under the pointer, the topmost first.
 function waypointAt({ px, py }) {
   if (hilrig.past || !hilrig.stage?.pc || aiming) return null;
@@ -232,7 +250,7 @@ canvas.onpointermove = (event) => {
     if (before.far > 0) zoomAt(after.px, after.py, after.far / before.far);
     return;
   }
-  if (!drag) return;
+  if (!drag) { markWaypoint(waypointAt(at)); return; }
   drag.to = at.mm;
   drag.moved ||= Math.hypot(at.px - drag.start.px, at.py - drag.start.py) > 4;
   const pans = drag.index === null && drag.moved && !drag.act;
@@ -252,6 +270,7 @@ canvas.onpointerup = (event) => {
   else if (canSteer && index !== null && moved) send({ do: "move", index, from, to });
   requestDraw();
 };
+canvas.onpointerleave = () => markWaypoint(null);
 canvas.onpointercancel = (event) => {
   fingers.delete(event.pointerId);
   drag = null;

@@ -90,7 +90,7 @@ function model() {
   }
   const plots = hilrig.series.flatMap((one, index) => plotted.has(nameOf(one))
     ? [{ name: one.name, unit: one.unit, at, values: samples.map((sample) => sample[4][index]) }]
-    : []);
+    : []).concat(hilrig.plots);
   const [from, to] = span ?? [0, Math.max(now, 1)];
   const cursor = seen().now.at_ns / 1e9;
   const wires = stage.kind === "rig" ? wireLinks(at, bars) : [];

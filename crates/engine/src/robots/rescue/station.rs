@@ -39,6 +39,15 @@ impl Station for Pc {
         &NAMES
     }
 
+    fn mode_words(&self, mode: &str) -> Option<&'static str> {
+        match mode {
+            "exploration" => Some("Follow walls"),
+            "waypoint" => Some("To waypoints"),
+            "explore" => Some("Explore, then return"),
+            _ => None,
+        }
+    }
+
     /// Ticks per 40 ms: a third of a metre a second ahead, half of that to turn.
     fn keys(&self) -> Option<DriveKeys> {
         Some(DriveKeys {

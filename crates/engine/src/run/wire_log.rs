@@ -1,16 +1,26 @@
-//! Recently received bytes and their frames, for the frame inspector.
+//! Recently received bytes and their frames, for the frame inspector of the page, and for the
+//! requests and replies of a run without a robot.
+
+mod exchange;
 
 use std::collections::VecDeque;
 
 use protocols::Instant;
 use serde::Serialize;
 
-use engine::codec::{Codec, Stream, Stretch, What, words};
-use engine::hex::digits;
-use engine::rig::line::Direction;
+use crate::Shared;
+use crate::codec::{Codec, IDLE, Stream, Stretch, What, words};
+use crate::hex::digits;
+use crate::rig::Rig;
+use crate::rig::line::{Delivery, Direction, Original};
+use crate::rig::trace::{Side, Tap};
+use crate::robots::Instruments;
+pub use exchange::{Exchange, ReplyTimes, Talk, exchanges, reply_times, talks};
 
 /// Maximum number of stored bytes per direction of a link: some six minutes of a lidar.
 const BYTES_MAX: usize = 4 << 20;
+/// The same for the report of a run.
+const REPORT_BYTES_MAX: usize = 1 << 18;
 /// Maximum number of stored chunks per direction.
 const PIECES_MAX: usize = 1 << 19;
 /// Number of bytes searched for frames: per lane if all lanes are requested, and for a single lane.
@@ -19,9 +29,19 @@ const LOOK_BACK: [usize; 2] = [6_000, 40_000];
 const FRAMES_MAX: usize = 400;
 
 /// All recently received bytes.
-#[derive(Debug, Default)]
-pub(super) struct WireLog {
+#[derive(Clone, Debug)]
+pub struct WireLog {
     lanes: Vec<LoggedLane>,
+    bytes_max: usize,
+}
+
+impl Default for WireLog {
+    fn default() -> Self {
+        Self {
+            lanes: Vec::new(),
+            bytes_max: BYTES_MAX,
+        }
+    }
 }
 
 /// One direction of a link.
@@ -50,22 +70,38 @@ struct Piece {
 
 /// A frame, or bytes outside frames.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub(super) struct Frame {
+pub struct Frame {
     /// Time of the last byte, nanoseconds.
-    at_ns: u64,
-    link: String,
-    way: &'static str,
+    pub at_ns: u64,
+    /// Name of the link.
+    pub link: String,
+    /// Name of the direction.
+    pub way: &'static str,
     /// The frame in words; for invalid bytes, the reason.
-    words: String,
+    pub words: String,
     /// Bytes as hexadecimal digits.
-    bytes: String,
-    is_bad: bool,
-    is_hit: bool,
+    pub bytes: String,
+    /// Whether the bytes are not a frame of the link's protocol.
+    pub is_bad: bool,
+    /// Whether a fault hit these bytes, or lost the bytes before them.
+    pub is_hit: bool,
 }
 
 impl WireLog {
+    /// An empty log for a report, which shows fewer bytes than a page.
+    pub(super) fn for_report<'a>(
+        lanes: impl Iterator<Item = (&'a str, Direction, Option<&'static Codec>)>,
+    ) -> Self {
+        let mut log = Self {
+            bytes_max: REPORT_BYTES_MAX,
+            ..Self::default()
+        };
+        log.begin(lanes);
+        log
+    }
+
     /// Clears the log; `lanes` are link, direction and format of each lane.
-    pub(super) fn begin<'a>(
+    pub fn begin<'a>(
         &mut self,
         lanes: impl Iterator<Item = (&'a str, Direction, Option<&'static Codec>)>,
     ) {
@@ -82,14 +118,14 @@ impl WireLog {
     }
 
     /// Marks the next bytes of a lane as hit.
-    pub(super) fn hit(&mut self, lane: usize) {
+    pub fn hit(&mut self, lane: usize) {
         if let Some(lane) = self.lanes.get_mut(lane) {
             lane.is_hit = true;
         }
     }
 
     /// Adds bytes that arrived at `at`.
-    pub(super) fn push(&mut self, lane: usize, at: Instant, bytes: &[u8]) {
+    pub fn push(&mut self, lane: usize, at: Instant, bytes: &[u8]) {
         let Some(lane) = self.lanes.get_mut(lane).filter(|_| !bytes.is_empty()) else {
             return;
         };
@@ -100,7 +136,7 @@ impl WireLog {
             at,
             is_hit: core::mem::take(&mut lane.is_hit),
         });
-        while lane.bytes.len() > BYTES_MAX || lane.pieces.len() > PIECES_MAX {
+        while lane.bytes.len() > self.bytes_max || lane.pieces.len() > PIECES_MAX {
             let first = lane.end - lane.bytes.len() as u64;
             let gone = lane.pieces.pop_front().map_or(first, |piece| piece.end);
             drop(lane.bytes.drain(..as_index(gone - first)));
@@ -108,7 +144,7 @@ impl WireLog {
     }
 
     /// Removes bytes after `until`: the run branches there.
-    pub(super) fn cut(&mut self, until: Instant) {
+    pub fn cut(&mut self, until: Instant) {
         for lane in &mut self.lanes {
             let kept = lane.pieces.partition_point(|piece| piece.at <= until);
             let first = lane.end - lane.bytes.len() as u64;
@@ -123,18 +159,93 @@ impl WireLog {
     }
 
     /// The last bytes of a lane, to synchronise a decoder.
-    pub(super) fn last_bytes(&self, lane: usize, most: usize) -> Vec<u8> {
+    pub fn last_bytes(&self, lane: usize, most: usize) -> Vec<u8> {
         let bytes = self.lanes.get(lane).map(|lane| &lane.bytes);
         let skipped = bytes.map_or(0, |bytes| bytes.len().saturating_sub(most));
         bytes.into_iter().flatten().skip(skipped).copied().collect()
     }
 
     /// The bytes before `until`, of one lane or of all lanes, to be searched.
-    pub(super) fn tails(&self, until: Instant, lane: Option<usize>) -> Vec<Tail> {
+    pub fn tails(&self, until: Instant, lane: Option<usize>) -> Vec<Tail> {
         let most = LOOK_BACK[usize::from(lane.is_some())];
-        let lanes = self.lanes.iter().enumerate();
-        let lanes = lanes.filter(|(index, _)| lane.is_none_or(|lane| lane == *index));
-        lanes.map(|(_, lane)| lane.tail(until, most)).collect()
+        let indices = 0..self.lanes.len();
+        let indices = indices.filter(|index| lane.is_none_or(|lane| lane == *index));
+        indices.map(|index| self.tail(index, until, most)).collect()
+    }
+
+    /// The last bytes before `until` of all lanes, `most` bytes in total.
+    pub fn last_tails(&self, until: Instant, most: usize) -> Vec<Tail> {
+        let each = (most / self.lanes.len().max(1)).max(LOOK_BACK[0] / 3);
+        let indices = 0..self.lanes.len();
+        indices.map(|index| self.tail(index, until, each)).collect()
+    }
+
+    fn tail(&self, index: usize, until: Instant, most: usize) -> Tail {
+        let mut tail = self.lanes[index].tail(until, most);
+        // Both directions of a link are neighbours.
+        if tail.codec.is_none()
+            && let Some(other) = self.lanes.get(index ^ 1)
+        {
+            tail.pause_where(&other.pieces);
+        }
+        tail
+    }
+
+    /// Number of all bytes that each link received until `until`, to the master first, with the
+    /// link's name.
+    pub fn totals(&self, until: Instant) -> Vec<(String, [u64; 2])> {
+        let links = self.lanes.as_chunks::<2>().0.iter();
+        let total = |lane: &LoggedLane| {
+            let last = lane.pieces.partition_point(|piece| piece.at <= until);
+            let first = lane.end - lane.bytes.len() as u64;
+            last.checked_sub(1)
+                .map_or(first, |last| lane.pieces[last].end)
+        };
+        let totals = links.map(|both| (both[0].link.clone(), both.each_ref().map(total)));
+        totals.collect()
+    }
+}
+
+/// Writes the traffic of a rig to a log.
+pub(super) struct Logging(Shared<WireLog>);
+
+impl Logging {
+    /// Starts the log of a rig without a robot, for its report; `None` with a robot.
+    pub(super) fn begin(rig: &mut Rig, instruments: &dyn Instruments) -> Option<Shared<WireLog>> {
+        if instruments.has_body() {
+            return None;
+        }
+        let lane = |name: &str, way| instruments.codec_towards(rig, name, way);
+        let lanes = rig.links().iter().flat_map(|link| {
+            let ways = [Direction::ToMaster, Direction::ToDevice];
+            ways.map(|way| (&*link.name, way, lane(&link.name, way)))
+        });
+        let log = Shared::new(WireLog::for_report(lanes));
+        rig.add_tap(Box::new(Self(log.clone())));
+        Some(log)
+    }
+
+    /// Starts a log of a copy of the rig, which continues `log`.
+    pub(super) fn go_on(rig: &mut Rig, log: &Shared<WireLog>) -> Shared<WireLog> {
+        let log = Shared::new(log.lock().clone());
+        rig.add_tap(Box::new(Self(log.clone())));
+        log
+    }
+}
+
+impl Tap for Logging {
+    fn record(&mut self, link: usize, to: Direction, side: Side, at: Instant, bytes: &[u8]) {
+        if side == Side::Received {
+            self.0.lock().push(2 * link + to as usize, at, bytes);
+        }
+    }
+
+    fn arrived(&mut self, link: usize, to: Direction, delivery: &Delivery) {
+        let is_hit =
+            |original: &Original| !original.strikes.is_empty() || !original.effects.is_empty();
+        if delivery.original.as_deref().is_some_and(is_hit) {
+            self.0.lock().hit(2 * link + to as usize);
+        }
     }
 }
 
@@ -159,13 +270,14 @@ impl LoggedLane {
             from,
             bytes: bytes.copied().collect(),
             pieces: pieces.collect(),
+            pauses: Vec::new(),
         }
     }
 }
 
 /// A section of a lane.
 #[derive(Clone, Debug)]
-pub(super) struct Tail {
+pub struct Tail {
     link: String,
     way: Direction,
     codec: Option<&'static Codec>,
@@ -174,9 +286,21 @@ pub(super) struct Tail {
     from: u64,
     bytes: Vec<u8>,
     pieces: Vec<Piece>,
+    /// Times at which the other direction was busy, where the protocol is unknown.
+    pauses: Vec<Instant>,
 }
 
 impl Tail {
+    /// Splits bytes of an unknown protocol where the other direction carried bytes.
+    fn pause_where(&mut self, others: &VecDeque<Piece>) {
+        let Some((first, last)) = self.pieces.first().zip(self.pieces.last()) else {
+            return;
+        };
+        let from = others.partition_point(|piece| piece.at < first.at);
+        let until = others.partition_point(|piece| piece.at <= last.at);
+        self.pauses = others.range(from..until).map(|piece| piece.at).collect();
+    }
+
     /// The frames in the section, and the bytes outside frames.
     fn frames(&self) -> Vec<Frame> {
         let Some(codec) = self.codec else {
@@ -227,24 +351,64 @@ impl Tail {
         }
     }
 
-    /// The chunks as they arrived, because the protocol is unknown.
+    /// The bytes in stretches, because the protocol is unknown: until a pause, or until the other
+    /// direction carries bytes. Text is split into lines.
     fn as_text(&self) -> Vec<Frame> {
-        let mut from = self.from;
-        let piece = |piece: &Piece| {
-            let range = as_index(from - self.from)..as_index(piece.end - self.from);
-            from = piece.end;
-            let words = words::text(&self.bytes[range.clone()]);
-            self.told(range, words, false)
+        let are_apart = |[before, after]: [Piece; 2]| {
+            let busy = self.pauses.partition_point(|at| *at < before.at);
+            let between = self.pauses.get(busy).is_some_and(|at| *at < after.at);
+            after.at - before.at > IDLE || between
         };
-        self.pieces.iter().map(piece).collect()
+        let mut from = 0;
+        let stretches = self.pieces.chunk_by(|a, b| !are_apart([*a, *b]));
+        let stretches = stretches.filter_map(|stretch| {
+            let end = as_index(stretch.last()?.end - self.from);
+            let range = core::mem::replace(&mut from, end)..end;
+            Some(range)
+        });
+        let lines: Vec<_> = stretches.flat_map(|range| self.lines(range)).collect();
+        lines
+            .into_iter()
+            .map(|range| {
+                let words = words::text(&self.bytes[range.clone()]);
+                self.told(range, words, false)
+            })
+            .collect()
+    }
+
+    /// The lines of `range` if it is text, else `range` itself.
+    fn lines(&self, range: core::ops::Range<usize>) -> Vec<core::ops::Range<usize>> {
+        let bytes = &self.bytes[range.clone()];
+        let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
+        if !bytes.iter().all(is_text) {
+            return vec![range];
+        }
+        let mut from = range.start;
+        let ends = bytes.iter().enumerate().filter_map(|(index, byte)| {
+            let next = bytes.get(index + 1);
+            let is_end = match byte {
+                b'\n' => true,
+                b'\r' => next != Some(&b'\n'),
+                _ => false,
+            };
+            (is_end || next.is_none()).then_some(range.start + index + 1)
+        });
+        ends.map(|end| core::mem::replace(&mut from, end)..end)
+            .collect()
     }
 }
 
 /// The newest frames of all `tails` in order of time.
-pub(super) fn frames(tails: &[Tail]) -> Vec<Frame> {
+pub fn frames(tails: &[Tail]) -> Vec<Frame> {
+    let mut all = all_frames(tails);
+    all.drain(..all.len().saturating_sub(FRAMES_MAX));
+    all
+}
+
+/// All frames of all `tails` in order of time.
+pub fn all_frames(tails: &[Tail]) -> Vec<Frame> {
     let mut all: Vec<Frame> = tails.iter().flat_map(Tail::frames).collect();
     all.sort_by_key(|frame| frame.at_ns);
-    all.drain(..all.len().saturating_sub(FRAMES_MAX));
     all
 }
 
@@ -255,7 +419,7 @@ fn as_index(place: u64) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use engine::codec::BUS_HIGH_FIRST;
+    use crate::codec::BUS_HIGH_FIRST;
 
     use super::*;
 
@@ -314,5 +478,39 @@ mod tests {
         assert!(log.lanes[0].bytes.len() <= BYTES_MAX);
         assert_eq!(log.lanes[0].end, 11 + 5_000 * 1_024);
         assert!(!frames(&log.tails(at(9_000), None)).is_empty());
+    }
+
+    /// A dialogue without a known protocol, in pieces of one byte. Two requests without a pause
+    /// between them are two lines; bytes that are no text stay together until the answer.
+    #[test]
+    fn an_unknown_protocol_is_split_at_lines_and_turns() {
+        let mut log = WireLog::default();
+        let lanes = [Direction::ToMaster, Direction::ToDevice].map(|way| ("sonar", way, None));
+        log.begin(lanes.into_iter());
+        let mut now = 0;
+        for (lane, bytes) in [
+            (1, &b"ping\r\ngain 3\r\n"[..]),
+            (0, b"mm=700\r\n"),
+            (1, &[1, 0x0A, 3]),
+            (0, &[9]),
+            (1, &[1, 4]),
+        ] {
+            for byte in bytes {
+                now += 1;
+                log.push(lane, at(now), &[*byte]);
+            }
+        }
+        let all = frames(&log.tails(at(now), None));
+        let told: Vec<_> = all.iter().map(|one| (one.way, &*one.words)).collect();
+        let expected = [
+            ("to-device", "text \"ping\\r\\n\""),
+            ("to-device", "text \"gain 3\\r\\n\""),
+            ("to-master", "text \"mm=700\\r\\n\""),
+            ("to-device", "text \"\\x01\\n\\x03\""),
+            ("to-master", "text \"\\t\""),
+            ("to-device", "text \"\\x01\\x04\""),
+        ];
+        assert_eq!(told, expected);
+        assert_eq!(log.totals(at(now)), [("sonar".to_owned(), [9, 21])]);
     }
 }
