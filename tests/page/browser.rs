@@ -1,6 +1,8 @@
 //! A real browser without a window, driven through its own driver.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::os::unix::process::CommandExt as _;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -18,43 +20,53 @@ use tokio::runtime::{Builder, Runtime};
 
 use super::server::{Server, folder};
 
-/// Browsers are large: one at a time.
-static ONE: Mutex<()> = Mutex::new(());
+/// All tests of this process share one browser, one after the other: it takes seconds to start.
+static ONE: Mutex<Option<Chrome>> = Mutex::new(None);
 
 /// Interval and maximum number of the checks of a condition: a minute on an idle machine, more on a
 /// busy one. This limit only ends a hanging test; it measures nothing.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 const LOOKS_MAX: u32 = 900;
 
-/// A browser with one page.
-pub(crate) struct Browser {
+/// Starts the driver, and ends it, its browser and its files when this process is gone, which the
+/// end of the script's input shows.
+const DRIVER: &str = "chromedriver --port=0 & cat >/dev/null; trap '' TERM; kill -- -$$; wait; \
+                      for _ in 1 2 3 4 5; do rm -rf -- \"$1\" && exit; sleep 1; done";
+
+/// A browser and its driver.
+struct Chrome {
     runtime: Runtime,
-    client: Option<Client>,
-    driver: Child,
+    client: Client,
+    /// Host and port of the driver.
+    host: String,
     profile: PathBuf,
-    _one: MutexGuard<'static, ()>,
+    /// Held open until this process ends.
+    _driver: Child,
 }
 
-impl Browser {
-    /// Opens a browser that shows `server`'s page, connected; a paused run continues. Returns
-    /// `None` with a message on a machine without a browser; CI must have one.
-    pub(crate) fn at(name: &str, server: &Server) -> Option<Self> {
-        let browser = Self::start(name)?;
-        browser.go(&server.url());
-        browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
-        if browser.value("hilrig.now.paused") == true {
-            browser.click("#play");
-            browser.wait("!hilrig.now.paused || hilrig.now.over");
-        }
-        Some(browser)
-    }
+/// The browser, with a page of this test.
+pub(crate) struct Browser {
+    chrome: MutexGuard<'static, Option<Chrome>>,
+    /// Number of lines that earlier tests have left on the console.
+    console: usize,
+}
 
-    /// Starts a browser without a page. It can connect to this machine only.
-    pub(crate) fn start(name: &str) -> Option<Self> {
-        let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut command = Command::new("chromedriver");
-        command.arg("--port=0").stdout(Stdio::piped());
-        let Ok(mut driver) = command.stderr(Stdio::null()).spawn() else {
+impl Chrome {
+    /// Starts the browser. It can connect to this machine only. Returns `None` with a message on a
+    /// machine without a browser; CI must have one.
+    fn start() -> Option<Self> {
+        let profile = folder(&format!("profile-{}", std::process::id()));
+        let mut command = Command::new("sh");
+        command.args(["-c", DRIVER, "sh"]).arg(&profile);
+        command.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let driver = command.stderr(Stdio::null()).process_group(0).spawn();
+        let mut driver = driver.expect("a shell starts");
+        let out = BufReader::new(driver.stdout.take().expect("piped"));
+        let port = out.lines().map_while(Result::ok).find_map(|line| {
+            let port = line.split_once("started successfully on port ")?.1;
+            Some(port.trim_end_matches('.').to_owned())
+        });
+        let Some(port) = port else {
             assert!(
                 std::env::var_os("CI").is_none(),
                 "CI without chromedriver: tests/run.sh installs chromium and chromium-driver"
@@ -62,13 +74,6 @@ impl Browser {
             eprintln!("SKIPPED: chromedriver is not installed, nothing was seen in a browser");
             return None;
         };
-        let out = BufReader::new(driver.stdout.take().expect("piped"));
-        let port = out.lines().map_while(Result::ok).find_map(|line| {
-            let port = line.split_once("started successfully on port ")?.1;
-            Some(port.trim_end_matches('.').to_owned())
-        });
-        let port = port.expect("chromedriver names its port");
-        let profile = folder(&format!("profile-{name}"));
         let runtime = Builder::new_current_thread().enable_all().build();
         let runtime = runtime.expect("a runtime");
         let arguments = [
@@ -91,49 +96,117 @@ impl Browser {
         arguments.push(format!("--user-data-dir={}", profile.display()));
         let wishes = json!({"goog:chromeOptions": {"args": arguments}});
         let wishes = wishes.as_object().expect("made as one").clone();
-        let url = format!("http://127.0.0.1:{port}");
+        let host = format!("127.0.0.1:{port}");
         let mut builder = ClientBuilder::new(HttpConnector::new());
         builder.capabilities(wishes);
-        let client = runtime.block_on(builder.connect(&url));
-        let client = Some(client.expect("the browser starts"));
+        let client = runtime.block_on(builder.connect(&format!("http://{host}")));
         Some(Self {
             runtime,
-            client,
-            driver,
+            client: client.expect("the browser starts"),
+            host,
             profile,
-            _one: one,
+            _driver: driver,
         })
     }
 
+    /// Lines on the console.
+    fn console(&self) -> Vec<String> {
+        let log = self.profile.join("chrome_debug.log");
+        let said = std::fs::read_to_string(&log).unwrap_or_default();
+        let lines = said.lines().filter(|line| line.contains("CONSOLE"));
+        lines.map(str::to_owned).collect()
+    }
+}
+
+impl Browser {
+    /// Opens a browser that shows `server`'s page, connected; a paused run continues. Returns
+    /// `None` with a message on a machine without a browser.
+    pub(crate) fn at(server: &Server) -> Option<Self> {
+        let browser = Self::paused_at(server)?;
+        if browser.value("hilrig.now.paused") == true {
+            browser.click("#play");
+            browser.wait("!hilrig.now.paused || hilrig.now.over");
+        }
+        Some(browser)
+    }
+
+    /// The same; a paused run stays paused.
+    pub(crate) fn paused_at(server: &Server) -> Option<Self> {
+        let browser = Self::start()?;
+        browser.go(&server.url());
+        browser.wait("hilrig.connected && hilrig.now && hilrig.stage");
+        Some(browser)
+    }
+
+    /// Takes the browser without a page.
+    pub(crate) fn start() -> Option<Self> {
+        let mut chrome = ONE.lock().unwrap_or_else(PoisonError::into_inner);
+        if chrome.is_none() {
+            *chrome = Chrome::start();
+        }
+        let console = chrome.as_ref()?.console().len();
+        let browser = Self { chrome, console };
+        browser.look([1280, 1040]);
+        Some(browser)
+    }
+
+    fn chrome(&self) -> &Chrome {
+        self.chrome.as_ref().expect("it was started")
+    }
+
     fn client(&self) -> &Client {
-        self.client.as_ref().expect("until dropped")
+        &self.chrome().client
+    }
+
+    /// Waits for an answer of the driver.
+    fn block_on<F: Future>(&self, answer: F) -> F::Output {
+        self.chrome().runtime.block_on(answer)
+    }
+
+    /// Sets the size of the window; a phone has a narrow one.
+    pub(crate) fn look(&self, [width, height]: [u32; 2]) {
+        let size = json!({"width": width, "height": height, "deviceScaleFactor": 1,
+                          "mobile": width < 600});
+        let body = json!({"cmd": "Emulation.setDeviceMetricsOverride", "params": size});
+        let (host, body) = (&self.chrome().host, body.to_string());
+        let session = self.block_on(self.client().session_id());
+        let session = session.expect("the driver answers").expect("a session");
+        let mut socket = TcpStream::connect(host).expect("the driver listens");
+        let request = format!(
+            "POST /session/{session}/goog/cdp/execute HTTP/1.1\r\nHost: {host}\r\n\
+             Content-Length: {}\r\nConnection: close\r\n\r\n{body}",
+            body.len()
+        );
+        socket.write_all(request.as_bytes()).expect("is read");
+        // The driver keeps the connection open; the status comes first.
+        let mut answer = [0; 64];
+        let len = socket.read(&mut answer).expect("an answer");
+        let answer = String::from_utf8_lossy(&answer[..len]);
+        assert!(answer.contains(" 200 "), "{answer}");
     }
 
     /// Opens another address.
     pub(crate) fn go(&self, url: &str) {
-        let gone = self.runtime.block_on(self.client().goto(url));
+        let gone = self.block_on(self.client().goto(url));
         gone.expect("the page loads");
     }
 
-    /// Lines on the console until `last` appeared.
+    /// This test's lines on the console until `last` appeared.
     pub(crate) fn console(&self, last: &str) -> Vec<String> {
-        let log = self.profile.join("chrome_debug.log");
         for _ in 0..LOOKS_MAX {
-            let said = std::fs::read_to_string(&log).unwrap_or_default();
-            let lines = said.lines().filter(|line| line.contains("CONSOLE"));
-            let lines: Vec<_> = lines.map(str::to_owned).collect();
+            let lines = self.chrome().console().split_off(self.console);
             if let Some(end) = lines.iter().position(|line| line.contains(last)) {
                 return lines[..end].to_vec();
             }
             let pause = async { tokio::time::sleep(LOOK_EVERY).await };
-            self.runtime.block_on(pause);
+            self.block_on(pause);
         }
         panic!("never on the console: {last}");
     }
 
     /// Loads the page again.
     pub(crate) fn reload(&self) {
-        let again = self.runtime.block_on(self.client().refresh());
+        let again = self.block_on(self.client().refresh());
         again.expect("the page loads again");
         self.wait("hilrig.connected && hilrig.now && hilrig.stage");
     }
@@ -141,9 +214,7 @@ impl Browser {
     /// The value of an expression in the page.
     pub(crate) fn value(&self, expression: &str) -> Value {
         let script = format!("return {expression};");
-        let value = self
-            .runtime
-            .block_on(self.client().execute(&script, vec![]));
+        let value = self.block_on(self.client().execute(&script, vec![]));
         value.unwrap_or_else(|error| panic!("{expression}: {error}"))
     }
 
@@ -159,7 +230,7 @@ impl Browser {
                 return;
             }
             let pause = async { tokio::time::sleep(LOOK_EVERY).await };
-            self.runtime.block_on(pause);
+            self.block_on(pause);
         }
         let state = self.value("JSON.stringify([hilrig.now, hilrig.refused])");
         panic!("never: {expression}; {state}");
@@ -167,7 +238,7 @@ impl Browser {
 
     /// Clicks the element that `css` finds.
     pub(crate) fn click(&self, css: &str) {
-        let clicked = self.runtime.block_on(async {
+        let clicked = self.block_on(async {
             let element = self.client().find(Locator::Css(css)).await?;
             element.click().await
         });
@@ -198,7 +269,7 @@ impl Browser {
     fn mouse(&self, actions: Vec<PointerAction>) {
         let mouse = MouseActions::new("mouse".to_owned());
         let mouse = actions.into_iter().fold(mouse, MouseActions::then);
-        let done = self.runtime.block_on(self.client().perform_actions(mouse));
+        let done = self.block_on(self.client().perform_actions(mouse));
         done.expect("the mouse moves");
     }
 
@@ -219,6 +290,11 @@ impl Browser {
             PointerAction::Down { button },
             PointerAction::Up { button },
         ]);
+    }
+
+    /// Moves the pointer to a position on the map.
+    pub(crate) fn hover_map(&self, place: [i32; 2]) {
+        self.mouse(vec![self.to(place)]);
     }
 
     /// Clicks a position on the map with the other button.
@@ -245,7 +321,7 @@ impl Browser {
     /// Presses or releases a key.
     pub(crate) fn key(&self, action: KeyAction) {
         let keys = KeyActions::new("keys".to_owned()).then(action);
-        let done = self.runtime.block_on(self.client().perform_actions(keys));
+        let done = self.block_on(self.client().perform_actions(keys));
         done.expect("the key moves");
     }
 
@@ -280,12 +356,8 @@ impl Browser {
 }
 
 impl Drop for Browser {
+    /// Leaves the page, so that its run loses its viewer; the browser stays for the next test.
     fn drop(&mut self) {
-        if let Some(client) = self.client.take() {
-            let _ = self.runtime.block_on(client.close());
-        }
-        let _ = self.driver.kill();
-        let _ = self.driver.wait();
-        let _ = std::fs::remove_dir_all(&self.profile);
+        let _ = self.block_on(self.client().goto("about:blank"));
     }
 }

@@ -7,7 +7,7 @@ use super::server::Server;
 #[test]
 fn a_paused_run_moves_by_steps() {
     let server = Server::held("empty-room", "1");
-    let Some(browser) = Browser::at("steps", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     let before = browser.pause();
@@ -26,7 +26,7 @@ fn a_paused_run_moves_by_steps() {
 #[test]
 fn a_run_begins_anew_with_another_seed() {
     let server = Server::held("empty-room", "30");
-    let Some(browser) = Browser::at("seed", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     browser.wait("hilrig.now.at_ns > 5e9 && hilrig.stage.seed === 1");
@@ -44,7 +44,7 @@ fn a_run_begins_anew_with_another_seed() {
 #[test]
 fn a_page_comes_back_when_its_server_does() {
     let first = Server::held("empty-room", "1");
-    let Some(browser) = Browser::at("back", &first) else {
+    let Some(browser) = Browser::at(&first) else {
         return;
     };
     let port = first.host.rsplit_once(':').expect("a port").1.to_owned();

@@ -16,7 +16,7 @@ const PIXELS: &str = "Array.from(document.getElementById('screen').getContext('2
 #[test]
 fn a_click_on_the_robots_display_touches_it() {
     let server = Server::held_on("rescue-flat", "4", "display");
-    let Some(browser) = Browser::at("display", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     browser.wait("hilrig.maps.display && !document.getElementById('display').hidden");

@@ -33,12 +33,15 @@ fn a_log_is_watched_while_it_is_mapped() {
     let out = out.to_str().expect("plain letters");
     let process = Process::start(&["slam", &log, "--out", out, "--ui"]);
     let mut server = Server::of_process(process);
-    let Some(browser) = Browser::at("log", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     browser.wait("hilrig.now?.over === true && hilrig.maps.mapper?.width > 0");
     assert_eq!(browser.value("hilrig.now.mode"), "60 of 60 scans");
-    assert_eq!(browser.value("document.body.className"), "log no-pc");
+    assert_eq!(
+        browser.value("document.body.className"),
+        "log no-pc no-goals"
+    );
     // The wall ahead, the free floor in front of it, and unknown cells behind it.
     let cell = |x: f64| {
         let at = format!(

@@ -9,6 +9,7 @@ mod display;
 mod hostile;
 mod live;
 mod log;
+mod looks;
 mod overlays;
 mod past;
 mod remote;

@@ -28,7 +28,7 @@ fn names(list: &Value) -> Vec<&str> {
 #[test]
 fn what_a_robot_sees_and_plans_is_shown() {
     let server = Server::held("yellow-map", "30");
-    let Some(browser) = Browser::at("overlays", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     let way = "hilrig.overlays.some((overlay) => overlay.name === 'way')";
@@ -85,7 +85,7 @@ fn what_a_robot_sees_and_plans_is_shown() {
 #[test]
 fn a_robot_is_drawn_as_the_outline_that_it_has() {
     let server = Server::held("yellow-reactive", "1");
-    let Some(browser) = Browser::at("outline", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     let disc = browser.value("hilrig.stage.footprint");
@@ -120,7 +120,7 @@ fn a_report_shows_what_was_seen_and_planned() {
     let layers: Vec<_> = outcome.layers.iter().map(|(name, _)| *name).collect();
     assert_eq!(layers, ["local"]);
     results::write(&dir, &outcome, Duration::ZERO).expect("written");
-    let Some(browser) = Browser::start("report-overlays") else {
+    let Some(browser) = Browser::start() else {
         return;
     };
     browser.go(&format!("file://{}/report.html", dir.display()));

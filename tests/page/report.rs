@@ -34,7 +34,7 @@ fn a_report_opens_from_disk_without_a_network() {
     let (scenario, source) = Scenario::parse(Path::new("<case>"), case()).expect("sound");
     let outcome = Run::new(scenario, &source, None).expect("wired").finish();
     results::write(&dir, &outcome, Duration::ZERO).expect("written");
-    let Some(browser) = Browser::start("report") else {
+    let Some(browser) = Browser::start() else {
         return;
     };
     browser.go(&format!("file://{}/report.html", dir.display()));

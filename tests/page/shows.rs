@@ -25,7 +25,7 @@ fn cells(browser: &Browser, map: &str) -> Vec<u8> {
 #[test]
 fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
     let server = Server::held("rescue-flat", "4");
-    let Some(browser) = Browser::at("shows", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     // The run starts from the beginning, slowly enough for a browser on a busy machine.
@@ -90,7 +90,7 @@ fn maps_poses_and_waypoints_are_those_of_the_core_at_that_time() {
 #[test]
 fn a_page_that_is_loaded_again_shows_the_same() {
     let server = Server::held("two-rooms", "10");
-    let Some(browser) = Browser::at("reload", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     browser.wait(&format!("{KNOWN} > 1000"));
@@ -108,7 +108,7 @@ fn a_page_that_is_loaded_again_shows_the_same() {
 #[test]
 fn text_is_never_markup() {
     let server = Server::held("empty-room", "1");
-    let Some(browser) = Browser::at("markup", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     browser.click("#tab-log");
@@ -133,7 +133,7 @@ fn text_is_never_markup() {
 #[test]
 fn the_slider_shows_what_was_recorded() {
     let server = Server::held("rescue-flat", "10");
-    let Some(browser) = Browser::at("slider", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return;
     };
     browser.wait("hilrig.now.at_ns > 30e9");

@@ -12,7 +12,7 @@ use super::server::Server;
 fn room(name: &str) -> Option<(Server, Browser)> {
     let room = super::server::endless("empty-room", name);
     let server = Server::start(&[&room, "--speed", "2", "--paused"]);
-    let browser = Browser::at(name, &server)?;
+    let browser = Browser::at(&server)?;
     browser.wait("hilrig.now.pc.connection === 'connected' && hilrig.now.pc.size_mm");
     browser.click("[data-mode=stop]");
     browser.click("#clear");
@@ -126,7 +126,7 @@ fn a_fault_by_click_strikes_and_joins_the_session() {
         return;
     };
     browser.click("#tab-faults");
-    browser.click("#wiring [aria-label='base, to the robot']");
+    browser.click("#wiring [aria-label='base to-master']");
     browser.set("#fault-kind", "flip");
     browser.set("#fault-keys [name=rate]", "0.02");
     browser.set("#fault-s", "0");
