@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Makes the pictures of the README and of these docs anew, in docs/img: page, light and dark, of
-# three robots; report and the robot's display.
+# three robots and of devices without one; reports and the robot's display.
 #
 # usage: bash docs/screenshots.sh
 #

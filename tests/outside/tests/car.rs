@@ -82,8 +82,8 @@ fn its_result_folder_shows_its_panels_axes_verdicts_and_map() {
     folder::write(&place, &outcome, Duration::ZERO).expect("can be written");
     let report = fs::read_to_string(place.join("report.html")).expect("a report");
     for part in [
-        "The robot in the end",
-        "<td>steering</td><td>told 12 deg</td>",
+        "The robot at the end",
+        "<td>steering</td><td>set-point 12 deg</td>",
         "<summary>servo board</summary>",
         "<td>ok</td><td>slow-enough</td>",
         "<td>packets</td>",

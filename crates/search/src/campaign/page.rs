@@ -231,10 +231,10 @@ fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
     }
     write!(
         out,
-        "<details><summary>{} situations, goals and rules that occurred</summary>",
+        "<details><summary>Occurred: {}</summary>",
         met.len()
     )?;
-    out.write_str("<table><tr><th>what<th>runs")?;
+    out.write_str("<table><tr><th>situation, goal or rule<th>runs")?;
     for count in met {
         let name = Escaped(&count.situation);
         write!(out, "<tr><td>{name}<td class=\"n\">{}", count.runs)?;
