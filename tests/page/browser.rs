@@ -30,8 +30,8 @@ const LOOKS_MAX: u32 = 900;
 
 /// Starts the driver, and ends it, its browser and its files when this process is gone, which the
 /// end of the script's input shows.
-const DRIVER: &str = "chromedriver --port=0 & cat >/dev/null; trap '' TERM; kill -- -$$; wait; \
-                      for _ in 1 2 3 4 5; do rm -rf -- \"$1\" && exit; sleep 1; done";
+const DRIVER: &str = "chromedriver --port=0 & exec >/dev/null; cat; trap '' TERM; kill -- -$$; \
+                      wait; for _ in 1 2 3 4 5; do rm -rf -- \"$1\" && exit; sleep 1; done";
 
 /// A browser and its driver.
 struct Chrome {
@@ -71,6 +71,9 @@ impl Chrome {
                 std::env::var_os("CI").is_none(),
                 "CI without chromedriver: tests/run.sh installs chromium and chromium-driver"
             );
+            // Its input ends here.
+            drop(driver.stdin.take());
+            let _ = driver.wait();
             eprintln!("SKIPPED: chromedriver is not installed, nothing was seen in a browser");
             return None;
         };

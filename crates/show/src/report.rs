@@ -55,10 +55,12 @@ pub fn html(outcome: &Outcome) -> String {
         counters(outcome),
     ];
     let body = [
-        verdict::header(outcome, talk.as_ref()),
+        verdict::header(outcome),
+        "<main>\n".to_owned(),
+        verdict::tiles(outcome, talk.as_ref()),
         stage(outcome),
         talk.as_ref().map(Talk::section).unwrap_or_default(),
-        format!("<div id=\"rest\">\n{}</div>\n", rest.concat()),
+        format!("<div id=\"rest\">\n{}</div>\n</main>\n", rest.concat()),
     ]
     .concat();
     let (drawing, lanes) = (view::SCRIPT, view::LANES);

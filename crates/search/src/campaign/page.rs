@@ -229,11 +229,7 @@ fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
     for (what, names) in lists.iter().filter(|(_, names)| !names.is_empty()) {
         write!(out, "<p>{what}: {}.", Escaped(&names.join(", ")))?;
     }
-    write!(
-        out,
-        "<details><summary>Occurred: {}</summary>",
-        met.len()
-    )?;
+    write!(out, "<details><summary>Occurred: {}</summary>", met.len())?;
     out.write_str("<table><tr><th>situation, goal or rule<th>runs")?;
     for count in met {
         let name = Escaped(&count.situation);

@@ -71,8 +71,8 @@ impl Talk {
         let content = format!(
             "<div class=\"across\" tabindex=\"0\" role=\"region\" aria-label=\"Figures of the \
              links\"><table id=\"links\">{head}<tbody>\n{links}</tbody></table></div>\n{none}{more}\
-             <div class=\"across\" tabindex=\"0\" role=\"region\" aria-label=\"Requests and \
-             replies\"><table id=\"exchanges\"><thead>{HEAD}</thead>\
+             <div class=\"across\" tabindex=\"0\" role=\"region\" aria-label=\"All requests \
+             and replies\"><table id=\"exchanges\"><thead>{HEAD}</thead>\
              <tbody>\n{rows}</tbody></table></div>\n"
         );
         section("talk", "Requests and replies", &content)

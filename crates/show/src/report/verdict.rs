@@ -14,7 +14,7 @@ use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 
 /// Verdict, first failed check, name of the run, and the command that repeats it.
-pub(super) fn header(outcome: &Outcome, talk: Option<&Talk>) -> String {
+pub(super) fn header(outcome: &Outcome) -> String {
     let (class, verdict) = match outcome.passed() {
         true => ("pass", "PASS"),
         false => ("fail", "FAIL"),
@@ -27,8 +27,7 @@ pub(super) fn header(outcome: &Outcome, talk: Option<&Talk>) -> String {
     format!(
         "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
          {cause}<p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
-         again: <code>{again}</code></p>\n</header>\n{}",
-        tiles(outcome, talk)
+         again: <code>{again}</code></p>\n</header>\n"
     )
 }
 
@@ -70,7 +69,7 @@ pub(super) fn percent(share: f64) -> String {
 }
 
 /// Up to four figures that characterise a run.
-fn tiles(outcome: &Outcome, talk: Option<&Talk>) -> String {
+pub(super) fn tiles(outcome: &Outcome, talk: Option<&Talk>) -> String {
     // Wall time is not part of the run: it would make each report different.
     let metrics = Metrics::of(outcome, Duration::ZERO);
     let waypoints = (metrics.waypoints > 0)
