@@ -511,6 +511,6 @@ mod tests {
             ("to-device", "text \"\\x01\\x04\""),
         ];
         assert_eq!(told, expected);
-        assert_eq!(log.totals(at(now)), [("sonar".to_owned(), [9, 21])]);
+        assert_eq!(log.totals(at(now)), [("sonar".to_owned(), [9, 19])]);
     }
 }
