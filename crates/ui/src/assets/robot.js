@@ -75,6 +75,8 @@ function showRobot() {
 function showFacts({ mode, pc, gap, trouble, truth }) {
   const { stage } = hilrig, facts = [];
   const degrees = (value) => `${value}\u00b0`;
+  // A heading from 0 to 360 degrees, in one decimal.
+  const heading = (value) => degrees(Math.round((value % 360 + 360) % 360 * 10) / 10);
   const doing = mode ?? pc?.state?.mode;
   const told = pc?.state?.to.length ? `, set-points ${pc.state.to.join(", ")}` : "";
   if (doing) facts.push(["activity", `${stage.mode_words?.[doing] ?? doing}${told}`]);
@@ -82,7 +84,7 @@ function showFacts({ mode, pc, gap, trouble, truth }) {
     const silent = pc.heard_ms > 1500 ? `, silent for ${(pc.heard_ms / 1000).toFixed(0)} s` : "";
     facts.push(["PC", `${pc.connection}${silent}${trouble ? `: ${trouble}` : ""}`]);
     facts.push(["reported pose",
-      pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${degrees(pc.pose[2])}` : "none yet"]);
+      pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${heading(pc.pose[2])}` : "none yet"]);
     // Not of a robot that sends no map.
     if (pc.rows_missing !== null || pc.size_mm) {
       facts.push(["map rows missing", pc.rows_missing === null ? "all" : String(pc.rows_missing)]);
@@ -90,7 +92,7 @@ function showFacts({ mode, pc, gap, trouble, truth }) {
   }
   if (truth && stage.body !== false) {
     const [x, y] = truth.map((value) => Math.round(value * 1000));
-    facts.push(["true pose", `${x} mm, ${y} mm, ${degrees(Math.round(truth[2] * 1800 / Math.PI) / 10)}`]);
+    facts.push(["true pose", `${x} mm, ${y} mm, ${heading(truth[2] * 180 / Math.PI)}`]);
   }
   if (gap) {
     facts.push(["position error", `${gap.error_mm} mm`], ["heading error", degrees(gap.error_deg)],
