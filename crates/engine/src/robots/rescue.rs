@@ -478,7 +478,7 @@ pub fn pc_action(action: &Action) -> Result<pc::Action, String> {
             mode: Mode::Manual,
             set_point: wheels(set_points)?,
         }),
-        Action::Inject(_) | Action::Set(_) => return Err(Action::not_an_order()),
+        Action::Inject(_) | Action::Set(_) => return Err(crate::robots::NOT_AN_ORDER.to_owned()),
     })
 }
 

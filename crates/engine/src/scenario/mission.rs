@@ -112,12 +112,6 @@ impl Action {
     pub const fn is_of_the_rig(&self) -> bool {
         matches!(self, Self::Inject(_) | Self::Set(_))
     }
-
-    /// The reason why no station can execute the action.
-    #[cfg(feature = "rescue")]
-    pub(crate) fn not_an_order() -> String {
-        "is no order of the PC, expected connect, disconnect, waypoints-m, mode or drive".to_owned()
-    }
 }
 
 /// Bytes to put on a line.

@@ -82,7 +82,9 @@ impl Wish {
             Action::WaypointsM(goals) => Self::Goals(goals.clone()),
             Action::Mode(name) => Self::of_mode(name)?,
             Action::Drive(set_points) => Self::Drive(by_hand(set_points)?),
-            Action::Inject(_) | Action::Set(_) => return Err(Action::not_an_order()),
+            Action::Inject(_) | Action::Set(_) => {
+                return Err(crate::robots::NOT_AN_ORDER.to_owned());
+            }
         })
     }
 

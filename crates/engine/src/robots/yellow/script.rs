@@ -87,7 +87,9 @@ impl Wish {
                 Self::Do(name, command)
             }
             Action::Drive(set_points) => Self::Drive(set_points.clone(), by_hand(set_points)?),
-            Action::Inject(_) | Action::Set(_) => return Err(Action::not_an_order()),
+            Action::Inject(_) | Action::Set(_) => {
+                return Err(crate::robots::NOT_AN_ORDER.to_owned());
+            }
         })
     }
 }
