@@ -1,8 +1,9 @@
 //! The other commands that run a user's program.
 
+use core::time::Duration;
 use std::process::{Command, Stdio};
-use std::thread;
-use std::time::Duration;
+
+use hilrig::realtime::clock::{Clock as _, WallClock};
 
 use crate::support::*;
 
@@ -155,10 +156,11 @@ fn a_client_that_leaves_while_it_waits_lets_the_run_end() {
     let mut command = bench.command(&["--virtual", "--control"]);
     let mut child = command.stdout(Stdio::null()).spawn().expect("a child");
     let socket = bench.folder.join("out/ports/control");
+    let clock = WallClock::start();
     let mut client = loop {
         match UnixStream::connect(&socket) {
             Ok(client) => break client,
-            Err(_) => thread::sleep(Duration::from_millis(20)),
+            Err(_) => clock.sleep_until(clock.now() + Duration::from_millis(20)),
         }
         assert!(child.try_wait().expect("a child").is_none(), "it runs");
     };
