@@ -17,7 +17,7 @@ struct Needs {
 }
 
 const WITH_PROGRAM: [&str; 6] = ["run", "campaign", "shrink", "replay", "from", "check"];
-const NEEDS: [Needs; 17] = [
+const NEEDS: [Needs; 20] = [
     Needs {
         commands: &WITH_PROGRAM,
         options: &OF_EXEC,
@@ -62,6 +62,21 @@ const NEEDS: [Needs; 17] = [
         commands: &["fuzz"],
         options: &["vary", "profile"],
         needed: "scenario",
+    },
+    Needs {
+        commands: &["fuzz"],
+        options: &["port", "address"],
+        needed: "description",
+    },
+    Needs {
+        commands: &["fuzz"],
+        options: &["rate", "writes"],
+        needed: "port",
+    },
+    Needs {
+        commands: &["new"],
+        options: &["from"],
+        needed: "device",
     },
     Needs {
         commands: &["replay"],

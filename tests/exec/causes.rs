@@ -367,6 +367,7 @@ robot = "none"
 duration = "6s"
 
 [device.grip.program]
+rate = 9600
 exec = "echo no module named grip >&2; exit 3"
 "#;
     let ended = run_in(

@@ -56,11 +56,6 @@ use crate::rig::line::End;
 use crate::rig::{PortRate, Program, Rig};
 use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
 
-/// The reason why no station can execute an action of the rig itself.
-#[cfg(feature = "rescue")]
-const NOT_AN_ORDER: &str =
-    "is no order of the PC, expected connect, disconnect, waypoints-m, mode or drive";
-
 /// A kind of robot. It turns a scenario into a rig.
 pub trait Robot: Sync {
     /// Its name, as in a scenario.

@@ -478,7 +478,9 @@ pub fn pc_action(action: &Action) -> Result<pc::Action, String> {
             mode: Mode::Manual,
             set_point: wheels(set_points)?,
         }),
-        Action::Inject(_) | Action::Set(_) => return Err(crate::robots::NOT_AN_ORDER.to_owned()),
+        Action::Inject(_) | Action::Set(_) => {
+            return Err(crate::robots::station::NOT_AN_ORDER.to_owned());
+        }
     })
 }
 

@@ -10,6 +10,10 @@ use serde::Serialize;
 
 use crate::scenario::{Action, SetPoint, Step};
 
+/// The reason why no station executes an action of the rig itself.
+pub const NOT_AN_ORDER: &str =
+    "is no order of the PC, expected connect, disconnect, waypoints-m, mode or drive";
+
 /// Time without manual input after which the robot is stopped: a page that hangs or was closed must
 /// not keep driving.
 pub const HAND_OFF: Duration = Duration::from_millis(1000);

@@ -83,7 +83,7 @@ impl Wish {
             Action::Mode(name) => Self::of_mode(name)?,
             Action::Drive(set_points) => Self::Drive(by_hand(set_points)?),
             Action::Inject(_) | Action::Set(_) => {
-                return Err(crate::robots::NOT_AN_ORDER.to_owned());
+                return Err(crate::robots::station::NOT_AN_ORDER.to_owned());
             }
         })
     }

@@ -88,7 +88,7 @@ impl Wish {
             }
             Action::Drive(set_points) => Self::Drive(set_points.clone(), by_hand(set_points)?),
             Action::Inject(_) | Action::Set(_) => {
-                return Err(crate::robots::NOT_AN_ORDER.to_owned());
+                return Err(crate::robots::station::NOT_AN_ORDER.to_owned());
             }
         })
     }
