@@ -167,6 +167,8 @@ impl Peer for Emulated {
 
 /// Extra time for the end of a frame that began before the timeout.
 const LATE_MAX: Duration = Duration::from_secs(3);
+/// Maximum number of bytes of an exchange: a program that writes without a pause does not hold it.
+const HEARD_MAX: usize = 1 << 20;
 
 /// Bytes received after a request.
 #[derive(Clone, Debug, Default)]
@@ -236,6 +238,7 @@ impl<'a> Speaker<'a> {
         let idle = self.description.idle();
         let mut began = None;
         let stop_at = until + LATE_MAX;
+        let mut room = HEARD_MAX;
         loop {
             // A pause ends a partial frame; a frame that began before the timeout is received to
             // its end.
@@ -267,7 +270,9 @@ impl<'a> Speaker<'a> {
                 began = Some(start);
             }
             let new = &heard.frames[known..];
-            if new.iter().any(|(_, frame)| is_last(frame)) {
+            room = room.saturating_sub(piece.len());
+            let is_over = room == 0 || peer.now() >= stop_at;
+            if is_over || new.iter().any(|(_, frame)| is_last(frame)) {
                 return Ok(heard);
             }
         }
@@ -301,5 +306,49 @@ impl<'a> Speaker<'a> {
         }
         let lost = self.cutter.discarded() - before;
         heard.stray += usize::try_from(lost).unwrap_or(usize::MAX);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program at the other end that writes without a pause.
+    struct Flood {
+        now: Instant,
+        heard: usize,
+    }
+
+    impl Peer for Flood {
+        fn now(&self) -> Instant {
+            self.now
+        }
+
+        fn send(&mut self, _: &[u8]) -> Result<Instant, String> {
+            Ok(self.now)
+        }
+
+        fn hear(&mut self, _: Instant) -> Result<Option<(Instant, Vec<u8>)>, String> {
+            self.now += Duration::from_micros(1);
+            self.heard += 1_024;
+            assert!(self.heard <= 2 * HEARD_MAX, "the exchange does not end");
+            Ok(Some((self.now, vec![0x55; 1_024])))
+        }
+    }
+
+    #[test]
+    fn an_exchange_with_a_program_that_never_pauses_ends() {
+        let text = crate::shipped::text("modbus-meter").expect("shipped");
+        let description = Description::parse("meter", text, &|_| Err("no file".to_owned()));
+        let description = description.expect("a description");
+        let mut flood = Flood {
+            now: Instant::ZERO,
+            heard: 0,
+        };
+        let heard = Speaker::new(&description)
+            .exchange_now(&mut flood, &[1], Duration::from_secs(1), &mut |_| false)
+            .expect("a port");
+        assert!(heard.frames.is_empty());
+        assert_eq!(flood.heard, HEARD_MAX);
     }
 }
