@@ -10,6 +10,7 @@
 //! in the device too: a measured value must lie within their range, a constant value must be equal.
 
 mod asks;
+mod harm;
 mod judge;
 mod probes;
 

@@ -21,14 +21,14 @@ use crate::search::fuzz::dut::device::{DescribedDevice, PortFuzz, PortFuzzed, Po
 #[command(next_help_heading = "A described device")]
 pub(super) struct DeviceArgs {
     /// Fuzz the real device at this serial port with the requests of --description; without
-    /// --writes no input that may change its state is sent
+    /// --writes no input that may change its state is sent. An earlier search is not continued
     #[arg(long, value_name = "PORT", requires = "description",
         conflicts_with_all = ["exec", "dut_dir", "targets", "scenario", "corpus", "jobs"])]
     pub(super) port: Option<std::path::PathBuf>,
     /// Also send inputs that may change the device's state, e.g. move motors or alter settings
     #[arg(long, requires = "port")]
     writes: bool,
-    /// Maximum number of inputs per second at a port
+    /// Maximum number of inputs and requests per second at a port
     #[arg(long, value_name = "N", default_value_t = 5.0, requires = "port", value_parser = rate)]
     rate: f64,
     /// Address of the device, if it is not the described one
@@ -167,7 +167,12 @@ pub(super) fn at_port(args: &FuzzArgs) -> Result<Verdict, CliError> {
         }
     }
     let fuzzed = port.fuzzed().clone();
-    ended(args, description.name(), &fuzzed, fuzzed.answered > 0)
+    ended(
+        args,
+        description.name(),
+        &fuzzed,
+        is_alive && fuzzed.answered > 0,
+    )
 }
 
 fn in_words(fuzzed: &PortFuzzed) -> String {
@@ -183,7 +188,7 @@ fn in_words(fuzzed: &PortFuzzed) -> String {
     )
 }
 
-/// Prints the counts; a device that was not observed does not pass.
+/// Prints the counts; a device that was not observed, or not to the end, does not pass.
 fn ended(
     args: &FuzzArgs,
     name: &str,
@@ -203,6 +208,10 @@ fn ended(
     if fuzzed.left_out > 0 {
         let count = fuzzed.left_out;
         eprintln!("{count} inputs were not sent: they may change the device's state (--writes)");
+    }
+    if fuzzed.for_others > 0 {
+        let count = fuzzed.for_others;
+        eprintln!("{count} inputs were not sent: another device on the line would answer");
     }
     let findings = fuzzed.causes.len() as u64;
     out::answer(&FuzzEnded {

@@ -2,8 +2,6 @@
 
 use core::time::Duration;
 
-use protocols::Decode as _;
-
 use super::probes::{self, Probe};
 use super::{answer, patience};
 use crate::behaviour::{On, Trigger};
@@ -23,9 +21,6 @@ pub struct Ask {
     pub changes: bool,
 }
 
-/// Modbus functions that only read.
-const READS: core::ops::RangeInclusive<u8> = 1..=4;
-
 impl Description {
     /// All requests that a [comparison](super::conform) sends, without damaged ones.
     pub fn asks(&self) -> Vec<Ask> {
@@ -40,41 +35,6 @@ impl Description {
             .collect();
         asks.dedup_by(|next, last| next.bytes == last.bytes);
         asks
-    }
-
-    /// Whether `bytes`, which a pause ends, leave the state of a device unchanged: all frames in
-    /// them are known requests without an effect. Without a checksum the device cannot detect
-    /// damage, so that no byte may be outside of a frame.
-    pub fn is_harmless(&self, bytes: &[u8]) -> bool {
-        if self.ends_with_silence() {
-            let all = self.whole(bytes);
-            return all.map_or(self.is_checked(), |frame| self.leaves_state(&frame));
-        }
-        let mut cutter = self.cutter_of(From::Host);
-        let mut found: Vec<_> = cutter.push(bytes).collect();
-        let is_whole = cutter.pending() == 0 && cutter.discarded() == 0;
-        cutter.idle();
-        found.extend(cutter.push(&[]));
-        let frames = found.iter().flatten();
-        (self.is_checked() || is_whole) && { frames }.all(|frame| self.leaves_state(frame))
-    }
-
-    /// Whether all requests have a checksum.
-    fn is_checked(&self) -> bool {
-        let formats = self.frames_of(From::Host);
-        let mut used = (0..self.formats()).filter(|format| formats.looks_for(*format));
-        used.all(|format| !self.frames.0[format].checks.is_empty())
-    }
-
-    fn leaves_state(&self, frame: &Frame) -> bool {
-        let Some(body) = self.body(frame) else {
-            return false;
-        };
-        if self.protocol.is_some() {
-            return body.get(1).is_some_and(|function| READS.contains(function));
-        }
-        let known = self.decode(frame.format, &body, From::Host);
-        known.is_some_and(|(index, _)| !probes::changes(self, index))
     }
 
     /// The kinds of the frames that answer requests, such as the names of messages. Messages that

@@ -120,6 +120,11 @@ impl Frames {
         self.used().any(|(index, _)| index == format)
     }
 
+    /// The same selection of other formats.
+    pub(crate) fn with_formats(&self, formats: Arc<Vec<Framing>>) -> Self {
+        Self(formats, self.1, self.2)
+    }
+
     /// The same formats without the `unused` ones.
     pub(crate) fn without(&self, unused: Unused) -> Self {
         let mut frames = Self(self.0.clone(), unused, Looked::Many);

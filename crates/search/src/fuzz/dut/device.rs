@@ -29,12 +29,12 @@ use description::peer::{Emulated, Heard, Peer, Speaker};
 use description::{Description, From};
 use emulators::rng::Rng;
 use engine::codec::wire::Stream;
-use protocols::Decode as _;
+use protocols::{Decode as _, Instant};
 
 use super::super::engine::caught;
 use super::super::subject::{Behaviour, Kept, Subject, Violation};
 use crate::shrink::{Effort, fewest};
-use inputs::{Input, Inputs, REQUEST};
+use inputs::{Input, Inputs};
 pub use port::{PortFuzz, PortFuzzed, PortPlan, PortStep};
 
 /// Maximum number of inputs of a case.
@@ -66,22 +66,33 @@ impl DescribedDevice {
     /// The device that `make` makes; `command` is the command line that selects it.
     ///
     /// # Errors
-    /// If the device cannot be made.
+    /// If the device cannot be made, or answers no request of its description.
     pub fn new(
         description: &Arc<Description>,
         make: Make,
         command: String,
     ) -> Result<Self, String> {
         let inputs = Inputs::of(description, true);
-        let mut plain = None;
-        for ask in description.asks().iter().filter(|ask| !ask.changes) {
+        let mut asks = description.asks();
+        asks.sort_by_key(|ask| ask.changes);
+        let mut answered = None;
+        for ask in &asks {
             let mut bench = Bench::new(description, make()?)?;
             let kinds = description.reply_kinds(&bench.say(core::slice::from_ref(&ask.bytes))?);
             if !kinds.is_empty() {
-                plain = Some((ask.bytes.clone(), kinds));
+                answered = Some((ask, kinds));
                 break;
             }
         }
+        let Some((ask, kinds)) = answered else {
+            return Err(format!(
+                "{} answers none of the {} requests of its description, expected one reply: check \
+                 that the description is that of the device",
+                description.name(),
+                asks.len()
+            ));
+        };
+        let plain = (!ask.changes).then(|| (ask.bytes.clone(), kinds));
         Ok(Self {
             description: description.clone(),
             make,
@@ -94,7 +105,7 @@ impl DescribedDevice {
     /// The device of a description, emulated.
     ///
     /// # Errors
-    /// Never: an emulated device can always be made.
+    /// If the description has no request with a reply.
     pub fn emulated(description: &Arc<Description>, command: String) -> Result<Self, String> {
         let of = description.clone();
         let make = Box::new(move || Ok(conform::emulated(&of, SEED)));
@@ -127,12 +138,14 @@ impl DescribedDevice {
             for kind in &kinds {
                 behaviour.named(kind, 1);
             }
-            if input.kind == REQUEST && kinds.iter().any(|kind| kind == conform::UNKNOWN) {
+            if self.inputs.has_request(&input.bytes())
+                && kinds.iter().any(|kind| kind == conform::UNKNOWN)
+            {
                 let detail = "it replies with a frame that is no message of its description";
                 return Err(Violation::new("replies-are-described", detail));
             }
             is_damage(&self.description, input, &kinds)?;
-            is_plain &= self.description.is_harmless(&input.bytes());
+            is_plain &= self.description.keeps_state(&input.bytes());
             if let Some((request, expected)) = self.plain.as_ref().filter(|_| is_plain) {
                 answers_again(&self.description, &mut whole, request, expected)?;
                 answers_again(&self.description, &mut single, request, expected)?;
@@ -183,14 +196,15 @@ fn is_damage(of: &Description, input: &Input, kinds: &[String]) -> Result<(), Vi
     Err(Violation::new("damage-is-not-answered", detail))
 }
 
-/// Whether a driver's frame is in the pieces of an input, in all of them or in one.
+/// Whether a driver's frame is in the pieces of an input, in all of them or in one. Where a
+/// silence ends frames, a device may also end them by their length.
 fn holds_frame(of: &Description, pieces: &[Vec<u8>]) -> bool {
     let all = pieces.concat();
     let mut parts = pieces.iter().chain([&all]);
-    if of.ends_with_silence() {
-        return parts.any(|part| of.whole(part).is_ok());
-    }
     parts.any(|part| {
+        if of.ends_with_silence() && of.whole(part).is_ok() {
+            return true;
+        }
         let mut cutter = of.cutter_of(From::Host);
         let mut found = cutter.push(part).any(|frame| frame.is_ok());
         cutter.idle();
@@ -227,22 +241,40 @@ struct Bench<'a, P> {
     speaker: Speaker<'a>,
     /// Time after an input in which replies are received.
     time: Duration,
+    /// Minimum time between two inputs or requests.
+    gap: Duration,
+    /// Earliest time of the next one.
+    next_at: Instant,
 }
 
 impl<'a, P: Peer> Bench<'a, P> {
     /// The device behind `peer`, when it has started.
     fn new(description: &'a Arc<Description>, mut peer: P) -> Result<Self, String> {
         let until = peer.now() + description.boot_time();
-        while peer.hear(until)?.is_some() {}
+        // A program may write without a pause.
+        while peer.hear(until)?.is_some() && peer.now() <= until {}
         Ok(Self {
+            next_at: peer.now(),
+            gap: Duration::ZERO,
             peer,
             speaker: Speaker::new(description),
             time: description.reply_time(),
         })
     }
 
+    /// Waits until the next bytes may be sent.
+    fn pace(&mut self) -> Result<(), String> {
+        let now = self.peer.now();
+        if now < self.next_at {
+            self.wait(self.next_at - now)?;
+        }
+        self.next_at = self.peer.now() + self.gap;
+        Ok(())
+    }
+
     /// Sends an input and receives the replies.
     fn say(&mut self, pieces: &[Vec<u8>]) -> Result<Heard, String> {
+        self.pace()?;
         let mut all = Heard::default();
         for (number, piece) in (1..).zip(pieces) {
             let time = match number == pieces.len() {
@@ -296,7 +328,10 @@ fn parse(text: &str) -> Result<Vec<Input>, String> {
         }
     }
     inputs.retain(|input| !input.pieces.is_empty());
-    Ok(inputs)
+    match inputs.is_empty() {
+        true => Err("holds no input, expected lines of bytes such as 01 03 00 00".to_owned()),
+        false => Ok(inputs),
+    }
 }
 
 impl Subject for DescribedDevice {

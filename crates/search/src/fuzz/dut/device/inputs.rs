@@ -10,7 +10,7 @@ use super::super::learn;
 use crate::learn::{DescribedFormat, FrameFormat as _};
 
 /// The kind of an unchanged request.
-pub(super) const REQUEST: &str = "request";
+const REQUEST: &str = "request";
 
 /// Bytes for a device, which a pause ends.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -22,6 +22,14 @@ pub(super) struct Input {
 }
 
 impl Input {
+    /// An unchanged request.
+    pub(super) fn request(bytes: Vec<u8>) -> Self {
+        Self {
+            kind: REQUEST.to_owned(),
+            pieces: vec![bytes],
+        }
+    }
+
     /// All bytes.
     pub(super) fn bytes(&self) -> Vec<u8> {
         self.pieces.concat()
@@ -57,6 +65,11 @@ impl Inputs {
         }
     }
 
+    /// Whether the bytes are an unchanged request.
+    pub(super) fn has_request(&self, bytes: &[u8]) -> bool {
+        self.requests.iter().any(|request| request == bytes)
+    }
+
     /// Whether the description has no request.
     pub(super) const fn is_empty(&self) -> bool {
         self.requests.is_empty()
@@ -70,10 +83,7 @@ impl Inputs {
         };
         let mut chunk = one(rng);
         match rng.below(8) {
-            0 => Input {
-                kind: REQUEST.to_owned(),
-                pieces: vec![chunk],
-            },
+            0 => Input::request(chunk),
             shape => {
                 if shape == 1 {
                     chunk.extend(one(rng));

@@ -8,11 +8,10 @@ use std::sync::Arc;
 use description::peer::{Emulated, Heard, Peer};
 use description::{Description, conform};
 use emulators::rng::Rng;
-use protocols::Instant;
 
 use super::super::super::subject::Violation;
 use super::inputs::{Input, Inputs};
-use super::{Bench, SEED, answers_again, is_damage, parse, to_text};
+use super::{Bench, SEED, answers_again, holds_frame, is_damage, parse, to_text};
 
 /// The limits of a search at a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,7 +20,7 @@ pub struct PortPlan {
     pub writes: bool,
     /// Seed of the inputs.
     pub seed: u64,
-    /// Minimum time between two inputs.
+    /// Minimum time between two inputs, and between the requests before and after them.
     pub gap: Duration,
     /// Extra time for each reply.
     pub slack: Duration,
@@ -34,6 +33,8 @@ pub struct PortFuzzed {
     pub inputs: u64,
     /// Inputs that were left out because they may change the device's state.
     pub left_out: u64,
+    /// Inputs that were left out because another device on the line would answer.
+    pub for_others: u64,
     /// Inputs that the device answered.
     pub answered: u64,
     /// Differences that a second try did not show.
@@ -55,12 +56,23 @@ pub enum PortStep {
     Nothing,
 }
 
+/// Maximum number of requests that are tried before the first input.
+const ASKED_MAX: usize = 50;
 /// Maximum number of inputs that are drawn for one that may be sent.
 const DRAWN_MAX: u32 = 2_000;
 /// Time for which expected replies may be late.
 const LATE_MAX: Duration = Duration::from_secs(1);
 /// Time within which a device may start again after an input.
 const REVIVAL: Duration = Duration::from_secs(5);
+
+/// A request without an effect.
+struct Plain {
+    request: Vec<u8>,
+    /// The kinds of the device's replies.
+    kinds: Vec<String>,
+    /// The kinds of the replies of the emulated device.
+    described: Vec<String>,
+}
 
 /// A search at a port.
 pub struct PortFuzz<'a> {
@@ -70,9 +82,13 @@ pub struct PortFuzz<'a> {
     plan: PortPlan,
     inputs: Inputs,
     rng: Rng,
-    /// A request without an effect, and the kinds of its replies.
-    plain: (Vec<u8>, Vec<String>),
-    next_at: Instant,
+    plain: Plain,
+    /// Requests with another reply than described, which are judged first.
+    first: Vec<Input>,
+    /// Whether no input so far had an effect.
+    is_unchanged: bool,
+    /// Whether the device does not answer any more.
+    is_silent: bool,
     fuzzed: PortFuzzed,
 }
 
@@ -88,42 +104,59 @@ impl<'a> PortFuzz<'a> {
         plan: PortPlan,
     ) -> Result<Option<Self>, String> {
         let inputs = Inputs::of(description, plan.writes);
-        if inputs.is_empty() {
+        let mut asks = description.asks();
+        asks.retain(|ask| !ask.changes && description.is_harmless(&ask.bytes));
+        if inputs.is_empty() || asks.is_empty() {
+            let name = description.name();
             return Err(format!(
-                "{} has no request{}, expected one to fuzz",
-                description.name(),
-                if plan.writes {
-                    ""
-                } else {
-                    " without an effect (--writes)"
-                }
+                "{name} has no request without an effect, expected one to observe the device"
             ));
         }
+        // The others hold bytes that a device behind damaged ones could take for a write.
+        asks.sort_by_key(|ask| !description.may_follow_damage(&ask.bytes));
         let mut device = Bench::new(description, peer)?;
         device.time += plan.slack;
+        device.gap = plan.gap;
         let mut twin = Bench::new(description, conform::emulated(description, SEED))?;
-        for ask in description.asks().iter().filter(|ask| !ask.changes) {
-            let request = ask.bytes.clone();
-            let [heard, other] = [
-                device.say(core::slice::from_ref(&request))?,
-                twin.say(core::slice::from_ref(&request))?,
-            ];
-            let [kinds, described] = [heard, other].map(|heard| description.reply_kinds(&heard));
-            if !kinds.is_empty() && !described.is_empty() {
-                return Ok(Some(Self {
-                    next_at: device.peer.now(),
-                    rng: Rng::stream(plan.seed, "port.inputs"),
-                    plain: (request, kinds),
-                    fuzzed: PortFuzzed::default(),
-                    description,
-                    device,
-                    twin,
-                    plan,
-                    inputs,
-                }));
+        let (mut plain, mut first) = (None, Vec::new());
+        for ask in asks.into_iter().take(ASKED_MAX) {
+            let input = Input::request(ask.bytes);
+            let heard = [device.say(&input.pieces)?, twin.say(&input.pieces)?];
+            let [mut kinds, mut described] = heard.map(|heard| description.reply_kinds(&heard));
+            kinds.sort();
+            described.sort();
+            if kinds.is_empty() || described.is_empty() {
+                continue;
+            }
+            let is_described = kinds == described;
+            let request = input.bytes();
+            if !is_described {
+                first.push(input);
+            }
+            if is_described || plain.is_none() {
+                plain = Some(Plain {
+                    request,
+                    kinds,
+                    described,
+                });
+            }
+            if is_described {
+                break;
             }
         }
-        Ok(None)
+        Ok(plain.map(|plain| Self {
+            rng: Rng::stream(plan.seed, "port.inputs"),
+            fuzzed: PortFuzzed::default(),
+            is_unchanged: true,
+            is_silent: false,
+            description,
+            device,
+            twin,
+            plan,
+            inputs,
+            plain,
+            first,
+        }))
     }
 
     /// The counts so far.
@@ -136,40 +169,68 @@ impl<'a> PortFuzz<'a> {
     /// # Errors
     /// If the port is gone.
     pub fn step(&mut self) -> Result<PortStep, String> {
-        let Some(input) = self.draw() else {
-            return Ok(PortStep::Nothing);
-        };
-        let judged = match self.judge(&input)? {
-            Err(first) => match self.judge(&input)? {
-                Err(again) if again.cause == first.cause => Err(again),
-                _ => {
-                    self.fuzzed.doubtful += 1;
-                    Ok(())
-                }
-            },
-            sound => sound,
-        };
-        if let Err(fault) = judged {
-            return Ok(self.found(fault, &input));
-        }
-        let (request, kinds) = &self.plain;
-        if answers_again(self.description, &mut self.twin, request, kinds).is_err() {
+        if self.is_silent {
             return Ok(PortStep::Silent);
         }
-        match answers_again(self.description, &mut self.device, request, kinds) {
-            Ok(()) => Ok(PortStep::Sound),
-            Err(fault) => {
-                let step = self.found(fault, &input);
-                self.device.wait(REVIVAL)?;
-                let (request, kinds) = &self.plain;
-                let is_silent =
-                    answers_again(self.description, &mut self.device, request, kinds).is_err();
-                match step {
-                    PortStep::Sound if is_silent => Ok(PortStep::Silent),
-                    step => Ok(step),
+        let next = self.first.pop().or_else(|| self.draw());
+        let Some(input) = next else {
+            return Ok(PortStep::Nothing);
+        };
+        self.is_unchanged &= self.description.is_harmless(&input.bytes());
+        let judged = match self.judge(&input)? {
+            Err(first) => {
+                self.settle()?;
+                match self.judge(&input)? {
+                    Err(again) if again.cause == first.cause => Err(again),
+                    _ => {
+                        self.fuzzed.doubtful += 1;
+                        Ok(())
+                    }
                 }
             }
+            sound => sound,
+        };
+        self.settle()?;
+        let again = self.answers_again();
+        if again.is_err() {
+            self.device.wait(REVIVAL)?;
+            self.is_silent = self.answers_again().is_err();
         }
+        // After an input with an effect, for example on its address, it need not answer.
+        let again = again.or_else(|fault| match self.is_unchanged {
+            true => Err(fault),
+            false => Ok(()),
+        });
+        // A device that hangs replies nothing else either: the first law says why.
+        Ok(match again.and(judged) {
+            Err(fault) => self.found(fault, &input),
+            Ok(()) if self.is_silent => PortStep::Silent,
+            Ok(()) => PortStep::Sound,
+        })
+    }
+
+    /// After an input with an effect: lets both devices start again, and replaces the emulated one
+    /// if it is in a state in which it does not answer.
+    fn settle(&mut self) -> Result<(), String> {
+        if self.is_unchanged {
+            return Ok(());
+        }
+        let boot = self.description.boot_time();
+        self.device.wait(boot)?;
+        self.twin.wait(boot)?;
+        let Plain {
+            request, described, ..
+        } = &self.plain;
+        if answers_again(self.description, &mut self.twin, request, described).is_err() {
+            let new = conform::emulated(self.description, SEED);
+            self.twin = Bench::new(self.description, new)?;
+        }
+        Ok(())
+    }
+
+    fn answers_again(&mut self) -> Result<(), Violation> {
+        let Plain { request, kinds, .. } = &self.plain;
+        answers_again(self.description, &mut self.device, request, kinds)
     }
 
     /// Sends the inputs in `text` once and judges the replies.
@@ -178,14 +239,16 @@ impl<'a> PortFuzz<'a> {
     /// If the port is gone, or the text is wrong.
     pub fn repeat(&mut self, text: &str) -> Result<Result<(), Violation>, String> {
         for input in parse(text)? {
-            if !self.plan.writes && !self.description.is_harmless(&input.bytes()) {
+            let bytes = input.bytes();
+            if !self.plan.writes && !self.is_harmless(&bytes) {
                 return Err("the input may change the device's state: expected --writes".to_owned());
             }
+            self.is_unchanged &= self.description.is_harmless(&bytes);
             if let Err(fault) = self.judge(&input)? {
                 return Ok(Err(fault));
             }
-            let (request, kinds) = &self.plain;
-            let again = answers_again(self.description, &mut self.device, request, kinds);
+            self.settle()?;
+            let again = self.answers_again();
             if again.is_err() {
                 return Ok(again);
             }
@@ -193,28 +256,33 @@ impl<'a> PortFuzz<'a> {
         Ok(Ok(()))
     }
 
+    /// Whether an input and the requests behind it have no effect.
+    fn is_harmless(&self, bytes: &[u8]) -> bool {
+        self.description
+            .is_harmless_before(bytes, &self.plain.request)
+    }
+
     /// An input that may be sent.
     fn draw(&mut self) -> Option<Input> {
         for _ in 0..DRAWN_MAX {
             let input = self.inputs.next(&mut self.rng);
-            if input.bytes().is_empty() {
+            let bytes = input.bytes();
+            if bytes.is_empty() {
                 continue;
             }
-            if self.plan.writes || self.description.is_harmless(&input.bytes()) {
+            if self.description.is_for_others(&bytes) {
+                self.fuzzed.for_others += 1;
+            } else if self.plan.writes || self.is_harmless(&bytes) {
                 return Some(input);
+            } else {
+                self.fuzzed.left_out += 1;
             }
-            self.fuzzed.left_out += 1;
         }
         None
     }
 
     /// Sends an input to the device and to the emulated one, and compares their replies.
     fn judge(&mut self, input: &Input) -> Result<Result<(), Violation>, String> {
-        let now = self.device.peer.now();
-        if now < self.next_at {
-            self.device.wait(self.next_at - now)?;
-        }
-        self.next_at = self.device.peer.now() + self.plan.gap;
         self.fuzzed.inputs += 1;
         let bytes = input.bytes();
         let expected = self.twin.say(core::slice::from_ref(&bytes))?;
@@ -223,7 +291,11 @@ impl<'a> PortFuzz<'a> {
             [heard, expected].map(|heard| self.description.reply_kinds(&heard));
         self.fuzzed.answered += u64::from(!kinds.is_empty());
         let damage = is_damage(self.description, input, &kinds);
-        if damage.is_err() {
+        // Some devices find frames by their length where a silence should separate them.
+        let is_open = self.description.ends_with_silence()
+            && self.description.whole(&bytes).is_err()
+            && holds_frame(self.description, &input.pieces);
+        if damage.is_err() || is_open {
             return Ok(damage);
         }
         kinds.sort();
@@ -247,10 +319,12 @@ impl<'a> PortFuzz<'a> {
 
     /// Sends bytes; a busy host may deliver the `expected` replies late.
     fn ask(&mut self, bytes: &[u8], expected: usize) -> Result<Heard, String> {
+        self.device.pace()?;
         let Bench {
             peer,
             speaker,
             time,
+            ..
         } = &mut self.device;
         let mut left = expected;
         let mut is_last = |_: &_| {
