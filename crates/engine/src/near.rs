@@ -7,13 +7,13 @@ const LETTERS: usize = 2;
 const STEM: usize = 4;
 
 /// The name of `known` that `name` misspells; `None` if `name` is in the list. A name counts as
-/// another name if it differs by more than two letters, or if it has no more letters than differ.
+/// another name if it differs by more than two letters, or by half of its letters.
 pub fn misspelt<'a>(name: &str, known: &[&'a str]) -> Option<&'a str> {
     if known.contains(&name) {
         return None;
     }
     let near = known.iter().map(|&one| (distance(name, one), one)).min()?;
-    (near.0 <= LETTERS && near.0 < name.chars().count()).then_some(near.1)
+    (near.0 <= LETTERS && 2 * near.0 < name.chars().count()).then_some(near.1)
 }
 
 /// The name of `known` to propose in a message about `name`: one that `name` misspells, or one that
@@ -96,6 +96,8 @@ mod tests {
             ("weigt", Some("weight")),
             ("weight", None),
             ("speed", None),
+            ("buad", Some("baud")),
+            ("bus", None),
             ("y", None),
         ];
         for (name, expected) in rows {
