@@ -145,3 +145,61 @@ fn the_number_of_deliveries_changes_nothing() {
         "{rules:?}"
     );
 }
+
+/// An action that is due before a silence ends a request comes first, whenever the device is
+/// polled: the reply has the value that the action sets.
+#[test]
+fn an_action_before_the_end_of_a_silence_comes_first() {
+    let begin = "name = \"late\"\nabout = \"x\"\nlatency = \"1ms\"\nline = { baud = 9600, address = 1 }\n\
+                 every = [{ period = \"1s\", first = \"102ms\", set = { a = 7 } }]\n";
+    // The request ends at 100 ms, its silence of 3.5 bytes 3.6 ms later.
+    let cases: [(&str, &[u8], &[u8]); 2] = [
+        (
+            "protocol = \"modbus-rtu\"\n[registers]\nholding = [{ at = 0, name = \"a\" }]",
+            &[0x01, 0x03, 0x00, 0x00, 0x00, 0x01, 0x84, 0x0A],
+            &[0x01, 0x03, 0x02, 0x00, 0x07],
+        ),
+        (
+            r#"
+            frame = { silence = 3.5, checksum = "sum8" }
+            state = { a = 0 }
+            message = [
+              { name = "read", from = "host", fields = [{ type = "u8", value = 1 }] },
+              { name = "value", from = "device", fields = [{ name = "a", type = "u8" }] },
+            ]
+            on = [{ message = "read", reply = "value" }]
+            "#,
+            &[0x01, 0x01],
+            &[0x07, 0x07],
+        ),
+    ];
+    for (text, request, reply) in cases {
+        let text = format!("{begin}{text}");
+        let description = Description::parse("late", &text, &|_| Err("no file".to_owned()));
+        let description = description.unwrap_or_else(|error| panic!("{error}"));
+        for polls in [&[101, 102, 103, 104, 105, 106, 110, 120][..], &[110, 120]] {
+            let place = Place {
+                name: "x".to_owned(),
+                seed: 1,
+                address: None,
+                is_alone: true,
+            };
+            let mut device = Described::new(description.clone(), place);
+            let scene = Scene::new::<Shape>([], vec![]).expect("nothing");
+            let mut world =
+                World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+            device.poll(Instant::from_millis(90), &mut world);
+            device.receive(Described::UART, Instant::from_millis(100), request);
+            for at in polls {
+                device.poll(Instant::from_millis(*at), &mut world);
+            }
+            let mut sent = [0; 64];
+            let len = device.transmit(Described::UART, &mut sent);
+            assert!(
+                sent[..len].starts_with(reply),
+                "{polls:?}: {:02X?}",
+                &sent[..len]
+            );
+        }
+    }
+}

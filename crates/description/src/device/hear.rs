@@ -78,6 +78,8 @@ impl Doer<'_> {
         let Some(at) = self.device.quiet_at.filter(|at| *at <= now) else {
             return;
         };
+        // An action that is due before the silence ends changes what the frame reads.
+        self.catch_up(at);
         self.device.quiet_at = None;
         if self.device.is_silence_framed {
             let bytes = core::mem::take(&mut self.device.silent);
