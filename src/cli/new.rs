@@ -127,8 +127,14 @@ fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
 fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
     let bytes = super::read(map)?;
     let file = map.file_name().unwrap_or_default().to_string_lossy();
-    let draft = import(name, &file, &String::from_utf8_lossy(&bytes));
-    let draft = draft.map_err(CliError::Usage)?;
+    let text = core::str::from_utf8(&bytes).map_err(|error| {
+        let before = &bytes[..error.valid_up_to()];
+        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
+        CliError::Usage(format!(
+            "{file}: line {line}: a character is not UTF-8; save the table as \"CSV UTF-8\""
+        ))
+    })?;
+    let draft = import(name, &file, text).map_err(CliError::Usage)?;
     let bench = path.with_file_name(format!("{name}-bench.toml"));
     if bench.exists() {
         let error = format!("{} exists already; choose another name", bench.display());
@@ -148,6 +154,9 @@ fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
     }
     for part in &draft.left_out {
         eprintln!("left out: {part}");
+    }
+    for note in &draft.notes {
+        eprintln!("note: {note}");
     }
     let (shown, count) = (path.display(), draft.registers);
     eprintln!(

@@ -231,6 +231,14 @@ fn a_register_map_becomes_a_device() {
         told.contains("wrong.csv: line 2: type: is \"quark\", expected a type as u16"),
         "{told}"
     );
+    // Windows-1252, as a spreadsheet may save it.
+    std::fs::write(session.path("latin.csv"), b"at,unit\n0,V\n1,\xB0C\n").expect("a file");
+    let output = session.hilrig(&["new", "other", "--device", "--from", "latin.csv"]);
+    let told = text(&output.stderr);
+    assert!(
+        told.contains("latin.csv: line 3: a character is not UTF-8"),
+        "{told}"
+    );
     assert!(!session.path("other.toml").exists());
 }
 

@@ -6,6 +6,7 @@
 
 mod csv;
 mod pymodbus;
+mod words;
 
 use core::fmt::Write as _;
 use std::collections::BTreeSet;
@@ -21,6 +22,8 @@ pub struct Draft {
     pub registers: usize,
     /// Parts of the file that are not in the draft.
     pub left_out: Vec<String>,
+    /// How ambiguous parts of the file were read.
+    pub notes: Vec<String>,
 }
 
 /// The tables of a Modbus device, in the order of a description.
@@ -33,6 +36,7 @@ struct Map {
     /// Settings of the line, as far as the file has them.
     line: Vec<(&'static str, String)>,
     left_out: Vec<String>,
+    notes: Vec<String>,
 }
 
 /// A register of a map.
@@ -48,6 +52,8 @@ struct Row {
     /// Number of bytes of a text.
     size: Option<u16>,
     is_little_words: bool,
+    /// The order of the bytes in a word.
+    is_little_bytes: bool,
     is_writable: Option<bool>,
     scale: Option<f64>,
     offset: Option<f64>,
@@ -75,12 +81,16 @@ pub fn import(name: &str, file: &str, text: &str) -> Result<Draft, String> {
             "{file}: has no register, expected one on each line"
         ));
     }
+    for part in map.left_out.iter_mut().chain(&mut map.notes) {
+        *part = words::one_line(part);
+    }
     name_rows(&mut map.rows);
     map.rows.sort_by_key(|row| (row.table, row.at));
     let draft = Draft {
         text: written(name, file, &map),
         registers: map.rows.len(),
         left_out: map.left_out,
+        notes: map.notes,
     };
     // Overlaps and types are judged by the reader of descriptions; the lines are those of the map.
     match Description::parse(name, &draft.text, &|_| Err("no file".to_owned())) {
@@ -156,6 +166,7 @@ fn identifier(name: &str, table: &str, at: u32) -> String {
 }
 
 fn written(name: &str, file: &str, map: &Map) -> String {
+    let [name, file] = [name, file].map(words::one_line);
     let of_line = |key: &str| map.line.iter().find(|(known, _)| *known == key);
     let [baud, format] = ["baud", "format"].map(|key| of_line(key).map(|(_, value)| value.clone()));
     let is_known = baud.is_some();
@@ -169,6 +180,9 @@ fn written(name: &str, file: &str, map: &Map) -> String {
     for part in &map.left_out {
         let _ = writeln!(text, "# Left out: {part}.");
     }
+    for note in &map.notes {
+        let _ = writeln!(text, "# Note: {note}.");
+    }
     let quoted = |text: &str| toml::Value::String(text.to_owned()).to_string();
     let about = quoted(&format!("Registers of {file}"));
     let _ = write!(
@@ -176,7 +190,7 @@ fn written(name: &str, file: &str, map: &Map) -> String {
         "name = {}\nabout = {about}\nprotocol = \"modbus-rtu\"\nlatency = \"10ms\"                # \
          from a request to its reply: not in the map\nline = {{ baud = {baud}, format = \
          \"{format}\", address = 1 }}{}\n\n[registers]\n",
-        quoted(name),
+        quoted(&name),
         if is_known { "" } else { "  # not in the map" },
     );
     for (index, table) in TABLES.iter().enumerate() {
@@ -211,8 +225,15 @@ impl Row {
         if let Some(size) = self.size {
             keys.push(format!("size = {size}"));
         }
-        if self.is_little_words {
-            keys.push("words = \"little\"".to_owned());
+        let words = match self.is_little_words {
+            true => "little",
+            false => "big",
+        };
+        match (self.is_little_words, self.is_little_bytes) {
+            _ if self.is_bit() || self.kind == "str" => {}
+            (_, true) => keys.push(format!("endian = \"little\", words = \"{words}\"")),
+            (true, false) => keys.push("words = \"little\"".to_owned()),
+            (false, false) => {}
         }
         let may_be_written = ["holding", "coils"].contains(&TABLES[self.table]);
         if may_be_written && self.is_writable == Some(false) {

@@ -1,6 +1,7 @@
 //! A register map as CSV: the first line names the columns, each further line is a register.
 
-use super::{Map, Row};
+use super::words::{self, Address, SizeUnit, Wrong};
+use super::{Map, Row, TABLES};
 
 /// The columns that are read, each with the names that maps give it.
 const COLUMNS: [(Column, &[&str]); 15] = [
@@ -59,7 +60,18 @@ const COLUMNS: [(Column, &[&str]); 15] = [
     (Column::Least, &["min", "minimum", "least"]),
     (Column::Most, &["max", "maximum", "greatest"]),
     (Column::Initial, &["initial", "default", "value"]),
-    (Column::Size, &["size", "bytes", "length"]),
+    (
+        Column::Size,
+        &[
+            "size",
+            "bytes",
+            "length",
+            "registers",
+            "register count",
+            "number of registers",
+            "quantity",
+        ],
+    ),
     (Column::Words, &["words", "word order"]),
     (
         Column::About,
@@ -87,6 +99,75 @@ enum Column {
     About,
 }
 
+/// The columns of a file.
+struct Columns {
+    titles: Vec<String>,
+    found: Vec<Option<Column>>,
+    separator: char,
+}
+
+/// A line with an address.
+struct Line<'a> {
+    number: usize,
+    cells: &'a [String],
+    address: Address,
+    /// Index in [`TABLES`].
+    table: usize,
+}
+
+impl Columns {
+    fn has(&self, column: Column) -> bool {
+        self.found.contains(&Some(column))
+    }
+
+    fn at(&self, column: Column) -> Option<usize> {
+        self.found.iter().position(|found| *found == Some(column))
+    }
+
+    fn title(&self, column: Column) -> &str {
+        let at = self.at(column);
+        at.and_then(|at| self.titles.get(at))
+            .map_or("", |title| title)
+    }
+
+    /// The text of a cell, if it has one.
+    fn cell<'a>(&self, cells: &'a [String], column: Column) -> Option<&'a str> {
+        let text = cells.get(self.at(column)?)?.trim();
+        (!text.is_empty() && text != "-").then_some(text)
+    }
+
+    /// The meaning of a cell, or an error with the `expected` text.
+    fn read<T>(
+        &self,
+        (line, cells): (usize, &[String]),
+        column: Column,
+        expected: &str,
+        meaning: impl Fn(&str) -> Option<T>,
+    ) -> Result<Option<T>, String> {
+        let Some(text) = self.cell(cells, column) else {
+            return Ok(None);
+        };
+        meaning(text)
+            .map(Some)
+            .ok_or_else(|| self.wrong(line, column, text, expected))
+    }
+
+    fn wrong(&self, line: usize, column: Column, text: &str, expected: &str) -> String {
+        let title = self.title(column);
+        format!("line {line}: {title}: is \"{text}\", expected {expected}")
+    }
+
+    fn figure(&self, at: (usize, &[String]), column: Column) -> Result<Option<f64>, String> {
+        let expected = match self.separator {
+            ',' => "a number with a point, without a comma",
+            _ => "a number, without separators of thousands",
+        };
+        self.read(at, column, expected, |text| {
+            words::number(text, self.separator)
+        })
+    }
+}
+
 /// Reads the text of a CSV file.
 pub(super) fn read(text: &str) -> Result<Map, String> {
     let separator = separator(text);
@@ -94,98 +175,230 @@ pub(super) fn read(text: &str) -> Result<Map, String> {
     let Some(((first, titles), rows)) = records.split_first() else {
         return Err("is empty, expected a first line with the names of columns".to_owned());
     };
-    let found = columns(titles);
-    let mut map = Map::default();
-    let needs = |column: Column| found.contains(&Some(column));
-    if !needs(Column::At) {
+    let titles: Vec<String> = titles.iter().map(|title| words::one_line(title)).collect();
+    let columns = Columns {
+        found: meanings(&titles),
+        titles,
+        separator,
+    };
+    if !columns.has(Column::At) {
         return Err(format!(
             "line {first}: no column of addresses, expected one called {}",
             names(Column::At)
         ));
     }
-    for (title, column) in titles.iter().zip(&found) {
-        if column.is_none() && !title.trim().is_empty() {
-            map.left_out
-                .push(format!("the column \"{}\"", title.trim()));
+    let mut map = Map::default();
+    for (title, column) in columns.titles.iter().zip(&columns.found) {
+        if column.is_none() && !title.is_empty() {
+            map.left_out.push(format!("the column \"{title}\""));
         }
     }
-    let mut table = 3;
-    for (line, cells) in rows {
-        let cell = |column: Column| {
-            let at = found.iter().position(|found| *found == Some(column))?;
-            let text = cells.get(at)?.trim();
-            (!text.is_empty() && text != "-").then_some(text)
-        };
-        let Some(at) = cell(Column::At) else {
-            continue;
-        };
-        if let Some(word) = cell(Column::Table) {
-            table = table_of(word).ok_or_else(|| {
-                format!(
-                    "line {line}: {}: is \"{word}\", expected coil, discrete, input, holding, or \
-                     the function code 1 to 4",
-                    title_of(titles, &found, Column::Table)
-                )
-            })?;
-        }
-        let (at, of_number) = address(at).ok_or_else(|| {
-            format!(
-                "line {line}: {}: is \"{at}\", expected an address, as 16, 0x10 or 40017",
-                title_of(titles, &found, Column::At)
-            )
-        })?;
-        // 40001 is the register 0, unless a column gives the table.
-        let is_plain = needs(Column::Table);
-        let (table, at) = match of_number.filter(|_| !is_plain) {
-            Some((table, low)) => (table, low),
-            None => (table, at),
-        };
-        let mut row = Row {
-            line: *line,
-            table,
-            at,
-            name: cell(Column::Name).unwrap_or_default().to_owned(),
-            unit: cell(Column::Unit).unwrap_or_default().to_owned(),
-            about: cell(Column::About).unwrap_or_default().to_owned(),
-            ..Row::default()
-        };
-        let figure = |column: Column| match cell(column) {
-            None => Ok(None),
-            Some(text) => number(text).map(Some).ok_or_else(|| {
-                let title = title_of(titles, &found, column);
-                format!("line {line}: {title}: is \"{text}\", expected a number")
-            }),
-        };
-        let size = figure(Column::Size)?;
-        let kind = cell(Column::Type).unwrap_or("u16");
-        (row.kind, row.size) = type_of(kind, size).ok_or_else(|| {
-            format!(
-                "line {line}: {}: is \"{kind}\", expected a type as u16, int32, float or string[8]",
-                title_of(titles, &found, Column::Type)
-            )
-        })?;
-        let divisor = figure(Column::Divisor)?.filter(|divisor| *divisor != 0.0);
-        let scale = figure(Column::Scale)?.or(divisor.map(f64::recip));
-        row.scale = scale.filter(|scale| *scale != 1.0 && *scale != 0.0);
-        row.offset = figure(Column::Offset)?.filter(|offset| *offset != 0.0);
-        if let (Some(least), Some(most)) = (figure(Column::Least)?, figure(Column::Most)?) {
-            row.limits = Some([least, most]);
-        }
-        row.is_little_words = cell(Column::Words).is_some_and(|words| {
-            ["little", "low first", "cdab", "dcba", "swapped", "swap"]
-                .contains(&words.to_lowercase().as_str())
-        });
-        row.is_writable = cell(Column::Access).map(|text| text.to_lowercase().contains('w'));
-        row.initial = cell(Column::Initial).map(|text| match number(text) {
-            _ if table < 2 => (!["0", "false", "off"].contains(&&*text.to_lowercase())).to_string(),
-            Some(_) if row.kind == "str" => quoted(text),
-            Some(value) if value.fract() == 0.0 && value.abs() < 1e15 => format!("{value:.0}"),
-            Some(value) => format!("{value:?}"),
-            None => quoted(text),
-        });
+    let lines = lines(&columns, rows, &mut map)?;
+    let numbered = numbered(&columns, &lines, &mut map.notes);
+    for line in &lines {
+        let row = columns.row(line, numbered[line.table], &mut map)?;
         map.rows.push(row);
     }
     Ok(map)
+}
+
+/// The lines with an address; the others are reported.
+fn lines<'a>(
+    columns: &Columns,
+    rows: &'a [Record],
+    map: &mut Map,
+) -> Result<Vec<Line<'a>>, String> {
+    let mut lines = Vec::new();
+    let (mut dropped, mut inherited) = (Vec::new(), 0);
+    let mut table = 3;
+    for (number, cells) in rows {
+        let at = (*number, &cells[..]);
+        let expected = "an address, as 16, 0x10 or 40017";
+        let Some(address) = columns.read(at, Column::At, expected, Address::parse)? else {
+            dropped.push(number.to_string());
+            continue;
+        };
+        let expected = "coil, discrete, input, holding, or the function code 1 to 4";
+        match columns.read(at, Column::Table, expected, words::table)? {
+            Some(own) => table = own,
+            None => inherited += usize::from(columns.has(Column::Table)),
+        }
+        lines.push(Line {
+            number: *number,
+            cells,
+            address,
+            table,
+        });
+    }
+    if !dropped.is_empty() {
+        let (count, numbers) = (dropped.len(), dropped.join(", "));
+        map.left_out
+            .push(format!("lines without an address: {count}, at {numbers}"));
+    }
+    if inherited > 0 {
+        map.notes.push(format!(
+            "lines without a table take the table of the line before: {inherited}"
+        ));
+    }
+    Ok(lines)
+}
+
+/// For each table, whether all of its addresses are numbers such as 40001, which is the holding
+/// register 0. Without a column of tables, all addresses of the file are, or none.
+fn numbered(columns: &Columns, lines: &[Line<'_>], notes: &mut Vec<String>) -> [bool; 4] {
+    let has_table = columns.has(Column::Table);
+    let mut all = [false; 4];
+    for (table, is_numbered) in all.iter_mut().enumerate() {
+        let own = || lines.iter().filter(|line| line.table == table);
+        let fits = |line: &Line<'_>| {
+            let number = line.address.numbered();
+            number.is_some_and(|(of, _)| !has_table || of == table)
+        };
+        *is_numbered = own().next().is_some() && own().all(fits);
+        let Some(line) = own().find(|line| fits(line)) else {
+            continue;
+        };
+        let Some((of, low)) = line.address.numbered() else {
+            continue;
+        };
+        let (at, of) = (line.address.at, TABLES[of]);
+        notes.push(match *is_numbered {
+            true => format!("address {at} is read as {of} {low}, and the others alike"),
+            false => format!(
+                "address {at} is read as {} {at}, not as {of} {low}: other addresses have no such \
+                 prefix",
+                TABLES[table]
+            ),
+        });
+    }
+    all
+}
+
+impl Columns {
+    /// The register of a line.
+    fn row(&self, line: &Line<'_>, is_numbered: bool, map: &mut Map) -> Result<Row, String> {
+        let cells = line.cells;
+        let at = (line.number, cells);
+        let number = line.address.numbered().filter(|_| is_numbered);
+        let (table, address) = number.unwrap_or((line.table, line.address.at));
+        if address > 0xFFFF {
+            let expected = "an address up to 65535";
+            let text = self.cell(cells, Column::At).unwrap_or_default();
+            return Err(self.wrong(line.number, Column::At, text, expected));
+        }
+        let text = |column: Column| words::one_line(self.cell(cells, column).unwrap_or_default());
+        let mut row = Row {
+            line: line.number,
+            table,
+            at: address,
+            name: text(Column::Name),
+            unit: text(Column::Unit),
+            about: text(Column::About),
+            ..Row::default()
+        };
+        self.kind(at, &mut row, map)?;
+        row.scale = self
+            .scale(at)?
+            .filter(|scale| *scale != 1.0 && *scale != 0.0);
+        row.offset = self
+            .figure(at, Column::Offset)?
+            .filter(|offset| *offset != 0.0);
+        let limits = [Column::Least, Column::Most].map(|column| self.figure(at, column));
+        match limits {
+            [Err(error), _] | [_, Err(error)] => return Err(error),
+            [Ok(Some(least)), Ok(Some(most))] => row.limits = Some([least, most]),
+            [Ok(None), Ok(None)] => {}
+            [Ok(least), Ok(_)] => {
+                let given = least.map_or(Column::Most, |_| Column::Least);
+                let given = self.title(given);
+                map.left_out.push(format!(
+                    "\"{given}\" of line {}, which has no second limit",
+                    line.number
+                ));
+            }
+        }
+        let expected = "ABCD, CDAB, BADC, DCBA, big or little";
+        let order = self.read(at, Column::Words, expected, words::order)?;
+        [row.is_little_words, row.is_little_bytes] = order.unwrap_or_default();
+        let expected = "R, RW, read, write, read only, read/write or function codes";
+        row.is_writable = self.read(at, Column::Access, expected, words::access)?;
+        row.initial = self.initial(at, &row)?;
+        Ok(row)
+    }
+
+    /// Sets the type.
+    fn kind(&self, at: (usize, &[String]), row: &mut Row, map: &mut Map) -> Result<(), String> {
+        let count = |text: &str| text.parse::<u16>().ok().filter(|size| *size > 0);
+        let size = self.read(at, Column::Size, "a number from 1 to 65535", count)?;
+        let unit = SizeUnit::of_title(self.title(Column::Size));
+        let text = self.cell(at.1, Column::Type).unwrap_or_default();
+        let found = words::kind(text, size, unit).map_err(|wrong| match wrong {
+            Wrong::Kind => {
+                let expected = "a type as u16, int32, float or string[8]";
+                self.wrong(at.0, Column::Type, text, expected)
+            }
+            Wrong::Size => {
+                let column = match size {
+                    Some(_) => Column::Size,
+                    None => Column::Type,
+                };
+                let expected = "the size of the type: a column \"registers\" or \"bytes\", a type \
+                                such as uint32, or string[1] to string[250]";
+                let found = self.cell(at.1, column).unwrap_or_default();
+                self.wrong(at.0, column, found, expected)
+            }
+        })?;
+        (row.kind, row.size) = (found.0.to_owned(), found.1);
+        let note = "sizes of texts are read as bytes; a column \"registers\" would be in registers";
+        let is_guess = row.size.is_some() && size.is_some() && unit.is_none();
+        if is_guess && !map.notes.iter().any(|known| known == note) {
+            map.notes.push(note.to_owned());
+        }
+        Ok(())
+    }
+
+    fn scale(&self, at: (usize, &[String])) -> Result<Option<f64>, String> {
+        let scale = self.figure(at, Column::Scale)?;
+        let divisor = self
+            .figure(at, Column::Divisor)?
+            .filter(|divisor| *divisor != 0.0);
+        match (
+            scale.filter(|scale| *scale != 1.0),
+            divisor.filter(|divisor| *divisor != 1.0),
+        ) {
+            (Some(scale), Some(divisor)) if (scale * divisor - 1.0).abs() > 1e-9 => {
+                let text = self.cell(at.1, Column::Divisor).unwrap_or_default();
+                let expected =
+                    format!("nothing, as \"{}\" is given too", self.title(Column::Scale));
+                Err(self.wrong(at.0, Column::Divisor, text, &expected))
+            }
+            (Some(scale), _) => Ok(Some(scale)),
+            (None, divisor) => Ok(divisor.map(f64::recip)),
+        }
+    }
+
+    /// The initial value as TOML.
+    fn initial(&self, at: (usize, &[String]), row: &Row) -> Result<Option<String>, String> {
+        if row.is_bit() {
+            let bit = self.read(
+                at,
+                Column::Initial,
+                "0, 1, on, off, true or false",
+                words::bit,
+            )?;
+            return Ok(bit.map(|bit| bit.to_string()));
+        }
+        if row.kind == "str" {
+            return Ok(self.cell(at.1, Column::Initial).map(quoted));
+        }
+        let value = self.figure(at, Column::Initial)?;
+        Ok(
+            value.map(|value| match value.fract() == 0.0 && value.abs() < 1e15 {
+                true => format!("{value:.0}"),
+                false => format!("{value:?}"),
+            }),
+        )
+    }
 }
 
 fn quoted(text: &str) -> String {
@@ -235,25 +448,29 @@ fn records(text: &str, separator: char) -> Result<Vec<Record>, String> {
     }
     cells.push(cell);
     records.push((first, cells));
-    let is_used = |cells: &[String]| {
-        let first = cells.first().map_or("", |cell| cell.trim());
-        !first.starts_with('#') && cells.iter().any(|cell| !cell.trim().is_empty())
-    };
-    records.retain(|(_, cells)| is_used(cells));
+    // Behind the titles, a line with further cells is no comment.
+    let mut has_titles = false;
+    records.retain(|(_, cells)| {
+        let mut used = cells
+            .iter()
+            .map(|cell| cell.trim())
+            .filter(|cell| !cell.is_empty());
+        let is_comment = used.next().is_none_or(|first| {
+            let is_first = cells.first().is_some_and(|cell| cell.trim() == first);
+            is_first && first.starts_with('#') && (!has_titles || used.next().is_none())
+        });
+        has_titles |= !is_comment;
+        !is_comment
+    });
     Ok(records)
 }
 
 /// The meaning of each column; the first column of a meaning counts.
-fn columns(titles: &[String]) -> Vec<Option<Column>> {
+fn meanings(titles: &[String]) -> Vec<Option<Column>> {
     let mut found: Vec<Option<Column>> = vec![None; titles.len()];
     let words = titles.iter().map(|title| {
-        let title = title.trim().to_lowercase().replace(['_', '-'], " ");
-        title
-            .split(['(', '['])
-            .next()
-            .unwrap_or_default()
-            .trim()
-            .to_owned()
+        let title = title.split(['(', '[']).next().unwrap_or_default();
+        words::plain(title)
     });
     let words: Vec<String> = words.collect();
     for (column, names) in COLUMNS {
@@ -271,115 +488,4 @@ fn columns(titles: &[String]) -> Vec<Option<Column>> {
 fn names(column: Column) -> String {
     let known = COLUMNS.iter().find(|(known, _)| *known == column);
     known.map_or_else(String::new, |(_, names)| names.join(", "))
-}
-
-fn title_of<'a>(titles: &'a [String], found: &[Option<Column>], column: Column) -> &'a str {
-    let at = found.iter().position(|found| *found == Some(column));
-    at.and_then(|at| titles.get(at))
-        .map_or("", |title| title.trim())
-}
-
-/// An address, and its table and offset if it may be a number such as 40001.
-type Address = (u32, Option<(usize, u32)>);
-
-fn address(text: &str) -> Option<Address> {
-    // Of a range, such as 0-1, the first one.
-    let first = text.split(['-', '–', '~']).next().unwrap_or(text).trim();
-    let at = match first
-        .strip_prefix("0x")
-        .or_else(|| first.strip_prefix("0X"))
-    {
-        Some(digits) => u32::from_str_radix(digits, 16).ok()?,
-        None => match first.strip_suffix(['h', 'H']) {
-            Some(digits) => u32::from_str_radix(digits, 16).ok()?,
-            None => first.parse().ok()?,
-        },
-    };
-    let numbered = match first.len() {
-        5 => Some((at / 10_000, at % 10_000)),
-        6 => Some((at / 100_000, at % 100_000)),
-        _ => None,
-    };
-    let table = numbered.and_then(|(table, low)| {
-        let table = match table {
-            0 => 0,
-            1 => 1,
-            3 => 2,
-            4 => 3,
-            _ => return None,
-        };
-        Some((table, low.checked_sub(1)?))
-    });
-    (at <= 0xFFFF || table.is_some()).then_some((at, table))
-}
-
-/// The index of a table by its usual names.
-fn table_of(word: &str) -> Option<usize> {
-    let word = word.trim().to_lowercase();
-    let starts = |names: &[&str]| names.iter().any(|name| word.starts_with(name));
-    match word.as_str() {
-        "1" | "01" | "fc1" | "fc01" | "5" | "05" | "0x" => return Some(0),
-        "2" | "02" | "fc2" | "fc02" | "1x" => return Some(1),
-        "4" | "04" | "fc4" | "fc04" | "3x" | "ir" => return Some(2),
-        "3" | "03" | "fc3" | "fc03" | "6" | "06" | "16" | "4x" | "hr" => return Some(3),
-        _ => {}
-    }
-    if starts(&["coil", "co", "digital out"]) {
-        Some(0)
-    } else if starts(&["discrete", "di", "contact", "digital in"]) {
-        Some(1)
-    } else if starts(&["input", "read-only", "analog in"]) {
-        Some(2)
-    } else {
-        starts(&["holding", "analog out"]).then_some(3)
-    }
-}
-
-/// The type of a description, and the number of bytes of a text.
-fn type_of(text: &str, size: Option<f64>) -> Option<(String, Option<u16>)> {
-    let plain = |kind: &str| Some((kind.to_owned(), None));
-    let word: String = text.to_lowercase().split_whitespace().collect();
-    let word = word.replace('_', "");
-    let digits = |from: &str| -> Option<u16> {
-        let digits: String = from.chars().filter(char::is_ascii_digit).collect();
-        digits.parse().ok()
-    };
-    if word.starts_with("str") || word.starts_with("ascii") || word.starts_with("char") {
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "limited to 250"
-        )]
-        let size = size.map(|size| size.clamp(0.0, 250.0) as u16);
-        let size = digits(&word).or(size)?;
-        return Some(("str".to_owned(), Some(size + size % 2)));
-    }
-    match word.as_str() {
-        "bool" | "boolean" | "bit" | "coil" | "u16" | "uint16" | "uint" | "word" | "ushort"
-        | "unsigned" | "unsignedshort" | "enum" | "bitfield" | "bitfield16" | "flags" | "u2" => {
-            plain("u16")
-        }
-        "i16" | "int16" | "s16" | "sint16" | "int" | "short" | "signed" | "integer" | "s2" => {
-            plain("i16")
-        }
-        "u32" | "uint32" | "udint" | "dword" | "ulong" | "bitfield32" | "acc32" | "u4" => {
-            plain("u32")
-        }
-        "i32" | "int32" | "s32" | "sint32" | "dint" | "long" | "s4" => plain("i32"),
-        "u64" | "uint64" | "ulint" | "qword" | "acc64" | "u8bytes" => plain("u64"),
-        "i64" | "int64" | "s64" | "lint" => plain("i64"),
-        "f32" | "float" | "float32" | "real" | "single" | "f4" | "ieee754" => plain("f32"),
-        "f64" | "float64" | "double" | "lreal" | "f8" => plain("f64"),
-        _ => None,
-    }
-}
-
-/// A number as maps write it, with a point or a comma.
-fn number(text: &str) -> Option<f64> {
-    if let Some(digits) = text.strip_prefix("0x") {
-        return u32::from_str_radix(digits, 16).ok().map(f64::from);
-    }
-    let plain = text.replace(',', ".");
-    let value: f64 = plain.parse().ok()?;
-    value.is_finite().then_some(value)
 }

@@ -71,7 +71,18 @@ pub(super) fn read(text: &str) -> Result<Map, String> {
             let at = format!("{section}[{index}]");
             let [first, last] = range(entry.get("addr").unwrap_or(entry))
                 .ok_or_else(|| format!("{at}.addr: expected a number, or [FIRST, LAST]"))?;
-            if let Some(action) = entry.get("action").and_then(Value::as_str) {
+            let value = entry
+                .get("value")
+                .or_else(|| default(device, "value", section));
+            let value = value.ok_or_else(|| {
+                format!(
+                    "{at}.value: is missing, expected it here or in setup.defaults.value.{section}"
+                )
+            })?;
+            let action = entry
+                .get("action")
+                .or_else(|| default(device, "action", section));
+            if let Some(action) = action.and_then(Value::as_str) {
                 map.left_out.push(format!(
                     "the action \"{action}\" of {at}: a source of the register"
                 ));
@@ -89,7 +100,7 @@ pub(super) fn read(text: &str) -> Result<Map, String> {
                     place,
                     step,
                     kind,
-                    value: entry.get("value"),
+                    value,
                 };
                 one.rows(&layout, &writable, &mut map.rows)
                     .map_err(|error| format!("{at}.addr: {error}"))?;
@@ -107,11 +118,20 @@ pub(super) fn read(text: &str) -> Result<Map, String> {
     Ok(map)
 }
 
+/// The value or action of entries without one.
+fn default<'a>(device: &'a Value, key: &str, section: &str) -> Option<&'a Value> {
+    let defaults = device.get("setup")?.get("defaults")?;
+    defaults
+        .get(key)?
+        .get(section)
+        .filter(|value| !value.is_null())
+}
+
 struct Entry<'a> {
     place: u32,
     step: u32,
     kind: &'static str,
-    value: Option<&'a Value>,
+    value: &'a Value,
 }
 
 impl Entry<'_> {
@@ -128,7 +148,12 @@ impl Entry<'_> {
             .any(|[first, last]| (*first..=*last).contains(&self.place));
         let name = |at: u32| format!("{}_{at}", TABLES[table]);
         if table < 2 {
-            let value = self.value.and_then(Value::as_u64).unwrap_or(0);
+            let value = match self.value {
+                Value::Bool(value) => u64::from(*value),
+                value => value.as_u64().ok_or_else(|| {
+                    format!("is {value} for bits, expected a value from 0 to 65535")
+                })?,
+            };
             rows.extend((0..16).map(|bit| Row {
                 table,
                 at: 16 * at + bit,
@@ -141,10 +166,16 @@ impl Entry<'_> {
             return Ok(());
         }
         let is_text = self.kind == "str";
-        let initial = self.value.map(|value| match value {
-            Value::String(text) => toml::Value::String(text.trim_end().to_owned()).to_string(),
+        let initial = match self.value {
+            // The simulator fills a text with spaces.
+            Value::String(text) if is_text => {
+                let size = usize::try_from(2 * self.step).unwrap_or(usize::MAX);
+                toml::Value::String(format!("{text:size$}")).to_string()
+            }
+            Value::String(text) => toml::Value::String(text.clone()).to_string(),
+            Value::Bool(value) => u8::from(*value).to_string(),
             other => other.to_string(),
-        });
+        };
         rows.push(Row {
             table,
             at,
@@ -158,7 +189,7 @@ impl Entry<'_> {
                 false => None,
             },
             is_writable: Some(is_writable),
-            initial: initial.filter(|value| value != "0" && value != "0.0"),
+            initial: Some(initial).filter(|value| value != "0" && value != "0.0"),
             ..Row::default()
         });
         Ok(())
