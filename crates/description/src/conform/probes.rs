@@ -302,8 +302,9 @@ fn modbus(of: &Description, probes: &mut Vec<Probe>) {
         let place = format!("read {name} with a count of 0");
         probes.push(Probe::of(place, speak::read(of, function, 0, 0), false));
     }
+    // A vendor's own function may have an effect.
     let unknown = speak::raw(of, &[0x41], String::new(), None);
-    probes.push(Probe::of("function 65", unknown, false));
+    probes.push(Probe::of("function 65", unknown, true));
 }
 
 /// A value within the limits of a register.
