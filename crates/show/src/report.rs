@@ -96,21 +96,21 @@ pub(crate) fn failed_at(outcome: &Outcome) -> Option<f64> {
 
 /// A table of the last requests and replies of a run without a robot, until `at`, seconds.
 pub(crate) fn last_exchanges(outcome: &Outcome, at: f64) -> String {
-    let talk = Talk::of(outcome);
-    talk.map(|talk| talk.moment(at)).unwrap_or_default()
+    talk::moment(outcome, at)
 }
 
 /// World, map, links over time, and the verdicts beside them; without world and map if there is no
 /// robot.
 fn stage(outcome: &Outcome) -> String {
-    let stage = STAGE.replace("<!-- checks -->", &verdict::checks(outcome));
-    match outcome.has_body {
-        true => stage,
-        false => stage
+    let stage = match outcome.has_body {
+        true => STAGE.to_owned(),
+        false => STAGE
             .replace("World, map and links over time", "Links over time")
             .replace("<div id=\"view\">", "<div id=\"view\" hidden>")
             .replace("id=\"stage\"", "id=\"stage\" class=\"bare\""),
-    }
+    };
+    // Last: the words of a check stay as they are.
+    stage.replace("<!-- checks -->", &verdict::checks(outcome))
 }
 
 /// The listed events: violations before notes if there are too many.

@@ -221,9 +221,7 @@ async fn frames(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
     ([kind], text.to_string()).into_response()
 }
 
-/// Number of bytes that are searched for requests and replies.
-const EXCHANGE_BYTES: usize = 160_000;
-/// Maximum number of listed requests and replies; their times are listed for all.
+/// Maximum number of listed requests and replies.
 const EXCHANGES_MAX: usize = 200;
 
 /// The newest requests and replies up to `/exchanges?at_ns=..`, and figures of each link.
@@ -232,15 +230,10 @@ async fn exchanges(State(hub): State<Arc<Hub>>, uri: Uri) -> Response {
         return expected("expected /exchanges?at_ns=NUMBER\n");
     };
     let log = hub.log.lock().unwrap_or_else(PoisonError::into_inner);
-    let (tails, totals) = (log.last_tails(at, EXCHANGE_BYTES), log.totals(at));
+    let heard = log.heard(at);
     // The run must not wait for the decoders.
     drop(log);
-    let all = wire_log::exchanges(wire_log::all_frames(&tails));
-    let value = serde_json::json!({
-        "talks": wire_log::talks(&totals, &all),
-        "plots": wire_log::reply_times(&all),
-        "exchanges": &all[all.len().saturating_sub(EXCHANGES_MAX)..],
-    });
+    let value = serde_json::json!(heard.dialogue(EXCHANGES_MAX));
     let kind = (header::CONTENT_TYPE, "application/json");
     ([kind], value.to_string()).into_response()
 }

@@ -13,7 +13,7 @@ use engine::rig::line::{Delivery, Direction};
 use engine::rig::trace::{Side, Tap};
 use engine::robots::{Beam, ScanDecoder};
 use engine::run::Run;
-use engine::run::wire_log::WireLog;
+use engine::run::wire_log::{self as logged, WireLog};
 use show::view::millimetres;
 
 /// Counters of one direction of a link.
@@ -96,12 +96,19 @@ impl Wire {
         let mut kept = log.lock().unwrap_or_else(PoisonError::into_inner);
         let links = run.rig.links().iter().zip(&wire.lanes);
         kept.begin(links.flat_map(|(link, lanes)| {
-            [Direction::ToMaster, Direction::ToDevice].map(|direction| {
-                let codec = lanes[direction as usize].decoder.as_ref();
-                let codec = codec.map(|(codec, _)| *codec);
-                (&*link.name, direction, codec)
+            [Direction::ToMaster, Direction::ToDevice].map(|way| {
+                let codec = lanes[way as usize].decoder.as_ref();
+                logged::Lane {
+                    link: &link.name,
+                    way,
+                    kind: link.kind,
+                    codec: codec.map(|(codec, _)| *codec),
+                }
             })
         }));
+        if !run.instruments().has_body() {
+            kept.count_exchanges();
+        }
         drop(kept);
         wire.tapped(run)
     }

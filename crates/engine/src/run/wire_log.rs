@@ -1,37 +1,56 @@
 //! Recently received bytes and their frames, for the frame inspector of the page, and for the
 //! requests and replies of a run without a robot.
 
+mod dialogue;
 mod exchange;
+mod figures;
+mod tail;
 
 use std::collections::VecDeque;
 
 use protocols::Instant;
-use serde::Serialize;
 
 use crate::Shared;
-use crate::codec::{Codec, IDLE, Stream, Stretch, What, words};
-use crate::hex::digits;
-use crate::rig::Rig;
+use crate::codec::Codec;
 use crate::rig::line::{Delivery, Direction, Original};
 use crate::rig::trace::{Side, Tap};
+use crate::rig::{LinkKind, Rig};
 use crate::robots::Instruments;
-pub use exchange::{Exchange, ReplyTimes, Talk, exchanges, reply_times, talks};
+use dialogue::Marks;
+pub use dialogue::{Dialogue, Heard};
+pub use exchange::{Exchange, ReplyTimes, Talk};
+pub use tail::{Frame, Tail};
 
 /// Maximum number of stored bytes per direction of a link: some six minutes of a lidar.
 const BYTES_MAX: usize = 4 << 20;
-/// The same for the report of a run.
-const REPORT_BYTES_MAX: usize = 1 << 18;
-/// Maximum number of stored chunks per direction.
-const PIECES_MAX: usize = 1 << 19;
+/// The same for the report of a run, which lists a few requests. A checkpoint has a copy.
+const REPORT_BYTES_MAX: usize = 1 << 16;
+/// Maximum number of stored chunks per direction, per stored byte.
+const PIECES_SHARE: usize = 8;
 /// Number of bytes searched for frames: per lane if all lanes are requested, and for a single lane.
 const LOOK_BACK: [usize; 2] = [6_000, 40_000];
 /// Maximum number of frames in one answer.
 const FRAMES_MAX: usize = 400;
 
+/// One direction of a link, to be logged.
+#[derive(Clone, Copy, Debug)]
+pub struct Lane<'a> {
+    /// Name of the link.
+    pub link: &'a str,
+    /// The direction.
+    pub way: Direction,
+    /// Kind of the link.
+    pub kind: LinkKind,
+    /// Format of the bytes, if it is known.
+    pub codec: Option<&'static Codec>,
+}
+
 /// All recently received bytes.
 #[derive(Clone, Debug)]
 pub struct WireLog {
     lanes: Vec<LoggedLane>,
+    /// Counted requests and replies of each link, if the log counts them.
+    marks: Vec<Marks>,
     bytes_max: usize,
 }
 
@@ -39,6 +58,7 @@ impl Default for WireLog {
     fn default() -> Self {
         Self {
             lanes: Vec::new(),
+            marks: Vec::new(),
             bytes_max: BYTES_MAX,
         }
     }
@@ -49,6 +69,7 @@ impl Default for WireLog {
 struct LoggedLane {
     link: String,
     way: Direction,
+    kind: LinkKind,
     codec: Option<&'static Codec>,
     bytes: VecDeque<u8>,
     /// Offset behind the last byte, counted from the first byte ever received.
@@ -68,53 +89,38 @@ struct Piece {
     is_hit: bool,
 }
 
-/// A frame, or bytes outside frames.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Frame {
-    /// Time of the last byte, nanoseconds.
-    pub at_ns: u64,
-    /// Name of the link.
-    pub link: String,
-    /// Name of the direction.
-    pub way: &'static str,
-    /// The frame in words; for invalid bytes, the reason.
-    pub words: String,
-    /// Bytes as hexadecimal digits.
-    pub bytes: String,
-    /// Whether the bytes are not a frame of the link's protocol.
-    pub is_bad: bool,
-    /// Whether a fault hit these bytes, or lost the bytes before them.
-    pub is_hit: bool,
-}
-
 impl WireLog {
     /// An empty log for a report, which shows fewer bytes than a page.
-    pub(super) fn for_report<'a>(
-        lanes: impl Iterator<Item = (&'a str, Direction, Option<&'static Codec>)>,
-    ) -> Self {
+    pub(super) fn for_report<'a>(lanes: impl Iterator<Item = Lane<'a>>) -> Self {
         let mut log = Self {
             bytes_max: REPORT_BYTES_MAX,
             ..Self::default()
         };
         log.begin(lanes);
+        log.count_exchanges();
         log
     }
 
-    /// Clears the log; `lanes` are link, direction and format of each lane.
-    pub fn begin<'a>(
-        &mut self,
-        lanes: impl Iterator<Item = (&'a str, Direction, Option<&'static Codec>)>,
-    ) {
-        let lane = |(link, way, codec): (&str, _, _)| LoggedLane {
-            link: link.to_owned(),
-            way,
-            codec,
+    /// Clears the log. Both directions of a link are neighbours in `lanes`, to the master first.
+    pub fn begin<'a>(&mut self, lanes: impl Iterator<Item = Lane<'a>>) {
+        let lane = |lane: Lane<'_>| LoggedLane {
+            link: lane.link.to_owned(),
+            way: lane.way,
+            kind: lane.kind,
+            codec: lane.codec,
             bytes: VecDeque::new(),
             end: 0,
             pieces: VecDeque::new(),
             is_hit: false,
         };
         self.lanes = lanes.map(lane).collect();
+        self.marks.clear();
+    }
+
+    /// Counts requests and replies from now on, also those whose bytes are dropped later.
+    pub fn count_exchanges(&mut self) {
+        let marks = Marks::new(self.bytes_max);
+        self.marks = vec![marks; self.lanes.len() / 2];
     }
 
     /// Marks the next bytes of a lane as hit.
@@ -125,8 +131,8 @@ impl WireLog {
     }
 
     /// Adds bytes that arrived at `at`.
-    pub fn push(&mut self, lane: usize, at: Instant, bytes: &[u8]) {
-        let Some(lane) = self.lanes.get_mut(lane).filter(|_| !bytes.is_empty()) else {
+    pub fn push(&mut self, index: usize, at: Instant, bytes: &[u8]) {
+        let Some(lane) = self.lanes.get_mut(index).filter(|_| !bytes.is_empty()) else {
             return;
         };
         lane.end += bytes.len() as u64;
@@ -136,7 +142,9 @@ impl WireLog {
             at,
             is_hit: core::mem::take(&mut lane.is_hit),
         });
-        while lane.bytes.len() > self.bytes_max || lane.pieces.len() > PIECES_MAX {
+        self.count(index, at);
+        let (most, lane) = (self.bytes_max, &mut self.lanes[index]);
+        while lane.bytes.len() > most || lane.pieces.len() > most / PIECES_SHARE {
             let first = lane.end - lane.bytes.len() as u64;
             let gone = lane.pieces.pop_front().map_or(first, |piece| piece.end);
             drop(lane.bytes.drain(..as_index(gone - first)));
@@ -156,6 +164,7 @@ impl WireLog {
             lane.end = end;
             lane.is_hit = false;
         }
+        self.cut_marks(until);
     }
 
     /// The last bytes of a lane, to synchronise a decoder.
@@ -173,13 +182,6 @@ impl WireLog {
         indices.map(|index| self.tail(index, until, most)).collect()
     }
 
-    /// The last bytes before `until` of all lanes, `most` bytes in total.
-    pub fn last_tails(&self, until: Instant, most: usize) -> Vec<Tail> {
-        let each = (most / self.lanes.len().max(1)).max(LOOK_BACK[0] / 3);
-        let indices = 0..self.lanes.len();
-        indices.map(|index| self.tail(index, until, each)).collect()
-    }
-
     fn tail(&self, index: usize, until: Instant, most: usize) -> Tail {
         let mut tail = self.lanes[index].tail(until, most);
         // Both directions of a link are neighbours.
@@ -189,20 +191,6 @@ impl WireLog {
             tail.pause_where(&other.pieces);
         }
         tail
-    }
-
-    /// Number of all bytes that each link received until `until`, to the master first, with the
-    /// link's name.
-    pub fn totals(&self, until: Instant) -> Vec<(String, [u64; 2])> {
-        let links = self.lanes.as_chunks::<2>().0.iter();
-        let total = |lane: &LoggedLane| {
-            let last = lane.pieces.partition_point(|piece| piece.at <= until);
-            let first = lane.end - lane.bytes.len() as u64;
-            last.checked_sub(1)
-                .map_or(first, |last| lane.pieces[last].end)
-        };
-        let totals = links.map(|both| (both[0].link.clone(), both.each_ref().map(total)));
-        totals.collect()
     }
 }
 
@@ -215,10 +203,13 @@ impl Logging {
         if instruments.has_body() {
             return None;
         }
-        let lane = |name: &str, way| instruments.codec_towards(rig, name, way);
         let lanes = rig.links().iter().flat_map(|link| {
-            let ways = [Direction::ToMaster, Direction::ToDevice];
-            ways.map(|way| (&*link.name, way, lane(&link.name, way)))
+            [Direction::ToMaster, Direction::ToDevice].map(|way| Lane {
+                link: &link.name,
+                way,
+                kind: link.kind,
+                codec: instruments.codec_towards(rig, &link.name, way),
+            })
         });
         let log = Shared::new(WireLog::for_report(lanes));
         rig.add_tap(Box::new(Self(log.clone())));
@@ -250,14 +241,29 @@ impl Tap for Logging {
 }
 
 impl LoggedLane {
-    fn tail(&self, until: Instant, most: usize) -> Tail {
+    /// Offset of the first stored byte.
+    fn first(&self) -> u64 {
+        self.end - self.bytes.len() as u64
+    }
+
+    /// Offset behind the last byte until `until`.
+    fn end_at(&self, until: Instant) -> u64 {
         let last = self.pieces.partition_point(|piece| piece.at <= until);
-        let first = self.end - self.bytes.len() as u64;
-        let end = last
-            .checked_sub(1)
-            .map_or(first, |last| self.pieces[last].end);
-        let from = first.max(end.saturating_sub(most as u64));
+        let last = last.checked_sub(1);
+        last.map_or(self.first(), |last| self.pieces[last].end)
+    }
+
+    fn tail(&self, until: Instant, most: usize) -> Tail {
+        let from = self.end_at(until).saturating_sub(most as u64);
+        self.section(from, until)
+    }
+
+    /// The stored bytes from `from` on.
+    fn section(&self, from: u64, until: Instant) -> Tail {
+        let (first, end) = (self.first(), self.end_at(until));
+        let from = from.clamp(first, end);
         let begin = self.pieces.partition_point(|piece| piece.end <= from);
+        let last = self.pieces.partition_point(|piece| piece.at <= until);
         let pieces = self.pieces.range(begin.min(last)..last).copied();
         let bytes = self
             .bytes
@@ -265,136 +271,16 @@ impl LoggedLane {
         Tail {
             link: self.link.clone(),
             way: self.way,
+            kind: self.kind,
             codec: self.codec,
             is_whole: from == 0,
             from,
+            until,
             bytes: bytes.copied().collect(),
             pieces: pieces.collect(),
+            primer: Vec::new(),
             pauses: Vec::new(),
         }
-    }
-}
-
-/// A section of a lane.
-#[derive(Clone, Debug)]
-pub struct Tail {
-    link: String,
-    way: Direction,
-    codec: Option<&'static Codec>,
-    /// Whether the section begins with the first byte ever received.
-    is_whole: bool,
-    from: u64,
-    bytes: Vec<u8>,
-    pieces: Vec<Piece>,
-    /// Times at which the other direction was busy, where the protocol is unknown.
-    pauses: Vec<Instant>,
-}
-
-impl Tail {
-    /// Splits bytes of an unknown protocol where the other direction carried bytes.
-    fn pause_where(&mut self, others: &VecDeque<Piece>) {
-        let Some((first, last)) = self.pieces.first().zip(self.pieces.last()) else {
-            return;
-        };
-        let from = others.partition_point(|piece| piece.at < first.at);
-        let until = others.partition_point(|piece| piece.at <= last.at);
-        self.pauses = others.range(from..until).map(|piece| piece.at).collect();
-    }
-
-    /// The frames in the section, and the bytes outside frames.
-    fn frames(&self) -> Vec<Frame> {
-        let Some(codec) = self.codec else {
-            return self.as_text();
-        };
-        let (mut stream, mut found) = (Stream::towards(codec, self.way), Vec::new());
-        let (mut from, mut before) = (self.from, None);
-        for piece in &self.pieces {
-            if before.is_some_and(|before| piece.at - before > codec.idle()) {
-                found.extend(stream.idle());
-            }
-            let part = as_index(from - self.from)..as_index(piece.end - self.from);
-            found.extend(stream.push(&self.bytes[part]));
-            (from, before) = (piece.end, Some(piece.at));
-        }
-        // A frame that is truncated at the beginning of the section is not a line error.
-        let is_cut = |one: &Stretch| !one.is_frame() && one.bytes.start == 0 && !self.is_whole;
-        let found = found.iter().filter(|one| !is_cut(one));
-        found.map(|one| self.frame(one)).collect()
-    }
-
-    fn frame(&self, stretch: &Stretch) -> Frame {
-        let (is_bad, words) = match &stretch.what {
-            What::Frame(words) => (false, words.clone()),
-            What::Bad(errors) if errors.is_empty() => (true, "no frame".to_owned()),
-            What::Bad(errors) => {
-                let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
-                (true, errors.join("; "))
-            }
-        };
-        let range = as_index(stretch.bytes.start)..as_index(stretch.bytes.end);
-        self.told(range, words, is_bad)
-    }
-
-    fn told(&self, range: core::ops::Range<usize>, words: String, is_bad: bool) -> Frame {
-        let [start, end] = [range.start, range.end].map(|at| self.from + at as u64);
-        let first = self.pieces.partition_point(|piece| piece.end <= start);
-        let last = self.pieces.partition_point(|piece| piece.end < end);
-        let own = self.pieces.get(first..=last).unwrap_or_default();
-        Frame {
-            at_ns: own.last().map_or(0, |piece| piece.at.as_nanos()),
-            link: self.link.clone(),
-            way: self.way.name(),
-            words,
-            bytes: digits(&self.bytes[range]),
-            is_bad,
-            is_hit: own.iter().any(|piece| piece.is_hit),
-        }
-    }
-
-    /// The bytes in stretches, because the protocol is unknown: until a pause, or until the other
-    /// direction carries bytes. Text is split into lines.
-    fn as_text(&self) -> Vec<Frame> {
-        let are_apart = |[before, after]: [Piece; 2]| {
-            let busy = self.pauses.partition_point(|at| *at < before.at);
-            let between = self.pauses.get(busy).is_some_and(|at| *at < after.at);
-            after.at - before.at > IDLE || between
-        };
-        let mut from = 0;
-        let stretches = self.pieces.chunk_by(|a, b| !are_apart([*a, *b]));
-        let stretches = stretches.filter_map(|stretch| {
-            let end = as_index(stretch.last()?.end - self.from);
-            let range = core::mem::replace(&mut from, end)..end;
-            Some(range)
-        });
-        let lines: Vec<_> = stretches.flat_map(|range| self.lines(range)).collect();
-        lines
-            .into_iter()
-            .map(|range| {
-                let words = words::text(&self.bytes[range.clone()]);
-                self.told(range, words, false)
-            })
-            .collect()
-    }
-
-    /// The lines of `range` if it is text, else `range` itself.
-    fn lines(&self, range: core::ops::Range<usize>) -> Vec<core::ops::Range<usize>> {
-        let bytes = &self.bytes[range.clone()];
-        let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
-        if !bytes.iter().all(is_text) {
-            return vec![range];
-        }
-        let mut from = range.start;
-        let ends = bytes.iter().enumerate().filter_map(|(index, byte)| {
-            let next = bytes.get(index + 1);
-            let is_end = match byte {
-                b'\n' => true,
-                b'\r' => next != Some(&b'\n'),
-                _ => false,
-            };
-            (is_end || next.is_none()).then_some(range.start + index + 1)
-        });
-        ends.map(|end| core::mem::replace(&mut from, end)..end)
-            .collect()
     }
 }
 
@@ -406,7 +292,7 @@ pub fn frames(tails: &[Tail]) -> Vec<Frame> {
 }
 
 /// All frames of all `tails` in order of time.
-pub fn all_frames(tails: &[Tail]) -> Vec<Frame> {
+fn all_frames(tails: &[Tail]) -> Vec<Frame> {
     let mut all: Vec<Frame> = tails.iter().flat_map(Tail::frames).collect();
     all.sort_by_key(|frame| frame.at_ns);
     all
@@ -427,11 +313,23 @@ mod tests {
         Instant::from_millis(millis)
     }
 
+    fn lane(link: &str, way: Direction) -> Lane<'_> {
+        let (kind, codec) = (LinkKind::Uart, None);
+        Lane {
+            link,
+            way,
+            kind,
+            codec,
+        }
+    }
+
     /// A read of ten registers from 36, as the field firmware sends it, in two chunks; the second
     /// one was hit. Then a stray byte.
     fn log() -> WireLog {
         let mut log = WireLog::default();
-        log.begin([("base", Direction::ToDevice, Some(&BUS_HIGH_FIRST))].into_iter());
+        let base = lane("base", Direction::ToDevice);
+        let codec = Some(&BUS_HIGH_FIRST);
+        log.begin([Lane { codec, ..base }].into_iter());
         log.push(0, at(1), &[0xAB, 0x24]);
         log.hit(0);
         log.push(0, at(2), &[0x0A, 0x00, 0xD9]);
@@ -485,7 +383,7 @@ mod tests {
     #[test]
     fn an_unknown_protocol_is_split_at_lines_and_turns() {
         let mut log = WireLog::default();
-        let lanes = [Direction::ToMaster, Direction::ToDevice].map(|way| ("sonar", way, None));
+        let lanes = [Direction::ToMaster, Direction::ToDevice].map(|way| lane("sonar", way));
         log.begin(lanes.into_iter());
         let mut now = 0;
         for (lane, bytes) in [
@@ -511,6 +409,37 @@ mod tests {
             ("to-device", "text \"\\x01\\x04\""),
         ];
         assert_eq!(told, expected);
-        assert_eq!(log.totals(at(now)), [("sonar".to_owned(), [9, 19])]);
+        assert_eq!([log.lanes[0].end, log.lanes[1].end], [9, 19]);
+    }
+
+    /// At stake: both directions of a text device that sends by itself carry bytes at the same
+    /// time, and a damaged byte or binary data makes one endless frame. Lines of text stay whole; a
+    /// line with one damaged byte is a line; 600 binary bytes are 256, 256 and 88.
+    #[test]
+    fn full_duplex_lines_stay_whole_and_binary_data_is_bounded() {
+        let mut log = WireLog::default();
+        let lanes = [Direction::ToMaster, Direction::ToDevice].map(|way| lane("sonar", way));
+        log.begin(lanes.into_iter());
+        let (up, down) = (b"mm=7\xB00\r\nmm=701\r\n", b"gain 3\r\n");
+        for millis in 0..up.len() {
+            log.push(0, at(2 * millis as u64), &up[millis..=millis]);
+            if let Some(byte) = down.get(millis) {
+                log.push(1, at(2 * millis as u64 + 1), &[*byte]);
+            }
+        }
+        let words = |way: &str, log: &WireLog| -> Vec<String> {
+            let all = frames(&log.tails(at(90_000), None));
+            let own = all.iter().filter(|one| one.way == way);
+            own.map(|one| one.words.clone()).collect()
+        };
+        assert_eq!(words("to-device", &log), ["text \"gain 3\\r\\n\""]);
+        let lines = ["text \"mm=7\\xb00\\r\\n\"", "text \"mm=701\\r\\n\""];
+        assert_eq!(words("to-master", &log), lines);
+        for millis in 0..600 {
+            log.push(1, at(10_000 + millis), &[0xFF]);
+        }
+        let all = frames(&log.tails(at(90_000), None));
+        let sizes: Vec<_> = all.iter().skip(3).map(|one| one.bytes.len() / 2).collect();
+        assert_eq!(sizes, [256, 256, 88]);
     }
 }

@@ -23,24 +23,39 @@ function showTalk() {
 
 const inMs = (value) => value === null ? "none" : `${value} ms`;
 
-function listTalk({ talks, exchanges }) {
+function listTalk({ talks, exchanges, listed_from_s, late_s }) {
   once("talks", talks, () => talks.map(talkRow));
-  say("no-talk", exchanges.length ? "" : "No bytes yet. A program that opens the port of a "
-    + "device, or an action of the scenario, starts the dialogue.");
+  say("no-talk", late_s !== null
+    ? `Bytes of this time are no longer kept: the figures count until ${late_s.toFixed(3)} s.`
+    : !exchanges.length ? "No bytes yet. A program that opens the port of a "
+      + "device, or an action of the scenario, starts the dialogue."
+    : listed_from_s > 0 ? "The figures count from the begin of the run, the list begins at "
+      + `${listed_from_s.toFixed(3)} s.` : "");
   const box = $("exchanges-box"), atEnd = box.scrollTop + box.clientHeight >= box.scrollHeight - 20;
-  const body = $("exchanges"), key = JSON.stringify(exchanges);
-  if (shown.exchanges !== key) {
-    shown.exchanges = key;
-    const hadFocus = body.contains(document.activeElement);
-    body.replaceChildren(...exchanges.map(exchangeRow));
+  listRows(exchanges, box);
+  if (atEnd) box.scrollTop = box.scrollHeight;
+}
+
+// Rows that stay are not touched: focus and selected text stay in them.
+function listRows(exchanges, box) {
+  const body = $("exchanges"), keys = exchanges.map((one) => JSON.stringify(one));
+  const wanted = new Set(keys);
+  for (const line of [...body.rows].filter((line) => !wanted.has(line.key))) {
+    const hadFocus = line.contains(document.activeElement);
+    line.remove();
     if (hadFocus) box.focus();
   }
-  if (atEnd) box.scrollTop = box.scrollHeight;
+  keys.forEach((key, index) => {
+    const there = body.rows[index];
+    if (there?.key === key) return;
+    body.insertBefore(Object.assign(exchangeRow(exchanges[index]), { key }), there ?? null);
+  });
 }
 
 // Figures of a link.
 function talkRow(talk) {
-  return row([talk.link, talk.bytes_to_device, talk.bytes_to_master, talk.requests,
+  const since = talk.since_s === null ? "" : `, since ${talk.since_s.toFixed(3)} s`;
+  return row([talk.link + since, talk.bytes_to_device, talk.bytes_to_master, talk.requests,
     talk.unanswered, talk.unasked, talk.bad, inMs(talk.reply_ms), inMs(talk.reply_ms_max)], [4, 6]);
 }
 
@@ -50,15 +65,17 @@ function frameCell(frame) {
   if (!frame) return cell;
   cell.className = [frame.is_bad && "bad", frame.is_hit && "hit"].filter(Boolean).join(" ");
   const hex = frame.bytes.length > 64 ? `${frame.bytes.slice(0, 64)}..` : frame.bytes;
-  cell.append(make("span", frame.words), make("code", spaced(hex)));
+  const words = frame.words.length > 300 ? `${frame.words.slice(0, 300)} ..` : frame.words;
+  cell.append(make("span", words), make("code", spaced(hex)));
   return cell;
 }
 
 function exchangeRow({ link, request, reply, reply_ms }) {
   const line = make("tr"), when = make("td"), first = request ?? reply;
   when.append(jump(first.at_ns / 1e9));
-  const time = request ? reply ? `${reply_ms} ms` : "no reply" : "";
+  const isOpen = request && !request.is_bad && !reply;
+  const time = isOpen ? "no reply" : reply_ms === null ? "" : `${reply_ms} ms`;
   line.append(when, make("td", link), frameCell(request), frameCell(reply),
-    make("td", time, { className: request && !reply ? "bad" : "" }));
+    make("td", time, { className: isOpen ? "bad" : "" }));
   return line;
 }

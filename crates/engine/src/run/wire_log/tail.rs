@@ -1,0 +1,233 @@
+//! A section of one direction of a link, split into frames.
+
+use core::ops::Range;
+use std::collections::VecDeque;
+
+use protocols::Instant;
+use serde::Serialize;
+
+use super::{Piece, as_index};
+use crate::codec::{BAD_MAX, Codec, IDLE, Stream, Stretch, What, words};
+use crate::hex::digits;
+use crate::rig::LinkKind;
+use crate::rig::line::Direction;
+
+/// Maximum number of bytes in one stretch of an unknown protocol.
+const STRETCH_MAX: usize = 256;
+const _: () = assert!(STRETCH_MAX as u64 == BAD_MAX);
+
+/// A frame, or bytes outside frames.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Frame {
+    /// Time of the last byte, nanoseconds.
+    pub at_ns: u64,
+    /// Name of the link.
+    pub link: String,
+    /// Name of the direction.
+    pub way: &'static str,
+    /// The frame in words; for invalid bytes, the reason.
+    pub words: String,
+    /// Bytes as hexadecimal digits.
+    pub bytes: String,
+    /// Whether the bytes are not a frame of the link's protocol.
+    pub is_bad: bool,
+    /// Whether a fault hit these bytes, or lost the bytes before them.
+    pub is_hit: bool,
+}
+
+/// A frame and its place in its lane.
+pub(super) struct Placed {
+    pub(super) frame: Frame,
+    /// Offsets from the first byte ever received.
+    pub(super) place: Range<u64>,
+    /// Whether later bytes cannot change the frame.
+    pub(super) is_settled: bool,
+}
+
+/// A section of a lane.
+#[derive(Clone, Debug)]
+pub struct Tail {
+    pub(super) link: String,
+    pub(super) way: Direction,
+    pub(super) kind: LinkKind,
+    pub(super) codec: Option<&'static Codec>,
+    /// Whether the section begins with the first byte ever received, or with a frame.
+    pub(super) is_whole: bool,
+    pub(super) from: u64,
+    pub(super) until: Instant,
+    pub(super) bytes: Vec<u8>,
+    pub(super) pieces: Vec<Piece>,
+    /// A frame before the section that sets the state of the decoder.
+    pub(super) primer: Vec<u8>,
+    /// Times at which the other direction was busy, where the protocol is unknown.
+    pub(super) pauses: Vec<Instant>,
+}
+
+impl Tail {
+    /// Splits bytes of an unknown protocol where the other direction carried bytes.
+    pub(super) fn pause_where(&mut self, others: &VecDeque<Piece>) {
+        let Some((first, last)) = self.pieces.first().zip(self.pieces.last()) else {
+            return;
+        };
+        let from = others.partition_point(|piece| piece.at < first.at);
+        let until = others.partition_point(|piece| piece.at <= last.at);
+        self.pauses = others.range(from..until).map(|piece| piece.at).collect();
+    }
+
+    /// The frames in the section, and the bytes outside frames.
+    pub(super) fn frames(&self) -> Vec<Frame> {
+        self.placed().into_iter().map(|one| one.frame).collect()
+    }
+
+    /// The same with their places.
+    pub(super) fn placed(&self) -> Vec<Placed> {
+        match self.codec {
+            Some(codec) => self.decoded(codec),
+            None => self.as_text(),
+        }
+    }
+
+    fn decoded(&self, codec: &'static Codec) -> Vec<Placed> {
+        let mut stream = Stream::towards(codec, self.way);
+        stream.push(&self.primer);
+        let (mut found, mut from, mut before) = (Vec::new(), self.from, None);
+        for piece in &self.pieces {
+            if before.is_some_and(|before| piece.at - before > codec.idle()) {
+                found.extend(stream.idle());
+            }
+            let part = as_index(from - self.from)..as_index(piece.end - self.from);
+            found.extend(stream.push(&self.bytes[part]));
+            (from, before) = (piece.end, Some(piece.at));
+        }
+        // The partial frame of a device that fell silent has no later piece.
+        if before.is_some_and(|before| self.until > before && self.until - before > codec.idle()) {
+            found.extend(stream.idle());
+        }
+        let primed = self.primer.len() as u64;
+        // A frame that is truncated at the beginning of the section is not a line error.
+        let is_cut = |one: &Stretch| !one.is_frame() && one.bytes.start == 0 && !self.is_whole;
+        let found = found.iter().filter(|one| !is_cut(one));
+        let found = found.filter(|one| one.bytes.start >= primed);
+        found
+            .map(|one| {
+                let [start, end] = [one.bytes.start, one.bytes.end].map(|at| as_index(at - primed));
+                let (is_bad, words) = meaning(&one.what);
+                self.put(start..end, words, is_bad, true)
+            })
+            .collect()
+    }
+
+    fn put(&self, range: Range<usize>, words: String, is_bad: bool, is_settled: bool) -> Placed {
+        let [start, end] = [range.start, range.end].map(|at| self.from + at as u64);
+        let first = self.pieces.partition_point(|piece| piece.end <= start);
+        let last = self.pieces.partition_point(|piece| piece.end < end);
+        let own = self.pieces.get(first..=last).unwrap_or_default();
+        let frame = Frame {
+            at_ns: own.last().map_or(0, |piece| piece.at.as_nanos()),
+            link: self.link.clone(),
+            way: self.way.name(),
+            words,
+            bytes: digits(&self.bytes[range]),
+            is_bad,
+            is_hit: own.iter().any(|piece| piece.is_hit),
+        };
+        Placed {
+            frame,
+            place: start..end,
+            is_settled,
+        }
+    }
+
+    /// The bytes in stretches, because the protocol is unknown.
+    fn as_text(&self) -> Vec<Placed> {
+        let is_message = self.kind != LinkKind::Uart;
+        let (mut all, mut from) = (Vec::new(), 0);
+        let is_pause = |a: &Piece, b: &Piece| is_message || b.at - a.at > IDLE;
+        for stretch in self.pieces.chunk_by(|a, b| !is_pause(a, b)) {
+            let last = stretch.last().expect("a chunk is not empty");
+            let end = as_index(last.end - self.from);
+            let range = core::mem::replace(&mut from, end)..end;
+            let is_last = end == self.bytes.len();
+            let goes_on = is_last && !is_message && self.until - last.at <= IDLE;
+            let parts = match is_message {
+                true => vec![range],
+                false => self.split(range),
+            };
+            for part in parts {
+                let is_settled = !goes_on || part.end + STRETCH_MAX <= end;
+                let words = words::text(&self.bytes[part.clone()]);
+                all.push(self.put(part, words, false, is_settled));
+            }
+        }
+        // A line that begins before the section is not whole.
+        if !self.is_whole && !is_message && all.len() > 1 {
+            all.remove(0);
+        }
+        all
+    }
+
+    /// The parts of `range`, which has no pause: lines of text, and other bytes up to the next
+    /// bytes of the other direction.
+    fn split(&self, range: Range<usize>) -> Vec<Range<usize>> {
+        let (mut parts, mut from, mut strange) = (Vec::new(), range.start, 0);
+        for at in range.clone() {
+            let (byte, next) = (self.bytes[at], self.bytes.get(at + 1));
+            let next = next.filter(|_| at + 1 < range.end);
+            strange += usize::from(!is_text(byte));
+            let len = at + 1 - from;
+            let is_line = 4 * strange <= len;
+            let ends_line = byte == b'\n' || byte == b'\r' && next != Some(&b'\n');
+            let is_end = next.is_none()
+                || len >= STRETCH_MAX
+                || is_line && ends_line
+                || self.is_turn(at) && !self.is_in_line(from..range.end);
+            if is_end {
+                parts.push(core::mem::replace(&mut from, at + 1)..at + 1);
+                strange = 0;
+            }
+        }
+        parts
+    }
+
+    /// Whether the other direction carried bytes between the byte at `at` and the next one.
+    fn is_turn(&self, at: usize) -> bool {
+        if self.pauses.is_empty() {
+            return false;
+        }
+        let end = self.from + at as u64 + 1;
+        let piece = self.pieces.partition_point(|piece| piece.end < end);
+        let Some([before, after]) = self.pieces.get(piece..piece + 2) else {
+            return false;
+        };
+        let busy = self.pauses.partition_point(|at| *at < before.at);
+        let between = self.pauses.get(busy).is_some_and(|at| *at < after.at);
+        before.end == end && between
+    }
+
+    /// Whether `range` begins with a line of mostly text with its end. Bytes of the other direction
+    /// do not split the line of a full-duplex device.
+    fn is_in_line(&self, range: Range<usize>) -> bool {
+        let bytes = &self.bytes[range];
+        let line = &bytes[..bytes.len().min(STRETCH_MAX)];
+        let end = line.iter().position(|byte| matches!(byte, b'\r' | b'\n'));
+        end.is_some_and(|end| {
+            let strange = line[..end].iter().filter(|byte| !is_text(**byte));
+            4 * strange.count() <= end
+        })
+    }
+}
+
+const fn is_text(byte: u8) -> bool {
+    matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n')
+}
+
+fn meaning(what: &What) -> (bool, String) {
+    match what {
+        What::Frame(words) => (false, words.clone()),
+        What::Bad(errors) if errors.is_empty() => (true, "no frame".to_owned()),
+        What::Bad(errors) => {
+            let errors: Vec<String> = errors.iter().map(ToString::to_string).collect();
+            (true, errors.join("; "))
+        }
+    }
+}
