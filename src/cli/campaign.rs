@@ -25,7 +25,7 @@ use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{
-    self, CampaignPlan, Comparison, Merged, Record, Shard, ShardChoice, Store,
+    self, CampaignPlan, Comparison, Demand, Merged, Record, Shard, ShardChoice, Store,
 };
 use crate::search::generate::{self, Dice, Profile, Vary};
 use crate::show::folder::FolderError;
@@ -145,8 +145,13 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     if let Some(CampaignCommand::Merge(args)) = args.merge {
         let earlier = earlier(args.against.as_deref())?;
         let store = campaign::merge(&args.dirs, &args.out)?;
-        let merged = summarise(&store, earlier.as_ref(), &|| false)?;
-        return Ok(report(&merged, &args.out, args.all_situations));
+        let merged = summarise(
+            &store,
+            earlier.as_ref(),
+            Demand::of_flag(args.all_situations),
+            &|| false,
+        )?;
+        return Ok(report(&merged, &args.out));
     }
     if let Some(text) = args.print_profile.as_deref().and_then(Profile::text) {
         print!("{text}");
@@ -207,8 +212,10 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
         println!("{}", covered(&plan, &store, shard));
     }
     let verdict = if shard == Shard::WHOLE {
-        let merged = summarise(&store, earlier.as_ref(), &|| stop.signal().is_some())?;
-        report(&merged, &args.out, args.all_situations)
+        let demand = Demand::of_flag(args.all_situations);
+        let is_over = || stop.signal().is_some();
+        let merged = summarise(&store, earlier.as_ref(), demand, &is_over)?;
+        report(&merged, &args.out)
     } else {
         report_shard(&store, left, &args.out)?
     };
@@ -220,12 +227,13 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
 fn summarise(
     store: &Store,
     earlier: Option<&(PathBuf, Store)>,
+    demand: Demand,
     is_over: &dyn Fn() -> bool,
 ) -> Result<Merged, CliError> {
     if store.failed() > 0 && is_watched() {
         eprintln!("looking for the smallest case of each cause; Ctrl-C takes the best so far");
     }
-    let merged = campaign::summarise(store, earlier, is_over)?;
+    let merged = campaign::summarise(store, earlier, demand, is_over)?;
     if is_over() && !merged.groups.is_empty() {
         eprintln!("the cases may not be the smallest; the same command continues the search");
     }
@@ -432,7 +440,7 @@ impl Worker<'_> {
     }
 }
 
-fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
+fn report(merged: &Merged, out: &Path) -> Verdict {
     let hours = merged.ran_ms as f64 / 3.6e6;
     println!(
         "{} runs, {hours:.1} h of virtual time, {} failed, {} missing, trace {}",
@@ -471,7 +479,7 @@ fn report(merged: &Merged, out: &Path, all_situations: bool) -> Verdict {
     println!("table in {}", out.join("campaign.html").display());
     answer(&CampaignEnded::of(merged, out));
     let mut missed = merged.missed_goals().chain(merged.unobserved_rules());
-    let all_came_up = missed.next().is_none() && (all_came_up || !all_situations);
+    let all_came_up = missed.next().is_none() && (all_came_up || merged.demand == Demand::Listed);
     let all_hold = merged.failed + merged.missing == 0 && all_came_up;
     if all_hold {
         Verdict::Pass

@@ -84,8 +84,11 @@ fn a_campaign_in_which_too_little_came_up_fails_on_request() {
         let arguments = ["campaign", "calm.toml", "--seeds", "0..2", "--out", "calm"];
         session.hilrig(&[&arguments[..], more].concat())
     };
+    let page = || session.read("calm/campaign.html");
     assert_eq!(run(&[]).status.code(), Some(0));
+    assert!(page().contains("PASS</b>"));
     let output = run(&["--all-situations"]);
+    assert!(page().contains("FAIL</b> 2 of 2 runs passed<br>no run had: "));
     assert_eq!(output.status.code(), Some(1));
     let said = text(&output.stdout);
     assert!(said.contains("  never occurred: base silences\n"), "{said}");

@@ -21,7 +21,7 @@ mod strip;
 pub use compare::{Change, Comparison, compare};
 pub use judge::{Record, run, run_foreign};
 pub use judge::{without_figures, words_of_panic};
-pub use merge::{Merged, merge, summarise};
+pub use merge::{Demand, Merged, merge, summarise};
 pub use page::{live_page, page};
 pub use plan::{CampaignPlan, Shard, ShardChoice};
 pub(crate) use runs::Run;

@@ -88,9 +88,22 @@ pub struct Merged {
     /// The comparison with an earlier campaign, if the user named one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub comparison: Option<Comparison>,
+    /// Whether a situation that no run had fails the campaign.
+    #[serde(skip)]
+    pub demand: Demand,
     /// All runs in order.
     #[serde(skip)]
     pub strip: Strip,
+}
+
+/// The weight of situations that no run had.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Demand {
+    /// They are only listed.
+    #[default]
+    Listed,
+    /// They fail the campaign: `--all-situations`.
+    Needed,
 }
 
 impl Merged {
@@ -118,6 +131,16 @@ impl Merged {
         let all = self.situations.iter();
         let missed = all.filter(move |one| one.kind == kind && one.runs == 0);
         missed.map(|one| one.situation.as_str())
+    }
+}
+
+impl Demand {
+    /// The demand of `--all-situations`.
+    pub const fn of_flag(all_situations: bool) -> Self {
+        match all_situations {
+            true => Self::Needed,
+            false => Self::Listed,
+        }
     }
 }
 
@@ -154,9 +177,11 @@ pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
 pub fn summarise(
     store: &Store,
     earlier: Option<&(PathBuf, Store)>,
+    demand: Demand,
     is_over: &dyn Fn() -> bool,
 ) -> Result<Merged, StoreError> {
     let mut merged = count(store);
+    merged.demand = demand;
     for (number, group) in (1..).zip(&mut merged.groups) {
         minimise(group, number, store, is_over)?;
     }
@@ -209,6 +234,7 @@ fn count(store: &Store) -> Merged {
         groups,
         plan: plan.clone(),
         comparison: None,
+        demand: Demand::default(),
     }
 }
 

@@ -4,7 +4,7 @@ use core::fmt::{self, Write as _};
 use core::time::Duration;
 
 use super::strip::class;
-use super::{CampaignPlan, Change, Comparison, Failures, Merged};
+use super::{CampaignPlan, Change, Comparison, Demand, Failures, Merged};
 use show::html::Escaped;
 use show::meaning::meaning;
 
@@ -106,7 +106,7 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
 }
 
 /// Writes one word in green or red, and the reasons of a failure. A situation that never occurred
-/// is no failure.
+/// is a failure only on demand.
 fn write_verdict(merged: &Merged, out: &mut String) -> fmt::Result {
     let reasons = reasons(merged);
     let (class, word) = match reasons.is_empty() {
@@ -133,23 +133,44 @@ fn reasons(merged: &Merged) -> Vec<String> {
             1 => "1 cause".to_owned(),
             causes => format!("{causes} causes"),
         };
-        reasons.push(format!("{} runs failed, with {causes}", merged.failed));
+        reasons.push(format!("{} failed, with {causes}", runs(merged.failed)));
     }
-    let lists: [(&str, Vec<&str>); 2] = [
+    let needed = merged.missed_situations();
+    let needed = needed.filter(|_| merged.demand == Demand::Needed);
+    let lists: [(&str, Vec<&str>); 3] = [
+        ("no run had", needed.collect()),
         ("no run reached", merged.missed_goals().collect()),
         ("no run observed", merged.unobserved_rules().collect()),
     ];
     let lists = lists.into_iter().filter(|(_, names)| !names.is_empty());
     reasons.extend(lists.map(|(what, names)| format!("{what}: {}", names.join(", "))));
     if merged.missing > 0 {
-        reasons.push(format!("{} runs are missing", merged.missing));
+        let verb = if merged.missing == 1 { "is" } else { "are" };
+        reasons.push(format!("{} {verb} missing", runs(merged.missing)));
     }
     reasons
 }
 
-/// In place of a picture.
-const NO_PICTURE: &str = "<p>No picture: the failure needs the program under test. The command \
-                          below writes a report of it.";
+fn runs(count: usize) -> String {
+    match count {
+        1 => "1 run".to_owned(),
+        count => format!("{count} runs"),
+    }
+}
+
+/// The reason why a cause has no picture.
+const fn no_picture(plan: &CampaignPlan, case: Option<&String>) -> &'static str {
+    match (case, &plan.exec) {
+        (None, _) => "<p>No picture: the folder has no case of this failure.",
+        (Some(_), Some(_)) => {
+            "<p>No picture: the failure needs the program under test. The command below writes a \
+             report of it."
+        }
+        (Some(_), None) => {
+            "<p>No picture: the smallest case did not run to its end. The command below shows why."
+        }
+    }
+}
 
 /// Name of a failed check, and what the check requires.
 fn named(cause: &str) -> String {
@@ -182,7 +203,8 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
             merged.runs,
             group.runs,
         )?;
-        out.write_str(group.picture.as_deref().unwrap_or(NO_PICTURE))?;
+        let picture = group.picture.as_deref();
+        out.write_str(picture.unwrap_or(no_picture(&merged.plan, group.case.as_ref())))?;
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
             write!(
@@ -219,11 +241,14 @@ fn write_situations(merged: &Merged, out: &mut String) -> fmt::Result {
         return Ok(());
     }
     out.write_str("<h2>Coverage</h2>")?;
+    let situations = match merged.demand {
+        Demand::Listed => {
+            "Situations that did not occur in these runs, a failure with --all-situations only"
+        }
+        Demand::Needed => "Situations that did not occur in these runs, a failure",
+    };
     let lists = [
-        (
-            "Situations that did not occur in these runs, a failure with --all-situations only",
-            never,
-        ),
+        (situations, never),
         ("Not judged, because no generated mission has it", lost),
     ];
     for (what, names) in lists.iter().filter(|(_, names)| !names.is_empty()) {
