@@ -68,7 +68,8 @@ function showRobot() {
   if (!stage.pc || !pc) return;
   say("connect", pc.connection === "closed" ? "Connect" : "Disconnect");
   say("confirmed", pc.waypoints.length ? (pc.confirmed ? "confirmed" : "on their way") : "");
-  once("waypoints", [pc.waypoints, Boolean(hilrig.past)], () => pc.waypoints.map(waypointItem));
+  once("waypoints", [pc.waypoints, Boolean(hilrig.past)],
+    () => unmarked(pc.waypoints).map(waypointItem));
 }
 
 // Rows of names and values; a value that this robot does not have has no row.
@@ -111,7 +112,7 @@ function showFacts({ mode, pc, gap, trouble, truth }) {
 // The waypoints of the mission, where no PC shows its own list.
 function showGoals({ goals = [] }) {
   const next = goals.findIndex(({ visited }) => visited === null);
-  once("goals", goals, () => goals.map(({ at, visited }, index) => {
+  once("goals", goals, () => unmarked(goals).map(({ at, visited }, index) => {
     const item = make("li", `${at.map((value) => value.toFixed(2)).join(" m, ")} m: `);
     if (visited !== null) item.append("visited at ", jump(visited));
     else item.append(index === next ? "next" : "not visited");
@@ -143,6 +144,7 @@ function waypointItem(place, index) {
   item.onpointerenter = () => markWaypoint(index);
   item.onpointerleave = () => markWaypoint(null);
   item.addEventListener("focusin", () => markWaypoint(index));
+  item.addEventListener("focusout", () => markWaypoint(null));
   return item;
 }
 

@@ -204,21 +204,41 @@ let marked = null;
 function markWaypoint(index) {
   if (marked === index) return;
   marked = index;
-  [...$("waypoints").children].forEach((item, at) =>
-    item.classList.toggle("marked", at === index));
-  canvas.classList.toggle("on-waypoint", index !== null);
+  for (const list of [$("waypoints"), $("goals")]) {
+    [...list.children].forEach((item, at) => item.classList.toggle("marked", at === index));
+  }
+  const isMovable = index !== null && !hilrig.past && Boolean(hilrig.stage?.pc);
+  canvas.classList.toggle("on-waypoint", isMovable);
   requestDraw();
 }
 
-// The waypoint under the pointer, the topmost first.
-function waypointAt({ px, py }) {
-  if (hilrig.past || !hilrig.stage?.pc || aiming) return null;
-  const list = hilrig.now?.pc?.waypoints ?? [];
-  for (let index = list.length - 1; index >= 0; index--) {
-    const [x, y] = view.toPixel(frame, list[index][0] / 1000, list[index][1] / 1000);
-    if (Math.hypot(px - x, py - y) <= 12) return index;
-  }
-  return null;
+// A new list of `places` has no mark.
+function unmarked(places) {
+  markWaypoint(null);
+  return places;
+}
+
+// The topmost of `places`, metres, under the pointer.
+function placeAt({ px, py }, places) {
+  return places.findLastIndex(([x0, y0]) => {
+    const [x, y] = view.toPixel(frame, x0, y0);
+    return Math.hypot(px - x, py - y) <= 12;
+  });
+}
+
+// The shown waypoint or goal under the pointer.
+function shownAt(at) {
+  const pc = seen().now.pc, goals = seen().slow?.goals ?? [];
+  const places = pc
+    ? pc.waypoints.map(([x, y]) => [x / 1000, y / 1000])
+    : goals.map((one) => one.at);
+  const index = aiming ? -1 : placeAt(at, places);
+  return index < 0 ? null : index;
+}
+
+// The waypoint under the pointer that can be moved.
+function waypointAt(at) {
+  return hilrig.past || !hilrig.stage?.pc || !hilrig.now?.pc ? null : shownAt(at);
 }
 
 // Two fingers zoom.
@@ -250,7 +270,7 @@ canvas.onpointermove = (event) => {
     if (before.far > 0) zoomAt(after.px, after.py, after.far / before.far);
     return;
   }
-  if (!drag) { markWaypoint(waypointAt(at)); return; }
+  if (!drag) { markWaypoint(shownAt(at)); return; }
   drag.to = at.mm;
   drag.moved ||= Math.hypot(at.px - drag.start.px, at.py - drag.start.py) > 4;
   const pans = drag.index === null && drag.moved && !drag.act;
