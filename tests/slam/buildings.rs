@@ -46,7 +46,9 @@ fn a_way_around_a_building_ends_where_it_began() {
         .filter(|edge| edge.kind == Kind::Loop);
     assert!(loops.count() > 10);
     // The mapper states a bound that holds, and that is no excuse.
-    let accuracy = mapper.accuracy().expect("loops are closed, and the map has one part");
+    let accuracy = mapper
+        .accuracy()
+        .expect("loops are closed, and the map has one part");
     let (mean_m, bound_m) = (aligned_m(&truth, &mapper.way()), accuracy.bound_m);
     assert!(mean_m <= bound_m && bound_m < 0.25, "{mean_m} {bound_m}");
     assert!(!accuracy.may_be_worse_than_wheels());
