@@ -77,7 +77,7 @@ fn a_fault_on_no_link_lists_the_links() {
     let fault = "[[fault]]\nlink = \"bus\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 0.1\n\n[world]\n";
     let scenario = shipped("empty-room").replace("[world]\n", fault);
     insta::assert_snapshot!(refusal("fault", &scenario), @r#"
-    error: s.toml:16: fault[0].link: is "bus", did you mean "base"? Expected one of lidar, motor, base, radio, pc
+    error: s.toml:16: fault[0].link: is "bus", expected one of lidar, motor, base, radio, pc
     "#);
 }
 
