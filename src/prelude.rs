@@ -17,7 +17,7 @@
 //! }
 //!
 //! let verdict = judge("schema = 2").map(|outcome| outcome.passed());
-//! assert!(verdict.is_err_and(|error| error.to_string().contains("schema is 2, expected 1")));
+//! assert!(verdict.is_err_and(|error| error.to_string().contains("schema: is 2, expected 1")));
 //! ```
 //!
 //! | to | start with |

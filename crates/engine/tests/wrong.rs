@@ -427,7 +427,16 @@ fn an_error_hides_no_other_one() {
     let second_wall = "\n[[world.wall]]\nheight_m = 1.0\n\n[[world.wall]]\nheight_m = 1.0\n";
     let second_fault = "\n[[fault]]\nlink = \"wheels\"\nrate = 0.5\n\n[[fault]]\nkind = \"drop\"\n\
                         link = \"wheels\"\nrate = \"x\"\n";
-    let rows: [(String, &[&str]); 5] = [
+    let rows: [(String, &[&str]); 6] = [
+        (
+            SOUND
+                .replace("schema = 1", "schema = 2")
+                .replace(", heading_deg = 0 }", " }"),
+            &[
+                "s.toml:1: schema: is 2, expected 1",
+                "world.start.heading_deg: is missing",
+            ],
+        ),
         (
             SOUND.to_owned() + second_wall,
             &["wall[1].path_m: is missing", "wall[2].path_m: is missing"],

@@ -19,6 +19,8 @@ use place::{MADE, Place, Repair, Step, Value, apply, value_at};
 
 /// Maximum number of errors that are reported for one file.
 const PROBLEMS_MAX: usize = 10;
+/// Maximum number of repairs of one file.
+const ROUNDS_MAX: u32 = 40;
 /// Maximum length of a key in the error of a file that is no TOML: its line may have no key.
 const KEY_MAX: usize = 60;
 /// Maximum length of a file that is read again after its first error, bytes.
@@ -73,10 +75,14 @@ pub(super) fn read_mended<'a, T>(
         source,
         document,
         read,
+        removed: Vec::new(),
     };
-    loop {
-        problems.push(reading.problem(&error));
-        let mended = match source.text.len() > MENDED_MAX || problems.len() == PROBLEMS_MAX {
+    for round in 1.. {
+        if !reading.has_removed(&error) {
+            problems.push(reading.problem(&error));
+        }
+        let is_enough = problems.len() == PROBLEMS_MAX || round == ROUNDS_MAX;
+        let mended = match source.text.len() > MENDED_MAX || is_enough {
             true => Mended::Not,
             false => reading.mend(&error),
         };
@@ -90,6 +96,8 @@ pub(super) fn read_mended<'a, T>(
         };
         return Read { value, problems };
     }
+    let value = None;
+    Read { value, problems }
 }
 
 /// The errors of a file that is no TOML.
@@ -124,6 +132,8 @@ struct Reading<'a, 'b, F> {
     source: &'a Source,
     document: Document<'b>,
     read: F,
+    /// Keys that repairs removed.
+    removed: Vec<Vec<Step>>,
 }
 
 impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
@@ -171,6 +181,16 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
         // A missing key of the file itself has no line.
         let span = span.filter(|_| place.is_some());
         self.source.invalid(span, key, message)
+    }
+
+    /// Whether an error says that a key is missing which a repair removed.
+    fn has_removed(&self, error: &Error) -> bool {
+        let Complaint::Missing(name) = Complaint::of(error.message()) else {
+            return false;
+        };
+        let mut steps = self.place(error).map_or_else(Vec::new, |place| place.steps);
+        steps.push(Step::Key(name.to_owned()));
+        self.removed.contains(&steps)
     }
 
     /// The part of the file that an error is about; `None` for the file itself.
@@ -228,6 +248,9 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
                 && !is_of_renamed(&next, &trial, &steps, &repair)
             {
                 self.document = trial;
+                if matches!(repair, Repair::Remove) {
+                    self.removed.push(steps);
+                }
                 return Mended::Next(next);
             }
             // The inserted value is one of some names.
