@@ -228,6 +228,15 @@ def test_a_rig_that_is_gone_ends_a_program_that_gdb_holds():
     assert node.process.wait(timeout=10) == 0, node.said()
 
 
+def test_a_rig_that_is_gone_ends_a_long_exchange():
+    """A day in one exchange takes minutes; the program notices the end of its rig before."""
+    node = start()
+    node.process.stdin.write(struct.pack("<IcQH", 11, b"X", 86_400_000 * MS, 0))
+    node.process.stdin.flush()
+    node.process.stdin.close()
+    assert node.process.wait(timeout=20) == 0, node.said()
+
+
 def test_names_are_texts_of_the_greeting():
     name = 'a"b\\c\n'
     pins = {**board("arduino-uno")["pins"], name: {"at": "B1"}}
