@@ -51,17 +51,22 @@ enum Deliveries {
 
 type Outcome = (Vec<u8>, Vec<(&'static str, u64)>);
 
-/// The bytes that the device sends, and the rules that it sees broken.
-fn outcome(description: &Arc<Description>, bytes: &[u8], deliveries: Deliveries) -> Outcome {
+/// A device on a wire of its own, in an empty world.
+fn alone(description: &Arc<Description>) -> (Described, World) {
     let place = Place {
         name: "x".to_owned(),
         seed: 1,
         address: None,
         is_alone: true,
     };
-    let mut device = Described::new(description.clone(), place);
     let scene = Scene::new::<Shape>([], vec![]).expect("nothing");
-    let mut world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+    let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+    (Described::new(description.clone(), place), world)
+}
+
+/// The bytes that the device sends, and the rules that it sees broken.
+fn outcome(description: &Arc<Description>, bytes: &[u8], deliveries: Deliveries) -> Outcome {
+    let (mut device, mut world) = alone(description);
     let line = description.line();
     let mut sent = Vec::new();
     let mut now = Instant::ZERO;
@@ -178,16 +183,7 @@ fn an_action_before_the_end_of_a_silence_comes_first() {
         let description = Description::parse("late", &text, &|_| Err("no file".to_owned()));
         let description = description.unwrap_or_else(|error| panic!("{error}"));
         for polls in [&[101, 102, 103, 104, 105, 106, 110, 120][..], &[110, 120]] {
-            let place = Place {
-                name: "x".to_owned(),
-                seed: 1,
-                address: None,
-                is_alone: true,
-            };
-            let mut device = Described::new(description.clone(), place);
-            let scene = Scene::new::<Shape>([], vec![]).expect("nothing");
-            let mut world =
-                World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+            let (mut device, mut world) = alone(&description);
             device.poll(Instant::from_millis(90), &mut world);
             device.receive(Described::UART, Instant::from_millis(100), request);
             for at in polls {
