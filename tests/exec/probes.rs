@@ -83,6 +83,25 @@ const REST: [(&str, &str); 46] = [
     ("yields", "1"),
 ];
 
+const MORE_PROBES: &str = include_str!("programs/more_probes.c");
+/// signal(7), pidfd_send_signal(2), termios(3), futex(2), sched_setaffinity(2),
+/// timer_getoverrun(2), prctl(2); the processor is always the first one, a child's time 0.
+const MORE: [(&str, &str); 13] = [
+    ("pidfd-signals", "-1 1 after 50 ms"),
+    ("pidfd-kills", "9 after 0 ms"),
+    ("orphan-killed", "0 after 50 ms"),
+    ("pty-interrupt", "2 after 50 ms"),
+    ("pty-size", "-1 1 after 50 ms"),
+    ("pty-hangup", "1 after 0 ms"),
+    ("mq-tells", "-1 1 after 50 ms"),
+    ("futex-op", "2 2 5"),
+    ("futex-many", "-1 1"),
+    ("processor", "0 0 0, 1 1"),
+    ("affinity", "0 1, -1 1"),
+    ("timer-overrun", "1 4 4 1, 1 0 after 10 ms"),
+    ("child-times", "3 0 0 0"),
+];
+
 fn assert_said(ended: &Ended, wanted: &[(&str, &str)]) {
     for (name, answer) in wanted {
         let line = ended
@@ -116,6 +135,22 @@ fn probes_are_answered_right_and_the_same_twice() {
         .filter_map(|line| line.trim().strip_prefix("leaves virtual time: "))
         .collect();
     assert_eq!(leaves, ["makes calls as a 32-bit program does (int 0x80)"]);
+}
+
+#[test]
+fn more_probes_are_answered_right_and_the_same_twice() {
+    let flags = ["-pthread", "-lrt", "-lutil"];
+    let Some(program) = compiled("more-probes", "cc", MORE_PROBES, &flags) else {
+        return;
+    };
+    let rig = SONAR.replace("\"3s\"", "\"10s\"");
+    let files = [("sonar.toml", rig.as_str())];
+    let more = ["--check", "--exec-may-end", "--exec-may-idle"];
+    let ended = run("more-probes", &program.display().to_string(), &files, &more);
+    assert_said(&ended, &MORE);
+    assert_eq!(ended.check("deterministic").0, "pass", "{}", ended.said);
+    let refused = "leaves virtual time: futex_waitv is not there";
+    assert!(ended.said.contains(refused), "{}", ended.said);
 }
 
 /// With modem lines alone, a program is under supervision in real time, too.

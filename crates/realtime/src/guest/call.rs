@@ -4,6 +4,11 @@ use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
 
+/// The calls about futexes of Linux 6.7, which `libc` does not know.
+pub(super) const FUTEX_WAKE: i64 = 454;
+pub(super) const FUTEX_WAIT: i64 = 455;
+pub(super) const FUTEX_REQUEUE: i64 = 456;
+
 /// Length of the instruction that makes a call.
 pub(super) const INSTRUCTION: u64 = 2;
 
@@ -37,6 +42,14 @@ impl Call {
             ],
             registers,
         })
+    }
+
+    /// Hides that the thread went by single instructions: the instruction of the call has kept the
+    /// flags with the trap flag in `r11` (Intel's manual, volume 2, SYSCALL).
+    pub(super) fn hide_step(&mut self, tid: Pid) {
+        if hide_trap_flag(&mut self.registers) {
+            let _ = ptrace::setregs(tid, self.registers);
+        }
     }
 
     /// What the kernel answered; at the end of the call only.
@@ -170,6 +183,10 @@ const NAMES: &[(i64, &str)] = &[
     (libc::SYS_ioctl, "ioctl"),
     (libc::SYS_futex, "futex"),
     (libc::SYS_futex_waitv, "futex_waitv"),
+    (FUTEX_WAKE, "futex_wake"),
+    (FUTEX_WAIT, "futex_wait"),
+    (FUTEX_REQUEUE, "futex_requeue"),
+    (libc::SYS_pidfd_send_signal, "pidfd_send_signal"),
     (libc::SYS_nanosleep, "nanosleep"),
     (libc::SYS_clock_nanosleep, "clock_nanosleep"),
     (libc::SYS_clock_gettime, "clock_gettime"),
@@ -268,6 +285,14 @@ const NAMES: &[(i64, &str)] = &[
     (libc::SYS_prlimit64, "prlimit64"),
     (libc::SYS_sched_setaffinity, "sched_setaffinity"),
 ];
+
+/// Takes the trap flag out of the flags that a call has kept; whether it was there.
+pub(super) const fn hide_trap_flag(registers: &mut libc::user_regs_struct) -> bool {
+    const TRAP_FLAG: u64 = 1 << 8;
+    let has_it = registers.r11 & TRAP_FLAG != 0;
+    registers.r11 &= !TRAP_FLAG;
+    has_it
+}
 
 /// The name of a call, or its number.
 pub(super) fn name(number: i64) -> String {

@@ -28,7 +28,7 @@ use seccompiler::{
     SeccompRule, TargetArch,
 };
 
-use super::call::Call;
+use super::call::{Call, FUTEX_REQUEUE, FUTEX_WAIT, FUTEX_WAKE};
 use super::memory::Memory;
 use super::settings::SETTINGS;
 
@@ -89,6 +89,9 @@ const STOPPED: &[i64] = &[
     libc::SYS_sched_yield,
     libc::SYS_futex,
     libc::SYS_futex_waitv,
+    FUTEX_WAKE,
+    FUTEX_WAIT,
+    FUTEX_REQUEUE,
     libc::SYS_select,
     libc::SYS_pselect6,
     libc::SYS_poll,
@@ -130,6 +133,7 @@ const STOPPED: &[i64] = &[
     libc::SYS_tgkill,
     libc::SYS_rt_sigqueueinfo,
     libc::SYS_rt_tgsigqueueinfo,
+    libc::SYS_pidfd_send_signal,
     libc::SYS_rt_sigaction,
     libc::SYS_rt_sigsuspend,
     libc::SYS_rt_sigtimedwait,
@@ -174,7 +178,14 @@ const STOPPED: &[i64] = &[
     libc::SYS_io_uring_setup,
     libc::SYS_io_uring_enter,
     libc::SYS_io_getevents,
+    libc::SYS_getcpu,
+    libc::SYS_rseq,
+    libc::SYS_sched_getaffinity,
+    libc::SYS_sched_setaffinity,
 ];
+
+/// Options of sockets by which messages show the system's time, old and new ones (socket(7)).
+const TIMESTAMPS: [u64; 6] = [29, 35, 37, 63, 64, 65];
 
 /// Variables by which libraries do without the chance that the processor itself gives (RDRAND,
 /// RDSEED), which no supervisor sees: those of OpenSSL (OPENSSL_ia32cap(3)) and of Qt.
@@ -293,7 +304,21 @@ fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
     rules.insert(libc::SYS_close, vec![SeccompRule::new(vec![kept])?]);
     rules.extend(about_children()?);
     rules.extend(about_entries()?);
+    rules.extend(about_stamps()?);
     Ok(rules)
+}
+
+/// `setsockopt` for the system's time of each message.
+fn about_stamps() -> Result<Rules, seccompiler::BackendError> {
+    let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
+    let rules = TIMESTAMPS.map(|option| {
+        let level = u64::from(libc::SOL_SOCKET.unsigned_abs());
+        let level = SeccompCondition::new(1, len.clone(), eq.clone(), level)?;
+        let option = SeccompCondition::new(2, len.clone(), eq.clone(), option)?;
+        SeccompRule::new(vec![level, option])
+    });
+    let rules: Result<Vec<SeccompRule>, _> = rules.into_iter().collect();
+    Ok([(libc::SYS_setsockopt, rules?)].into())
 }
 
 /// A child is not to be hidden: it would leave the supervision.

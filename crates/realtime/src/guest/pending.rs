@@ -18,6 +18,8 @@ pub(super) struct Pending {
     /// For any thread of its process.
     pub(super) common: u64,
     pub(super) blocked: u64,
+    /// It has left its stop: it was killed.
+    pub(super) is_killed: bool,
     ignored: u64,
     caught: u64,
 }
@@ -30,7 +32,9 @@ impl Pending {
             line.and_then(|text| u64::from_str_radix(text.trim(), 16).ok())
                 .unwrap_or(0)
         };
+        let state = status.lines().find_map(|line| line.strip_prefix("State:"));
         Self {
+            is_killed: state.is_some_and(|state| !state.trim_start().starts_with(['t', 'T'])),
             own: mask("SigPnd:"),
             common: mask("ShdPnd:"),
             blocked: mask("SigBlk:"),

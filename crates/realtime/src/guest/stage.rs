@@ -428,6 +428,20 @@ impl Stage {
         self.realtime.backlog(port, &self.run.rig)
     }
 
+    /// When the next byte that the client writes arrives, and at which node of the rig.
+    pub(super) fn arrival_of_next(&self, port: usize) -> (Instant, Option<usize>) {
+        let (rig, node) = (&self.run.rig, self.realtime.node(port));
+        let lines = rig.links().iter().flat_map(|link| &link.lines);
+        let Some(line) = lines.into_iter().find(|line| line.from.node == node) else {
+            return (rig.now(), None);
+        };
+        let [sender, _] = rig.line_configs(line);
+        let before = u64::try_from(rig.backlog(node)).unwrap_or(0);
+        let begins = line.free_at().max(rig.now());
+        let arrives = begins + sender.bytes_time(before + 1) + line.latency;
+        (arrives, Some(line.to.node))
+    }
+
     /// When the port brought something last.
     pub(super) fn heard(&self, port: usize) -> Instant {
         self.slots[port].heard

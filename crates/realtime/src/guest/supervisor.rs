@@ -15,12 +15,14 @@ mod lent;
 mod locks;
 mod loops;
 mod notices;
+mod own_terminals;
 mod pi_futex;
 mod pipes;
 mod polls;
 mod ports;
 mod posix_timers;
 mod price;
+mod processors;
 mod queues;
 mod schedule;
 mod signal_files;
@@ -36,7 +38,7 @@ mod waits;
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nix::errno::Errno;
 use nix::sys::ptrace::{self, Options};
@@ -57,7 +59,7 @@ use super::trace::Calls;
 use super::watchdog::Watchdog;
 use crate::exec::Supervision;
 use debugging::Left;
-pub(super) use debugging::{Debugging, Goal, Step, Stop, Wanted, Watchpoint, poke};
+pub(super) use debugging::{Debugging, Goal, PortWrite, Step, Stop, Wanted, Watchpoint, poke};
 use fifos::Meeting;
 use lent::Lease;
 use notices::Notice;
@@ -128,6 +130,10 @@ pub(super) struct Supervisor {
     is_signalled: bool,
     /// The program has made files from which it reads signals.
     has_signal_files: bool,
+    /// The program has made terminals, which may send signals.
+    has_terminals: bool,
+    /// Those to which it has just written.
+    typed: Vec<PathBuf>,
     /// A queue or semaphore of System V may have changed.
     has_queues_changed: bool,
     /// The program has opened a file that the supervisor answers.
@@ -220,6 +226,8 @@ impl Supervisor {
             ran: None,
             is_signalled: false,
             has_signal_files: false,
+            has_terminals: false,
+            typed: Vec::new(),
             has_queues_changed: false,
             has_told_files: false,
             hears_by_signal: false,
@@ -327,6 +335,7 @@ impl Supervisor {
         self.stage.carry()?;
         self.is_changed |= self.stage.take_delivered();
         self.tell_arrivals();
+        self.settle_typed();
         if core::mem::take(&mut self.is_signalled) {
             self.is_changed |= self.has_signal_files;
             self.look_for_signals();

@@ -112,6 +112,8 @@ pub(super) struct Thread {
     /// of progress at that time, and the fingerprint of the loop.
     pub(super) in_loop_at: Option<u64>,
     pub(super) loop_state: Option<u64>,
+    /// Instructions of that loop, if the thread has made no call since.
+    pub(super) loop_length: Option<u32>,
     /// Counts all beginnings of waits.
     pub(super) blocked_at: u64,
     pub(super) is_woken: bool,
@@ -136,6 +138,8 @@ pub(super) struct Thread {
     pub(super) quiet: Vec<i32>,
     /// What it asks for over and over.
     pub(super) idle: Option<Idle>,
+    /// The processors on which it wants to run, as bits.
+    pub(super) processors: u64,
     /// The thread that waits in the kernel until this one has become another program.
     pub(super) vfork_parent: Option<i32>,
 }

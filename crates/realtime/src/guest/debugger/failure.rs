@@ -1,13 +1,13 @@
 //! Where a run fails: the time at which a check fails for good, and the call before it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use protocols::Instant;
 
 use super::{Event, Session};
 use crate::guest::GuestError;
 use crate::guest::place::Moment;
-use crate::guest::supervisor::Stop;
+use crate::guest::supervisor::{PortWrite, Stop};
 use engine::run::check::{Check, Status};
 use engine::run::{LOOK_EVERY, Outcome, is_of_the_end};
 
@@ -54,13 +54,7 @@ impl Watch {
     }
 
     /// The earliest failure of a run that has been judged; `None` if it passed.
-    fn failure(
-        &self,
-        outcome: &Outcome,
-        ended: Option<Instant>,
-        writes: &[(Instant, Moment)],
-        last: Moment,
-    ) -> Option<Failure> {
+    fn failure(&self, outcome: &Outcome, ended: Option<Instant>, log: &Log) -> Option<Failure> {
         let failed = outcome.checks.iter();
         let failed = failed.filter(|check| check.status == Status::Fail);
         let end = Instant::ZERO + outcome.ran;
@@ -75,23 +69,16 @@ impl Watch {
         let mut failed: Vec<(Instant, &Check)> = failed.map(|it| (when(it), it)).collect();
         failed.sort_by_key(|&(at, _)| at);
         let &(at, check) = failed.first()?;
-        let spot = self.spot(at, check, outcome, writes, last);
+        let spot = self.spot(at, check, outcome, log);
         let what = format!("{} fails at {at} s: {}", check.name, check.detail);
         Some(Failure { spot, what })
     }
 
-    fn spot(
-        &self,
-        at: Instant,
-        check: &Check,
-        outcome: &Outcome,
-        writes: &[(Instant, Moment)],
-        last: Moment,
-    ) -> Spot {
+    fn spot(&self, at: Instant, check: &Check, outcome: &Outcome, log: &Log) -> Spot {
         if check.name == "program-alive" {
             return self
                 .died
-                .map_or(Spot::Call(last), |(number, _)| Spot::Signal(number));
+                .map_or(Spot::Call(log.last), |(number, _)| Spot::Signal(number));
         }
         // A device names the instant; a check has only looked since.
         let looked = at - Instant::ZERO;
@@ -99,11 +86,34 @@ impl Watch {
         let mut events = outcome.events.iter().filter(|it| it.is_violation());
         let event = events.find(|it| it.event.at >= from && it.event.at <= at);
         let at = event.map_or(at, |it| it.event.at);
-        let before = writes.iter().rev().find(|(when, _)| *when <= at);
-        match before {
-            Some(&(_, moment)) => Spot::Call(moment),
+        match log.write_before(at, event.map(|it| it.source.as_str())) {
+            Some(moment) => Spot::Call(moment),
             None => Spot::Time(at),
         }
+    }
+}
+
+/// What the program did in a run.
+#[derive(Debug, Default)]
+struct Log {
+    writes: Vec<PortWrite>,
+    /// Names of the nodes that they went to.
+    names: BTreeMap<usize, String>,
+    /// Where the program began its last call.
+    last: Moment,
+}
+
+impl Log {
+    /// The last write of which something had arrived at `at`: at `device`, if anything was written
+    /// to it.
+    fn write_before(&self, at: Instant, device: Option<&str>) -> Option<Moment> {
+        let mut before = self.writes.iter().rev().filter(|it| it.arrives <= at);
+        let is_for = |it: &&PortWrite| {
+            let name = it.to.and_then(|node| self.names.get(&node));
+            name.is_some_and(|name| Some(name.as_str()) == device)
+        };
+        let found = before.clone().find(is_for).or_else(|| before.next());
+        found.map(|it| it.moment)
     }
 }
 
@@ -147,14 +157,53 @@ impl Session<'_> {
         }
         let debugging = self.supervisor().debugging();
         let (writes, last) = debugging.map(|it| it.take_log()).unwrap_or_default();
+        let nodes: BTreeSet<usize> = writes.iter().filter_map(|it| it.to).collect();
+        let rig = &self.trial().run().rig;
+        let names = nodes.into_iter();
+        let names = names.map(|node| (node, rig.node_name(node).to_owned()));
+        let log = Log {
+            names: names.collect(),
+            writes,
+            last,
+        };
         self.supervisor().end_debugging();
         let Some(trial) = self.trial.take() else {
             return Ok(First::Cut);
         };
         self.computing = trial.supervisor_ref().computing().cloned();
         let played = trial.end();
-        let failure = watch.failure(&played.outcome, ended, &writes, last);
+        let failure = watch.failure(&played.outcome, ended, &log);
         self.first = Some(Box::new(played));
         Ok(failure.map_or(First::Passed, First::Failed))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A write that is queued behind another one has not caused what the device says at the end of
+    /// the first; a device is not at fault for bytes that went to another one.
+    #[test]
+    fn the_write_of_a_failure_is_the_last_that_had_arrived() {
+        let write = |millis: u64, to, calls| PortWrite {
+            arrives: Instant::from_nanos(millis * 1_000_000),
+            to: Some(to),
+            moment: Moment { calls, leaps: 0 },
+        };
+        let log = Log {
+            writes: vec![write(10, 0, 1), write(21, 0, 2), write(15, 1, 3)],
+            names: [(0, "base".to_owned()), (1, "sonar".to_owned())].into(),
+            last: Moment::default(),
+        };
+        let found = |millis: u64, device| {
+            let at = Instant::from_nanos(millis * 1_000_000);
+            log.write_before(at, device).map(|moment| moment.calls)
+        };
+        assert_eq!(found(20, Some("base")), Some(1));
+        assert_eq!(found(20, Some("sonar")), Some(3));
+        assert_eq!(found(21, Some("base")), Some(2));
+        assert_eq!(found(20, Some("rules")), Some(3));
+        assert_eq!(found(9, None), None);
     }
 }

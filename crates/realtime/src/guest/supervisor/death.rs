@@ -10,6 +10,7 @@ use nix::sys::ptrace;
 use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
+use super::processors::FIRST;
 use super::{Call, Flow, GuestError, Memory, Next, On, State, Supervisor, is_death, wait};
 use crate::guest::clock_page::ClockPage;
 use crate::guest::inject::{Hands, NotMade};
@@ -60,6 +61,7 @@ impl Supervisor {
             computed: Duration::ZERO,
             in_loop_at: None,
             loop_state: None,
+            loop_length: None,
             blocked_at: 0,
             is_woken: false,
             is_at_end: false,
@@ -73,6 +75,7 @@ impl Supervisor {
             asks_port: false,
             quiet: Vec::new(),
             idle: None,
+            processors: FIRST,
             vfork_parent,
         };
         *threads += 1;
@@ -99,6 +102,7 @@ impl Supervisor {
         }
         let is_vfork = event == libc::PTRACE_EVENT_VFORK;
         self.add_thread(pid, group, is_vfork.then_some(tid));
+        self.inherit_processors(tid, new);
         let parent = self.threads.get(&tid).map(|thread| thread.process);
         let parent = parent.and_then(|pid| self.processes.get(&pid));
         let inherited = parent.map(|parent| (parent.clocks, parent.detours.clone()));

@@ -20,6 +20,7 @@ use protocols::Instant;
 use rustix::process::WaitOptions;
 
 use super::{Flow, Next, Supervisor, is_death, wait};
+use crate::guest::call::hide_trap_flag;
 use crate::guest::place::{Moment, Place};
 use engine::run::Watch;
 pub(super) use left::Left;
@@ -80,6 +81,17 @@ pub(in crate::guest) enum Goal {
     Condition(Box<Watch>),
 }
 
+/// Bytes that the program has written to a port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(in crate::guest) struct PortWrite {
+    /// When the first of them arrives, if no fault delays it.
+    pub(in crate::guest) arrives: Instant,
+    /// The node of the rig to which they go.
+    pub(in crate::guest) to: Option<usize>,
+    /// Where the call began.
+    pub(in crate::guest) moment: Moment,
+}
+
 /// Which program is to be debugged.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::guest) enum Wanted {
@@ -131,8 +143,8 @@ pub(in crate::guest) struct Debugging {
     in_a_row: u32,
     /// Where each thread began the call at which it is.
     begun: BTreeMap<i32, Moment>,
-    /// Writes to ports: the rig's time, and where the call began.
-    writes: Vec<(Instant, Moment)>,
+    /// Writes to ports, oldest first.
+    writes: Vec<PortWrite>,
     /// Where the debugged process began its last call.
     last_call: Moment,
 }
@@ -381,6 +393,11 @@ impl Supervisor {
         if by_instruction || !is_step {
             return None;
         }
+        // A call that is not stopped leaves the address behind it in `rcx`.
+        let has_called = registers.rcx == registers.rip;
+        if has_called && hide_trap_flag(&mut registers) {
+            ptrace::setregs(pid, registers).ok()?;
+        }
         let next = self.step_for_schedule(tid);
         self.stepped(tid, index, registers.rip, next)
     }
@@ -442,14 +459,18 @@ impl Supervisor {
         }
     }
 
-    /// A thread has put bytes into a port.
-    pub(super) fn wrote_for_debugger(&mut self, tid: i32) {
-        let now = self.stage.run.rig.now();
+    /// A thread is about to put bytes into a port.
+    pub(super) fn writes_for_debugger(&mut self, tid: i32, port: usize) {
         if let Some(debugging) = &mut self.debugging
             && let Some(&moment) = debugging.begun.get(&tid)
             && debugging.writes.len() < WRITES_MAX
         {
-            debugging.writes.push((now, moment));
+            let (arrives, to) = self.stage.arrival_of_next(port);
+            debugging.writes.push(PortWrite {
+                arrives,
+                to,
+                moment,
+            });
         }
     }
 

@@ -5,7 +5,7 @@ use nix::unistd::Pid;
 
 use super::clocks::low_i32;
 use super::{Memory, Outcome, Supervisor, Wait};
-use crate::guest::call::{self, Call};
+use crate::guest::call::{self, Call, FUTEX_REQUEUE, FUTEX_WAIT, FUTEX_WAKE};
 use crate::guest::launch::{NOTICES, show_child};
 use crate::guest::links::Link;
 use crate::guest::trace::Record;
@@ -55,6 +55,7 @@ impl Supervisor {
             | libc::SYS_recvmsg
             | libc::SYS_accept
             | libc::SYS_accept4 => self.read(tid, call),
+            libc::SYS_recvmmsg => self.receive_many(tid, call),
             libc::SYS_write | libc::SYS_writev | libc::SYS_sendto | libc::SYS_sendmsg => {
                 self.write(tid, call)
             }
@@ -90,6 +91,13 @@ impl Supervisor {
     pub(super) fn is_for_free(&mut self, tid: i32, call: &Call) -> bool {
         match call.number {
             libc::SYS_msgctl | libc::SYS_semctl => self.has_queues_changed = true,
+            libc::SYS_getcpu
+            | libc::SYS_rseq
+            | libc::SYS_sched_getaffinity
+            | libc::SYS_sched_setaffinity => self.sees_processor(tid, call),
+            libc::SYS_setsockopt => {
+                self.note("is told the system's time of messages (SO_TIMESTAMP)".to_owned());
+            }
             libc::SYS_clone | libc::SYS_clone3 => show_child(Pid::from_raw(tid), call),
             libc::SYS_readlink | libc::SYS_readlinkat => self.read_link(tid, call),
             libc::SYS_lstat | libc::SYS_newfstatat => {
@@ -138,7 +146,8 @@ impl Supervisor {
             | libc::SYS_tkill
             | libc::SYS_tgkill
             | libc::SYS_rt_sigqueueinfo
-            | libc::SYS_rt_tgsigqueueinfo => self.kill(tid, call),
+            | libc::SYS_rt_tgsigqueueinfo
+            | libc::SYS_pidfd_send_signal => self.kill(tid, call),
             libc::SYS_rt_sigaction => {
                 self.sets_handler(tid, call);
                 Outcome::Kernel
@@ -155,6 +164,14 @@ impl Supervisor {
             }
             libc::SYS_io_uring_setup => {
                 self.note("io_uring is not there: the program has to do without".to_owned());
+                nix::errno::Errno::ENOSYS.into()
+            }
+            // The supervisor wakes threads, and the kernel knows nothing of it.
+            libc::SYS_futex_waitv | FUTEX_WAKE | FUTEX_WAIT | FUTEX_REQUEUE => {
+                let name = call::name(call.number);
+                self.note(format!(
+                    "{name} is not there: the program has to do without"
+                ));
                 nix::errno::Errno::ENOSYS.into()
             }
             number => {

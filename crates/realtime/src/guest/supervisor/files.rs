@@ -55,6 +55,8 @@ impl Supervisor {
     /// Drops the copies of files that the program is about to close or replace.
     pub(super) fn lets_go(&mut self, tid: i32, call: &Call) {
         self.stage.stir();
+        // A terminal that hangs up sends a signal.
+        self.is_signalled |= self.has_terminals;
         let [first, second, ..] = call.args.map(low_i32);
         let gone = match call.number {
             libc::SYS_close => first..=first,
@@ -152,6 +154,7 @@ impl Supervisor {
         };
         let path = Memory(Pid::from_raw(tid)).text(address);
         self.looks_into(&path);
+        self.has_terminals |= path.ends_with("/ptmx");
         self.stage.touch();
         if self.is_refused(tid, call, &path) {
             return nix::errno::Errno::EBUSY.into();

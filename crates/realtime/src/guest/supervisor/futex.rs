@@ -34,11 +34,13 @@ impl Supervisor {
         let command = operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME);
         match command {
             libc::FUTEX_WAIT | libc::FUTEX_WAIT_BITSET => self.futex_wait(tid, call, key),
-            libc::FUTEX_WAKE => Ok(self.futex_wake(key, count, ALL)),
+            libc::FUTEX_WAKE => Ok(Outcome::Answer(self.futex_wake(key, count, ALL))),
+            libc::FUTEX_WAKE_OP => self.futex_wake_op(tid, call, key),
             libc::FUTEX_WAKE_BITSET => {
                 let [.., bits] = call.args;
                 let [a, b, c, d, ..] = bits.to_le_bytes();
-                Ok(self.futex_wake(key, count, u32::from_le_bytes([a, b, c, d])))
+                let bits = u32::from_le_bytes([a, b, c, d]);
+                Ok(Outcome::Answer(self.futex_wake(key, count, bits)))
             }
             libc::FUTEX_REQUEUE | libc::FUTEX_CMP_REQUEUE => {
                 self.futex_requeue(tid, call, key, command == libc::FUTEX_CMP_REQUEUE)
@@ -111,7 +113,8 @@ impl Supervisor {
         waiters.into_iter().map(|(_, tid)| tid).collect()
     }
 
-    fn futex_wake(&mut self, key: FutexKey, most: usize, bits: u32) -> Outcome {
+    /// How many threads were woken.
+    fn futex_wake(&mut self, key: FutexKey, most: usize, bits: u32) -> i64 {
         let waiters = self.futex_waiters(key, bits);
         let woken = waiters.into_iter().take(most);
         let mut count = 0;
@@ -119,7 +122,27 @@ impl Supervisor {
             self.wake(tid);
             count += 1;
         }
-        Outcome::Answer(count)
+        count
+    }
+
+    /// Changes another word and wakes the threads that wait for the first one; if the other word
+    /// was of a kind, those that wait for it as well.
+    fn futex_wake_op(&mut self, tid: i32, call: &Call, key: FutexKey) -> Result<Outcome, Errno> {
+        let [_, operation, wakes, others, target, change] = call.args;
+        let [a, b, c, d, ..] = change.to_le_bytes();
+        let change = Change::of(u32::from_le_bytes([a, b, c, d]));
+        let is_own = low_i32(operation) & libc::FUTEX_PRIVATE_FLAG != 0;
+        let other = self.futex_key(tid, target, is_own)?;
+        let memory = Memory(Pid::from_raw(tid));
+        let old = memory.u32(target)?;
+        let (new, wakes_others) = change.apply(old).ok_or(Errno::ENOSYS)?;
+        memory.write(target, &new.to_ne_bytes())?;
+        let number = |value: u64| usize::try_from(low_i32(value).max(0)).unwrap_or_default();
+        let mut count = self.futex_wake(key, number(wakes), ALL);
+        if wakes_others {
+            count += self.futex_wake(other, number(others), ALL);
+        }
+        Ok(Outcome::Answer(count))
     }
 
     pub(super) fn wake(&mut self, tid: i32) {
@@ -204,6 +227,53 @@ impl Supervisor {
     }
 }
 
+/// What `FUTEX_WAKE_OP` does with a word, and when it wakes more threads (futex(2)).
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    operation: u32,
+    by: u32,
+    comparison: u32,
+    with: i32,
+}
+
+impl Change {
+    /// Bits 28 to 31: the operation, and whether its operand is a bit's number; 24 to 27: the
+    /// comparison; 12 to 23 and 0 to 11: the operands, signed.
+    fn of(word: u32) -> Self {
+        let signed = |bits: u32| (bits << 20).cast_signed() >> 20;
+        let by = signed(word >> 12).cast_unsigned();
+        Self {
+            operation: word >> 28 & 7,
+            by: if word >> 31 == 0 { by } else { 1 << (by & 31) },
+            comparison: word >> 24 & 15,
+            with: signed(word),
+        }
+    }
+
+    /// The new word, and whether the old one compares so; `None` if there is no such change.
+    fn apply(self, old: u32) -> Option<(u32, bool)> {
+        let new = match self.operation {
+            0 => self.by,
+            1 => old.wrapping_add(self.by),
+            2 => old | self.by,
+            3 => old & !self.by,
+            4 => old ^ self.by,
+            _ => return None,
+        };
+        let order = old.cast_signed().cmp(&self.with);
+        let holds = match self.comparison {
+            0 => order.is_eq(),
+            1 => order.is_ne(),
+            2 => order.is_lt(),
+            3 => order.is_le(),
+            4 => order.is_gt(),
+            5 => order.is_ge(),
+            _ => return None,
+        };
+        Some((new, holds))
+    }
+}
+
 /// The place of `address` in memory that is shared with others; `None` if it is the process's own.
 fn shared_key(pid: i32, address: u64) -> Option<FutexKey> {
     let maps = std::fs::read_to_string(format!("/proc/{pid}/maps")).ok()?;
@@ -224,4 +294,31 @@ fn shared_key(pid: i32, address: u64) -> Option<FutexKey> {
         return is_shared.then_some(FutexKey::Shared(device, file, place));
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// futex(2): FUTEX_OP(op, oparg, cmp, cmparg) is op << 28 | cmp << 24 | oparg << 12 | cmparg.
+    #[test]
+    fn a_change_of_a_word_is_that_of_the_manual() {
+        let change = |[operation, by, comparison, with]: [u32; 4], old| {
+            let word = operation << 28 | comparison << 24 | (by & 0xFFF) << 12 | (with & 0xFFF);
+            Change::of(word).apply(old)
+        };
+        // Set to 5, as in the lock of old C libraries; was it greater than 1?
+        assert_eq!(change([0, 5, 4, 1], 2), Some((5, true)));
+        assert_eq!(change([0, 5, 4, 1], 1), Some((5, false)));
+        let minus = |number: u32| number.wrapping_neg();
+        assert_eq!(
+            change([1, minus(1), 2, minus(3)], minus(4)),
+            Some((minus(5), true))
+        );
+        assert_eq!(change([2 | 8, 4, 0, 0], 0), Some((16, true)));
+        assert_eq!(change([3, 6, 5, 7], 7), Some((1, true)));
+        assert_eq!(change([4, 6, 3, 7], 8), Some((14, false)));
+        assert_eq!(change([5, 0, 0, 0], 0), None);
+        assert_eq!(change([0, 0, 6, 0], 0), None);
+    }
 }

@@ -28,11 +28,15 @@ const LEAPS_MAX: u32 = 100;
 /// Factor of fingerprints: 2 to the power of 64 by the golden ratio, odd.
 const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
 
+/// Most instructions for a look at a known loop: so many times its length, and some more.
+const KNOWN_TIMES: u32 = 4;
+const KNOWN_MORE: u32 = 64;
+
 /// What a thread does that makes no call.
 enum Spin {
     /// It waits for another thread, and stands at the first instruction of its loop; a fingerprint
-    /// of its state there.
-    Waits(u64),
+    /// of its state there, and the loop's length.
+    Waits(u64, u32),
     Computes,
     /// It has stopped for another reason: the system's status.
     Stopped(i32),
@@ -85,26 +89,56 @@ fn fingerprint(pid: Pid) -> Option<u64> {
 impl Supervisor {
     /// A thread has computed for a while without a call: others go first if it waits for them.
     pub(super) fn spins(&mut self, tid: i32) -> Flow {
-        let is_stepped = self.debugging.as_ref();
-        let is_stepped = is_stepped.and_then(|it| it.step.as_ref());
-        if self.keeps_loan || is_stepped.is_some_and(|step| step.tid == tid) {
+        if self.keeps_loan || self.is_stepped(tid) {
             return self.go_on_later(tid);
         }
-        match self.look_for_loop(tid) {
-            Spin::Stopped(status) => return self.handle(tid, status),
-            Spin::Computes => return self.go_on_later(tid),
-            Spin::Waits(state) => {
-                self.note_loop(tid, state);
-                self.forgive_computing(tid);
-            }
+        match self.look_for_loop(tid, LOOP_MAX) {
+            Spin::Stopped(status) => self.handle(tid, status),
+            Spin::Computes => self.go_on_later(tid),
+            Spin::Waits(state, length) => self.waits_in_loop(tid, state, length),
         }
+    }
+
+    /// Whether a debugger lets this thread go by single instructions.
+    fn is_stepped(&self, tid: i32) -> bool {
+        let debugging = self.debugging.as_ref();
+        let step = debugging.and_then(|it| it.step.as_ref());
+        step.is_some_and(|step| step.tid == tid)
+    }
+
+    /// A thread that was found in a loop is to go on: whether it is still there is seen at once,
+    /// without the processor time by which loops are found.
+    pub(super) fn go_on_in_loop(&mut self, tid: i32) -> Flow {
+        let thread = self.threads.get_mut(&tid);
+        let length = thread.and_then(|thread| thread.loop_length.take());
+        let is_free = !self.keeps_loan && !self.is_stepped(tid);
+        let Some(length) = length.filter(|_| is_free) else {
+            return Flow::Goes(None);
+        };
+        let limit = length
+            .saturating_mul(KNOWN_TIMES)
+            .saturating_add(KNOWN_MORE);
+        match self.look_for_loop(tid, limit.min(LOOP_MAX)) {
+            Spin::Stopped(status) => self.handle(tid, status),
+            Spin::Computes => Flow::Goes(None),
+            Spin::Waits(state, length) => self.waits_in_loop(tid, state, length),
+        }
+    }
+
+    /// A thread stands at the first instruction of its loop.
+    fn waits_in_loop(&mut self, tid: i32, state: u64, length: u32) -> Flow {
+        self.note_loop(tid, state, length);
+        self.forgive_computing(tid);
         let is_in_loop = |tid: &i32| {
             let thread = self.threads.get(tid);
             thread.is_some_and(|it| it.in_loop_at == Some(self.progress))
         };
         let is_alone = self.queue.iter().all(is_in_loop);
         if is_alone && self.schedule.is_none() && self.late.is_empty() {
-            // Only time can end the loop, and time stands while a thread can run.
+            // Only time can end the loop, and time stands while a thread can run: it computes.
+            if let Some(thread) = self.threads.get_mut(&tid) {
+                thread.loop_length = None;
+            }
             return self.go_on_later(tid);
         }
         if is_alone {
@@ -116,8 +150,9 @@ impl Supervisor {
 
     /// A thread is in a loop. If it has come there in another state than before, it has changed
     /// memory on its way, and others may leave their loops.
-    fn note_loop(&mut self, tid: i32, state: u64) {
+    fn note_loop(&mut self, tid: i32, state: u64, length: u32) {
         if let Some(thread) = self.threads.get_mut(&tid) {
+            thread.loop_length = Some(length);
             // Others went on since it was here: only a loop beside nothing counts as computing.
             if thread.in_loop_at != Some(self.progress) {
                 thread.computed = Duration::ZERO;
@@ -164,7 +199,7 @@ impl Supervisor {
         Flow::Stays
     }
 
-    fn look_for_loop(&mut self, tid: i32) -> Spin {
+    fn look_for_loop(&mut self, tid: i32, most: u32) -> Spin {
         let pid = Pid::from_raw(tid);
         // A look at a clock is a call, and ends the loop.
         self.keep_time(tid);
@@ -173,7 +208,7 @@ impl Supervisor {
         };
         // The state is kept at each power of two (Brent's way to find a cycle).
         let (mut length, mut limit) = (0, 1);
-        for _ in 0..LOOP_MAX {
+        for _ in 0..most {
             let now = match self.one_instruction(pid) {
                 Ok(now) => now,
                 Err(spin) => return spin,
@@ -214,7 +249,7 @@ impl Supervisor {
         let mixed = now
             .into_iter()
             .fold(memory, |print, word| (print ^ word).wrapping_mul(FACTOR));
-        Spin::Waits(mixed)
+        Spin::Waits(mixed, length)
     }
 
     fn one_instruction(&self, pid: Pid) -> Result<Registers, Spin> {

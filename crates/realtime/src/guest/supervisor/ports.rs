@@ -132,6 +132,7 @@ impl Supervisor {
                 return Ok(Outcome::Kernel);
             };
             let sent = terminal.send(&bytes);
+            self.writes_for_debugger(tid, port);
             let mut rest = &sent[..];
             while !rest.is_empty() {
                 let len = rustix::io::write(&file.fd, rest)
@@ -141,7 +142,6 @@ impl Supervisor {
                 self.stage.carry().map_err(|_| Errno::EIO)?;
             }
             done += bytes.len();
-            self.wrote_for_debugger(tid);
         }
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.progress = done;

@@ -7,13 +7,14 @@
 
 use nix::errno::Errno;
 use nix::libc;
+use nix::sys::ptrace;
 use nix::unistd::Pid;
 use rustix::process::{Signal, kill_process};
 use rustix_libc_wrappers::process::SignalExt as _;
 
 use super::clocks::low_i32;
 use super::timers::expirations;
-use super::{Memory, Next, Outcome, Supervisor};
+use super::{Memory, Next, Outcome, Supervisor, is_death};
 use crate::guest::call::Call;
 use crate::guest::pending::Pending;
 use crate::guest::task::{PosixTimer, Timer};
@@ -129,9 +130,15 @@ impl Supervisor {
                 if count == 0 || timer.signal == 0 {
                     continue;
                 }
+                let bit = bit_of(timer.signal);
+                let is_held = || Pending::of(pid, pid).common & bit != 0;
+                if timer.is_due || timer.is_sent && is_held() {
+                    // Its signal is pending: there is no second one.
+                    let count = i64::try_from(count).unwrap_or(i64::MAX);
+                    timer.overrun = timer.overrun.saturating_add(count);
+                    continue;
+                }
                 timer.overrun = i64::try_from(count - 1).unwrap_or(i64::MAX);
-                let bit = u32::try_from(timer.signal - 1).ok();
-                let bit = bit.and_then(|bit| 1_u64.checked_shl(bit)).unwrap_or(0);
                 let is_low =
                     Signal::from_named_raw(timer.signal).is_some() && timer.thread.is_none();
                 // None of the C library's own, which it waits for.
@@ -197,6 +204,28 @@ impl Supervisor {
         Ok(Some(Outcome::Answer(signal.into())))
     }
 
+    /// A thread takes a signal that the kernel has for it: what is told of it, if a timer has sent
+    /// it.
+    pub(super) fn take_sent_signal(&mut self, tid: i32, call: &Call, pending: u64) -> Option<()> {
+        let pid = self.threads.get(&tid)?.process;
+        let mut timers = self.processes.get(&pid)?.posix_timers.values();
+        if !timers.any(|it| it.is_sent && bit_of(it.signal) & pending != 0) {
+            return None;
+        }
+        ptrace::syscall(Pid::from_raw(tid), None).ok()?;
+        let (_, status) = self.wait_for(tid)?;
+        if is_death(status) {
+            self.died(tid, status);
+            return None;
+        }
+        let taken = Call::of(Pid::from_raw(tid)).ok()?.result();
+        let info = self.told_by_timer(pid, i32::try_from(taken).ok()?)?;
+        if call.args[1] != 0 {
+            let _ = Memory(Pid::from_raw(tid)).write(call.args[1], &info);
+        }
+        Some(())
+    }
+
     /// What a handler is told of this signal, if a timer has sent it.
     pub(super) fn told_by_timer(&mut self, pid: i32, signal: i32) -> Option<[u8; SIGINFO]> {
         let process = self.processes.get_mut(&pid)?;
@@ -205,6 +234,12 @@ impl Supervisor {
         timer.is_sent = false;
         Some(told_by(*id, timer))
     }
+}
+
+/// A signal as a bit.
+fn bit_of(signal: i32) -> u64 {
+    let bit = u32::try_from(signal - 1).ok();
+    bit.and_then(|bit| 1_u64.checked_shl(bit)).unwrap_or(0)
 }
 
 /// What is told of a timer's signal, as the kernel does.

@@ -36,6 +36,8 @@ impl Supervisor {
             _ => PollFlags::IN,
         };
         if file.never_waits() || !file.readiness(wanted).is_empty() {
+            // A process may have asked for a signal (mq_notify).
+            self.is_signalled |= call.number == libc::SYS_mq_timedsend;
             return Ok(Outcome::Kernel);
         }
         let deadline = match timeout {

@@ -9,6 +9,7 @@ use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
 use super::clocks::{low_i32, timespec};
+use super::files::told_of;
 use super::futex::is_pi;
 use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
@@ -38,7 +39,14 @@ impl Supervisor {
         // One thread of a process takes a signal that is for all of it.
         let mut served = None;
         for (_, process, tid) in blocked {
-            let [own, common] = self.deliverable(process, tid);
+            let pending = Pending::of(process, tid);
+            if pending.is_killed {
+                self.await_death(process);
+                continue;
+            }
+            let call = self.threads.get(&tid).and_then(|thread| thread.call);
+            let held = call.and_then(|call| mask_of(tid, &call));
+            let [own, common] = self.deliverable_of(&pending, held, tid);
             let is_taken = served == Some(process);
             let signals = if is_taken { own } else { own | common };
             if signals != 0 {
@@ -57,8 +65,11 @@ impl Supervisor {
 
     /// The same while the signals in `held` are held back, or those that the thread holds back.
     fn deliverable_beside(&self, held: Option<u64>, process: i32, tid: i32) -> [u64; 2] {
+        self.deliverable_of(&Pending::of(process, tid), held, tid)
+    }
+
+    fn deliverable_of(&self, pending: &Pending, held: Option<u64>, tid: i32) -> [u64; 2] {
         let call = self.threads.get(&tid).and_then(|thread| thread.call);
-        let pending = Pending::of(process, tid);
         let quiet = pending.quiet(held.unwrap_or(pending.blocked));
         let wanted = call.map_or(0, |call| wanted(tid, &call));
         [pending.own, pending.common].map(|signals| signals & (!quiet | wanted))
@@ -71,7 +82,11 @@ impl Supervisor {
             return Ok(outcome);
         }
         let process = self.threads.get(&tid).ok_or(Errno::ESRCH)?.process;
-        if self.deliverable(process, tid) != [0, 0] {
+        let [own, common] = self.deliverable(process, tid);
+        if own | common != 0 {
+            if call.number == libc::SYS_rt_sigtimedwait {
+                self.take_sent_signal(tid, call, (own | common) & signals);
+            }
             return Ok(Outcome::Kernel);
         }
         let deadline = match (call.number, call.args[2]) {
@@ -100,10 +115,21 @@ impl Supervisor {
         self.is_signalled = true;
         let [target, signal, ..] = call.args;
         let own = self.threads.get(&tid).map(|thread| thread.process);
-        if call.number != libc::SYS_kill || low_i32(signal) != libc::SIGKILL || own.is_none() {
+        if low_i32(signal) != libc::SIGKILL || own.is_none() {
             return Outcome::Kernel;
         }
-        let target = low_i32(target);
+        let target = match (call.number, own) {
+            (libc::SYS_kill, _) => low_i32(target),
+            (libc::SYS_pidfd_send_signal, Some(own)) if low_i32(call.args[3]) == 0 => {
+                let target = told_of(own, low_i32(target), "Pid");
+                let target = target.and_then(|pid| pid.parse().ok());
+                let Some(target) = target.filter(|&pid: &i32| pid > 0) else {
+                    return Outcome::Kernel;
+                };
+                target
+            }
+            _ => return Outcome::Kernel,
+        };
         let group = |pid: Option<i32>| {
             let pid = pid.and_then(rustix::process::Pid::from_raw);
             rustix::process::getpgid(pid).ok()
@@ -131,9 +157,13 @@ impl Supervisor {
         let Some(pid) = rustix::process::Pid::from_raw(victim) else {
             return;
         };
-        if rustix::process::kill_process(pid, rustix::process::Signal::KILL).is_err() {
-            return;
+        if rustix::process::kill_process(pid, rustix::process::Signal::KILL).is_ok() {
+            self.await_death(victim);
         }
+    }
+
+    /// A process has got SIGKILL: it is gone before anything else happens.
+    fn await_death(&mut self, victim: i32) {
         while self.processes.contains_key(&victim) {
             let Some((pid, status)) = wait(None, WaitOptions::empty()) else {
                 return;
@@ -157,7 +187,11 @@ impl Supervisor {
         let Some(call) = thread.call else { return };
         if mask_of(tid, &call).is_some() || wanted(tid, &call) & signals != 0 {
             // The kernel does the call after all: it takes the signal, or lets it through.
-            self.ready(tid, Next::Go(None));
+            let next = match call.number {
+                libc::SYS_rt_sigtimedwait => Next::Attempt,
+                _ => Next::Go(None),
+            };
+            self.ready(tid, next);
             return;
         }
         let restarts = self

@@ -38,6 +38,7 @@ impl Supervisor {
             _ => false,
         };
         let mut flow = match next {
+            Next::Go(None) if thread.loop_length.is_some() => self.go_on_in_loop(tid),
             Next::Go(signal) => Flow::Goes(signal),
             Next::Attempt => self.attempt(tid),
             Next::Begin => self.begin_call(tid),
@@ -184,9 +185,12 @@ impl Supervisor {
         if !self.is_launched(tid) {
             return Flow::Goes(None);
         }
-        let Ok(call) = Call::of(Pid::from_raw(tid)) else {
+        let Ok(mut call) = Call::of(Pid::from_raw(tid)) else {
             return Flow::Goes(None);
         };
+        if self.debugging.is_some() || self.schedule.is_some() {
+            call.hide_step(Pid::from_raw(tid));
+        }
         if !self.is_known_site(tid, &call) {
             if ptrace::getevent(Pid::from_raw(tid)) == Ok(launch::OTHER_ARCHITECTURE.into()) {
                 self.stage.stir();
@@ -219,6 +223,7 @@ impl Supervisor {
         thread.outside = None;
         thread.is_at_end = false;
         thread.computed = Duration::ZERO;
+        thread.loop_length = None;
         self.progress += 1;
         thread.entered = now;
         thread.progress = 0;

@@ -61,6 +61,10 @@ impl Supervisor {
         if let Some(outcome) = unsupported(tid, call, &file, file.is_writable())? {
             return Ok(outcome);
         }
+        // A terminal of its own may send signals: Ctrl-C.
+        if file.kind == Kind::Stream && file.device.is_some() {
+            self.types(&file);
+        }
         match file.kind {
             Kind::Prompt | Kind::Told(_) | Kind::Mouth | Kind::Chance | Kind::Signals => {
                 Ok(Outcome::Kernel)
@@ -74,6 +78,21 @@ impl Supervisor {
             }
             Kind::Stream => self.write_stream(tid, call, &file),
         }
+    }
+
+    /// recvmmsg: the first message is waited for; the kernel waits for more if the program wants
+    /// more.
+    pub(super) fn receive_many(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
+        let [fd, _, count, flags, ..] = call.args.map(low_i32);
+        let file = self.file(tid, fd).ok_or(Errno::EBADF)?;
+        if file.form != Form::Socket {
+            return Err(Errno::ENOTSOCK);
+        }
+        if count > 1 && flags & (libc::MSG_WAITFORONE | libc::MSG_DONTWAIT) == 0 {
+            self.note("recvmmsg is done by the kernel".to_owned());
+        }
+        let waits = flags & libc::MSG_DONTWAIT == 0;
+        self.when_ready(tid, &file, PollFlags::IN, waits)
     }
 
     /// The kernel does it once it does not have to wait; sockets may have a longest wait of their

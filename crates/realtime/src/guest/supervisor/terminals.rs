@@ -32,6 +32,8 @@ impl Supervisor {
         // Most are about other terminals and sockets.
         if !is_of_ports(request) {
             self.sets_notice_by_ioctl(tid, call);
+            // The size of one is told by a signal.
+            self.is_signalled |= self.has_terminals;
             return Ok(Outcome::Kernel);
         }
         let file = self.file(tid, low_i32(fd));

@@ -9,6 +9,9 @@ use crate::guest::call::Call;
 
 /// Bytes of what is told of a child's use of the processor.
 const RUSAGE: usize = 144;
+/// Where `waitid` tells of it, and its length: `si_utime` and `si_stime`.
+const INFO_TIMES: u64 = 32;
+const INFO_TIMES_LEN: usize = 16;
 
 impl Supervisor {
     pub(super) fn wait_for_child(&mut self, tid: i32, call: &Call) -> Outcome {
@@ -24,10 +27,11 @@ impl Supervisor {
             _ => call.args[4],
         };
         let is_hasty = options & nohang != 0;
-        if is_hasty && usage == 0 && self.fatal.is_empty() {
+        let tells_times = call.number == libc::SYS_waitid && place != 0;
+        if is_hasty && usage == 0 && !tells_times && self.fatal.is_empty() {
             return Outcome::Kernel;
         }
-        if call.number == libc::SYS_waitid && place != 0 {
+        if tells_times {
             let _ = Memory(pid).write(place, &[0; 4]);
         }
         let asked = call.with(pid, index, options | nohang);
@@ -51,6 +55,9 @@ impl Supervisor {
         if !is_nobody && usage != 0 {
             // Processor time of the system's.
             let _ = Memory(pid).write(usage, &[0; RUSAGE]);
+        }
+        if !is_nobody && end.result() == 0 && tells_times {
+            let _ = Memory(pid).write(place.wrapping_add(INFO_TIMES), &[0; INFO_TIMES_LEN]);
         }
         if let Ok(child) = i32::try_from(end.result())
             && let Some(signal) = self.fatal.remove(&child)

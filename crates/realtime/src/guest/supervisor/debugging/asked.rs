@@ -1,9 +1,7 @@
 //! What the debugger asks for, and what it is told.
 
-use protocols::Instant;
-
 use super::watch::WATCHES;
-use super::{Debugging, Goal, Step, Watchpoint};
+use super::{Debugging, Goal, PortWrite, Step, Watchpoint};
 use crate::guest::place::{Moment, Place};
 use engine::run::Run;
 
@@ -81,7 +79,7 @@ impl Debugging {
     }
 
     /// The writes to ports, and where the debugged process began its last call.
-    pub(in crate::guest) fn take_log(&mut self) -> (Vec<(Instant, Moment)>, Moment) {
+    pub(in crate::guest) fn take_log(&mut self) -> (Vec<PortWrite>, Moment) {
         (core::mem::take(&mut self.writes), self.last_call)
     }
 

@@ -1,0 +1,94 @@
+//! The processor on which a program runs: all threads share the one on which hilrig was started, so
+//! its number differs from run to run. The program sees the first one.
+
+use nix::errno::Errno;
+use nix::libc;
+use nix::unistd::Pid;
+
+use super::clocks::low_i32;
+use super::{Memory, Supervisor};
+use crate::guest::call::Call;
+
+/// The first processor, as a bit.
+pub(super) const FIRST: u64 = 1;
+/// Bytes of a set of up to 64 processors.
+const SET: usize = 8;
+
+impl Supervisor {
+    /// getcpu, rseq, sched_getaffinity, sched_setaffinity.
+    pub(super) fn sees_processor(&mut self, tid: i32, call: &Call) {
+        let done = match call.number {
+            libc::SYS_getcpu => processor_number(tid, call),
+            libc::SYS_sched_getaffinity => self.tell_processors(tid, call),
+            libc::SYS_sched_setaffinity => self.wants_processors(tid, call),
+            // Through that the kernel would write the number into the program's memory.
+            _ => Err(Errno::ENOSYS),
+        };
+        let answer = match done {
+            // A process that is not the program's.
+            Err(Errno::ESRCH) => return,
+            Err(errno) => -i64::from(errno as i32),
+            Ok(answer) => answer,
+        };
+        let _ = call.answer(Pid::from_raw(tid), answer);
+    }
+
+    fn tell_processors(&self, tid: i32, call: &Call) -> Result<i64, Errno> {
+        let [of, len, place, ..] = call.args;
+        let processors = self.threads.get(&aim(tid, of)).ok_or(Errno::ESRCH)?;
+        let set = processors.processors.to_ne_bytes();
+        let len = usize::try_from(low_i32(len)).map_err(|_| Errno::EINVAL)?;
+        if len < SET || !len.is_multiple_of(SET) {
+            return Err(Errno::EINVAL);
+        }
+        Memory(Pid::from_raw(tid)).write(place, &set)?;
+        Ok(i64::try_from(SET).unwrap_or(0))
+    }
+
+    /// It gets the set that it wants, and stays where it is.
+    fn wants_processors(&mut self, tid: i32, call: &Call) -> Result<i64, Errno> {
+        let [of, len, place, ..] = call.args;
+        let thread = self.threads.get_mut(&aim(tid, of)).ok_or(Errno::ESRCH)?;
+        let len = usize::try_from(low_i32(len)).unwrap_or(SET).min(SET);
+        let mut set = [0; SET];
+        Memory(Pid::from_raw(tid)).read(place, &mut set[..len])?;
+        let set = u64::from_ne_bytes(set) & possible();
+        if set == 0 {
+            return Err(Errno::EINVAL);
+        }
+        thread.processors = set;
+        Ok(0)
+    }
+
+    /// A new thread or process may run where its maker may.
+    pub(super) fn inherit_processors(&mut self, from: i32, to: i32) {
+        let processors = self.threads.get(&from).map(|thread| thread.processors);
+        if let (Some(processors), Some(thread)) = (processors, self.threads.get_mut(&to)) {
+            thread.processors = processors;
+        }
+    }
+}
+
+/// The thread that a call is about; 0 is the caller.
+fn aim(tid: i32, of: u64) -> i32 {
+    match low_i32(of) {
+        0 => tid,
+        other => other,
+    }
+}
+
+fn processor_number(tid: i32, call: &Call) -> Result<i64, Errno> {
+    let [processor, node, ..] = call.args;
+    for place in [processor, node].into_iter().filter(|&place| place != 0) {
+        Memory(Pid::from_raw(tid)).write(place, &[0; 4])?;
+    }
+    Ok(0)
+}
+
+/// The processors of this machine, as bits; all of them if the system does not tell.
+fn possible() -> u64 {
+    let text = std::fs::read_to_string("/sys/devices/system/cpu/possible").unwrap_or_default();
+    let last = text.trim().rsplit(['-', ',']).next();
+    let last: Option<u32> = last.and_then(|last| last.parse().ok());
+    last.map_or(u64::MAX, |last| u64::MAX >> (63 - last.min(63)))
+}
