@@ -1,6 +1,7 @@
 //! A step backwards reaches the same state as a new run that stops at the same position.
 
 use core::fmt::Write as _;
+use std::fs;
 use std::path::PathBuf;
 
 use super::{DEBUGGED, Debugged, PYTHON, SONAR, languages};
@@ -19,9 +20,8 @@ monitor state
 monitor wires sonar 5
 echo END\\n
 ";
-const VARIABLES: &str = "x/128xg (char *)&__bss_start";
-/// Not the mutex: it holds the kernel's number of its thread, another one in each run.
-const VARIABLES_OF_C: &str = "print counted\nprint signals\nprint scale\nprint millimetres";
+
+const STEPS: u64 = 40;
 
 /// The part of the output between the marks.
 fn state(said: &str) -> Option<&str> {
@@ -31,21 +31,144 @@ fn state(said: &str) -> Option<&str> {
         .map(|it| it.0)
 }
 
-/// A new run to a hit of a breakpoint, and some instructions farther.
-fn forth(function: &str, hit: u64, steps: u64, state: &str) -> String {
-    let mut script = format!("break {function}\nignore 1 {}\ncontinue\n", hit - 1);
-    if steps > 0 {
-        let _ = writeln!(script, "stepi {steps}");
-    }
-    script + state + "kill\n"
+/// A program and the function at which the points are.
+struct Program {
+    name: &'static str,
+    /// The executable with its symbols; none of a script.
+    path: Option<PathBuf>,
+    command: String,
+    function: &'static str,
+    variables: &'static str,
+    /// How often the function is called; a landing trusts it, and a step behind it fails.
+    hits: u64,
+    /// Most instructions behind a hit.
+    steps: u64,
 }
 
-/// The same position reached backwards: two hits and one instruction back.
-fn back(function: &str, hit: u64, steps: u64, state: &str) -> String {
-    let mut script = format!("break {function}\nignore 1 {}\n", hit + 1);
-    script += "continue\nreverse-continue\nreverse-continue\n";
-    let _ = write!(script, "stepi {}\nreverse-stepi\n", steps + 1);
-    script + state + "kill\n"
+impl Program {
+    /// What GDB prints for `script`; `None` if there is no GDB.
+    fn session(&self, script: &str) -> Option<String> {
+        // An interpreter calls the function often before the program uses its port.
+        let more: &[&str] = match self.path {
+            None => &["--at", "1s"],
+            Some(_) => &[],
+        };
+        let name = format!("points-{}", self.name);
+        let debugged = Debugged::start(&name, &self.command, &[("sonar.toml", SONAR)], more);
+        // A signal of the program is no stop.
+        let script = format!("handle SIGUSR1 nostop noprint pass\n{script}");
+        let Some(said) = debugged.gdb(self.path.as_deref(), &script) else {
+            debugged.interrupt();
+            return None;
+        };
+        debugged.end();
+        Some(said)
+    }
+
+    /// Counts the hits of the breakpoint in a whole run.
+    fn count(&self) -> Option<u64> {
+        let function = self.function;
+        let script =
+            format!("break {function}\nignore 1 999999\ncontinue\ninfo breakpoints\nkill\n");
+        let said = self.session(&script)?;
+        let hits = said.split_once("breakpoint already hit ");
+        let hits = hits.and_then(|(_, rest)| rest.split_once(' ')?.0.parse().ok());
+        assert!(said.contains("the run is over"), "{}\n{said}", self.name);
+        Some(hits.unwrap_or_else(|| panic!("{}\n{said}", self.name)))
+    }
+}
+
+/// The script is written once: its dates are in the interpreter's memory.
+fn python() -> Program {
+    let folder = folder("points-script");
+    fs::create_dir_all(&folder).expect("a fresh folder");
+    let script = folder.join("program.py");
+    fs::write(&script, PYTHON).expect("a fresh file");
+    Program {
+        name: "python",
+        path: None,
+        command: format!("python3 {}", script.display()),
+        function: "write",
+        variables: "x/16xb $sp + 256",
+        hits: 18,
+        steps: STEPS,
+    }
+}
+
+fn of_executable(
+    name: &'static str,
+    path: Option<PathBuf>,
+    [function, variables]: [&'static str; 2],
+    hits: u64,
+) -> Option<Program> {
+    let command = path.as_ref()?.to_str().expect("a plain path").to_owned();
+    Some(Program {
+        name,
+        path,
+        command,
+        function,
+        variables,
+        hits,
+        steps: STEPS,
+    })
+}
+
+/// How a point is reached backwards.
+#[derive(Clone, Copy, Debug)]
+enum Way {
+    /// From two hits and one instruction behind it.
+    Hits,
+    /// From the end of the run, where no breakpoint was set on the way.
+    End,
+    /// By the rig's time.
+    Time,
+}
+
+/// The two sessions of a point: forth in a new run, and back.
+fn scripts(way: Way, function: &str, [hits, hit, steps]: [u64; 3], state: &str) -> [String; 2] {
+    let there = format!(
+        "break {function}\nignore 1 {}\ncontinue\necho HIT\\n\nbt 1\n",
+        hit - 1
+    );
+    let mut forth = there;
+    if steps > 0 {
+        let _ = writeln!(forth, "stepi {steps}");
+    }
+    let mut back = match way {
+        Way::Hits => format!(
+            "break {function}\nignore 1 {}\ncontinue\nreverse-continue\nreverse-continue\n",
+            hit + 1
+        ),
+        Way::End => format!(
+            "continue\nbreak {function}\nignore 1 {}\nreverse-continue\n",
+            hits - hit
+        ),
+        // Between two events of the rig: times are printed with microseconds.
+        Way::Time => {
+            let at = format!("1.{:03}713s", 20 * hit % 1000);
+            forth = format!("echo rig {at}\\n\nmonitor until {at}\ncontinue\n");
+            format!("monitor until 2.5s\ncontinue\nmonitor back BACK\nreverse-continue\n")
+        }
+    };
+    if !matches!(way, Way::Time) {
+        let _ = write!(back, "stepi {}\nreverse-stepi\n", steps + 1);
+    }
+    forth += state;
+    if matches!(way, Way::Time) {
+        forth += "monitor until 2.5s\ncontinue\nmonitor time\n";
+    }
+    [forth + "kill\n", back + state + "kill\n"]
+}
+
+/// How long before the last printed time of a session the first one is.
+fn span(said: &str) -> Option<String> {
+    let mut times = said.lines().filter_map(|line| {
+        let (seconds, _) = line.strip_prefix("rig ")?.split_once('s')?;
+        let (seconds, micros) = seconds.trim().split_once('.')?;
+        Some(seconds.parse::<u64>().ok()? * 1_000_000 + micros.parse::<u64>().ok()?)
+    });
+    let (first, last) = (times.next()?, times.next_back()?);
+    Some(format!("{}us", last - first))
 }
 
 /// A pseudo-random number below `below`; the same in each run.
@@ -54,55 +177,72 @@ fn draw(index: u64, below: u64) -> u64 {
     (mixed >> 33) % below
 }
 
-/// Four programs and a hundred points with HILRIG_TESTS=all, else a point of two of them.
-#[test]
-fn points_on_the_way_back_are_those_of_a_fresh_run() {
-    let pthread = ["-g", "-O0", "-pthread"];
-    let c = compiled("points-c", "cc", DEBUGGED, &pthread);
-    let text = |it: &PathBuf| it.to_str().expect("a plain path").to_owned();
+/// Compares points of a program: 25 with HILRIG_TESTS=all, else one. Other points with
+/// HILRIG_POINTS=NUMBER.
+fn compare(mut program: Program) {
+    let seed = std::env::var("HILRIG_POINTS").map_or(Ok(0), |it| it.parse::<u64>());
+    let seed = seed.expect("HILRIG_POINTS: expected a number");
     let points = if is_thorough() { 25 } else { 1 };
-    let mut programs = vec![("c", c, "count", 40), ("python", None, "write", 15)];
     if is_thorough() {
-        let [cpp, rust] = ["c++", "rustc"].map(languages::program);
-        programs.push(("cpp", cpp, "Rover::understand", 25));
-        programs.push(("rust", rust, "program::beat", 35));
+        let Some(hits) = program.count() else { return };
+        program.hits = hits;
     }
-    for (number, (name, program, function, hits)) in (0..).zip(programs) {
-        let is_python = name == "python";
-        if program.is_none() && !is_python {
-            continue;
-        }
-        let command = program
-            .as_ref()
-            .map_or("python3 program.py".to_owned(), text);
-        let variables = match name {
-            "python" => "x/16xb $sp + 256",
-            "rust" => "print program::BEATS",
-            "c" => VARIABLES_OF_C,
-            _ => VARIABLES,
+    let shown = STATE.replace("VARIABLES", program.variables);
+    for point in 0..points {
+        let index = seed * 1000 + 3 * point;
+        let way = [Way::Hits, Way::Time, Way::Hits, Way::End, Way::Hits];
+        let way = way[usize::try_from(point % 5).expect("small")];
+        let hits = program.hits;
+        let (hit, steps) = match way {
+            Way::End => (hits - draw(index, 3), draw(index + 1, program.steps)),
+            _ => (1 + draw(index, hits - 2), draw(index + 1, program.steps)),
         };
-        let shown = STATE.replace("VARIABLES", variables);
-        let more: &[&str] = if is_python { &["--at", "1s"] } else { &[] };
-        for point in 0..points {
-            let index = number * 100 + 3 * point;
-            let (hit, steps) = (1 + draw(index, hits), draw(index + 1, 40));
-            let mut seen = Vec::new();
-            for script in [forth, back] {
-                let files = [("sonar.toml", SONAR), ("program.py", PYTHON)];
-                let debugged = Debugged::start(&format!("points-{name}"), &command, &files, more);
-                let script = script(function, hit, steps, &shown);
-                let Some(said) = debugged.gdb(program.as_deref(), &script) else {
-                    debugged.interrupt();
-                    return;
-                };
-                debugged.end();
-                let state = state(&said).map(str::to_owned);
-                seen.push(state.unwrap_or_else(|| panic!("{name} {hit} {steps}\n{said}")));
-            }
-            assert!(seen[0].contains("rip"), "{name} {hit} {steps}\n{}", seen[0]);
-            assert_eq!(seen[0], seen[1], "{name}: hit {hit}, {steps} instructions");
-        }
+        let [forth, back] = scripts(way, program.function, [hits, hit, steps], &shown);
+        let what = format!("{}: {way:?}, hit {hit} of {hits}, {steps} on", program.name);
+        let Some(first) = program.session(&forth) else {
+            return;
+        };
+        let back = back.replace("BACK", &span(&first).unwrap_or_default());
+        let second = program.session(&back).expect("as before");
+        let shown = |said| state(said).map(str::to_owned);
+        let [one, other] =
+            [&first, &second].map(|said| shown(said).unwrap_or_else(|| panic!("{what}\n{said}")));
+        let is_hit = matches!(way, Way::Time) || {
+            let hit = first.split_once("HIT\n#0 ");
+            hit.is_some_and(|(_, frame)| frame.contains(program.function))
+        };
+        assert!(is_hit && one.contains("rip"), "{what}\n{first}");
+        assert!(one == other, "{what}\n{first}\nBACKWARDS\n{second}");
     }
+}
+
+#[test]
+fn points_in_c_on_the_way_back_are_those_of_a_fresh_run() {
+    let path = compiled("points-c", "cc", DEBUGGED, &["-g", "-O0", "-pthread"]);
+    // Not the mutex: it holds the kernel's number of its thread, another one in each run.
+    let variables = "print counted\nprint signals\nprint scale\nprint millimetres";
+    if let Some(program) = of_executable("c", path, ["count", variables], 60) {
+        // Farther on, the lock has the kernel's number of its thread in a register.
+        let steps = 7;
+        compare(Program { steps, ..program });
+    }
+}
+
+#[test]
+fn points_in_python_on_the_way_back_are_those_of_a_fresh_run() {
+    compare(python());
+}
+
+#[test]
+fn points_in_other_languages_on_the_way_back_are_those_of_a_fresh_run() {
+    if !is_thorough() {
+        return;
+    }
+    let [cpp, rust] = ["c++", "rustc"].map(languages::program);
+    let memory = "x/128xg (char *)&__bss_start";
+    of_executable("cpp", cpp, ["Rover::understand", memory], 0).map(compare);
+    let beats = "print program::BEATS";
+    of_executable("rust", rust, ["program::beat", beats], 0).map(compare);
 }
 
 /// The master must send a byte every 300 ms; the program sends one every 200 ms.
