@@ -176,9 +176,12 @@ impl Passage {
         };
         match record.kind {
             Kind::Data => {
+                // The time of a record is that of its arrival. Its first chunks were complete
+                // earlier, but not before the record ahead of it.
+                let before = list.last().map_or(Instant::ZERO, |last| last.at);
                 let chunks = record.chunks(line).into_iter();
                 let arrivals = chunks.map(|(at, bytes)| Arrival {
-                    at: shift(at),
+                    at: shift(at).max(before),
                     bytes: bytes.to_vec(),
                 });
                 list.extend(arrivals.clone());

@@ -10,7 +10,7 @@
 //! if the protocol is known, by lines of text, or by bytes and silence. A reply follows its request
 //! with the captured latency. Unsolicited bytes follow their cause: the previous reply, the
 //! previous message, or the opening of the port. Messages that were repeated before any request
-//! follow their own clock.
+//! follow their own clock. A message is sent whole: another one that becomes due meanwhile waits.
 //!
 //! A program that starts later, is slower, sends requests in another order or repeats them
 //! therefore has the same conversation. A request that the capture does not contain is a
@@ -21,6 +21,7 @@
 mod cut;
 mod requests;
 mod script;
+mod unsolicited;
 
 use core::fmt;
 use core::ops::Range;
@@ -62,6 +63,9 @@ enum Source {
 struct Due {
     source: Source,
     message: usize,
+    /// Number of the message among all planned ones, and whether this is its last piece.
+    unit: u64,
+    is_last: bool,
     is_reply: bool,
     /// Whether this is a repeated reply, which counts as no progress.
     is_again: bool,
@@ -92,8 +96,11 @@ pub struct Conversation {
     /// its present repetition.
     flow: Option<(usize, usize, Instant)>,
     numbered: u64,
+    units: u64,
     /// The message that was sent last.
     saying: Option<(Source, usize)>,
+    /// The message of which some pieces were sent; no other message may begin before its end.
+    under_way: Option<u64>,
     ready: VecDeque<u8>,
     moved_at: Instant,
     said: u64,
@@ -161,7 +168,9 @@ impl Conversation {
             stream_from: Instant::ZERO,
             flow: None,
             numbered: 0,
+            units: 0,
             saying: None,
+            under_way: None,
             ready: VecDeque::new(),
             moved_at: Instant::ZERO,
             said: 0,
@@ -216,12 +225,12 @@ impl Conversation {
     /// Performs due actions.
     pub fn poll(&mut self, now: Instant) {
         self.settle(now);
-        while let Some(entry) = self.due.first_entry()
-            && entry.key().0 <= now
+        while let Some(key) = self.next_due().filter(|key| key.0 <= now)
+            && let Some(due) = self.due.remove(&key)
         {
-            let due = entry.remove();
             self.streaming -= usize::from(due.source == Source::Stream);
             self.saying = Some((due.source, due.message));
+            self.under_way = (!due.is_last).then_some(due.unit);
             self.ready.extend(due.bytes);
             if !due.is_again {
                 self.moved_at = now;
@@ -229,6 +238,14 @@ impl Conversation {
             self.go_on_streaming();
             self.go_on_flowing(due.source);
         }
+    }
+
+    /// The next piece: of the message under way, otherwise the earliest one.
+    fn next_due(&self) -> Option<(Instant, u64)> {
+        let is_own = |due: &Due| self.under_way == Some(due.unit);
+        let own = || self.due.iter().find(|(_, due)| is_own(due));
+        let next = self.under_way.and_then(|_| own());
+        next.or_else(|| self.due.iter().next()).map(|(&key, _)| key)
     }
 
     /// Continues a stream that a request has started, until the next request.
@@ -275,7 +292,7 @@ impl Conversation {
 
     /// Time of the next action.
     pub fn poll_at(&self) -> Option<Instant> {
-        let due = self.due.keys().next().map(|&(at, _)| at);
+        let due = self.next_due().map(|(at, _)| at);
         let heard = (!self.heard.is_empty()).then_some(self.heard_at);
         // The silence was examined when the last byte arrived, so the next examination can be
         // later.
@@ -406,24 +423,28 @@ impl Conversation {
         );
     }
 
+    /// Schedules `messages` after `cause`. Their order is the order of the bytes on the line: the
+    /// time of a record is that of its arrival, and records may be closer together than their bytes.
     fn plan(&mut self, source: Source, cause: Instant, messages: &[Message], is_again: bool) {
+        let mut earliest = cause;
         for (number, message) in messages.iter().enumerate() {
-            for (after, bytes) in &message.parts {
-                let lead = match self.is_on_line {
-                    true => self.script.line.bytes_time(bytes.len() as u64),
-                    false => Duration::ZERO,
-                };
+            let line = self.is_on_line.then_some(self.script.line);
+            let starts = message.starts(line);
+            self.units += 1;
+            for (index, ((_, bytes), after)) in message.parts.iter().zip(starts).enumerate() {
                 let due = Due {
                     source,
                     message: number,
+                    unit: self.units,
+                    is_last: index + 1 == message.parts.len(),
                     is_reply: message.is_reply,
                     is_again,
                     bytes: bytes.clone(),
                 };
                 self.numbered += 1;
                 self.streaming += usize::from(source == Source::Stream);
-                let at = cause + after.saturating_sub(lead);
-                self.due.insert((at, self.numbered), due);
+                earliest = earliest.max(cause + after);
+                self.due.insert((earliest, self.numbered), due);
             }
         }
     }
@@ -469,5 +490,7 @@ pub fn are_over<'a>(
     now >= end && talks.into_iter().all(is_over)
 }
 
+#[cfg(test)]
+mod order;
 #[cfg(test)]
 mod tests;

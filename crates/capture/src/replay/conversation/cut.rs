@@ -1,5 +1,8 @@
 //! Splitting of the bytes of one direction into messages: by frames, by lines of text, or by gaps.
 
+mod shape;
+
+use core::ops::Range;
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,6 +10,7 @@ use protocols::{Instant, LineConfig};
 
 use crate::divergence::Track;
 use engine::codec::{self, Codec};
+use shape::Shape;
 
 /// Minimum share of bytes in valid frames for splitting by frames, per cent.
 const FRAMED_MIN: u64 = 80;
@@ -15,6 +19,17 @@ const FRAMED_MIN: u64 = 80;
 const GAP_MIN: Duration = Duration::from_millis(3);
 /// Silence that ends an unfinished frame or line.
 const GAP_IN_MESSAGE: Duration = Duration::from_millis(50);
+
+/// Bytes of a message that arrived together.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Piece {
+    /// Time at which the last byte was complete, if the bytes had their rate.
+    pub(super) at: Instant,
+    /// Time of the record.
+    pub(super) arrived: Instant,
+    /// The bytes.
+    pub(super) bytes: Vec<u8>,
+}
 
 /// Method of splitting a direction.
 #[derive(Clone, Copy)]
@@ -56,7 +71,7 @@ impl Cut {
         track: &Track,
         line: LineConfig,
         breaks: &[Instant],
-    ) -> Vec<Vec<(Instant, Vec<u8>)>> {
+    ) -> Vec<Vec<Piece>> {
         let bytes = track.bytes();
         let mut ends = BTreeSet::from([bytes.len()]);
         match self {
@@ -75,46 +90,98 @@ impl Cut {
             }
             Self::Gaps => {}
         }
-        let least = GAP_MIN.max(line.byte_time() * 7 / 2);
+        let shape = match self {
+            Self::Gaps => Shape::of(bytes, &undisturbed(track, line, breaks)),
+            Self::Lines(_) | Self::Frames(_) => Shape::default(),
+        };
+        ends.extend(self.silences(track, line, breaks, &shape));
+        ends.remove(&0);
+        if matches!(self, Self::Gaps) {
+            shape.cut(bytes, &mut ends);
+            cut_by_form(bytes, &mut ends);
+        }
+        split(track, line, &ends)
+    }
+
+    /// The ends of messages by silence.
+    fn silences(
+        self,
+        track: &Track,
+        line: LineConfig,
+        breaks: &[Instant],
+        shape: &Shape,
+    ) -> Vec<usize> {
+        let (bytes, least) = (track.bytes(), least_gap(line));
         let (limit, limit_at_break) = match self {
             Self::Gaps => (least, Some(Duration::ZERO)),
             // A prompt has no end of line; a line in two pieces continues at once.
             Self::Lines(_) => (GAP_IN_MESSAGE, Some(least)),
             Self::Frames(_) => (GAP_IN_MESSAGE, None),
         };
+        let mut ends = Vec::new();
         let mut before: Option<(usize, Instant)> = None;
         let mut begin = 0;
         for (at, piece) in track.pieces() {
             let start = line.byte_end(at, piece.len() as u64);
             let (from, last) = before.unwrap_or((0, start));
-            let is_broken = |until: Instant| {
-                let next = breaks.partition_point(|&time| time < last);
-                breaks.get(next).is_some_and(|&time| time < until)
-            };
+            let is_broken = |until: Instant| is_between(breaks, last, until);
             let gap = start - last;
+            let message = &bytes[begin..from];
+            let is_silent = gap > limit
+                && (gap > GAP_IN_MESSAGE || !shape.goes_on(message, piece, is_broken(start)));
             let may_break = limit_at_break.is_some_and(|least| gap >= least);
+            let is_answered = || may_break && is_broken(start) && !shape.is_cut_off(message);
             // On a pseudo-terminal, bytes take no time. The other side may therefore seem to have
             // sent bytes while this piece was in flight. A piece that begins as the previous
             // message is a new one.
             let begins_again = || {
                 let head = &piece[..piece.len().min(HEAD)];
                 matches!(self, Self::Gaps)
-                    && bytes[begin..from].len() >= piece.len()
-                    && bytes[begin..from].starts_with(head)
+                    && message.len() >= piece.len()
+                    && message.starts_with(head)
                     && is_broken(at)
+                    && !shape.is_cut_off(message)
             };
-            if gap > limit || (may_break && is_broken(start)) || begins_again() {
-                ends.insert(from);
+            if from > 0 && (is_silent || is_answered() || begins_again()) {
+                ends.push(from);
                 begin = from;
             }
             before = Some((from + piece.len(), at));
         }
-        ends.remove(&0);
-        if matches!(self, Self::Gaps) {
-            cut_by_form(bytes, &mut ends);
-        }
-        split(track, line, &ends)
+        ends
     }
+}
+
+/// Minimum silence that ends a message of an unknown protocol.
+fn least_gap(line: LineConfig) -> Duration {
+    GAP_MIN.max(line.byte_time() * 7 / 2)
+}
+
+/// Whether one of `breaks` is in `from..until`.
+fn is_between(breaks: &[Instant], from: Instant, until: Instant) -> bool {
+    let next = breaks.partition_point(|&time| time < from);
+    breaks.get(next).is_some_and(|&time| time < until)
+}
+
+/// The messages between silences during which the other side sent nothing.
+fn undisturbed(track: &Track, line: LineConfig, breaks: &[Instant]) -> Vec<Range<usize>> {
+    let least = least_gap(line);
+    let mut messages: Vec<(Range<usize>, Range<Instant>)> = Vec::new();
+    let mut from = 0;
+    for (at, piece) in track.pieces() {
+        let start = line.byte_end(at, piece.len() as u64);
+        let range = from..from + piece.len();
+        from = range.end;
+        match messages.last_mut() {
+            Some((bytes, times)) if start - times.end <= least => {
+                (bytes.end, times.end) = (range.end, at);
+            }
+            _ => messages.push((range, start..at)),
+        }
+    }
+    let is_alone = |(_, times): &(_, Range<Instant>)| !is_between(breaks, times.start, times.end);
+    let alone = messages.into_iter().filter(is_alone);
+    alone.map(|(bytes, _)| bytes).collect()
 }
 
 /// Number of first bytes that are equal in messages of the same kind.
@@ -158,20 +225,27 @@ fn cut_by_form(bytes: &[u8], ends: &mut BTreeSet<usize>) {
 }
 
 /// Splits the pieces of `track` at `ends`, one message up to each of them.
-fn split(track: &Track, line: LineConfig, ends: &BTreeSet<usize>) -> Vec<Vec<(Instant, Vec<u8>)>> {
+fn split(track: &Track, line: LineConfig, ends: &BTreeSet<usize>) -> Vec<Vec<Piece>> {
     let (mut messages, mut message) = (Vec::new(), Vec::new());
     let (mut place, mut ends) = (0, ends.iter().copied().peekable());
-    for (at, piece) in track.pieces() {
+    for (arrived, piece) in track.pieces() {
         let mut rest = piece;
         while let Some(end) = ends.next_if(|&end| end <= place + rest.len()) {
             let (own, behind) = rest.split_at(end - place);
-            let own_end = line.byte_end(at, behind.len() as u64);
-            message.push((own_end, own.to_vec()));
+            message.push(Piece {
+                at: line.byte_end(arrived, behind.len() as u64),
+                arrived,
+                bytes: own.to_vec(),
+            });
             messages.push(core::mem::take(&mut message));
             (rest, place) = (behind, end);
         }
         if !rest.is_empty() {
-            message.push((at, rest.to_vec()));
+            message.push(Piece {
+                at: arrived,
+                arrived,
+                bytes: rest.to_vec(),
+            });
             place += rest.len();
         }
     }
@@ -206,8 +280,8 @@ mod tests {
         let track = track(pieces);
         let breaks: Vec<_> = breaks.iter().map(|&at| Instant::from_millis(at)).collect();
         let messages = Cut::of(track.bytes()).messages(&track, SLOW, &breaks);
-        let join = |message: &Vec<(Instant, Vec<u8>)>| {
-            let bytes = message.iter().map(|(_, bytes)| &bytes[..]);
+        let join = |message: &Vec<Piece>| {
+            let bytes = message.iter().map(|piece| &piece.bytes[..]);
             bytes.collect::<Vec<_>>().concat()
         };
         messages.iter().map(join).collect()
@@ -265,8 +339,8 @@ mod tests {
         let track = track(&pieces);
         let fast = LineConfig::new_8n1(115_200);
         let messages = Cut::Gaps.messages(&track, fast, &[]);
-        let join = |message: &Vec<(Instant, Vec<u8>)>| {
-            let bytes = message.iter().map(|(_, bytes)| &bytes[..]);
+        let join = |message: &Vec<Piece>| {
+            let bytes = message.iter().map(|piece| &piece.bytes[..]);
             bytes.collect::<Vec<_>>().concat()
         };
         assert_eq!(messages.iter().map(join).collect::<Vec<_>>(), expected);
@@ -299,7 +373,7 @@ mod tests {
     fn each_part_knows_when_its_last_byte_was_complete() {
         let track = track(&[(10, b"a\nb\n")]);
         let messages = Cut::Lines(b'\n').messages(&track, SLOW, &[]);
-        let times: Vec<_> = messages.iter().map(|one| one[0].0.as_nanos()).collect();
+        let times: Vec<_> = messages.iter().map(|one| one[0].at.as_nanos()).collect();
         assert_eq!(times, [7_916_667, 10_000_000]);
     }
 }

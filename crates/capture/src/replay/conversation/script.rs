@@ -2,11 +2,11 @@
 
 use core::ops::Range;
 use core::time::Duration;
-use std::collections::BTreeMap;
 
 use protocols::{Instant, LineConfig};
 
-use super::cut::Cut;
+use super::cut::{Cut, Piece};
+use super::unsolicited::are_unsolicited;
 use crate::divergence::Track;
 use crate::replay::Passage;
 
@@ -17,6 +17,26 @@ pub(super) struct Message {
     pub(super) parts: Vec<(Duration, Vec<u8>)>,
     /// Whether the message is the reply, or follows it at once.
     pub(super) is_reply: bool,
+}
+
+impl Message {
+    /// Times, counted from the cause, at which the pieces are handed over: with a `line`, when
+    /// their transmission begins. The line sends one byte after the other, so a piece begins early
+    /// enough for the pieces behind it.
+    pub(super) fn starts(&self, line: Option<LineConfig>) -> Vec<Duration> {
+        let Some(line) = line else {
+            return self.parts.iter().map(|&(after, _)| after).collect();
+        };
+        let mut next = Duration::MAX;
+        let mut starts = Vec::new();
+        for (after, bytes) in self.parts.iter().rev() {
+            let lead = line.bytes_time(bytes.len() as u64);
+            next = next.min(*after).saturating_sub(lead);
+            starts.push(next);
+        }
+        starts.reverse();
+        starts
+    }
 }
 
 /// A request of the program, and the bytes of the other side until the next request.
@@ -99,8 +119,6 @@ const BURST_GAP: Duration = Duration::from_millis(20);
 const BEGINS_AFTER: Duration = Duration::from_millis(100);
 /// Number of messages after a request from which on they are a stream.
 const STREAM_MIN: usize = 16;
-/// Number of messages of a kind before the first request that make the kind unsolicited.
-const FREE_MIN: usize = 3;
 
 /// Cause of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,8 +143,8 @@ impl Script {
         let mut byte = 0;
         let requests = cut.messages(&passage.sent, line, &starts).into_iter();
         let exchanges = requests.map(|parts| {
-            let at = parts.last().map_or(origin, |&(at, _)| at);
-            let request: Vec<u8> = parts.into_iter().flat_map(|(_, bytes)| bytes).collect();
+            let at = parts.last().map_or(origin, |piece| piece.at);
+            let request: Vec<u8> = parts.into_iter().flat_map(|piece| piece.bytes).collect();
             let first = byte;
             byte += request.len();
             Exchange {
@@ -171,11 +189,11 @@ impl Script {
         let cut = Cut::of(said.bytes());
         let asked: Vec<Instant> = self.exchanges.iter().map(|one| one.at).collect();
         let messages = cut.messages(said, self.line, &asked);
-        let first_request = self.exchanges.first().map(|one| one.at);
-        let free = kinds_of_its_own(cut, &messages, first_request);
-        let begins_with_it = messages.first().is_some_and(|one| one[0].0 == opened[0]);
-        for parts in messages {
-            let at = parts[0].0;
+        let free = are_unsolicited(cut, &messages, &asked);
+        let begins_with_it = messages.first().is_some_and(|one| one[0].at == opened[0]);
+        for (parts, is_free) in messages.into_iter().zip(free) {
+            // The record counts: on a pseudo-terminal, bytes take no time.
+            let at = parts[0].arrived;
             let opening = opened.partition_point(|&time| time <= at).max(1) - 1;
             let asked = self.exchanges.partition_point(|one| one.at <= at);
             let (cause, since) = match asked.checked_sub(1) {
@@ -184,14 +202,13 @@ impl Script {
                 }
                 _ => (Cause::Opening(opening), opened[opening]),
             };
-            let is_free = free.contains(&kind(cut, &parts));
             let since = if is_free { opened[0] } else { since };
             let is_asked = matches!(cause, Cause::Request(_)) && !is_free;
             let delay = match begins_with_it && !is_asked {
                 true => BEGINS_AFTER,
                 false => Duration::ZERO,
             };
-            let timed = |(at, bytes): (Instant, Vec<u8>)| (at - since + delay, bytes);
+            let timed = |piece: Piece| (piece.at - since + delay, piece.bytes);
             let message = Message {
                 parts: parts.into_iter().map(timed).collect(),
                 is_reply: false,
@@ -225,38 +242,5 @@ fn mark_replies(answers: &mut [Message], line: LineConfig) {
             break;
         }
         end = Some(*last);
-    }
-}
-
-/// Kinds of unsolicited messages: those that are repeated and occurred before the first request.
-fn kinds_of_its_own(
-    cut: Cut,
-    messages: &[Vec<(Instant, Vec<u8>)>],
-    first_request: Option<Instant>,
-) -> Vec<Vec<u8>> {
-    let Some(first_request) = first_request else {
-        return Vec::new();
-    };
-    let mut counts: BTreeMap<Vec<u8>, [usize; 2]> = BTreeMap::new();
-    for parts in messages {
-        let count = counts.entry(kind(cut, parts)).or_default();
-        count[0] += 1;
-        count[1] += usize::from(parts[0].0 < first_request);
-    }
-    let is_free = |[all, before]: [usize; 2]| before > 1 || (before == 1 && all > FREE_MIN);
-    let kinds = counts.into_iter().filter(|&(_, counts)| is_free(counts));
-    kinds.map(|(kind, _)| kind).collect()
-}
-
-/// Common part of all messages of a kind: the first word of a line, or the first bytes.
-fn kind(cut: Cut, parts: &[(Instant, Vec<u8>)]) -> Vec<u8> {
-    let bytes: Vec<u8> = parts.iter().flat_map(|(_, bytes)| bytes).copied().collect();
-    match cut {
-        Cut::Frames(codec) => (codec.answers().kind)(&bytes).to_vec(),
-        Cut::Lines(_) => {
-            let is_word = |byte: &&u8| byte.is_ascii_alphabetic() || **byte == b'$';
-            bytes.iter().take_while(is_word).copied().collect()
-        }
-        Cut::Gaps => bytes.iter().take(2).copied().collect(),
     }
 }

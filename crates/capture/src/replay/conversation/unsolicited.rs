@@ -1,0 +1,125 @@
+//! Distinction of unsolicited messages from answers.
+
+use core::time::Duration;
+use std::collections::BTreeMap;
+
+use protocols::Instant;
+
+use super::cut::{Cut, Piece};
+use engine::codec::What;
+use engine::rig::line::Direction;
+
+/// Number of messages of a kind before the first request that make the kind unsolicited.
+const FREE_MIN: usize = 3;
+/// Maximum number of first bytes that distinguish unsolicited messages from answers.
+const HEAD_MAX: usize = 4;
+/// An additional message in a period is an answer; the period may differ by one part in this many.
+const PERIOD_PARTS: u32 = 4;
+
+/// For each of `messages`, whether it is unsolicited. Their kinds are those that are repeated and
+/// occurred before the first of `requests`. A message of such a kind is an answer if it follows a
+/// request and comes in addition to those of the period.
+pub(super) fn are_unsolicited(
+    cut: Cut,
+    messages: &[Vec<Piece>],
+    requests: &[Instant],
+) -> Vec<bool> {
+    let Some(&first_request) = requests.first() else {
+        return vec![false; messages.len()];
+    };
+    let mut kinds: BTreeMap<Vec<u8>, Vec<usize>> = BTreeMap::new();
+    for (index, message) in messages.iter().enumerate() {
+        kinds.entry(kind(cut, message)).or_default().push(index);
+    }
+    let mut free = vec![false; messages.len()];
+    for of_kind in kinds.into_values() {
+        let is_early = |index: &&usize| messages[**index][0].arrived < first_request;
+        let early: Vec<usize> = of_kind.iter().filter(is_early).copied().collect();
+        if early.len() < 2 && (early.is_empty() || of_kind.len() <= FREE_MIN) {
+            continue;
+        }
+        let head = match cut {
+            Cut::Lines(_) => Vec::new(),
+            Cut::Frames(_) | Cut::Gaps => common_head(messages, &early),
+        };
+        let begins = |index: &usize| bytes_of(&messages[*index]).starts_with(&head);
+        let of_kind: Vec<usize> = of_kind.into_iter().filter(begins).collect();
+        let times: Vec<Instant> = of_kind.iter().map(|&index| messages[index][0].at).collect();
+        for (index, is_answer) in of_kind.into_iter().zip(additional(&times, requests)) {
+            free[index] = !is_answer;
+        }
+    }
+    free
+}
+
+fn bytes_of(message: &[Piece]) -> Vec<u8> {
+    message
+        .iter()
+        .flat_map(|piece| &piece.bytes)
+        .copied()
+        .collect()
+}
+
+/// The first bytes that these messages have in common, at most [`HEAD_MAX`]; empty for one message.
+fn common_head(messages: &[Vec<Piece>], indices: &[usize]) -> Vec<u8> {
+    let [first, rest @ ..] = indices else {
+        return Vec::new();
+    };
+    if rest.is_empty() {
+        return Vec::new();
+    }
+    let mut head = bytes_of(&messages[*first]);
+    head.truncate(HEAD_MAX);
+    for &index in rest {
+        let other = bytes_of(&messages[index]);
+        let same = head
+            .iter()
+            .zip(&other)
+            .take_while(|(one, other)| one == other);
+        head.truncate(same.count());
+    }
+    head
+}
+
+/// For each of the `times` of periodic messages, whether the message is one more than the period
+/// has, and follows a request.
+fn additional(times: &[Instant], requests: &[Instant]) -> Vec<bool> {
+    let mut gaps: Vec<Duration> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    gaps.sort_unstable();
+    let mut extra = vec![false; times.len()];
+    let Some(&period) = gaps.get(gaps.len() / 2) else {
+        return extra;
+    };
+    for index in 1..times.len().saturating_sub(1) {
+        let (before, at, behind) = (times[index - 1], times[index], times[index + 1]);
+        let asked = requests.partition_point(|&time| time <= at).checked_sub(1);
+        let is_asked = asked.is_some_and(|asked| requests[asked] > before);
+        let around = behind - before;
+        let is_period = around.abs_diff(period) <= period / PERIOD_PARTS;
+        extra[index] = is_asked && is_period && !extra[index - 1];
+    }
+    extra
+}
+
+/// Common part of all messages of a kind: the name of a described message, the first word of a
+/// line, or the first bytes.
+fn kind(cut: Cut, message: &[Piece]) -> Vec<u8> {
+    let bytes = bytes_of(message);
+    match cut {
+        Cut::Frames(codec) if codec.is_own() => {
+            let found = codec.found_towards(&bytes, Direction::ToMaster);
+            let words = found.into_iter().find_map(|stretch| match stretch.what {
+                What::Frame(words) => Some(words),
+                What::Bad(_) => None,
+            });
+            let name = words.as_deref().and_then(|words| words.split(':').next());
+            name.unwrap_or_default().as_bytes().to_vec()
+        }
+        Cut::Frames(codec) => (codec.answers().kind)(&bytes).to_vec(),
+        Cut::Lines(_) => {
+            let is_word = |byte: &&u8| byte.is_ascii_alphabetic() || **byte == b'$';
+            bytes.iter().take_while(is_word).copied().collect()
+        }
+        Cut::Gaps => bytes.iter().take(2).copied().collect(),
+    }
+}
