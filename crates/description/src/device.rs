@@ -9,7 +9,7 @@ use core::time::Duration;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use emulators::device::{BrokenRules, Device, Event, EventKind, earliest, take};
+use emulators::device::{BrokenRules, Device, Event, EventKind, take};
 use emulators::event_log::EventLog;
 use emulators::rng::Rng;
 use emulators::world::World;
@@ -195,9 +195,10 @@ impl Described {
                 .log
                 .repeated(due, EventKind::Violation, "queue-full", detail);
         }
-        let behind = self.pending.iter().position(|(other, _)| *other > due);
-        self.pending
-            .insert(behind.unwrap_or(self.pending.len()), (due, frame));
+        match self.pending.iter().position(|(other, _)| *other > due) {
+            Some(behind) => self.pending.insert(behind, (due, frame)),
+            None => self.pending.push_back((due, frame)),
+        }
     }
 
     /// Moves due frames to the transmitter.
@@ -226,9 +227,12 @@ impl Described {
     fn acts_at(&self) -> Option<Instant> {
         let due = self.pending.front().map(|(due, _)| *due);
         let event = self.events.front().map(|(at, _)| *at);
-        let all = [due, event, self.watchdog_at, self.boot_until];
-        let timers = self.timers.iter().map(|timer| Some(timer.at));
-        earliest(all.into_iter().chain(timers))
+        let first = sooner(
+            sooner(due, event),
+            sooner(self.watchdog_at, self.boot_until),
+        );
+        let timers = self.timers.iter();
+        timers.fold(first, |first, timer| sooner(first, Some(timer.at)))
     }
 
     /// Whether a poll at `now` changes nothing but the transmitter.
@@ -245,6 +249,14 @@ impl Described {
 
     fn is_modbus(&self) -> bool {
         self.description.protocol.is_some()
+    }
+}
+
+/// The earlier one of two times. A device is asked for its next time several times for each request.
+fn sooner(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
+    match (one, other) {
+        (Some(one), Some(other)) => Some(one.min(other)),
+        (one, other) => one.or(other),
     }
 }
 
@@ -318,7 +330,8 @@ impl Device for Described {
             return self.log.poll_at();
         }
         let inbox = self.inbox.front().map(|(at, _)| *at);
-        earliest([self.acts_at(), inbox, self.quiet_at, self.log.poll_at()])
+        let own = sooner(self.acts_at(), sooner(inbox, self.quiet_at));
+        sooner(own, self.log.poll_at())
     }
 
     fn line_config(&self, _: Port) -> LineConfig {

@@ -268,9 +268,8 @@ struct Named {
 impl Named {
     fn collect(&mut self, fields: &[Field]) {
         for field in fields {
+            // A field that is counted stands behind the one that counts it.
             self.all.push(field.name.to_string());
-            self.read
-                .extend(field.counts.iter().map(ToString::to_string));
             let on = match &field.kind {
                 Kind::Switch { on, .. } => Some(on),
                 _ => None,

@@ -1,5 +1,7 @@
 //! Tables of registers: values at addresses, also read and written in parts.
 
+use core::borrow::Borrow;
+
 use crate::field::put_number;
 use crate::number::Number;
 use crate::value::Value;
@@ -167,7 +169,12 @@ impl Table {
     }
 
     /// The bytes of `count` addresses from `at` on.
-    pub(crate) fn read(&self, at: u32, count: u32, values: Values<'_>) -> Result<Vec<u8>, Refusal> {
+    pub(crate) fn read<V: Borrow<Value>>(
+        &self,
+        at: u32,
+        count: u32,
+        values: &dyn Fn(usize) -> V,
+    ) -> Result<Vec<u8>, Refusal> {
         let mut out = Vec::with_capacity(count as usize * self.unit);
         let end = u64::from(at) + u64::from(count);
         let mut place = at;
@@ -190,7 +197,7 @@ impl Table {
                 continue;
             };
             let start = out.len();
-            cell.put(&values(cell.variable), &mut out);
+            cell.put(values(cell.variable).borrow(), &mut out);
             // Of a register that is read in part, only the requested bytes are returned.
             let first = (place - cell.at) as usize * self.unit;
             if first > 0 {

@@ -38,7 +38,9 @@ impl Record {
         if let Some((_, value)) = self.0.iter().find(|(key, _)| is_same(key, name)) {
             return Some(value);
         }
-        if self.0.is_empty() || !name.as_bytes().contains(&b'.') {
+        // Only a group has an inner name.
+        let is_group = |(_, value): &(_, Value)| matches!(value, Value::Record(_));
+        if !self.0.iter().any(is_group) {
             return None;
         }
         let (outer, inner) = name.split_once('.')?;

@@ -29,8 +29,8 @@ impl Doer<'_> {
     /// for one delivery of all bytes and for one of each byte.
     fn chunk(&mut self, at: Instant, bytes: &[u8]) {
         let line = self.device.description.line;
-        self.catch_up(byte_end(at, line, 0, bytes.len()));
-        if self.is_free(at, bytes.len()) {
+        let next = self.catch_up(byte_end(at, line, 0, bytes.len()));
+        if next.is_none_or(|next| next >= at) && self.is_free(at, bytes.len()) {
             if self.device.is_silence_framed {
                 self.device.heard(at);
                 return self.device.hear_silently(bytes);
@@ -51,18 +51,21 @@ impl Doer<'_> {
         }
     }
 
-    /// Does everything that is due before `end`, at its time.
-    fn catch_up(&mut self, end: Instant) {
-        while let Some(due) = self.device.acts_at().filter(|due| *due < end) {
-            self.act(due);
+    /// Does everything that is due before `end`, at its time; returns the time of the next action.
+    fn catch_up(&mut self, end: Instant) -> Option<Instant> {
+        loop {
+            match self.device.acts_at() {
+                Some(due) if due < end => self.act(due),
+                next => return next,
+            }
         }
     }
 
-    /// Whether the device hears all of `count` bytes that end at `at`: it hears none while it
-    /// starts, and on a half-duplex line none while it sends.
+    /// Whether the device hears all of `count` bytes that end at `at`, before which no action is
+    /// due: it hears none while it starts, and on a half-duplex line none while it sends.
     fn is_free(&self, at: Instant, count: usize) -> bool {
         let device = &*self.device;
-        if device.boot_until.is_some() || device.acts_at().is_some_and(|due| due < at) {
+        if device.boot_until.is_some() {
             return false;
         }
         if !device.description.is_half_duplex {

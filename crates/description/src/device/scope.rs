@@ -43,7 +43,7 @@ impl Scope for Seen<'_> {
         let registers = self.device.description.registers.as_ref()?;
         let (at, count) = (u32::try_from(address).ok()?, u32::try_from(count).ok()?);
         let Reading { state, now, world } = self.reading;
-        let values = |index: usize| state.read(index, now, world);
+        let values = |index: usize| state.look(index, now, world);
         registers.bytes.read(at, count.min(4_096), &values).ok()
     }
 }

@@ -7,7 +7,7 @@ use super::{Field, Kind, Nested, Size};
 use crate::expr::Scope;
 use crate::framing::hex_text;
 use crate::number::{Number, NumberKind};
-use crate::value::{Record, Value};
+use crate::value::{Record, Value, is_same};
 
 /// The bytes of fields, and the values that did not fit.
 #[derive(Debug, Default)]
@@ -166,7 +166,7 @@ impl Encoding {
             }));
         }
         if let Some(counted) = &field.counts
-            && let Some(of) = fields.iter().find(|other| other.name == *counted)
+            && let Some(of) = fields.iter().find(|other| is_same(&other.name, counted))
         {
             let value = self.value_of(of, fields, scope);
             let len = i128::try_from(length_of(&value)).unwrap_or(0);
@@ -280,14 +280,22 @@ impl Encoding {
     }
 
     fn put_bits(&mut self, field: &Field, raw: &Value, count: u8, is_low_first: bool) {
-        let wanted = raw.as_int().unwrap_or(0);
-        let most = (1_i128 << count) - 1;
-        let int = wanted.clamp(0, most);
-        if int != wanted {
-            self.cut.push((field.name.to_string(), raw.clone()));
-        }
         self.is_low_first = is_low_first;
-        let bits = u64::try_from(int).unwrap_or(0);
+        let bits = match raw {
+            Value::Int(int) => u64::try_from(*int).ok(),
+            _ => None,
+        };
+        let bits = bits.filter(|bits| bits.checked_shr(count.into()).unwrap_or(0) == 0);
+        // Most values fit.
+        let bits = bits.unwrap_or_else(|| {
+            let wanted = raw.as_int().unwrap_or(0);
+            let most = (1_i128 << count) - 1;
+            let int = wanted.clamp(0, most);
+            if int != wanted {
+                self.cut.push((field.name.to_string(), raw.clone()));
+            }
+            u64::try_from(int).unwrap_or(0)
+        });
         let mut place = 0;
         while place < count {
             let len = (count - place).min(8 - self.bit_count);
