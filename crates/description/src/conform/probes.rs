@@ -330,34 +330,49 @@ fn value_of(cell: &Cell, share: f64) -> Value {
     }
 }
 
-/// Frames that a correct driver never sends.
+/// Frames that a correct driver never sends, each before a request. Without the option for writes
+/// they are left out if a device could take a part of them, with the request behind it, for a
+/// request with an effect.
 fn damaged(of: &Description, probes: &mut Vec<Probe>) {
-    let sound = probes
-        .iter()
-        .find(|probe| probe.listen.is_none() && !probe.changes);
-    let Some(sound) = sound.map(|probe| probe.bytes.clone()) else {
+    let is_plain = |probe: &&Probe| probe.listen.is_none() && !probe.changes;
+    let plain = || probes.iter().filter(is_plain);
+    let is_harmless = |request: &[u8]| {
+        let damages = damages(of, request);
+        damages
+            .iter()
+            .all(|(_, bytes)| of.is_harmless_before(bytes, request))
+    };
+    // Not every request has bytes that are harmless in part.
+    let harmless = plain().find(|probe| is_harmless(&probe.bytes));
+    let Some(sound) = harmless.or_else(|| plain().next()).cloned() else {
         return;
     };
-    let probe = |place: &str, bytes: Vec<u8>| Probe {
-        place: place.to_owned(),
-        bytes,
-        ..Probe::unasked()
-    };
-    let mut spoiled = sound.clone();
-    of.frames.spoil(0, &mut spoiled);
-    if spoiled != sound {
-        probes.push(probe("a frame with a wrong checksum", spoiled));
-    }
-    if sound.len() > 2 {
-        probes.push(probe("half a frame", sound[..sound.len() / 2].to_vec()));
+    for (place, bytes) in damages(of, &sound.bytes) {
+        let changes = !of.is_harmless_before(&bytes, &sound.bytes);
+        probes.push(Probe {
+            place: place.to_owned(),
+            bytes,
+            changes,
+            ..Probe::unasked()
+        });
     }
     // The device must still answer afterwards.
     probes.push(Probe {
         place: "a request after a damaged frame".to_owned(),
-        asks: probes
-            .iter()
-            .find(|probe| probe.bytes == sound)
-            .and_then(|probe| probe.asks.clone()),
-        ..probe("", sound)
+        ..sound.strange()
     });
+}
+
+/// A request with a wrong checksum, and a part of it.
+fn damages(of: &Description, request: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
+    let mut spoiled = request.to_vec();
+    of.frames.spoil(0, &mut spoiled);
+    let mut all = Vec::new();
+    if spoiled != request {
+        all.push(("a frame with a wrong checksum", spoiled));
+    }
+    if request.len() > 2 {
+        all.push(("half a frame", request[..request.len() / 2].to_vec()));
+    }
+    all
 }
