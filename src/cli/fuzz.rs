@@ -302,6 +302,11 @@ fn plan(args: &FuzzArgs) -> Result<FuzzPlan, CliError> {
     let described = described
         .transpose()?
         .map(|description| format!("{description:?}"));
+    // A search at a port is one of its own.
+    let described = described.map(|text| match args.device.port.is_some() {
+        true => text + &args.device.plan(),
+        false => text,
+    });
     let scenario = match (scenario, described) {
         (scenario, None) => scenario,
         (None, described) => described,

@@ -1,5 +1,7 @@
 //! A port as the other end of a line.
 
+use core::time::Duration;
+
 use protocols::{Instant, LineConfig};
 
 use description::peer::Peer;
@@ -26,7 +28,14 @@ impl PortPeer {
     }
 }
 
+/// Longest pause within a frame that a busy computer or an adapter causes.
+const LATENESS: Duration = Duration::from_secs(1);
+
 impl Peer for PortPeer {
+    fn lateness(&self) -> Duration {
+        LATENESS
+    }
+
     fn now(&self) -> Instant {
         self.clock.now()
     }

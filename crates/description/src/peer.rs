@@ -31,6 +31,12 @@ pub trait Peer {
     /// # Errors
     /// If the port is gone.
     fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String>;
+
+    /// Time by which bytes may arrive later than they were sent. A busy computer, or the driver of
+    /// an adapter, delivers a frame in pieces with pauses between them.
+    fn lateness(&self) -> Duration {
+        Duration::ZERO
+    }
 }
 
 impl<P: Peer + ?Sized> Peer for &mut P {
@@ -44,6 +50,10 @@ impl<P: Peer + ?Sized> Peer for &mut P {
 
     fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String> {
         (**self).hear(until)
+    }
+
+    fn lateness(&self) -> Duration {
+        (**self).lateness()
     }
 }
 
@@ -167,6 +177,8 @@ impl Peer for Emulated {
 
 /// Extra time for the end of a frame that began before the timeout.
 const LATE_MAX: Duration = Duration::from_secs(3);
+/// Share of the lateness of a port that is no pause yet, for frames that only a silence ends.
+const OPEN_SHARE: u32 = 10;
 /// Maximum number of bytes of an exchange: a program that writes without a pause does not hold it.
 const HEARD_MAX: usize = 1 << 20;
 
@@ -235,7 +247,7 @@ impl<'a> Speaker<'a> {
             bytes => peer.send(bytes)?,
         };
         let until = sent + time;
-        let idle = self.description.idle();
+        let idle = self.idle(peer);
         let mut began = None;
         let stop_at = until + LATE_MAX;
         let mut room = HEARD_MAX;
@@ -276,6 +288,17 @@ impl<'a> Speaker<'a> {
                 return Ok(heard);
             }
         }
+    }
+
+    /// Pause that ends a partial frame. Only a frame that ends with a silence needs a short one.
+    fn idle(&self, peer: &dyn Peer) -> Duration {
+        let late = peer.lateness();
+        let is_open = self
+            .description
+            .frames_of(From::Device)
+            .ends_with_unknown_silence();
+        let late = if is_open { late / OPEN_SHARE } else { late };
+        self.description.idle().max(late)
     }
 
     /// Lets time pass and receives bytes.

@@ -13,15 +13,16 @@ use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict, described, out, progress};
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::scenario::{Scenario, Source};
-use crate::search::fuzz::Subject;
+use crate::search::StoreError;
 use crate::search::fuzz::dut::device::{DescribedDevice, PortFuzz, PortFuzzed, PortPlan, PortStep};
+use crate::search::fuzz::{Folder, Subject};
 
 /// A described device under test.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "A described device")]
 pub(super) struct DeviceArgs {
     /// Fuzz the real device at this serial port with the requests of --description; without
-    /// --writes no input that may change its state is sent. An earlier search is not continued
+    /// --writes no input that may change its state is sent
     #[arg(long, value_name = "PORT", requires = "description",
         conflicts_with_all = ["exec", "dut_dir", "targets", "scenario", "corpus", "jobs"])]
     pub(super) port: Option<std::path::PathBuf>,
@@ -35,6 +36,17 @@ pub(super) struct DeviceArgs {
     #[arg(long, value_name = "N", requires = "description",
         conflicts_with_all = ["exec", "dut_dir"])]
     address: Option<u32>,
+}
+
+impl DeviceArgs {
+    /// The options that distinguish searches at a port.
+    pub(super) fn plan(&self) -> String {
+        let address = self
+            .address
+            .map_or_else(String::new, |at| format!(", address {at}"));
+        let writes = if self.writes { ", with writes" } else { "" };
+        format!("\n# at a port{address}{writes}\n")
+    }
 }
 
 /// Extra time for a reply at a port.
@@ -121,21 +133,57 @@ pub(super) fn at_port(args: &FuzzArgs) -> Result<Verdict, CliError> {
     let name = args.exec.description.as_deref().unwrap_or_default();
     let description = described::load_at(name, args.device.address)?;
     let path = args.device.port.as_deref().unwrap_or_else(|| Path::new(""));
+    // A folder of another search is reported before anything is sent.
+    let mut folder = match args.repeat {
+        Some(_) => None,
+        None => Some(Folder::create(&args.out, super::plan(args)?)?),
+    };
+    let target = description.name();
+    let (done, known) = folder
+        .as_ref()
+        .map_or_else(Default::default, |folder| folder.progress(target));
     let mut peer = PortPeer::open(path, description.line())?;
     let plan = PortPlan {
         writes: args.device.writes,
         seed: args.seed,
         gap: Duration::from_secs_f64(1.0 / args.device.rate),
         slack: SLACK,
+        done,
+        known: known.clone(),
     };
     let port = PortFuzz::new(&description, &mut peer, plan).map_err(CliError::Usage)?;
     let Some(mut port) = port else {
         println!("nothing was fuzzed: the device answers no described request without an effect");
-        return ended(args, description.name(), &PortFuzzed::default(), false);
+        let fuzzed = PortFuzzed {
+            inputs: done,
+            causes: known,
+            ..PortFuzzed::default()
+        };
+        return ended(args, target, &fuzzed, false);
     };
     if let Some(file) = &args.repeat {
         return repeat(file, &mut port);
     }
+    if done > 0 {
+        println!("continues after {done} inputs in {}", args.out.display());
+    }
+    let mut save = |fuzzed: &PortFuzzed| match &mut folder {
+        Some(folder) => folder.save(target, fuzzed.inputs, &fuzzed.causes),
+        None => Ok(()),
+    };
+    let is_alive = search(args, &mut port, &mut save)?;
+    let fuzzed = port.fuzzed().clone();
+    save(&fuzzed)?;
+    // The first requests of a run were answered in any case.
+    let is_observed = fuzzed.answered > 0 || fuzzed.inputs == done;
+    ended(args, target, &fuzzed, is_alive && is_observed)
+}
+
+/// Stores the counts of a search.
+type Save<'a> = &'a mut dyn FnMut(&PortFuzzed) -> Result<(), StoreError>;
+
+/// Sends inputs until time or number is reached; `false` if the device answers no more.
+fn search(args: &FuzzArgs, port: &mut PortFuzz<'_>, save: Save<'_>) -> Result<bool, CliError> {
     let time = args.time.map(|time| time.0);
     let stop = Stop::new(time.or_else(|| args.cases.is_none().then_some(TIME)))?;
     let (clock, mut said) = (WallClock::start(), Instant::ZERO);
@@ -150,6 +198,7 @@ pub(super) fn at_port(args: &FuzzArgs) -> Result<Verdict, CliError> {
                 println!("{}: {detail}", fault.cause);
                 let command = command(args, None);
                 println!("  repeat with: {command} --repeat {}", quoted(&dir));
+                save(port.fuzzed())?;
             }
             PortStep::Silent => {
                 is_alive = false;
@@ -161,18 +210,15 @@ pub(super) fn at_port(args: &FuzzArgs) -> Result<Verdict, CliError> {
             }
         }
         let now = clock.now();
-        if now - said >= PROGRESS && progress::is_watched() {
+        if now - said >= PROGRESS {
             said = now;
-            eprintln!("  {}", in_words(port.fuzzed()));
+            save(port.fuzzed())?;
+            if progress::is_watched() {
+                eprintln!("  {}", in_words(port.fuzzed()));
+            }
         }
     }
-    let fuzzed = port.fuzzed().clone();
-    ended(
-        args,
-        description.name(),
-        &fuzzed,
-        is_alive && fuzzed.answered > 0,
-    )
+    Ok(is_alive)
 }
 
 fn in_words(fuzzed: &PortFuzzed) -> String {

@@ -144,6 +144,12 @@ impl Frames {
             .any(|(_, framing)| matches!(framing.cut, Cut::Silence { .. }))
     }
 
+    /// Whether only a silence shows the end of some frames.
+    pub(crate) fn ends_with_unknown_silence(&self) -> bool {
+        self.used()
+            .any(|(_, framing)| matches!(framing.cut, Cut::Silence { lengths: None }))
+    }
+
     /// Decodes all of `bytes`, which a silence ended, as one frame.
     pub(crate) fn whole(&self, bytes: &[u8]) -> Result<Frame, FrameError> {
         let cut_off = FrameError::Truncated {
@@ -217,8 +223,17 @@ impl Framing {
     #[inline]
     fn sound(&self, bytes: &[u8]) -> Option<Candidate> {
         let plain = self.plain.as_deref()?;
-        let mut begin = bytes.iter().zip(&self.sync);
-        begin.all(|(found, sync)| found == sync).then_some(())?;
+        let is_begun = match self.sync[..] {
+            [] => true,
+            [one] => bytes.first() == Some(&one),
+            _ => {
+                let mut begin = bytes.iter().zip(&self.sync);
+                begin.all(|(found, sync)| found == sync)
+            }
+        };
+        if !is_begun {
+            return None;
+        }
         let size = match &self.cut {
             Cut::Fixed(size) => *size,
             Cut::Table { at, sizes } => sizes[usize::from(*bytes.get(*at)?)].into(),

@@ -85,8 +85,7 @@ impl Folder {
             let state: State = serde_json::from_str(&text)
                 .map_err(|error| wrong(format!("{error}, expected the state of a fuzzer")))?;
             if state.plan != plan {
-                let expected =
-                    "the same --seed, --scenario, --vary, --profile, --defect and version";
+                let expected = "the same --seed, --scenario, --description, --vary, --profile, --defect and version";
                 let message = format!("is of another run, expected {expected}, or another --out");
                 return Err(wrong(message));
             }

@@ -13,8 +13,8 @@ use super::super::super::subject::Violation;
 use super::inputs::{Input, Inputs};
 use super::{Bench, SEED, answers_again, holds_frame, is_damage, parse, to_text};
 
-/// The limits of a search at a port.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The limits of a search at a port, and the results of earlier runs of it.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PortPlan {
     /// Whether inputs may change the device's state.
     pub writes: bool,
@@ -24,12 +24,16 @@ pub struct PortPlan {
     pub gap: Duration,
     /// Extra time for each reply.
     pub slack: Duration,
+    /// Number of inputs of earlier runs.
+    pub done: u64,
+    /// Causes of earlier runs, with the numbers of their occurrences.
+    pub known: BTreeMap<String, u64>,
 }
 
 /// The counts of a search at a port.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PortFuzzed {
-    /// Inputs that were sent.
+    /// Inputs that were sent, also in earlier runs.
     pub inputs: u64,
     /// Inputs that were left out because they may change the device's state.
     pub left_out: u64,
@@ -39,7 +43,7 @@ pub struct PortFuzzed {
     pub answered: u64,
     /// Differences that a second try did not show.
     pub doubtful: u64,
-    /// Number of occurrences of each cause.
+    /// Number of occurrences of each cause, also in earlier runs.
     pub causes: BTreeMap<String, u64>,
 }
 
@@ -60,8 +64,15 @@ pub enum PortStep {
 const ASKED_MAX: usize = 50;
 /// Maximum number of inputs that are drawn for one that may be sent.
 const DRAWN_MAX: u32 = 2_000;
-/// Time for which expected replies may be late.
-const LATE_MAX: Duration = Duration::from_secs(1);
+/// Times for which expected replies may be late, one for each try of an input. On a busy computer
+/// the program at a pseudo-terminal, or the driver of an adapter, can stand for seconds.
+const LATE: [Duration; 3] = [
+    Duration::from_secs(1),
+    Duration::from_secs(3),
+    Duration::from_secs(9),
+];
+/// Number of the first requests whose replies may be late.
+const PATIENT: usize = 5;
 /// Time within which a device may start again after an input.
 const REVIVAL: Duration = Duration::from_secs(5);
 
@@ -119,9 +130,16 @@ impl<'a> PortFuzz<'a> {
         device.gap = plan.gap;
         let mut twin = Bench::new(description, conform::emulated(description, SEED))?;
         let (mut plain, mut first) = (None, Vec::new());
-        for ask in asks.into_iter().take(ASKED_MAX) {
+        for (number, ask) in asks.into_iter().take(ASKED_MAX).enumerate() {
             let input = Input::request(ask.bytes);
-            let heard = [device.say(&input.pieces)?, twin.say(&input.pieces)?];
+            let expected = twin.say(&input.pieces)?;
+            let late = match number < PATIENT {
+                true => LATE[0],
+                false => device.time,
+            };
+            let count = description.reply_kinds(&expected).len();
+            let heard = device.ask(description, &input.bytes(), (count, late))?;
+            let heard = [heard, expected];
             let [mut kinds, mut described] = heard.map(|heard| description.reply_kinds(&heard));
             kinds.sort();
             described.sort();
@@ -144,9 +162,18 @@ impl<'a> PortFuzz<'a> {
                 break;
             }
         }
+        // A later run sends other inputs than the earlier ones.
+        let inputs_of_run = match plan.done {
+            0 => "port.inputs".to_owned(),
+            done => format!("port.inputs.{done}"),
+        };
         Ok(plain.map(|plain| Self {
-            rng: Rng::stream(plan.seed, "port.inputs"),
-            fuzzed: PortFuzzed::default(),
+            rng: Rng::stream(plan.seed, &inputs_of_run),
+            fuzzed: PortFuzzed {
+                inputs: plan.done,
+                causes: plan.known.clone(),
+                ..PortFuzzed::default()
+            },
             is_unchanged: true,
             is_silent: false,
             description,
@@ -177,19 +204,7 @@ impl<'a> PortFuzz<'a> {
             return Ok(PortStep::Nothing);
         };
         self.is_unchanged &= self.description.is_harmless(&input.bytes());
-        let judged = match self.judge(&input)? {
-            Err(first) => {
-                self.settle()?;
-                match self.judge(&input)? {
-                    Err(again) if again.cause == first.cause => Err(again),
-                    _ => {
-                        self.fuzzed.doubtful += 1;
-                        Ok(())
-                    }
-                }
-            }
-            sound => sound,
-        };
+        let judged = self.confirmed(&input)?;
         self.settle()?;
         let again = self.answers_again();
         if again.is_err() {
@@ -228,12 +243,48 @@ impl<'a> PortFuzz<'a> {
         Ok(())
     }
 
-    fn answers_again(&mut self) -> Result<(), Violation> {
-        let Plain { request, kinds, .. } = &self.plain;
-        answers_again(self.description, &mut self.device, request, kinds)
+    /// Judges an input, up to three times. Only a difference that each try shows is one.
+    fn confirmed(&mut self, input: &Input) -> Result<Result<(), Violation>, String> {
+        let mut first: Option<Violation> = None;
+        for late in LATE {
+            match (self.judge(input, late)?, &first) {
+                (Ok(()), None) => return Ok(Ok(())),
+                (Err(fault), None) => first = Some(fault),
+                (Err(fault), Some(first)) if fault.cause == first.cause => {}
+                _ => {
+                    self.fuzzed.doubtful += 1;
+                    return Ok(Ok(()));
+                }
+            }
+            // A reply that comes still later must not count for the next try.
+            self.device.wait(late)?;
+            self.settle()?;
+        }
+        Ok(first.map_or(Ok(()), Err))
     }
 
-    /// Sends the inputs in `text` once and judges the replies.
+    /// One of three requests is answered as usual.
+    fn answers_again(&mut self) -> Result<(), Violation> {
+        let Plain { request, kinds, .. } = &self.plain;
+        let broken = |error: String| Violation::new("device-works", error);
+        for late in LATE {
+            let of = self.description;
+            let heard = self.device.ask(of, request, (kinds.len(), late));
+            let found = self.description.reply_kinds(&heard.map_err(broken)?);
+            if kinds.iter().all(|kind| found.contains(kind)) {
+                return Ok(());
+            }
+            self.device.wait(late).map_err(broken)?;
+        }
+        let detail = format!(
+            "it does not answer {} requests {request:02X?} with {}",
+            LATE.len(),
+            kinds.join(", ")
+        );
+        Err(Violation::new("answers-again", detail))
+    }
+
+    /// Sends the inputs in `text` and judges the replies.
     ///
     /// # Errors
     /// If the port is gone, or the text is wrong.
@@ -244,7 +295,7 @@ impl<'a> PortFuzz<'a> {
                 return Err("the input may change the device's state: expected --writes".to_owned());
             }
             self.is_unchanged &= self.description.is_harmless(&bytes);
-            if let Err(fault) = self.judge(&input)? {
+            if let Err(fault) = self.confirmed(&input)? {
                 return Ok(Err(fault));
             }
             self.settle()?;
@@ -282,13 +333,14 @@ impl<'a> PortFuzz<'a> {
     }
 
     /// Sends an input to the device and to the emulated one, and compares their replies.
-    fn judge(&mut self, input: &Input) -> Result<Result<(), Violation>, String> {
+    fn judge(&mut self, input: &Input, late: Duration) -> Result<Result<(), Violation>, String> {
         self.fuzzed.inputs += 1;
         let bytes = input.bytes();
         let expected = self.twin.say(core::slice::from_ref(&bytes))?;
-        let heard = self.ask(&bytes, expected.frames.len())?;
-        let [mut kinds, mut expected] =
-            [heard, expected].map(|heard| self.description.reply_kinds(&heard));
+        let mut expected = self.description.reply_kinds(&expected);
+        let (of, count) = (self.description, expected.len());
+        let heard = self.device.ask(of, &bytes, (count, late))?;
+        let mut kinds = of.reply_kinds(&heard);
         self.fuzzed.answered += u64::from(!kinds.is_empty());
         let damage = is_damage(self.description, input, &kinds);
         // Some devices find frames by their length where a silence should separate them.
@@ -317,33 +369,6 @@ impl<'a> PortFuzz<'a> {
         )))
     }
 
-    /// Sends bytes; a busy host may deliver the `expected` replies late.
-    fn ask(&mut self, bytes: &[u8], expected: usize) -> Result<Heard, String> {
-        self.device.pace()?;
-        let Bench {
-            peer,
-            speaker,
-            time,
-            ..
-        } = &mut self.device;
-        let mut left = expected;
-        let mut is_last = |_: &_| {
-            left = left.saturating_sub(1);
-            left == 0
-        };
-        let most = if expected == 0 {
-            *time
-        } else {
-            LATE_MAX.max(*time)
-        };
-        let mut heard = speaker.exchange(peer, bytes, most, &mut is_last)?;
-        if expected > 0 {
-            let more = speaker.exchange_now(peer, &[], *time, &mut |_| false)?;
-            heard.frames.extend(more.frames);
-        }
-        Ok(heard)
-    }
-
     fn found(&mut self, fault: Violation, input: &Input) -> PortStep {
         let count = self.fuzzed.causes.entry(fault.cause.clone()).or_default();
         *count += 1;
@@ -351,5 +376,31 @@ impl<'a> PortFuzz<'a> {
             1 => PortStep::Found(fault, to_text(core::slice::from_ref(input))),
             _ => PortStep::Sound,
         }
+    }
+}
+
+impl<P: Peer> Bench<'_, P> {
+    /// Sends bytes and receives replies, of which the `expected` ones may be `late`.
+    fn ask(
+        &mut self,
+        of: &Description,
+        bytes: &[u8],
+        (expected, late): (usize, Duration),
+    ) -> Result<Heard, String> {
+        self.pace()?;
+        let (speaker, peer) = (&mut self.speaker, &mut self.peer);
+        if expected == 0 {
+            return speaker.exchange(peer, bytes, self.time, &mut |_| false);
+        }
+        let mut left = expected;
+        let mut is_last = |frame: &_| {
+            left = left.saturating_sub(usize::from(!of.is_unasked(frame)));
+            left == 0
+        };
+        let most = late.max(self.time);
+        let mut heard = speaker.exchange(peer, bytes, most, &mut is_last)?;
+        let more = speaker.exchange_now(peer, &[], self.time, &mut |_| false)?;
+        heard.frames.extend(more.frames);
+        Ok(heard)
     }
 }

@@ -1,4 +1,4 @@
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use description::{Described, Place, shipped};
 use emulators::device::{BrokenRules, Device, Event};
@@ -24,7 +24,7 @@ fn shipped_devices_keep_the_laws() {
             silent.push(*name);
             continue;
         };
-        let mut fuzzer = Fuzzer::new(&subject, 1, 0, std::collections::BTreeMap::new());
+        let mut fuzzer = Fuzzer::new(&subject, 1, 0, BTreeMap::new());
         let found = fuzzer.round(24, 1).found;
         behaviours += fuzzer.behaviours();
         broken.extend(found.into_iter().map(|found| {
@@ -172,7 +172,7 @@ fn each_law_is_seen_broken() {
         let of = description.clone();
         let make: Make = Box::new(move || Ok(defective(&of, alter)));
         let subject = DescribedDevice::new(&description, make, "hilrig".to_owned()).expect("made");
-        let mut fuzzer = Fuzzer::new(&subject, 1, 0, std::collections::BTreeMap::new());
+        let mut fuzzer = Fuzzer::new(&subject, 1, 0, BTreeMap::new());
         let mut found = (0..16).flat_map(|_| fuzzer.round(64, 1).found);
         let found = found.find(|found| found.fault.cause == law);
         let found = found.unwrap_or_else(|| panic!("{law} not found"));
@@ -253,8 +253,38 @@ fn port_plan(writes: bool) -> PortPlan {
         writes,
         seed: 1,
         gap: Duration::from_millis(100),
-        slack: Duration::ZERO,
+        ..PortPlan::default()
     }
+}
+
+/// A later run sends other inputs than the first one, counts on, and reports no known cause.
+#[test]
+fn a_search_at_a_port_continues() {
+    let text = shipped::text("modbus-meter").expect("shipped");
+    let description = parse_of("modbus-meter", text);
+    let run = |plan: PortPlan| {
+        let mut peer = Watched {
+            peer: conform::emulated(&description, SEED),
+            sent: Vec::new(),
+        };
+        let mut port = PortFuzz::new(&description, &mut peer, plan)
+            .expect("a port")
+            .expect("it answers");
+        (0..10).for_each(|_| assert_eq!(port.step(), Ok(PortStep::Sound)));
+        let fuzzed = port.fuzzed().clone();
+        let sent: Vec<_> = peer.sent.into_iter().map(|(_, bytes)| bytes).collect();
+        (fuzzed, sent)
+    };
+    let (first, sent) = run(port_plan(false));
+    let known = BTreeMap::from([("answers-again".to_owned(), 3)]);
+    let (second, others) = run(PortPlan {
+        done: first.inputs,
+        known: known.clone(),
+        ..port_plan(false)
+    });
+    assert_ne!(sent, others);
+    assert_eq!(second.inputs, 2 * first.inputs);
+    assert_eq!(second.causes, known);
 }
 
 /// A device whose received bytes are kept, each with its time.
