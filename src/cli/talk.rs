@@ -1,3 +1,5 @@
+mod prompt;
+
 use std::io::{self, BufRead as _, IsTerminal as _};
 use std::path::{Path, PathBuf};
 
@@ -10,6 +12,7 @@ use super::answer::{Exchanged, RepliedWith, Talked, ValueTold};
 use super::port::PortPeer;
 use super::{CliError, Verdict, described, out};
 use crate::scenario::Span;
+use prompt::Prompt;
 
 /// Send requests to a device, and print its replies by the names of its description.
 ///
@@ -90,40 +93,65 @@ struct Talk<'a> {
     has_failed: bool,
 }
 
+/// The result of a line.
+enum Line {
+    Done,
+    /// The session ends.
+    End,
+    Wrong(CliError),
+}
+
 impl Talk<'_> {
-    /// Reads requests from standard input. A wrong line is reported; a script ends with it.
+    /// Reads requests from a terminal or a script. A wrong line is reported; a script ends with it.
     fn listen_to_lines(&mut self) -> Result<(), CliError> {
-        let is_terminal = io::stdin().is_terminal();
-        if is_terminal {
+        if io::stdin().is_terminal() {
             let name = self.description.name();
-            eprintln!("{name}: type a request, \"help\" or \"quit\"");
+            eprintln!("{name}: type a request, \"help\" or \"quit\"; Tab completes words");
+            let mut prompt = Prompt::open(self.description)?;
+            while let Some(line) = prompt.line()? {
+                match self.obey(&line)? {
+                    Line::Done => {}
+                    Line::End => break,
+                    Line::Wrong(error) => eprintln!("{error}"),
+                }
+            }
+            prompt.keep();
+            return Ok(());
         }
         for line in io::stdin().lock().lines() {
             let line = line.map_err(|error| CliError::read(Path::new("standard input"), error))?;
-            let words: Vec<&str> = line.split_whitespace().collect();
-            match &words[..] {
-                [] => {}
-                [word, ..] if word.starts_with('#') => {}
-                ["quit" | "exit"] => break,
-                ["help"] => {
-                    for phrase in self.description.phrases() {
-                        eprintln!("  {phrase}");
-                    }
-                    eprintln!("  listen TIME");
-                }
-                ["listen", time] => match time.parse() {
-                    Ok(time) => self.listen(time)?,
-                    Err(error) if is_terminal => eprintln!("{error}"),
-                    Err(error) => return Err(CliError::Usage(error)),
-                },
-                words => match read_request(self.description, words) {
-                    Ok(requests) => self.ask_all(&requests)?,
-                    Err(error) if is_terminal => eprintln!("{error}"),
-                    Err(error) => return Err(error),
-                },
+            match self.obey(&line)? {
+                Line::Done => {}
+                Line::End => break,
+                Line::Wrong(error) => return Err(error),
             }
         }
         Ok(())
+    }
+
+    /// Executes a line. An error means that the port is gone.
+    fn obey(&mut self, line: &str) -> Result<Line, CliError> {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match &words[..] {
+            [] => {}
+            [word, ..] if word.starts_with('#') => {}
+            ["quit" | "exit"] => return Ok(Line::End),
+            ["help"] => {
+                for phrase in self.description.phrases() {
+                    eprintln!("  {phrase}");
+                }
+                eprintln!("  listen TIME");
+            }
+            ["listen", time] => match time.parse() {
+                Ok(time) => self.listen(time)?,
+                Err(error) => return Ok(Line::Wrong(CliError::Usage(error))),
+            },
+            words => match read_request(self.description, words) {
+                Ok(requests) => self.ask_all(&requests)?,
+                Err(error) => return Ok(Line::Wrong(error)),
+            },
+        }
+        Ok(Line::Done)
     }
 
     fn ask_all(&mut self, requests: &[Request]) -> Result<(), CliError> {

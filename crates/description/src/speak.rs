@@ -7,6 +7,7 @@
 //! read input 0 2           two registers by table, address and count
 //! ```
 
+mod complete;
 mod modbus;
 
 pub(crate) use modbus::{Read, raw, read, tables, values, write};
@@ -199,19 +200,24 @@ impl Reply {
 /// The words of a request: a message with its fields.
 fn phrase(message: &Message) -> String {
     let mut words = vec![message.name().to_owned()];
-    let known = message.fields();
-    for name in message.names() {
-        let field = field::find(known, name);
-        let is_free = field.is_none_or(|field| {
-            field.constant.is_none() && field.calc.is_none() && field.counts.is_none()
-        });
-        if is_free {
-            let unit = field.map_or("", |field| field.unit.as_str());
-            let wanted = if unit.is_empty() { "VALUE" } else { unit };
-            words.push(format!("{name}={wanted}"));
-        }
+    for name in free_fields(message) {
+        let field = field::find(message.fields(), name);
+        let unit = field.map_or("", |field| field.unit.as_str());
+        let wanted = if unit.is_empty() { "VALUE" } else { unit };
+        words.push(format!("{name}={wanted}"));
     }
     words.join(" ")
+}
+
+/// The fields of a request whose values are neither constant nor computed.
+fn free_fields(message: &Message) -> Vec<&str> {
+    let mut names = message.names();
+    names.retain(|name| {
+        field::find(message.fields(), name).is_none_or(|field| {
+            field.constant.is_none() && field.calc.is_none() && field.counts.is_none()
+        })
+    });
+    names
 }
 
 /// Parses `text` as the value of the field `key`.

@@ -60,6 +60,24 @@ pub(super) fn phrases(of: &Description) -> Vec<String> {
     phrases
 }
 
+/// The words that may follow `before` in a request.
+pub(super) fn words_behind(of: &Description, before: &[&str]) -> Vec<String> {
+    let cells = || {
+        let tables = tables(of).into_iter();
+        tables.flat_map(|(_, _, table)| &table.cells)
+    };
+    let name = |cell: &Cell| of.variables[cell.variable].name.to_string();
+    match before {
+        [] => ["read", "write"].map(str::to_owned).to_vec(),
+        ["read", ..] => cells().map(name).collect(),
+        ["write", ..] => {
+            let writable = cells().filter(|cell| cell.is_writable);
+            writable.map(|cell| format!("{}=", name(cell))).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
 pub(super) fn requests(of: &Description, words: &[&str]) -> Result<Vec<Request>, String> {
     match words {
         ["read"] => {
