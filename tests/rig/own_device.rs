@@ -104,6 +104,82 @@ fn a_bad_table_is_told_with_its_line_and_key() {
     );
 }
 
+const METER: &str = "[device]\nmeter = { description = \"modbus-meter\" }\n";
+const PLC: &str = "[device.plc.master]\ndescription = \"modbus-meter\"\nrequests = [\"read voltage\"]\nperiod = \"100ms\"\n";
+
+/// The events of the master and of the device that it polls.
+fn told_by_plc(wired: &Wired) -> Vec<String> {
+    let all = wired.rig.events().iter().map(ToString::to_string);
+    all.filter(|event| event.contains(" plc ") || event.contains(" meter "))
+        .collect()
+}
+
+/// A master polls a device of the scenario: its link has no open end, and no rule is broken. Without
+/// a device it polls the program at its own port; its first request is at 100 ms.
+#[test]
+fn a_master_polls_a_device_or_a_program() {
+    let polled = format!("{METER}{PLC}of = \"meter\"\n");
+    let (scenario, source) = in_a_room("2s", &polled);
+    let saved = Scenario::parse(Path::new("<saved>"), scenario.to_toml());
+    assert_eq!(saved.expect("sound").0.device, scenario.device);
+    let mut wired = wire((scenario.clone(), source)).expect("sound");
+    assert!(
+        wired
+            .open_ends
+            .iter()
+            .all(|end| end.name != "plc" && end.name != "meter")
+    );
+    wired.rig.run_for(Duration::from_secs(2));
+    let values = scenario.device["plc"].values(&wired.rig, "plc");
+    let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
+    assert_eq!(names, ["voltage"]);
+    assert_eq!(told_by_plc(&wired), [""; 0]);
+
+    let mut wired = wire(in_a_room("2s", PLC)).expect("sound");
+    let plc = end(&wired, "plc");
+    wired.rig.run_for(Duration::from_millis(120));
+    // Function 4, two registers from 0, and their CRC, worked out by hand.
+    assert_eq!(*wired.rig.take_output(plc), [1, 4, 0, 0, 0, 2, 0x71, 0xCB]);
+    wired.rig.run_for(Duration::from_millis(600));
+    let told = told_by_plc(&wired);
+    assert!(
+        told[0].contains("plc no-reply: \"read voltage\""),
+        "{told:?}"
+    );
+}
+
+#[test]
+fn a_wrong_master_is_told_with_its_key() {
+    let of = |other: &str| format!("{METER}{PLC}of = \"{other}\"\n");
+    let second = PLC.replace(".plc.", ".scada.") + "of = \"meter\"\n";
+    let cases = [
+        (
+            of("metre"),
+            "<test>:7: device.plc.master.of: is \"metre\", did you mean \"meter\"?",
+        ),
+        (
+            of("plc"),
+            "device.plc.master.of: is \"plc\", expected one of meter",
+        ),
+        (
+            of("meter") + &second,
+            "device.scada.master.of: is \"meter\", which \"plc\" polls already",
+        ),
+        (
+            PLC.replace("read voltage", "read wattage"),
+            "<test>:7: device.plc.master.requests[0]: ",
+        ),
+        (
+            PLC.replace("100ms", "0s"),
+            "<test>:8: device.plc.master.period: is 0s, expected 1ms at least",
+        ),
+    ];
+    for (text, wanted) in cases {
+        let told = refusal(&text);
+        assert!(told.contains(wanted), "{wanted}: {told}");
+    }
+}
+
 /// A kind of device from another crate: it sends its settings over a datagram link.
 mod beacon {
     use emulators::world::World;

@@ -54,6 +54,7 @@ pub use crate::registry::NameTaken;
 use crate::registry::{Named, Registry};
 use crate::rig::line::End;
 use crate::rig::{PortRate, Program, Rig};
+use crate::scenario::device::PortInfo;
 use crate::scenario::{DeviceSpec, NO_ROBOT, Scenario, ScenarioError, Source};
 
 /// A kind of robot. It turns a scenario into a rig.
@@ -426,30 +427,60 @@ fn add_device(
     if !name.chars().all(fits) {
         return invalid("expected a name of letters, digits, '-' and '_'");
     }
-    let built = spec.build(name, scenario.seed, source)?;
-    let parts = (built.device.as_ref(), &wired.rig.world);
-    spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
-    let node = wired.rig.add_boxed_device(name, built.device);
+    if let Some(polled) = spec.polled() {
+        // The polled device brings its master along.
+        return links::check_polled(scenario, source, (name, polled)).map(|()| Vec::new());
+    }
+    let (node, ports) = add_node(wired, scenario, source, (name, spec))?;
     let mut codecs = Vec::new();
-    for (index, info) in built.ports.into_iter().enumerate() {
+    for (index, info) in ports.into_iter().enumerate() {
         // The first port is the main port; the links of further ports have the port's name as
         // suffix.
         let link = match index {
             0 => name.clone(),
             _ => format!("{name}-{}", info.name),
         };
-        let master = wired.open_end(&link, info.line, info.connect);
-        wired.set_optional(master, info.is_optional);
-        wired.set_rate(master, info.rate);
-        let device = End {
+        let own = End {
             node,
             port: info.port,
+        };
+        let master = links::master_of(scenario, name).filter(|_| index == 0);
+        let other = match master {
+            Some(master) => {
+                let (node, ports) = add_node(wired, scenario, source, master)?;
+                let port = ports.first().map_or(Port(0), |info| info.port);
+                End { node, port }
+            }
+            None => {
+                let other = wired.open_end(&link, info.line, info.connect);
+                wired.set_optional(other, info.is_optional);
+                wired.set_rate(other, info.rate);
+                other
+            }
+        };
+        let [device, master] = match info.is_master {
+            true => [other, own],
+            false => [own, other],
         };
         let rig = &mut wired.rig;
         rig.connect_by(info.kind, &link, device, master, info.piece);
         codecs.extend(info.codec.map(|codec| (link, codec)));
     }
     Ok(codecs)
+}
+
+/// Makes a device of the scenario and adds it to the rig.
+fn add_node(
+    wired: &mut Wired,
+    scenario: &Scenario,
+    source: &Source,
+    (name, spec): (&String, &DeviceSpec),
+) -> Result<(usize, Vec<PortInfo>), ScenarioError> {
+    let built = spec.build(name, scenario.seed, source)?;
+    let parts = (built.device.as_ref(), &wired.rig.world);
+    spec.check_with(name, source, parts, scenario.robot != NO_ROBOT)?;
+    let node = wired.rig.add_boxed_device(name, built.device);
+    Ok((node, built.ports))
 }
 
 /// An empty world, for devices without a robot.

@@ -307,6 +307,9 @@ impl Scenario {
             if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {
                 described.embed(base);
             }
+            if let Some(master) = device.settings_mut::<device::master::MasterSpec>() {
+                master.embed(base);
+            }
             if let Some(program) = device.settings_mut::<device::program::NodeProgramSpec>() {
                 program.embed(base);
             }

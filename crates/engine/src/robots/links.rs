@@ -7,7 +7,7 @@ use crate::near;
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{LinkKind, PortRate, Rig};
-use crate::scenario::{CableSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{CableSpec, DeviceSpec, Scenario, ScenarioError, Source};
 
 /// Adds the cables of the scenario: each end is a port for a program.
 ///
@@ -68,6 +68,41 @@ fn end(wired: &mut Wired, link: &str, port: &str, spec: &CableSpec) -> End {
         node,
         port: Port(0),
     }
+}
+
+/// The master that polls the device `name`.
+pub(super) fn master_of<'a>(
+    scenario: &'a Scenario,
+    name: &str,
+) -> Option<(&'a String, &'a DeviceSpec)> {
+    let mut devices = scenario.device.iter();
+    devices.find(|(_, spec)| spec.polled() == Some(name))
+}
+
+/// Checks that the master `name` can poll the device `polled`.
+///
+/// # Errors
+/// If the device does not exist, is a master itself, or has another master.
+pub(super) fn check_polled(
+    scenario: &Scenario,
+    source: &Source,
+    (name, polled): (&str, &str),
+) -> Result<(), ScenarioError> {
+    let is_free = |(other, spec): &(&String, &DeviceSpec)| {
+        *other != name && spec.is_own() && !spec.is_master()
+    };
+    let free = scenario.device.iter().filter(is_free);
+    let known: Vec<&str> = free.map(|(name, _)| name.as_str()).collect();
+    let message = if !known.contains(&polled) {
+        near::expected(polled, &known)
+    } else if let Some((first, _)) = master_of(scenario, polled).filter(|(first, _)| *first != name)
+    {
+        format!("is \"{polled}\", which \"{first}\" polls already, expected another device")
+    } else {
+        return Ok(());
+    };
+    let key = format!("device.{name}.master.of");
+    Err(source.invalid(source.find(name), key, message))
 }
 
 /// Plans the scenario's latencies and faults on the links of a wired rig.

@@ -10,6 +10,8 @@ pub mod description;
 pub mod firmware;
 mod hc06;
 mod kind;
+#[cfg(feature = "described")]
+pub mod master;
 mod mount;
 mod mpu6050;
 mod odometer;
@@ -85,6 +87,8 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     text::TEXT,
     #[cfg(feature = "described")]
     description::DESCRIPTION,
+    #[cfg(feature = "described")]
+    master::MASTER,
     #[cfg(feature = "described")]
     program::PROGRAM,
     #[cfg(feature = "described")]
@@ -237,6 +241,22 @@ impl DeviceSpec {
     /// The reason why the value cannot be set.
     pub fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
         self.kind.set(rig, name, value, to)
+    }
+
+    /// Whether the device is a master.
+    pub fn is_master(&self) -> bool {
+        #[cfg(feature = "described")]
+        return self.settings::<master::MasterSpec>().is_some();
+        #[cfg(not(feature = "described"))]
+        return false;
+    }
+
+    /// The device of the scenario that this one polls, if it is a master.
+    pub fn polled(&self) -> Option<&str> {
+        #[cfg(feature = "described")]
+        return self.settings::<master::MasterSpec>()?.of.as_deref();
+        #[cfg(not(feature = "described"))]
+        return None;
     }
 
     /// Values of the device `name` in `rig` by their plain names, for conditions.

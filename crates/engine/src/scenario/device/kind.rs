@@ -322,6 +322,8 @@ pub struct PortInfo {
     pub rate: PortRate,
     /// Protocol of the port, if the device fixes it.
     pub codec: Option<&'static Codec>,
+    /// Whether the port is the master's end of its link: the device is at the other end.
+    pub is_master: bool,
 }
 
 impl PortInfo {
@@ -342,6 +344,15 @@ impl PortInfo {
             kind: LinkKind::Uart,
             rate: PortRate::OfLine,
             codec: None,
+            is_master: false,
+        }
+    }
+
+    /// The same at the master's end of its link.
+    pub const fn of_master(self) -> Self {
+        Self {
+            is_master: true,
+            ..self
         }
     }
 
