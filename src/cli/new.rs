@@ -29,7 +29,8 @@ const DEVICE: [&str; 3] = [
     hilrig new tests/mine --robot     # a robot of your own, described by data\n  \
     hilrig new gripper --devices      # devices on their wires, no robot\n  \
     hilrig new thermostat --device    # a device described in a file, its bench, a driver in Python\n  \
-    hilrig new meter --device --from map.csv   # a Modbus device, from its register map")]
+    hilrig new meter --device --from map.csv   # a Modbus device, from its register map\n  \
+    hilrig new probe --device --from probe.ksy # a message, from its structure for Kaitai Struct")]
 pub(super) struct NewArgs {
     /// Name of the scenario, or the file to write
     #[arg(value_name = "NAME|PATH")]
@@ -43,8 +44,9 @@ pub(super) struct NewArgs {
     /// A device described in a file, with a scenario for it and a driver in Python
     #[arg(long)]
     device: bool,
-    /// Make the device of a register map: a CSV file whose first line names the columns, e.g.
-    /// address,name,type,scale,unit,access; or the JSON of pymodbus' simulator
+    /// Make the device of a register map or a structure: a CSV file whose first line names the
+    /// columns, e.g. address,name,type,scale,unit,access; the JSON of pymodbus' simulator; or a .ksy
+    /// file of Kaitai Struct
     #[arg(long, value_name = "FILE", requires = "device")]
     from: Option<PathBuf>,
 }
@@ -123,7 +125,7 @@ fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Writes the description `path` of the device `name` with the registers of `map`, and a scenario.
+/// Writes the description `path` of the device `name` with the content of `map`, and a scenario.
 fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
     let bytes = super::read(map)?;
     let file = map.file_name().unwrap_or_default().to_string_lossy();
@@ -131,7 +133,7 @@ fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
         let before = &bytes[..error.valid_up_to()];
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
         CliError::Usage(format!(
-            "{file}: line {line}: a character is not UTF-8; save the table as \"CSV UTF-8\""
+            "{file}: line {line}: a character is not UTF-8; save the file as UTF-8 (\"CSV UTF-8\")"
         ))
     })?;
     let draft = import(name, &file, text).map_err(CliError::Usage)?;
@@ -158,9 +160,13 @@ fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
     for note in &draft.notes {
         eprintln!("note: {note}");
     }
-    let (shown, count) = (path.display(), draft.registers);
+    let shown = path.display();
+    let count = match draft.fields {
+        0 => format!("{} registers", draft.registers),
+        fields => format!("{fields} fields"),
+    };
     eprintln!(
-        "{count} registers; try it: hilrig describe {shown}, hilrig up {}",
+        "{count}; try it: hilrig describe {shown}, hilrig up {}",
         bench.display()
     );
     let files = vec![shown.to_string(), bench.display().to_string()];

@@ -153,6 +153,13 @@ fn one_description_goes_through_all_uses() {
         said.contains("box: 12 inputs, ") && !said.contains(" 0 answered"),
         "{said}"
     );
+    // The same command continues in its folder.
+    let more = ["--cases", "18", "--rate", "50", "--out", "f3"];
+    let said = run(&session, &[&at_port[..], &more].concat(), 0);
+    assert!(
+        said.contains("continues after 12 inputs") && said.contains("box: 18 inputs, "),
+        "{said}"
+    );
     // Talked to.
     let talk = [
         "talk",
@@ -221,6 +228,21 @@ fn a_register_map_becomes_a_device() {
     run(
         &session,
         &["conform", "oven-bench.toml", "--description", "oven.toml"],
+        0,
+    );
+    session.write(
+        "probe.ksy",
+        "meta: {id: sample, endian: le}\nseq:\n  - {contents: [0xAA]}\n  - {id: heat, type: u2, doc-ref: x}\n",
+    );
+    let output = session.hilrig(&["new", "probe", "--device", "--from", "probe.ksy"]);
+    let told = text(&output.stderr);
+    assert!(
+        told.contains("left out: line 4: seq.heat.doc-ref: has no counterpart"),
+        "{told}"
+    );
+    run(
+        &session,
+        &["conform", "probe-bench.toml", "--description", "probe.toml"],
         0,
     );
     session.write("wrong.csv", "at,type\n1,quark\n");

@@ -1,10 +1,11 @@
-//! Descriptions of Modbus devices from register maps of other tools: tables as CSV, and the JSON of
-//! pymodbus' simulator.
+//! Descriptions from files of other tools: register maps as CSV, the JSON of pymodbus' simulator, and
+//! the structures of Kaitai Struct.
 //!
 //! A map has addresses, types and names. It has no sources of values, latencies or line settings:
 //! the draft contains usual ones, and says so.
 
 mod csv;
+mod ksy;
 mod pymodbus;
 mod words;
 
@@ -18,8 +19,10 @@ use crate::Description;
 pub struct Draft {
     /// The text of the description.
     pub text: String,
-    /// The number of registers.
+    /// The number of registers of a map.
     pub registers: usize,
+    /// The number of fields of a structure.
+    pub fields: usize,
     /// Parts of the file that are not in the draft.
     pub left_out: Vec<String>,
     /// How ambiguous parts of the file were read.
@@ -64,12 +67,16 @@ struct Row {
     about: String,
 }
 
-/// Makes a description called `name` of the register map `file` with this text.
+/// Makes a description called `name` of the register map or structure `file` with this text. A name
+/// that ends with `.ksy` is a structure of Kaitai Struct.
 ///
 /// # Errors
-/// If the text is not such a map; the message names file, line and column, and the expected value.
+/// If the text is not such a file; the message names file, line and column, and the expected value.
 pub fn import(name: &str, file: &str, text: &str) -> Result<Draft, String> {
     let text = text.trim_start_matches('\u{feff}');
+    if file.to_ascii_lowercase().ends_with(".ksy") {
+        return ksy::import(name, file, text);
+    }
     let is_json = text.trim_start().starts_with('{');
     let map = match is_json {
         true => pymodbus::read(text),
@@ -89,6 +96,7 @@ pub fn import(name: &str, file: &str, text: &str) -> Result<Draft, String> {
     let draft = Draft {
         text: written(name, file, &map),
         registers: map.rows.len(),
+        fields: 0,
         left_out: map.left_out,
         notes: map.notes,
     };

@@ -19,8 +19,9 @@
 //! | [`wire`] | several devices on one wire |
 //! | [`speak`] | requests and replies in the words of a description |
 //! | [`peer`] | the other end of a line: a device in virtual time, or a port |
+//! | [`master`] | a host that polls a device |
 //! | [`conform`] | comparison of a device with its description |
-//! | [`import`] | descriptions made of register maps |
+//! | [`import`] | descriptions made of register maps and other tools' structures |
 //! | [`shipped`] | the descriptions that come with the tool |
 
 mod addressed;
@@ -37,6 +38,7 @@ mod field;
 mod framing;
 pub mod import;
 mod lua;
+pub mod master;
 mod message;
 mod modbus;
 pub mod number;
