@@ -45,8 +45,8 @@ pub(super) struct NewArgs {
     #[arg(long)]
     device: bool,
     /// Make the device of a register map or a structure: a CSV file whose first line names the
-    /// columns, e.g. address,name,type,scale,unit,access; the JSON of pymodbus' simulator; or a .ksy
-    /// file of Kaitai Struct
+    /// columns, e.g. address,name,type,scale,unit,access; the JSON of pymodbus' simulator; or a
+    /// .ksy file of Kaitai Struct
     #[arg(long, value_name = "FILE", requires = "device")]
     from: Option<PathBuf>,
 }

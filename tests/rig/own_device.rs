@@ -114,8 +114,8 @@ fn told_by_plc(wired: &Wired) -> Vec<String> {
         .collect()
 }
 
-/// A master polls a device of the scenario: its link has no open end, and no rule is broken. Without
-/// a device it polls the program at its own port; its first request is at 100 ms.
+/// A master polls a device of the scenario: its link has no open end, and no rule is broken.
+/// Without a device it polls the program at its own port; its first request is at 100 ms.
 #[test]
 fn a_master_polls_a_device_or_a_program() {
     let polled = format!("{METER}{PLC}of = \"meter\"\n");

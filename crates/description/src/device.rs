@@ -252,7 +252,8 @@ impl Described {
     }
 }
 
-/// The earlier one of two times. A device is asked for its next time several times for each request.
+/// The earlier one of two times. A device is asked for its next time several times for each
+/// request.
 fn sooner(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
     match (one, other) {
         (Some(one), Some(other)) => Some(one.min(other)),

@@ -1,5 +1,5 @@
-//! Descriptions from files of other tools: register maps as CSV, the JSON of pymodbus' simulator, and
-//! the structures of Kaitai Struct.
+//! Descriptions from files of other tools: register maps as CSV, the JSON of pymodbus' simulator,
+//! and the structures of Kaitai Struct.
 //!
 //! A map has addresses, types and names. It has no sources of values, latencies or line settings:
 //! the draft contains usual ones, and says so.

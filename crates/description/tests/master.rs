@@ -1,5 +1,5 @@
-//! A described master and a described device on one line: values arrive, and each kind of wrong reply
-//! is reported by its rule.
+//! A described master and a described device on one line: values arrive, and each kind of wrong
+//! reply is reported by its rule.
 
 use core::time::Duration;
 use std::sync::Arc;

@@ -1,5 +1,5 @@
-//! `master`: the host's side of a described device, which polls a device of the scenario or your own
-//! program.
+//! `master`: the host's side of a described device, which polls a device of the scenario or your
+//! own program.
 
 use ::description::master::{Master, MasterPlan};
 use ::description::value::Value;
