@@ -147,7 +147,7 @@ fn scripts(way: Way, function: &str, [hits, hit, steps]: [u64; 3], state: &str) 
         Way::Time => {
             let at = format!("1.{:03}713s", 20 * hit % 1000);
             forth = format!("echo rig {at}\\n\nmonitor until {at}\ncontinue\n");
-            format!("monitor until 2.5s\ncontinue\nmonitor back BACK\nreverse-continue\n")
+            "monitor until 2.5s\ncontinue\nmonitor back BACK\nreverse-continue\n".to_owned()
         }
     };
     if !matches!(way, Way::Time) {
@@ -240,9 +240,10 @@ fn points_in_other_languages_on_the_way_back_are_those_of_a_fresh_run() {
     }
     let [cpp, rust] = ["c++", "rustc"].map(languages::program);
     let memory = "x/128xg (char *)&__bss_start";
-    of_executable("cpp", cpp, ["Rover::understand", memory], 0).map(compare);
     let beats = "print program::BEATS";
-    of_executable("rust", rust, ["program::beat", beats], 0).map(compare);
+    let cpp = of_executable("cpp", cpp, ["Rover::understand", memory], 0);
+    let rust = of_executable("rust", rust, ["program::beat", beats], 0);
+    [cpp, rust].into_iter().flatten().for_each(compare);
 }
 
 /// The master must send a byte every 300 ms; the program sends one every 200 ms.
