@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use emulators::world::{Outline, Point, Pose, World};
 
 use engine::robots;
-use engine::scenario::{Scenario, Source, WorldSpec};
+use engine::scenario::{PillarSpec, Scenario, Source, WorldSpec};
 
 /// Minimum edge of a cell, metres, and maximum number of cells along an edge: a hall gets larger
 /// cells.
@@ -36,27 +36,58 @@ impl Ground {
     /// Examines the world of `scenario` with the margin `margin_m` beside the robot. `None` if the
     /// world cannot be built; its run will report this.
     pub(super) fn of(scenario: &Scenario, margin_m: f64) -> Option<Self> {
-        let source = Source {
-            path: PathBuf::from(&scenario.name),
-            text: String::new(),
-        };
-        let chassis = robots::find(&scenario.robot)?.chassis(scenario, &source);
-        let world = scenario.world.build(0, chassis.ok()?, &source).ok()?;
-        Some(Self::in_world(world, &scenario.world, margin_m))
+        Some(Self::in_world(
+            world_of(scenario)?,
+            &scenario.world,
+            margin_m,
+        ))
     }
 
-    fn in_world(mut world: World, spec: &WorldSpec, margin_m: f64) -> Self {
+    /// The same as [`of`](Self::of) for a scenario with one more `pillar` than this one's: only
+    /// cells near the pillar are examined again.
+    pub(super) fn with_pillar(
+        &self,
+        scenario: &Scenario,
+        pillar: &PillarSpec,
+        margin_m: f64,
+    ) -> Option<Self> {
+        let mut world = world_of(scenario)?;
+        let mut ground = Self::empty(&world);
+        let is_same = ground.origin == self.origin && ground.cell_m == self.cell_m;
+        if !is_same || [ground.width, ground.height] != [self.width, self.height] {
+            return Some(Self::in_world(world, &scenario.world, margin_m));
+        }
+        let range_m = pillar.radius_m + world.footprint().reach_m() + margin_m + BEYOND_M;
+        let middles: Vec<Point> = pillar.at_m.iter().map(|&[x, y]| Point::new(x, y)).collect();
+        let free = self.free.iter().enumerate().map(|(cell, &free)| {
+            let place = ground.middle(cell);
+            let is_near = middles
+                .iter()
+                .any(|middle| middle.distance(place) <= range_m);
+            free && (!is_near || is_clear(&mut world, place, margin_m))
+        });
+        ground.free = free.collect();
+        Some(ground)
+    }
+
+    /// The cells of `world`, none of them examined.
+    fn empty(world: &World) -> Self {
         let bounds = world.scene().bounds();
         let size = [bounds.max.x - bounds.min.x, bounds.max.y - bounds.min.y];
         let cell_m = CELL_M.max(size[0].max(size[1]) / EDGE_MAX);
         let [width, height] = size.map(|length| cells_along(length, cell_m));
-        let mut ground = Self {
+        Self {
             origin: bounds.min,
             cell_m,
             width,
             height,
             free: Vec::new(),
-        };
+        }
+    }
+
+    fn in_world(mut world: World, spec: &WorldSpec, margin_m: f64) -> Self {
+        let mut ground = Self::empty(&world);
+        let (width, height) = (ground.width, ground.height);
         let reach_m = world.footprint().reach_m();
         ground.free = (0..width * height)
             .map(|cell| {
@@ -159,6 +190,16 @@ impl Reach<'_> {
     }
 }
 
+/// The world of `scenario`; `None` if it cannot be built.
+fn world_of(scenario: &Scenario) -> Option<World> {
+    let source = Source {
+        path: PathBuf::from(&scenario.name),
+        text: String::new(),
+    };
+    let chassis = robots::find(&scenario.robot)?.chassis(scenario, &source);
+    scenario.world.build(0, chassis.ok()?, &source).ok()
+}
+
 fn cells_along(length: f64, cell_m: f64) -> usize {
     #[expect(clippy::cast_possible_truncation, reason = "worlds end after 10 km")]
     #[expect(clippy::cast_sign_loss, reason = "clamped")]
@@ -231,6 +272,35 @@ mod tests {
         // 2 m across, and up to the door and down again at least from 1.0 to 1.7.
         let way = way(0.6).expect("a way");
         assert!((3.3..4.0).contains(&way), "{way}");
+    }
+
+    /// Pillars anywhere in the rooms, also in a wall and beyond the walls: the ground with one more
+    /// is the ground of its world.
+    #[test]
+    fn one_more_pillar_changes_only_cells_near_it() {
+        let rooms = two_rooms(0.6);
+        let ground = Ground::of(&rooms, 0.1).expect("a world");
+        let mut changed = 0;
+        for at in 0..24_u8 {
+            let [x, y] = [f64::from(at % 6) * 0.81 - 0.1, f64::from(at / 6) * 0.63];
+            let pillar = PillarSpec {
+                at_m: vec![[x, y]],
+                radius_m: 0.05 + f64::from(at % 5) * 0.04,
+                reflectivity: 1.0,
+                height_m: None,
+                unmapped: false,
+            };
+            let mut fuller = rooms.clone();
+            let spec = toml::Spanned::new(0..0, pillar.clone());
+            fuller.world.pillar.push(spec);
+            let with = ground.with_pillar(&fuller, &pillar, 0.1);
+            let of = Ground::of(&fuller, 0.1);
+            let free = |ground: Option<Ground>| ground.map(|it| (it.width, it.free));
+            let (with, of) = (free(with), free(of));
+            assert_eq!(with, of, "{at}");
+            changed += usize::from(of.is_some_and(|(_, free)| free != ground.free));
+        }
+        assert!(changed > 12, "{changed}");
     }
 
     #[test]

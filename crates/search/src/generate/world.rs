@@ -45,15 +45,17 @@ pub(super) fn vary(made: &mut Scenario, dice: &mut Dice) -> Option<Place> {
             (world.polygon, world.pillar) = (Vec::new(), Vec::new());
             (world.moving, world.push) = (Vec::new(), Vec::new());
             world.wall = rooms::walls(&arena, dice);
-            let ground = start_on_the_largest_part(made, &arena);
-            if ground.is_some_and(|cells| cells >= CELLS_MIN) {
-                return furnish(made, arena, 1, dice);
+            if let Some((ground, cells)) = start_on_the_largest_part(made, &arena)
+                && cells >= CELLS_MIN
+            {
+                return furnish(made, arena, ground, 1, dice);
             }
         }
         *made = own.clone();
     }
     changes::change(made, arena.margin_m, Some(arena.side_m), dice);
-    let place = furnish(made, arena, 0, dice);
+    let place =
+        Ground::of(made, arena.margin_m).and_then(|ground| furnish(made, arena, ground, 0, dice));
     if place.is_none() {
         *made = own;
     }
@@ -70,14 +72,16 @@ pub(super) fn vary_around(made: &mut Scenario, dice: &mut Dice) {
     }
 }
 
-/// Places the robot into the largest connected part; returns the number of its cells.
-fn start_on_the_largest_part(made: &mut Scenario, arena: &Arena) -> Option<usize> {
+/// Places the robot into the largest connected part; returns the ground and the number of cells of
+/// that part.
+fn start_on_the_largest_part(made: &mut Scenario, arena: &Arena) -> Option<(Ground, usize)> {
     // This position is outside all walls.
     put(&mut made.world, [-arena.side_m; 2], 0);
     let ground = Ground::of(made, arena.margin_m)?;
     let largest = ground.largest();
-    put(&mut made.world, *largest.places().first()?, 0);
-    Some(largest.len())
+    let (start, cells) = (*largest.places().first()?, largest.len());
+    put(&mut made.world, start, 0);
+    Some((ground, cells))
 }
 
 fn put(world: &mut WorldSpec, [x_m, y_m]: [f64; 2], heading_deg: u64) {
@@ -90,10 +94,15 @@ fn put(world: &mut WorldSpec, [x_m, y_m]: [f64; 2], heading_deg: u64) {
 }
 
 /// Adds at least `least` obstacles, and draws the start pose.
-fn furnish(made: &mut Scenario, arena: Arena, least: u64, dice: &mut Draw) -> Option<Place> {
+fn furnish(
+    made: &mut Scenario,
+    arena: Arena,
+    mut ground: Ground,
+    least: u64,
+    dice: &mut Draw,
+) -> Option<Place> {
     let start = made.world.start_pose();
     let start = [start.x, start.y];
-    let mut ground = Ground::of(made, arena.margin_m)?;
     for _ in 0..dice.between(least, OBSTACLES_MAX) {
         let reach = ground.reach_from(start);
         let (before, places) = (reach.len(), reach.places());
@@ -101,9 +110,10 @@ fn furnish(made: &mut Scenario, arena: Arena, least: u64, dice: &mut Draw) -> Op
             return None;
         }
         let mut fuller = made.clone();
-        fuller.world.pillar.push(obstacle(&arena, &places, dice));
+        let pillar = obstacle(&arena, &places, dice);
+        fuller.world.pillar.push(pillar.clone());
         // Rejects an obstacle at the robot's pose, or one that cuts off too much ground.
-        if let Some(left) = Ground::of(&fuller, arena.margin_m)
+        if let Some(left) = ground.with_pillar(&fuller, pillar.get_ref(), arena.margin_m)
             && left.reach_from(start).len() * 10 >= before * LEFT_OF_10
         {
             (*made, ground) = (fuller, left);
