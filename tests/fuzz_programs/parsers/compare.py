@@ -21,6 +21,11 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 TRAP = "{ *(volatile int *)0 = 1; }"
 LIBMODBUS = ["src/modbus.c", "src/modbus-data.c", "src/modbus-rtu.c"]
+# The program around each library, if it has another name than LIBRARY_client.c.
+CLIENTS = {
+    "libmodbus": "modbus_server.c", "nanomodbus": "nanomodbus_server.c", "cat": "cat_server.c",
+    "tinygps": "tinygps_client.cpp",
+}
 
 
 def nmea(text):
@@ -65,41 +70,83 @@ NMEA = [
     nmea("GPGSV,3,1,11,03,03,111,00,04,15,270,00,06,01,010,00,13,06,292,00"),
     nmea("GPVTG,054.7,T,034.4,M,005.5,N,010.2,K"),
 ]
-# Name: repository, sources, options, seeds, and bugs: file, line behind which, what is put there.
+REQUESTS = [crc_modbus(bytes.fromhex(request)) for request in (
+    "01030000000a", "010600010003", "0110000000020400010002", "011600040000ffff",
+    "0117000000020004000204000a0102", "01050003ff00")]
+# Name: repository and commit, sources, options, seeds, and bugs: file, line behind which, what is
+# put there.
 PARSERS = {
     "minmea": (
-        "kosma/minmea", ["minmea.c"], [], NMEA, {
+        "kosma/minmea@a8745af0462870c1297fa4b8ee1ce13192485c3c", ["minmea.c"], [], NMEA, {
             "month": ("minmea.c", "m = strtol(mArr, NULL, 10);", f"if (m > 12) {TRAP}"),
             "parts": ("minmea.c", "if (memcmp(frame->type.sentence_id, \"GSV\", "
                       "sizeof(frame->type.sentence_id)))\n        return false;",
                       f"if (frame->msg_nr > frame->total_msgs && frame->total_sats > 99) {TRAP}"),
+            "gap": ("minmea.c", "if (memcmp(frame->type.sentence_id, \"GSV\", "
+                    "sizeof(frame->type.sentence_id)))\n        return false;",
+                    f"if (frame->sats[3].nr && !frame->sats[2].nr && frame->total_sats) {TRAP}"),
         }),
     "lwgps": (
-        "MaJerle/lwgps", ["lwgps/src/lwgps/lwgps.c"],
+        "MaJerle/lwgps@d3096e99cb3ac1966a395dbb71eed02cac1c1aed", ["lwgps/src/lwgps/lwgps.c"],
         ["-Ilwgps/src/include", "-DLWGPS_IGNORE_USER_OPTS"], NMEA, {
             "satellites": ("lwgps/src/lwgps/lwgps.c",
                            "ghandle->sats_in_use = ghandle->p.data.gga.sats_in_use;",
                            f"if (ghandle->sats_in_use > 64) {TRAP}"),
         }),
     "libmodbus": (
-        "stephane/libmodbus", LIBMODBUS, ["-Isrc", "-I."],
-        [crc_modbus(bytes.fromhex(request)) for request in (
-            "01030000000a", "010600010003", "0110000000020400010002", "011600040000ffff",
-            "0117000000020004000204000a0102")], {
+        "stephane/libmodbus@a1d00bfc40a8391f92b0dadd92e4122bf85bb6a5", LIBMODBUS, ["-Isrc", "-I."],
+        REQUESTS, {
             "mask": ("src/modbus.c", "uint16_t or = (req[offset + 5] << 8) + req[offset + 6];",
                      f"if (or == 0x8000) {TRAP}"),
         }),
     "slip": (
-        "marcinbor85/slip", ["slip.c"], [],
+        "marcinbor85/slip@9c3f2d12d1b99c1603f9b7d932cedf62d72e2f74", ["slip.c"], [],
         [slip(bytes.fromhex(message)) for message in ("0101c0db10", "02ff00", "030a0b0c0d0e0f")], {
             "length": ("slip.c", "if (slip->crc == 0) {",
                        f"if (slip->size > 2 && slip->descriptor->buf[0] == 0xFF) {TRAP}"),
         }),
     "cobs": (
-        "cmcqueen/cobs-c", ["cobs.c"], [],
+        "cmcqueen/cobs-c@7afcc42cf7a7efa84f77360ec27bfc979e3cf93d", ["cobs.c"], [],
         [cobs(bytes.fromhex(data)) for data in ("1122003344", "00", "0102030405060708", "ff00ff")], {
             "code": ("cobs.c", "len_code = *src_read_ptr++;",
                      f"if (len_code == 0xFF && src_len > 3) {TRAP}"),
+        }),
+    "tinygps": (
+        "mikalhart/TinyGPSPlus@0a205759da22a1c54c5f5285480fe6132592a4e2", ["src/TinyGPS++.cpp"],
+        ["-Isrc"], NMEA, {
+            "satellites": ("src/TinyGPS++.cpp", "hdop.commit();",
+                           f"if (satellites.val > 99 && hdop.val > 9900) {TRAP}"),
+            "date": ("src/TinyGPS++.cpp", "term[curTermOffset] = 0;",
+                     "if (curTermOffset > 10 && curTermNumber == 9 && "
+                     f"curSentenceType == GPS_SENTENCE_RMC) {TRAP}"),
+        }),
+    "nanomodbus": (
+        "debevv/nanoMODBUS@035b8d596a954c2dd4bc40e3fa28a7cb2a8c0ec1", ["nanomodbus.c"], [],
+        REQUESTS, {
+            "quantity": ("nanomodbus.c", "const uint8_t byte_count_write = get_1(nmbs);",
+                         f"if (read_quantity > 0x7D && byte_count_write == 0) {TRAP}"),
+            "count": ("nanomodbus.c", "if (registers_bytes == 0)\n            "
+                      "return send_exception_msg(nmbs, NMBS_EXCEPTION_ILLEGAL_DATA_VALUE);",
+                      f"if (registers_bytes > 0xE0 && registers_bytes == 2 * quantity) {TRAP}"),
+        }),
+    "cat": (
+        "marcinbor85/cAT@84fdca960b8cbc8c4b5d87cd1805815ca2a27b52", ["src/cat.c"], ["-Isrc"],
+        [line.encode() for line in (
+            'AT+PRINT=10,5,"some text"\r\n', "AT+GO=-7,20\r\n", "AT+GO?\r\n", "AT\r\n",
+            "AT+PRINT=?\r\n")], {
+            "number": ("src/cat.c", "val *= sign;", f"if (val > 99999 && sign < 0) {TRAP}"),
+            "escape": ("src/cat.c", "if (ch == '\\\\') {", f"if (size > 14) {TRAP}"),
+        }),
+    "cjson": (
+        "DaveGamble/cJSON@a29814f285cc531c00223743ad3c55cd38c0dc56", ["cJSON.c"], [],
+        [line.encode() for line in (
+            '{"id":3,"values":[1,2.5,-3],"ok":true}\n', '{"error":null,"text":"a\\u00e9b"}\n',
+            '[{"x":1},{"x":2}]\n')], {
+            "depth": ("cJSON.c", "static cJSON_bool parse_array(cJSON * const item, "
+                      "parse_buffer * const input_buffer)\n{",
+                      f"if (input_buffer->depth > 99) {TRAP}"),
+            "number": ("cJSON.c", "item->valuedouble = number;",
+                       f"if (number > 1e300) {TRAP}"),
         }),
 }
 
@@ -144,8 +191,12 @@ def timed(words, found, most, env):
 def build(name, bug, sources, work):
     repository, files, options, _, bugs = PARSERS[name]
     clone = sources / name
+    repository, commit = repository.split("@")
     if not clone.exists():
-        run(["git", "clone", "-q", "--depth", "1", f"https://github.com/{repository}", str(clone)])
+        run(["git", "init", "-q", str(clone)])
+        run(["git", "fetch", "-q", "--depth", "1", f"https://github.com/{repository}", commit],
+            cwd=clone)
+        run(["git", "checkout", "-q", "FETCH_HEAD"], cwd=clone)
     copy = work / f"{name}-{bug}"
     run(["cp", "-r", str(clone), str(copy)])
     if name == "libmodbus":
@@ -161,11 +212,12 @@ def build(name, bug, sources, work):
     text = (copy / file).read_text()
     assert text.count(line) == 1, f"{file}: {line} is there {text.count(line)} times"
     (copy / file).write_text(text.replace(line, f"{line}\n{bug_line}"))
-    client = HERE / ("modbus_server.c" if name == "libmodbus" else f"{name}_client.c")
+    client = HERE / CLIENTS.get(name, f"{name}_client.c")
+    is_cpp = client.suffix == ".cpp"
     common = ["-O1", "-w", f"-I{HERE}", "-I.", *options, str(client), *files]
-    run(["gcc", *common, "-o", "plain", "-lm"], cwd=copy)
+    run(["g++" if is_cpp else "gcc", *common, "-o", "plain", "-lm"], cwd=copy)
     quiet = os.environ | {"AFL_QUIET": "1"}
-    run(["afl-clang-fast", *common, "-o", "instrumented", "-lm"], cwd=copy, env=quiet)
+    run(["afl-clang-fast++" if is_cpp else "afl-clang-fast", *common, "-o", "instrumented", "-lm"], cwd=copy, env=quiet)
     seeds = copy / "seeds"
     seeds.mkdir()
     for number, seed in enumerate(PARSERS[name][3]):
