@@ -31,6 +31,8 @@ mod pair;
 mod probes;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod races;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod restarts;
 mod signals;
 mod support;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]

@@ -90,7 +90,7 @@ fn findings(out: &Path) -> Vec<String> {
 /// finding.
 #[test]
 fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
-    let (out, code, said) = search("lies", "pass", &["--cases", "6"]);
+    let (out, code, said) = search("lies", "pass", &["--cases", "10"]);
     assert_eq!(
         findings(&out),
         ["crash-exit-code-1 IndexError at driver.py:33"],
@@ -129,14 +129,14 @@ fn a_driver_that_reports_bad_frames_is_not_found_fault_with() {
 /// Two searches side by side find it once.
 #[test]
 fn searches_side_by_side_put_their_findings_together() {
-    let (out, code, said) = search("jobs", "pass", &["--cases", "6", "--jobs", "2"]);
+    let (out, code, said) = search("jobs", "pass", &["--cases", "16", "--jobs", "2"]);
     assert_eq!(
         findings(&out),
         ["crash-exit-code-1 IndexError at driver.py:33"],
         "{said}"
     );
     assert_eq!(code, Some(1), "{said}");
-    assert!(said.contains("2 jobs, 6 cases"), "{said}");
+    assert!(said.contains("2 jobs, 16 cases"), "{said}");
 }
 
 #[test]

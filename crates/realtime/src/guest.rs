@@ -81,7 +81,7 @@ pub use debugger::{DebugSettings, Debugged, Surroundings, debug};
 pub use elsewhere::{DebugSettings, Debugged, Surroundings, debug};
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 pub(crate) use elsewhere::{
-    LINES_VERB, Played, Trial, VERB, become_guest, become_guest_with_lines,
+    LINES_VERB, Played, Trial, TrialMoment, VERB, become_guest, become_guest_with_lines,
     become_shell_with_lines, run_with_lines,
 };
 pub use error::GuestError;
@@ -90,7 +90,7 @@ pub use launch::{LINES_VERB, VERB, become_guest, become_guest_with_lines};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub use lines::{become_shell_with_lines, run_with_lines};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-pub use trial::{Played, Trial};
+pub use trial::{Played, Trial, TrialMoment};
 
 /// Whether programs can have modem lines here.
 pub const HAS_LINES: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"));

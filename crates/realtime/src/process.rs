@@ -203,6 +203,11 @@ impl Process {
         self.ended
     }
 
+    /// The processes of the program and of its children.
+    pub fn ids(&self) -> Vec<u32> {
+        self.group.pids()
+    }
+
     /// Whether the system delays the program or one of its child processes.
     pub(crate) fn is_held_up(&self) -> bool {
         self.group.is_held_up()

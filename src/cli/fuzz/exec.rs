@@ -287,7 +287,12 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         targets: Vec::new(),
     });
     report(args, &search);
-    println!("{}", cost(args, harness.spent(), done.cases.get()));
+    let started = done.cases.get() - search.saved_starts();
+    println!("{}", cost(args, harness.spent(), started));
+    if search.saved_starts() > 0 {
+        let saved = search.saved_starts();
+        println!("{saved} cases began at the program's first wait, without a start");
+    }
     Ok(match search.findings().is_empty() {
         true => Verdict::Pass,
         false => Verdict::Fail,
@@ -368,10 +373,10 @@ fn in_words(progress: &Progress, time: Duration) -> String {
 }
 
 /// Prints where the time was spent, and how to make the search faster.
-fn cost(args: &FuzzArgs, spent: Spent, cases: u64) -> String {
+fn cost(args: &FuzzArgs, spent: Spent, started: u64) -> String {
     let share = |part: Duration| 100.0 * part.as_secs_f64() / spent.wall.as_secs_f64().max(1e-9);
     let (starts, rig) = (share(spent.starts), spent.rig.as_secs_f64());
-    let each = spent.starts.as_secs_f64() * 1e3 / cases.max(1) as f64;
+    let each = spent.starts.as_secs_f64() * 1e3 / started.max(1) as f64;
     let mut text = format!("time: {starts:.0} % for starts of the program, {each:.0} ms each");
     if args.exec.is_virtual {
         text += &format!("; the rest for its calls, in {rig:.0} s of virtual time");

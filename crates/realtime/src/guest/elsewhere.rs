@@ -146,6 +146,21 @@ impl Trial {
         match *self {}
     }
 
+    /// Its processes.
+    pub const fn processes(&self) -> Vec<u32> {
+        match *self {}
+    }
+
+    /// The program now.
+    pub const fn moment(&mut self) -> Option<TrialMoment> {
+        match *self {}
+    }
+
+    /// Puts the program back.
+    pub const fn put_back(&mut self, _: &TrialMoment) -> bool {
+        match *self {}
+    }
+
     /// What it said so far.
     pub(crate) const fn said(&self) -> String {
         match *self {}
@@ -161,6 +176,9 @@ impl Trial {
         match self {}
     }
 }
+
+/// A program at one moment.
+pub enum TrialMoment {}
 
 /// How a program is debugged.
 #[derive(Clone, Debug, Default)]

@@ -4,6 +4,7 @@
 //! its ports.
 
 mod ahead;
+mod rewind;
 mod terminals;
 
 use core::time::Duration;
@@ -20,6 +21,7 @@ use crate::{BACKLOG_MAX, Realtime};
 use ahead::Foreseen;
 use engine::rig::Paced as _;
 use engine::run::Run;
+pub(super) use rewind::StageMoment;
 
 /// Between two looks at what the program does with its ports, and longest step of time.
 const LOOK_EVERY: Duration = Duration::from_millis(10);

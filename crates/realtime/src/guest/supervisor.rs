@@ -24,6 +24,7 @@ mod posix_timers;
 mod price;
 mod processors;
 mod queues;
+mod rewind;
 mod schedule;
 mod signal_files;
 mod signals;
@@ -63,6 +64,7 @@ pub(super) use debugging::{Debugging, Goal, PortWrite, Step, Stop, Wanted, Watch
 use fifos::Meeting;
 use lent::Lease;
 use notices::Notice;
+pub(super) use rewind::Moment;
 use schedule::Schedule;
 
 /// Calls that a thread makes in a row while others could run.

@@ -92,7 +92,7 @@ pub(super) enum State {
 }
 
 /// One thread.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Thread {
     pub(super) tid: Pid,
     /// How many there were before it.

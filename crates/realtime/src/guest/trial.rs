@@ -1,6 +1,8 @@
 //! A foreign program on trial in virtual time: started, run, ended, judged by the same checks as in
 //! real time.
 
+mod rewind;
+
 use core::time::Duration;
 use std::ffi::OsStr;
 use std::fs::File;
@@ -33,6 +35,7 @@ use crate::transport::{Note, PortDir};
 use crate::{PortReport, Realtime, Sign};
 use engine::run::check::Check;
 use engine::run::{Outcome, Run};
+pub use rewind::TrialMoment;
 
 /// Virtual time in which a program may end once it was asked to, and what it left behind after it.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -373,9 +376,7 @@ impl Trial {
 
     /// What the program's threads wait for.
     fn waits(&self) -> Vec<Wait> {
-        let roots = self.programs.iter().map(|one| one.root);
-        let pids = roots.chain(self.supervisor.others());
-        waits(pids.filter_map(|pid| u32::try_from(pid).ok()))
+        waits(self.processes())
     }
 
     /// Ends the program.
@@ -481,8 +482,7 @@ impl Trial {
 }
 
 /// The path of a terminal with so many slashes that its length does not depend on the number that
-/// the
-/// system has given it: the program's memory is laid out behind its variables.
+/// the system has given it: the program's memory is laid out behind its variables.
 fn of_fixed_length(path: &OsStr) -> String {
     let path = path.to_string_lossy();
     let (folder, number) = path.rsplit_once('/').unwrap_or_default();

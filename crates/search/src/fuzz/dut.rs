@@ -23,6 +23,7 @@
 mod case;
 mod cause;
 mod compare;
+mod constants;
 mod coverage;
 pub mod device;
 mod dialogue;
@@ -36,6 +37,7 @@ mod message;
 mod plan;
 mod player;
 mod probe;
+mod restart;
 mod search;
 mod session;
 mod speech;

@@ -70,6 +70,9 @@ pub struct Raw {
     /// Whether the program sends requests: each turn then waits for a request.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub asks: bool,
+    /// The pause behind each turn if the program sends no requests [default: 25 ms].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gap: Option<Span>,
     /// Data sent to the program, one turn for each of its requests; replaces the stream.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub turn: Vec<Turn>,

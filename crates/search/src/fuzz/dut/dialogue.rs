@@ -11,7 +11,8 @@ use super::session::Session;
 const WHOLE: Duration = Duration::from_millis(3);
 /// Pause between two chunks of a turn.
 const PIECE_GAP: Duration = Duration::from_millis(5);
-/// Pause after a turn if the program sends no requests: some programs separate frames by silence.
+/// Usual pause after a turn if the program sends no requests: some programs separate frames by
+/// silence.
 const TURN_GAP: Duration = Duration::from_millis(25);
 /// Pause after the last turn, in which the program processes it.
 const END_GAP: Duration = Duration::from_millis(100);
@@ -93,7 +94,7 @@ pub(super) fn converse(
             (None, None) => sound += 1,
         }
         if !asks {
-            live.pass(TURN_GAP)?;
+            live.pass(raw.gap.map_or(TURN_GAP, |gap| gap.0))?;
         }
         last = request;
     }

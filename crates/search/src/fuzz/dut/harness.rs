@@ -1,10 +1,11 @@
 //! The test harness of a program: its input and its observation.
 
-use core::cell::{Cell, RefCell};
+use core::cell::{Cell, OnceCell, RefCell};
 use core::time::Duration;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::constants::Constants;
 use super::coverage::{Counters, VARIABLE};
 use super::errors::ErrorRule;
 use super::speech::Speech;
@@ -65,6 +66,8 @@ pub struct Harness<'a> {
     pub goes_on: &'a dyn Fn() -> bool,
     /// Coverage counters that are shared with programs.
     pub(super) counters: Option<Counters>,
+    /// Constants of the program, as soon as it has run.
+    pub(super) constants: OnceCell<Constants>,
     /// Real ports, which stay open between cases: opening a port may reset the board.
     open: RefCell<Vec<Box<dyn Transport>>>,
 }
@@ -121,6 +124,7 @@ impl<'a> Harness<'a> {
             supervision: None,
             counters: None,
             goes_on,
+            constants: OnceCell::new(),
             open: RefCell::default(),
         }
     }

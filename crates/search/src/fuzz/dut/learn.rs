@@ -16,9 +16,13 @@ use std::path::Path;
 use emulators::rng::Rng;
 
 use super::case::{Exchange, Hex, Turn, index};
+use super::constants::Constants;
 use crate::learn::{Corpus, DescribedFormat, FrameFormat, Gathered, Seeds, conversation};
 use capture::Capture;
 use mutate::Material;
+
+/// One turn in this many is the reply of another request.
+const OTHERS_ONE_IN: u64 = 16;
 
 /// The knowledge about the device on a link.
 #[derive(Clone, Debug)]
@@ -87,6 +91,7 @@ impl Lesson {
         &self,
         count: usize,
         avoided: &BTreeSet<String>,
+        constants: &Constants,
         rng: &mut Rng,
     ) -> Vec<Turn> {
         // In half of the cases all requests but one get intact replies. Otherwise a changed
@@ -94,14 +99,21 @@ impl Lesson {
         let requests = self.seeds.exchanges.len() as u64;
         let is_one = requests > 1 && rng.below(2) == 0;
         let one = is_one.then(|| index(rng, requests));
-        let turns = (0..count).map(|_| self.turn(one, avoided, rng));
+        let turns = (0..count).map(|_| self.turn(one, avoided, constants, rng));
         turns.collect()
     }
 
     /// Creates a turn for the request `one`, or for any request.
-    fn turn(&self, one: Option<usize>, avoided: &BTreeSet<String>, rng: &mut Rng) -> Turn {
+    fn turn(
+        &self,
+        one: Option<usize>,
+        avoided: &BTreeSet<String>,
+        constants: &Constants,
+        rng: &mut Rng,
+    ) -> Turn {
         let seeds = &self.seeds;
-        let all = seeds.exchanges.len() + seeds.unasked.len().min(seeds.exchanges.len().max(1));
+        let requests = seeds.exchanges.len();
+        let all = requests + seeds.unasked.len().min(requests.max(1));
         let picked = one.unwrap_or_else(|| index(rng, all.max(1) as u64));
         let (to, chunk) = match seeds.exchanges.get(picked) {
             Some((request, replies)) => {
@@ -117,7 +129,11 @@ impl Lesson {
         let material = Material {
             format: &*seeds.format,
             contents: &seeds.contents,
+            constants,
         };
+        if to.is_some() && requests > 1 && rng.below(OTHERS_ONE_IN) == 0 {
+            return self.reply_of_another(to, rng);
+        }
         let mut mutant = mutate::mutant(&material, chunk, rng);
         // Usually replaces a mutant whose kind has led to a known finding.
         if avoided.contains(mutant.kind) && rng.below(4) > 0 {
@@ -132,6 +148,25 @@ impl Lesson {
     }
 }
 
+impl Lesson {
+    /// An intact reply that answers another request than `to`.
+    fn reply_of_another(&self, to: Option<Hex>, rng: &mut Rng) -> Turn {
+        let exchanges = &self.seeds.exchanges;
+        let others = exchanges
+            .iter()
+            .filter(|one| Some(&one.0) != to.as_ref().map(|to| &to.0));
+        let others: Vec<&Vec<Vec<u8>>> = others.map(|(_, replies)| replies).collect();
+        let replies = others[index(rng, others.len() as u64)];
+        let reply = replies[index(rng, replies.len() as u64)].clone();
+        Turn {
+            kind: "reply-of-another-request".to_owned(),
+            is_altered: true,
+            to,
+            say: vec![Hex(reply)],
+        }
+    }
+}
+
 /// A change of `chunk`, which holds frames of `format`: its kind and the pieces to send.
 pub(super) fn mutant(
     format: &dyn FrameFormat,
@@ -139,7 +174,13 @@ pub(super) fn mutant(
     chunk: &[u8],
     rng: &mut Rng,
 ) -> (&'static str, Vec<Vec<u8>>) {
-    let mutant = mutate::mutant(&Material { format, contents }, chunk, rng);
+    let constants = &Constants::default();
+    let material = Material {
+        format,
+        contents,
+        constants,
+    };
+    let mutant = mutate::mutant(&material, chunk, rng);
     (mutant.kind, mutant.pieces)
 }
 

@@ -12,7 +12,7 @@ use engine::rig::{Paced, Rig};
 use engine::run::Run;
 use realtime::clock::Clock;
 use realtime::exec::{Foreign, PORTS_VARIABLE, Seat};
-use realtime::guest::{GuestError, Trial};
+use realtime::guest::{GuestError, Trial, TrialMoment};
 use realtime::held::Held;
 use realtime::process::{Ended, Patience, Process};
 use realtime::transport::PortDir;
@@ -128,6 +128,30 @@ impl Player {
         match self {
             Self::Live(live) => live.process.is_some(),
             Self::Guest(_) => true,
+        }
+    }
+
+    /// The processes of the program; none if it was not started here.
+    pub(super) fn processes(&self) -> Vec<u32> {
+        match self {
+            Self::Live(live) => live.process.as_ref().map_or_else(Vec::new, Process::ids),
+            Self::Guest(trial) => trial.processes(),
+        }
+    }
+
+    /// The program now, if it can be put back to this moment.
+    pub(super) fn moment(&mut self) -> Option<TrialMoment> {
+        match self {
+            Self::Live(_) => None,
+            Self::Guest(trial) => trial.moment(),
+        }
+    }
+
+    /// Puts the program back to `moment`; whether it was possible.
+    pub(super) fn put_back(&mut self, moment: &TrialMoment) -> bool {
+        match self {
+            Self::Live(_) => false,
+            Self::Guest(trial) => trial.put_back(moment),
         }
     }
 

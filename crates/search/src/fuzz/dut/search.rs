@@ -9,6 +9,7 @@ use emulators::rng::Rng;
 
 use super::case::{self, Case, Known, Raw, Told};
 use super::cause::Cause;
+use super::constants::Constants;
 use super::coverage::Counters;
 use super::finding::{Finding, Kept, State};
 use super::found::OpenFinding;
@@ -17,6 +18,7 @@ use super::harness::{Harness, HarnessError, Whose};
 use super::learn::Lesson;
 use super::plan::{Progress, RECORDINGS, TrialPlan};
 use super::probe::Probed;
+use super::restart::{self, Restarts};
 use super::speech::Speech;
 use super::traffic;
 use super::trial::{self, TrialOutcome};
@@ -30,6 +32,10 @@ const FINDINGS_MAX: usize = 100;
 
 /// Number of turns of a conversation.
 const TURNS: usize = 100;
+/// Pause after each turn in some cases, and their share. It is longer than the timeouts by which
+/// usual servers end a partial frame: a turn of a wrong length then does not spoil the next ones.
+const SLOW_GAP: Duration = Duration::from_millis(700);
+const SLOW_ONE_IN: u64 = 3;
 /// Minimum duration of the conversation that is used for learning.
 const LESSON: Duration = Duration::from_secs(3);
 
@@ -45,6 +51,8 @@ pub struct Search<'a> {
     doubtful: u64,
     /// The knowledge about each link.
     lessons: BTreeMap<usize, (Lesson, Known)>,
+    /// The program at its first wait.
+    restarts: Option<Restarts<'a>>,
     /// Errors that the program reported on purpose, with their numbers.
     reported: BTreeMap<String, u64>,
 }
@@ -92,6 +100,7 @@ impl<'a> Search<'a> {
             late: 0,
             doubtful: 0,
             lessons: BTreeMap::new(),
+            restarts: None,
             reported: BTreeMap::new(),
         })
     }
@@ -146,7 +155,7 @@ impl<'a> Search<'a> {
     pub fn step(&mut self) -> Result<bool, HarnessError> {
         let kind = self.kind()?;
         let (case, speech, guided) = self.draw(kind);
-        let seen = trial::run(self.harness, &case, &speech, &self.recording())?;
+        let seen = self.seen(&case, &speech)?;
         self.state.next += 1;
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);
@@ -173,6 +182,36 @@ impl<'a> Search<'a> {
         self.keep(case, &speech, seen)?;
         self.state.write(&self.plan.out)?;
         Ok(!is_gone || matches!(self.harness.whose, Whose::Command { .. }))
+    }
+
+    /// Runs `case`, without a start of the program if that is possible.
+    fn seen(&mut self, case: &Case, speech: &Speech) -> Result<TrialOutcome, HarnessError> {
+        let recording = self.recording();
+        let raw = case.told.raw.as_ref();
+        let link = raw.filter(|raw| restart::is_alone(case, raw));
+        if let Some(raw) = link {
+            let link = raw.link.clone();
+            let restarts = self.restarts.get_or_insert_with(|| Restarts::new(link));
+            if restarts.may_do(&raw.link)
+                && let Some(seen) = restarts.run(self.harness, case, speech, &recording)?
+            {
+                return Ok(seen);
+            }
+        }
+        // Both would have the same ports.
+        self.end_kept();
+        trial::run(self.harness, case, speech, &recording)
+    }
+
+    fn end_kept(&mut self) {
+        if let Some(restarts) = &mut self.restarts {
+            restarts.end(self.harness);
+        }
+    }
+
+    /// Number of cases without a start of the program.
+    pub fn saved_starts(&self) -> u64 {
+        self.restarts.as_ref().map_or(0, |restarts| restarts.saved)
     }
 
     fn recording(&self) -> PathBuf {
@@ -312,11 +351,16 @@ impl<'a> Search<'a> {
     fn dialogue(&self, at: usize, met: &Probed, rng: &mut Rng) -> Raw {
         let (lesson, _) = &self.lessons[&at];
         let avoided = self.state.avoided.iter().cloned().collect();
+        let none = Constants::default();
+        let constants = self.harness.constants.get().unwrap_or(&none);
+        let may_pause = !lesson.asks() && self.harness.supervision.is_some();
+        let is_slow = may_pause && rng.below(SLOW_ONE_IN) == 0;
         Raw {
             link: met.link.clone(),
+            gap: is_slow.then_some(Span(SLOW_GAP)),
             exchange: lesson.exchanges(),
             asks: lesson.asks(),
-            turn: lesson.turns(TURNS, &avoided, rng),
+            turn: lesson.turns(TURNS, &avoided, constants, rng),
             ..Raw::default()
         }
     }
@@ -395,6 +439,7 @@ impl<'a> Search<'a> {
 
 impl Drop for Search<'_> {
     fn drop(&mut self) {
+        self.end_kept();
         for name in RECORDINGS {
             let _ = Dir::open(&self.plan.out).and_then(|out| out.remove_file(name));
         }

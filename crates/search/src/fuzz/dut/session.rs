@@ -7,6 +7,7 @@ use std::path::Path;
 use protocols::Instant;
 
 use super::case::{Case, Known, WARM_UP};
+use super::constants::Constants;
 use super::coverage::Reached;
 use super::harness::{Harness, HarnessError};
 use super::player::{Halt, Player};
@@ -15,6 +16,7 @@ use capture::{self, Limits, Recording};
 use engine::rig::PortRate;
 use engine::run::Run;
 use realtime::clock::utc;
+use realtime::guest::TrialMoment;
 
 /// Time without a newly opened port after which all ports of a program count as opened.
 const OPENED: Duration = Duration::from_millis(300);
@@ -48,6 +50,12 @@ pub(super) struct Session<'a> {
     reached: Vec<Reached>,
     /// Numbers of the played turns.
     pub(super) played: Vec<usize>,
+}
+
+/// A session at one moment.
+pub(super) struct SessionMoment {
+    program: TrialMoment,
+    heard: Vec<u8>,
 }
 
 /// The observed activity on a port.
@@ -99,6 +107,10 @@ impl<'a> Session<'a> {
             played: Vec::new(),
         };
         let opened = live.wait_for_ports(harness, &case.told.known);
+        if opened.is_ok() && harness.constants.get().is_none() {
+            let constants = Constants::of_processes(live.player.processes().into_iter());
+            let _ = harness.constants.set(constants);
+        }
         Ok((live, opened))
     }
 
@@ -303,6 +315,21 @@ impl<'a> Session<'a> {
     /// The bytes received on the raw link since the last request.
     pub(super) fn take_heard(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.heard)
+    }
+
+    /// The program and its bytes so far, if it can be put back to this moment.
+    pub(super) fn moment(&mut self) -> Option<SessionMoment> {
+        Some(SessionMoment {
+            program: self.player.moment()?,
+            heard: self.heard.clone(),
+        })
+    }
+
+    /// Puts the program back to `moment`; whether it was possible. The rig continues.
+    pub(super) fn put_back(&mut self, moment: &SessionMoment) -> bool {
+        self.heard.clone_from(&moment.heard);
+        self.played.clear();
+        self.player.put_back(&moment.program)
     }
 
     /// The ports that the program opened, and those that it has read empty or written since `from`.

@@ -281,15 +281,27 @@ pub fn run(
     let from = live.now();
     let mut causes = Vec::new();
     let acted = opened.and_then(|()| act(harness, &mut live, case, speech, &mut causes));
-    let is_altered = is_altered(case, &live.played);
     let lasted = live.now() - from;
-    let mut outcome = judge(harness, live, acted, causes, is_altered)?;
+    let outcome = conclude(harness, live, case, acted, causes)?;
     let spent = harness.spent.get();
     harness.spent.set(Spent {
         starts: spent.starts + started,
         wall: spent.wall + (clock.now() - Instant::ZERO),
         rig: spent.rig + lasted,
     });
+    Ok(outcome)
+}
+
+/// Ends the program after `case`, which ended with `acted`, and judges it.
+pub(super) fn conclude(
+    harness: &Harness<'_>,
+    live: Session<'_>,
+    case: &Case,
+    acted: Result<(), Halt>,
+    causes: Vec<Cause>,
+) -> Result<TrialOutcome, HarnessError> {
+    let is_altered = is_altered(case, &live.played);
+    let mut outcome = judge(harness, live, acted, causes, is_altered)?;
     if case.told.known.ends {
         outcome.causes.retain(|cause| *cause != Cause::Ended);
     }

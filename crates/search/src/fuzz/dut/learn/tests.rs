@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use super::*;
-use crate::learn::FrameFormat;
 use crate::learn::tests::sensor_frames;
+use crate::learn::{FrameFormat, Spoken};
 
 /// Half of the mutants have a correct checksum and another content, some have a wrong checksum,
 /// some are intact and come in chunks.
@@ -21,6 +21,7 @@ fn mutants_are_sound_frames_damage_and_other_deliveries() {
     let material = Material {
         format: &*format,
         contents: &contents,
+        constants: &Constants::default(),
     };
     let is_sound = |frame: &[u8]| {
         let content = format.content(frame);
@@ -76,6 +77,7 @@ fn mutants_of_a_described_format_have_fields_at_their_limits() {
         let material = Material {
             format: &*format,
             contents: &contents,
+            constants: &Constants::default(),
         };
         let rng = &mut Rng::stream(1, "described");
         let (mut limits, mut sound) = (0, 0);
@@ -114,4 +116,155 @@ fn described_frames_are_taken_apart_and_put_together() {
             );
         }
     }
+}
+
+/// A defect: its name, and whether a frame reaches it.
+type Defect = (&'static str, fn(&[u8]) -> bool);
+
+/// Number of mutants in which each defect must be reached: some seconds of a search.
+const MUTANTS: usize = 60_000;
+
+/// The defects that none of [`MUTANTS`] intact mutants of `frames` reaches.
+fn missed(frames: &[Vec<u8>], constants: &Constants, defects: &[Defect]) -> Vec<&'static str> {
+    let mut gathered = Gathered::default();
+    frames
+        .iter()
+        .for_each(|frame| gathered.unasked(frame.clone()));
+    let Seeds {
+        format, contents, ..
+    } = gathered.learned(None);
+    let material = Material {
+        format: &*format,
+        contents: &contents,
+        constants,
+    };
+    let rng = &mut Rng::stream(1, "defects");
+    let mut missed: Vec<&Defect> = defects.iter().collect();
+    for at in 0..MUTANTS {
+        let mutant = mutate::mutant(&material, &frames[at % frames.len()], rng);
+        let whole = mutant.pieces.concat();
+        let is_sound = || {
+            let content = format.content(&whole);
+            content.is_some_and(|content| format.frame(&content, 0) == whole)
+        };
+        missed.retain(|(_, reaches)| !(reaches(&whole) && is_sound()));
+    }
+    missed.iter().map(|(name, _)| *name).collect()
+}
+
+/// Lines of the manual of a GPS receiver (NMEA 0183); each defect needs fields that are unusual
+/// together, joined, empty or too many, in a line with the right checksum.
+#[test]
+fn mutants_of_lines_reach_defects_that_need_structure() {
+    fn fields<'a>(line: &'a [u8], kind: &str) -> Vec<&'a str> {
+        let text = core::str::from_utf8(line).unwrap_or_default();
+        let body = text.split('*').next().unwrap_or_default();
+        match body.strip_prefix('$') {
+            Some(body) if body.starts_with(kind) => body.split(',').collect(),
+            _ => Vec::new(),
+        }
+    }
+    fn number(fields: &[&str], at: usize) -> u32 {
+        let field = fields.get(at).copied().unwrap_or_default();
+        field.parse().unwrap_or_default()
+    }
+    let nmea = |body: &str| {
+        let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+        format!("${body}*{sum:02X}\r\n").into_bytes()
+    };
+    let lines = [
+        "GPRMC,081836,A,3751.65,S,14507.36,E,000.0,360.0,130998,011.3,E",
+        "GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,",
+        "GPGSA,A,3,04,05,,09,12,,,24,,,,,2.5,1.3,2.1",
+        "GPGSV,3,1,11,03,03,111,00,04,15,270,00,06,01,010,00,13,06,292,00",
+        "GPVTG,054.7,T,034.4,M,005.5,N,010.2,K",
+    ];
+    let defects: [Defect; 7] = [
+        ("month", |line| {
+            let date = fields(line, "GPRMC").get(9).copied().unwrap_or_default();
+            date.len() == 6 && date.get(2..4).is_some_and(|month| month > "12")
+        }),
+        ("parts", |line| {
+            let of = fields(line, "GPGSV");
+            number(&of, 2) > number(&of, 1) && number(&of, 3) > 99
+        }),
+        ("gap", |line| {
+            let of = fields(line, "GPGSV");
+            let is_empty = of.get(12).is_some_and(|field| field.is_empty());
+            is_empty && number(&of, 16) > 0
+        }),
+        ("joined", |line| {
+            let of = fields(line, "GPRMC");
+            of.get(9).is_some_and(|date| date.starts_with("130998011"))
+        }),
+        ("many", |line| fields(line, "GPGSA").len() > 40),
+        ("long", |line| {
+            let of = fields(line, "GPGGA");
+            of.get(2).is_some_and(|latitude| latitude.len() > 100)
+        }),
+        ("constant", |line| number(&fields(line, "GPGGA"), 7) == 4711),
+    ];
+    let mut constants = Constants::default();
+    constants.add_script(b"if satellites == 4711: pass");
+    assert_eq!(missed(&lines.map(nmea), &constants, &defects), [""; 0]);
+}
+
+/// Requests of Modbus: a mask at a limit, and a number of registers with as many bytes behind it.
+#[test]
+fn mutants_of_frames_reach_defects_that_need_structure() {
+    let modbus = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS);
+    let request = |body: &[u8]| [body, &modbus.checksum(body).to_le_bytes()].concat();
+    let frames = [
+        request(&[1, 3, 0, 0, 0, 10]),
+        request(&[1, 6, 0, 1, 0, 3]),
+        request(&[1, 16, 0, 0, 0, 2, 4, 0, 1, 0, 2]),
+        request(&[1, 22, 0, 4, 0, 0, 0xFF, 0xFF]),
+        request(&[1, 23, 0, 0, 0, 2, 0, 4, 0, 2, 4, 0, 10, 1, 2]),
+    ];
+    let defects: [Defect; 3] = [
+        ("mask", |frame| {
+            let limits = [[0x80, 0], [0x7F, 0xFF], [0x80, 1], [0xFF, 0xFE]];
+            frame.len() == 10 && frame[1] == 22 && limits.contains(&[frame[6], frame[7]])
+        }),
+        ("registers", |frame| {
+            let is_long = frame.len() > 100 && frame[1] == 16;
+            let bytes = frame.get(6).copied().map_or(0, usize::from);
+            is_long && bytes == 2 * usize::from(frame[5]) && bytes == frame.len() - 9
+        }),
+        ("constant", |frame| {
+            frame.len() == 8 && frame[1] == 6 && frame[4..6] == [0x12, 0x67]
+        }),
+    ];
+    let mut constants = Constants::default();
+    constants.add_script(b"if value == 0x1267: pass");
+    assert_eq!(missed(&frames, &constants, &defects), [""; 0]);
+}
+
+/// A reply of one request is also sent to another one.
+#[test]
+fn replies_are_used_for_other_requests() {
+    let spoken = |is_program, at, bytes: &[u8]| Spoken {
+        is_program,
+        at,
+        bytes: bytes.to_vec(),
+    };
+    let mut gathered = Gathered::default();
+    gathered.conversation(&[
+        spoken(true, 0, b"A?\n"),
+        spoken(false, 10_000_000, b"a=1\n"),
+        spoken(true, 20_000_000, b"B?\n"),
+        spoken(false, 30_000_000, b"b=2\n"),
+    ]);
+    let lesson = Lesson {
+        seeds: gathered.learned(None),
+    };
+    let rng = &mut Rng::stream(1, "others");
+    let turns = lesson.turns(400, &BTreeSet::new(), &Constants::default(), rng);
+    let mut others = turns
+        .iter()
+        .filter(|turn| turn.kind == "reply-of-another-request");
+    let first = others.next().expect("one in some dozens");
+    let to = first.to.clone().expect("it answers a request");
+    let expected: &[u8] = if to.0 == b"A?\n" { b"b=2\n" } else { b"a=1\n" };
+    assert_eq!(first.say, [Hex(expected.to_vec())]);
 }
