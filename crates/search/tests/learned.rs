@@ -264,39 +264,3 @@ on = [{{ message = "ask", reply = "told" }}]
         );
     }
 }
-
-/// Frames from STX to ETX with the checksum behind ETX, which the checksum covers or not: the draft
-/// has the markers, not the pauses of this capture.
-#[test]
-fn markers_before_a_checksum_are_learned() {
-    let checks = [
-        ("xor", r#"from = 0, extra = [0x03]"#, 1),
-        ("sum8", r#"before = [0x02], extra = [0x03]"#, 1),
-        ("CRC-16/XMODEM", r#"endian = "big""#, 2),
-    ];
-    for (algorithm, range, tail) in checks {
-        let of = parse(&format!(
-            r#"
-name = "marked"
-about = "Controller with STX and ETX"
-line = {{ baud = 9600 }}
-frame = {{ start = [0x02], end = [0x03], tail = {tail}, checksum = {{ algorithm = "{algorithm}", {range} }} }}
-state = {{ heat = {{ source = {{ noise = {{ mean = 500, deviation = 300 }} }} }} }}
-message = [
-  {{ name = "read", from = "host", text = "{{unit:02d}}RD{{item:1d}}" }},
-  {{ name = "write", from = "host", text = "{{unit:02d}}WR{{value:05.1f}}" }},
-  {{ name = "value", from = "device", text = "{{unit:02d}}V{{heat:.1f}}" }},
-  {{ name = "done", from = "device", text = "{{unit:02d}}OK" }},
-]
-on = [{{ message = "read", reply = "value" }}, {{ message = "write", reply = "done" }}]
-"#
-        ));
-        let learned = conversation(&of).learned();
-        let draft = learned.draft.expect("frames");
-        assert!(
-            draft.contains(&format!("start = [0x02]\nend = [0x03]\ntail = {tail}\n")),
-            "{algorithm}: {draft}"
-        );
-        assert_eq!(is_right(&of, &draft), (true, true), "{algorithm}: {draft}");
-    }
-}

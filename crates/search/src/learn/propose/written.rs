@@ -68,18 +68,13 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
     let sum = found.checksum.and_then(|sum| Some((sum, expressed(&sum)?)));
     let is_summed = sum.as_ref().is_some_and(|(sum, _)| sum.is_present());
     let prefix = common_prefix(&found.frames);
-    let marked = marked(found).filter(|_| is_summed);
-    let (mut toml, start, framing) = match (&found.cut, &marked) {
-        (_, Some(marked)) => (marked.toml(), 0, marked.claim(found)),
-        (Cut::Stream(cutting), _) => of_stream(cutting, found, is_summed),
-        (Cut::Format(format), _) => of_format(format, found, &prefix, is_summed)?,
+    let (mut toml, start, framing) = match &found.cut {
+        Cut::Stream(cutting) => of_stream(cutting, found, is_summed),
+        Cut::Format(format) => of_format(format, found, &prefix, is_summed)?,
     };
     claims.push(framing);
     if let Some((sum, words)) = &sum {
-        let (text, end) = match &marked {
-            Some(marked) => (marked.checksum(sum, words)?, String::new()),
-            None => checksum_toml(sum, words, start, &found.cut)?,
-        };
+        let (text, end) = checksum_toml(sum, words, start, &found.cut)?;
         toml += &text;
         toml += &end;
         claims.push(Claim {
@@ -293,81 +288,6 @@ fn common_prefix(frames: &[Vec<u8>]) -> Vec<u8> {
     let shared = |at: &usize| others.iter().all(|other| other.get(*at) == first.get(*at));
     let len = (0..first.len()).take_while(shared).count();
     first[..len].to_vec()
-}
-
-/// Frames between a start and an end marker, with the checksum behind the end marker.
-struct Marked {
-    start: u8,
-    end: u8,
-    /// Number of bytes behind the end marker.
-    tail: usize,
-}
-
-/// The markers of frames that pauses separate: a constant first byte, and before the checksum a
-/// constant byte that is nowhere else in a frame.
-fn marked(found: &Found) -> Option<Marked> {
-    let Cut::Format(format) = &found.cut else {
-        return None;
-    };
-    let is_plain = format.end.is_empty() && format.coding == Coding::Raw && !format.is_text;
-    let place = found.checksum.as_ref()?.placed()?;
-    let is_last = place.head.is_none() && place.tail.is_empty() && place.gap.len() < 2;
-    if !is_plain || !is_last || !format.lengths.is_empty() {
-        return None;
-    }
-    let tail = place.len;
-    let sizes: BTreeSet<usize> = found.frames.iter().map(Vec::len).collect();
-    let first = found.frames.first()?;
-    let start = *first.first()?;
-    let end = *first.get(first.len().checked_sub(tail + 1)?)?;
-    let has_markers = |frame: &Vec<u8>| {
-        let behind = frame.len().checked_sub(tail + 1);
-        behind.is_some_and(|at| {
-            at > 0 && frame[0] == start && frame.iter().position(|byte| *byte == end) == Some(at)
-        })
-    };
-    let is_marked = sizes.len() > 1 && found.frames.iter().all(has_markers);
-    is_marked.then_some(Marked { start, end, tail })
-}
-
-impl Marked {
-    fn toml(&self) -> String {
-        let Self { start, end, tail } = self;
-        format!("start = [0x{start:02X}]\nend = [0x{end:02X}]\ntail = {tail}\n")
-    }
-
-    fn claim(&self, found: &Found) -> Claim {
-        let Self { start, end, tail } = self;
-        let words = format!(
-            "frames from [0x{start:02X}] to [0x{end:02X}] and {tail} bytes behind it, the checksum"
-        );
-        let distinct: BTreeSet<&Vec<u8>> = found.frames.iter().collect();
-        let evidence = format!("{} frames", found.frames.len());
-        claim(words, evidence, distinct.len() >= LINES_SURE)
-    }
-
-    /// The text of the checksum: its range without the markers, which it may cover too.
-    fn checksum(&self, sum: &Checksum, name: &str) -> Option<String> {
-        let place = sum.placed()?;
-        let mut keys = vec![format!("algorithm = \"{name}\"")];
-        match place.start {
-            0 => keys.push(format!("before = [0x{:02X}]", self.start)),
-            1 => {}
-            from => keys.push(format!("from = {}", from - 1)),
-        }
-        // A constant byte between the covered ones and the checksum is the end marker.
-        if place.gap.is_empty() {
-            keys.push(format!("extra = [0x{:02X}]", self.end));
-        }
-        if place.bytes > 1 {
-            let endian = if place.is_big { "big" } else { "little" };
-            keys.push(format!("endian = \"{endian}\""));
-        }
-        if place.is_hex {
-            keys.push("encoding = \"hex\"".to_owned());
-        }
-        Some(format!("checksum = {{ {} }}\n", keys.join(", ")))
-    }
 }
 
 /// The name of the algorithm in descriptions; `None` if it has none.
