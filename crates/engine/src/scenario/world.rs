@@ -3,14 +3,15 @@
 mod body;
 mod floor_line;
 mod heat;
+mod outline;
 mod reach;
 mod slick;
 
 use core::time::Duration;
 
 use emulators::world::{
-    Bounds, Chassis, Fixture, HeatPlate, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat,
-    Scene, Shape, Waypoint, World,
+    Bounds, Chassis, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat, Scene,
+    Shape, Waypoint, World,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -21,7 +22,6 @@ use crate::scenario::plan;
 pub use body::BodySpec;
 pub use floor_line::FloorLineSpec;
 pub use heat::HeatSpec;
-use heat::body;
 pub use slick::SlickSpec;
 
 /// Ground truth as data.
@@ -428,23 +428,6 @@ impl WorldSpec {
             }
         }
         Ok((fixtures, origins))
-    }
-
-    fn heat_plates(&self, source: &Source) -> Result<Vec<HeatPlate>, ScenarioError> {
-        let maze = self.maze.iter().flat_map(|maze| maze.get_ref().victims());
-        let maze = maze.map(|[from, to]| HeatPlate::new(point(from), point(to), body()));
-        let own = self.heat.iter().enumerate().map(|(index, spec)| {
-            let heat = spec.get_ref();
-            let plate = HeatPlate::new(point(heat.from_m), point(heat.to_m), heat.temperature_c);
-            plate.map_err(|error| {
-                let key = format!("world.heat[{index}]");
-                source.invalid(Some(spec.span()), key, error.to_string())
-            })
-        });
-        let maze = maze.map(|plate| {
-            plate.map_err(|error| source.invalid(None, "world.maze", error.to_string()))
-        });
-        maze.chain(own).collect()
     }
 
     fn obstacles(&self, source: &Source) -> Result<(Vec<Obstacle>, Vec<Origin>), ScenarioError> {
