@@ -169,7 +169,7 @@ fn arguments() -> (f64, bool) {
 fn main() -> ExitCode {
     let (minutes, is_bench) = arguments();
     let mut server = Server::of("rescue-flat", "1");
-    let Some(browser) = Browser::at("bench", &server) else {
+    let Some(browser) = Browser::at(&server) else {
         return ExitCode::SUCCESS;
     };
     let mut bench = Bench {
