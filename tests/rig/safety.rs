@@ -52,6 +52,61 @@ fn planted_defects_are_found_by_the_checks_of_safety() {
     }
 }
 
+/// Text of a scenario that drives by hand, at first with these set-points.
+fn by_hand(first: [i32; 2], then: &str) -> String {
+    let [left, right] = first;
+    format!(
+        "[mission]\nto_the_end = true\n[[mission.step]]\nat = \"600ms\"\n\
+         do = {{ drive = [{left}, {right}] }}\n{then}"
+    )
+}
+
+/// Defects that only a comparison with the program's own lines, orders and pose shows: the program
+/// accepts damaged packets (XV-02); it sends text inside of frames (PU-18); its pose leaps (SL-02);
+/// it forgets an order to drive (PU-20), or rolls on after a stop (NV-04); it turns the long way
+/// (NV-01); it drives blind (XV-11). Each check fails with its defect and passes without it.
+#[test]
+fn planted_defects_are_found_by_the_checks_of_the_program() {
+    let noise = "[[fault]]\nkind = \"flip\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+        rate = 0.004\nfrom = \"2s\"\n";
+    let to_place = |at: &str, then: &str, place: [f64; 2]| {
+        let [x, y] = place;
+        format!(
+            "[[mission.step]]\nat = \"{at}\"\ndo = {{ waypoints-m = [[{x}, {y}]] }}\n\
+             [[mission.step]]\nat = \"{then}\"\ndo = {{ mode = \"waypoint\" }}\n"
+        )
+    };
+    let seam = by_hand([10, -10], &to_place("3500ms", "3550ms", [2.4, 1.36]));
+    let stop = "[[mission.step]]\nat = \"6s\"\ndo = { mode = \"stop\" }\n";
+    let dark = "[program]\nstart_mode = \"exploration\"\n[[fault]]\nkind = \"device\"\n\
+        device = \"lidar\"\nfault = \"dark\"\nfrom = \"4s\"\n";
+    let rows = [
+        ("counts-true", "XV-02", "6s", format!("{WAY}{noise}")),
+        ("sends-sound-frames", "PU-18", "6s", WAY.to_owned()),
+        ("pose-believed", "SL-02", "25s", format!("seed = 2\n{WAY}")),
+        ("does-as-ordered", "PU-20", "8s", by_hand([10, -10], "")),
+        ("does-as-ordered", "NV-04", "9s", format!("{WAY}{stop}")),
+        ("turns-short", "NV-01", "14s", seam),
+        ("rests-after-silence", "XV-11", "9s", dark.to_owned()),
+    ];
+    let keys = "true_counts = true\nsound_frames = true\npose_within_mm = 150\n\
+        obeys_within = \"300ms\"\nshort_turns = true\n";
+    for (name, defect, duration, text) in rows {
+        let judged = |defects: &str| {
+            let program = format!("[program]\ndefects = [{defects}]\n");
+            let text = match text.contains("[program]\n") {
+                true => text.replace("[program]\n", &program),
+                false => format!("{text}{program}"),
+            };
+            let text = format!("{text}{SAFETY}{keys}");
+            check(&run_to_end(in_a_room(duration, &text)), name)
+        };
+        let (with, without) = (judged(&format!("\"{defect}\"")), judged(""));
+        assert_eq!(with.status, Status::Fail, "{defect}: {}", with.detail);
+        assert_eq!(without.status, Status::Pass, "{defect}: {}", without.detail);
+    }
+}
+
 /// The phone of the car is gone permanently (AF-07): the car continues to drive, 3 s after the
 /// start of a drive of 40 s. The watchdog of its board does not stop it, because the board receives
 /// commands.

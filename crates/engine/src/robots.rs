@@ -41,8 +41,8 @@ pub use bounds::warnings;
 pub use checker::{Check, Checker, Look, Status};
 use devices::add_devices;
 pub use instruments::{
-    Alarm, Command, Console, Dialect, Display, Figure, Found, Instruments, Need, Panel, PanelRow,
-    Silence, Stops,
+    Alarm, Command, Console, Dialect, Display, Figure, Found, Instruments, Intake, Need, Panel,
+    PanelRow, Silence, Stops,
 };
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};

@@ -107,6 +107,11 @@ impl Stream {
         found
     }
 
+    /// Number of bytes that may belong to a frame whose end is missing.
+    pub fn pending(&self) -> usize {
+        self.decoder.pending()
+    }
+
     fn settle(&mut self, mut bytes: &[u8]) -> Vec<Stretch> {
         let Self { decoder, place } = self;
         let mut found = Vec::new();
@@ -164,6 +169,8 @@ pub struct Counter {
 pub struct Count {
     /// Valid frames.
     pub frames: u64,
+    /// Bytes in these frames.
+    pub bytes: u64,
     /// Rejected candidates for a frame.
     pub errors: u64,
 }
@@ -186,11 +193,19 @@ impl Counter {
         let mut count = Count::default();
         while let Some(outcome) = self.decoder.step(&mut bytes) {
             match outcome {
-                Ok(_) => count.frames += 1,
+                Ok(len) => {
+                    count.frames += 1;
+                    count.bytes += len as u64;
+                }
                 Err(_) => count.errors += 1,
             }
         }
         count
+    }
+
+    /// Number of bytes that may belong to a frame whose end is missing.
+    pub fn pending(&self) -> usize {
+        self.decoder.pending()
     }
 
     /// Handles a silence of the line: a partial frame will not be completed.

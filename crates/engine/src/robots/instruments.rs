@@ -120,6 +120,44 @@ pub struct Alarm {
     pub counter: &'static str,
 }
 
+/// Counters of a program for the frames of one direction of a link.
+#[derive(Clone, Copy, Debug)]
+pub struct Intake {
+    /// Name of the link.
+    pub link: &'static str,
+    /// Direction of the frames.
+    pub direction: Direction,
+    /// Numbers of accepted and of rejected frames; `None` if the counters are not in this process.
+    pub counts: fn(&Rig) -> Option<[u64; 2]>,
+    /// Whether the program may ignore valid frames, for instance while its port is closed.
+    pub may_ignore: bool,
+}
+
+impl Intake {
+    /// The counters of the robot's program for the frames of `link`.
+    pub const fn new(link: &'static str, counts: fn(&Rig) -> Option<[u64; 2]>) -> Self {
+        Self {
+            link,
+            direction: Direction::ToMaster,
+            counts,
+            may_ignore: false,
+        }
+    }
+}
+
+/// Sums of the program's counters called `accepted`, and of those called `rejected`.
+pub fn counted(rig: &Rig, accepted: &[&str], rejected: &[&str]) -> Option<[u64; 2]> {
+    let mut sums = [0; 2];
+    rig.program()?.counters(&mut |name, value| {
+        for (sum, names) in sums.iter_mut().zip([accepted, rejected]) {
+            if names.contains(&name) {
+                *sum += value;
+            }
+        }
+    });
+    Some(sums)
+}
+
 /// A value that the robot reported to its station.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figure {
@@ -133,9 +171,16 @@ pub struct Figure {
     pub truth: f64,
     /// Permitted difference, in addition to the change since the report.
     pub tolerance: f64,
+    /// Number of wrong reports in a row that fail: [`Self::CHANGING`], or 1 for a value that is
+    /// steady.
+    pub wrong_min: u32,
 }
 
 impl Figure {
+    /// Number of wrong reports of a changing value that fail: a single one may be from a moment
+    /// between two updates.
+    pub const CHANGING: u32 = 3;
+
     /// The values of a pose that was reported `at`: position and heading.
     pub fn of_pose(at: Instant, told: Pose, truth: Pose) -> [Self; 3] {
         let place = |name, told: f64, truth: f64| Self {
@@ -144,6 +189,7 @@ impl Figure {
             told: told * 1000.0,
             truth: truth * 1000.0,
             tolerance: 30.0,
+            wrong_min: Self::CHANGING,
         };
         // The smaller of the two rotations.
         let turned = emulators::world::wrap_angle(told.theta - truth.theta);
@@ -156,6 +202,7 @@ impl Figure {
                 told: turned.to_degrees(),
                 truth: 0.0,
                 tolerance: 60.0,
+                wrong_min: Self::CHANGING,
             },
         ]
     }
@@ -275,6 +322,16 @@ pub trait Instruments: Send + Sync {
 
     /// Counters that grow when the program detects a silent link.
     fn alarms(&self) -> &'static [Alarm] {
+        &[]
+    }
+
+    /// Counters of the program for the frames that arrive on its lines.
+    fn intakes(&self) -> &'static [Intake] {
+        &[]
+    }
+
+    /// Modes in which the program drives to a goal of its own choice or of an order.
+    fn goal_modes(&self) -> &'static [&'static str] {
         &[]
     }
 

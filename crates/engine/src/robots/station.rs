@@ -162,6 +162,11 @@ pub trait Station {
         None
     }
 
+    /// Maximum number of places of a list that the protocol carries, if it is limited.
+    fn list_max(&self) -> Option<usize> {
+        None
+    }
+
     /// Actions with a position on the map.
     fn place_acts(&self) -> &'static [PlaceAct] {
         &[]

@@ -23,7 +23,8 @@ pub(crate) use node_programs::node_programs;
 #[cfg(feature = "described")]
 pub use nodes::last_words;
 pub use safety::{
-    AliveAtTheEnd, MovesOnSoundOrders, NoticesSilence, RestsAfterSilence, TelemetryTrue,
+    AliveAtTheEnd, Calm, CountsTrue, DoesAsOrdered, MovesOnSoundOrders, NoticesSilence,
+    PoseBelieved, RestsAfterSilence, SendsSoundFrames, TelemetryTrue, TurnsShort,
 };
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;

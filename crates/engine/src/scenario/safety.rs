@@ -11,7 +11,8 @@ use super::Span;
 #[serde(deny_unknown_fields)]
 pub struct SafetySpec {
     /// Silence of a link in `rests_without` after which the robot must stop, and stay at rest until
-    /// the link carries bytes again. The robot may take 0.5 s to brake.
+    /// the link carries bytes again. A lidar without any distance counts as silent. The robot may
+    /// take 0.5 s to brake.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rests_within: Option<Span>,
     /// Links from which the robot must receive bytes in order to drive, e.g. `["lidar"]`. Built-in
@@ -19,15 +20,35 @@ pub struct SafetySpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub rests_without: Vec<String>,
     /// Whether the robot must rest until a frame with a valid checksum has arrived on
-    /// `orders_link`.
+    /// `orders_link`. Driven by hand, it must not speed up or reverse by damaged frames.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub sound_orders: bool,
     /// Link that carries the orders to the robot; built-in robots have their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orders_link: Option<String>,
-    /// The pose and the speeds that the robot reports to its station must be its own.
+    /// The pose, speeds and charge that the robot reports to its station must be its own.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub true_telemetry: bool,
+    /// Whether the program must count each valid frame that arrives on its lines as accepted, and
+    /// no other; built-in robots only.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub true_counts: bool,
+    /// Whether the program must send only whole, valid frames.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub sound_frames: bool,
+    /// Maximum error of the believed position for 3 s, millimetres, and 20 degrees of the heading,
+    /// before the first fault, push or contact that may mislead the robot's sensors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub pose_within_mm: Option<f64>,
+    /// Time from the arrival of an order to rest until the robot obeys; it may take 0.3 s to brake.
+    /// Its set-points must also follow an order to drive by hand.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obeys_within: Option<Span>,
+    /// Whether the robot must turn to its goal by the shorter way: by less than 230 degrees on the
+    /// spot.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub short_turns: bool,
     /// Maximum silence of a device until the program notices: its counter of such failures must
     /// grow.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -10,8 +10,23 @@ use super::{PHONE, REMOTE};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::robots::{Axis, Instruments, Need, Overlay, Panel, PanelRow, ScanDecoder, Station};
+use crate::robots::instruments::counted;
+use crate::robots::{
+    Axis, Instruments, Intake, Need, Overlay, Panel, PanelRow, ScanDecoder, Station,
+};
 use crate::scenario::DeviceSpec;
+
+const INTAKES: [Intake; 3] = [
+    Intake::new("car", |rig| {
+        counted(rig, &["board frames"], &["board bad frames"])
+    }),
+    Intake::new("odometer", |rig| {
+        counted(rig, &["odometer lines"], &["odometer bad lines"])
+    }),
+    Intake::new(REMOTE, |rig| {
+        counted(rig, &["remote packets", "remote bad packets"], &[])
+    }),
+];
 
 /// The robot's instruments.
 #[derive(Clone, Debug)]
@@ -125,6 +140,10 @@ impl Instruments for ApolloInstruments {
 
     fn station_links(&self) -> &'static [&'static str] {
         &[REMOTE]
+    }
+
+    fn intakes(&self) -> &'static [Intake] {
+        &INTAKES
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {

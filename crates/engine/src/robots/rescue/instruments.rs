@@ -7,16 +7,17 @@ use emulators::pc::Pc;
 use emulators::touch_panel::{self, TouchPanel};
 use emulators::world::Pose;
 use firmware_core::map_view::MapView;
+use firmware_core::robots::rescue::Rescue;
 use protocols::Instant;
 use protocols::avr::registers;
 
 use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
 use crate::codec::Codec;
 use crate::rig::Rig;
-use crate::robots::instruments::in_metres;
+use crate::robots::instruments::{counted, in_metres};
 use crate::robots::{
-    Alarm, Axis, Console, Dialect, Display, Figure, Found, Instruments, Need, Overlay, OverlayRole,
-    Panel, ScanDecoder, Silence, Station,
+    Alarm, Axis, Console, Dialect, Display, Figure, Found, Instruments, Intake, Need, Overlay,
+    OverlayRole, Panel, ScanDecoder, Silence, Station,
 };
 use crate::scenario::device::xv11_scans::Xv11Scans;
 
@@ -37,6 +38,22 @@ const ALARMS: [Alarm; 2] = [
         counter: "base silences",
     },
 ];
+
+const INTAKES: [Intake; 3] = [
+    Intake::new("lidar", |rig| {
+        counted(rig, &["lidar packets"], &["lidar packets bad"])
+    }),
+    Intake::new("base", |rig| {
+        let accepted = ["base answers", "base unsolicited", "base errors"];
+        counted(rig, &accepted, &["base bad frames"])
+    }),
+    Intake::new("radio", |rig| {
+        counted(rig, &["radio frames"], &["radio bad frames"])
+    }),
+];
+
+/// Maximum difference of a reported charge, per cent.
+const CHARGE: f64 = 20.0;
 
 /// The robot's instruments: the rig contains all their data.
 #[derive(Clone, Copy, Debug)]
@@ -189,8 +206,16 @@ impl Instruments for RescueInstruments {
         &ALARMS
     }
 
-    /// The reported pose with that of the program, the reported speeds with those that the base
-    /// measures.
+    fn intakes(&self) -> &'static [Intake] {
+        &INTAKES
+    }
+
+    fn goal_modes(&self) -> &'static [&'static str] {
+        &["waypoint", "home"]
+    }
+
+    /// The reported pose with that of the program, the reported charge and speeds with those that
+    /// the base measures.
     fn figures(&self, rig: &Rig) -> Vec<Figure> {
         let mut figures = Vec::new();
         let Some(record) = pc(rig).map(Pc::record) else {
@@ -198,11 +223,25 @@ impl Instruments for RescueInstruments {
         };
         let stated = record.map_properties.map(|(at, _)| at);
         let pose = pc(rig).and_then(Pc::stated_pose);
-        let own = rig.program().and_then(|program| program.estimate());
-        if let (Some(at), Some(told), Some((_, own))) = (stated, pose, own) {
-            figures.extend(Figure::of_pose(at, told, in_metres(own)));
+        // Between two scans, and without a lidar, the program reports its pose by the wheels.
+        let own = rig.program_as::<Rescue>();
+        if let (Some(at), Some(told), Some(own)) = (stated, pose, own) {
+            let own = in_metres(own.pose_at(rig.now()));
+            figures.extend(Figure::of_pose(at, told, own));
         }
         let base = rig.device::<AvrBase>("base");
+        if let (Some((at, told)), Some(base)) = (record.diagnosis, base)
+            && told.battery_percent >= 0
+        {
+            figures.push(Figure {
+                name: "the charge of the battery, per cent",
+                at,
+                told: told.battery_percent.into(),
+                truth: f64::from(base.register(registers::BATTERY_PERCENT).cast_signed()),
+                tolerance: CHARGE,
+                wrong_min: 1,
+            });
+        }
         if let (Some((at, state)), Some(base)) = (record.state, base) {
             let addresses = [registers::SPEED_LEFT_IS, registers::SPEED_RIGHT_IS];
             let names = [
@@ -216,6 +255,7 @@ impl Instruments for RescueInstruments {
                     told: told.into(),
                     truth: f64::from(base.register(address).cast_signed()) * TICK_MM_S,
                     tolerance: 2.0 * TICK_MM_S,
+                    wrong_min: Figure::CHANGING,
                 });
             }
         }

@@ -14,6 +14,9 @@ use crate::robots::station::{DriveKeys, StationState};
 use crate::robots::{Gesture, RemoteStation, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
 
+/// Number of waypoints in the longest frame: two bytes, and nine for each.
+const LIST_MAX: usize = (protocols::pcui::PAYLOAD_MAX - 2) / 9;
+
 /// A PC that opens its port on request.
 pub(super) fn alone() -> Pc {
     let script = Script::new(Vec::new()).expect("no steps are within the limits");
@@ -46,6 +49,10 @@ impl Station for Pc {
             "explore" => Some("Explore, then return"),
             _ => None,
         }
+    }
+
+    fn list_max(&self) -> Option<usize> {
+        Some(LIST_MAX)
     }
 
     /// Ticks per 40 ms: a third of a metre a second ahead, half of that to turn.

@@ -16,11 +16,39 @@ use super::station::PcStation;
 use super::{BOARD, PC, TELEMETRY, command};
 use crate::codec::{self, Codec};
 use crate::rig::Rig;
-use crate::robots::instruments::in_metres;
+use crate::rig::line::Direction;
+use crate::robots::instruments::{counted, in_metres};
 use crate::robots::{
-    Alarm, Axis, Dialect, Figure, Instruments, Need, Overlay, Panel, PanelRow, ScanDecoder, Station,
+    Alarm, Axis, Dialect, Figure, Instruments, Intake, Need, Overlay, Panel, PanelRow, ScanDecoder,
+    Station,
 };
 use crate::scenario::DeviceSpec;
+
+const INTAKES: [Intake; 4] = [
+    Intake::new(BOARD, |rig| {
+        counted(rig, &["board samples"], &["board samples bad"])
+    }),
+    Intake::new("lidar", |rig| {
+        counted(rig, &["lidar nodes"], &["lidar groups bad"])
+    }),
+    Intake::new(TELEMETRY, |rig| {
+        let accepted = ["telecommands", "radio bad messages", "radio echoes"];
+        counted(rig, &accepted, &["radio bad frames"])
+    }),
+    Intake {
+        direction: Direction::ToDevice,
+        may_ignore: true,
+        ..Intake::new(TELEMETRY, |rig| {
+            let mut counts = [0; 2];
+            pc(rig)?.counters(&mut |name, value| match name {
+                "frames" => counts[0] += value,
+                "bad frames" => counts[1] += value,
+                _ => {}
+            });
+            Some(counts)
+        })
+    },
+];
 
 /// The robot's instruments.
 #[derive(Clone, Debug)]
@@ -154,6 +182,14 @@ impl Instruments for YellowInstruments {
             link: "lidar",
             counter: "lidar silences",
         }]
+    }
+
+    fn intakes(&self) -> &'static [Intake] {
+        &INTAKES
+    }
+
+    fn goal_modes(&self) -> &'static [&'static str] {
+        &["position"]
     }
 
     /// The reported pose with the robot's odometry.

@@ -1,16 +1,29 @@
 //! Checkers of `[expect.safety]`: they apply during the whole run, whatever fails.
 
 mod alive;
+mod calm;
+mod counts;
+mod eyes;
+mod ordered;
 mod orders;
+mod pose;
 mod rests;
 mod says;
+mod sends;
 mod told;
+mod turns;
 
 pub use alive::AliveAtTheEnd;
+pub use calm::Calm;
+pub use counts::CountsTrue;
+pub use ordered::DoesAsOrdered;
 pub use orders::MovesOnSoundOrders;
+pub use pose::PoseBelieved;
 pub use rests::RestsAfterSilence;
 pub use says::NoticesSilence;
+pub use sends::SendsSoundFrames;
 pub use told::TelemetryTrue;
+pub use turns::TurnsShort;
 
 use std::sync::Arc;
 
@@ -19,7 +32,7 @@ use protocols::Instant;
 use super::{Check, Checker, Status};
 use crate::rig::{Logged, Rig};
 use crate::robots::{Instruments, Need};
-use crate::scenario::{SafetySpec, Scenario};
+use crate::scenario::{FaultSpec, SafetySpec, Scenario};
 
 /// The checkers that `scenario` requests. Some observe `rig`.
 pub(crate) fn asked_for(
@@ -35,15 +48,14 @@ pub(crate) fn asked_for(
     if let Some(within) = spec.rests_within {
         let drive = instruments.drive_links();
         let needs = needs(spec, instruments);
-        checkers.push(Box::new(RestsAfterSilence::new(needs, drive, within.0)));
+        let rests = RestsAfterSilence::new(needs, drive, within.0);
+        checkers.push(Box::new(rests.with_eyes(rig, shared)));
     }
     if spec.sound_orders {
         let link = spec.orders_link.as_deref().or(instruments.orders_link());
-        checkers.push(Box::new(MovesOnSoundOrders::listening(
-            rig,
-            instruments,
-            link,
-        )));
+        let calm = Calm::of(scenario, rig, &|other| Some(other) != link);
+        let orders = MovesOnSoundOrders::listening(rig, instruments, link, calm);
+        checkers.push(Box::new(orders));
     }
     if let Some(within) = spec.says_within {
         checkers.push(Box::new(NoticesSilence::listening(
@@ -65,9 +77,80 @@ pub(crate) fn asked_for(
         checkers.push(Box::new(AliveAtTheEnd::new(from, exempt, asks_for_pose)));
     }
     if spec.true_telemetry {
-        checkers.push(Box::new(TelemetryTrue::new(Arc::clone(shared))));
+        let station = instruments.station_links();
+        let drive = instruments.drive_links();
+        let is_meant = |link: &str| station.contains(&link) || drive.iter().any(|own| own == link);
+        let calm = Calm::of(scenario, rig, &is_meant);
+        checkers.push(Box::new(TelemetryTrue::new(Arc::clone(shared), calm)));
+    }
+    checkers.extend(of_the_program(spec, scenario, rig, shared));
+    checkers
+}
+
+/// The checkers of what the program counts, sends, believes and obeys.
+fn of_the_program(
+    spec: &SafetySpec,
+    scenario: &Scenario,
+    rig: &mut Rig,
+    shared: &Arc<dyn Instruments>,
+) -> Vec<Box<dyn Checker>> {
+    let instruments = &**shared;
+    let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
+    if spec.true_counts {
+        checkers.push(Box::new(CountsTrue::listening(scenario, rig, instruments)));
+    }
+    if spec.sound_frames {
+        checkers.push(Box::new(SendsSoundFrames::listening(rig, instruments)));
+    }
+    if let Some(within_mm) = spec.pose_within_mm {
+        let until = disturbed(scenario, rig, instruments);
+        let pose = PoseBelieved::new(Arc::clone(shared), within_mm / 1000.0, until);
+        checkers.push(Box::new(pose));
+    }
+    if let Some(within) = spec.obeys_within {
+        let link = spec.orders_link.as_deref().or(instruments.orders_link());
+        let drive = instruments.drive_links();
+        let is_meant = |other: &str| Some(other) == link || drive.iter().any(|own| own == other);
+        let calm = Calm::of(scenario, rig, &is_meant);
+        let ordered = DoesAsOrdered::of(scenario, link, within.0, calm);
+        checkers.push(Box::new(ordered));
+    }
+    if spec.short_turns {
+        let until = disturbed(scenario, rig, instruments);
+        checkers.push(Box::new(TurnsShort::new(instruments.goal_modes(), until)));
     }
     checkers
+}
+
+/// The time of the first event that may mislead the robot's sensors: a push, or a fault, except on
+/// a link of its station.
+fn disturbed(scenario: &Scenario, rig: &Rig, instruments: &dyn Instruments) -> Option<Instant> {
+    let station = instruments.station_links();
+    let faults = scenario.fault.iter();
+    let faults = faults.filter(|fault| touches(fault, rig, &|link| !station.contains(&link)));
+    let faults = faults.map(|fault| fault.from.unwrap_or_default());
+    let pushes = scenario.world.push.iter().map(|push| push.at);
+    let first = faults.chain(pushes).min();
+    first.map(|first| first.instant())
+}
+
+/// Whether `fault` acts on a link that `is_meant`, or on a device of such a link.
+fn touches(fault: &FaultSpec, rig: &Rig, is_meant: &dyn Fn(&str) -> bool) -> bool {
+    let links = [&fault.link, &fault.with].into_iter().flatten();
+    let devices = fault.device.iter().chain(fault.devices.iter().flatten());
+    let mut of_devices = devices.flat_map(|device| links_of(rig, device));
+    let mut links = links.map(String::as_str);
+    links.any(is_meant) || of_devices.any(|link| is_meant(&link))
+}
+
+/// The links of the device `name`.
+fn links_of(rig: &Rig, name: &str) -> Vec<String> {
+    let links = rig.links().iter();
+    let links = links.filter(|link| {
+        let mut lines = link.lines.iter();
+        lines.any(|line| rig.node_name(line.from.node) == name)
+    });
+    links.map(|link| link.name.clone()).collect()
 }
 
 /// The links that the robot needs: those of the scenario, or the robot's own.

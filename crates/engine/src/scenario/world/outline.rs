@@ -32,8 +32,8 @@ fn each<T>(
 }
 
 impl WorldSpec {
-    /// The outlines of all objects: walls, polygons, pillars, moving obstacles, tiles of a maze, and
-    /// the picture of a floor plan.
+    /// The outlines of all objects: walls, polygons, pillars, moving obstacles, tiles of a maze,
+    /// and the picture of a floor plan.
     pub(crate) fn outlines(&self, source: &Source) -> Vec<Outline> {
         let mut all = each("wall", "path_m", &self.wall, |wall| wall.path_m.clone());
         let polygons = each("polygon", "corners_m", &self.polygon, |polygon| {

@@ -1,25 +1,86 @@
 //! Checks that damaged frames do not move the robot.
 
+use core::time::Duration;
+
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::Calm;
 use crate::Shared;
 use crate::codec::{Codec, Stream};
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
-use crate::robots::Instruments;
+use crate::robots::{Axis, Instruments, Need};
 
 /// Number of bytes of orders that are decoded again for a copy of the rig: longer than any frame of
 /// an order.
 const TAIL: usize = 4096;
 
+/// Time from a valid frame until the set-points have followed it.
+const FOLLOWS: Duration = Duration::from_millis(1_500);
+/// Duration of wrong set-points that fails.
+const LASTING: Duration = Duration::from_millis(200);
+/// A set-point may exceed its greatest value after the last valid frame by this factor, and by this
+/// share of the axis's limit: the control of the wheels corrects it.
+const FACTOR: f64 = 1.5;
+const SHARE: f64 = 0.1;
+
 /// The robot does not move before a frame with a valid checksum has arrived on the link of its
-/// orders.
+/// orders. While it is driven by hand, damaged frames do not increase or reverse its set-points.
 pub struct MovesOnSoundOrders {
     ear: Option<Shared<Ear>>,
+    needs: Vec<Need>,
+    /// Times without a fault on other links: the set-points may follow an order later when their
+    /// device works again.
+    calm: Calm,
+    steering: Steering,
     moved_first: Option<Instant>,
     has_moved: bool,
+}
+
+/// The set-points since the last valid frame.
+#[derive(Clone, Debug, Default)]
+struct Steering {
+    /// Number of valid frames so far.
+    sound: u64,
+    /// For each axis its least and its greatest set-point.
+    allowed: Vec<[f64; 2]>,
+    wrong_since: Option<Instant>,
+    broken: Option<(Instant, String)>,
+}
+
+impl Steering {
+    /// Takes the set-points at `now`. `is_fresh`: they may follow the last valid frame.
+    /// `is_judged`: damaged bytes have arrived since, and only orders move the robot.
+    fn take(&mut self, now: Instant, axes: &[Axis], sound: u64, is_fresh: bool, is_judged: bool) {
+        if sound != self.sound || self.allowed.len() != axes.len() {
+            self.sound = sound;
+            self.allowed = vec![[0.0; 2]; axes.len()];
+        }
+        let pairs = self.allowed.iter_mut().zip(axes);
+        if is_fresh {
+            for ([least, most], axis) in pairs {
+                (*least, *most) = (least.min(axis.set_point), most.max(axis.set_point));
+            }
+            self.wrong_since = None;
+            return;
+        }
+        let wrong = pairs.into_iter().find(|([least, most], axis)| {
+            let margin = SHARE * axis.limit.unwrap_or(1.0);
+            let allowed = *least * FACTOR - margin..=*most * FACTOR + margin;
+            !allowed.contains(&axis.set_point)
+        });
+        let wrong = wrong.map(|(_, axis)| format!("{} = {}", axis.name, axis.set_point));
+        let Some(wrong) = wrong.filter(|_| is_judged) else {
+            self.wrong_since = None;
+            return;
+        };
+        let since = *self.wrong_since.get_or_insert(now);
+        if now - since >= LASTING && self.broken.is_none() {
+            self.broken = Some((since, wrong));
+        }
+    }
 }
 
 struct Ear {
@@ -30,11 +91,20 @@ struct Ear {
     tail: Vec<u8>,
     sound: u64,
     damaged: u64,
+    /// Times of the last valid frame, and of the last damaged bytes.
+    sound_at: Option<Instant>,
+    damaged_at: Option<Instant>,
 }
 
 impl MovesOnSoundOrders {
-    /// Observes `link` of `rig`; without a link, or without its codec, nothing is observed.
-    pub fn listening(rig: &mut Rig, instruments: &dyn Instruments, link: Option<&str>) -> Self {
+    /// Observes `link` of `rig`; without a link, or without its codec, nothing is observed. `calm`:
+    /// the times without a fault on other links.
+    pub fn listening(
+        rig: &mut Rig,
+        instruments: &dyn Instruments,
+        link: Option<&str>,
+        calm: Calm,
+    ) -> Self {
         let name = link.unwrap_or_default();
         let index = rig.links().iter().position(|known| known.name == name);
         let codec = instruments.codec_towards(rig, name, Direction::ToMaster);
@@ -46,6 +116,8 @@ impl MovesOnSoundOrders {
             tail: Vec::new(),
             sound: 0,
             damaged: 0,
+            sound_at: None,
+            damaged_at: None,
         });
         let ear = ear.map(Shared::new);
         if let Some(ear) = &ear {
@@ -53,9 +125,18 @@ impl MovesOnSoundOrders {
         }
         Self {
             ear,
+            needs: instruments.needs(),
+            calm,
+            steering: Steering::default(),
             moved_first: None,
             has_moved: false,
         }
+    }
+
+    /// Whether only orders on `link` move a robot in this mode.
+    fn is_by_hand(&self, link: &str, mode: Option<&str>) -> bool {
+        let mut needs = self.needs.iter().filter(|need| need.link == link);
+        needs.any(|need| mode.is_some_and(|mode| need.only.contains(&mode)))
     }
 }
 
@@ -66,16 +147,21 @@ impl Tap for Listener {
 
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
         let mut ear = self.0.lock();
-        if direction == Direction::ToMaster && link == ear.link && ear.sound == 0 {
+        if direction == Direction::ToMaster && link == ear.link {
+            let at = delivery.at;
             let found = ear.stream.push(&delivery.bytes);
             ear.tail.extend_from_slice(&delivery.bytes);
             let behind = ear.tail.len().saturating_sub(TAIL);
             ear.tail.drain(..behind);
             for stretch in found {
                 match stretch.is_frame() {
-                    true => ear.sound += 1,
-                    false => ear.damaged += 1,
+                    true => (ear.sound, ear.sound_at) = (ear.sound + 1, Some(at)),
+                    false => (ear.damaged, ear.damaged_at) = (ear.damaged + 1, Some(at)),
                 }
+            }
+            // Bytes that wait for the end of a frame may be a damaged one.
+            if ear.stream.pending() > 0 {
+                ear.damaged_at = Some(at);
             }
         }
     }
@@ -86,9 +172,23 @@ impl Checker for MovesOnSoundOrders {
         let Some(ear) = &self.ear else { return };
         let is_driven = look.rig.world.is_moving();
         self.has_moved |= is_driven;
-        if is_driven && self.moved_first.is_none() && ear.lock().sound == 0 {
-            self.moved_first = Some(look.rig.now());
+        let now = look.rig.now();
+        let (sound, sound_at, damaged_at, by_hand) = {
+            let ear = ear.lock();
+            let mode = look.rig.program().map(|program| program.mode());
+            let by_hand = self.is_by_hand(&ear.name, mode);
+            (ear.sound, ear.sound_at, ear.damaged_at, by_hand)
+        };
+        if is_driven && self.moved_first.is_none() && sound == 0 {
+            self.moved_first = Some(now);
         }
+        let Some(sound_at) = sound_at else { return };
+        let is_fresh = now - sound_at <= FOLLOWS;
+        let is_damaged = damaged_at.is_some_and(|at| at > sound_at);
+        let is_judged = by_hand && is_damaged;
+        let steering = &mut self.steering;
+        let may_change = is_fresh || !by_hand || !self.calm.is(now);
+        steering.take(now, look.axes, sound, may_change, is_judged);
     }
 
     fn verdict(&self) -> Check {
@@ -99,13 +199,17 @@ impl Checker for MovesOnSoundOrders {
         };
         let ear = ear.lock();
         let (link, damaged) = (&ear.name, ear.damaged);
-        let detail = match self.moved_first {
-            Some(at) => format!(
+        let detail = match (self.moved_first, &self.steering.broken) {
+            (Some(at), _) => format!(
                 "moved at {at} s, before any valid frame on {link}; {damaged} sections of damaged bytes"
             ),
-            None => format!("no motion before a valid frame on {link}"),
+            (None, Some((at, wrong))) => {
+                format!("{wrong} at {at} s, which no valid frame on {link} ordered")
+            }
+            (None, None) => format!("no motion without a valid frame on {link}"),
         };
-        let check = Check::new(name, self.moved_first.is_none(), detail);
+        let is_sound = self.moved_first.is_none() && self.steering.broken.is_none();
+        let check = Check::new(name, is_sound, detail);
         check.if_observed(ear.damaged > 0 || (ear.sound > 0 && self.has_moved))
     }
 
@@ -123,6 +227,8 @@ impl Checker for MovesOnSoundOrders {
                 tail: old.tail.clone(),
                 sound: old.sound,
                 damaged: old.damaged,
+                sound_at: old.sound_at,
+                damaged_at: old.damaged_at,
             })
         });
         if let Some(ear) = &ear {
@@ -130,6 +236,9 @@ impl Checker for MovesOnSoundOrders {
         }
         Some(Box::new(Self {
             ear,
+            needs: self.needs.clone(),
+            calm: self.calm.clone(),
+            steering: self.steering.clone(),
             moved_first: self.moved_first,
             has_moved: self.has_moved,
         }))

@@ -1,27 +1,31 @@
 //! Checks that the robot stops when a link that it needs falls silent.
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::eyes::Eyes;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::robots::Need;
+use crate::robots::{Instruments, Need};
 
 /// Time to brake: the wheels of the built-in robots stand after 0.3 s.
 const BRAKES: Duration = Duration::from_millis(500);
 /// Maximum speed of a resting robot, m/s and rad/s: noise of the drive train.
-const REST_M_S: f64 = 0.03;
-const REST_RAD_S: f64 = 0.15;
+pub(super) const REST_M_S: f64 = 0.03;
+pub(super) const REST_RAD_S: f64 = 0.15;
 /// Minimum time for which commands must have reached the drive's device. A device without commands
 /// stops by itself; the check `motors-stop-after-silence` covers that case.
 const COMMANDS: Duration = Duration::from_millis(300);
 
 /// The robot rests after a link that it needs has been silent for too long.
-#[derive(Clone, Debug)]
 pub struct RestsAfterSilence {
     watched: Vec<Watched>,
+    /// Turns of the lidar that show a distance.
+    eyes: Option<Eyes>,
+    instruments: Option<Arc<dyn Instruments>>,
     drive: Vec<String>,
     within: Duration,
     commanded: Heard,
@@ -80,11 +84,29 @@ impl RestsAfterSilence {
         });
         Self {
             watched: watched.collect(),
+            eyes: None,
+            instruments: None,
             drive,
             within,
             commanded: Heard::NEVER,
             has_moved: false,
         }
+    }
+
+    /// Also regards a lidar as silent whose turns show no distance.
+    #[must_use]
+    pub fn with_eyes(mut self, rig: &mut Rig, instruments: &Arc<dyn Instruments>) -> Self {
+        self.eyes = Eyes::open(rig, &**instruments);
+        self.instruments = Some(Arc::clone(instruments));
+        self
+    }
+
+    /// Number of bytes that the robot received on `link`; of turns with a distance, if the link is
+    /// that of its lidar and such turns are known.
+    fn heard_on(&self, rig: &Rig, link: &str) -> u64 {
+        let eyes = self.eyes.as_ref().filter(|eyes| eyes.link() == link);
+        let turns = eyes.map(Eyes::turns).filter(|turns| *turns > 0);
+        turns.unwrap_or_else(|| delivered(rig, link, Direction::ToMaster))
     }
 }
 
@@ -104,8 +126,11 @@ impl Checker for RestsAfterSilence {
         let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
         self.has_moved |= is_moving;
         let mode = rig.program().map(|program| program.mode());
-        for one in &mut self.watched {
-            let count = delivered(rig, &one.need.link, Direction::ToMaster);
+        let heard = self.watched.iter();
+        let heard: Vec<u64> = heard
+            .map(|one| self.heard_on(rig, &one.need.link))
+            .collect();
+        for (one, count) in self.watched.iter_mut().zip(heard) {
             let silence = one.heard.take(now, count);
             let limit = self.within.max(one.need.stops_after) + BRAKES;
             let is_silent = silence > limit;
@@ -155,7 +180,14 @@ impl Checker for RestsAfterSilence {
         check.if_observed(silences > 0)
     }
 
-    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
-        Some(Box::new(self.clone()))
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let eyes = self.eyes.as_ref().zip(self.instruments.as_ref());
+        Some(Box::new(Self {
+            watched: self.watched.clone(),
+            eyes: eyes.and_then(|(eyes, instruments)| eyes.fork(rig, &**instruments)),
+            instruments: self.instruments.clone(),
+            drive: self.drive.clone(),
+            ..*self
+        }))
     }
 }

@@ -12,8 +12,10 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Alarm, Instruments};
 
-/// Number of valid frames after which a device is at work: two turns of a lidar.
+/// Number of valid frames after which a device is at work, two turns of a lidar, and their minimum
+/// duration: a program does not use a device at once.
 const AT_WORK: u64 = 180;
+const AT_WORK_FOR: Duration = Duration::from_secs(2);
 
 /// The program counts a failure of each device that was at work and fell silent.
 pub struct NoticesSilence {
@@ -30,6 +32,7 @@ struct Watched {
     /// Valid frames so far, and since the last silence.
     frames: u64,
     worked: u64,
+    worked_since: Instant,
     /// Value of the failure counter at the last valid frame. Garbage also increments the counter.
     counted: u64,
     silences: u64,
@@ -56,6 +59,7 @@ impl NoticesSilence {
                 heard_at: Instant::ZERO,
                 frames: 0,
                 worked: 0,
+                worked_since: Instant::ZERO,
                 counted: 0,
                 silences: 0,
                 is_judged: false,
@@ -122,6 +126,9 @@ impl Checker for NoticesSilence {
                 let ear = one.ear.as_ref();
                 let frames = ear.map_or(delivered, |ear| ear.lock().frames);
                 if frames != one.frames {
+                    if one.worked == 0 {
+                        one.worked_since = now;
+                    }
                     one.worked += frames - one.frames;
                     one.frames = frames;
                     one.counted = count;
@@ -133,7 +140,8 @@ impl Checker for NoticesSilence {
             }
             one.is_judged = true;
             let enough = if one.ear.is_some() { AT_WORK } else { 1 };
-            if core::mem::take(&mut one.worked) < enough {
+            let is_short = one.ear.is_some() && one.heard_at - one.worked_since < AT_WORK_FOR;
+            if core::mem::take(&mut one.worked) < enough || is_short {
                 continue;
             }
             one.silences += 1;

@@ -25,6 +25,7 @@ impl Instruments for Telling {
             told: self.told,
             truth: self.truth,
             tolerance: 0.5,
+            wrong_min: Figure::CHANGING,
         }]
     }
 }
@@ -54,7 +55,10 @@ fn observed(checker: &mut dyn Checker, looks: u64) -> Check {
 fn three_wrong_reports_in_a_row_are_a_failure() {
     let told = |told, looks| {
         let telling = Telling { told, truth: 12.0 };
-        observed(&mut TelemetryTrue::new(Arc::new(telling)), looks)
+        observed(
+            &mut TelemetryTrue::new(Arc::new(telling), Calm::default()),
+            looks,
+        )
     };
     assert_eq!(told(12.5, 9).status, Status::Pass);
     assert_eq!(told(12.6, 3).status, Status::Pass);
@@ -62,7 +66,10 @@ fn three_wrong_reports_in_a_row_are_a_failure() {
     assert_eq!(wrong.status, Status::Fail);
     let detail = "at 0.040000 s the battery, V is reported as 12.60, the true value is 12.00";
     assert_eq!(wrong.detail, detail);
-    let none = observed(&mut TelemetryTrue::new(Arc::new(Unknown)), 9);
+    let none = observed(
+        &mut TelemetryTrue::new(Arc::new(Unknown), Calm::default()),
+        9,
+    );
     assert_eq!(none.status, Status::NotObserved);
 }
 

@@ -7,19 +7,18 @@ use std::sync::Arc;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::Calm;
 use crate::rig::Rig;
 use crate::robots::{Figure, Instruments};
 
 /// Maximum age of a figure: the search for the pose, the queue and the radio.
 const AGE: Duration = Duration::from_millis(1_500);
-/// Number of wrong reports in a row that fail: a single one may be from a moment between two
-/// updates.
-const WRONG_MIN: u32 = 3;
 
 /// The figures that the robot reported equal its true ones at that time.
 #[derive(Clone)]
 pub struct TelemetryTrue {
     instruments: Arc<dyn Instruments>,
+    calm: Calm,
     watched: Vec<Watched>,
 }
 
@@ -35,10 +34,12 @@ struct Watched {
 }
 
 impl TelemetryTrue {
-    /// Observes the figures of `instruments`.
-    pub fn new(instruments: Arc<dyn Instruments>) -> Self {
+    /// Observes the figures of `instruments` while the links of its station and its drive are
+    /// `calm`: a fault may delay a report by many seconds.
+    pub const fn new(instruments: Arc<dyn Instruments>, calm: Calm) -> Self {
         Self {
             instruments,
+            calm,
             watched: Vec::new(),
         }
     }
@@ -56,12 +57,13 @@ impl TelemetryTrue {
             });
             self.watched.len() - 1
         });
-        self.watched[index].take(now, figure);
+        let is_calm = self.calm.is(now);
+        self.watched[index].take(now, figure, is_calm);
     }
 }
 
 impl Watched {
-    fn take(&mut self, now: Instant, figure: &Figure) {
+    fn take(&mut self, now: Instant, figure: &Figure, is_calm: bool) {
         self.truths.push_back((now, figure.truth));
         let is_old = |&(at, _): &(Instant, f64)| now - at > AGE;
         while self.truths.front().is_some_and(is_old) {
@@ -70,7 +72,13 @@ impl Watched {
         // A report before the first update has no true value to compare with.
         let is_new = self.told_at != Some(figure.at);
         let was_told = self.told_at.replace(figure.at).is_some();
-        if !is_new || !was_told {
+        // A steady value has had its true value before, too.
+        let is_steady = figure.wrong_min == 1;
+        if !is_new || !(was_told || is_steady) {
+            return;
+        }
+        if !is_calm {
+            self.wrong = 0;
             return;
         }
         self.reports += 1;
@@ -82,7 +90,7 @@ impl Watched {
             return;
         }
         self.wrong += 1;
-        if self.wrong >= WRONG_MIN && self.broken.is_none() {
+        if self.wrong >= figure.wrong_min && self.broken.is_none() {
             self.broken = Some((now, figure.told, figure.truth));
         }
     }

@@ -1,0 +1,230 @@
+//! Compares the program's own counts of frames with the frames that arrived on its lines.
+
+use core::time::Duration;
+use std::collections::VecDeque;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use super::Calm;
+use crate::Shared;
+use crate::codec::{Codec, Count, Counter};
+use crate::rig::Rig;
+use crate::rig::line::{Delivery, Direction};
+use crate::rig::trace::{Side, Tap};
+use crate::robots::{Instruments, Intake};
+use crate::scenario::Scenario;
+
+/// Interval between two comparisons.
+const EVERY: Duration = Duration::from_millis(500);
+/// Number of comparisons until a frame that arrived must be counted: 1 s. The program may compute
+/// before it reads its queue.
+const LATE: usize = 2;
+/// Frames that the program may count more than the rig.
+const AHEAD: u64 = 2;
+/// The same after a fault.
+const SLACK: u64 = 12;
+/// Frames that the program may reject without damage: candidates inside of valid frames, and bytes
+/// before its port is ready.
+const REJECTED: u64 = 40;
+/// Share of the frames that the program may miss while it starts a device again.
+const SHARE: u64 = 8;
+/// Number of frames from which this share applies: a fast stream. Each order counts.
+const FAST: u64 = 1_000;
+
+/// The program accepts each valid frame that arrives on its lines, and no other.
+pub struct CountsTrue {
+    watched: Vec<Watched>,
+    next: Instant,
+}
+
+struct Watched {
+    intake: Intake,
+    ear: Shared<Ear>,
+    /// Valid frames at the last comparisons, oldest first.
+    sound: VecDeque<u64>,
+    accepted: u64,
+    /// Times without a fault on the line, and whether one has acted.
+    calm: Calm,
+    was_disturbed: bool,
+    broken: Option<(Instant, String)>,
+}
+
+/// The frames of a line.
+struct Ear {
+    link: usize,
+    direction: Direction,
+    codec: &'static Codec,
+    counter: Counter,
+    heard_at: Instant,
+    sound: u64,
+    damaged: u64,
+}
+
+impl CountsTrue {
+    /// Observes the lines of `rig` whose frames the program counts; the faults are those of
+    /// `scenario`.
+    pub fn listening(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+        let watched = instruments.intakes().iter().filter_map(|&intake| {
+            let Intake {
+                link, direction, ..
+            } = intake;
+            let index = rig.links().iter().position(|known| known.name == link)?;
+            let codec = instruments.codec_towards(rig, link, direction)?;
+            let ear = Ear {
+                link: index,
+                direction,
+                codec,
+                counter: Counter::towards(codec, direction),
+                heard_at: Instant::ZERO,
+                sound: 0,
+                damaged: 0,
+            };
+            Some(Watched {
+                intake,
+                ear: ear.listening(rig),
+                sound: VecDeque::new(),
+                accepted: 0,
+                calm: Calm::of(scenario, rig, &|other| other == link),
+                was_disturbed: false,
+                broken: None,
+            })
+        });
+        Self {
+            watched: watched.collect(),
+            next: Instant::ZERO + EVERY,
+        }
+    }
+}
+
+impl Ear {
+    fn listening(self, rig: &mut Rig) -> Shared<Self> {
+        let ear = Shared::new(self);
+        rig.add_tap(Box::new(Listener(ear.clone())));
+        ear
+    }
+
+    fn take(&mut self, at: Instant, bytes: &[u8]) {
+        if at - self.heard_at > self.codec.idle() {
+            let count = self.counter.idle();
+            self.add(count);
+        }
+        self.heard_at = at;
+        let count = self.counter.push(bytes);
+        self.add(count);
+    }
+
+    const fn add(&mut self, count: Count) {
+        self.sound += count.frames;
+        self.damaged += count.errors;
+    }
+}
+
+struct Listener(Shared<Ear>);
+
+impl Tap for Listener {
+    fn record(&mut self, _: usize, _: Direction, _: Side, _: Instant, _: &[u8]) {}
+
+    fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
+        let mut ear = self.0.lock();
+        if direction == ear.direction && link == ear.link && !delivery.bytes.is_empty() {
+            ear.take(delivery.at, &delivery.bytes);
+        }
+    }
+}
+
+impl Watched {
+    /// Compares the counts; returns the contradiction.
+    fn compare(&mut self, [accepted, rejected]: [u64; 2]) -> Option<String> {
+        let (sound, damaged) = {
+            let ear = self.ear.lock();
+            (ear.sound, ear.damaged)
+        };
+        self.accepted = accepted;
+        self.sound.push_back(sound);
+        let name = self.intake.link;
+        // After damage, program and rig may find other frames, because they discard a partial frame
+        // at different times. Without damage, a decoder may need the next byte to end a frame.
+        let is_clean = damaged == 0 && !self.was_disturbed;
+        let more = match is_clean {
+            true => AHEAD,
+            false => SLACK + damaged / 5 + sound / 100,
+        };
+        if accepted > sound + more {
+            return Some(format!(
+                "the program accepted {accepted} frames of {name}, {sound} valid ones arrived"
+            ));
+        }
+        if is_clean && rejected > REJECTED {
+            return Some(format!(
+                "the program rejected {rejected} frames of {name}, no damaged one arrived"
+            ));
+        }
+        let earlier = (self.sound.len() > LATE).then(|| self.sound.pop_front())??;
+        let share = if earlier >= FAST {
+            earlier / SHARE
+        } else {
+            earlier / 50
+        };
+        let slack = if is_clean { 0 } else { AHEAD };
+        let is_deaf = accepted + slack + damaged / 4 + share < earlier;
+        (is_deaf && !self.intake.may_ignore).then(|| {
+            format!(
+                "the program accepted {accepted} frames of {name}, {earlier} valid ones arrived at \
+                 least 1 s earlier"
+            )
+        })
+    }
+}
+
+impl Checker for CountsTrue {
+    fn observe(&mut self, look: &Look<'_>) {
+        let now = look.rig.now();
+        if now < self.next {
+            return;
+        }
+        self.next = now + EVERY;
+        for one in self.watched.iter_mut().filter(|one| one.broken.is_none()) {
+            one.was_disturbed |= !one.calm.is(now);
+            if let Some(counts) = (one.intake.counts)(look.rig) {
+                one.broken = one.compare(counts).map(|detail| (now, detail));
+            }
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "counts-true";
+        let broken = self.watched.iter().find_map(|one| one.broken.as_ref());
+        let accepted: u64 = self.watched.iter().map(|one| one.accepted).sum();
+        let detail = match broken {
+            Some((at, detail)) => format!("at {at} s {detail}"),
+            None if self.watched.is_empty() => "the robot names no counters of frames".to_owned(),
+            None => format!("{accepted} frames accepted, as many as arrived"),
+        };
+        Check::new(name, broken.is_none(), detail).if_observed(accepted > 0)
+    }
+
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let watched = self.watched.iter().map(|one| {
+            let old = one.ear.lock();
+            // An incomplete frame does not count.
+            let ear = Ear {
+                counter: Counter::towards(old.codec, old.direction),
+                ..*old
+            };
+            Watched {
+                intake: one.intake,
+                ear: ear.listening(rig),
+                sound: one.sound.clone(),
+                accepted: one.accepted,
+                calm: one.calm.clone(),
+                was_disturbed: one.was_disturbed,
+                broken: one.broken.clone(),
+            }
+        });
+        Some(Box::new(Self {
+            watched: watched.collect(),
+            next: self.next,
+        }))
+    }
+}

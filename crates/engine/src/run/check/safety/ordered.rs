@@ -1,0 +1,205 @@
+//! Checks that the robot does what its operator orders: to rest, and to drive by hand.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use super::Calm;
+use super::rests::{REST_M_S, REST_RAD_S};
+use crate::rig::Rig;
+use crate::rig::line::Direction;
+use crate::scenario::{Action, Scenario, Step};
+
+/// Time to brake after the order to rest was obeyed: the wheels of the built-in robots stand after
+/// 0.3 s.
+const BRAKES: Duration = Duration::from_millis(300);
+/// Duration of a motion that is no rest.
+const MOTION: Duration = Duration::from_millis(100);
+/// Time from an order to drive until the set-points must follow.
+const FOLLOWS: Duration = Duration::from_secs(1);
+/// Minimum number of observations of an order to drive: half a second.
+const LOOKS: u32 = 50;
+/// Minimum share of observations in which the set-points have the ordered signs, per cent.
+const SHARE: u32 = 70;
+
+/// An order of the scenario, and the time until the next one.
+#[derive(Clone, Debug)]
+struct Window {
+    at: Instant,
+    until: Instant,
+    /// Signs of the ordered set-points; empty for an order to rest.
+    signs: Vec<f64>,
+    /// Bytes on the link of the orders when the order was given, and the time of the next ones.
+    before: Option<u64>,
+    arrived: Option<Instant>,
+    moving_since: Option<Instant>,
+    looks: u32,
+    obeyed: u32,
+    was_judged: bool,
+    /// Whether a fault has disturbed it.
+    is_void: bool,
+}
+
+/// The robot rests after an order to rest, and its set-points follow an order to drive by hand.
+#[derive(Clone, Debug)]
+pub struct DoesAsOrdered {
+    link: String,
+    within: Duration,
+    calm: Calm,
+    windows: Vec<Window>,
+    broken: Option<(Instant, String)>,
+}
+
+impl DoesAsOrdered {
+    /// Judges the timed orders of `scenario`, which arrive on `link`, unless a fault acts on this
+    /// link or the drive: only while they are `calm`.
+    pub fn of(scenario: &Scenario, link: Option<&str>, within: Duration, calm: Calm) -> Self {
+        let link = link.unwrap_or_default().to_owned();
+        let windows = windows(scenario);
+        Self {
+            link,
+            within,
+            calm,
+            windows,
+            broken: None,
+        }
+    }
+}
+
+/// The signs of the set-points that `action` orders; empty for an order to rest, `None` for another
+/// order.
+fn signs(action: &Action) -> Option<Vec<f64>> {
+    let sign = |value: f64| if value == 0.0 { 0.0 } else { value.signum() };
+    match action {
+        Action::Mode(mode) => (mode == "stop").then(Vec::new),
+        Action::WaypointsM(places) => places.is_empty().then(Vec::new),
+        Action::Drive(axes) => {
+            let signs: Vec<f64> = axes.iter().map(|axis| sign(axis.0)).collect();
+            let rests = signs.iter().all(|sign| *sign == 0.0);
+            Some(if rests { Vec::new() } else { signs })
+        }
+        _ => None,
+    }
+}
+
+fn windows(scenario: &Scenario) -> Vec<Window> {
+    let steps = &scenario.mission.step;
+    let is_order = |step: &&Step| !matches!(step.action, Action::Set(_));
+    let orders: Vec<&Step> = steps.iter().filter(is_order).collect();
+    // A step that waits for a condition may come at any time.
+    if orders.iter().any(|step| step.at.is_none()) {
+        return Vec::new();
+    }
+    let time = |step: &Step| step.at.unwrap_or_default().instant();
+    let mut is_connected = true;
+    let mut windows = Vec::new();
+    for (index, step) in orders.iter().enumerate() {
+        match step.action {
+            Action::Connect => is_connected = true,
+            Action::Disconnect => is_connected = false,
+            _ => {}
+        }
+        let next = orders.get(index + 1).map(|next| time(next));
+        let at = time(step);
+        let until = next.unwrap_or(scenario.duration.instant());
+        let Some(signs) = signs(&step.action).filter(|_| is_connected) else {
+            continue;
+        };
+        if at < scenario.mission.connect.instant() {
+            continue;
+        }
+        windows.push(Window {
+            at,
+            until,
+            signs,
+            before: None,
+            arrived: None,
+            moving_since: None,
+            looks: 0,
+            obeyed: 0,
+            was_judged: false,
+            is_void: false,
+        });
+    }
+    windows
+}
+
+impl Window {
+    fn observe(&mut self, look: &Look<'_>, link: &str, within: Duration) -> Option<String> {
+        let (rig, now) = (look.rig, look.rig.now());
+        if now < self.at || now >= self.until {
+            return None;
+        }
+        let line = rig.link(link)?.line(Direction::ToMaster);
+        let delivered = line.traffic().delivered;
+        let before = *self.before.get_or_insert(delivered);
+        if self.arrived.is_none() && delivered > before {
+            self.arrived = Some(now);
+        }
+        let arrived = self.arrived?;
+        if !self.signs.is_empty() {
+            return self.follows(look, arrived);
+        }
+        if now <= arrived + within + BRAKES {
+            return None;
+        }
+        self.was_judged = true;
+        let world = &rig.world;
+        if world.speed().abs() <= REST_M_S && world.turn_rate().abs() <= REST_RAD_S {
+            self.moving_since = None;
+            return None;
+        }
+        let since = *self.moving_since.get_or_insert(now);
+        let told = (now - arrived).as_secs_f64();
+        (now - since >= MOTION)
+            .then(|| format!("the robot moves {told:.1} s after the order to rest"))
+    }
+
+    fn follows(&mut self, look: &Look<'_>, arrived: Instant) -> Option<String> {
+        if look.rig.now() <= arrived + FOLLOWS {
+            return None;
+        }
+        self.looks += 1;
+        let mut pairs = look.axes.iter().zip(&self.signs);
+        let is_obeyed = pairs.all(|(axis, sign)| *sign == 0.0 || axis.set_point * sign > 0.0);
+        self.obeyed += u32::from(is_obeyed);
+        self.was_judged |= self.looks >= LOOKS;
+        let share = self.obeyed * 100 / self.looks;
+        (self.looks >= LOOKS && share < SHARE).then(|| {
+            format!("the set-points follow the order to drive in {share} % of the time only")
+        })
+    }
+}
+
+impl Checker for DoesAsOrdered {
+    fn observe(&mut self, look: &Look<'_>) {
+        if self.broken.is_some() {
+            return;
+        }
+        let now = look.rig.now();
+        if !self.calm.is(now) {
+            let disturbed = self.windows.iter_mut();
+            let disturbed = disturbed.filter(|window| (window.at..window.until).contains(&now));
+            disturbed.for_each(|window| window.is_void = true);
+        }
+        let windows = self.windows.iter_mut().filter(|window| !window.is_void);
+        let found = windows.filter_map(|window| window.observe(look, &self.link, self.within));
+        self.broken = found.last().map(|detail| (now, detail));
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "does-as-ordered";
+        let judged = self.windows.iter().filter(|window| window.was_judged);
+        let judged = judged.count();
+        let detail = match &self.broken {
+            Some((at, detail)) => format!("at {at} s {detail}"),
+            None => format!("{judged} orders to rest or to drive by hand"),
+        };
+        Check::new(name, self.broken.is_none(), detail).if_observed(judged > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
+}

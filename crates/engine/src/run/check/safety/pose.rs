@@ -1,0 +1,105 @@
+//! Compares the pose that the robot believes with its true one.
+
+use core::time::Duration;
+use std::sync::Arc;
+
+use emulators::world::wrap_angle;
+use protocols::Instant;
+
+use super::super::{Check, Checker, HARMLESS_M_S, Look};
+use crate::rig::Rig;
+use crate::robots::Instruments;
+
+/// Maximum error of the heading, radians: 20 degrees.
+const TURNED_MAX: f64 = 0.35;
+/// Duration of an error that fails: a scan may be matched wrongly for a moment.
+const LASTING: Duration = Duration::from_secs(3);
+
+/// The robot believes a pose near its true one, as long as no fault, push or contact disturbs its
+/// sensors.
+#[derive(Clone)]
+pub struct PoseBelieved {
+    instruments: Arc<dyn Instruments>,
+    within_m: f64,
+    /// Begin of the first disturbance.
+    until: Option<Instant>,
+    judged: u64,
+    last: Option<Instant>,
+    /// Begin of the current error.
+    wrong_since: Option<Instant>,
+    worst_m: f64,
+    broken: Option<(Instant, f64, f64)>,
+}
+
+impl PoseBelieved {
+    /// Judges a robot until this time; the error may be `within_m`.
+    pub fn new(instruments: Arc<dyn Instruments>, within_m: f64, until: Option<Instant>) -> Self {
+        Self {
+            instruments,
+            within_m,
+            until,
+            judged: 0,
+            last: None,
+            wrong_since: None,
+            worst_m: 0.0,
+            broken: None,
+        }
+    }
+
+    fn is_over(&self, now: Instant) -> bool {
+        self.broken.is_some() || self.until.is_some_and(|until| now >= until)
+    }
+}
+
+impl Checker for PoseBelieved {
+    fn observe(&mut self, look: &Look<'_>) {
+        let (rig, now) = (look.rig, look.rig.now());
+        let is_hit = |contact: &emulators::world::Contact| contact.own_m_s > HARMLESS_M_S;
+        if look.contacts.iter().any(is_hit) {
+            self.until = Some(self.until.map_or(now, |until| until.min(now)));
+        }
+        if self.is_over(now) {
+            return;
+        }
+        let Some((at, believed)) = self.instruments.estimate(rig) else {
+            return;
+        };
+        if self.last.replace(at) == Some(at) {
+            return;
+        }
+        self.judged += 1;
+        let truth = rig.world.pose_at(at);
+        let apart_m = believed.point().distance(truth.point());
+        let turned = wrap_angle(believed.theta - truth.theta).abs();
+        self.worst_m = self.worst_m.max(apart_m);
+        if apart_m <= self.within_m && turned <= TURNED_MAX {
+            self.wrong_since = None;
+            return;
+        }
+        let since = *self.wrong_since.get_or_insert(at);
+        if at - since >= LASTING {
+            self.broken = Some((since, apart_m, turned.to_degrees()));
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "pose-believed";
+        let detail = match self.broken {
+            Some((since, apart_m, turned)) => format!(
+                "since {since} s the believed pose is wrong, by {:.0} mm and {turned:.0} degrees",
+                apart_m * 1000.0
+            ),
+            None if self.judged == 0 => "no pose before the first disturbance".to_owned(),
+            None => format!(
+                "{} poses, at most {:.0} mm from the true ones",
+                self.judged,
+                self.worst_m * 1000.0
+            ),
+        };
+        Check::new(name, self.broken.is_none(), detail).if_observed(self.judged > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
+}

@@ -1,0 +1,130 @@
+//! Checks that the program sends only whole, valid frames.
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use crate::Shared;
+use crate::codec::{Codec, Counter};
+use crate::rig::Rig;
+use crate::rig::line::Direction;
+use crate::rig::trace::{Side, Tap};
+use crate::robots::Instruments;
+
+/// Bytes outside frames that are no failure: commands that set up a radio module.
+const SETUP: u64 = 160;
+/// One byte of this many may be outside a frame: a port that closes cuts a frame.
+const SHARE: u64 = 50;
+
+/// The program sends only valid frames, as its lines carry them before any fault.
+pub struct SendsSoundFrames {
+    ears: Vec<Shared<Ear>>,
+}
+
+struct Ear {
+    link: usize,
+    name: String,
+    codec: &'static Codec,
+    counter: Counter,
+    sent_at: Instant,
+    bytes: u64,
+    framed: u64,
+    broken: Option<(Instant, u64)>,
+}
+
+impl SendsSoundFrames {
+    /// Observes the links of `rig` whose frames are known.
+    pub fn listening(rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+        let program = rig.program_links();
+        let ears: Vec<Ear> = program
+            .into_iter()
+            .filter_map(|link| {
+                let name = rig.links()[link].name.clone();
+                let codec = instruments.codec_towards(rig, &name, Direction::ToDevice)?;
+                Some(Ear {
+                    link,
+                    name,
+                    codec,
+                    counter: Counter::towards(codec, Direction::ToDevice),
+                    sent_at: Instant::ZERO,
+                    bytes: 0,
+                    framed: 0,
+                    broken: None,
+                })
+            })
+            .collect();
+        let ears = ears.into_iter().map(|ear| ear.listening(rig));
+        Self {
+            ears: ears.collect(),
+        }
+    }
+}
+
+impl Ear {
+    fn listening(self, rig: &mut Rig) -> Shared<Self> {
+        let ear = Shared::new(self);
+        rig.add_tap(Box::new(Listener(ear.clone())));
+        ear
+    }
+
+    fn take(&mut self, at: Instant, bytes: &[u8]) {
+        if at - self.sent_at > self.codec.idle() {
+            self.framed += self.counter.idle().bytes;
+        }
+        self.sent_at = at;
+        self.bytes += bytes.len() as u64;
+        self.framed += self.counter.push(bytes).bytes;
+        let outside = self.bytes - self.framed - self.counter.pending() as u64;
+        if outside > SETUP + self.bytes / SHARE && self.broken.is_none() {
+            self.broken = Some((at, outside));
+        }
+    }
+}
+
+struct Listener(Shared<Ear>);
+
+impl Tap for Listener {
+    fn record(&mut self, link: usize, to: Direction, side: Side, at: Instant, bytes: &[u8]) {
+        let mut ear = self.0.lock();
+        if to == Direction::ToDevice && side == Side::Sent && link == ear.link {
+            ear.take(at, bytes);
+        }
+    }
+}
+
+impl Checker for SendsSoundFrames {
+    fn observe(&mut self, _: &Look<'_>) {}
+
+    fn verdict(&self) -> Check {
+        let name = "sends-sound-frames";
+        let ears: Vec<_> = self.ears.iter().map(Shared::lock).collect();
+        let broken = ears.iter().find_map(|ear| Some((ear, ear.broken?)));
+        let framed: u64 = ears.iter().map(|ear| ear.framed).sum();
+        let detail = match broken {
+            Some((ear, (at, outside))) => format!(
+                "{outside} bytes that the program sent on {} until {at} s are outside frames",
+                ear.name
+            ),
+            None if ears.is_empty() => "no link of the program whose frames are known".to_owned(),
+            None => format!("{framed} bytes in valid frames"),
+        };
+        Check::new(name, broken.is_none(), detail).if_observed(framed > 0)
+    }
+
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let ears = self.ears.iter().map(|ear| {
+            let old = ear.lock();
+            // The bytes of an incomplete frame do not count.
+            let pending = old.counter.pending() as u64;
+            let ear = Ear {
+                name: old.name.clone(),
+                counter: Counter::towards(old.codec, Direction::ToDevice),
+                bytes: old.bytes - pending,
+                ..*old
+            };
+            ear.listening(rig)
+        });
+        Some(Box::new(Self {
+            ears: ears.collect(),
+        }))
+    }
+}

@@ -1,0 +1,80 @@
+//! Checks that a robot turns to its goal by the shorter way.
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use crate::rig::Rig;
+
+/// Angle of a turn on the spot that is longer than half a turn with its corrections, radians: 230
+/// degrees.
+const LONG: f64 = 4.0;
+/// Maximum speed of a turn on the spot, m/s.
+const SPOT_M_S: f64 = 0.03;
+/// Minimum turn rate, rad/s: noise of the drive train.
+const REST_RAD_S: f64 = 0.15;
+
+/// While the robot drives to a goal, no turn on the spot exceeds half a turn, as long as no fault,
+/// push or contact disturbs its sensors.
+#[derive(Clone, Debug, Default)]
+pub struct TurnsShort {
+    modes: Vec<&'static str>,
+    /// Begin of the first disturbance.
+    until: Option<Instant>,
+    /// Angle of the current turn, and the number of turns.
+    turned: f64,
+    turns: u64,
+    last: Option<f64>,
+    longest: f64,
+}
+
+impl TurnsShort {
+    /// Judges the turns in these modes of the robot's program, until this time.
+    pub fn new(modes: &[&'static str], until: Option<Instant>) -> Self {
+        Self {
+            modes: modes.to_vec(),
+            until,
+            ..Self::default()
+        }
+    }
+}
+
+impl Checker for TurnsShort {
+    fn observe(&mut self, look: &Look<'_>) {
+        let (rig, world) = (look.rig, &look.rig.world);
+        if !look.contacts.is_empty() {
+            self.until = Some(self.until.map_or(rig.now(), |until| until.min(rig.now())));
+        }
+        let heading = world.pose().theta;
+        let step = self
+            .last
+            .map_or(0.0, |last| emulators::world::wrap_angle(heading - last));
+        self.last = Some(heading);
+        let mode = rig.program().map(|program| program.mode());
+        let is_over = self.until.is_some_and(|until| rig.now() >= until);
+        let is_led = !is_over && mode.is_some_and(|mode| self.modes.contains(&mode));
+        let rate = world.turn_rate();
+        let is_turn = world.speed().abs() < SPOT_M_S && rate.abs() > REST_RAD_S;
+        let goes_on = self.turned == 0.0 || (self.turned > 0.0) == (rate > 0.0);
+        if !(is_led && is_turn && goes_on) {
+            self.turned = 0.0;
+            return;
+        }
+        self.turns += u64::from(self.turned == 0.0);
+        self.turned += step;
+        self.longest = self.longest.max(self.turned.abs());
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "turns-short";
+        let degrees = self.longest.to_degrees();
+        let detail = match self.turns {
+            0 => "no turn on the spot towards a goal".to_owned(),
+            turns => format!("{turns} turns on the spot, the longest by {degrees:.0} degrees"),
+        };
+        Check::new(name, self.longest <= LONG, detail).if_observed(self.turns > 0)
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(self.clone()))
+    }
+}
