@@ -10,12 +10,15 @@
 //! mission with a margin. Faults end early enough that the mission must succeed afterwards.
 
 mod changes;
+mod consoles;
 mod dice;
 mod fault_names;
 mod fault_targets;
 mod faults;
 mod ground;
+mod limits;
 mod mission;
+mod odd;
 mod profile;
 mod rooms;
 mod rules;
@@ -164,15 +167,22 @@ pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice)
         let places = &made.mission.waypoints_m;
         let adversity = Adversity::draw(profile, &targets, places, made.duration, &mut dice.faults);
         let has_faults = adversity.has_faults();
-        adversity.apply(profile, &mut made, recovery);
+        let walls_min = base.expect.wall_overlap_min;
+        adversity.apply(profile, &mut made, recovery, walls_min);
+        let is_fixed = mission::is_fixed(base);
         if has_faults {
             let end = made.duration;
             let turns = targets.turn().is_some();
             mission::keep_steering(profile, turns, &mut made.mission, end);
         }
-        if has_faults && !mission::is_fixed(base) && mission::takes_orders(base) {
+        if has_faults && !is_fixed && mission::takes_orders(base) {
             let end = made.duration;
             mission::keep_busy(profile, &targets, &mut made.mission, end, &mut dice.mission);
+        }
+        if has_faults && mission::takes_orders(base) {
+            odd::orders(profile, &targets.orders, &mut made, &mut dice.mission);
+        } else if !has_faults && !is_fixed {
+            odd::change(profile, &targets.orders, &mut made, &mut dice.mission);
         }
     }
     made

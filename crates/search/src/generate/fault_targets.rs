@@ -1,10 +1,13 @@
 use std::path::PathBuf;
 
 use super::Profile;
+use engine::codec::Codec;
+use engine::codec::wire::Choices;
+use engine::rig::line::Direction;
 use engine::rig::{LinkKind, Rig};
-use engine::robots::{self, Console, Dut, PcEnd, Station, WirePlan};
+use engine::robots::{self, Console, Dut, Instruments, PcEnd, Station, WirePlan};
 use engine::scenario::{
-    DirectionSpec, FaultKind, FaultPlace, Scenario, SetPoint, Source, WorldSpec,
+    DirectionSpec, FaultKind, FaultPlace, FaultSpec, Scenario, SetPoint, Source, WorldSpec,
 };
 
 /// All parts of a robot that can have a fault, as its links and devices are wired.
@@ -22,6 +25,51 @@ pub(super) struct FaultTargets {
     /// Links without which the robot cannot drive.
     needs: Vec<String>,
     hasty: Option<&'static str>,
+    /// The orders that its station can give.
+    pub(super) orders: Orders,
+    /// The first byte of a frame, by link and direction.
+    starts: Vec<(String, DirectionSpec, u8)>,
+}
+
+/// The orders that a station can give.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Orders {
+    /// Names of the modes.
+    pub(super) modes: &'static [&'static str],
+    /// Maximum number of places of a list, if it is known.
+    pub(super) list_max: Option<usize>,
+    /// Link of the orders, and the format of their frames.
+    pub(super) link: Option<(&'static str, &'static Codec)>,
+}
+
+impl Orders {
+    fn of(instruments: &dyn Instruments, rig: &Rig) -> Self {
+        let station = instruments.station(rig);
+        let link = instruments.orders_link();
+        let codec = link.and_then(|link| instruments.codec_towards(rig, link, Direction::ToMaster));
+        Self {
+            modes: station.map_or(&[], Station::modes),
+            list_max: station.and_then(Station::list_max),
+            link: link.zip(codec),
+        }
+    }
+}
+
+/// The first byte of a frame on each line whose format is known.
+fn starts(instruments: &dyn Instruments, rig: &Rig) -> Vec<(String, DirectionSpec, u8)> {
+    let both = [
+        (DirectionSpec::ToMaster, Direction::ToMaster),
+        (DirectionSpec::ToDevice, Direction::ToDevice),
+    ];
+    let links = rig.links().iter().map(|link| link.name.clone());
+    let lanes = links.flat_map(|link| both.map(|way| (link.clone(), way)));
+    let lanes = lanes.filter_map(|(link, (spec, way))| {
+        let codec = instruments.codec_towards(rig, &link, way)?;
+        let mut frame = Vec::new();
+        codec.build(&mut Choices::new(&[]), &mut frame);
+        Some((link, spec, *frame.first()?))
+    });
+    lanes.collect()
 }
 
 #[derive(Clone, Debug)]
@@ -71,9 +119,12 @@ impl FaultTargets {
         let nowhere = "start = { x_m = 1, y_m = 1, heading_deg = 0 }\n\
             [[wall]]\npath_m = [[0, 0], [2, 0]]";
         let nowhere: WorldSpec = toml::from_str(nowhere).expect("a wall and a start");
-        let nowhere = nowhere
-            .build(0, None, &source)
-            .expect("the wall is not at the start");
+        // A car's board needs the axes of its chassis.
+        let robot = robots::find(&scenario.robot);
+        let chassis = robot.and_then(|robot| robot.chassis(scenario, &source).ok());
+        let Ok(nowhere) = nowhere.build(0, chassis.flatten(), &source) else {
+            return Self::default();
+        };
         let mut sound = scenario.clone();
         sound.fault.clear();
         let plan = WirePlan {
@@ -88,6 +139,9 @@ impl FaultTargets {
                 // A device that the scenario describes has no client at the other end.
                 let open = wired.open_ends.iter().map(|end| end.link.as_str());
                 let open: Vec<&str> = open.collect();
+                // The links that the scenario names replace those of its robot.
+                let own = scenario.expect.safety.as_ref();
+                let own = own.map_or(Vec::new(), |safety| safety.rests_without.clone());
                 let needs = wired.instruments.needs().into_iter();
                 let station = wired.instruments.station(&wired.rig);
                 let keys = station.and_then(Station::keys);
@@ -95,9 +149,14 @@ impl FaultTargets {
                 let turns =
                     |set: &Vec<SetPoint>| set.iter().filter(|axis| axis.0 != 0.0).count() > 1;
                 let mut targets = Self {
+                    orders: Orders::of(&*wired.instruments, &wired.rig),
+                    starts: starts(&*wired.instruments, &wired.rig),
                     never: profile.faults.never.clone(),
                     turn: keys.map(|keys| keys.left).filter(turns),
-                    needs: needs.map(|need| need.link.into_owned()).collect(),
+                    needs: match own.is_empty() {
+                        true => needs.map(|need| need.link.into_owned()).collect(),
+                        false => own,
+                    },
                     consoles: wired.instruments.consoles(),
                     hasty: wired.instruments.silence().map(|silence| silence.link),
                     ..Self::wired(&wired.rig, &open)
@@ -143,7 +202,18 @@ impl FaultTargets {
             turn: None,
             needs: Vec::new(),
             hasty: None,
+            orders: Orders::default(),
+            starts: Vec::new(),
         }
+    }
+
+    /// The first byte of a frame on the line of `fault`.
+    pub(super) fn start(&self, fault: &FaultSpec) -> Option<u8> {
+        let mut starts = self.starts.iter();
+        let is_own =
+            |link: &str, way| fault.link.as_deref() == Some(link) && fault.direction == Some(way);
+        let found = starts.find(|(link, way, _)| is_own(link, *way));
+        found.map(|(.., start)| *start)
     }
 
     /// The names of the links.

@@ -1,9 +1,11 @@
 use core::time::Duration;
 
+use super::consoles::{reaches, switched_off_and_on};
 use super::dice::Draw;
 use super::fault_targets::{Device, FaultTargets};
+use super::limits::{comes_in_spells, is_deceived, limit};
 use super::mission;
-use super::profile::{Faults, MissionJudged, Profile, Time};
+use super::profile::{Faults, MissionJudged, Profile};
 use engine::scenario::{
     Action, BudgetSpec, DirectionSpec, Expect, FaultKind, FaultPlace, FaultSpec, PhasesSpec,
     Scenario, Span, Step, WhenSpec,
@@ -154,6 +156,10 @@ impl Drawn<'_> {
             self.permanent(&mut fault, dice);
             faults.push(fault);
         }
+        let share = keys.noisy_orders_percent;
+        if share > 0 && dice.below(100) < share {
+            self.noise_on_orders(faults, dice);
+        }
         if self.profile.afterwards.power_cycle {
             for (link, device) in targets.consoles() {
                 if faults.iter().any(|fault| reaches(fault, link)) {
@@ -164,6 +170,31 @@ impl Drawn<'_> {
         let share = keys.stays_broken_percent;
         if share > 0 && dice.below(100) < share {
             self.leave_one_broken(made, dice);
+        }
+    }
+
+    /// Adds noise on the link of the orders, of one of the kinds that the profile allows.
+    fn noise_on_orders(&self, faults: &mut Vec<FaultSpec>, dice: &mut Draw) {
+        let count_max = usize::try_from(self.profile.faults.count_max).unwrap_or(usize::MAX);
+        let strikes: Vec<_> = self
+            .targets
+            .kinds()
+            .filter(|kind| kind.is_strike())
+            .collect();
+        let Some((link, _)) = self
+            .targets
+            .orders
+            .link
+            .filter(|_| faults.len() < count_max)
+        else {
+            return;
+        };
+        if !strikes.is_empty() {
+            let kind = strikes[dice.index(strikes.len())];
+            let mut fault = FaultSpec::on(link, DirectionSpec::ToMaster, kind);
+            self.detail(&mut fault, dice);
+            self.foreseen(&mut fault, false, dice);
+            faults.push(fault);
         }
     }
 
@@ -192,9 +223,15 @@ impl Drawn<'_> {
 
 impl Adversity {
     /// Adds the faults to `mission`, which must succeed within `recovery` afterwards.
-    pub(super) fn apply(self, profile: &Profile, mission: &mut Scenario, recovery: Span) {
+    pub(super) fn apply(
+        self,
+        profile: &Profile,
+        mission: &mut Scenario,
+        recovery: Span,
+        walls_min: Option<f64>,
+    ) {
         if profile.judge.mission == MissionJudged::WithoutFaults {
-            return self.apply_without_mission(profile, mission);
+            return self.apply_without_mission(profile, mission, walls_min);
         }
         let longest = mission.duration.max(recovery);
         mission.duration = Span(Span::from_millis(self.until_ms).0 + longest.0);
@@ -236,7 +273,13 @@ impl Adversity {
 
 impl Adversity {
     /// Applies the adversity to a scenario whose mission is judged only in runs without faults.
-    fn apply_without_mission(self, profile: &Profile, mission: &mut Scenario) {
+    /// `walls_min`: the agreement of map and world that the scenario expects in its own world.
+    fn apply_without_mission(
+        self,
+        profile: &Profile,
+        mission: &mut Scenario,
+        walls_min: Option<f64>,
+    ) {
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let is_by_hand = mission.mission.step.iter().any(is_by_hand);
         let mut safety = profile.judge.safety.clone().unwrap_or_default();
@@ -245,6 +288,9 @@ impl Adversity {
         }
         if !self.has_faults() {
             safety.alive_for = None;
+            let walls = profile.judge.walls_min.zip(walls_min);
+            let walls = walls.map(|(least, own)| least.min(own));
+            mission.expect.wall_overlap_min = mission.expect.wall_overlap_min.or(walls);
             mission.expect.safety = Some(safety);
             return;
         }
@@ -290,24 +336,6 @@ fn some_kinds(targets: &FaultTargets, dice: &mut Draw) -> Vec<FaultKind> {
     enabled
 }
 
-/// Whether the fault inserts bytes on the way to the device of `link`.
-fn reaches(fault: &FaultSpec, link: &str) -> bool {
-    let is_to = |way| fault.direction == Some(way);
-    let comes_back = fault.kind == FaultKind::Echo && is_to(DirectionSpec::ToMaster);
-    let is_on = fault.link.as_deref() == Some(link) || fault.with.as_deref() == Some(link);
-    is_on && (is_to(DirectionSpec::ToDevice) || comes_back)
-}
-
-/// A power cycle by an operator, for a device that does not recover by itself.
-fn switched_off_and_on(device: &str, at_ms: u64) -> FaultSpec {
-    FaultSpec {
-        device: Some(device.to_owned()),
-        from: Some(Span::from_millis(at_ms)),
-        until: Some(Span::from_millis(at_ms + 100)),
-        ..FaultSpec::new(FaultKind::Restart)
-    }
-}
-
 /// A fault of `kind` on a random target that can have it.
 fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultSpec {
     let devices = targets.devices(kind);
@@ -334,49 +362,11 @@ fn somewhere(kind: FaultKind, targets: &FaultTargets, dice: &mut Draw) -> FaultS
     }
 }
 
-/// Whether the fault stops all useful traffic instead of reducing it.
-fn silences(kind: FaultKind) -> bool {
-    use FaultKind as K;
-    matches!(
-        kind,
-        K::Cut
-            | K::Unplugged
-            | K::Break
-            | K::Stall
-            | K::Overrun
-            | K::WrongBaud
-            | K::Swizzle
-            | K::PowerDip
-            | K::Off
-    )
-}
-
-/// Whether the fault hides an object or its motion: the robot cannot detect this, and without
-/// steering it hits the object.
-fn is_deceived(fault: &FaultSpec) -> bool {
-    let name = fault.fault.as_deref().unwrap_or_default();
-    fault.kind == FaultKind::Stuck || ["blind", "servo"].contains(&name)
-}
-
-/// Whether the fault is intermittent by nature.
-fn comes_in_spells(kind: FaultKind) -> bool {
-    matches!(kind, FaultKind::Clog | FaultKind::Intermittent)
-}
-
 /// Makes the fault intermittent.
 fn spells(fault: &mut FaultSpec, dice: &mut Draw) {
     let every = dice.between(50, 2_000);
     fault.every = Some(Span::from_millis(every));
     fault.lasting = Some(Span::from_millis(dice.between(1, every)));
-}
-
-/// The maximum duration of `fault`.
-fn limit(time: &Time, fault: &FaultSpec) -> Option<Span> {
-    match fault.kind {
-        _ if is_deceived(fault) => time.stuck_max,
-        kind if silences(kind) => time.silence_max,
-        _ => time.other_max,
-    }
 }
 
 impl Drawn<'_> {
@@ -395,6 +385,11 @@ impl Drawn<'_> {
             K::Latency | K::Delayed => fault.by = millis(300),
             K::Jitter => fault.by = millis(100),
             K::Burst => fault.len = Some(dice.narrow(1, 16)),
+            K::Insert if self.profile.faults.stray_starts => {
+                let start = self.targets.start(fault).unwrap_or_default();
+                let known = [Some(start), Some(0), None, None];
+                fault.value = known[dice.index(known.len())];
+            }
             K::Truncate => fault.len = (dice.below(2) == 1).then(|| dice.narrow(1, 40)),
             K::Overrun => fault.fifo = Some(dice.narrow(1, 64)),
             K::ShortRead => fault.len = Some(dice.narrow(1, 8)),

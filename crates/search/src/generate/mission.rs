@@ -94,7 +94,7 @@ pub(super) fn keep_steering(
 }
 
 /// Sorts by time. A step with a condition stays behind its predecessor.
-fn sort(steps: &mut Vec<Step>) {
+pub(super) fn sort(steps: &mut Vec<Step>) {
     let mut last = None;
     let keyed = steps.drain(..).map(|step| {
         last = step.at.or(last);
@@ -150,7 +150,7 @@ pub(super) fn keep_busy(
     sort(&mut mission.step);
 }
 
-fn step(at: u64, action: Action) -> Step {
+pub(super) fn step(at: u64, action: Action) -> Step {
     Step::at(Span::from_millis(at), action)
 }
 

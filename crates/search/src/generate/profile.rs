@@ -70,6 +70,12 @@ pub struct Faults {
     /// Whether the battery may be low in a search that ends at home.
     #[serde(default)]
     pub low_battery_in_search: bool,
+    /// Share of the runs in which the link of the orders is noisy for some time, per cent.
+    #[serde(default)]
+    pub noisy_orders_percent: u64,
+    /// Whether half of the inserted bytes are the first byte of a frame, or 0.
+    #[serde(default)]
+    pub stray_starts: bool,
     /// Share of permanent faults, which last until they are healed, per cent.
     #[serde(default)]
     pub permanent_percent: u64,
@@ -127,6 +133,17 @@ pub struct MissionKeys {
     /// Share of the runs in which the operator turns the robot by hand, per cent.
     #[serde(default)]
     pub by_hand_percent: u64,
+    /// Share of the runs with faults in which the operator gives unusual orders: an empty list, a
+    /// long or a short one, any mode, a stop; per cent.
+    #[serde(default)]
+    pub odd_orders_percent: u64,
+    /// Share of the runs with faults in which valid frames with arbitrary contents arrive on the
+    /// link of the orders, per cent.
+    #[serde(default)]
+    pub forged_percent: u64,
+    /// Share of the runs without a fault in which the operator orders another list first, per cent.
+    #[serde(default)]
+    pub changes_percent: u64,
 }
 
 /// Actions after the last fault.
@@ -150,6 +167,10 @@ pub struct Afterwards {
 pub struct Judge {
     /// The runs in which the mission must be finished.
     pub mission: MissionJudged,
+    /// In runs without faults: minimum agreement of map and world, if the scenario expects one and
+    /// its world is generated.
+    #[serde(default)]
+    pub walls_min: Option<f64>,
     /// Safety during the whole run.
     #[serde(default)]
     pub safety: Option<SafetySpec>,
@@ -268,7 +289,19 @@ impl Profile {
                 faults.stays_broken_percent,
             ),
             ("faults", "needed_link_percent", faults.needed_link_percent),
+            (
+                "faults",
+                "noisy_orders_percent",
+                faults.noisy_orders_percent,
+            ),
             ("mission", "by_hand_percent", self.mission.by_hand_percent),
+            (
+                "mission",
+                "odd_orders_percent",
+                self.mission.odd_orders_percent,
+            ),
+            ("mission", "forged_percent", self.mission.forged_percent),
+            ("mission", "changes_percent", self.mission.changes_percent),
         ] {
             if percent > 100 {
                 return wrong(table, key, format!("is {percent}, expected 0 to 100"));

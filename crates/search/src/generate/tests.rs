@@ -530,3 +530,60 @@ fn the_added_cut_keeps_to_the_profile() {
     let none = made(|profile| profile.faults.count_max = 0);
     assert!(none.iter().all(|made| made.fault.is_empty()));
 }
+
+/// The links that the scenario names fall silent in place of those of its robot.
+#[test]
+fn links_of_rests_without_fall_silent() {
+    let mut profile = Profile::find("harsh").expect("it is built in");
+    (profile.faults.needed_link_percent, profile.faults.count_max) = (100, 1);
+    let mut base = base();
+    base.duration = Span::from_millis(90_000);
+    let links = |base: &Scenario| {
+        let made =
+            (0..40).map(|seed| scenario(base, Vary::ALL, &profile, &mut Dice::of_seed(seed, "b")));
+        let links = made
+            .flat_map(|made| made.fault)
+            .filter_map(|fault| fault.link);
+        links.collect::<BTreeSet<String>>()
+    };
+    assert_eq!(
+        links(&base),
+        BTreeSet::from(["lidar".to_owned(), "radio".to_owned()])
+    );
+    let mut safety = profile.judge.safety.clone();
+    let own = safety.as_mut().expect("it judges safety");
+    own.rests_without = vec!["base".to_owned()];
+    base.expect.safety = safety;
+    assert_eq!(links(&base), BTreeSet::from(["base".to_owned()]));
+}
+
+/// Unusual orders and frames of harsh keep to the limits of the station, so that each mission can
+/// be wired; empty and long lists, modes and frames come up.
+#[test]
+fn unusual_orders_come_up_and_can_be_wired() {
+    let mut profile = Profile::find("harsh").expect("it is built in");
+    (
+        profile.mission.odd_orders_percent,
+        profile.mission.forged_percent,
+    ) = (100, 100);
+    let mut base = base();
+    base.duration = Span::from_millis(90_000);
+    let (base, source) = Scenario::from_text(&base.to_toml()).expect("sound");
+    let mut seen = BTreeSet::new();
+    for seed in 0..40 {
+        let made = scenario(&base, Vary::ALL, &profile, &mut Dice::of_seed(seed, "base"));
+        for step in &made.mission.step {
+            seen.insert(match &step.action {
+                Action::WaypointsM(places) if places.is_empty() => "empty",
+                Action::WaypointsM(places) if places.len() >= 18 => "long",
+                Action::Mode(_) => "mode",
+                Action::Inject(_) => "frame",
+                _ => "other",
+            });
+        }
+        let wired = engine::run::Run::new(made, &source, None);
+        assert!(wired.is_ok(), "seed {seed}");
+    }
+    let expected = ["empty", "frame", "long", "mode", "other"];
+    assert_eq!(seen, BTreeSet::from(expected));
+}
