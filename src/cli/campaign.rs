@@ -13,7 +13,7 @@ use clap::{Args, Subcommand};
 
 use self::live::Live;
 pub(super) use self::scope::needs_faults;
-use self::scope::{covered, measures_cpu, profile, vary_schedule};
+use self::scope::{covered, earlier, measures_cpu, profile, vary_schedule};
 use super::answer::CampaignEnded;
 use super::exec::{ExecArgs, is_bare, read_without_programs};
 use super::out::answer;
@@ -78,6 +78,9 @@ pub(super) struct CampaignArgs {
     /// With --mutants: only this defect, by its ID in "hilrig bugs"; may be repeated
     #[arg(long = "defect", value_name = "ID", requires = "mutants")]
     defects: Vec<String>,
+    /// With --mutants: print the result as a table in Markdown
+    #[arg(long, requires = "mutants")]
+    markdown: bool,
     /// Run only every N-th run, starting at number I; auto: take I from the queue's environment
     /// (Slurm, Kubernetes, PBS, Grid Engine, LSF, AWS Batch, GitLab), or from HILRIG_SHARD
     #[arg(long, value_name = "I/N", default_value = "0/1")]
@@ -133,12 +136,6 @@ pub(super) fn seeds(text: &str) -> Result<Range<u64>, String> {
         (from < until && i64::try_from(until).is_ok()).then_some(from..until)
     });
     parsed.ok_or_else(|| "expected A..B with A below B, e.g. 0..100".to_owned())
-}
-
-/// The earlier campaign in `dir`, if one was named.
-fn earlier(dir: Option<&Path>) -> Result<Option<(PathBuf, Store)>, CliError> {
-    let Some(dir) = dir else { return Ok(None) };
-    Ok(Some((dir.to_owned(), Store::open(dir)?)))
 }
 
 pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {

@@ -12,6 +12,7 @@ mod client;
 pub mod experiment;
 mod field;
 mod frames;
+mod hidden;
 mod lidar;
 mod mapper;
 mod navigation;
@@ -20,6 +21,7 @@ mod pc;
 mod robot;
 mod yellow;
 
+pub use hidden::{Hidden, hidden};
 pub use observation::{Difference, Exchange, Figure, Observation};
 
 /// Variant of a program, firmware or client.

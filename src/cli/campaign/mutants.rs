@@ -9,6 +9,7 @@ use super::super::out::answer;
 use super::super::stop::Stop;
 use super::super::{CliError, Verdict};
 use super::{CampaignArgs, jobs};
+use crate::museum::{self, Hidden};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::scenario::{Scenario, Source};
 use crate::search::generate::{Profile, Vary};
@@ -34,7 +35,18 @@ pub(super) fn run(
         );
         return Err(CliError::Usage(message));
     }
-    let mut mutants = Mutants::new(read, profile, vary, &args.defects);
+    let hidden = museum::hidden();
+    let is_hidden = |id: &str| hidden.iter().any(|one| one.id == id);
+    let shown = known.iter().filter(|id| !is_hidden(id));
+    let wanted: Vec<String> = match args.defects.is_empty() {
+        true => shown.map(|id| (*id).to_owned()).collect(),
+        false => args.defects.clone(),
+    };
+    let left_out: Vec<&Hidden> = hidden
+        .iter()
+        .filter(|one| known.contains(&&*one.id) && !wanted.contains(&one.id))
+        .collect();
+    let mut mutants = Mutants::new(read, profile, vary, &wanted);
     let (clock, stop) = (
         WallClock::start(),
         Stop::new(args.budget.map(|budget| budget.0))?,
@@ -49,7 +61,18 @@ pub(super) fn run(
         }
         rounds += 1;
     }
-    print(&mutants, read, &profile.name, rounds);
+    if args.markdown {
+        table(&mutants, &left_out);
+    } else {
+        let faults = match vary.faults {
+            true => format!("profile {}", profile.name),
+            false => format!("--vary {vary}, without faults"),
+        };
+        print(&mutants, read.len(), &faults, rounds);
+        for one in &left_out {
+            println!("left out: {} ({})", one.id, one.because);
+        }
+    }
     answer(&ended(&mutants));
     Ok(stop.signal().map_or(Verdict::Pass, Verdict::Interrupted))
 }
@@ -58,37 +81,54 @@ fn now(clock: &WallClock) -> Instant {
     clock.now()
 }
 
-fn print(
-    mutants: &Mutants<'_>,
-    read: &BTreeMap<String, (Scenario, Source)>,
-    profile: &str,
-    rounds: u64,
-) {
-    let [runs, failed] = mutants.sound;
-    println!(
-        "profile {profile}, {} scenarios, {rounds} seeds of each; {failed} of {runs} runs fail without \
-         a defect",
-        read.len()
-    );
-    for (check, count) in &mutants.sound_failures {
-        println!("  {count:>5}  {check}");
-    }
+/// The defects that each check found.
+fn by_check<'a>(mutants: &'a Mutants<'_>) -> BTreeMap<&'a str, Vec<&'a str>> {
     let mut by_check: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for mutant in mutants.all() {
         if let Some((check, ..)) = &mutant.found {
             by_check.entry(check).or_default().push(&mutant.defect);
         }
     }
+    by_check
+}
+
+/// The defects that no check found.
+fn missed<'a>(mutants: &'a Mutants<'_>) -> Vec<&'a str> {
+    let missed = mutants.all().filter(|mutant| mutant.found.is_none());
+    missed.map(|mutant| &*mutant.defect).collect()
+}
+
+/// Prints the result as a table in Markdown.
+fn table(mutants: &Mutants<'_>, left_out: &[&Hidden]) {
+    println!("| check | finds | defects |\n|---|---|---|");
+    for (check, defects) in by_check(mutants) {
+        println!("| `{check}` | {} | {} |", defects.len(), defects.join(", "));
+    }
+    let missed = missed(mutants);
+    println!("| no check | {} | {} |", missed.len(), missed.join(", "));
+    let left_out: Vec<&str> = left_out.iter().map(|one| &*one.id).collect();
+    let count = left_out.len();
+    println!(
+        "| no run can show them | {count} | {} |",
+        left_out.join(", ")
+    );
+    println!("\n{}", share("found", mutants.all()));
+}
+
+fn print(mutants: &Mutants<'_>, scenarios: usize, faults: &str, rounds: u64) {
+    let [runs, failed] = mutants.sound;
+    println!(
+        "{faults}, {scenarios} scenarios, {rounds} seeds of each; {failed} of {runs} runs fail without \
+         a defect"
+    );
+    for (check, count) in &mutants.sound_failures {
+        println!("  {count:>5}  {check}");
+    }
     println!("{}", share("found", mutants.all()));
-    for (check, defects) in by_check {
+    for (check, defects) in by_check(mutants) {
         println!("  {:>5}  {check}: {}", defects.len(), defects.join(", "));
     }
-    let missed: Vec<&str> = mutants
-        .all()
-        .filter(|mutant| mutant.found.is_none())
-        .map(|mutant| &*mutant.defect)
-        .collect();
-    println!("not found: {}", missed.join(", "));
+    println!("not found: {}", missed(mutants).join(", "));
 }
 
 fn share<'a>(word: &str, all: impl Iterator<Item = &'a Mutant>) -> String {

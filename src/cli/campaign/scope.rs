@@ -1,6 +1,7 @@
 //! The fault profile of a campaign, and its coverage.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use super::super::CliError;
 use super::super::exec::ExecArgs;
@@ -75,4 +76,10 @@ pub(super) fn measures_cpu(program: &ExecArgs) -> Result<(), CliError> {
         }
         _ => Ok(()),
     }
+}
+
+/// The earlier campaign in `dir`, if one was named.
+pub(super) fn earlier(dir: Option<&Path>) -> Result<Option<(PathBuf, Store)>, CliError> {
+    let Some(dir) = dir else { return Ok(None) };
+    Ok(Some((dir.to_owned(), Store::open(dir)?)))
 }
