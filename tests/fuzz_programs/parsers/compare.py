@@ -135,7 +135,6 @@ PARSERS = {
             'AT+PRINT=10,5,"some text"\r\n', "AT+GO=-7,20\r\n", "AT+GO?\r\n", "AT\r\n",
             "AT+PRINT=?\r\n")], {
             "number": ("src/cat.c", "val *= sign;", f"if (val > 99999 && sign < 0) {TRAP}"),
-            "escape": ("src/cat.c", "if (ch == '\\\\') {", f"if (size > 14) {TRAP}"),
         }),
     "cjson": (
         "DaveGamble/cJSON@a29814f285cc531c00223743ad3c55cd38c0dc56", ["cJSON.c"], [],
