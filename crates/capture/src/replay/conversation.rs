@@ -121,6 +121,8 @@ pub struct Tally {
     pub repeated: usize,
     /// Requests that the capture does not have.
     pub unknown: usize,
+    /// Requests that the capture does not have, made after all of its requests.
+    pub later: usize,
 }
 
 impl fmt::Display for Tally {
@@ -131,12 +133,14 @@ impl fmt::Display for Tally {
             out_of_turn,
             repeated,
             unknown,
+            later,
         } = self;
         write!(f, "{made} of {all} requests were made")?;
         for (count, what) in [
             (out_of_turn, "out of turn"),
             (repeated, "repeated"),
             (unknown, "not in the capture"),
+            (later, "after the last one of the capture"),
         ] {
             if *count > 0 {
                 write!(f, ", {count} {what}")?;
@@ -382,6 +386,8 @@ impl Conversation {
                         if self.first.is_none() {
                             self.first = Some(self.differs(self.heard_at, expected, got));
                         }
+                    } else {
+                        self.tally.later += 1;
                     }
                     self.take(len);
                     if let Some(exchange) = like {

@@ -80,6 +80,15 @@ fn an_answer_comes_as_late_after_its_request_as_it_did() {
     assert!(talk.is_done());
     assert_eq!(talk.divergence(), None);
     assert_eq!(talk.tally().to_string(), "3 of 3 requests were made");
+    // The capture does not say whether further requests are right, so they are counted.
+    for (at, request) in [(9_900, VOLTS), (9_960, b"\x01\x06")] {
+        talk.receive(ms(at), request);
+        said(&mut talk, at + 50);
+    }
+    assert_eq!(talk.divergence(), None);
+    let tally = talk.tally().to_string();
+    let more = "1 repeated, 1 after the last one of the capture";
+    assert_eq!(tally, format!("3 of 3 requests were made, {more}"));
 }
 
 /// A request in three pieces, the last one late, is one request.
@@ -126,6 +135,7 @@ fn another_order_and_a_retry_are_the_same_conversation() {
         out_of_turn: 2,
         repeated: 1,
         unknown: 0,
+        later: 0,
     };
     assert_eq!(talk.tally(), tally);
 }
