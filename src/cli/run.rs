@@ -21,7 +21,7 @@ use crate::capture::case::{Case, Judgement};
 use crate::realtime::exec::Cpu;
 use crate::robots;
 use crate::run::check::Status;
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::scenario::{Scenario, Source, text_of};
 use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
 
@@ -409,10 +409,7 @@ impl Runnable {
     }
 
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {
-        let text = std::fs::read_to_string(path).map_err(|source| {
-            let path = path.to_owned();
-            ScenarioError::Read { path, source }
-        })?;
+        let text = text_of(path)?;
         if !Case::is_meant(&text) {
             return Ok(Self::Scenario(Box::new(Scenario::parse(path, text)?)));
         }

@@ -98,7 +98,7 @@ fn a_count_that_lies_is_found_through_a_checksum_that_was_learned() {
     );
     assert_eq!(code, Some(1), "{said}");
     assert!(
-        said.contains("CRC_16_MODBUS, low byte first, at the end"),
+        said.contains("CRC-16/MODBUS, low byte first, at the end"),
         "{said}"
     );
     assert!(said.contains("8-bit length at byte 1"), "{said}");

@@ -34,7 +34,7 @@ use engine::TOOL;
 use engine::rig::Program;
 use engine::robots::{self, Dut, PcEnd};
 use engine::run::check::{Check, Status};
-use engine::scenario::{Document, Scenario, ScenarioError, Source, read_whole};
+use engine::scenario::{Document, Scenario, ScenarioError, Source, read_whole, text_of};
 
 pub use decoder::Decoded;
 pub use expectation::Expectation;
@@ -190,10 +190,7 @@ impl Case {
     /// # Errors
     /// If the file cannot be read or is no case.
     pub fn read(path: &Path) -> Result<(Self, Source), CaseError> {
-        let text = std::fs::read_to_string(path).map_err(|source| {
-            let path = path.to_owned();
-            CaseError::File(ScenarioError::Read { path, source })
-        })?;
+        let text = text_of(path).map_err(CaseError::File)?;
         Self::parse(path, text)
     }
 

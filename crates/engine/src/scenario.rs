@@ -62,7 +62,7 @@ pub use phases::{BudgetSpec, PhasesSpec};
 pub use problems::{Document, read_whole};
 pub use rule::{Demand, LOOK_EVERY, RuleSpec, UntilSpec};
 pub use safety::SafetySpec;
-pub use source::{ScenarioError, Source};
+pub use source::{ScenarioError, Source, text_of};
 pub use span::Span;
 pub use tuning::TuningSpec;
 pub use world::WorldSpec;
@@ -267,11 +267,7 @@ fn without_table(text: &str, name: &str) -> String {
 impl Scenario {
     /// Reads a scenario file.
     pub fn read(path: &Path) -> Result<(Self, Source), ScenarioError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ScenarioError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::parse(path, text)
+        Self::parse(path, text_of(path)?)
     }
 
     /// Reads a scenario from a string; its file paths are relative to the current directory.

@@ -1,6 +1,6 @@
 //! The source text of a scenario, and errors in it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use crate::near;
 
@@ -14,6 +14,20 @@ pub enum ScenarioError {
         path: PathBuf,
         /// The error of the operating system.
         source: std::io::Error,
+    },
+    /// The file is no text.
+    #[error(
+        "{} {} (expected a scenario or a case)", .path.display(),
+        match is_capture {
+            true => "is a capture; `hilrig case from` makes a case of it",
+            false => "is no text",
+        }
+    )]
+    NoText {
+        /// The file.
+        path: PathBuf,
+        /// Whether it is a capture.
+        is_capture: bool,
     },
     /// Several errors of a file, in order of lines, one per line of the message.
     #[error("{}", lines(.0))]
@@ -34,6 +48,32 @@ pub enum ScenarioError {
         /// The error, and the expected value.
         message: String,
     },
+}
+
+/// First bytes of a pcapng capture, and of pcap captures in both byte orders and resolutions.
+const CAPTURES: [[u8; 4]; 5] = [
+    [0x0A, 0x0D, 0x0D, 0x0A],
+    [0xA1, 0xB2, 0xC3, 0xD4],
+    [0xD4, 0xC3, 0xB2, 0xA1],
+    [0xA1, 0xB2, 0x3C, 0x4D],
+    [0x4D, 0x3C, 0xB2, 0xA1],
+];
+
+/// The text of a scenario or a case.
+///
+/// # Errors
+/// If the file cannot be read, or is no text: a capture is named as such.
+pub fn text_of(path: &Path) -> Result<String, ScenarioError> {
+    let bytes = std::fs::read(path).map_err(|source| ScenarioError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    String::from_utf8(bytes).map_err(|error| ScenarioError::NoText {
+        path: path.to_owned(),
+        is_capture: CAPTURES
+            .iter()
+            .any(|first| error.as_bytes().starts_with(first)),
+    })
 }
 
 /// Whether a text between these two is a key, or a part of one.

@@ -79,7 +79,8 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         toml += &end;
         claims.push(Claim {
             topic: "checksum",
-            words: sum.to_string(),
+            // The claim names the algorithm as the draft does.
+            words: sum.to_string().replacen(sum.name(), words, 1),
             evidence: format!("{:.0} bits over {} frames", sum.bits, found.frames.len()),
             confidence: if sum.is_sure {
                 Confidence::Sure
