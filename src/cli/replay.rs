@@ -1,5 +1,9 @@
+mod cause;
 mod exec;
+mod heard;
+mod kept;
 mod links;
+mod play;
 
 use core::time::Duration;
 use std::io;
@@ -20,13 +24,15 @@ use super::{CliError, Verdict, out};
 use crate::capture::Capture;
 use crate::capture::divergence::Divergence;
 use crate::capture::replay::{
-    Recorded, Replay, Replayed, SILENCE_MAX, Silence, Tally, Voice, scenario_of,
+    Recorded, Replay, Replayed, SILENCE_MAX, Silence, Voice, scenario_of,
 };
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::playback::{Playback, ReplayPace, Side as PlayedSide, Socket};
 use crate::run::check::{Check, Status};
 use crate::scenario::{Scenario, Source, Span};
 use engine::hex::pairs;
+
+use heard::{Heard, report};
 
 pub(super) use exec::{judge_case, sound_of, try_case};
 
@@ -323,37 +329,6 @@ fn into_ports(args: &ReplayArgs, recorded: &Recorded) -> Result<Verdict, CliErro
     })
 }
 
-/// The played and received bytes.
-struct Heard {
-    /// Time in the capture.
-    now: Instant,
-    /// Bytes sent and received on each link.
-    counts: Vec<(String, [u64; 2])>,
-    divergence: Option<Divergence>,
-    /// The state of the conversation on each link.
-    tallies: Vec<(String, Tally)>,
-    trace_hash: Option<String>,
-}
-
-impl Heard {
-    fn of(playback: &Playback<WallClock>) -> Self {
-        let sockets = playback.sockets().iter();
-        let divergences = sockets.clone().filter_map(Socket::divergence);
-        Self {
-            now: playback.now(),
-            tallies: sockets
-                .clone()
-                .filter_map(|one| Some((one.link().to_owned(), one.talk()?.tally())))
-                .collect(),
-            divergence: divergences.min_by_key(|divergence| divergence.at),
-            counts: sockets
-                .map(|socket| (socket.link().to_owned(), socket.counts()))
-                .collect(),
-            trace_hash: None,
-        }
-    }
-}
-
 /// The play mode.
 #[derive(Clone, Copy, Debug)]
 struct How {
@@ -417,40 +392,6 @@ fn follow(
     }
     drain(playback, stop);
     Ok(!troubles.is_empty())
-}
-
-/// Prints the played and received bytes, and the comparison if requested; `checks` come from it.
-fn report(args: &ReplayArgs, heard: &Heard, checks: &[Check]) -> Verdict {
-    println!("played {} s", heard.now);
-    for (link, [said, came]) in &heard.counts {
-        println!("  {link}: {said} B sent, {came} B received");
-    }
-    for (link, tally) in heard.tallies.iter().filter(|(_, tally)| tally.all > 0) {
-        println!("  {link}: {tally}");
-    }
-    if let Some(hash) = &heard.trace_hash {
-        println!("  trace {hash}");
-    }
-    let first = heard.divergence.as_ref().filter(|_| args.expect);
-    let sum = |of: usize| -> u64 { heard.counts.iter().map(|(_, counts)| counts[of]).sum() };
-    out::answer(&ReplayEnded {
-        played_s: (heard.now - Instant::ZERO).as_secs_f64(),
-        bytes_sent: sum(0),
-        bytes_back: sum(1),
-        checks: checks.to_vec(),
-        divergence: first.map(ToString::to_string),
-        trace_hash: heard.trace_hash.clone(),
-    });
-    if !args.expect {
-        return Verdict::Pass;
-    }
-    match (first, heard.tallies.is_empty()) {
-        (None, false) => {
-            println!("no divergence: the program sent the requests of the capture");
-            Verdict::Pass
-        }
-        _ => judge(first, ""),
-    }
 }
 
 /// Maximum time from a client's first read to its last.

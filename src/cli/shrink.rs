@@ -1,6 +1,6 @@
 mod bytes;
+mod reason;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -16,7 +16,7 @@ use crate::capture::case::{Case, CaseError, Play};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
 use crate::run::Outcome;
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::scenario::{Scenario, Source, text_of};
 use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Branches, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
@@ -27,7 +27,8 @@ use safefs::Dir;
 /// A case must keep failing the same check in the same manner (standing still, to and fro, pose
 /// lost) or, for a violation, by the same rule. Its trigger (faults or an obstacle) stays: without
 /// it, the case passes. A case of bytes, as `hilrig case from` writes it, keeps failing the same
-/// check with fewer bytes. A capture keeps the first error in its bytes; with --scenario or --exec
+/// checks with fewer bytes; a program that has ended must end with the same exit code and the same
+/// last line. With --sound the smaller case also stays green with a fixed program. A capture keeps the first error in its bytes; with --scenario or --exec
 /// it is shrunk as a case of `hilrig case from`. With --while your own command decides: it gets
 /// the file as its last argument and exits with 0 while the file still fails.
 ///
@@ -41,6 +42,7 @@ use safefs::Dir;
     hilrig shrink capture.pcapng --while 'my-parser --crashes' --out small\n  \
     hilrig shrink field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig shrink case.toml --exec 'python3 driver.py' --virtual\n  \
+    hilrig shrink case.toml --exec './driver-1.0' --sound './driver-1.1' --virtual\n  \
     hilrig shrink hilrig-out/rescue-flat-1/case.toml --exec './my-robot \"$HILRIG_DIR\"'")]
 pub(super) struct ShrinkArgs {
     /// A case or scenario (.toml), or a capture (.pcapng)
@@ -57,6 +59,9 @@ pub(super) struct ShrinkArgs {
     keep_checksums: bool,
     #[command(flatten)]
     program: ExecArgs,
+    /// Shell command of a fixed program, with which the smaller case must pass
+    #[arg(long, value_name = "CMD", requires = "exec")]
+    sound: Option<String>,
     /// Folder for the result
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/shrunk")]
     out: PathBuf,
@@ -85,10 +90,7 @@ pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
 
 /// A case or a scenario.
 fn shrink_file(args: &ShrinkArgs) -> Result<Verdict, CliError> {
-    let text = fs::read_to_string(&args.file).map_err(|source| ScenarioError::Read {
-        path: args.file.clone(),
-        source,
-    })?;
+    let text = text_of(&args.file)?;
     if !Case::is_meant(&text) {
         let (scenario, source) = Scenario::parse(&args.file, text)?;
         refuse_programs("shrink", &args.file, &scenario)?;
@@ -138,6 +140,27 @@ fn not_bad(file: &Path, what: &str) -> CliError {
     CliError::content(file, format!("{what}, expected something that fails"))
 }
 
+fn not_sound(failed: &str) -> CliError {
+    let error =
+        format!("--sound: fails with the whole case ({failed}), expected a program that passes");
+    CliError::Usage(error)
+}
+
+/// The failure of the program of --sound, if it fails.
+fn failure_of_sound(
+    args: &ShrinkArgs,
+    scenario: &Scenario,
+    source: &Source,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Option<String>, CliError> {
+    let Some(command) = &args.sound else {
+        return Ok(None);
+    };
+    let foreign = args.program.foreign_of(command);
+    let ran = run_foreign(args, &foreign, scenario, source, is_over)?;
+    Ok(ran.and_then(|(record, _)| record.cause))
+}
+
 fn shrink_case(
     args: &ShrinkArgs,
     scenario: Scenario,
@@ -146,6 +169,9 @@ fn shrink_case(
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let is_over = || stop.is_due(clock.now());
     let foreign = args.program.foreign();
+    if let Some(failed) = failure_of_sound(args, &scenario, source, &is_over)? {
+        return Err(not_sound(&failed));
+    }
     let (branches, record, outcome) = match &foreign {
         Some(foreign) => match run_foreign(args, foreign, &scenario, source, &is_over)? {
             Some((record, outcome)) => (Branches::new(source, ""), record, Some(outcome)),
@@ -231,7 +257,14 @@ fn judge<'a>(
     let of = |record: Record| Judged::of(record.cause.as_deref(), cause);
     move |candidate| match (&args.command, &foreign) {
         (_, Some(foreign)) => match run_foreign(args, foreign, candidate, source, is_over) {
-            Ok(Some((record, _))) => of(record),
+            Ok(Some((record, _))) => match of(record) {
+                Judged::FailsAlike
+                    if !matches!(failure_of_sound(args, candidate, source, is_over), Ok(None)) =>
+                {
+                    Judged::FailsOtherwise
+                }
+                judged => judged,
+            },
             _ => Judged::FailsOtherwise,
         },
         (Some(command), None) => {

@@ -49,10 +49,10 @@ for _ in range(int(turns)):
 ";
 
 /// A folder with a scenario and a client.
-struct Bench(PathBuf);
+pub(crate) struct Bench(pub(crate) PathBuf);
 
 impl Bench {
-    fn new(name: &str, scenario: &str, client: &str) -> Self {
+    pub(crate) fn new(name: &str, scenario: &str, client: &str) -> Self {
         let name = format!("conversation-{name}-{}", std::process::id());
         let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
         let _ = fs::remove_dir_all(&folder);
@@ -63,7 +63,7 @@ impl Bench {
     }
 
     /// Exit code and all output.
-    fn hilrig(&self, words: &[&str]) -> (Option<i32>, String) {
+    pub(crate) fn hilrig(&self, words: &[&str]) -> (Option<i32>, String) {
         let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .current_dir(&self.0)
             .env(

@@ -16,6 +16,8 @@ mod custom;
 mod debugger;
 mod endings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod field_bugs;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod generated;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod guest;

@@ -1,10 +1,10 @@
-//! Shrinks a case of bytes: removes lines of bytes to the program while the same check fails.
+//! Shrinks a case of bytes: removes lines of bytes to the program while it fails for the same reason.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 
-use super::{ShrinkArgs, TRIES, TRIES_EXEC, not_bad, put};
-use crate::capture::case::{Case, Judgement};
+use super::reason::Reason;
+use super::{ShrinkArgs, TRIES, TRIES_EXEC, not_bad, not_sound, put};
+use crate::capture::case::Case;
 use crate::capture::replay::Recorded;
 use crate::cli::answer::Shrunk;
 use crate::cli::exec::refuse_programs;
@@ -12,7 +12,6 @@ use crate::cli::replay::{read, robot, shortened, try_case};
 use crate::cli::stop::Stop;
 use crate::cli::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock as _, WallClock};
-use crate::run::check::Status;
 use crate::scenario::Source;
 use crate::search::shrink::{self, Effort};
 
@@ -56,8 +55,12 @@ pub(super) fn of_case(args: &ShrinkArgs, case: Case, source: Source) -> Result<V
     }
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let is_over = || stop.is_due(clock.now());
-    let first = judge(args, &(case.clone(), source.clone()), &stop)?;
-    let cause = failed(&first).ok_or_else(|| not_bad(&args.file, "passes"))?;
+    let whole = (case.clone(), source.clone());
+    let reason = reason(args, &whole, &stop)?.ok_or_else(|| not_bad(&args.file, "passes"))?;
+    if let Some(failed) = failure_of_sound(args, &whole, &stop)? {
+        return Err(not_sound(&failed));
+    }
+    let cause = reason.to_string();
     let mut lines = Vec::new();
     for (number, link) in case.link.iter().enumerate() {
         lines.extend((0..link.to_program.lines().count()).map(|line| (number, line)));
@@ -69,8 +72,12 @@ pub(super) fn of_case(args: &ShrinkArgs, case: Case, source: Source) -> Result<V
     let mut effort = Effort::until(tries, &is_over);
     let fails = |left: &[Line]| {
         let candidate = (with_lines(&case, left), source.clone());
-        let judged = judge(args, &candidate, &stop);
-        judged.is_ok_and(|judged| failed(&judged).as_ref() == Some(&cause))
+        let fails_alike = self::reason(args, &candidate, &stop)
+            .is_ok_and(|found| found.as_ref() == Some(&reason));
+        // Of a program that a signal has cut short, nothing is known.
+        fails_alike
+            && failure_of_sound(args, &candidate, &stop).is_ok_and(|failed| failed.is_none())
+            && stop.signal().is_none()
     };
     let left = shrink::fewest(&lines, &mut effort, fails);
     let path = args.out.join("case.toml");
@@ -94,22 +101,36 @@ pub(super) fn of_case(args: &ShrinkArgs, case: Case, source: Source) -> Result<V
     Ok(Verdict::Pass)
 }
 
-fn judge(args: &ShrinkArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
-    match args.program.foreign() {
-        Some(foreign) => {
-            let out: &Path = &args.out.join("tried");
-            Ok(try_case(case, &foreign, out, stop)?.judgement)
-        }
-        None => Ok(case.0.run(&case.1)?),
-    }
+/// The reason for which the tested program fails.
+fn reason(
+    args: &ShrinkArgs,
+    case: &(Case, Source),
+    stop: &Stop,
+) -> Result<Option<Reason>, CliError> {
+    let Some(foreign) = args.program.foreign() else {
+        return Ok(Reason::of(&case.0.run(&case.1)?.checks, None, ""));
+    };
+    let tried = try_case(case, &foreign, &args.out.join("tried"), stop)?;
+    Ok(Reason::of(
+        &tried.judgement.checks,
+        tried.ended,
+        &tried.said,
+    ))
 }
 
-/// The names of the checks that failed.
-fn failed(judgement: &Judgement) -> Option<String> {
-    let failed = judgement.checks.iter();
-    let failed = failed.filter(|check| check.status == Status::Fail);
-    let names: BTreeSet<&str> = failed.map(|check| &*check.name).collect();
-    (!names.is_empty()).then(|| Vec::from_iter(names).join(", "))
+/// The checks that fail with the sound program, if one is given.
+fn failure_of_sound(
+    args: &ShrinkArgs,
+    case: &(Case, Source),
+    stop: &Stop,
+) -> Result<Option<String>, CliError> {
+    let Some(command) = &args.sound else {
+        return Ok(None);
+    };
+    let foreign = args.program.foreign_of(command);
+    let tried = try_case(case, &foreign, &args.out.join("tried-sound"), stop)?;
+    let reason = Reason::of(&tried.judgement.checks, tried.ended, &tried.said);
+    Ok(reason.map(|reason| reason.to_string()))
 }
 
 /// `case` with only these lines to the program.
