@@ -41,6 +41,20 @@ pub(crate) struct On {
     pub(crate) restarts: bool,
 }
 
+impl On {
+    /// Whether the entry does nothing: the device ignores the message, e.g. one for another
+    /// address.
+    pub(crate) const fn is_ignored(&self) -> bool {
+        self.deed.set.is_empty()
+            && self.deed.send.is_empty()
+            && self.write.is_none()
+            && self.jitter.is_none()
+            && self.busy.is_none()
+            && self.violation.is_none()
+            && !self.restarts
+    }
+}
+
 #[derive(Clone, Debug)]
 pub(crate) struct Every {
     pub(crate) period: Duration,

@@ -170,9 +170,12 @@ impl<'a> Compiler<'a> {
                     } else {
                         known
                     };
-                    let message = format!(
+                    let mut message = format!(
                         "\"{text}\": there is no value \"{name}\", expected one of: {known}"
                     );
+                    if name == "own_address" {
+                        message += "; own_address needs an address in [line]";
+                    }
                     self.wrong(key, message);
                 }
                 expr

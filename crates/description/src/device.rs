@@ -77,6 +77,47 @@ pub struct Described {
     faults: Faults,
     dice: Rng,
     log: EventLog,
+    /// Messages that the device knows and frames that it does not, on a shared wire.
+    heard: Heard,
+}
+
+/// A frame that breaks a rule as such, whatever device it is for.
+#[derive(Clone, Debug)]
+struct Complaint {
+    at: Instant,
+    rule: &'static str,
+    detail: String,
+    bytes: Vec<u8>,
+}
+
+impl Complaint {
+    const fn new(at: Instant, rule: &'static str, detail: String) -> Self {
+        let bytes = Vec::new();
+        Self {
+            at,
+            rule,
+            detail,
+            bytes,
+        }
+    }
+}
+
+/// What a device on a shared wire heard since the last [`Described::settle`].
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Heard {
+    /// Times of the messages that it knows.
+    known: Vec<Instant>,
+    complaints: Vec<Complaint>,
+}
+
+impl Heard {
+    /// Removes the complaints about frames that `other` knows or complains of, too.
+    fn yield_to(&mut self, other: &Self) {
+        self.complaints.retain(|own| {
+            let is_same = |of: &Complaint| (of.at, of.rule) == (own.at, own.rule);
+            !other.known.contains(&own.at) && !other.complaints.iter().any(is_same)
+        });
+    }
 }
 
 impl Described {
@@ -108,11 +149,55 @@ impl Described {
             faults: Faults::default(),
             dice,
             log: EventLog::default(),
+            heard: Heard::default(),
             description,
             place,
         };
         device.begin(Instant::ZERO);
         device
+    }
+
+    /// Logs a frame that breaks a rule; on a shared wire only if no other device knows it.
+    fn complain(&mut self, of: Complaint) {
+        if !self.place.is_alone {
+            return self.heard.complaints.push(of);
+        }
+        self.log_complaint(of);
+    }
+
+    fn log_complaint(&mut self, of: Complaint) {
+        let (at, rule, detail) = (of.at, of.rule, of.detail);
+        match &of.bytes[..] {
+            [] => self.log.repeated(at, EventKind::Violation, rule, || detail),
+            bytes => self.log.violation(at, rule, detail, bytes),
+        }
+    }
+
+    /// Whether [`settle`](Self::settle) has something to do.
+    pub(crate) const fn has_heard(&self) -> bool {
+        !self.heard.known.is_empty() || !self.heard.complaints.is_empty()
+    }
+
+    /// Logs the frames that no device of a wire knows, each once.
+    pub(crate) fn settle<'a>(units: impl Iterator<Item = &'a mut Self>) {
+        let mut units: Vec<&mut Self> = units.collect();
+        let mut all: Vec<Heard> = units
+            .iter_mut()
+            .map(|unit| core::mem::take(&mut unit.heard))
+            .collect();
+        for index in 0..all.len() {
+            let mut own = core::mem::take(&mut all[index]);
+            // Of the same complaints, that of the first device stays.
+            for (other, heard) in all.iter().enumerate() {
+                match other < index {
+                    true => own.yield_to(heard),
+                    false => own.complaints.retain(|of| !heard.known.contains(&of.at)),
+                }
+            }
+            let logged = own.complaints.iter().cloned();
+            logged.for_each(|of| units[index].log_complaint(of));
+            all[index] = own;
+        }
     }
 
     /// Its description.

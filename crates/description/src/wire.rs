@@ -135,6 +135,10 @@ impl Device for Wire {
         for (_, unit) in &mut self.units {
             unit.poll(now, world);
         }
+        // A frame on a shared wire breaks a rule only if no device knows it, and then once.
+        if self.units.iter().any(|(_, unit)| unit.has_heard()) {
+            Described::settle(self.units.iter_mut().map(|(_, unit)| unit));
+        }
     }
 
     fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {

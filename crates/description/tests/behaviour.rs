@@ -202,6 +202,77 @@ fn devices_share_a_wire() {
     );
 }
 
+/// Three kinds of devices on one wire. `set` (1) is for the pot, which allows 0 to 100. The lamp knows
+/// `set` with other limits, the fan does not know it. A frame for one device breaks no rule of another
+/// one. A frame that no device knows, or that has a wrong checksum, breaks one rule, not three.
+#[test]
+fn a_frame_for_one_device_breaks_no_rule_of_another() {
+    let kind = |name: &str, code: u8, most: u8| {
+        let text = format!(
+            r#"name = "{name}"
+about = "a device on a shared wire"
+line = {{ baud = 9600, address = 1 }}
+[frame]
+size = 4
+checksum = "sum8"
+[[message]]
+name = "set"
+from = "host"
+fields = [
+  {{ name = "id", type = "u8" }},
+  {{ type = "u8", value = {code} }},
+  {{ name = "level", type = "u8", limits = [0, {most}] }},
+]
+[state]
+level = 0
+[[on]]
+message = "*"
+when = "id != own_address"
+[[on]]
+message = "set"
+set = {{ level = "level" }}
+"#
+        );
+        described(&text)
+    };
+    let kinds = [
+        ("pot", 7, kind("pot", 1, 100)),
+        ("lamp", 8, kind("lamp", 1, 1)),
+        ("fan", 9, kind("fan", 2, 100)),
+    ];
+    let units = kinds.iter().map(|(name, at, kind)| unit(kind, name, *at));
+    let mut driver = Driver::new(shipped::text("modbus-meter").expect("shipped"), &[1]);
+    driver.wire = Wire::new(units.collect()).expect("devices");
+    let sums = |bytes: [u8; 3], off: u8| {
+        let sum = bytes.iter().fold(off, |sum, byte| sum.wrapping_add(*byte));
+        [bytes[0], bytes[1], bytes[2], sum]
+    };
+    for (bytes, off, rules) in [
+        // For the pot, within its limits and beyond the lamp's.
+        ([7, 1, 50], 0, &[][..]),
+        ([9, 2, 50], 0, &[]),
+        // For no device.
+        ([3, 1, 50], 0, &[]),
+        ([7, 1, 101], 0, &["out-of-range"]),
+        ([8, 1, 2], 0, &["out-of-range"]),
+        ([7, 5, 0], 0, &["unknown-message"]),
+        ([7, 1, 50], 1, &["bad-checksum"]),
+    ] {
+        driver.send(&sums(bytes, off));
+        driver.listen(20);
+        assert_eq!(driver.rules(), rules, "{bytes:?}");
+    }
+    let at = |name: &str| {
+        let values = driver.wire.values(driver.now, &driver.world);
+        values
+            .into_iter()
+            .find(|row| row.1 == name)
+            .map(|row| row.2)
+    };
+    assert_eq!(at("pot.level"), Some(Value::Int(101)));
+    assert_eq!(at("lamp.level"), Some(Value::Int(2)));
+}
+
 /// A Modbus ASCII request in the form of the serial line specification, its LRC by hand: the sum of
 /// 01 04 00 0A 00 02 is 0x11, and 0x100 - 0x11 is 0xEF.
 #[test]

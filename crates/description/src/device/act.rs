@@ -6,12 +6,13 @@ use emulators::device::EventKind;
 use emulators::world::World;
 use protocols::Instant;
 
-use super::Described;
 use super::scope::{Filled, Seen};
+use super::{Complaint, Described};
 use crate::behaviour::{Deed, On, Trigger};
 use crate::description::Description;
 use crate::expr::Expr;
 use crate::framing::{Frame, Framing};
+use crate::message::Message;
 use crate::modbus::{self, Wrong};
 use crate::registers::Refusal;
 use crate::schema::behaviour::EventSpec;
@@ -118,16 +119,44 @@ impl<'d> Doer<'d> {
         let description = self.of;
         let Some((index, request)) = description.decode(frame.format, body, From::Host) else {
             let words = description.words(frame);
-            self.wrong(at, "unknown-message", words);
+            self.device
+                .complain(Complaint::new(at, "unknown-message", words));
             self.device.events.push_back((at, EventSpec::Unknown));
             return self.run_events(at);
         };
-        let message = &description.messages[index];
-        let limited: &[_] = match message.has_limits {
-            true => &request.0,
-            false => &[],
+        if !self.device.place.is_alone {
+            self.device.heard.known.push(at);
+        }
+        self.begin_timers(at, Trigger::Message(index), &request);
+        let fits = |on: &On| match on.trigger {
+            Trigger::Message(wanted) => wanted == index,
+            Trigger::AnyMessage => true,
+            Trigger::Event(_) => false,
         };
-        for (name, value) in limited {
+        let mut entries = description.on.iter().filter(|on| fits(on));
+        let entry = entries.find(|on| self.holds(at, on.deed.when.as_ref(), &request));
+        // Limits of a message for another device are not limits of this one.
+        if entry.is_some_and(On::is_ignored) {
+            return;
+        }
+        let message = &description.messages[index];
+        self.check_limits(at, message, &request);
+        match entry {
+            Some(on) => self.react(at, on, &request),
+            None => {
+                let detail = format!("{} is not answered now", message.name);
+                let log = &mut self.device.log;
+                log.repeated(at, EventKind::Note, "not-answered", || detail);
+            }
+        }
+    }
+
+    /// Logs the values of a request that are beyond their limits.
+    fn check_limits(&mut self, at: Instant, message: &Message, request: &Record) {
+        if !message.has_limits {
+            return;
+        }
+        for (name, value) in &request.0 {
             let field = crate::field::find(message.fields(), name);
             if let Some((field, [least, most])) =
                 field.and_then(|field| Some((field, field.beyond(value)?)))
@@ -140,21 +169,6 @@ impl<'d> Doer<'d> {
                 self.wrong(at, "out-of-range", detail);
             }
         }
-        self.begin_timers(at, Trigger::Message(index), &request);
-        let fits = |on: &On| match on.trigger {
-            Trigger::Message(wanted) => wanted == index,
-            Trigger::AnyMessage => true,
-            Trigger::Event(_) => false,
-        };
-        for on in description.on.iter().filter(|on| fits(on)) {
-            if self.holds(at, on.deed.when.as_ref(), &request) {
-                return self.react(at, on, &request);
-            }
-        }
-        let detail = format!("{} is not answered now", message.name);
-        self.device
-            .log
-            .repeated(at, EventKind::Note, "not-answered", || detail);
     }
 
     /// Executes an entry.

@@ -4,8 +4,8 @@ use protocols::{Decode, FrameError, Instant};
 
 use emulators::device::{EventKind, byte_end};
 
-use super::Described;
 use super::act::Doer;
+use super::{Complaint, Described};
 use crate::framing::{FRAME_MAX, Frame};
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
@@ -186,14 +186,10 @@ impl Doer<'_> {
             FrameError::Length { .. } => "bad-length",
             _ => "bad-frame",
         };
-        let detail = error.to_string();
-        match bytes {
-            [] => self
-                .device
-                .log
-                .repeated(at, EventKind::Violation, rule, || detail),
-            bytes => self.device.log.violation(at, rule, detail, bytes),
-        }
+        self.device.complain(Complaint {
+            bytes: bytes.to_vec(),
+            ..Complaint::new(at, rule, error.to_string())
+        });
         self.device.events.push_back((at, EventSpec::BadFrame));
         self.run_events(at);
     }
