@@ -13,7 +13,8 @@ const BLOCK: i32 = 4;
 const LANES: usize = 16;
 /// Number of cells that they span, plus one block.
 const SPAN: i32 = BLOCK * 17;
-/// Maximum number of compared spots.
+/// Maximum number of compared spots: their sum fits 16 bits, so no addition below wraps. Checked
+/// additions would not run in parallel lanes.
 const SPOTS_MAX: usize = 240;
 /// Maximum number of examined blocks: more are promising only if all places are similar.
 const BLOCKS_MAX: usize = 1500;
@@ -208,7 +209,7 @@ fn bound(
                     continue;
                 };
                 for (sum, cell) in sums.iter_mut().zip(cells) {
-                    *sum += u16::from(*cell);
+                    *sum = sum.wrapping_add(u16::from(*cell));
                 }
             }
             for (column, sum) in (first..blocks).zip(sums) {
@@ -233,7 +234,7 @@ fn look_into(walls: &Surfels, turned: &Turned, x: i32, y: i32) -> (u16, i32, i32
                 .get(from..)
                 .and_then(|cells| cells.first_chunk::<4>());
             for (sum, cell) in sums.iter_mut().zip(cells.into_iter().flatten()) {
-                *sum += u16::from(*cell);
+                *sum = sum.wrapping_add(u16::from(*cell));
             }
         }
     }

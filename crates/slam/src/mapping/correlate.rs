@@ -11,7 +11,8 @@ use crate::mapping::surfels::{CELL_M, Surfels, cell};
 const SPAN: i32 = 32;
 /// Maximum number of cells to each side.
 pub(crate) const REACH_MAX: i32 = 15;
-/// Maximum number of compared spots: their sum must fit 16 bits.
+/// Maximum number of compared spots: their sum fits 16 bits, so no addition below wraps. Checked
+/// additions would not run in parallel lanes.
 const SPOTS_MAX: usize = 120;
 /// Reduction of the mean likelihood per squared standard deviation from the odometry.
 const COST: f64 = 0.012;
@@ -123,7 +124,7 @@ fn sums<const LANES: usize>(
     offset: usize,
     totals: &mut [u16; 32],
 ) {
-    let mut sums = [0; LANES];
+    let mut sums = [0_u16; LANES];
     for start in starts {
         let from = start + offset;
         let Some(cells) = likely
@@ -134,7 +135,7 @@ fn sums<const LANES: usize>(
         };
         // An iterator over both would not be inlined here.
         for lane in 0..LANES {
-            sums[lane] += u16::from(cells[lane]);
+            sums[lane] = sums[lane].wrapping_add(u16::from(cells[lane]));
         }
     }
     totals[..LANES].copy_from_slice(&sums);
