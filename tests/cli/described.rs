@@ -23,6 +23,14 @@ fn one_description_goes_through_all_uses() {
     assert_eq!(made, "box.toml\nbox-bench.toml\nbox_driver.py\n");
     run(&session, &["new", "box", "--device"], 2);
 
+    // The fault in its comments is valid. Without a program, nothing is judged.
+    let bench = session.read("box-bench.toml");
+    let (head, fault) = bench.split_once("# [[fault]]").expect("a fault");
+    let fault = fault.replace("\n# ", "\n");
+    session.write("faulty.toml", &format!("{head}[[fault]]{fault}"));
+    let said = run(&session, &["run", "faulty.toml", "--out", "idle"], 1);
+    assert!(said.contains("nothing was judged"), "{said}");
+
     // Emulated: the driver passes, and its output is the device's values.
     let driver = "python3 box_driver.py";
     let ran = run(

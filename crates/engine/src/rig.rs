@@ -255,6 +255,14 @@ impl Rig {
         &self.links
     }
 
+    /// Whether anything could break a rule of a device: a program runs in the rig, or a byte was sent
+    /// to a device.
+    pub fn was_asked(&self) -> bool {
+        let mut links = self.links.iter();
+        self.program().is_some()
+            || links.any(|link| link.line(Direction::ToDevice).traffic().sent > 0)
+    }
+
     /// The link called `name`.
     pub fn link(&self, name: &str) -> Option<&Link> {
         self.links.iter().find(|link| link.name == name)

@@ -411,6 +411,7 @@ impl Run {
             panels: self.instruments.panels(&self.rig),
             counters,
             events: self.rig.events().to_vec(),
+            was_asked: self.rig.was_asked(),
             violations: self.rig.violations(),
             broken_rules: self.broken_rules(),
             probable_cause: None,

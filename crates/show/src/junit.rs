@@ -31,7 +31,10 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
             name: &outcome.case.name,
             seed: Some(outcome.seed),
             checks: &outcome.checks,
-            unproved: outcome.unobserved_rules().map(|one| &*one.name).collect(),
+            unproved: match outcome.is_judged() {
+                true => outcome.unobserved_rules().map(|one| &*one.name).collect(),
+                false => outcome.checks.iter().map(|one| &*one.name).collect(),
+            },
             again: outcome.again.as_deref(),
             probable_cause: outcome.probable_cause.as_deref(),
         }

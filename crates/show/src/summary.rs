@@ -27,6 +27,12 @@ impl fmt::Display for Summary<'_> {
         for check in &outcome.checks {
             writeln!(f, "  {check}")?;
         }
+        if !outcome.is_judged() {
+            writeln!(
+                f,
+                "  nothing was judged, so not passed: no program asked a device; --exec CMD starts one"
+            )?;
+        }
         let unobserved: Vec<&str> = outcome.unobserved_rules().map(|one| &*one.name).collect();
         if !unobserved.is_empty() {
             writeln!(

@@ -144,6 +144,12 @@ impl Checker for NoCollisionAtSpeed {
     }
 }
 
+/// Name of the check of `violations_max`.
+pub const VIOLATIONS: &str = "violations";
+
+/// Name of the check [`BytesConserved`].
+pub const BYTES_CONSERVED: &str = "bytes-conserved";
+
 /// Every sent byte was delivered, lost by a fault, garbled, or is still on the line.
 #[derive(Clone, Debug, Default)]
 pub struct BytesConserved {
@@ -173,7 +179,7 @@ impl Checker for BytesConserved {
             None => format!("{} bytes accounted for", self.sent),
             Some((at, line)) => format!("at {at} s on {line}"),
         };
-        let check = Check::new("bytes-conserved", self.broken.is_none(), detail);
+        let check = Check::new(BYTES_CONSERVED, self.broken.is_none(), detail);
         check.if_observed(self.sent > 0)
     }
 

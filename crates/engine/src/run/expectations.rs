@@ -2,8 +2,8 @@
 
 use emulators::world::Pose;
 
-use super::check::Check;
 use super::check::safety::overruns;
+use super::check::{Check, VIOLATIONS};
 use super::score::{PoseError, WallOverlap, wall_overlap};
 use super::{Run, WAY_EVERY, explored, golden, victims};
 use crate::scenario::Flaw;
@@ -13,6 +13,7 @@ use crate::scenario::Flaw;
 pub fn is_of_the_end(name: &str) -> bool {
     let names = [
         "waypoints-visited",
+        "returned",
         "settled",
         "wall-overlap",
         "map-received",
@@ -185,7 +186,11 @@ impl Run {
             {
                 detail += &format!("; first: {first}");
             }
-            checks.push(Check::new("violations", found <= max, detail));
+            let is_asked = self.rig.was_asked();
+            if !is_asked && found == 0 {
+                detail = "no byte was sent to a device".to_owned();
+            }
+            checks.push(Check::new(VIOLATIONS, found <= max, detail).if_observed(is_asked));
         }
         let most = expect
             .safety

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use emulators::world::Pose;
 use protocols::Instant;
 
-use super::check::{Check, Status};
+use super::check::{BYTES_CONSERVED, Check, Status};
 use super::history::History;
 use super::scene;
 use super::score::{PoseError, PosePair, WallOverlap};
@@ -58,6 +58,8 @@ pub struct Outcome {
     pub counters: BTreeMap<&'static str, u64>,
     /// Reports of devices.
     pub events: Vec<Logged>,
+    /// Whether a program ran in the rig, or sent a byte to a device.
+    pub was_asked: bool,
     /// Number of violations of device rules by the program.
     pub violations: u64,
     /// Violated rules with their devices and counts.
@@ -82,9 +84,18 @@ pub struct Outcome {
 impl Outcome {
     /// Whether at least one check was judged, no check failed, and each rule was observed.
     pub fn passed(&self) -> bool {
-        let is = |status| self.checks.iter().any(|check| check.status == status);
+        let has_failed = self.checks.iter().any(|check| check.status == Status::Fail);
         let is_whole = self.unobserved_rules().next().is_none();
-        is(Status::Pass) && !is(Status::Fail) && is_whole
+        self.is_judged() && !has_failed && is_whole
+    }
+
+    /// Whether a check was judged. If no program asked a device, the check of the rig's own work does
+    /// not count.
+    pub fn is_judged(&self) -> bool {
+        let mut judged = self.checks.iter();
+        judged.any(|check| {
+            check.status != Status::NotObserved && (self.was_asked || check.name != BYTES_CONSERVED)
+        })
     }
 
     /// The checks of rules that the run did not observe, though it had to.
@@ -107,7 +118,7 @@ impl Outcome {
             .filter(|check| check.status == Status::Fail);
         let open = failed.chain(self.unobserved_rules());
         let mut lines: Vec<String> = open.map(ToString::to_string).collect();
-        if lines.is_empty() {
+        if !self.is_judged() || lines.is_empty() {
             lines = self.checks.iter().map(ToString::to_string).collect();
             lines.insert(0, "nothing was judged".to_owned());
         }
