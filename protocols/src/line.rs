@@ -62,6 +62,31 @@ impl LineConfig {
         coding && self.baud.abs_diff(receiver.baud) as u64 * 100 <= self.baud as u64
     }
 
+    /// Whether two UARTs understand each other, one of them with this coding and the other at `baud`:
+    /// the middle of the last bit lies within that bit. For ten bits this is a difference of 5 %.
+    pub const fn tolerates(self, baud: u32) -> bool {
+        let (slow, fast) = match self.baud < baud {
+            true => (self.baud as u64, baud as u64),
+            false => (baud as u64, self.baud as u64),
+        };
+        let bits = self.bits_per_byte() as u64;
+        fast * (2 * bits - 1) < slow * 2 * bits
+    }
+
+    /// The rate to which a client can be set for this line: the nearest usual one if the line
+    /// [tolerates](Self::tolerates) it, else the line's own. A microcontroller divides its clock and
+    /// meets a usual rate only roughly: 16 MHz gives 9615 and 117647 baud.
+    pub fn usual_baud(self) -> u32 {
+        const USUAL: [u32; 22] = [
+            300, 600, 1_200, 2_400, 4_800, 9_600, 14_400, 19_200, 28_800, 31_250, 38_400, 57_600,
+            76_800, 115_200, 230_400, 250_000, 460_800, 500_000, 921_600, 1_000_000, 2_000_000,
+            3_000_000,
+        ];
+        let near = USUAL.into_iter().filter(|baud| self.tolerates(*baud));
+        let near = near.min_by_key(|baud| self.baud.abs_diff(*baud));
+        near.unwrap_or(self.baud)
+    }
+
     /// Time on the wire of one character, rounded down to a nanosecond.
     pub const fn byte_time(self) -> Duration {
         self.bytes_time(1)
@@ -100,6 +125,23 @@ pub enum LineEvent {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An ATmega at 16 MHz divides by 16 or 8, and by a whole number: 16 * 104, 16 * 17 and 8 * 17
+    /// give 9615, 58823 and 117647 baud. The middle of the stop bit, 9.5 bits after the edge, must
+    /// come before the end of the tenth bit: 20 to 19.
+    #[test]
+    fn rates_of_dividers_are_understood() {
+        for (device, usual) in [(9_615, 9_600), (58_823, 57_600), (117_647, 115_200)] {
+            let line = LineConfig::new_8n1(device);
+            assert!(line.tolerates(usual), "{device}");
+            assert_eq!(line.usual_baud(), usual);
+        }
+        let line = LineConfig::new_8n1(9_500);
+        assert!(line.tolerates(9_999) && !line.tolerates(10_000));
+        assert!(line.tolerates(9_026) && !line.tolerates(9_025));
+        // No usual rate is near.
+        assert_eq!(LineConfig::new_8n1(66_666).usual_baud(), 66_666);
+    }
 
     /// Style budget: 86.8 us at 115200, 10 us at 1 Mbaud, 21.7 us at 460800, all with ten bits.
     #[test]

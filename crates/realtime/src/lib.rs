@@ -95,7 +95,7 @@ struct Port {
     is_open: bool,
     openings: u64,
     baud: u32,
-    /// Rates of client and other end, as last logged, if they differ.
+    /// Rates of client and other end, as last logged, if they do not understand each other.
     wrong_rate: Option<(u32, u32)>,
     special: [Special; 2],
     adapter: Option<Adapter>,

@@ -44,7 +44,7 @@ pub struct Sign<'a> {
     pub lost: Counters,
     /// Bytes that line settings may change: to the client, from the client.
     pub special: [Special; 2],
-    /// Rates of the client and of the other end, bit/s, if they differ.
+    /// Rates of the client and of the other end, bit/s, if they do not understand each other.
     pub wrong_rate: Option<(u32, u32)>,
     /// Line settings of the client, if they are visible.
     pub settings: Option<Modes>,

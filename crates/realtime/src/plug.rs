@@ -1,5 +1,7 @@
 //! Events of a port besides bytes: a pulled plug, lost bytes, a modelled terminal.
 
+use protocols::LineConfig;
+
 use super::transport::{Settings, Terminal, TransportError};
 use super::{Clock, Paced, Port, PortRate, Realtime, Rig, Traffic, losses};
 
@@ -91,23 +93,23 @@ impl Port {
         rig.hold(self.end.node, is_held || is_stopped);
     }
 
-    /// Current rate of the other end; `None` if it accepts any rate.
-    fn far_rate(&self, rig: &Rig) -> Option<u32> {
+    /// Current coding of the other end; `None` if it accepts any rate.
+    fn far_line(&self, rig: &Rig) -> Option<LineConfig> {
         let link = rig.link(&self.end.link)?;
         let mut lines = link.lines.iter();
         let line = lines.find(|line| line.from.node == self.end.node)?;
-        (self.end.rate == PortRate::OfLine).then(|| rig.line_configs(line)[1].baud)
+        (self.end.rate == PortRate::OfLine).then(|| rig.line_configs(line)[1])
     }
 
-    /// Logs once if the client of an open port uses another rate than the other end.
+    /// Logs once if the client of an open port uses a rate that the other end does not understand.
     pub(super) fn judge_baud(&mut self, rig: &mut Rig) {
         let far = match self.is_open {
-            true => self.far_rate(rig),
+            true => self.far_line(rig),
             false => None,
         };
         let wrong = far
-            .map(|far| (self.baud, far))
-            .filter(|(own, far)| own != far);
+            .filter(|far| !far.tolerates(self.baud))
+            .map(|far| (self.baud, far.usual_baud()));
         if wrong == self.wrong_rate {
             return;
         }

@@ -237,6 +237,27 @@ mod tests {
         assert_eq!(read(&all, 115_200, 111_111), (all, 0));
     }
 
+    /// Two UARTs that tolerate each other read all bytes right, at any rates; a little beyond, they
+    /// do not.
+    #[test]
+    fn rates_that_are_tolerated_change_no_byte() {
+        let all: Vec<u8> = (0..=255).chain((0..=255).rev()).collect();
+        let right = |sender, receiver| read(&all, sender, receiver) == (all.clone(), 0);
+        for baud in [1_200, 9_615, 57_600, 117_647, 250_000] {
+            let line = LineConfig::new_8n1(baud);
+            for ppm in (-70_000_i64..=70_000).step_by(500) {
+                let other = u32::try_from(i64::from(baud) * (1_000_000 + ppm) / 1_000_000);
+                let other = other.expect("a rate");
+                let is_right = right(baud, other) && right(other, baud);
+                let is_clear = ppm.abs() < 50_000 || ppm.abs() > 56_000;
+                assert!(
+                    line.tolerates(other) == is_right || !is_clear,
+                    "{baud} {other}"
+                );
+            }
+        }
+    }
+
     /// By hand, bits of the sender numbered from the first start bit, L low and H high:
     ///
     /// ```text

@@ -36,7 +36,7 @@ pub(crate) struct Port {
     /// All settings that were on in the client's terminal while bytes passed.
     pub(super) settings: Modes,
     pub(super) settings_now: Modes,
-    /// Rates of client and device now, if they differ.
+    /// Rates of client and device while the port is open, if they do not understand each other.
     pub(super) wrong_rate: Option<(u32, u32)>,
     /// The first pair of different rates, and its time.
     pub(super) was_wrong: Option<(u32, u32, Instant)>,
@@ -200,7 +200,10 @@ impl Port {
         (self.from_client, self.to_client) = (sign.from_client, sign.to_client);
         self.keep_passed(now, [sign.from_client, sign.special[0].all]);
         (self.lost, self.special) = (sign.lost, sign.special);
-        self.wrong_rate = sign.wrong_rate;
+        // A port that is closed keeps the client's last rate.
+        if sign.is_open {
+            self.wrong_rate = sign.wrong_rate;
+        }
         if let (Some((own, far)), None) = (sign.wrong_rate, self.was_wrong) {
             self.was_wrong = Some((own, far, now));
         }
