@@ -55,6 +55,7 @@ mod weight {
     pub(super) const BUSY: u32 = 88;
     pub(super) const KILLED: u32 = 85;
     pub(super) const FORMAT: u32 = 80;
+    pub(super) const HELD_UP: u32 = 78;
     pub(super) const UNREAD: u32 = 76;
     pub(super) const BLOCKED: u32 = 74;
     pub(super) const AFTER_FAULT: u32 = 72;
@@ -64,6 +65,7 @@ mod weight {
     pub(super) const WATCHDOG: u32 = 60;
     pub(super) const LOST: u32 = 58;
     pub(super) const ORDER: u32 = 55;
+    pub(super) const RULE: u32 = 52;
     pub(super) const ENDED: u32 = 50;
     pub(super) const MOTORS: u32 = 48;
     pub(super) const MOTION: u32 = 45;

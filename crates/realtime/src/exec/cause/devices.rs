@@ -6,16 +6,17 @@ use protocols::Instant;
 use super::trigger::{Trigger, after};
 use super::{Cause, Evidence, weight};
 use engine::run::Outcome;
-use engine::run::check::{NODE_PROGRAMS, Status, WATCHDOG};
+use engine::run::check::{NODE_PROGRAMS, Status, VIOLATIONS, WATCHDOG};
 use engine::scenario::{DirectionSpec, FaultSpec};
 
 /// Rules that mean: the device does not understand its input.
-const FORMAT: [&str; 14] = [
+const FORMAT: [&str; 15] = [
     "bad-checksum",
     "stray-bytes",
     "frame-cut-off",
     "framing-error",
     "bad-frame",
+    "bad-length",
     "bad-message",
     "bad-row",
     "request-damaged",
@@ -27,7 +28,7 @@ const FORMAT: [&str; 14] = [
     "gap-in-frame",
 ];
 /// Rules that mean: the frame is valid, but its request is unknown or not allowed.
-const ADDRESS: [&str; 10] = [
+const ADDRESS: [&str; 11] = [
     "unknown-register",
     "write-read-only",
     "value-cut",
@@ -37,16 +38,19 @@ const ADDRESS: [&str; 10] = [
     "window-outside",
     "mode-not-supported",
     "request-not-supported",
+    "unknown-message",
     "count-too-large",
 ];
 /// Rules that mean: the program did not wait for the device.
-const ORDER: [&str; 6] = [
+const ORDER: [&str; 8] = [
     "request-before-reply",
     "queue-full",
     "bytes-while-busy",
     "bytes-while-starting",
     "request-while-busy",
     "host-port-closed",
+    "not-ready",
+    "too-fast",
 ];
 
 /// Number of times that devices did not understand their input.
@@ -79,6 +83,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
         causes.extend(format(outcome, &device, &of(&FORMAT)));
         causes.extend(address(evidence, &device, &of(&ADDRESS)));
         causes.extend(order(evidence, &device, &of(&ORDER)));
+        causes.extend(other(evidence, &device));
     }
     causes.extend(watchdog(evidence));
     causes.extend(node_program(outcome));
@@ -133,6 +138,27 @@ fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option
          reply, or after a timeout"
     );
     Some(Cause::new(weight::ORDER, text))
+}
+
+/// Rules of the device's own, e.g. `violation` in a description.
+fn other(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
+    let outcome = evidence.outcome;
+    let known = [&FORMAT[..], &ADDRESS, &ORDER, &WATCHDOG].concat();
+    let broken = outcome.broken_rules.iter();
+    let rules: Vec<(&str, u64)> = broken
+        .filter(|(name, rule, _)| *name == device && !known.contains(rule))
+        .map(|(_, rule, count)| (*rule, *count))
+        .collect();
+    let told = told(outcome, device, &rules)?;
+    let after = first_break(outcome, device, &rules).map(|at| after(evidence, at));
+    let mut failed = outcome.checks.iter();
+    let is_failed = failed.any(|check| check.name == VIOLATIONS && check.status == Status::Fail);
+    let weight = match is_failed {
+        true => weight::RULE,
+        false => weight::COLLISION,
+    };
+    let text = format!("the program breaks a rule of {device}: {told}");
+    Some(Cause::new(weight, text + &after.unwrap_or_default()))
 }
 
 /// Detail of the first violation of one of `rules`.

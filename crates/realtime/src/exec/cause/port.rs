@@ -24,6 +24,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
         causes.extend(lost(port));
     }
     causes.extend(not_opened(evidence));
+    causes.extend(held_up(evidence));
     causes.extend(silent(evidence));
     causes.extend(not_back(evidence));
     causes
@@ -66,7 +67,7 @@ fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
     let waits = what_for(evidence);
     let text = match port.read_at {
         None => format!(
-            "port {name} was opened and never read, though {brought} B arrived for it{waits}; \
+            "port {name} was opened, and none of the {brought} B that arrived for it was read{waits}; \
              read it in a separate thread, or in the main loop"
         ),
         Some(read) => format!(
@@ -75,6 +76,44 @@ fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
         ),
     };
     Some(Cause::new(weight::UNREAD, text))
+}
+
+/// A port that is not read because the program is blocked at another one.
+fn held_up(evidence: &Evidence<'_>) -> Option<Cause> {
+    let all = &evidence.ports.all;
+    let unread = |port: &&Port| port.hangs_at.is_some();
+    let hangs = all.iter().find(unread)?;
+    let blocked = evidence.waits.iter().find_map(|wait| match wait {
+        Wait::Read(path) => {
+            let port = all.iter().find(|port| port.path == *path)?;
+            let is_held = port.hangs_at.is_none() && has_no_timeout(port);
+            is_held.then(|| format!("a read of port {}", port.name))
+        }
+        // Bytes wait at the unread ports, so the call does not wait for them.
+        Wait::Any { for_ever: true } => {
+            let others = evidence
+                .ports
+                .names(|port| port.is_open && port.hangs_at.is_none());
+            (!others.is_empty()).then(|| format!("a poll or select of port {others}"))
+        }
+        _ => None,
+    })?;
+    let at = evidence.ports.active_at.unwrap_or_default();
+    let trigger = Trigger::of_silence(evidence, at);
+    let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
+    let name = &hangs.name;
+    Some(Cause::new(
+        weight::HELD_UP,
+        format!(
+            "blocked in {blocked} without a timeout; give it a timeout and ask again (the last it \
+             sent or read was at {at} s{after}); meanwhile it does not read port {name}"
+        ),
+    ))
+}
+
+/// Whether a read of the port waits for ever.
+fn has_no_timeout(port: &Port) -> bool {
+    !port.settings_now.has(Setting::MayReadNothing)
 }
 
 /// The call in which the program waited at the end, as the end of a sentence.
@@ -223,7 +262,6 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
             format!("the last it sent or read was at {at} s{after}")
         },
     );
-    let no_timeout = |port: &Port| !port.settings_now.has(Setting::MayReadNothing);
     let blocked = evidence.waits.iter().find_map(|wait| match wait {
         Wait::ModemLine(path) => Some(format!(
             "waits for a modem line of port {} to change, which its device does not",
@@ -231,7 +269,7 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
         )),
         Wait::Read(path) => {
             let port = ports.all.iter().find(|port| port.path == *path)?;
-            no_timeout(port).then(|| {
+            has_no_timeout(port).then(|| {
                 format!(
                     "blocked in a read of port {} without a timeout; give the read a timeout and \
                      ask again",
