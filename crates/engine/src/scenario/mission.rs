@@ -265,6 +265,16 @@ impl Expect {
         rules.cloned().collect()
     }
 
+    /// The rules that apply to a run of any length, for a run that is shorter than its scenario: it
+    /// need not observe them, except that of the check `kept`.
+    pub fn rules_of_shorter_runs(&self, kept: &str) -> Vec<Spanned<RuleSpec>> {
+        let mut rules = self.rules_throughout();
+        for rule in rules.iter_mut().map(Spanned::get_mut) {
+            rule.may_be_unobserved |= rule.sometimes.is_none() && rule.check_name() != kept;
+        }
+        rules
+    }
+
     /// Whether the check `name` belongs to a rule that only the end of a run can break.
     pub fn has_rule_of_the_end(&self, name: &str) -> bool {
         let mut rules = self.rules();

@@ -33,7 +33,7 @@ pub fn scenario(
     let is_of_life = check == ALIVE;
     if !is_late {
         let fails = &mut |case: &Scenario| judge(case) == Judged::FailsAlike;
-        let unasked = nothing_in_the_end(&best, is_of_life);
+        let unasked = nothing_in_the_end(&best, check);
         take(&mut best, unasked, effort, fails);
     }
     let first = best.clone();
@@ -66,10 +66,11 @@ pub fn scenario(
 /// The check of `alive_for`.
 const ALIVE: &str = "alive-at-the-end";
 
-/// `case` without expectations about the end; `alive_for` stays if `is_kept`.
-fn nothing_in_the_end(case: &Scenario, is_kept: bool) -> Scenario {
+/// `case` without expectations about the end, which a shorter run does not meet; that of the check
+/// `kept` stays.
+fn nothing_in_the_end(case: &Scenario, kept: &str) -> Scenario {
     let mut safety = case.expect.safety.clone();
-    if let Some(safety) = safety.as_mut().filter(|_| !is_kept) {
+    if let Some(safety) = safety.as_mut().filter(|_| kept != ALIVE) {
         safety.alive_for = None;
     }
     let expect = Expect {
@@ -81,7 +82,7 @@ fn nothing_in_the_end(case: &Scenario, is_kept: bool) -> Scenario {
         settle: None,
         wall_overlap_min: None,
         map_received: None,
-        rule: case.expect.rules_throughout(),
+        rule: case.expect.rules_of_shorter_runs(kept),
         safety,
         ..case.expect.clone()
     };

@@ -152,6 +152,35 @@ fn a_drive_that_is_off_stays_to_blame() {
     assert_eq!(small.fault[0].kind.name(), "off");
 }
 
+/// A rule whose `after` lies behind the new end is never observed there. A sound program must pass
+/// the small case, so the case does not require it; the rule of the failure stays required.
+#[test]
+fn rules_behind_the_new_end_are_not_required() {
+    let rules = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\nfrom = \"2s\"\n\
+        [[expect.rule]]\nname = \"late\"\nafter = { visited = 1 }\n\
+        always = { robot = { of = \"speed-m-s\", op = \"<\", value = 9 } }\n\
+        [[expect.rule]]\nname = \"broken\"\nafter = { visited = 1 }\n\
+        always = { robot = { of = \"speed-m-s\", op = \"<\", value = 9 } }\n";
+    let text = format!("{HARMLESS}{rules}");
+    let (start, _) = Scenario::from_text(&text).expect("sound");
+    for (check, required) in [
+        ("memory-intact", &[][..]),
+        ("rule-broken", &["rule-broken"]),
+    ] {
+        let judge = |case: &Scenario| match case.fault.is_empty() {
+            true => Judged::Passes,
+            false => Judged::FailsAlike,
+        };
+        let cause = format!("{check}: broken");
+        let small = scenario(&start, &cause, judge, &mut Effort::tries(TRIES));
+        assert!(small.duration < start.duration, "{check}");
+        let rules = small.expect.rules();
+        let strict = rules.filter(|rule| rule.must_be_observed());
+        let strict: Vec<String> = strict.map(engine::scenario::RuleSpec::check_name).collect();
+        assert_eq!(strict, required);
+    }
+}
+
 /// In a shorter run a lidar that is healed later is silent at the end, so the time is kept. If the
 /// run fails for another reason, it need not be alive at the end.
 #[test]
