@@ -9,6 +9,7 @@ mod metrics;
 pub mod moment;
 pub mod render;
 pub mod report;
+pub mod shell;
 mod summary;
 pub mod view;
 
