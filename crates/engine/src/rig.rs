@@ -24,13 +24,14 @@ pub(crate) mod resample;
 mod round;
 mod swap;
 pub mod trace;
+mod violations;
 
 use core::any::Any;
 use core::time::Duration;
 
 use bytes::Bytes;
 use emulators::world::World;
-use emulators::{BrokenRules, Device, Event, EventKind};
+use emulators::{Device, Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 
 use crate::rig::line::{Direction, End, Line};
@@ -255,14 +256,6 @@ impl Rig {
         &self.links
     }
 
-    /// Whether anything could break a rule of a device: a program runs in the rig, or a byte was sent
-    /// to a device.
-    pub fn was_asked(&self) -> bool {
-        let mut links = self.links.iter();
-        self.program().is_some()
-            || links.any(|link| link.line(Direction::ToDevice).traffic().sent > 0)
-    }
-
     /// The link called `name`.
     pub fn link(&self, name: &str) -> Option<&Link> {
         self.links.iter().find(|link| link.name == name)
@@ -353,37 +346,6 @@ impl Rig {
     /// Events beyond [`EVENTS_MAX`], which were not kept.
     pub const fn events_dropped(&self) -> u64 {
         self.events_dropped
-    }
-
-    /// Number of rules that masters broke: each break counts, also if several breaks share one
-    /// entry of the log. [Excused](Self::excused) breaks do not count.
-    pub fn violations(&self) -> u64 {
-        let counted = self.broken_rules().map(|(.., count)| count);
-        self.violations + counted.sum::<u64>() - self.excused_counts
-    }
-
-    /// The rules that masters broke, as the devices count them: device, rule, how often.
-    pub fn broken_rules(&self) -> impl Iterator<Item = (&str, &'static str, u64)> {
-        self.nodes.iter().flat_map(|node| {
-            let broken = node.broken_rules().into_iter().flat_map(BrokenRules::iter);
-            broken.map(|(rule, count)| (node.name.as_str(), rule, count))
-        })
-    }
-
-    /// Number of broken rules that did not count, see [`excuse_until`](Self::excuse_until).
-    pub const fn excused(&self) -> u64 {
-        self.excused
-    }
-
-    /// Violations of masters before `until` are logged but do not count: the rig was late, and the
-    /// bytes of the masters arrive in a burst.
-    pub fn excuse_until(&mut self, until: Instant) {
-        if self.excused_until <= self.now {
-            for node in &mut self.nodes {
-                node.note_breaks();
-            }
-        }
-        self.excused_until = self.excused_until.max(until);
     }
 
     /// Runs for `duration`.
