@@ -117,6 +117,17 @@ pub(crate) struct Checksum {
     twin: Option<(&'static Sum, usize)>,
 }
 
+/// The name as the catalogue and descriptions write it: `CRC-16/MODBUS`.
+pub(crate) fn shown(name: &str) -> String {
+    let crc = name
+        .strip_prefix("CRC_")
+        .and_then(|rest| rest.split_once('_'));
+    match crc {
+        Some((width, rest)) => format!("CRC-{width}/{}", rest.replace('_', "-")),
+        None => name.to_owned(),
+    }
+}
+
 impl core::fmt::Display for Checksum {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let encoding = match (self.encoding, self.sum.bytes) {
@@ -125,7 +136,7 @@ impl core::fmt::Display for Checksum {
             (Encoding::Little, _) => "low byte first, ",
             (Encoding::Big, _) => "high byte first, ",
         };
-        write!(f, "{}, {encoding}", self.sum.name)?;
+        write!(f, "{}, {encoding}", shown(self.sum.name))?;
         match self.place {
             Place::End { tail: 0, .. } => f.write_str("at the end")?,
             Place::End { tail, .. } => write!(f, "{tail} bytes before the end")?,
@@ -140,7 +151,7 @@ impl core::fmt::Display for Checksum {
         let Some((twin, start)) = self.twin else {
             return Ok(());
         };
-        write!(f, "; or {}", twin.name)?;
+        write!(f, "; or {}", shown(twin.name))?;
         from(f, start)?;
         f.write_str(": both fit all frames")
     }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::super::checksum::Checksum;
+use super::super::checksum::{Checksum, shown};
 use super::super::format::{Coding, Format};
 use super::super::stream::{Cutting, How};
 use super::super::sums;
@@ -80,7 +80,7 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         claims.push(Claim {
             topic: "checksum",
             // The claim names the algorithm as the draft does.
-            words: sum.to_string().replacen(sum.name(), words, 1),
+            words: sum.to_string().replacen(&shown(sum.name()), words, 1),
             evidence: format!("{:.0} bits over {} frames", sum.bits, found.frames.len()),
             confidence: if sum.is_sure {
                 Confidence::Sure
@@ -294,9 +294,8 @@ fn common_prefix(frames: &[Vec<u8>]) -> Vec<u8> {
 /// The name of the algorithm in descriptions; `None` if it has none.
 fn expressed(sum: &Checksum) -> Option<String> {
     let name = sum.name();
-    if let Some(rest) = name.strip_prefix("CRC_") {
-        let (width, rest) = rest.split_once('_')?;
-        return Some(format!("CRC-{width}/{}", rest.replace('_', "-")));
+    if name.starts_with("CRC_") {
+        return Some(shown(name));
     }
     sums::described(name, sum.free()).map(str::to_owned)
 }
