@@ -29,6 +29,7 @@ use crate::search::campaign::{
 };
 use crate::search::generate::{self, Dice, Profile, Vary};
 use crate::show::folder::FolderError;
+use crate::show::shell::word;
 use engine::workers;
 use safefs::Dir;
 
@@ -451,7 +452,7 @@ fn report(merged: &Merged, out: &Path) -> Verdict {
             println!("         {left}");
             let exec = merged.plan.exec.as_deref().unwrap_or_default();
             let case = out.join(case);
-            println!("         repeat with: hilrig run {}{exec}", case.display());
+            println!("         repeat with: hilrig run {}{exec}", word(&case));
         }
     }
     if let Some(comparison) = &merged.comparison {

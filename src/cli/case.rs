@@ -12,6 +12,7 @@ use crate::capture::replay::Recorded;
 use crate::capture::{Capture, Section};
 use crate::run::check::Status;
 use crate::scenario::{Scenario, Source, Span};
+use crate::show::shell::word;
 
 /// Make regression tests from captures.
 #[derive(Debug, Args)]
@@ -332,7 +333,7 @@ fn say_what_is_expected(args: &From, case: &Case, failed: Option<Vec<&str>>) {
 
 fn report(args: &From, now: Option<&Judgement>) {
     let (out, exec) = (args.out.display(), args.program.repeat());
-    let repeat = format!("hilrig run {out}{exec}");
+    let repeat = format!("hilrig run {}{exec}", word(&args.out));
     let color = now.map(|now| if now.passed() { "green" } else { "red" });
     if let (Some(color), true) = (color, args.program.exec.is_some()) {
         println!("the case is {color} today");

@@ -3,12 +3,12 @@
 use clap::Args;
 
 use super::CliError;
-use super::exec::quoted;
 use super::place::{self, NamedPort};
 use crate::realtime::exec::Seat;
 use crate::realtime::transport::{PortDir, Pty, Serial, Transport, Udp};
 use crate::rig::{PortRate, Rig};
 use crate::robots::{Instruments, OpenEnd, Wired};
+use crate::show::shell::quoted;
 
 /// Links on real ports.
 #[derive(Debug, Args)]

@@ -10,6 +10,7 @@ use crate::realtime::exec::{Companion, Cpu, Foreign, ProgramEnd, Schedule, Super
 use crate::realtime::guest::HAS_LINES;
 use crate::robots;
 use crate::scenario::{Scenario, ScenarioError, Source, Span};
+use crate::show::shell::quoted;
 
 /// The foreign program.
 #[derive(Debug, Args)]
@@ -247,11 +248,6 @@ impl ManyExecArgs {
             .iter()
             .map(|command| self.how.foreign(command.clone()))
     }
-}
-
-/// `text` as one word for the shell.
-pub(super) fn quoted(text: &str) -> String {
-    format!("'{}'", text.replace('\'', "'\\''"))
 }
 
 /// Rejects a scenario that names its programs: `command` judges a run without starting them, and a

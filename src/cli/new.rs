@@ -7,6 +7,7 @@ use description::import::import;
 use super::answer::Files;
 use super::{CliError, Verdict, out};
 use crate::scenario::Scenario;
+use crate::show::shell::{quoted, word};
 
 /// A mission of a built-in robot.
 const MISSION: &str = include_str!("new/mission.toml");
@@ -80,7 +81,7 @@ pub(super) fn run(args: &NewArgs) -> Result<Verdict, CliError> {
     make(&path, &text)?;
     let shown = path.display();
     println!("{shown}");
-    eprintln!("try it: hilrig {} {shown}", verb(args));
+    eprintln!("try it: hilrig {} {}", verb(args), word(&path));
     let files = vec![shown.to_string()];
     out::answer(&Files { files });
     Ok(Verdict::Pass)
@@ -115,8 +116,9 @@ fn device(path: &Path, name: &str) -> Result<Verdict, CliError> {
         make(path, text)?;
         println!("{}", path.display());
     }
-    let [_, bench, driver] = paths.each_ref().map(|path| path.display());
-    eprintln!("try it: hilrig run {bench} --exec 'python3 {driver}'");
+    let [_, bench, driver] = paths.each_ref().map(|path| word(path));
+    let exec = quoted(&format!("python3 {driver}"));
+    eprintln!("try it: hilrig run {bench} --exec {exec}");
     let files = paths
         .iter()
         .map(|path| path.display().to_string())
@@ -166,8 +168,9 @@ fn imported(path: &Path, name: &str, map: &Path) -> Result<Verdict, CliError> {
         fields => format!("{fields} fields"),
     };
     eprintln!(
-        "{count}; try it: hilrig describe {shown}, hilrig up {}",
-        bench.display()
+        "{count}; try it: hilrig describe {}, hilrig up {}",
+        word(path),
+        word(&bench)
     );
     let files = vec![shown.to_string(), bench.display().to_string()];
     out::answer(&Files { files });

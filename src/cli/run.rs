@@ -12,7 +12,7 @@ use clap::Args;
 
 use super::answer::{RunEnded, Runs};
 use super::ends::EndArgs;
-use super::exec::{ExecArgs, is_bare, quoted};
+use super::exec::{ExecArgs, is_bare};
 use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
@@ -24,6 +24,7 @@ use crate::run::check::Status;
 use crate::scenario::{Scenario, Source, text_of};
 use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
+use crate::show::shell::{quoted, word};
 
 pub(super) use exec::ports_in;
 use exec::{Placement, judged_exec};
@@ -141,7 +142,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
                 let judgement = one_case(&args, &case, &stop)?;
-                let repeat = format!("hilrig run {}{}", path.display(), args.program.repeat());
+                let repeat = format!("hilrig run {}{}", word(path), args.program.repeat());
                 answers.runs.push(answer_of(&judgement, &repeat));
                 ended.push(Ended::Case(judgement, repeat));
                 continue;
@@ -154,11 +155,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         // Measured computing is in the saved case only.
         let repeat = match args.program.cpu() {
             Some(_) => repeat_of_case(&args, &out),
-            None => format!(
-                "hilrig run {} --seed {seed}{}",
-                path.display(),
-                args.repeat()
-            ),
+            None => format!("hilrig run {} --seed {seed}{}", word(path), args.repeat()),
         };
         let repeat = Some(repeat).filter(|_| !ran.outcome.passed());
         if let Some(repeat) = &repeat {
@@ -187,7 +184,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
 /// The command that runs the saved case of a result folder.
 fn repeat_of_case(args: &RunArgs, out: &Path) -> String {
     let case = out.join("case.toml");
-    format!("hilrig run {}{}", case.display(), args.repeat())
+    format!("hilrig run {}{}", word(&case), args.repeat())
 }
 
 /// Warns about keys of a scenario without effect.

@@ -20,6 +20,7 @@ use crate::scenario::{Scenario, Source, text_of};
 use crate::search::campaign::{self, Record};
 use crate::search::shrink::{self, Branches, Effort, Judged, Repair, Unit};
 use crate::show::folder::FolderError;
+use crate::show::shell::word;
 use safefs::Dir;
 
 /// Make a failing case or a capture smaller while it still fails for the same reason.
@@ -28,9 +29,10 @@ use safefs::Dir;
 /// lost) or, for a violation, by the same rule. Its trigger (faults or an obstacle) stays: without
 /// it, the case passes. A case of bytes, as `hilrig case from` writes it, keeps failing the same
 /// checks with fewer bytes; a program that has ended must end with the same exit code and the same
-/// last line. With --sound the smaller case also stays green with a fixed program. A capture keeps the first error in its bytes; with --scenario or --exec
-/// it is shrunk as a case of `hilrig case from`. With --while your own command decides: it gets
-/// the file as its last argument and exits with 0 while the file still fails.
+/// last line. With --sound the smaller case also stays green with a fixed program. A capture keeps
+/// the first error in its bytes; with --scenario or --exec it is shrunk as a case of `hilrig case
+/// from`. With --while your own command decides: it gets the file as its last argument and exits
+/// with 0 while the file still fails.
 ///
 /// With --exec your program is tested: each try is a run in real time, 100 at most. A failure that
 /// occurs only sometimes is hard to minimise.
@@ -212,7 +214,7 @@ fn shrink_case(
         faults[1], faults[0]
     );
     let exec = args.program.repeat();
-    let repeat = format!("hilrig run {}{exec}", path.display());
+    let repeat = format!("hilrig run {}{exec}", word(&path));
     println!("repeat with: {repeat}");
     out::answer(&Shrunk {
         file: path.display().to_string(),
@@ -325,7 +327,7 @@ fn shrink_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     );
     put(&args.out.join("cause.txt"), format!("{said}\n").as_bytes())?;
     println!("{said}");
-    let repeat = format!("hilrig decode {}", path.display());
+    let repeat = format!("hilrig decode {}", word(&path));
     println!("look at it with: {repeat}");
     out::answer(&Shrunk {
         file: path.display().to_string(),

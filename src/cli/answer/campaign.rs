@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::search::campaign::Merged;
+use crate::show::shell::word;
 
 /// The state of a campaign.
 #[derive(Debug, Serialize, JsonSchema)]
@@ -38,7 +39,7 @@ impl CampaignEnded {
     /// The result of a whole campaign in the folder `out`.
     pub(in crate::cli) fn of(merged: &Merged, out: &Path) -> Self {
         let exec = merged.plan.exec.as_deref().unwrap_or_default();
-        let repeat = |case: &String| format!("hilrig run {}{exec}", out.join(case).display());
+        let repeat = |case: &String| format!("hilrig run {}{exec}", word(&out.join(case)));
         let causes = merged.groups.iter().map(|group| CauseFound {
             cause: group.cause.clone(),
             detail: group.detail.clone(),

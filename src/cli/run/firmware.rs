@@ -12,13 +12,13 @@ use nodes::{NodeDevice, NodePort, Role};
 use serde_json::Value;
 
 use super::super::CliError;
-use super::super::exec::quoted;
 use crate::realtime::exec::{Foreign, pc_end};
 use crate::rig::LinkKind;
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
 use crate::run::Run;
 use crate::scenario::device::firmware::node_of;
 use crate::scenario::{Scenario, Source};
+use crate::show::shell::quoted;
 
 /// Name of the node; its output is in `node-program.log`.
 const NODE: &str = "program";

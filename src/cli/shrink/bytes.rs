@@ -1,4 +1,5 @@
-//! Shrinks a case of bytes: removes lines of bytes to the program while it fails for the same reason.
+//! Shrinks a case of bytes: removes lines of bytes to the program while it fails for the same
+//! reason.
 
 use std::collections::BTreeSet;
 
@@ -14,6 +15,7 @@ use crate::cli::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock as _, WallClock};
 use crate::scenario::Source;
 use crate::search::shrink::{self, Effort};
+use crate::show::shell::word;
 
 /// Reads a capture as a case.
 pub(super) fn of_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
@@ -89,7 +91,7 @@ pub(super) fn of_case(args: &ShrinkArgs, case: Case, source: Source) -> Result<V
         format!("{cause}\n{said}\n").as_bytes(),
     )?;
     println!("{cause}\n{said}");
-    let repeat = format!("hilrig run {}{}", path.display(), args.program.repeat());
+    let repeat = format!("hilrig run {}{}", word(&path), args.program.repeat());
     println!("repeat with: {repeat}");
     out::answer(&Shrunk {
         file: path.display().to_string(),

@@ -7,6 +7,7 @@ use crate::generate::{self, Dice, Profile, Vary};
 use crate::shrink::{self, Effort, Judged};
 use engine::run::Outcome;
 use engine::scenario::{Expect, SafetySpec, Scenario, Source, Span};
+use show::shell::word;
 
 /// Scenarios as a subject: choices determine world, mission, timing and faults; all checkers watch
 /// the run.
@@ -236,7 +237,7 @@ impl Subject for Missions {
     }
 
     fn repeat(&self, dir: &Path) -> String {
-        format!("hilrig run {}", dir.join(CASE).display())
+        format!("hilrig run {}", word(&dir.join(CASE)))
     }
 
     /// Choices cannot be reconstructed from a scenario.

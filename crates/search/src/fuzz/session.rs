@@ -17,6 +17,7 @@ use std::path::Path;
 use super::engine::caught;
 use super::subject::{Behaviour, Kept, Subject, Violation};
 use crate::shrink::{Effort, fewest};
+use show::shell::word;
 use step::Step;
 use tape::Tape;
 
@@ -172,7 +173,7 @@ impl<B: Bench> Subject for Sessions<B> {
         for defect in self.0.defects() {
             command += &format!(" --defect {defect}");
         }
-        command + &format!(" --repeat {}", dir.join(SESSION).display())
+        command + &format!(" --repeat {}", word(&dir.join(SESSION)))
     }
 
     /// Choices cannot be reconstructed from a session.

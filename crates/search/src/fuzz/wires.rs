@@ -5,6 +5,7 @@ use super::subject::{Behaviour, Kept, Subject, Violation};
 use crate::shrink::{Effort, fewest};
 use engine::codec;
 use engine::codec::wire::{Holds, Piece, Stream, Target};
+use show::shell::word;
 
 /// A wire format as a subject: streams into its decoder, judged by the laws of
 /// [`wire`](codec::wire).
@@ -145,7 +146,7 @@ impl Subject for Wires {
 
     fn repeat(&self, dir: &Path) -> String {
         let (name, file) = (self.0.name, dir.join(STREAM));
-        format!("hilrig fuzz {name} --repeat {}", file.display())
+        format!("hilrig fuzz {name} --repeat {}", word(&file))
     }
 
     fn choices_of(&self, text: &str) -> Result<Option<Vec<u8>>, String> {
