@@ -62,8 +62,8 @@ impl LineConfig {
         coding && self.baud.abs_diff(receiver.baud) as u64 * 100 <= self.baud as u64
     }
 
-    /// Whether two UARTs understand each other, one of them with this coding and the other at `baud`:
-    /// the middle of the last bit lies within that bit. For ten bits this is a difference of 5 %.
+    /// Whether two UARTs understand each other, one with this coding and the other at `baud`: the
+    /// middle of the last bit lies within that bit. For ten bits this is a difference of 5 %.
     pub const fn tolerates(self, baud: u32) -> bool {
         let (slow, fast) = match self.baud < baud {
             true => (self.baud as u64, baud as u64),
@@ -74,8 +74,8 @@ impl LineConfig {
     }
 
     /// The rate to which a client can be set for this line: the nearest usual one if the line
-    /// [tolerates](Self::tolerates) it, else the line's own. A microcontroller divides its clock and
-    /// meets a usual rate only roughly: 16 MHz gives 9615 and 117647 baud.
+    /// [tolerates](Self::tolerates) it, else the line's own. A microcontroller divides its clock
+    /// and meets a usual rate only roughly: 16 MHz gives 9615 and 117647 baud.
     pub fn usual_baud(self) -> u32 {
         const USUAL: [u32; 22] = [
             300, 600, 1_200, 2_400, 4_800, 9_600, 14_400, 19_200, 28_800, 31_250, 38_400, 57_600,

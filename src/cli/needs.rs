@@ -84,13 +84,13 @@ const NEEDS: [Needs; 20] = [
         needed: "exec",
     },
     Needs {
-        commands: &["from"],
+        commands: &["from", "shrink"],
         options: &["sound"],
         needed: "exec",
     },
     Needs {
         commands: &["campaign"],
-        options: &["defects"],
+        options: &["defects", "markdown"],
         needed: "mutants",
     },
     Needs {

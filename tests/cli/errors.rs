@@ -116,7 +116,7 @@ fn a_file_that_is_no_text_is_refused() {
     std::fs::write(session.folder.join("s.toml"), [0xFA, 0xA0, 0x80, 0x00]).expect("writable");
     let output = session.hilrig(&["run", "s.toml"]);
     assert_eq!(output.status.code(), Some(2));
-    insta::assert_snapshot!(text(&output.stderr), @"error: cannot read scenario s.toml: stream did not contain valid UTF-8");
+    insta::assert_snapshot!(text(&output.stderr), @"error: s.toml is no text (expected a scenario or a case)");
 }
 
 /// The folder of the results cannot be created: the error comes before the run, not after it.

@@ -164,7 +164,7 @@ fn a_case_that_does_not_fit_its_program_fails() {
             2,
             "shrink saves no case that records",
         ),
-        ("run case.toml", 0, "computing: has no effect without"),
+        ("run case.toml", 1, "computing: has no effect without"),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_hilrig"))
             .current_dir(&folder)

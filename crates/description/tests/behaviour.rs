@@ -202,9 +202,9 @@ fn devices_share_a_wire() {
     );
 }
 
-/// Three kinds of devices on one wire. `set` (1) is for the pot, which allows 0 to 100. The lamp knows
-/// `set` with other limits, the fan does not know it. A frame for one device breaks no rule of another
-/// one. A frame that no device knows, or that has a wrong checksum, breaks one rule, not three.
+/// Three kinds of devices on one wire. `set` (1) is for the pot, which allows 0 to 100. The lamp
+/// knows `set` with other limits, the fan does not know it. A frame for one device breaks no rule
+/// of another one. A frame that no device knows, or with a wrong checksum, breaks one rule.
 #[test]
 fn a_frame_for_one_device_breaks_no_rule_of_another() {
     let kind = |name: &str, code: u8, most: u8| {

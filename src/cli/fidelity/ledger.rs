@@ -52,7 +52,7 @@ pub(in crate::cli) struct Row {
 use Oracle::{Capture, Chip, Client, Document, Guess};
 
 /// All rows, by device.
-pub(in crate::cli) const LEDGER: [Row; 26] = [
+pub(in crate::cli) const LEDGER: [Row; 27] = [
     Row {
         device: "xv11",
         oracle: Capture,
@@ -278,6 +278,14 @@ pub(in crate::cli) const LEDGER: [Row; 26] = [
         agrees: "the driver reads every value, and detects damage as far as the protocol allows it",
         unknown: "parts of each manual that no driver uses",
         tests: &["tests/devices/run.sh"],
+    },
+    Row {
+        device: "master",
+        oracle: Document,
+        source: "the requests and replies of the description that it polls",
+        agrees: "each request is one that the described device answers, and each reply is judged",
+        unknown: "how the real host of a device spaces its requests",
+        tests: &["tests/rig/own_device.rs"],
     },
     Row {
         device: "program",

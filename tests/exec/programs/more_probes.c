@@ -293,6 +293,8 @@ int main(void)
 {
     int port = open(getenv("HILRIG_PORT_SONAR"), O_RDWR | O_NOCTTY);
     char bytes[64];
+    // nohup ignores it, for its children as well.
+    signal(SIGHUP, SIG_DFL);
     for (unsigned i = 0; i < sizeof probes / sizeof *probes; i++) {
         int child = fork();
         name = probes[i].name;

@@ -216,6 +216,8 @@ tell("break, PARMRK", broken(termios.PARMRK, 3))
 tell("break, IGNBRK", broken(termios.IGNBRK, 0))
 rate = port("rate", baud=termios.B115200)
 tell("wrong rate", "garbage" if said(rate, 1) else "silence")
+# A program that ends at a wrong rate does not pass.
+settings(rate, baud=termios.B9600)
 for fd in parity, breaks, rate:
     os.close(fd)
 

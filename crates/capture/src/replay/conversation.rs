@@ -429,8 +429,8 @@ impl Conversation {
         );
     }
 
-    /// Schedules `messages` after `cause`. Their order is that of the bytes on the line: the time of
-    /// a record is that of its arrival, and records may be closer together than their bytes.
+    /// Schedules `messages` after `cause`, in the order of the bytes on the line: a record has the
+    /// time of its arrival, and records may be closer together than their bytes.
     fn plan(&mut self, source: Source, cause: Instant, messages: &[Message], is_again: bool) {
         let mut earliest = cause;
         for (number, message) in messages.iter().enumerate() {

@@ -89,8 +89,8 @@ impl Outcome {
         self.is_judged() && !has_failed && is_whole
     }
 
-    /// Whether a check was judged. If no program asked a device, the check of the rig's own work does
-    /// not count.
+    /// Whether a check was judged. If no program asked a device, the check of the rig's own work
+    /// does not count.
     pub fn is_judged(&self) -> bool {
         let mut judged = self.checks.iter();
         judged.any(|check| {
