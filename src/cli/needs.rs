@@ -193,6 +193,49 @@ mod tests {
         }
     }
 
+    /// Adds the names of all options of `command` and its subcommands, and the options that their help
+    /// mentions.
+    fn mentioned(command: &Command, known: &mut BTreeSet<String>, named: &mut Vec<[String; 2]>) {
+        let mut texts = vec![command.get_about(), command.get_long_about()];
+        texts.extend([command.get_after_help(), command.get_after_long_help()]);
+        for argument in command.get_arguments() {
+            known.extend(argument.get_long().map(str::to_owned));
+            texts.extend([argument.get_help(), argument.get_long_help()]);
+        }
+        for text in texts.into_iter().flatten().map(ToString::to_string) {
+            let mut parts = text.split("--");
+            let before = parts.next().unwrap_or_default().chars().last();
+            let mut is_word = before.is_none_or(|last| !last.is_alphanumeric());
+            for part in parts {
+                let is_of_name =
+                    |c: &char| c.is_ascii_lowercase() || c.is_ascii_digit() || *c == '-';
+                let name: String = part.chars().take_while(is_of_name).collect();
+                if is_word && !name.is_empty() {
+                    named.push([command.get_name().to_owned(), name]);
+                }
+                is_word = part
+                    .chars()
+                    .last()
+                    .is_none_or(|last| !last.is_alphanumeric());
+            }
+        }
+        for inner in command.get_subcommands() {
+            mentioned(inner, known, named);
+        }
+    }
+
+    /// Options of every command, and of the programs of users in examples.
+    const FOREIGN: [&str; 4] = ["help", "version", "ports", "crashes"];
+
+    #[test]
+    fn help_names_options_that_exist() {
+        let (mut known, mut named) = (BTreeSet::new(), Vec::new());
+        mentioned(&Cli::command(), &mut known, &mut named);
+        assert!(named.len() > 100, "{named:?}");
+        named.retain(|[_, name]| !known.contains(name) && !FOREIGN.contains(&&**name));
+        assert_eq!(named, [[""; 2]; 0]);
+    }
+
     #[test]
     fn the_table_has_every_option_that_needs_another_one() {
         let mut expected = BTreeSet::new();

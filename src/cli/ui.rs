@@ -15,9 +15,9 @@ use ::ui::{Hub, Remote, SPEED_MAX, Server, Session};
 
 /// Show a run on a page in the browser: view, control, disturb and save it.
 ///
-/// The printed address shows the page; it is open to this machine only unless --bind is given. The
-/// address contains a token: requests without it are rejected. Manual actions become part of the
-/// scenario: `/case.toml` of the page, or --save, repeats them all.
+/// The printed address shows the page; it is open to this machine only unless --listen is given.
+/// The address contains a token: requests without it are rejected. Manual actions become part of
+/// the scenario: `/case.toml` of the page, or --save, repeats them all.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig ui scenarios/rescue-flat.toml\n  \

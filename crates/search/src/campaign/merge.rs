@@ -96,13 +96,13 @@ pub struct Merged {
     pub strip: Strip,
 }
 
-/// The weight of situations that no run had.
+/// Whether situations that no run had fail the campaign.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Demand {
-    /// They are only listed.
+    /// No; they are listed.
     #[default]
     Listed,
-    /// They fail the campaign: `--all-situations`.
+    /// Yes, by `--all-situations`.
     Needed,
 }
 

@@ -44,7 +44,7 @@ pub const CAPTURED: [(&str, f64); 31] = [
     ("code 0x52", 4.358),
     ("strength x distance^2", 0.901),
     ("farthest warning", 542.0),
-    ("warnings as the law says", 99.9),
+    ("warnings as strength and distance require", 99.9),
     ("noise from 200 mm", 0.249),
     ("noise from 300 mm", 0.298),
     ("noise from 400 mm", 0.352),
@@ -115,7 +115,7 @@ impl Statistics {
         row("strength x distance^2", positive(self.strength_d2), "1e8");
         row("farthest warning", Some(f64::from(self.weak_max_mm)), "mm");
         row(
-            "warnings as the law says",
+            "warnings as strength and distance require",
             Some(100.0 * self.weak_as_law),
             PERCENT,
         );
