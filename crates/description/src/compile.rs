@@ -61,6 +61,11 @@ impl<'a> Compiler<'a> {
             ProtocolSpec::ModbusRtu => Protocol::ModbusRtu,
             ProtocolSpec::ModbusAscii => Protocol::ModbusAscii,
         });
+        if let (Some(_), Some(address)) = (protocol, schema.line.address)
+            && let Err(message) = crate::modbus::check_address(address)
+        {
+            self.wrong("line.address", message);
+        }
         self.variables();
         let registers = self.registers(protocol);
         self.computed();

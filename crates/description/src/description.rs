@@ -122,12 +122,37 @@ impl Description {
         if self.address.is_none() && self.protocol.is_none() {
             return Err(format!("{} has no address", self.name));
         }
-        if self.protocol.is_some() && !(1..=247).contains(&address) {
-            return Err(format!("is {address}, expected 1 to 247"));
-        }
+        self.check_address(address)?;
         let address = Some(address);
         let other = Self::clone(self);
         Ok(Arc::new(Self { address, ..other }))
+    }
+
+    /// Checks that a device of this protocol can answer at `address`.
+    ///
+    /// # Errors
+    /// If the protocol excludes the address; with the reason and the allowed addresses.
+    pub fn check_address(&self, address: u32) -> Result<(), String> {
+        self.protocol
+            .map_or(Ok(()), |_| modbus::check_address(address))
+    }
+
+    /// The same device with the bytes of each checksum swapped; `None` if no checksum has several
+    /// bytes.
+    pub fn with_swapped_checksums(&self) -> Option<Arc<Self>> {
+        let mut formats = self.frames.0.as_ref().clone();
+        let mut is_other = false;
+        for framing in &mut formats {
+            for check in framing.checks.iter_mut().filter(|check| check.width > 1) {
+                check.is_little = !check.is_little;
+                is_other = true;
+            }
+            // Computed from the checksums; frames are judged without it, too.
+            framing.plain = None;
+        }
+        let frames = self.frames.with_formats(Arc::new(formats));
+        let other = Self::clone(self);
+        is_other.then(|| Arc::new(Self { frames, ..other }))
     }
 
     /// The protocol, if it is a built-in one.

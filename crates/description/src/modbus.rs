@@ -269,6 +269,25 @@ pub(crate) fn function_name(function: u8) -> &'static str {
     known.map_or("unknown function", |(_, name)| name)
 }
 
+/// The address to which any device of some makers answers, e.g. each CO2 sensor of Senseair.
+const ANY_DEVICE: u32 = 254;
+
+/// Checks that a device can have this address. Source: Modbus over serial line V1.02, section 2.2.
+///
+/// # Errors
+/// If it cannot; with the reason and the allowed addresses.
+pub(crate) fn check_address(address: u32) -> Result<(), String> {
+    let reason = match address {
+        1..=247 | ANY_DEVICE => return Ok(()),
+        0 => "0 is a broadcast, which no device answers",
+        248..=255 => "Modbus reserves 248 to 255",
+        _ => "an address is one byte",
+    };
+    Err(format!(
+        "is {address}, expected 1 to 247 (or 254, to which any device of some makers answers): {reason}"
+    ))
+}
+
 /// The body of a frame, with its address, in words.
 pub(crate) fn words(body: &[u8]) -> String {
     let [address, function, rest @ ..] = body else {

@@ -3,7 +3,7 @@
 use core::borrow::Borrow;
 
 use crate::field::put_number;
-use crate::number::Number;
+use crate::number::{Number, NumberKind};
 use crate::value::Value;
 
 /// Tolerance for a value beyond its limits, as a fraction of one count.
@@ -112,6 +112,87 @@ impl Cell {
                 out.resize(end, 0);
             }
         }
+    }
+
+    /// The bytes of the register for a value that a user orders.
+    ///
+    /// # Errors
+    /// If the register cannot hold the value, or its limits exclude the value; with the allowed
+    /// values.
+    pub(crate) fn bytes_of_order(&self, value: &Value) -> Result<Vec<u8>, String> {
+        let is_held = match self.kind {
+            CellKind::Bit => matches!(value.as_f64(), Some(0.0 | 1.0)),
+            CellKind::Text(len) => match value {
+                Value::Text(text) => text.len() <= len,
+                _ => false,
+            },
+            CellKind::Number(number) => value
+                .as_f64()
+                .is_some_and(|wanted| self.holds(number, value, wanted)),
+        };
+        match is_held {
+            true => Ok(self.bytes(value)),
+            false => Err(self.allowed()),
+        }
+    }
+
+    /// Whether a number fits the type and the limits of the register.
+    fn holds(&self, number: Number, value: &Value, wanted: f64) -> bool {
+        let slack = self.scale.map_or(0.0, |[scale, _]| scale.abs() * SLACK);
+        let is_within = self
+            .limits
+            .is_none_or(|[least, most]| (least - slack..=most + slack).contains(&wanted));
+        let raw = match self.scale {
+            Some([scale, offset]) => Value::Float((wanted - offset) / scale),
+            None => value.clone(),
+        };
+        let fits = match (number.kind, &raw) {
+            (NumberKind::Float, raw) => raw
+                .as_f64()
+                .is_some_and(|float| number.float(number.float_bits(float)).is_finite()),
+            (_, Value::Float(float)) if self.scale.is_none() && float.fract() != 0.0 => false,
+            (_, raw) => raw.as_int().is_some_and(|count| {
+                let [least, greatest] = number.range();
+                (least..=greatest).contains(&count)
+            }),
+        };
+        is_within && fits
+    }
+
+    /// The values that the register accepts, in words.
+    fn allowed(&self) -> String {
+        let number = match self.kind {
+            CellKind::Bit => return "expected 0 or 1 (off, on)".to_owned(),
+            CellKind::Text(len) => return format!("expected text of at most {len} bytes"),
+            CellKind::Number(number) => number,
+        };
+        let is_whole = number.kind != NumberKind::Float && self.scale.is_none();
+        let noun = if is_whole {
+            "a whole number"
+        } else {
+            "a number"
+        };
+        // The exact ends of an integer type.
+        if let (true, None) = (is_whole, self.limits) {
+            let [least, greatest] = number.range();
+            return format!("expected {noun} from {least} to {greatest}");
+        }
+        let [mut least, mut most] = match (number.kind, number.bytes) {
+            (NumberKind::Float, 4) => [f64::from(f32::MIN), f64::from(f32::MAX)],
+            (NumberKind::Float, _) => [f64::MIN, f64::MAX],
+            _ => number
+                .range()
+                .map(|end| Value::Int(end).as_f64().unwrap_or(0.0)),
+        };
+        if let Some([scale, offset]) = self.scale {
+            let ends = [least, most].map(|count| count * scale + offset);
+            [least, most] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+        }
+        if let Some(limits) = self.limits {
+            [least, most] = [least.max(limits[0]), most.min(limits[1])];
+        }
+        let [least, most] = [least, most].map(Value::Float);
+        format!("expected {noun} from {least} to {most}")
     }
 
     /// Decodes the bytes of the register.
@@ -256,7 +337,6 @@ impl Table {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::number::NumberKind;
     use crate::schema::wire::Endian;
 
     /// 3 counts of 0.1 are 0.30000000000000004.

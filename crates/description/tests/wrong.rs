@@ -310,3 +310,143 @@ fn all_problems_are_told_at_once() {
         ]
     );
 }
+
+/// Registers of each type: numbers with and without sign, of one and of two registers (CDAB, as
+/// many power meters have), scaled ones, coils and text.
+const REGISTERS: &str = r#"
+name = "registers"
+about = "registers of each type"
+protocol = "modbus-rtu"
+line = { baud = 9600, address = 17 }
+[registers]
+coils = [{ at = 0, name = "coil" }]
+holding = [
+  { at = 0, name = "u16" },
+  { at = 1, name = "i16", type = "i16" },
+  { at = 2, name = "u32", type = "u32", words = "little" },
+  { at = 4, name = "i64", type = "i64" },
+  { at = 8, name = "f32", type = "f32", words = "little" },
+  { at = 10, name = "tight", limits = [1, 9], initial = 1 },
+  { at = 11, name = "tenths", scale = 0.1, offset = -40 },
+  { at = 12, name = "both", scale = 0.1, limits = [0, 45.5] },
+  { at = 13, name = "below", type = "i16", scale = -0.5 },
+  { at = 14, name = "label", type = "str", size = 4 },
+]
+"#;
+
+/// A value that a register cannot hold is refused with the allowed values, computed by hand; cut to
+/// the register's type, it would be another order. A value at the end of the range is accepted.
+#[test]
+fn an_order_that_does_not_fit_its_register_is_refused() {
+    let nothing = |_: &str| Err(String::new());
+    let of = Description::parse("wrong.toml", REGISTERS, &nothing);
+    let of = of.unwrap_or_else(|error| panic!("{error}"));
+    let whole = "expected a whole number from";
+    let number = "expected a number from";
+    let table = [
+        (
+            "u16",
+            "0 65535 0xFFFF",
+            "-1 65536 70000 3.7 1e300",
+            format!("{whole} 0 to 65535"),
+        ),
+        (
+            "i16",
+            "-32768 32767",
+            "-32769 32768 40000",
+            format!("{whole} -32768 to 32767"),
+        ),
+        (
+            "u32",
+            "4294967295",
+            "4294967296 -1",
+            format!("{whole} 0 to 4294967295"),
+        ),
+        (
+            "i64",
+            "-1 9223372036854775807",
+            "9223372036854775808",
+            format!("{whole} -9223372036854775808 to 9223372036854775807"),
+        ),
+        ("f32", "3e38 0.1 -7", "3.5e38 -1e300", format!("{number} -")),
+        ("tight", "1 9", "0 10 70000", format!("{whole} 1 to 9")),
+        (
+            "tenths",
+            "-40 6513.5 0.04",
+            "-40.1 6513.6 70000",
+            format!("{number} -40 to 6513.5"),
+        ),
+        (
+            "both",
+            "0 45.5",
+            "-0.1 45.6 70000",
+            format!("{number} 0 to 45.5"),
+        ),
+        (
+            "below",
+            "16384 -16383.5",
+            "16384.5 -16384",
+            format!("{number} -16383.5 to 16384"),
+        ),
+        (
+            "coil",
+            "0 1 on off",
+            "2 -1 0.5",
+            "expected 0 or 1 (off, on)".to_owned(),
+        ),
+        (
+            "label",
+            "abcd",
+            "abcde",
+            "expected text of at most 4 bytes".to_owned(),
+        ),
+    ];
+    for (name, good, bad, allowed) in table {
+        let order = |value: &str| of.requests(&["write", "u16=1", &format!("{name}={value}")]);
+        for value in good.split(' ') {
+            assert!(order(value).is_ok(), "{name}={value}: {:?}", order(value));
+        }
+        for value in bad.split(' ') {
+            let refused = order(value).expect_err(value);
+            let begin = format!("{name} cannot be {value}, {allowed}");
+            assert!(refused.starts_with(&begin), "{refused}");
+        }
+    }
+    // The request names the value that the register gets.
+    let rounded = of.requests(&["write", "both=22.57"]).expect("a value");
+    assert_eq!(rounded[0].words, "write both=22.6");
+}
+
+/// Addresses at which no Modbus device answers. Source: Modbus over serial line V1.02, section 2.2.
+#[test]
+fn an_address_of_no_device_is_refused() {
+    let nothing = |_: &str| Err(String::new());
+    let of = Description::parse("wrong.toml", REGISTERS, &nothing).expect("sound");
+    for (address, reason) in [
+        (0, Some("0 is a broadcast")),
+        (1, None),
+        (247, None),
+        (248, Some("Modbus reserves 248 to 255")),
+        // Each CO2 sensor of Senseair answers to it.
+        (254, None),
+        (255, Some("Modbus reserves 248 to 255")),
+        (256, Some("one byte")),
+        (65_535, Some("one byte")),
+    ] {
+        let text = REGISTERS.replace("address = 17", &format!("address = {address}"));
+        let errors = [
+            parse(&text).map_err(|error| error.to_string()),
+            of.with_address(address).map(drop),
+        ];
+        for error in errors {
+            let told = error.err();
+            let is_right = match (&told, reason) {
+                (Some(told), Some(reason)) => {
+                    told.contains(reason) && told.contains("expected 1 to 247")
+                }
+                (told, reason) => told.is_none() && reason.is_none(),
+            };
+            assert!(is_right, "{address}: {told:?}");
+        }
+    }
+}

@@ -3,6 +3,7 @@
 use super::{Asks, Reply, Request, number};
 use crate::description::Description;
 use crate::modbus;
+use crate::number::NumberKind;
 use crate::registers::{Cell, CellKind, Table};
 use crate::value::Value;
 
@@ -121,7 +122,8 @@ pub(super) fn requests(of: &Description, words: &[&str]) -> Result<Vec<Request>,
                     (None, _) => number(text)
                         .ok_or_else(|| format!("{name}=\"{text}\": expected a number"))?,
                 };
-                Ok(write(of, function, cell, &value))
+                order(of, function, cell, value)
+                    .map_err(|allowed| format!("{name} cannot be {text}, {allowed}"))
             });
             requests.collect()
         }
@@ -170,6 +172,22 @@ pub(crate) fn read(of: &Description, function: u8, at: u16, count: u16) -> Reque
         format!("{name} {at}, {count} of them"),
         Some(read),
     )
+}
+
+/// A request to write a register with a value that a user orders. The request names the value that
+/// the register gets: a scaled one is rounded to a whole count.
+///
+/// # Errors
+/// If the value does not fit the register; with the allowed values.
+fn order(of: &Description, function: u8, cell: &Cell, value: Value) -> Result<Request, String> {
+    let bytes = cell.bytes_of_order(&value)?;
+    let is_counted =
+        matches!(cell.kind, CellKind::Number(number) if number.kind != NumberKind::Float);
+    let written = match is_counted && cell.scale.is_some() {
+        true => cell.value(&bytes),
+        false => value,
+    };
+    Ok(write(of, function, cell, &written))
 }
 
 /// A request to write a register with a value.

@@ -120,6 +120,14 @@ impl DeviceKind for DescriptionKind {
                 LoadError::Description(error) => ScenarioError::Description(error),
                 LoadError::Read(message) => source.invalid(at(), key.clone(), message),
             })?;
+            if let Some(Err(message)) = unit.address.map(|one| description.check_address(one)) {
+                let span = source.find("address").filter(|_| is_alone).or_else(at);
+                let key = match is_alone {
+                    true => format!("{key}.address"),
+                    false => format!("{key}[{}].address", units.len()),
+                };
+                return Err(source.invalid(span, key, message));
+            }
             codec.get_or_insert_with(|| codec_of(&description));
             let name = unit
                 .name
@@ -151,4 +159,47 @@ impl DeviceKind for DescriptionKind {
 pub fn wire_of(device: &dyn crate::rig::AnyDevice) -> Option<&Wire> {
     let device: &dyn Any = device;
     device.downcast_ref()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::scenario::Scenario;
+
+    /// No Modbus device answers at these addresses; the error names the key and the line.
+    #[test]
+    fn an_address_of_no_device_is_refused() {
+        let unit = |address: u32| {
+            format!("{{ file = \"modbus-meter\", name = \"m{address}\", address = {address} }}")
+        };
+        for (device, key) in [
+            (unit(0), Some("5: device.bus.description.address: is 0,")),
+            (
+                unit(248),
+                Some("5: device.bus.description.address: is 248,"),
+            ),
+            (
+                format!("[{}, {}]", unit(17), unit(300)),
+                Some("5: device.bus.description[1].address: is 300,"),
+            ),
+            (format!("[{}, {}]", unit(17), unit(247)), None),
+        ] {
+            let text = format!(
+                "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                 device.bus = {{ description = {device} }}\n"
+            );
+            let (scenario, source) =
+                Scenario::parse(Path::new("s.toml"), text).expect("it is read");
+            let built = scenario.device["bus"].build("bus", 1, &source);
+            let error = built.err().map(|error| error.to_string());
+            let is_right = match (&error, key) {
+                (Some(error), Some(key)) => {
+                    error.contains(key) && error.contains("expected 1 to 247")
+                }
+                (error, key) => error.is_none() && key.is_none(),
+            };
+            assert!(is_right, "{device}: {error:?}");
+        }
+    }
 }
