@@ -79,6 +79,9 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
     for place in &found.unproved {
         eprintln!("{place}: not compared, the emulated device does not answer it either");
     }
+    for part in &found.unseen {
+        eprintln!("not compared: {part}");
+    }
     // Without a comparison the device was not observed.
     let is_void = found.is_void();
     let is_silent = replies == 0 && requests > 0 && !found.heard_by_itself;
@@ -98,7 +101,7 @@ pub(super) fn run(args: &ConformArgs) -> Result<Verdict, CliError> {
             .latency
             .map(|times| times.map(|time| time.as_secs_f64() * 1e3).to_vec()),
         left_out: found.left_out as u64,
-        not_compared: found.unproved,
+        not_compared: [found.unproved, found.unseen].concat(),
         differences: found
             .differences
             .into_iter()

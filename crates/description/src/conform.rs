@@ -9,6 +9,7 @@
 //! The twins have different seeds and start times. Values that differ between the twins may differ
 //! in the device too: a measured value must lie within their range, a constant value must be equal.
 
+mod after;
 mod asks;
 mod harm;
 mod judge;
@@ -141,6 +142,8 @@ pub struct Conformity {
     /// Requests that the description answers, but the emulated twins did not: their replies were
     /// not compared.
     pub unproved: Vec<String>,
+    /// Other parts of the description that were not compared, each with the reason.
+    pub unseen: Vec<String>,
 }
 
 impl Conformity {
@@ -161,6 +164,9 @@ const STARTED_MS: [u64; 6] = [0, 3_370, 17_910, 61_230, 301_570, 1_801_830];
 /// Maximum number of steps of a twin before the comparison. The limit shortens the times of
 /// [`STARTED_MS`] for devices that stream.
 const STEPS_MAX: u32 = 10_000;
+/// Number of times that a port is listened to again if its messages seem to come too often or too
+/// rarely: a busy computer delivers them late.
+const LISTEN_AGAIN: u32 = 3;
 /// Minimum number of reply bytes for which the timeout allows.
 const REPLY_BYTES: u64 = 64;
 
@@ -211,12 +217,46 @@ pub fn conform(
     for (seed, started_ms) in (1..=TWINS).zip(STARTED_MS) {
         let mut twin = emulated(description, seed);
         twin.pass(Duration::from_millis(started_ms), STEPS_MAX);
-        twins.push(ask(description, &mut twin, &probes, time)?);
+        twins.push(ask(description, &mut twin, &probes, time)?.answers);
     }
-    let found = ask(description, peer, &probes, time)?;
+    let mut found = ask(description, peer, &probes, time)?;
+    listen_again(description, peer, &probes, (&twins, &mut found))?;
     let mut conformity = judge::judge(&probes, &twins, &found, strictness);
     conformity.left_out = left_out.len();
+    conformity.unseen = after::unseen(description, &probes, &twins, &found);
     Ok(conformity)
+}
+
+/// Listens to a port again, twice as long, if the number of its messages differs.
+fn listen_again(
+    of: &Description,
+    peer: &mut dyn Peer,
+    probes: &[Probe],
+    (twins, found): (&[Vec<Vec<Answer>>], &mut Asked),
+) -> Result<(), String> {
+    let is_port = !peer.lateness().is_zero();
+    // The state before the first command no longer exists, but the messages still come as often.
+    let first = probes.iter().position(|probe| probe.listen.is_some());
+    let Some((at, time)) = first.and_then(|at| Some((at, probes[at].listen?))) else {
+        return Ok(());
+    };
+    for _ in 0..LISTEN_AGAIN {
+        let expected: Vec<&[Answer]> = twins.iter().map(|twin| &twin[at][..]).collect();
+        if !is_port || after::is_as_often(&expected, found, at, time) {
+            break;
+        }
+        let again = ask(of, peer, &[probes[at].lasting(2 * time)], time)?;
+        found.answers[at] = again.answers.into_iter().flatten().collect();
+        found.took[at] = again.took.into_iter().sum();
+    }
+    Ok(())
+}
+
+/// The answers of a device to each probe, and the time that each one took.
+#[derive(Debug, Default)]
+struct Asked {
+    answers: Vec<Vec<Answer>>,
+    took: Vec<Duration>,
 }
 
 /// The described device, emulated in virtual time.
@@ -249,25 +289,31 @@ fn patience(of: &Description) -> Duration {
     settled + of.idle() + Duration::from_millis(5)
 }
 
-/// The answers of a device to each probe.
+/// Sends each probe to a device.
 fn ask(
     of: &Description,
     peer: &mut dyn Peer,
     probes: &[Probe],
     time: Duration,
-) -> Result<Vec<Vec<Answer>>, String> {
+) -> Result<Asked, String> {
     if let Some(boot) = of.boot {
         let until = peer.now() + boot;
         while peer.hear(until)?.is_some() {}
     }
     let mut speaker = Speaker::new(of);
-    let mut all = Vec::new();
+    let mut all = Asked::default();
     for probe in probes {
+        if probe.listen.is_some() {
+            // Messages that a port has stored are older than the time to listen.
+            speaker.exchange(peer, &[], Duration::ZERO, &mut |_| false)?;
+        }
         let time = probe.listen.unwrap_or(time);
+        let start = peer.now();
         let heard = speaker.exchange(peer, &probe.bytes, time, &mut |_| false)?;
         let answers = heard.frames.iter();
         let answers = answers.filter_map(|(latency, frame)| answer(of, probe, *latency, frame));
-        all.push(answers.collect());
+        all.answers.push(answers.collect());
+        all.took.push(peer.now() - start);
     }
     Ok(all)
 }

@@ -1,6 +1,7 @@
 //! Comparison of a device with its description: an emulated device never differs from its own
 //! description, and each planted difference is reported with its kind and place.
 
+use core::time::Duration;
 use std::sync::Arc;
 
 use description::conform::{Conformity, Difference, Strictness, conform, emulated};
@@ -282,4 +283,239 @@ fn planted_differences_of_devices_with_messages_are_named() {
             ),
         ],
     );
+}
+
+/// A lift that reports ten times a second and moves on command: 0.05 m per report.
+const LIFT: &str = r#"
+name = "lift"
+about = "a lift"
+endian = "big"
+latency = "3ms"
+line = { baud = 57600 }
+
+[frame]
+stuffing = "slip"
+checksum = "CRC-16/XMODEM"
+
+[state]
+target = { initial = 0, limits = [0, 12] }
+height = { initial = 0 }
+spare = { initial = 0 }
+load = { source = { noise = { mean = 126, deviation = 1.5, period = "100ms" } } }
+moving = { value = "abs(target - height) > 0.005 ? 1 : 0" }
+
+[[message]]
+name = "status"
+from = "device"
+fields = [
+  { type = "u8", value = 0x90 },
+  { name = "height", type = "i32", scale = 0.0001 },
+  { name = "load", type = "f32" },
+  { name = "spare", type = "i16" },
+  { name = "moving", type = "u8" },
+]
+
+[[message]]
+name = "move"
+from = "host"
+fields = [{ type = "u8", value = 0x11 }, { name = "target", type = "i32", scale = 0.0001 }]
+
+[[message]]
+name = "ack"
+from = "device"
+fields = [{ type = "u8", value = 0x91 }]
+
+[[message]]
+name = "nak"
+from = "device"
+fields = [{ type = "u8", value = 0x92 }, { name = "why", type = "u8" }]
+
+[[message]]
+name = "fallen"
+from = "device"
+fields = [{ type = "u8", value = 0x93 }]
+
+[[every]]
+period = "100ms"
+set = { height = "height + clamp(target - height, -0.05, 0.05)" }
+send = "status"
+
+[[on]]
+message = "move"
+when = "target > 12 || target < 0"
+reply = "nak"
+with = { why = "1" }
+
+[[on]]
+message = "move"
+when = "moving"
+reply = "nak"
+with = { why = "2" }
+
+[[on]]
+message = "move"
+set = { target = "target" }
+reply = "ack"
+
+[[on]]
+event = "break"
+reply = "fallen"
+"#;
+
+/// Devices that obey a command otherwise than described, with the kind and place of the difference.
+/// The first is one that acknowledges and never moves.
+const DISOBEDIENT: [(&str, &str, &str, &str); 7] = [
+    (
+        "+ clamp(target - height, -0.05, 0.05)",
+        "",
+        "value",
+        "status.height after move",
+    ),
+    (
+        "+ clamp(target",
+        "- clamp(target",
+        "value",
+        "status.height after move",
+    ),
+    (
+        "-0.05, 0.05)",
+        "-0.01, 0.01)",
+        "value",
+        "status.height after move",
+    ),
+    (
+        "scale = 0.0001 },\n  { name = \"load\"",
+        "scale = 0.001 },\n  { name = \"load\"",
+        "value",
+        "status.height",
+    ),
+    ("why = \"2\"", "why = \"3\"", "value", "nak.why"),
+    (
+        "send = \"status\"",
+        "send = \"status\"\nwhen = \"moving == 0\"",
+        "period",
+        "status after move",
+    ),
+    (
+        "period = \"100ms\"\nset",
+        "period = \"150ms\"\nset",
+        "period",
+        "status",
+    ),
+];
+
+/// The state after a command is compared where unsolicited messages show it, from each height.
+#[test]
+fn a_device_that_does_not_follow_a_command_differs() {
+    for initial in ["0", "2"] {
+        let resting = format!("= {{ initial = {initial}");
+        let said = LIFT.replace("target = { initial = 0", &format!("target {resting}"));
+        let said = said.replace("height = { initial = 0", &format!("height {resting}"));
+        assert_eq!(differences(&said, &said), [], "{initial}");
+        for (from, to, kind, place) in DISOBEDIENT {
+            let real = said.replacen(from, to, 1);
+            assert_ne!(real, said, "{from}");
+            let found = differences(&said, &real);
+            let is_named =
+                |one: &Difference| one.kind.name() == kind && one.place.starts_with(place);
+            assert!(found.iter().any(is_named), "{initial}, {to}: {found:#?}");
+        }
+    }
+}
+
+/// The parts that no comparison reached are named with the reason.
+#[test]
+fn parts_that_were_not_compared_are_named() {
+    let unseen = compared(LIFT, LIFT).unseen;
+    assert_eq!(
+        unseen,
+        [
+            "fallen: the emulated device never sent it",
+            "status.spare: was 0 in every message, so its scale and byte order are unknown",
+        ]
+    );
+    // A command whose effect no message shows.
+    let text = "name = \"relay\"\nabout = \"a relay\"\nline = { baud = 9600 }\n\
+                frame = { terminator = \"\\n\" }\nstate = { is_on = { initial = 0 } }\n\
+                message = [{ name = \"on\", from = \"host\", text = \"ON\" }, { name = \"ok\", from \
+                = \"device\", text = \"OK\" }]\n\
+                on = [{ message = \"on\", set = { is_on = \"1\" }, reply = \"ok\" }]\n";
+    assert_eq!(
+        compared(text, text).unseen,
+        ["on: no message shows the state after it"]
+    );
+}
+
+/// A port of a busy computer: it holds old messages, and its reader wakes up late.
+struct Busy {
+    peer: Emulated,
+    stored: Vec<(Instant, Vec<u8>)>,
+}
+
+impl Peer for Busy {
+    fn now(&self) -> Instant {
+        self.peer.now()
+    }
+
+    fn lateness(&self) -> Duration {
+        Duration::from_secs(1)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> Result<Instant, String> {
+        self.peer.send(bytes)
+    }
+
+    fn hear(&mut self, until: Instant) -> Result<Option<(Instant, Vec<u8>)>, String> {
+        if let Some(old) = self.stored.pop() {
+            return Ok(Some(old));
+        }
+        let is_asleep = until > self.now() + Duration::from_millis(200);
+        let until = if is_asleep {
+            until + Duration::from_millis(900)
+        } else {
+            until
+        };
+        let Some((start, mut all)) = self.peer.hear(until)? else {
+            return Ok(None);
+        };
+        while let Some((_, piece)) = self.peer.hear(until)?.filter(|_| is_asleep) {
+            all.extend(piece);
+        }
+        Ok(Some((start, all)))
+    }
+}
+
+/// Messages count over the time that passed: a busy computer causes no difference and hides none.
+#[test]
+fn a_busy_computer_changes_no_period() {
+    let port = Strictness {
+        writes: false,
+        slack: Duration::from_millis(20),
+    };
+    for (period, is_same) in [("100ms", true), ("150ms", false), ("60ms", false)] {
+        let real = LIFT.replace(
+            "period = \"100ms\"\nset",
+            &format!("period = \"{period}\"\nset"),
+        );
+        let mut peer = emulated(&parse(&real), 4_711);
+        let mut stored = Vec::new();
+        let until = peer.now() + Duration::from_secs(2);
+        while let Some(old) = peer.hear(until).expect("a device") {
+            stored.insert(0, old);
+        }
+        let mut busy = Busy { peer, stored };
+        let found = conform(&parse(LIFT), &mut busy, port).expect("a device");
+        let kinds: Vec<_> = found
+            .differences
+            .iter()
+            .map(|one| one.kind.name())
+            .collect();
+        let expected: &[&str] = if is_same { &[] } else { &["period"] };
+        assert_eq!(kinds, expected, "{period}: {:#?}", found.differences);
+        let is_told = found
+            .differences
+            .iter()
+            .all(|one| one.expected.contains("are allowed"));
+        assert!(is_told, "{:#?}", found.differences);
+    }
 }

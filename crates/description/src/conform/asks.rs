@@ -25,7 +25,8 @@ impl Description {
     /// All requests that a [comparison](super::conform) sends, without damaged ones.
     pub fn asks(&self) -> Vec<Ask> {
         let probes = probes::of(self).into_iter();
-        let asks = probes.filter(|probe| probe.asks.is_some() && !probe.bytes.is_empty());
+        let asks = probes
+            .filter(|probe| probe.asks.is_some() && !probe.bytes.is_empty() && !probe.is_again);
         let mut asks: Vec<Ask> = asks
             .map(|probe| Ask {
                 place: probe.place,

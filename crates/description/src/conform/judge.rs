@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::probes::Probe;
 use super::{
-    Answer, Conformity, Difference, DifferenceKind as Kind, Raw, Seen, Strictness, samples,
+    Answer, Asked, Conformity, Difference, DifferenceKind as Kind, Raw, Seen, Strictness, after,
+    samples,
 };
 use crate::number::{Number, NumberKind};
 use crate::reference::number_name;
@@ -55,19 +56,27 @@ impl Range {
 pub(super) fn judge(
     probes: &[Probe],
     twins: &[Vec<Vec<Answer>>],
-    found: &[Vec<Answer>],
+    asked: &Asked,
     strictness: Strictness,
 ) -> Conformity {
+    let found = &asked.answers[..];
     let mut differences = BTreeSet::new();
     for (at, probe) in probes.iter().enumerate() {
         let expected: Vec<&[Answer]> = twins.iter().map(|twin| &twin[at][..]).collect();
         match probe.listen {
-            Some(time) => periods(&expected, &found[at], time, &mut differences),
+            Some(time) => {
+                let odd = after::periods(&expected, &found[at], (time, asked.took[at]));
+                differences.extend(odd.into_iter().map(|mut one| {
+                    one.place = probe.named(&one.place);
+                    one
+                }));
+            }
             None => differences.extend(answers(probe, &expected, &found[at])),
         }
     }
     latencies(probes, twins, found, strictness, &mut differences);
-    values(twins, found, &mut differences);
+    values(probes, twins, found, &mut differences);
+    differences.extend(after::behind(probes, twins, found));
     let asked = probes
         .iter()
         .zip(found)
@@ -90,6 +99,7 @@ pub(super) fn judge(
             .zip(found)
             .any(|(probe, answers)| probe.listen.is_some() && !answers.is_empty()),
         unproved: unproved(probes, twins),
+        unseen: Vec::new(),
     }
 }
 
@@ -127,7 +137,7 @@ fn unproved(probes: &[Probe], twins: &[Vec<Vec<Answer>>]) -> Vec<String> {
     silent.map(|(place, _)| place.to_owned()).collect()
 }
 
-fn difference(kind: Kind, place: &str, expected: String, found: String) -> Difference {
+pub(super) fn difference(kind: Kind, place: &str, expected: String, found: String) -> Difference {
     Difference {
         kind,
         place: place.to_owned(),
@@ -169,45 +179,6 @@ fn answers(probe: &Probe, expected: &[&[Answer]], found: &[Answer]) -> Option<Di
         _ => Kind::OtherReply,
     };
     Some(difference(kind, &probe.place, labels(first), labels(found)))
-}
-
-/// Compares the number of unsolicited messages.
-fn periods(
-    expected: &[&[Answer]],
-    found: &[Answer],
-    time: Duration,
-    out: &mut BTreeSet<Difference>,
-) {
-    let counts = |answers: &[Answer]| {
-        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-        for answer in answers {
-            *counts.entry(answer.label.clone()).or_default() += 1;
-        }
-        counts
-    };
-    let twins: Vec<_> = expected.iter().map(|answers| counts(answers)).collect();
-    let found = counts(found);
-    let names: BTreeSet<&String> = twins
-        .iter()
-        .chain([&found])
-        .flat_map(BTreeMap::keys)
-        .collect();
-    for name in names {
-        let of = |counts: &BTreeMap<String, usize>| counts.get(name).copied().unwrap_or(0);
-        let (least, most) = twins
-            .iter()
-            .map(of)
-            .fold((usize::MAX, 0), |(least, most), count| {
-                (least.min(count), most.max(count))
-            });
-        let count = of(&found);
-        // Tolerance: one message and a fifth.
-        let fits = count + 1 + least / 5 >= least && count <= most + 1 + most / 5;
-        if !fits {
-            let words = |count: usize| format!("{count} in {} s", time.as_secs_f64());
-            out.insert(difference(Kind::Period, name, words(least), words(count)));
-        }
-    }
 }
 
 fn latencies(
@@ -258,12 +229,17 @@ fn latencies(
     }
 }
 
-fn values(twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>], out: &mut BTreeSet<Difference>) {
+fn values(
+    probes: &[Probe],
+    twins: &[Vec<Vec<Answer>>],
+    found: &[Vec<Answer>],
+    out: &mut BTreeSet<Difference>,
+) {
     let all = |answers: &'_ [Vec<Answer>]| answers.iter().flatten().cloned().collect::<Vec<_>>();
     let flat: Vec<Vec<Answer>> = twins.iter().map(|twin| all(twin)).collect();
     let by_twin: Vec<_> = flat.iter().map(|twin| samples(twin.iter())).collect();
     let own = all(found);
-    let certain = certain(twins, found);
+    let certain = certain(probes, twins, found);
     for (place, own) in samples(own.iter()) {
         let expected = by_twin.iter().filter_map(|twin| twin.get(place));
         let expected: Vec<&Samples<'_>> = expected.collect();
@@ -273,9 +249,16 @@ fn values(twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>], out: &mut BTreeSet<
 }
 
 /// Differences from values on which all twins agree for the same request, by place.
-fn certain(twins: &[Vec<Vec<Answer>>], found: &[Vec<Answer>]) -> BTreeMap<String, Difference> {
+fn certain(
+    probes: &[Probe],
+    twins: &[Vec<Vec<Answer>>],
+    found: &[Vec<Answer>],
+) -> BTreeMap<String, Difference> {
     let mut differences = BTreeMap::new();
-    for (at, answers) in found.iter().enumerate() {
+    // After a command, the phase of the messages decides which one shows an event first.
+    let is_phased = |probe: &Probe| probe.listen.is_some() && probe.changes;
+    let found = found.iter().enumerate();
+    for (at, answers) in found.filter(|(at, _)| !is_phased(&probes[*at])) {
         // A reply of several frames contains a place several times.
         let mut times: BTreeMap<&str, usize> = BTreeMap::new();
         for seen in answers.iter().flat_map(|answer| &answer.fields) {

@@ -27,6 +27,8 @@ pub(super) struct Probe {
     pub(super) cell: Option<usize>,
     /// Whether a missing reply is allowed.
     pub(super) is_strange: bool,
+    /// Whether the request shows the state that the commands before it left.
+    pub(super) is_again: bool,
 }
 
 /// Repetitions of each plain request: latencies and measured values need several samples.
@@ -38,20 +40,25 @@ const LISTEN_MAX: Duration = Duration::from_secs(10);
 
 pub(super) fn of(description: &Description) -> Vec<Probe> {
     let mut probes = Vec::new();
-    if let Some(longest) = description.every.iter().map(|every| every.period).max() {
-        probes.push(Probe {
-            place: "unsolicited messages".to_owned(),
-            listen: Some((4 * longest).min(LISTEN_MAX)),
-            ..Probe::unasked()
-        });
-    }
+    probes.extend(listening(description, "unsolicited messages"));
     if description.protocol.is_some() {
         modbus(description, &mut probes);
     } else {
         messages(description, &mut probes);
+        again(&mut probes);
     }
     damaged(description, &mut probes);
     probes
+}
+
+/// A probe that listens to unsolicited messages, if the device sends any.
+fn listening(of: &Description, place: &str) -> Option<Probe> {
+    let longest = of.every.iter().map(|every| every.period).max()?;
+    Some(Probe {
+        place: place.to_owned(),
+        listen: Some((4 * longest).min(LISTEN_MAX)),
+        ..Probe::unasked()
+    })
 }
 
 impl Probe {
@@ -64,6 +71,7 @@ impl Probe {
             listen: None,
             cell: None,
             is_strange: false,
+            is_again: false,
         }
     }
 
@@ -77,6 +85,23 @@ impl Probe {
             listen: None,
             cell: None,
             is_strange: true,
+            is_again: false,
+        }
+    }
+
+    /// The same probe with another time to listen.
+    pub(super) fn lasting(&self, time: Duration) -> Self {
+        Self {
+            listen: Some(time),
+            ..self.clone()
+        }
+    }
+
+    /// The name of a message, with the command before it if there is one.
+    pub(super) fn named(&self, message: &str) -> String {
+        match self.changes {
+            true => format!("{message} after {}", self.place),
+            false => message.to_owned(),
         }
     }
 
@@ -109,8 +134,11 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
         let mut dice = dice(index as u64 + 1);
         let mut examples: Vec<Record> = Vec::new();
         let mut strange = Vec::new();
-        for _ in 0..EXAMPLES {
-            let plain = message.example(&mut dice);
+        for example in 0..EXAMPLES {
+            let mut plain = message.example(&mut dice);
+            if example == 0 {
+                within_state(of, message, &mut plain);
+            }
             let answered = of.answered(message, &plain);
             for example in answered {
                 if !examples.contains(&example) {
@@ -129,6 +157,10 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
                 probes.push(Probe::of(message.name(), request, changes));
             }
         }
+        if changes && !examples.is_empty() {
+            let listening = listening(of, message.name());
+            probes.extend(listening.map(|probe| Probe { changes, ..probe }));
+        }
         for values in strange.iter().take(1) {
             if let Ok(request) = of.request(message, values) {
                 let place = format!("{} with other values", message.name());
@@ -143,6 +175,41 @@ fn messages(of: &Description, probes: &mut Vec<Probe>) {
             }
         }
     }
+}
+
+/// Sets each field that has the name of a variable to the middle of the variable's limits: a
+/// command with random values would only be refused.
+fn within_state(of: &Description, message: &Message, values: &mut Record) {
+    let names: Vec<_> = values.0.iter().map(|(name, _)| name.clone()).collect();
+    for name in names {
+        let field = field::find(message.fields(), &name);
+        let is_free = field.is_some_and(|field| field.limits.is_none() && field.constant.is_none());
+        let variable = of.variables.iter().find(|one| *one.name == *name);
+        if let Some([least, most]) = variable.and_then(|one| one.limits).filter(|_| is_free) {
+            let step = field.map_or(1.0, step);
+            let middle = ((least + most) / 2.0 / step).round() * step;
+            values.set(&name, Value::Float(middle));
+        }
+    }
+}
+
+/// Each request that changes nothing, once more: the replies show the state after the commands.
+fn again(probes: &mut Vec<Probe>) {
+    if !probes.iter().any(|probe| probe.changes) {
+        return;
+    }
+    let mut again: Vec<Probe> = Vec::new();
+    for probe in probes.iter() {
+        let is_query = probe.asks.is_some() && !probe.changes && !probe.is_strange;
+        if is_query && again.iter().all(|other| other.place != probe.place) {
+            again.push(Probe {
+                changes: true,
+                is_again: true,
+                ..probe.clone()
+            });
+        }
+    }
+    probes.extend(again);
 }
 
 /// Requests for each register of a table that messages read and write, and for an address behind
