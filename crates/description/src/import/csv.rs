@@ -199,6 +199,9 @@ pub(super) fn read(text: &str) -> Result<Map, String> {
         let row = columns.row(line, numbered[line.table], &mut map)?;
         map.rows.push(row);
     }
+    let cells = lines.iter().map(|line| (line.number, line.cells));
+    let access = cells.map(|(line, cells)| (line, columns.cell(cells, Column::Access)));
+    map.notes.extend(words::write_only(access));
     Ok(map)
 }
 

@@ -156,6 +156,14 @@ fn dropped_and_ambiguous_parts_are_reported() {
             &[],
             &["sizes of texts are read as bytes; a column \"registers\" would be in registers"],
         ),
+        // All words and codes that allow no read.
+        (
+            "at,access\n0,W\n1,R\n2,RW\n3,Write Only\n4,WO\n5,write\n6,6/16\n7,3/6\n8,\n",
+            &[],
+            &[
+                "write-only registers: 5, in line 2, 5, 6, 7, 8; the device also answers reads of them, with the value written last (a register of a description cannot refuse reads)",
+            ],
+        ),
     ];
     for (text, left_out, notes) in cases {
         let draft = import("meter", "map.csv", text).unwrap_or_else(|error| panic!("{error}"));

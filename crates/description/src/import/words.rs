@@ -121,6 +121,32 @@ pub(super) fn access(text: &str) -> Option<bool> {
     is_known.then(|| codes.iter().any(|code| *code > 4))
 }
 
+/// Whether the device offers no read of a register that may be written.
+fn is_write_only(text: &str) -> bool {
+    let word = plain(text);
+    match &*word {
+        "w" | "wo" | "write" | "write only" | "writeonly" => true,
+        _ => codes(&word)
+            .is_some_and(|codes| codes.iter().all(|code| matches!(code, 5 | 6 | 15 | 16))),
+    }
+}
+
+/// A note about write-only registers, from each line and its access.
+pub(super) fn write_only<'a>(
+    lines: impl Iterator<Item = (usize, Option<&'a str>)>,
+) -> Option<String> {
+    let own = lines.filter(|(_, access)| access.is_some_and(is_write_only));
+    let own: Vec<_> = own.map(|(line, _)| line.to_string()).collect();
+    (!own.is_empty()).then(|| {
+        format!(
+            "write-only registers: {}, in line {}; the device also answers reads of them, with the \
+             value written last (a register of a description cannot refuse reads)",
+            own.len(),
+            own.join(", ")
+        )
+    })
+}
+
 /// The orders of words and of the bytes in a word; true for little.
 pub(super) fn order(text: &str) -> Option<[bool; 2]> {
     Some(match &*plain(text) {
