@@ -112,18 +112,15 @@ fn sending(description: &Arc<Description>, alter: Alter, send: fn(u8) -> u8) -> 
 
 /// CRC-16 of a Modbus frame, bit by bit as its specification computes it.
 fn crc(bytes: &[u8]) -> [u8; 2] {
-    let mut crc = 0xFFFF_u16;
-    for byte in bytes {
-        crc ^= u16::from(*byte);
-        for _ in 0..8 {
-            crc = if crc & 1 == 1 {
-                crc >> 1 ^ 0xA001
-            } else {
-                crc >> 1
-            };
-        }
-    }
+    let crc = bytes.iter().fold(0xFFFF, |crc, byte| crc_step(crc, *byte));
     crc.to_le_bytes()
+}
+
+fn crc_step(crc: u16, byte: u8) -> u16 {
+    (0..8).fold(crc ^ u16::from(byte), |crc, _| match crc & 1 {
+        1 => crc >> 1 ^ 0xA001,
+        _ => crc >> 1,
+    })
 }
 
 /// A device that does not verify the checksum.
@@ -428,12 +425,22 @@ fn holds_other(bytes: &[u8]) -> bool {
     request_len(bytes).is_some_and(|len| bytes.len() >= len)
 }
 
+/// The lengths from 4 of the beginnings of `bytes` that end with their CRC: over them all it is 0.
+fn sound_lens(bytes: &[u8]) -> Vec<usize> {
+    let (mut sum, mut lens) = (0xFFFF_u16, Vec::new());
+    for (len, byte) in (1..).zip(bytes) {
+        sum = crc_step(sum, *byte);
+        if sum == 0 && len >= 4 {
+            lens.push(len);
+        }
+    }
+    lens
+}
+
 /// The offset of a frame that a device without a check of the CRC, with one, or with frames of
 /// eight bytes could take for another function than 1 to 4. A plain read is none.
 fn other_function(bytes: &[u8]) -> Option<usize> {
-    let is_sound = |frame: &[u8]| {
-        frame.len() > 3 && frame[frame.len() - 2..] == crc(&frame[..frame.len() - 2])
-    };
+    let is_sound = |frame: &[u8]| sound_lens(frame).contains(&frame.len());
     if bytes.len() == 8 && (1..=4).contains(&bytes[1]) && is_sound(bytes) {
         return None;
     }
@@ -443,7 +450,7 @@ fn other_function(bytes: &[u8]) -> Option<usize> {
             return false;
         };
         let is_begin = at.is_multiple_of(8) && *function > 0;
-        is_begin || holds_other(rest) || (4..=rest.len().min(256)).any(|len| is_sound(&rest[..len]))
+        is_begin || holds_other(rest) || !sound_lens(&rest[..rest.len().min(256)]).is_empty()
     };
     (0..bytes.len()).find(|at| is_other(*at))
 }
