@@ -214,6 +214,11 @@ impl<'a> Speaker<'a> {
         }
     }
 
+    /// The description of the device.
+    pub const fn description(&self) -> &'a Description {
+        self.description
+    }
+
     /// Sends `bytes` and receives frames until `is_last` returns true for a frame, or until `time`
     /// is over.
     ///
@@ -302,7 +307,10 @@ impl<'a> Speaker<'a> {
     }
 
     /// Lets time pass and receives bytes.
-    fn wait(
+    ///
+    /// # Errors
+    /// If the port is gone.
+    pub fn wait(
         &mut self,
         peer: &mut dyn Peer,
         time: Duration,

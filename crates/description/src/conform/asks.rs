@@ -9,6 +9,7 @@ use crate::description::Description;
 use crate::framing::Frame;
 use crate::peer::Heard;
 use crate::schema::message::From;
+use crate::state::Source;
 
 /// A request that a test sends.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,6 +62,15 @@ impl Description {
         let often = self.every.iter().map(|every| &every.deed);
         let mut deeds = events.chain(later).chain(often);
         deeds.any(|deed| deed.send.contains(&index))
+    }
+
+    /// Whether a value may change without a request: it has a source, or a timer sets it.
+    pub fn changes_with_time(&self) -> bool {
+        let is_moving = |source: &Source| !matches!(source, Source::Stored | Source::Computed(_));
+        let later = self.after.iter().map(|after| &after.deed);
+        let mut deeds = self.every.iter().map(|every| &every.deed).chain(later);
+        self.variables.iter().any(|one| is_moving(&one.source))
+            || deeds.any(|deed| !deed.set.is_empty())
     }
 
     /// The time within which a reply begins and usually ends.

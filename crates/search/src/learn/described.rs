@@ -76,10 +76,6 @@ impl DescribedFormat {
 }
 
 impl FrameFormat for DescribedFormat {
-    fn is_described(&self) -> bool {
-        true
-    }
-
     fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {
         let mut cutter = self.0.cutter_for(self.1);
         let (mut frames, mut rest, mut from) = (Vec::new(), chunk, 0);

@@ -26,11 +26,6 @@ pub(crate) trait FrameFormat: core::fmt::Debug + Send + Sync {
         Vec::new()
     }
 
-    /// Whether a description gives all counts and lengths: no other byte is taken for one.
-    fn is_described(&self) -> bool {
-        false
-    }
-
     /// The format in words.
     fn in_words(&self) -> String;
 

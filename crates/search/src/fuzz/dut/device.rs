@@ -11,7 +11,7 @@
 //!
 //! | law | says |
 //! |---|---|
-//! | `pieces-change-nothing` | the device replies the same to bytes that arrive one by one |
+//! | `pieces-change-nothing` | the device replies the same to bytes that arrive one by one; to several requests at once with the same messages, if its values change with time |
 //! | `damage-is-not-answered` | bytes without a valid frame get no reply |
 //! | `answers-again` | after an input without an effect, the next request is answered |
 //! | `replies-are-described` | the reply to an unchanged request is a message of the description |
@@ -45,6 +45,8 @@ const CHOICE: usize = 8;
 const PIECE_GAP: Duration = Duration::from_millis(2);
 /// Number of requests after an input, one of which must be answered.
 const TRIES: usize = 3;
+/// Maximum number of extra reply times after an input: a long one gets many replies.
+const REPLY_TIMES_MAX: usize = 64;
 /// File name of the inputs of a finding.
 const INPUTS: &str = "inputs.txt";
 
@@ -132,7 +134,11 @@ impl DescribedDevice {
             Bench::new(&self.description, made()?.paced().bytewise()).map_err(broken)?;
         let mut is_plain = true;
         for input in inputs {
-            let [heard, other] = [&mut whole, &mut single].map(|bench| bench.say(&input.pieces));
+            let at = whole.peer.now().max(single.peer.now());
+            let [heard, other] = [&mut whole, &mut single].map(|bench| {
+                bench.wait_until(at)?;
+                bench.say_all(&input.pieces)
+            });
             let (heard, other) = (heard.map_err(broken)?, other.map_err(broken)?);
             let kinds = self.description.reply_kinds(&heard);
             for kind in &kinds {
@@ -154,13 +160,7 @@ impl DescribedDevice {
             for (rule, count) in &rules[0] {
                 behaviour.named(rule, *count);
             }
-            let bytes = |heard: &Heard| -> Vec<_> {
-                // A message of a timer may come before or after a request that is still arriving.
-                let frames = heard.frames.iter().map(|(_, frame)| frame);
-                let frames = frames.filter(|frame| !self.description.is_unasked(frame));
-                frames.map(|frame| frame.bytes.to_vec()).collect()
-            };
-            let replies = [bytes(&heard), bytes(&other)];
+            let replies = [&heard, &other].map(|heard| self.replies(input, heard));
             if replies[0] != replies[1] || rules[0] != rules[1] {
                 return Err(Violation::new(
                     "pieces-change-nothing",
@@ -173,6 +173,21 @@ impl DescribedDevice {
             }
         }
         Ok(())
+    }
+
+    /// The replies to `input`, for a comparison.
+    fn replies(&self, input: &Input, heard: &Heard) -> Vec<Vec<u8>> {
+        let of = &self.description;
+        // The reply to the first of several requests may have begun when the others arrive byte by
+        // byte: then the others are answered at another time, with other values.
+        if of.changes_with_time() && requests_in(of, input) > 1 {
+            let kinds = of.reply_kinds(heard).into_iter();
+            return kinds.map(String::into_bytes).collect();
+        }
+        // A message of a timer may come before or after a request that is still arriving.
+        let frames = heard.frames.iter().map(|(_, frame)| frame);
+        let frames = frames.filter(|frame| !of.is_unasked(frame));
+        frames.map(|frame| frame.bytes.to_vec()).collect()
     }
 
     fn judged(&self, inputs: &[Input]) -> Result<(), Violation> {
@@ -194,6 +209,14 @@ fn is_damage(of: &Description, input: &Input, kinds: &[String]) -> Result<(), Vi
         kinds.join(", ")
     );
     Err(Violation::new("damage-is-not-answered", detail))
+}
+
+/// The number of frames of a driver in an input.
+fn requests_in(of: &Description, input: &Input) -> usize {
+    let mut cutter = of.cutter_of(From::Host);
+    let count = cutter.push(&input.bytes()).flatten().count();
+    cutter.idle();
+    count + cutter.push(&[]).flatten().count()
 }
 
 /// Whether a driver's frame is in the pieces of an input, in all of them or in one. Where a
@@ -290,6 +313,35 @@ impl<'a, P: Peer> Bench<'a, P> {
             all.stray += heard.stray;
         }
         Ok(all)
+    }
+
+    /// Sends an input and receives all replies: until one reply time passes without any.
+    fn say_all(&mut self, pieces: &[Vec<u8>]) -> Result<Heard, String> {
+        let of = self.speaker.description();
+        let has_reply = |heard: &Heard| heard.frames.iter().any(|(_, one)| !of.is_unasked(one));
+        let mut all = self.say(pieces)?;
+        let mut is_over = !has_reply(&all);
+        for _ in 0..REPLY_TIMES_MAX {
+            if is_over {
+                break;
+            }
+            let (peer, time) = (&mut self.peer, self.time);
+            let heard = self
+                .speaker
+                .exchange_now(peer, &[], time, &mut |_| false)?;
+            is_over = !has_reply(&heard);
+            all.frames.extend(heard.frames);
+            all.stray += heard.stray;
+        }
+        Ok(all)
+    }
+
+    /// Lets time pass up to `at`.
+    fn wait_until(&mut self, at: Instant) -> Result<(), String> {
+        let now = self.peer.now();
+        let time = if at > now { at - now } else { Duration::ZERO };
+        let none = &mut Heard::default();
+        self.speaker.wait(&mut self.peer, time, none)
     }
 
     /// Lets time pass; replies in it are ignored.

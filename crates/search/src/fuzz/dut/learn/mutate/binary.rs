@@ -288,7 +288,7 @@ pub(super) fn lying_count(material: &Material<'_>, frame: &[u8], rng: &mut Rng) 
     let mut content = material.format.content(frame)?;
     let counts = counts(&content);
     let count = counts.get(index(rng, counts.len()))?;
-    if material.format.is_text() || material.format.is_described() {
+    if material.format.is_text() {
         return None;
     }
     count.lie(&mut content, rng);
