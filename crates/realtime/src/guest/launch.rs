@@ -194,6 +194,29 @@ const WITHOUT_CHANCE: [(&str, &str); 2] = [
     ("QT_NO_CPU_FEATURE", "rdrnd rdseed"),
 ];
 
+/// Variables of sanitizers whose search for leaks needs ptrace, which the supervisor holds.
+const WITH_LEAKS: [&str; 3] = ["ASAN_OPTIONS", "HWASAN_OPTIONS", "LSAN_OPTIONS"];
+
+/// The options `set` by the user, without a search for leaks unless the user decides about it.
+fn without_leaks(set: Option<OsString>) -> OsString {
+    let mut options = set.unwrap_or_default();
+    if options.to_string_lossy().contains("detect_leaks") {
+        return options;
+    }
+    if !options.is_empty() {
+        options.push(":");
+    }
+    options.push("detect_leaks=0");
+    options
+}
+
+/// The environment of a program under supervision, in addition to that of this process.
+fn supervised(launcher: &mut Command) {
+    for name in WITH_LEAKS {
+        launcher.env(name, without_leaks(std::env::var_os(name)));
+    }
+}
+
 /// Starts the launcher of `command`, `env` being added to its environment; what the program says
 /// goes to `mouth`. It stops before it does anything.
 pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> io::Result<Child> {
@@ -203,6 +226,7 @@ pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> i
             launcher.env(name, value);
         }
     }
+    supervised(&mut launcher);
     launcher
         .args([VERB, command])
         .envs(env.iter().map(|(name, value)| (name, value)))
@@ -220,6 +244,7 @@ pub(super) fn start_with_lines(
     speaks: Stdio,
 ) -> io::Result<Child> {
     let mut launcher = Command::new(std::env::current_exe()?);
+    supervised(&mut launcher);
     launcher
         .stdout(speaks)
         .arg(LINES_VERB)
@@ -393,4 +418,23 @@ fn put_on_filter(
         }
     }
     seccompiler::apply_filter(&program)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The options of the user stay; the last option counts.
+    #[test]
+    fn the_search_for_leaks_is_off_unless_the_user_decides() {
+        let options = |set: Option<&str>| without_leaks(set.map(Into::into));
+        for (set, expected) in [
+            (None, "detect_leaks=0"),
+            (Some(""), "detect_leaks=0"),
+            (Some("abort_on_error=1"), "abort_on_error=1:detect_leaks=0"),
+            (Some("detect_leaks=1"), "detect_leaks=1"),
+        ] {
+            assert_eq!(options(set), OsString::from(expected));
+        }
+    }
 }
