@@ -11,11 +11,13 @@
 //!
 //! | law | says |
 //! |---|---|
-//! | `pieces-change-nothing` | the device replies the same to bytes that arrive one by one; to several requests at once with the same messages, if its values change with time |
+//! | `pieces-change-nothing` | the device replies the same to bytes that arrive one by one |
 //! | `damage-is-not-answered` | bytes without a valid frame get no reply |
 //! | `answers-again` | after an input without an effect, the next request is answered |
 //! | `replies-are-described` | the reply to an unchanged request is a message of the description |
 //! | `replies-as-described` | a real device replies with the same messages as the emulated one |
+//!
+//! If values change with time, replies to several requests at once are compared by their messages.
 
 mod inputs;
 mod port;
@@ -326,9 +328,7 @@ impl<'a, P: Peer> Bench<'a, P> {
                 break;
             }
             let (peer, time) = (&mut self.peer, self.time);
-            let heard = self
-                .speaker
-                .exchange_now(peer, &[], time, &mut |_| false)?;
+            let heard = self.speaker.exchange_now(peer, &[], time, &mut |_| false)?;
             is_over = !has_reply(&heard);
             all.frames.extend(heard.frames);
             all.stray += heard.stray;
