@@ -106,7 +106,9 @@ fn serial(file: &File, options: &Options, out: &mut Imported) {
             .get(packet.interface)
             .cloned()
             .unwrap_or_default();
+        let is_named = options.link != Options::default().link;
         let name = match (is_one, port.name.is_empty()) {
+            (true, false) if is_named => options.link.clone(),
             (_, false) => port.name,
             (true, true) => options.link.clone(),
             (false, true) => format!("{}-{}", options.link, packet.interface),

@@ -9,11 +9,16 @@
 //! [27/11/2026 12:11:23] Written data (COM3)             serial port monitors of Windows:
 //!     ab 24 0a 00 d9               .$...                rows of bytes below their head
 //! I (357) uart: ab 24 0a 00 d9                          ESP-IDF
+//! 12:11:23.001 port wrote b'AB\x0a'                      literals of Python
 //! ```
 //!
 //! The bytes of a line are its longest run of hex numbers, preferably at its end. A line without
 //! such a run is a comment; a note counts the omitted lines. Each message needs a direction or a
 //! time.
+
+mod literals;
+mod stated;
+mod times;
 
 use super::prefix::{self, Clock, Prefix};
 use super::{Message, Whole, emit};
@@ -21,6 +26,7 @@ use crate::import::Look;
 use crate::import::imported::{ImportError, Imported, Options};
 use crate::import::text::{Line, lines};
 use engine::hex;
+use stated::told;
 
 /// Bytes of a line, and the text before them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -65,7 +71,8 @@ const SENT: [&str; 16] = [
     "outgoing",
     "output",
 ];
-const RECEIVED: [&str; 17] = [
+const RECEIVED: [&str; 18] = [
+    "got",
     "rx",
     "rxd",
     "recv",
@@ -117,9 +124,10 @@ fn piece(text: &str) -> Option<Piece> {
     if let Some(piece) = bracketed(text) {
         return Some(piece);
     }
-    let run = best(text)?;
+    let masked = times::masked(text);
+    let run = best(&masked)?;
     let (head, tail) = (&text[..run.start], &text[run.end..]);
-    if !is_head(head) || !is_tail(tail, &run) {
+    if !is_head(&masked[..run.start]) || !is_tail(tail, &run) {
         return None;
     }
     let prefix = prefix_of(head);
@@ -286,7 +294,8 @@ fn is_head(head: &str) -> bool {
         .trim_end()
         .trim_end_matches(['\'', '"', 'b', '[', '{', '(', '<']);
     let head = head.trim_end();
-    if head.is_empty() || head.ends_with([':', '-', '>', '<', ']', ')', '=', '|', '}']) {
+    if head.is_empty() || head.ends_with([':', '-', '>', '<', ']', ')', '=', '|', '}', times::MASK])
+    {
         return true;
     }
     let word = head.rsplit(|c: char| !c.is_alphanumeric()).next();
@@ -358,40 +367,37 @@ pub(in crate::import) fn stamp(text: &str) -> Stamp {
     Stamp { at, is_sent }
 }
 
-/// Number of bytes that a text states: `5 bytes`, `Length 5`, `len=5`.
-fn told(text: &str) -> Option<usize> {
-    let lower = text.to_ascii_lowercase();
-    if lower.contains("expect") || lower.contains(" of ") {
-        return None;
-    }
-    let words: Vec<&str> = lower
-        .split(|c: char| !c.is_alphanumeric())
-        .filter(|word| !word.is_empty())
-        .collect();
-    words.windows(2).find_map(|pair| match pair {
-        [count, "byte" | "bytes"] | ["length" | "len" | "size" | "count", count] => {
-            count.parse().ok()
-        }
-        _ => None,
-    })
-}
-
 /// A message that is not complete yet.
 struct Open<'a> {
     message: Message<'a>,
     told: Option<usize>,
 }
 
+/// All bytes of a line, literals first if the file has some.
+fn pieces(text: &str, has_literals: bool) -> Vec<Piece> {
+    let found = if has_literals {
+        literals::pieces(text)
+    } else {
+        Vec::new()
+    };
+    match found.is_empty() {
+        true => piece(text).into_iter().collect(),
+        false => found,
+    }
+}
+
 /// All messages, the lines without bytes, and the first error.
 fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
     let (mut whole, mut rest, mut error) = (Whole::default(), Vec::new(), None);
     let mut open: Option<Open<'_>> = None;
+    let has_literals = lines(bytes).any(|line| literals::is_in(&plain(line.text)));
     for line in lines(bytes) {
         let text = plain(line.text).trim_end().to_owned();
         if text.is_empty() {
             continue;
         }
-        let Some(found) = piece(&text) else {
+        let found = pieces(&text, has_literals);
+        if found.is_empty() {
             let prefix = prefix_of(&text);
             error = error.or(close(open.take(), &mut whole));
             // A line with only a direction is the head of the lines below.
@@ -400,17 +406,19 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
             } else {
                 rest.push(line);
             }
-            continue;
-        };
-        whole.evident += found.evident;
-        whole.has_marks |= found.has_marks;
-        let goes_on = found.is_bare && found.prefix.is_sent.is_none() && found.prefix.at.is_none();
-        if !goes_on || open.is_none() {
-            error = error.or(close(open.take(), &mut whole));
-            open = Some(of(line, found.prefix, found.told));
         }
-        if let Some(open) = &mut open {
-            open.message.bytes.extend(found.bytes);
+        for found in found {
+            whole.evident += found.evident;
+            whole.has_marks |= found.has_marks;
+            let prefix = found.prefix;
+            let goes_on = found.is_bare && prefix.is_sent.is_none() && prefix.at.is_none();
+            if !goes_on || open.is_none() {
+                error = error.or(close(open.take(), &mut whole));
+                open = Some(of(line, prefix, found.told));
+            }
+            if let Some(open) = &mut open {
+                open.message.bytes.extend(found.bytes);
+            }
         }
     }
     error = error.or(close(open.take(), &mut whole));
@@ -451,7 +459,7 @@ pub(in crate::import) fn look(bytes: &[u8]) -> Option<Look> {
     const LINES: usize = 200;
     let mut first = lines(head).take(LINES);
     first
-        .any(|line| piece(plain(line.text).trim_end()).is_some())
+        .any(|line| !pieces(plain(line.text).trim_end(), true).is_empty())
         .then_some(())?;
     let (whole, _, _) = parse(bytes);
     let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();

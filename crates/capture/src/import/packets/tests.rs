@@ -180,3 +180,18 @@ fn a_cut_file_or_packet_is_told() {
             .contains("pcapng file is damaged")
     );
 }
+
+/// The name of the only interface is that of the tool; a given name replaces it.
+#[test]
+fn a_given_name_replaces_that_of_the_only_interface() {
+    let interface = option(2, b"Fake IF, text2pcap");
+    let file = blocks_file(147, &interface, &[(&READ, None)]);
+    for (given, name) in [(None, "Fake IF, text2pcap"), (Some("hoist"), "hoist")] {
+        let mut options = Options::default();
+        if let Some(given) = given {
+            options.link = given.to_owned();
+        }
+        let found = read_format(&file, Format::Pcap, &options).expect("sound");
+        assert_eq!(found.links()[0].name, name);
+    }
+}

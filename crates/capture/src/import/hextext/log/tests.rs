@@ -46,6 +46,11 @@ fn logs_of_programs_are_read_with_their_directions() {
             .replace("0103040006000 | ...", "01030400060005da31 | .......1")
             .as_str(),
         "zh:adapter: --> [010300000002c40b]\nzh:adapter: <-- [01030400060005da31]\n",
+        "2026-11-28 16:00:00.001 DEBUG port wrote b'\\x01\\x03\\x00\\x00\\x00\\x02\\xc4\\x0b'\n\
+         2026-11-28 16:00:00.002 DEBUG port read b''\n\
+         2026-11-28 16:00:00,011 DEBUG port read b'\\x01\\x03\\x04\\x00\\x06\\x00\\x05\\xda1'\n",
+        "INFO:root:sent bytearray(b'\\x01\\x03\\x00\\x00\\x00\\x02\\xc4\\x0b') and got \
+         b\"\\x01\\x03\\x04\\x00\\x06\\x00\\x05\\xda1\"\n",
     ] {
         assert_eq!(told(text), expected, "{text}");
     }
@@ -86,4 +91,22 @@ fn text_with_numbers_is_no_log_of_bytes() {
     ] {
         assert_eq!(look(text.as_bytes()), None, "{text}");
     }
+}
+
+/// The digits of a date and a time are no bytes, whatever stands behind them.
+#[test]
+fn dates_and_times_are_no_bytes() {
+    for head in [
+        "2026-11-28 16:00:00.001 DEBUG",
+        "2026-11-28T16:00:00Z INFO",
+        "[28.11.2026 16:00:00,5]",
+        "main 16:00:00.001:",
+    ] {
+        assert_eq!(piece(&format!("{head} port opened")), None, "{head}");
+        let found = piece(&format!("{head} tx: AB 24 0A")).map(|piece| piece.bytes);
+        assert_eq!(found, Some(vec![0xAB, 0x24, 0x0A]), "{head}");
+    }
+    // Without a fraction and a date, three pairs are bytes.
+    let found = piece("rx: 12:11:23").map(|piece| piece.bytes);
+    assert_eq!(found, Some(vec![0x12, 0x11, 0x23]));
 }

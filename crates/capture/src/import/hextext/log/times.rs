@@ -1,0 +1,76 @@
+//! Dates and times of a line, whose digits are no bytes.
+
+/// Forms of dates; `d` is a digit.
+const DATES: [&str; 4] = ["dddd-dd-dd", "dddd/dd/dd", "dd.dd.dddd", "dd/dd/dddd"];
+/// The character that replaces those of a time.
+pub(super) const MASK: char = '\x01';
+
+/// The text with [`MASK`] in place of each date and each time of day.
+pub(super) fn masked(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut out = bytes.to_vec();
+    let mut at = 0;
+    while at < bytes.len() {
+        let is_start = at == 0 || !bytes[at - 1].is_ascii_alphanumeric();
+        let len = if is_start { time(&bytes[at..]) } else { 0 };
+        out[at..at + len].fill(1);
+        at += len.max(1);
+    }
+    String::from_utf8(out).unwrap_or_else(|_| text.to_owned())
+}
+
+fn fits(bytes: &[u8], form: &str) -> bool {
+    let pairs = bytes.iter().zip(form.bytes());
+    bytes.len() >= form.len()
+        && pairs.into_iter().all(|(byte, wanted)| match wanted {
+            b'd' => byte.is_ascii_digit(),
+            wanted => *byte == wanted,
+        })
+}
+
+/// Whether a time may end before these bytes: more bytes would follow a hex number.
+fn is_end(rest: &[u8]) -> bool {
+    !rest
+        .first()
+        .is_some_and(|byte| byte.is_ascii_alphanumeric() || b":-".contains(byte))
+}
+
+/// Length of the date or time at the beginning; 0 if there is none.
+fn time(bytes: &[u8]) -> usize {
+    let Some(date) = DATES.iter().find(|form| fits(bytes, form)) else {
+        return of_day(bytes, true);
+    };
+    let len = date.len();
+    let behind = match bytes.get(len) {
+        Some(b' ' | b'T') => of_day(&bytes[len + 1..], false),
+        _ => 0,
+    };
+    match behind {
+        0 if is_end(&bytes[len..]) => len,
+        0 => 0,
+        behind => len + 1 + behind,
+    }
+}
+
+/// Length of a time of day. Without a date before it, only a fraction tells it from three bytes.
+fn of_day(bytes: &[u8], needs_fraction: bool) -> usize {
+    const SECONDS: usize = "dd:dd:dd".len();
+    if !fits(bytes, "dd:dd:dd") {
+        return 0;
+    }
+    let rest = &bytes[SECONDS..];
+    let digits = rest.iter().skip(1);
+    let digits = digits.take_while(|byte| byte.is_ascii_digit()).count();
+    let fraction = match rest.first() {
+        Some(b'.' | b',') if digits > 0 => 1 + digits,
+        Some(b':') if digits == 3 => 1 + digits,
+        _ => 0,
+    };
+    let zone = usize::from(rest.get(fraction) == Some(&b'Z'));
+    let is_time = (fraction > 0 || !needs_fraction) && is_end(&rest[fraction + zone..]);
+    if is_time {
+        SECONDS + fraction + zone
+    } else {
+        0
+    }
+}
