@@ -81,7 +81,7 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     let mut causes = port::causes(evidence);
     causes.extend(end::causes(evidence));
     causes.extend(devices::causes(evidence));
-    causes.extend(motion::causes(evidence.outcome));
+    causes.extend(motion::causes(evidence));
     // Of two causes with equal weight, the first one stays first.
     causes.sort_by_key(|cause| core::cmp::Reverse(cause.weight));
     let mut causes = causes.into_iter();
@@ -117,8 +117,12 @@ fn unknown(evidence: &Evidence<'_>) -> String {
     let failed = failed.filter(|check| check.status == Status::Fail);
     let failed: Vec<&str> = failed.map(|check| &*check.name).collect();
     observed.push(format!("failed: {}", failed.join(", ")));
-    format!(
-        "not known; line settings, rates and frames are as they should be ({})",
-        observed.join("; ")
-    )
+    let sound = match trigger::all_in_words(evidence) {
+        Some(faults) => format!(
+            "faults of the scenario took effect: {faults}; line settings and rates are as they \
+             should be"
+        ),
+        None => "line settings, rates and frames are as they should be".to_owned(),
+    };
+    format!("not known; {sound} ({})", observed.join("; "))
 }

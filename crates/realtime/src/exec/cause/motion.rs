@@ -2,20 +2,41 @@
 //! or never stops.
 
 use core::f64::consts::{PI, TAU};
+use core::time::Duration;
 
 use emulators::world::{Point, Pose};
 use protocols::Instant;
 
-use super::{Cause, weight};
+use super::trigger::around;
+use super::{Cause, Evidence, weight};
 use engine::run::Outcome;
 use engine::run::check::Status;
+
+/// Time within which a command that does not come leaves its mark.
+const NEXT: Duration = Duration::from_secs(1);
+/// Time after the start in which a fault prevents the first motion.
+const FIRST: Duration = Duration::from_secs(5);
 
 /// Minimum turn that counts, and minimum bearing of a goal to the side, radians.
 const TURN: f64 = 0.35;
 /// Minimum distance that counts, metres.
 const WAY: f64 = 0.05;
 
-pub(super) fn causes(outcome: &Outcome) -> Vec<Cause> {
+/// An error of the motion, and the time in which it arose.
+struct Error {
+    text: String,
+    time: [Instant; 2],
+}
+
+impl Error {
+    fn at(at: Instant, text: String) -> Self {
+        let time = [at, at + NEXT];
+        Self { text, time }
+    }
+}
+
+pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
+    let outcome = evidence.outcome;
     let is_about = |name: &str| {
         let names = [
             "waypoints-visited",
@@ -30,18 +51,19 @@ pub(super) fn causes(outcome: &Outcome) -> Vec<Cause> {
         return Vec::new();
     }
     let mut causes = Vec::new();
-    let cause = |text: String| Cause::new(weight::MOTION, text);
+    let cause = |weight| {
+        move |Error { text, time }: Error| Cause::new(weight, text + &around(evidence, time))
+    };
     if let Some(goal) = next_goal(outcome) {
-        causes.extend(towards(&goal, encoders(outcome).as_deref()).map(cause));
+        causes.extend(towards(&goal, encoders(outcome).as_deref()).map(cause(weight::MOTION)));
     } else {
-        causes.extend(goes_on(outcome).map(cause));
+        causes.extend(goes_on(outcome).map(cause(weight::MOTION)));
     }
-    causes.extend(outcome.collided_at.map(|at| {
-        Cause::new(
-            weight::COLLISION,
-            format!("the robot drove into something at {at} s and was not stopped before that"),
-        )
-    }));
+    let collision = outcome.collided_at.map(|at| Error {
+        text: format!("the robot drove into something at {at} s and was not stopped before that"),
+        time: [at, at],
+    });
+    causes.extend(collision.map(cause(weight::COLLISION)));
     causes
 }
 
@@ -85,7 +107,7 @@ fn bearing(pose: Pose, place: Point) -> f64 {
 }
 
 /// The error of a path that did not lead to its goal.
-fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
+fn towards(goal: &Goal, encoders: Option<&str>) -> Option<Error> {
     let (number, place) = (goal.number, goal.place);
     let (first, last) = (goal.way.first()?, goal.way.last()?);
     let pairs = goal.way.windows(2);
@@ -95,54 +117,26 @@ fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
     let turned = turns(&goal.way);
     let all: f64 = turned.last().copied().unwrap_or_default();
     if length < WAY && all.abs() < TURN {
-        return Some(format!(
+        let text = format!(
             "the robot never moved from ({:.2}, {:.2}) m: no command that drives a motor reached \
              its devices",
             first.1.x, first.1.y
-        ));
+        );
+        let time = [first.0, first.0 + FIRST];
+        return Some(Error { text, time });
     }
-    let degrees = |angle: f64| angle.to_degrees().round();
-    let side = |angle: f64| if angle > 0.0 { "left" } else { "right" };
-    if let Some(turn) = first_turn(&goal.way, &turned) {
-        let needed = bearing(turn.from, place);
-        let (at, done) = (turn.at, turn.angle);
-        if needed.abs() > TURN && needed.abs() < PI - TURN && needed * done < 0.0 {
-            return Some(format!(
-                "the robot turned {} by {:.0} degrees from {at} s on, and waypoint {number} lay {:.0} \
-                 degrees to its {}: left and right wheel are swapped, or the turn has the wrong sign",
-                side(done),
-                degrees(done.abs()),
-                degrees(needed.abs()),
-                side(needed)
-            ));
-        }
-        let beyond = done.abs() - needed.abs();
-        if beyond.abs() > TURN && (needed.abs() > TURN || done.abs() > PI) {
-            let much = if beyond > 0.0 {
-                "too far"
-            } else {
-                "too little"
-            };
-            let read = encoders.map_or_else(String::new, |names| {
-                format!(
-                    ", or it reads its encoders ({names}) in another width, sign, byte order or \
-                     unit than they have"
-                )
-            });
-            return Some(format!(
-                "the robot turned {much}: {:.0} degrees to the {} from {at} s on, where {:.0} lead \
-                 to waypoint {number}: it does not see how far it has turned{read}",
-                degrees(done.abs()),
-                side(done),
-                degrees(needed.abs())
-            ));
-        }
+    if let Some(turn) = first_turn(&goal.way, &turned)
+        && let Some(text) = wrong_turn(goal, &turn, encoders)
+    {
+        let time = [turn.at, turn.until];
+        return Some(Error { text, time });
     }
     if let Some(at) = drives_back(&goal.way, place) {
-        return Some(format!(
+        let text = format!(
             "the robot drove backwards, away from waypoint {number}, from {at} s on: the sign of \
              its speed is wrong"
-        ));
+        );
+        return Some(Error::at(at, text));
     }
     let distance = |(_, pose): &(Instant, Pose)| pose.point().distance(place);
     let nearest = goal
@@ -151,12 +145,13 @@ fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
         .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
     let (near, end) = (distance(nearest), distance(last));
     if near < distance(first) / 2.0 && end > near + 2.0 * WAY {
-        return Some(format!(
+        let text = format!(
             "the robot was {:.0} mm from waypoint {number} at {} s and kept driving: it stops \
              too late, or never",
             near * 1000.0,
             nearest.0
-        ));
+        );
+        return Some(Error::at(nearest.0, text));
     }
     let still = goal
         .way
@@ -164,11 +159,53 @@ fn towards(goal: &Goal, encoders: Option<&str>) -> Option<String> {
         .rev()
         .take_while(|(_, pose)| pose.point().distance(last.1.point()) < 0.01);
     let since = still.last()?.0;
-    Some(format!(
+    let text = format!(
         "the robot stands {:.0} mm from waypoint {number} since {since} s: the program does not \
          drive it any further",
         end * 1000.0
-    ))
+    );
+    Some(Error::at(since, text))
+}
+
+/// The error of a turn that does not lead to its goal.
+fn wrong_turn(goal: &Goal, turn: &Turn, encoders: Option<&str>) -> Option<String> {
+    let number = goal.number;
+    let degrees = |angle: f64| angle.to_degrees().round();
+    let side = |angle: f64| if angle > 0.0 { "left" } else { "right" };
+    let needed = bearing(turn.from, goal.place);
+    let (at, done) = (turn.at, turn.angle);
+    if needed.abs() > TURN && needed.abs() < PI - TURN && needed * done < 0.0 {
+        return Some(format!(
+            "the robot turned {} by {:.0} degrees from {at} s on, and waypoint {number} lay {:.0} \
+             degrees to its {}: left and right wheel are swapped, or the turn has the wrong sign",
+            side(done),
+            degrees(done.abs()),
+            degrees(needed.abs()),
+            side(needed)
+        ));
+    }
+    let beyond = done.abs() - needed.abs();
+    if beyond.abs() > TURN && (needed.abs() > TURN || done.abs() > PI) {
+        let much = if beyond > 0.0 {
+            "too far"
+        } else {
+            "too little"
+        };
+        let read = encoders.map_or_else(String::new, |names| {
+            format!(
+                ", or it reads its encoders ({names}) in another width, sign, byte order or \
+                 unit than they have"
+            )
+        });
+        return Some(format!(
+            "the robot turned {much}: {:.0} degrees to the {} from {at} s on, where {:.0} lead \
+             to waypoint {number}: it does not see how far it has turned{read}",
+            degrees(done.abs()),
+            side(done),
+            degrees(needed.abs())
+        ));
+    }
+    None
 }
 
 /// Turned angle since the begin of a path, at each of its points.
@@ -187,6 +224,7 @@ fn turns(way: &[(Instant, Pose)]) -> Vec<f64> {
 /// A turn to one side.
 struct Turn {
     at: Instant,
+    until: Instant,
     from: Pose,
     angle: f64,
 }
@@ -218,6 +256,7 @@ fn first_turn(way: &[(Instant, Pose)], turned: &[f64]) -> Option<Turn> {
     let angle = turned[farthest] - turned[begin];
     (angle.abs() >= TURN).then(|| Turn {
         at: way[begin].0,
+        until: way[farthest].0,
         from: way[begin].1,
         angle,
     })
@@ -239,17 +278,18 @@ fn drives_back(way: &[(Instant, Pose)], place: Point) -> Option<Instant> {
 }
 
 /// The error after all waypoints were visited.
-fn goes_on(outcome: &Outcome) -> Option<String> {
+fn goes_on(outcome: &Outcome) -> Option<Error> {
     let last = outcome.truth.last()?;
     let goal = outcome.case.mission.waypoints_m.last()?;
     let goal = Point::new(goal[0], goal[1]);
     let is_told = outcome.axes.iter().any(|axis| axis.set_point != 0.0);
     let far = last.1.point().distance(goal) * 1000.0;
-    is_told.then(|| {
-        format!(
+    is_told.then(|| Error {
+        text: format!(
             "the robot never stops: after its last waypoint its motors still run at the end, \
              {far:.0} mm from this waypoint"
-        )
+        ),
+        time: [last.0; 2],
     })
 }
 

@@ -1,6 +1,7 @@
 //! The fault of the scenario after which a program failed.
 
 use core::time::Duration;
+use std::collections::BTreeMap;
 
 use protocols::Instant;
 
@@ -42,6 +43,35 @@ impl<'a> Trigger<'a> {
         })
     }
 
+    /// The fault that was active shortly before `begins`, or else the last one that began until
+    /// `ends`, or else one that was active from the start until then.
+    pub(super) fn around(
+        evidence: &'a Evidence<'_>,
+        begins: Instant,
+        ends: Instant,
+    ) -> Option<Self> {
+        Self::before(evidence, begins)
+            .or_else(|| Self::before(evidence, ends))
+            .or_else(|| Self::from_the_start(evidence, begins))
+    }
+
+    fn from_the_start(evidence: &'a Evidence<'_>, at: Instant) -> Option<Self> {
+        let mut faults = evidence.outcome.case.fault.iter();
+        let fault = faults.find(|fault| {
+            let ends = fault.window().until;
+            let is_first =
+                fault.byte.is_none() && !waits(fault) && fault.window().from == Instant::ZERO;
+            is_first && at - ends.min(at) <= SOON
+        })?;
+        let at = Instant::ZERO;
+        Some(Self { fault, at })
+    }
+
+    /// Whether the fault damages bytes that the program receives, or their times.
+    fn is_of_input(&self) -> bool {
+        self.fault.direction != Some(DirectionSpec::ToDevice)
+    }
+
     fn before_on(
         evidence: &'a Evidence<'_>,
         at: Instant,
@@ -62,6 +92,9 @@ impl<'a> Trigger<'a> {
     /// The trigger as the end of a sentence about `then`: `, after flip on grip at 0.200000 s`.
     pub(super) fn words(&self, then: Instant) -> String {
         let (kind, place, at) = (self.fault.kind.name(), self.fault.place(), self.at);
+        if at == Instant::ZERO && self.fault.byte.is_none() {
+            return format!(", with {kind} on {place} from the start");
+        }
         let order = match at <= then {
             true => "after",
             false => "then came",
@@ -96,6 +129,72 @@ impl<'a> Trigger<'a> {
     }
 }
 
+/// The fault around an effect from `begins` to `ends`, as the end of a sentence, with the fix.
+pub(super) fn around(evidence: &Evidence<'_>, [begins, ends]: [Instant; 2]) -> String {
+    let Some(trigger) = Trigger::around(evidence, begins, ends) else {
+        return String::new();
+    };
+    let remedy = trigger.remedy().filter(|_| trigger.is_of_input());
+    let remedy = remedy.and_then(|remedy| remedy.strip_prefix("it "));
+    let remedy = remedy.map_or_else(String::new, |remedy| {
+        format!("; perhaps the program {remedy}")
+    });
+    trigger.words(begins) + &remedy
+}
+
+/// Maximum number of parts in the words about faults.
+const NAMED_MAX: usize = 6;
+
+/// The faults that took effect during the run, in words: struck bytes by link and kind, then the
+/// others with their begin. `None` without such a fault.
+pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
+    let ran = Instant::ZERO + evidence.outcome.ran;
+    let mut struck: BTreeMap<(String, &str), u64> = BTreeMap::new();
+    let mut others = Vec::new();
+    for fault in &evidence.outcome.case.fault {
+        let (kind, place) = (fault.kind.name(), fault.place());
+        let from = fault.window().from;
+        match fault.byte {
+            Some(byte) if has_passed(evidence, fault, byte) => {
+                // A truncated frame is counted as the byte at which it ends: its rest is not known.
+                let bytes = match fault.kind {
+                    FaultKind::Burst => fault.len.unwrap_or(1),
+                    _ => 1,
+                };
+                *struck.entry((place, kind)).or_default() += u64::from(bytes);
+            }
+            None if !waits(fault) && from < ran => {
+                others.push(format!("{kind} on {place} from {from} s"));
+            }
+            _ => {}
+        }
+    }
+    let struck = struck.iter();
+    let struck = struck.map(|((link, kind), bytes)| format!("{kind} of {bytes} B on {link}"));
+    let mut all: Vec<String> = struck.chain(others).collect();
+    let more = all.len().saturating_sub(NAMED_MAX);
+    all.truncate(NAMED_MAX);
+    let more = match more {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    (!all.is_empty()).then(|| all.join(", ") + &more)
+}
+
+/// Whether the byte number `byte` of the line of `fault` has passed. A line without an observed
+/// port counts: its bytes are unknown.
+fn has_passed(evidence: &Evidence<'_>, fault: &FaultSpec, byte: u64) -> bool {
+    let mut ports = evidence.ports.all.iter();
+    let port = ports.find(|port| Some(&*port.name) == fault.link.as_deref());
+    let is_to_device = fault.direction == Some(DirectionSpec::ToDevice);
+    port.is_none_or(|port| port.passed_at(is_to_device, byte).is_some())
+}
+
+/// Whether `fault` waits for a byte, a frame or a condition, so that its begin is unknown.
+fn waits(fault: &FaultSpec) -> bool {
+    fault.at_byte.is_some() || fault.at_frame.is_some() || fault.waits_for_condition()
+}
+
 /// The fault before `at`, as the end of a sentence.
 pub(super) fn after(evidence: &Evidence<'_>, at: Instant) -> String {
     Trigger::before(evidence, at).map_or_else(String::new, |trigger| trigger.words(at))
@@ -104,8 +203,7 @@ pub(super) fn after(evidence: &Evidence<'_>, at: Instant) -> String {
 /// Begin of `fault`; `None` if it has not begun, or if the begin is unknown.
 fn begin(evidence: &Evidence<'_>, fault: &FaultSpec) -> Option<Instant> {
     let Some(byte) = fault.byte else {
-        let is_unknown =
-            fault.at_byte.is_some() || fault.at_frame.is_some() || fault.when.is_some();
+        let is_unknown = waits(fault);
         // A fault that is active from the start is no event.
         return fault
             .from
@@ -115,4 +213,154 @@ fn begin(evidence: &Evidence<'_>, fault: &FaultSpec) -> Option<Instant> {
     let link = fault.link.as_deref()?;
     let port = evidence.ports.all.iter().find(|port| port.name == link)?;
     port.passed_at(fault.direction == Some(DirectionSpec::ToDevice), byte)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::Sign;
+    use crate::exec::ports::Ports;
+    use emulators::world::Pose;
+    use engine::run::check::Check;
+    use engine::run::{Outcome, Run};
+    use engine::scenario::Scenario;
+
+    /// A robot of data with the link `drive`, after a short run.
+    fn outcome(faults: &str) -> Outcome {
+        let text = format!(
+            "schema = 1\nname = \"own\"\nrobot = \"custom\"\nduration = \"20s\"\n\
+             mission.waypoints_m = [[2.0, 1.0]]\nchassis.differential = {{}}\n\
+             world.start = {{ x_m = 1.0, y_m = 1.0, heading_deg = 0 }}\n\
+             world.wall = [{{ path_m = [[0, 0], [3, 0], [3, 2], [0, 2], [0, 0]] }}]\n\
+             [device.drive.text]\nbaud = 9600\n\
+             [[device.drive.text.command]]\nrequest = \"ping\"\nreply = \"pong\"\n{faults}"
+        );
+        let (mut scenario, source) = Scenario::from_text(&text).expect("sound");
+        let fault = core::mem::take(&mut scenario.fault);
+        let run = Run::new(scenario, &source, None).expect("it can be wired");
+        let mut outcome = run.judge_what_is_expected();
+        outcome.ran = Duration::from_secs(20);
+        outcome.case.fault = fault;
+        outcome.checks.clear();
+        outcome
+    }
+
+    /// 100 bytes of each direction passed in each second.
+    fn ports() -> Ports {
+        let mut ports = Ports::default();
+        ports.add("drive", PathBuf::new(), true);
+        for second in 1..=20 {
+            let sign = Sign {
+                name: "drive",
+                is_open: true,
+                openings: 1,
+                from_client: second * 100,
+                to_client: second * 100,
+                lost: Default::default(),
+                special: [Default::default(); 2],
+                wrong_rate: None,
+                settings: None,
+                is_drained: true,
+                reads: Some(second),
+            };
+            let now = Instant::from_secs(second);
+            ports.observe(now, Duration::from_secs(1), &sign);
+        }
+        ports
+    }
+
+    fn cause(mut outcome: Outcome, failed: &str) -> String {
+        outcome.checks.push(Check::new(failed, false, "no"));
+        let evidence = Evidence {
+            ports: &ports(),
+            waits: &[],
+            ended: None,
+            said: "",
+            outcome: &outcome,
+        };
+        super::super::probable(&evidence).expect("it failed")
+    }
+
+    const FLIP: &str = "[[fault]]\nlink = \"drive\"\ndirection = \"to-master\"\n\
+        kind = \"flip\"\nbyte = 650\nbit = 1\n";
+    const DROP: &str = "[[fault]]\nlink = \"drive\"\ndirection = \"to-device\"\n\
+        kind = \"drop\"\nbyte = 650\n";
+    const CUT: &str = "[[fault]]\nlink = \"drive\"\ndirection = \"to-master\"\n\
+        kind = \"cut\"\nfrom = \"6s\"\n";
+    const WRONG: &str = "[[fault]]\nlink = \"drive\"\ndirection = \"to-master\"\n\
+        kind = \"latency\"\nby = \"90ms\"\n";
+
+    /// The path of a robot that stands from 8 s on; turns by 229 degrees for no reason before that,
+    /// if it `turns`.
+    fn path(turns: bool) -> Vec<(Instant, Pose)> {
+        let pose = |tenth: u64| {
+            let at = Instant::from_millis(tenth * 100);
+            let done = tenth.min(80) as f64 / 80.0;
+            let theta = match turns {
+                true => (tenth.clamp(75, 85) - 75) as f64 * 0.4,
+                false => 0.0,
+            };
+            let x = 1.0 + 0.3 * done;
+            (at, Pose { x, y: 1.0, theta })
+        };
+        (0..200).map(pose).collect()
+    }
+
+    /// A flip at 6 s, and motion that goes wrong at 7.5 s or 8 s: the line names the fault. Without
+    /// a fault, and with one that is long over or comes later, it names none.
+    #[test]
+    fn wrong_motion_names_the_fault_before_it() {
+        let after = ", after flip on drive (byte 650 to-master) at 6.000000 s; perhaps the program \
+                     takes a damaged frame for a sound one";
+        let early = FLIP.replace("650", "110");
+        let late = FLIP.replace("650", "1500");
+        for (turns, effect) in [(true, "turned too far"), (false, "does not drive it")] {
+            let moved = |faults: &str| {
+                let mut outcome = outcome(faults);
+                outcome.truth = path(turns);
+                outcome.waypoints = [0, 1];
+                let said = cause(outcome, "waypoints-visited");
+                assert!(said.contains(effect), "{said}");
+                said
+            };
+            assert!(moved(FLIP).contains(after), "{}", moved(FLIP));
+            let dropped = moved(DROP);
+            assert!(dropped.ends_with("after drop on drive (byte 650 to-device) at 6.000000 s"));
+            assert!(moved(CUT).ends_with(", after cut on drive at 6.000000 s"));
+            assert!(moved(WRONG).contains(", with latency on drive from the start"));
+            for none in ["", &early, &late] {
+                assert!(!moved(none).contains(" on drive"), "{}", moved(none));
+            }
+        }
+        let mut hit = outcome(FLIP);
+        hit.collided_at = Some(Instant::from_secs(7));
+        hit.waypoints = [1, 1];
+        let said = cause(hit, "no-collision-at-speed");
+        assert!(
+            said.contains("drove into something") && said.contains(after),
+            "{said}"
+        );
+    }
+
+    /// Frames are not as they should be if faults struck them. A byte that did not pass was not
+    /// struck.
+    #[test]
+    fn an_unknown_cause_lists_the_faults() {
+        let sound = cause(outcome(""), "rule-answers");
+        assert!(
+            sound.contains("line settings, rates and frames are as"),
+            "{sound}"
+        );
+        let more = FLIP.replace("650", "651");
+        let never = FLIP.replace("650", "9999");
+        let said = cause(
+            outcome(&[FLIP, &more, &never, DROP, CUT].concat()),
+            "rule-answers",
+        );
+        let expected = "drop of 1 B on drive, flip of 2 B on drive, cut on drive from 6.000000 s";
+        assert!(said.contains(expected), "{said}");
+        assert!(!said.contains("frames"), "{said}");
+    }
 }
