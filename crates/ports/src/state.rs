@@ -28,6 +28,8 @@ pub(crate) struct PortState {
     messages: VecDeque<Bytes>,
     /// Number of requests on a bus whose answers have not arrived.
     unanswered: usize,
+    /// Whether the program has read a byte.
+    pub(crate) was_read: bool,
 }
 
 impl PortState {
@@ -40,6 +42,7 @@ impl PortState {
             received: VecDeque::new(),
             messages: VecDeque::new(),
             unanswered: 0,
+            was_read: false,
         }
     }
 
@@ -72,11 +75,15 @@ impl PortState {
 
     /// Moves the available bytes into `buf`. The rest of a message is lost.
     pub(crate) fn take(&mut self, buf: &mut [u8]) -> usize {
-        let Some(message) = self.messages.pop_front() else {
-            return self.received.read(buf).unwrap_or(0);
+        let len = match self.messages.pop_front() {
+            None => self.received.read(buf).unwrap_or(0),
+            Some(message) => {
+                let len = message.len().min(buf.len());
+                buf[..len].copy_from_slice(&message[..len]);
+                len
+            }
         };
-        let len = message.len().min(buf.len());
-        buf[..len].copy_from_slice(&message[..len]);
+        self.was_read |= len > 0;
         len
     }
 

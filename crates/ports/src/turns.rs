@@ -277,13 +277,14 @@ impl Core {
     }
 
     /// Ends the run and wakes all waiting threads.
-    pub(crate) fn end(&self) -> Option<Run> {
+    pub(crate) fn end(&self) -> Option<(Run, bool)> {
         let mut state = self.lock();
         let run = state.run.take()?;
         state.ended = run.rig.now();
+        let was_read = state.ports.iter().any(|port| port.was_read);
         drop(state);
         self.turn.notify_all();
-        Some(run)
+        Some((run, was_read))
     }
 
     /// Sets [`PATIENCE`] for this bench.

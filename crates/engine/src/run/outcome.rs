@@ -58,7 +58,7 @@ pub struct Outcome {
     pub counters: BTreeMap<&'static str, u64>,
     /// Reports of devices.
     pub events: Vec<Logged>,
-    /// Whether a program ran in the rig, or sent a byte to a device.
+    /// Whether a program ran in the rig, sent a byte to a device, or read one from a bench.
     pub was_asked: bool,
     /// Number of violations of device rules by the program.
     pub violations: u64,

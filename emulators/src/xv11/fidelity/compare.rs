@@ -127,7 +127,10 @@ const LIMITS: [(&str, Limit); 24] = [
     ("code 0x50", Limit::Share(1.00)),
     ("code 0x52", Limit::Share(0.25)),
     ("strength x distance^2", Limit::Share(0.10)),
-    ("warnings as strength and distance require", Limit::Plus(1.0)),
+    (
+        "warnings as strength and distance require",
+        Limit::Plus(1.0),
+    ),
     ("index steps of 45 or 46", Limit::Share(0.25)),
     ("coast-down from 290 to 185 rpm", Limit::Share(0.15)),
     ("coast-down from 185 to 75 rpm", Limit::Share(0.15)),
