@@ -12,8 +12,8 @@ use std::thread;
 use clap::{Args, Subcommand};
 
 use self::live::Live;
-pub(super) use self::scope::needs_faults;
-use self::scope::{covered, earlier, measures_cpu, profile, vary_schedule};
+pub(super) use self::scope::{can_have_faults, needs_faults};
+use self::scope::{check_faults, covered, earlier, measures_cpu, profile, vary_schedule};
 use super::answer::CampaignEnded;
 use super::exec::{ExecArgs, is_bare, read_without_programs};
 use super::out::answer;
@@ -168,6 +168,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     if args.mutants {
         let mut read = read_all(&args.scenarios)?;
         leave_out_bare(&mut read)?;
+        check_faults(&read, vary, &profile)?;
         return mutants::run(&args, &read, &profile, vary);
     }
     let shard = shard_of(&args)?;
@@ -176,6 +177,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     if args.program.exec.is_none() {
         leave_out_bare(&mut read)?;
     }
+    check_faults(&read, vary, &profile)?;
     let texts = read
         .iter()
         .map(|(name, (_, source))| (name.clone(), source.text.clone()));
@@ -197,7 +199,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     let made = |name: &str, seed| {
         let (scenario, source) = &read[name];
         let mut dice = Dice::of_seed(seed, name);
-        let mut scenario = generate::scenario(scenario, vary, &profile, &mut dice);
+        let mut scenario = generate::scenario(scenario, source, vary, &profile, &mut dice);
         scenario.seed = seed;
         (scenario, source)
     };

@@ -198,6 +198,7 @@ fn of_scenario(args: &FuzzArgs, path: &Path) -> Result<Box<dyn Subject>, CliErro
     }
     let Some(link) = &args.link else {
         let profile = Profile::find(&args.profile)?;
+        super::campaign::can_have_faults((&scenario, &source), args.vary, &profile)?;
         return Ok(Box::new(Missions::new(
             scenario, source, args.vary, profile,
         )));

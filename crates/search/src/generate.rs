@@ -27,7 +27,7 @@ mod world;
 use core::str::FromStr;
 
 pub use dice::Dice;
-use engine::scenario::{LinkSpec, Scenario, Span};
+use engine::scenario::{LinkSpec, Scenario, ScenarioError, Source, Span};
 use fault_targets::FaultTargets;
 use faults::Adversity;
 pub use profile::{MissionJudged, Profile};
@@ -114,10 +114,30 @@ const RECOVERY_MS: u64 = 120_000;
 /// unless the scenario allows more.
 const VISIT_WITHIN_MM: f64 = 200.0;
 
-/// The variation of `base` that `dice` determine, with the faults of `profile`.
-pub fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice) -> Scenario {
+/// The reason why no fault of `profile` can be drawn for `base`, if there is one.
+///
+/// # Errors
+/// If the scenario cannot be wired.
+pub fn lack_of_faults(
+    base: &Scenario,
+    source: &Source,
+    profile: &Profile,
+) -> Result<Option<String>, ScenarioError> {
+    Ok(FaultTargets::of(base, source, profile)?.lack(profile))
+}
+
+/// The variation of `base` that `dice` determine, with the faults of `profile`. `source` is that of
+/// `base`: files that it names are relative to its folder. A scenario that cannot be wired gets no
+/// faults; its run reports the reason.
+pub fn scenario(
+    base: &Scenario,
+    source: &Source,
+    vary: Vary,
+    profile: &Profile,
+    dice: &mut Dice,
+) -> Scenario {
     let mut made = base.clone();
-    let targets = FaultTargets::of(base, profile);
+    let targets = FaultTargets::of(base, source, profile).unwrap_or_default();
     let recovery = profile.afterwards.recovery;
     let mut recovery = recovery.unwrap_or(Span::from_millis(RECOVERY_MS));
     if mission::is_fixed(base) {

@@ -107,7 +107,7 @@ impl<'a> Mutants<'a> {
                 return Ok(false);
             }
             let mut dice = Dice::of_seed(seed, name);
-            let mut made = generate::scenario(base, self.vary, self.profile, &mut dice);
+            let mut made = generate::scenario(base, source, self.vary, self.profile, &mut dice);
             made.seed = seed;
             // Defects that the scenario itself activates belong to the run without a planted
             // defect.

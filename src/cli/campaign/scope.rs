@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use super::super::CliError;
 use super::super::exec::ExecArgs;
 use crate::realtime::exec::Cpu;
+use crate::scenario::{Scenario, Source};
 use crate::search::campaign::{CampaignPlan, Shard, Store};
-use crate::search::generate::{Profile, Vary};
+use crate::search::generate::{self, Profile, Vary};
 
 /// The profile with this name or file. The default is gentle, with `--mutants` harsh.
 pub(super) fn profile(name: Option<&str>, is_for_mutants: bool) -> Result<Profile, CliError> {
@@ -26,6 +27,35 @@ pub(in crate::cli) fn needs_faults(profile: Option<&str>, vary: Vary) -> Result<
         }
         _ => Ok(()),
     }
+}
+
+/// Rejects faults for a scenario without a part that can have one: its runs would pass without a
+/// fault.
+pub(in crate::cli) fn can_have_faults(
+    (scenario, source): (&Scenario, &Source),
+    vary: Vary,
+    profile: &Profile,
+) -> Result<(), CliError> {
+    if !vary.faults {
+        return Ok(());
+    }
+    let Some(lack) = generate::lack_of_faults(scenario, source, profile)? else {
+        return Ok(());
+    };
+    let path = source.path.display();
+    Err(CliError::Usage(format!(
+        "--vary {vary}: {path} can have no fault: {lack}; leave out faults, as in --vary timing"
+    )))
+}
+
+/// Rejects scenarios that can have no fault, if faults are to vary.
+pub(super) fn check_faults(
+    read: &BTreeMap<String, (Scenario, Source)>,
+    vary: Vary,
+    profile: &Profile,
+) -> Result<(), CliError> {
+    let mut read = read.values();
+    read.try_for_each(|(scenario, source)| can_have_faults((scenario, source), vary, profile))
 }
 
 /// The coverage of a stopped campaign: the number of seeds of each scenario.

@@ -71,6 +71,25 @@ impl Rig {
         })
     }
 
+    /// The names of the devices. Unlike [`devices`](Self::devices), this starts no program that
+    /// plays a device.
+    pub fn device_names(&self) -> impl Iterator<Item = &str> {
+        let devices = self.nodes.iter();
+        let devices = devices.filter(|node| matches!(node.body, Body::Device(_)));
+        devices.map(|node| node.name.as_str())
+    }
+
+    /// The faults that the device `name` supports, without those of a program that plays it: only
+    /// its start tells them.
+    pub fn faults_without_start(&self, name: &str) -> &'static [&'static str] {
+        let is_program = self.node_programs().any(|(program, _)| program == name);
+        let device = self.nodes.iter().find(|node| node.name == name);
+        match device.map(|node| &node.body) {
+            Some(Body::Device(device)) if !is_program => device.known_faults(),
+            _ => &[],
+        }
+    }
+
     /// Ends a fault's effects on lines at `at`.
     pub fn end_fault(&mut self, id: FaultId, at: Instant) {
         for line in self.links.iter_mut().flat_map(|link| &mut link.lines) {

@@ -52,6 +52,14 @@ impl Rig {
         self.lost_nodes().any(|(lost, _)| lost == name)
     }
 
+    /// Starts all node programs.
+    pub(crate) fn start_nodes(&self) {
+        for (_, node) in self.node_programs() {
+            // The answer is in the greeting, which needs the program.
+            let _ = node.can_save();
+        }
+    }
+
     /// Ends all node programs and waits for them.
     pub fn end_nodes(&mut self) {
         self.node_programs_mut().for_each(NodeDevice::end);

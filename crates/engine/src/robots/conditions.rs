@@ -262,7 +262,7 @@ impl Moment<'_> {
                 false => Ok(()),
             };
         }
-        let known: Vec<&str> = self.rig.devices().map(|(name, _)| name).collect();
+        let known: Vec<&str> = self.rig.device_names().collect();
         if !known.contains(&device.as_str()) {
             return Err(Flaw::new("device", near::expected(device, &known)));
         }
@@ -302,7 +302,7 @@ impl Moment<'_> {
     }
 
     fn check_source(&self, source: &str) -> Result<(), Flaw> {
-        let devices = self.rig.devices().map(|(name, _)| name);
+        let devices = self.rig.device_names();
         let links = self.rig.links().iter().map(|link| link.name.as_str());
         let mut known: Vec<&str> = devices.chain(links).chain(SOURCES).collect();
         known.sort_unstable();

@@ -246,7 +246,8 @@ mod tests {
         for path in paths {
             let (shipped, source) = Scenario::read(&path).expect("sound");
             let mut dice = Dice::of_seed(7, &shipped.name);
-            let mut made = generate::scenario(&shipped, Vary::ALL, &Profile::default(), &mut dice);
+            let mut made =
+                generate::scenario(&shipped, &source, Vary::ALL, &Profile::default(), &mut dice);
             made.duration = made.duration.min(Span(Duration::from_secs(16)));
             let name = &made.name;
             let Ok((record, outcome)) = run(&made, &source) else {

@@ -36,6 +36,7 @@ impl Missions {
     fn made(&self, choices: &[u8]) -> Scenario {
         let made = generate::scenario(
             &self.scenario,
+            &self.source,
             self.vary,
             &self.profile,
             &mut Dice::of_bytes(choices),

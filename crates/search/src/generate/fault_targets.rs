@@ -1,13 +1,12 @@
-use std::path::PathBuf;
-
 use super::Profile;
 use engine::codec::Codec;
 use engine::codec::wire::Choices;
 use engine::rig::line::Direction;
 use engine::rig::{LinkKind, Rig};
-use engine::robots::{self, Console, Dut, Instruments, PcEnd, Station, WirePlan};
+use engine::robots::{self, Console, Dut, Instruments, PcEnd, Station, WirePlan, Wired};
 use engine::scenario::{
-    DirectionSpec, FaultKind, FaultPlace, FaultSpec, Scenario, SetPoint, Source, WorldSpec,
+    DirectionSpec, FaultKind, FaultPlace, FaultSpec, Scenario, ScenarioError, SetPoint, Source,
+    WorldSpec,
 };
 
 /// All parts of a robot that can have a fault, as its links and devices are wired.
@@ -108,68 +107,70 @@ impl Device {
 }
 
 impl FaultTargets {
-    /// Links and devices of `scenario` that `profile` allows. Empty if the scenario cannot be
-    /// wired; its run will report this.
-    pub(super) fn of(scenario: &Scenario, profile: &Profile) -> Self {
-        let source = Source {
-            path: PathBuf::from(&scenario.name),
-            text: String::new(),
-        };
+    /// Links and devices of `scenario` that `profile` allows. No program that plays a device is
+    /// started, so its own faults are unknown.
+    ///
+    /// # Errors
+    /// If the scenario cannot be wired.
+    pub(super) fn of(
+        scenario: &Scenario,
+        source: &Source,
+        profile: &Profile,
+    ) -> Result<Self, ScenarioError> {
         // The wiring does not depend on the pose of the robot.
         let nowhere = "start = { x_m = 1, y_m = 1, heading_deg = 0 }\n\
             [[wall]]\npath_m = [[0, 0], [2, 0]]";
         let nowhere: WorldSpec = toml::from_str(nowhere).expect("a wall and a start");
         // A car's board needs the axes of its chassis.
         let robot = robots::find(&scenario.robot);
-        let chassis = robot.and_then(|robot| robot.chassis(scenario, &source).ok());
-        let Ok(nowhere) = nowhere.build(0, chassis.flatten(), &source) else {
-            return Self::default();
+        let chassis = match robot {
+            Some(robot) => robot.chassis(scenario, source)?,
+            None => None,
         };
         let mut sound = scenario.clone();
         sound.fault.clear();
-        let plan = WirePlan {
+        let wired = robots::wire_without_start(WirePlan {
             scenario: &sound,
-            source: &source,
-            world: nowhere,
+            source,
+            world: nowhere.build(0, chassis, source)?,
             dut: Dut::Internal,
             pc: PcEnd::Scripted,
-        };
-        match robots::wire_into(plan) {
-            Ok(wired) => {
-                // A device that the scenario describes has no client at the other end.
-                let open = wired.open_ends.iter().map(|end| end.link.as_str());
-                let open: Vec<&str> = open.collect();
-                // The links that the scenario names replace those of its robot.
-                let own = scenario.expect.safety.as_ref();
-                let own = own.map_or(Vec::new(), |safety| safety.rests_without.clone());
-                let needs = wired.instruments.needs().into_iter();
-                let station = wired.instruments.station(&wired.rig);
-                let keys = station.and_then(Station::keys);
-                // A single axis steers, but does not turn the robot on the spot.
-                let turns =
-                    |set: &Vec<SetPoint>| set.iter().filter(|axis| axis.0 != 0.0).count() > 1;
-                let mut targets = Self {
-                    orders: Orders::of(&*wired.instruments, &wired.rig),
-                    starts: starts(&*wired.instruments, &wired.rig),
-                    never: profile.faults.never.clone(),
-                    turn: keys.map(|keys| keys.left).filter(turns),
-                    needs: match own.is_empty() {
-                        true => needs.map(|need| need.link.into_owned()).collect(),
-                        false => own,
-                    },
-                    consoles: wired.instruments.consoles(),
-                    hasty: wired.instruments.silence().map(|silence| silence.link),
-                    ..Self::wired(&wired.rig, &open)
-                };
-                let expect = &scenario.expect;
-                let is_search = expect.explored_min.or(expect.victims_within_mm).is_some();
-                for device in &mut targets.devices {
-                    device.has_to_last = is_search && !profile.faults.low_battery_in_search;
-                    device.never.clone_from(&profile.faults.never);
-                }
-                targets
-            }
-            Err(_) => Self::default(),
+        })?;
+        let mut targets = Self::with(scenario, profile, &wired);
+        let expect = &scenario.expect;
+        let is_search = expect.explored_min.or(expect.victims_within_mm).is_some();
+        for device in &mut targets.devices {
+            device.has_to_last = is_search && !profile.faults.low_battery_in_search;
+            device.never.clone_from(&profile.faults.never);
+        }
+        Ok(targets)
+    }
+
+    fn with(scenario: &Scenario, profile: &Profile, wired: &Wired) -> Self {
+        let (rig, instruments) = (&wired.rig, &*wired.instruments);
+        // Beside a built-in program, a device that the scenario adds has no client. Without one,
+        // the open ends are those of the program under test.
+        let ends = wired.open_ends.iter().filter(|_| rig.program().is_some());
+        let open: Vec<&str> = ends.map(|end| end.link.as_str()).collect();
+        // The links that the scenario names replace those of its robot.
+        let own = scenario.expect.safety.as_ref();
+        let own = own.map_or(Vec::new(), |safety| safety.rests_without.clone());
+        let needs = instruments.needs().into_iter();
+        let keys = instruments.station(rig).and_then(Station::keys);
+        // A single axis steers, but does not turn the robot on the spot.
+        let turns = |set: &Vec<SetPoint>| set.iter().filter(|axis| axis.0 != 0.0).count() > 1;
+        Self {
+            orders: Orders::of(instruments, rig),
+            starts: starts(instruments, rig),
+            never: profile.faults.never.clone(),
+            turn: keys.map(|keys| keys.left).filter(turns),
+            needs: match own.is_empty() {
+                true => needs.map(|need| need.link.into_owned()).collect(),
+                false => own,
+            },
+            consoles: instruments.consoles(),
+            hasty: instruments.silence().map(|silence| silence.link),
+            ..Self::wired(rig, &open)
         }
     }
 
@@ -183,10 +184,10 @@ impl FaultTargets {
             let wires = rig.links().iter().filter(|link| link.kind != LinkKind::Pin);
             wires.flat_map(|link| &link.lines)
         };
-        let devices = rig.devices().filter(|(name, _)| !open.contains(name));
-        let device = |(name, faults): (&str, _)| Device {
+        let devices = rig.device_names().filter(|name| !open.contains(name));
+        let device = |name: &str| Device {
             name: name.to_owned(),
-            faults,
+            faults: rig.faults_without_start(name),
             has_registers: rig.register(name, 0).is_some(),
             has_messages: wires().any(|line| rig.node_name(line.from.node) == name),
             has_to_last: false,
@@ -274,6 +275,21 @@ impl FaultTargets {
         let is_allowed = |kind: &FaultKind| !self.never.iter().any(|never| never == kind.name());
         let kinds = FaultKind::ALL.iter().copied();
         kinds.filter(is_allowed).filter(can)
+    }
+
+    /// The reason why no fault can be drawn, if there is one.
+    pub(super) fn lack(&self, profile: &Profile) -> Option<String> {
+        if self.kinds().next().is_some() {
+            return None;
+        }
+        let has_parts = !self.links.is_empty() || !self.devices.is_empty();
+        Some(match has_parts {
+            true => format!(
+                "profile {} excludes each kind of fault that its links and devices can have",
+                profile.name
+            ),
+            false => "it has no link and no device".to_owned(),
+        })
     }
 
     /// Links without which the robot cannot drive, of those that can fail.

@@ -4,6 +4,17 @@ use std::path::Path;
 use super::*;
 use engine::scenario::{Action, FaultKind, PhasesSpec, SetPoint, Step};
 
+mod of_data;
+
+/// [`super::scenario`] for a scenario that names no files.
+fn scenario(base: &Scenario, vary: Vary, profile: &Profile, dice: &mut Dice) -> Scenario {
+    let source = Source {
+        path: "<test>".into(),
+        text: String::new(),
+    };
+    super::scenario(base, &source, vary, profile, dice)
+}
+
 fn base() -> Scenario {
     let text = "schema = 1\nname = \"base\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
         [world]\nstart = { x_m = 1.5, y_m = 1.5, heading_deg = 90 }\n[[world.wall]]\n\
