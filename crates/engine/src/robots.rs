@@ -386,6 +386,7 @@ pub fn wire_without_start(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
     })?;
     links::add_cables(&mut wired, scenario, source)?;
     let checks = [
+        devices::check_drives(scenario, source),
         links::plan(&mut wired.rig, scenario, source),
         bounds::check_safety_links(&wired.rig, scenario, source),
         bounds::check_conditions(&wired, scenario, source),

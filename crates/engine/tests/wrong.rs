@@ -516,3 +516,88 @@ fn a_file_that_is_no_toml_is_named_in_short_lines() {
         }
     }
 }
+
+/// One value drives each actuator: the second one, in the order of the file, is refused at its line
+/// and key. The kinds: registers, text variables, outputs of a program, and two devices.
+#[test]
+fn a_second_value_of_an_actuator_is_refused() {
+    let head = "schema = 1\nname = \"two\"\nrobot = \"custom\"\nduration = \"1s\"\n\
+        chassis.differential = {}\nworld.start = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }\n\
+        world.wall = [{ path_m = [[0, 0], [3, 0], [3, 2]] }]\n";
+    let value = |name: &str, more: &str, actuator: &str| {
+        format!(
+            "{{ name = \"{name}\", {more} access = \"write\", \
+             drives = {{ actuator = \"{actuator}\", speed_m_s = 0.01 }} }},\n"
+        )
+    };
+    let registers = |name: &str, [left, right]: [&str; 2]| {
+        let one = "address = 1, width = \"i8\",";
+        let two = "address = 2, width = \"i8\",";
+        let values = value("one", one, left) + &value("two", two, right);
+        format!("[device.{name}.registers]\nbaud = 9600\nregister = [\n{values}]\n")
+    };
+    let text = |[left, right]: [&str; 2]| {
+        let value = |name, actuator| {
+            let access = "access = \"write\", ";
+            value(name, "", actuator).replace(access, "")
+        };
+        let values = value("one", left) + &value("two", right);
+        let command = "command = [{ request = \"set {one} {two}\", reply = \"ok\" }]\n";
+        format!("[device.drive.text]\nbaud = 9600\n{command}variable = [\n{values}]\n")
+    };
+    let program = |[left, right]: [&str; 2]| {
+        format!(
+            "[device.drive.program]\nexec = \"true\"\nrate = 9600\n\
+             drives.z = {{ actuator = \"{left}\", speed_m_s = 0.01 }}\n\
+             drives.a = {{ actuator = \"{right}\", speed_m_s = 0.01 }}\n"
+        )
+    };
+    let error = |devices: &str| {
+        let parsed = Scenario::parse(Path::new("two.toml"), format!("{head}{devices}"));
+        let (scenario, source) = parsed.expect("it is read");
+        let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::External);
+        wired.err().map(|error| error.to_string())
+    };
+    let (own, twice) = (["left", "right"], ["left"; 2]);
+    for sound in [registers("wheels", own), text(own), program(own)] {
+        assert_eq!(error(&sound), None, "{sound}");
+    }
+    let two = registers("b", own) + &registers("a", ["right", "right"]);
+    let refused = [
+        (
+            registers("wheels", twice),
+            12,
+            "device.wheels.registers.register[1].drives.actuator",
+            "device.wheels.registers.register[0].drives.actuator",
+        ),
+        (
+            text(twice),
+            13,
+            "device.drive.text.variable[1].drives.actuator",
+            "device.drive.text.variable[0].drives.actuator",
+        ),
+        (
+            program(twice),
+            12,
+            "device.drive.program.drives.a.actuator",
+            "device.drive.program.drives.z.actuator",
+        ),
+        (
+            two,
+            17,
+            "device.a.registers.register[0].drives.actuator",
+            "device.b.registers.register[1].drives.actuator",
+        ),
+    ];
+    for (devices, line, key, first) in refused {
+        let said = error(&devices).expect(key);
+        assert!(
+            said.contains(&format!("two.toml:{line}: {key}: ")),
+            "{said}"
+        );
+        assert!(
+            said.contains(&format!("which {first} drives already")),
+            "{said}"
+        );
+    }
+}

@@ -91,6 +91,35 @@ fn add_device(
     Ok(codecs)
 }
 
+/// Checks that each actuator follows one value: of two, only the later one would have an effect.
+///
+/// # Errors
+/// All values that drive an actuator which another value drives.
+pub(super) fn check_drives(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    let mut driven = Vec::new();
+    for (name, spec) in &scenario.device {
+        let drives = spec.drives().unwrap_or_default();
+        for ((actuator, _), (key, span)) in drives.actuators.into_iter().zip(drives.places) {
+            let key = format!("device.{name}.{}.{key}", spec.kind());
+            driven.push((span.start, actuator, key, span));
+        }
+    }
+    // In the order of the file, the second value of an actuator is the wrong one.
+    driven.sort_by_key(|(start, ..)| *start);
+    let mut wrong = Vec::new();
+    for (index, (_, actuator, key, span)) in driven.iter().enumerate() {
+        let mut before = driven[..index].iter();
+        if let Some((.., first, _)) = before.find(|(_, other, ..)| other == actuator) {
+            let message = format!(
+                "is \"{actuator}\", which {first} drives already, expected another actuator: each \
+                 follows one value"
+            );
+            wrong.push(source.invalid(Some(span.clone()), key.as_str(), message));
+        }
+    }
+    ScenarioError::none_of(wrong)
+}
+
 /// Makes a device of the scenario and adds it to the rig.
 fn add_node(
     wired: &mut Wired,

@@ -3,6 +3,7 @@
 use emulators::quantity::{Sink, SinkKind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use toml::Spanned;
 
 /// Actuator of the chassis that follows a value. One of the other keys gives the scale.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -10,7 +11,8 @@ use serde::{Deserialize, Serialize};
 pub struct DrivesSpec {
     /// Name of the actuator: `left` and `right` of a differential chassis, `drive` and `steering`
     /// of an Ackermann chassis.
-    pub actuator: String,
+    #[schemars(with = "String")]
+    pub actuator: Spanned<String>,
     /// Motor power per count; 255 is full power, as in an 8-bit compare register.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub power: Option<f64>,
@@ -39,14 +41,14 @@ impl DrivesSpec {
             .filter_map(|(kind, scale)| Some((kind, scale?)));
         match (given.next(), given.next()) {
             (Some((kind, scale)), None) if scale.is_finite() && scale != 0.0 => Ok(Sink {
-                actuator: self.actuator.clone(),
+                actuator: self.actuator.get_ref().clone(),
                 scale,
                 kind,
             }),
             _ => Err(format!(
                 "drives \"{}\" without a scale or with several, \
                  expected one of power, speed_m_s and angle_deg, other than 0",
-                self.actuator
+                self.actuator.get_ref()
             )),
         }
     }

@@ -298,6 +298,7 @@ impl RegistersSpec {
         let registers = self.register.iter().map(Spanned::get_ref);
         driven(
             self.watchdog,
+            "register",
             registers.map(|spec| (spec.drives.as_ref(), spec.limits)),
         )
     }
@@ -315,13 +316,16 @@ impl RegistersSpec {
     }
 }
 
-/// Watchdog and actuators, if there are any, of values with their limits.
+/// Watchdog and actuators, if there are any, of the values of `list` with their limits.
 fn driven<'a>(
     watchdog: Option<Span>,
+    list: &str,
     values: impl Iterator<Item = (Option<&'a DrivesSpec>, Option<[i64; 2]>)>,
 ) -> Option<Drives> {
-    let actuators = values.filter_map(|(drives, limits)| {
+    let values = values.enumerate();
+    let driven = values.filter_map(|(index, (drives, limits))| {
         let sink = drives?.sink().ok()?;
+        let key = format!("{list}[{index}].drives.actuator");
         let most = limits.map(|limits| limits.map(i64::unsigned_abs).into_iter().max());
         #[expect(clippy::cast_precision_loss, reason = "limits are below 2^32")]
         let limit = most.flatten().map(|most| most as f64 * sink.scale.abs());
@@ -330,12 +334,13 @@ fn driven<'a>(
             SinkKind::Power => limit.min(255.0).round(),
             SinkKind::Speed | SinkKind::Angle => limit,
         });
-        Some((sink.actuator, limit))
+        Some(((sink.actuator, limit), (key, drives?.actuator.span())))
     });
-    let actuators: Vec<_> = actuators.collect();
+    let (actuators, places): (Vec<_>, Vec<_>) = driven.unzip();
     (!actuators.is_empty()).then(|| Drives {
         silence_max: watchdog.map(|watchdog| watchdog.0),
         actuators,
+        places,
     })
 }
 

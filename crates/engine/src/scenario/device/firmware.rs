@@ -310,16 +310,12 @@ impl DeviceKind for FirmwareKind {
     fn drives(&self, settings: &dyn Settings) -> Option<Drives> {
         let settings: &dyn Any = settings;
         let spec = settings.downcast_ref::<FirmwareSpec>()?;
-        let bridges = spec.bridges.values();
-        let driven = spec
-            .drives
-            .values()
-            .chain(bridges.filter_map(|bridge| bridge.drives.as_ref()));
-        let actuators: Vec<_> = driven.map(|spec| (spec.actuator.clone(), None)).collect();
-        (!actuators.is_empty()).then_some(Drives {
-            silence_max: None,
-            actuators,
-        })
+        let pins = spec.drives.iter();
+        let pins = pins.map(|(output, spec)| (format!("drives.{output}"), spec));
+        let bridges = spec.bridges.iter().filter_map(|(name, bridge)| {
+            Some((format!("bridges.{name}.drives"), bridge.drives.as_ref()?))
+        });
+        played::driven(pins.chain(bridges))
     }
 
     fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {

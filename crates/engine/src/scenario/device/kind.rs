@@ -2,7 +2,7 @@
 
 use core::any::Any;
 use core::fmt::Debug;
-use core::ops::RangeInclusive;
+use core::ops::{Range, RangeInclusive};
 use core::time::Duration;
 
 use emulators::world::World;
@@ -225,6 +225,8 @@ pub struct Drives {
     /// Names of the actuators, each with the device's limit of the absolute set-point in the
     /// actuator's unit, if there is one.
     pub actuators: Vec<(String, Option<f64>)>,
+    /// Key in the device's settings, and position in the file, of each of `actuators`.
+    pub places: Vec<(String, Range<usize>)>,
 }
 
 /// A value of a device, for page and report.

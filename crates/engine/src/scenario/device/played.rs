@@ -7,8 +7,9 @@ use emulators::quantity::{ValueSource, Wanted};
 use emulators::world::World;
 use nodes::NodeDevice;
 
-use super::{BuildContext, DeviceValue, ValueRow};
+use super::{BuildContext, DeviceValue, Drives, ValueRow};
 use crate::rig::{AnyDevice, Rig};
+use crate::scenario::drives::DrivesSpec;
 use crate::scenario::{Operand, ScenarioError};
 
 /// Stores the folder `base` in `folder`, so that a saved case runs in any folder.
@@ -64,6 +65,21 @@ pub(super) fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
         }
     };
     outputs.map(row).collect()
+}
+
+/// The actuators of the outputs `drives`, each with its key; such a device has no watchdog.
+pub(super) fn driven<'a>(drives: impl Iterator<Item = (String, &'a DrivesSpec)>) -> Option<Drives> {
+    let driven = drives.map(|(key, spec)| {
+        let actuator = spec.actuator.get_ref().clone();
+        let place = (format!("{key}.actuator"), spec.actuator.span());
+        ((actuator, None), place)
+    });
+    let (actuators, places): (Vec<_>, Vec<_>) = driven.unzip();
+    (!actuators.is_empty()).then_some(Drives {
+        silence_max: None,
+        actuators,
+        places,
+    })
 }
 
 /// Checks that the chassis of `world` has the encoders and actuators of the node.

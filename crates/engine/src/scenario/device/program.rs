@@ -243,15 +243,8 @@ impl DeviceKind for ProgramKind {
     fn drives(&self, settings: &dyn Settings) -> Option<Drives> {
         let settings: &dyn Any = settings;
         let spec = settings.downcast_ref::<NodeProgramSpec>()?;
-        let actuators = spec
-            .drives
-            .values()
-            .map(|spec| (spec.actuator.clone(), None));
-        let actuators: Vec<_> = actuators.collect();
-        (!actuators.is_empty()).then_some(Drives {
-            silence_max: None,
-            actuators,
-        })
+        let drives = spec.drives.iter();
+        played::driven(drives.map(|(output, spec)| (format!("drives.{output}"), spec)))
     }
 
     fn rows(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<ValueRow> {

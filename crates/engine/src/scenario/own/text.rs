@@ -159,6 +159,7 @@ impl TextSpec {
         let variables = self.variable.iter().map(Spanned::get_ref);
         driven(
             self.watchdog,
+            "variable",
             variables.map(|spec| (spec.drives.as_ref(), spec.limits)),
         )
     }
