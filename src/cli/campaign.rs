@@ -13,7 +13,7 @@ use clap::{Args, Subcommand};
 
 use self::live::Live;
 pub(super) use self::scope::{can_have_faults, needs_faults};
-use self::scope::{check_faults, covered, earlier, measures_cpu, profile, vary_schedule};
+use self::scope::{check_faults, covered, earlier, measures_cpu, profile, shard_of, vary_schedule};
 use super::answer::CampaignEnded;
 use super::exec::{ExecArgs, is_bare, read_without_programs};
 use super::out::answer;
@@ -230,11 +230,12 @@ fn summarise(
     demand: Demand,
     is_over: &dyn Fn() -> bool,
 ) -> Result<Merged, CliError> {
-    if store.failed() > 0 && is_watched() {
+    let is_here = store.plan().exec.is_none();
+    if store.failed() > 0 && is_here && is_watched() {
         eprintln!("looking for the smallest case of each cause; Ctrl-C takes the best so far");
     }
     let merged = campaign::summarise(store, earlier, demand, is_over)?;
-    if is_over() && !merged.groups.is_empty() {
+    if is_over() && is_here && !merged.groups.is_empty() {
         eprintln!("the cases may not be the smallest; the same command continues the search");
     }
     Ok(merged)
@@ -266,25 +267,6 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
     } else {
         Verdict::Fail
     })
-}
-
-/// The shard of this process.
-fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
-    match (args.shard, args.shards) {
-        (ShardChoice::Given(shard), None) => Ok(shard),
-        (ShardChoice::Given(_), Some(_)) => {
-            let message = "--shards: has no effect with --shard I/N, expected --shard auto";
-            Err(CliError::Usage(message.to_owned()))
-        }
-        (ShardChoice::Auto, None) => {
-            let message = "--shard auto: expected --shards N, how many there are";
-            Err(CliError::Usage(message.to_owned()))
-        }
-        (ShardChoice::Auto, Some(of)) => {
-            let shard = campaign::array::shard(of, |name| std::env::var(name).ok());
-            shard.map_err(|error| CliError::Usage(format!("--shard auto: {error}")))
-        }
-    }
 }
 
 /// The scenarios in `paths` by their names.
@@ -453,8 +435,11 @@ fn report(merged: &Merged, out: &Path) -> Verdict {
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             println!("         {left}");
             let exec = merged.plan.exec.as_deref().unwrap_or_default();
-            let case = out.join(case);
-            println!("         repeat with: hilrig run {}{exec}", word(&case));
+            let case = word(&out.join(case));
+            println!("         repeat with: hilrig run {case}{exec}");
+            if !group.is_minimised {
+                println!("         make it small: hilrig shrink {case}{exec}");
+            }
         }
     }
     if let Some(comparison) = &merged.comparison {

@@ -84,6 +84,10 @@ while True:
     assert!(said.contains("2 runs"), "{said}");
     assert!(said.contains("1  program-alive"), "{said}");
     assert!(said.contains("--exec 'python3 program.py'"), "{said}");
+    // Without the program here, no case was minimised.
+    assert!(said.contains("Not minimised: 0 faults in"), "{said}");
+    let small = "make it small: hilrig shrink all/groups/01.toml --exec 'python3 program.py'";
+    assert!(said.contains(small), "{said}");
     assert!(bench.folder.join("all/logs/sonar-1.log").exists());
     assert!(!bench.folder.join("all/logs/sonar-0.log").exists());
 }

@@ -12,7 +12,7 @@ mod scenario;
 pub use branches::Branches;
 pub use capture::{Repair, Unit, capture, fault_of, to_bytes, units, with_units};
 pub use list::fewest;
-pub use scenario::{in_words, scenario};
+pub use scenario::{in_words, scenario, unminimised_in_words};
 
 /// The result of a try.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

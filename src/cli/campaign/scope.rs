@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 
 use super::super::CliError;
 use super::super::exec::ExecArgs;
+use super::CampaignArgs;
 use crate::realtime::exec::Cpu;
 use crate::scenario::{Scenario, Source};
-use crate::search::campaign::{CampaignPlan, Shard, Store};
+use crate::search::campaign::{self, CampaignPlan, Shard, ShardChoice, Store};
 use crate::search::generate::{self, Profile, Vary};
 
 /// The profile with this name or file. The default is gentle, with `--mutants` harsh.
@@ -56,6 +57,25 @@ pub(super) fn check_faults(
 ) -> Result<(), CliError> {
     let mut read = read.values();
     read.try_for_each(|(scenario, source)| can_have_faults((scenario, source), vary, profile))
+}
+
+/// The shard of this process.
+pub(super) fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
+    match (args.shard, args.shards) {
+        (ShardChoice::Given(shard), None) => Ok(shard),
+        (ShardChoice::Given(_), Some(_)) => {
+            let message = "--shards: has no effect with --shard I/N, expected --shard auto";
+            Err(CliError::Usage(message.to_owned()))
+        }
+        (ShardChoice::Auto, None) => {
+            let message = "--shard auto: expected --shards N, how many there are";
+            Err(CliError::Usage(message.to_owned()))
+        }
+        (ShardChoice::Auto, Some(of)) => {
+            let shard = campaign::array::shard(of, |name| std::env::var(name).ok());
+            shard.map_err(|error| CliError::Usage(format!("--shard auto: {error}")))
+        }
+    }
 }
 
 /// The coverage of a stopped campaign: the number of seeds of each scenario.

@@ -32,10 +32,13 @@ pub struct Group {
     /// Some of the other runs.
     pub others: Vec<(String, u64)>,
     /// The smallest case of this cause, relative to the merged folder; none if the first run left
-    /// no case, because it panicked.
+    /// no case, because it panicked. If the program is not available here, the case of the first
+    /// run.
     pub case: Option<String>,
-    /// The remaining content of the case in words.
+    /// The content of the case in words.
     pub left: Option<String>,
+    /// Whether the case was minimised.
+    pub is_minimised: bool,
     /// The case at its failure, as SVG; none if the program is not available here.
     #[serde(skip)]
     pub picture: Option<String>,
@@ -211,6 +214,7 @@ fn count(store: &Store) -> Merged {
             others: Vec::new(),
             case: None,
             left: None,
+            is_minimised: false,
             picture: None,
         });
         group.runs += 1;
@@ -289,21 +293,31 @@ fn minimise(
         path,
         message: error.to_string(),
     })?;
-    let cause = group.cause.clone();
-    let mut branches = Branches::new(&source, &cause);
-    let judge = |case: &Scenario| branches.judge(case);
     // A foreign program is not available here: `hilrig shrink --exec` runs it.
-    let tries = if store.plan().exec.is_some() {
-        0
-    } else {
-        TRIES
+    let is_here = store.plan().exec.is_none();
+    let mut effort = Effort::until(TRIES, is_over);
+    let small = match is_here {
+        true => {
+            let cause = group.cause.clone();
+            let mut branches = Branches::new(&source, &cause);
+            let judge = |case: &Scenario| branches.judge(case);
+            shrink::scenario(&case, &cause, judge, &mut effort)
+        }
+        false => Scenario {
+            // The path of the original file does not apply to the new case.
+            origin: None,
+            ..case
+        },
     };
-    let small = shrink::scenario(&case, &cause, judge, &mut Effort::until(tries, is_over));
+    group.is_minimised = is_here && (effort.spent() > 0 || !is_over());
     let name = format!("groups/{number:02}.toml");
     files::make_folder(&store.dir().join("groups"))?;
     files::replace(store.dir(), &name, small.to_toml().as_bytes())?;
-    group.left = Some(shrink::in_words(&small));
-    if tries > 0 {
+    group.left = Some(match group.is_minimised {
+        true => shrink::in_words(&small),
+        false => shrink::unminimised_in_words(&small),
+    });
+    if is_here {
         // A case that cannot be wired any more, or that panics, has no picture.
         let ran = judge::run(&small, &source)
             .ok()

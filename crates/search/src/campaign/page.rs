@@ -207,12 +207,19 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
         out.write_str(picture.unwrap_or(no_picture(&merged.plan, group.case.as_ref())))?;
         if let (Some(case), Some(left)) = (&group.case, &group.left) {
             let (case, left) = (Escaped(case), Escaped(left));
-            write!(
-                out,
-                "<p>smallest case: <a href=\"{case}\">{case}</a>, {left}"
-            )?;
+            let which = match group.is_minimised {
+                true => "smallest case",
+                false => "case of the first run",
+            };
+            write!(out, "<p>{which}: <a href=\"{case}\">{case}</a>, {left}")?;
             let exec = Escaped(merged.plan.exec.as_deref().unwrap_or_default());
             write!(out, "<p><code>hilrig run {case}{exec}</code>")?;
+            if !group.is_minimised {
+                write!(
+                    out,
+                    "<p>make it small: <code>hilrig shrink {case}{exec}</code>"
+                )?;
+            }
         }
         write!(
             out,

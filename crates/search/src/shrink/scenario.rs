@@ -266,6 +266,17 @@ fn plainer(best: &mut Scenario, effort: &mut Effort<'_>, fails: Fails<'_>) {
     }
 }
 
+/// A sentence about a case in which no part was left out. It names no part, because most parts are
+/// no cause.
+pub fn unminimised_in_words(case: &Scenario) -> String {
+    let (faults, duration) = (case.fault.len(), case.duration);
+    let faults = match faults {
+        1 => "1 fault".to_owned(),
+        faults => format!("{faults} faults"),
+    };
+    format!("Not minimised: {faults} in {duration}.")
+}
+
 /// A sentence about the remaining parts of a case.
 pub fn in_words(case: &Scenario) -> String {
     let faults: Vec<String> = case
