@@ -193,8 +193,8 @@ mod tests {
         }
     }
 
-    /// Adds the names of all options of `command` and its subcommands, and the options that their help
-    /// mentions.
+    /// Adds the names of all options of `command` and its subcommands, and the options that their
+    /// help mentions.
     fn mentioned(command: &Command, known: &mut BTreeSet<String>, named: &mut Vec<[String; 2]>) {
         let mut texts = vec![command.get_about(), command.get_long_about()];
         texts.extend([command.get_after_help(), command.get_after_long_help()]);

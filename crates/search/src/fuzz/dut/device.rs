@@ -319,8 +319,8 @@ impl<'a, P: Peer> Bench<'a, P> {
         Ok(all)
     }
 
-    /// Sends an input and receives all replies: until one reply time passes without any. Messages of
-    /// timers delay a reply, so they extend the time, too.
+    /// Sends an input and receives all replies: until one reply time passes without any. Messages
+    /// of timers delay a reply, so they extend the time, too.
     fn say_all(&mut self, pieces: &[Vec<u8>]) -> Result<Heard, String> {
         let of = self.speaker.description();
         let has_reply = |heard: &Heard| heard.frames.iter().any(|(_, one)| !of.is_unasked(one));
