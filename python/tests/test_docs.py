@@ -80,7 +80,8 @@ def test_every_call_of_the_devices_on_the_page_runs(inner, pytester) -> None:
 
 def test_the_scale_of_the_page_is_weighed_and_fails_as_it_says(tmp_path: Path) -> None:
     page = (DOCS / "device-program.md").read_text()
-    scale, drive, typed = re.findall(r"```python\n(.*?)```", page, re.S)
+    scale, drive, typed, motors = re.findall(r"```python\n(.*?)```", page, re.S)
+    compile(motors, "drive.py", "exec")
     scenario = re.findall(r"```toml\n(.*?)```", page, re.S)[0]
     examples = DOCS.parent / "nodes" / "examples"
     assert scale == (examples / "scale.py").read_text()
