@@ -222,6 +222,7 @@ mod tests {
     use super::*;
     use crate::Sign;
     use crate::exec::ports::Ports;
+    use crate::transport::Special;
     use emulators::world::Pose;
     use engine::run::check::Check;
     use engine::run::{Outcome, Run};
@@ -247,6 +248,13 @@ mod tests {
         outcome
     }
 
+    fn passed(all: u64) -> Special {
+        Special {
+            all,
+            ..Special::default()
+        }
+    }
+
     /// 100 bytes of each direction passed in each second.
     fn ports() -> Ports {
         let mut ports = Ports::default();
@@ -259,7 +267,7 @@ mod tests {
                 from_client: second * 100,
                 to_client: second * 100,
                 lost: Default::default(),
-                special: [Default::default(); 2],
+                special: [passed(second * 100); 2],
                 wrong_rate: None,
                 settings: None,
                 is_drained: true,
