@@ -90,10 +90,11 @@ fn rows() -> Vec<Row> {
         row("cut,at_byte=10", |bytes| bytes.truncate(10)),
         // The port is missing until then, and its clients open it later.
         late("unplugged,until=1ms"),
-        // A terminal that neither ignores a break nor takes it for a signal reads it as 0.
+        // A terminal that neither ignores a break nor takes it for a signal reads it as 0. It comes
+        // late: one that comes as the client opens its port is lost.
         Row {
             damaged: 1,
-            ..row("break", |bytes| *bytes = vec![0])
+            ..row("break,from=3s", |bytes| bytes.push(0))
         },
         // At half the rate each bit is two: the start bit and bit 0 of FE are four low bits, a
         // start bit and three zeros: F8.
