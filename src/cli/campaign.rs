@@ -423,10 +423,13 @@ impl Worker<'_> {
 }
 
 fn report(merged: &Merged, out: &Path) -> Verdict {
-    let hours = merged.ran_ms as f64 / 3.6e6;
     println!(
-        "{} runs, {hours:.1} h of virtual time, {} failed, {} missing, trace {}",
-        merged.runs, merged.failed, merged.missing, merged.trace
+        "{} runs, {} of virtual time, {} failed, {} missing, trace {}",
+        merged.runs,
+        merged.virtual_time(),
+        merged.failed,
+        merged.missing,
+        merged.trace
     );
     for group in &merged.groups {
         let (scenario, seed) = &group.first;

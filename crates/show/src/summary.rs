@@ -28,10 +28,11 @@ impl fmt::Display for Summary<'_> {
             writeln!(f, "  {check}")?;
         }
         if !outcome.is_judged() {
-            writeln!(
-                f,
-                "  nothing was judged, so not passed: no program asked a device; --exec CMD starts one"
-            )?;
+            let why = match outcome.was_asked {
+                true => "no check observed anything",
+                false => "no program sent a byte to a device; --exec CMD starts one",
+            };
+            writeln!(f, "  nothing was judged, so not passed: {why}")?;
         }
         let unobserved: Vec<&str> = outcome.unobserved_rules().map(|one| &*one.name).collect();
         if !unobserved.is_empty() {

@@ -110,6 +110,16 @@ pub enum Demand {
 }
 
 impl Merged {
+    /// The virtual time of all runs, in words: `48 s`, `13.4 min`, `2.1 h`.
+    pub fn virtual_time(&self) -> String {
+        let seconds = self.ran_ms as f64 / 1e3;
+        match seconds {
+            ..120.0 => format!("{seconds:.0} s"),
+            ..3600.0 => format!("{:.1} min", seconds / 60.0),
+            _ => format!("{:.1} h", seconds / 3600.0),
+        }
+    }
+
     /// Goals that no run reached, in the order of their scenarios.
     pub fn missed_goals(&self) -> impl Iterator<Item = &str> {
         self.missed(Counted::Goal)

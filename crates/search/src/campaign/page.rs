@@ -98,8 +98,8 @@ fn write_page(merged: &Merged, out: &mut String) -> fmt::Result {
     write_plan(&merged.plan, out)?;
     write!(
         out,
-        " {:.1} h of virtual time.<p>Trace <code>{}</code>",
-        merged.ran_ms as f64 / 3.6e6,
+        " {} of virtual time.<p>Trace <code>{}</code>",
+        merged.virtual_time(),
         merged.trace
     )?;
     out.write_str("</main>\n</html>\n")
@@ -211,7 +211,7 @@ fn write_causes(merged: &Merged, out: &mut String) -> fmt::Result {
                 true => "smallest case",
                 false => "case of the first run",
             };
-            write!(out, "<p>{which}: <a href=\"{case}\">{case}</a>, {left}")?;
+            write!(out, "<p>{which}: <a href=\"{case}\">{case}</a>. {left}")?;
             let exec = Escaped(merged.plan.exec.as_deref().unwrap_or_default());
             write!(out, "<p><code>hilrig run {case}{exec}</code>")?;
             if !group.is_minimised {

@@ -48,15 +48,15 @@ impl Supervisor {
         let Ok(end) = Call::of(pid) else {
             return Outcome::Kernel;
         };
-        let is_nobody = match call.number {
+        let has_found_none = match call.number {
             libc::SYS_wait4 => end.result() == 0,
             _ => end.result() == 0 && Memory(pid).u32(place).is_ok_and(|signal| signal == 0),
         };
-        if !is_nobody && usage != 0 {
+        if !has_found_none && usage != 0 {
             // Processor time of the system's.
             let _ = Memory(pid).write(usage, &[0; RUSAGE]);
         }
-        if !is_nobody && end.result() == 0 && tells_times {
+        if !has_found_none && end.result() == 0 && tells_times {
             let _ = Memory(pid).write(place.wrapping_add(INFO_TIMES), &[0; INFO_TIMES_LEN]);
         }
         if let Ok(child) = i32::try_from(end.result())
@@ -66,7 +66,7 @@ impl Supervisor {
         {
             let _ = Memory(pid).write(place, &signal.to_ne_bytes());
         }
-        if !is_nobody || is_hasty {
+        if !has_found_none || is_hasty {
             // The rest of the way is the program's; its option is given back.
             let _ = end.with_result(pid, index, options, end.result());
             return Outcome::Kernel;

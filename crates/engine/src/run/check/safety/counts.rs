@@ -196,10 +196,11 @@ impl Checker for CountsTrue {
         let name = "counts-true";
         let broken = self.watched.iter().find_map(|one| one.broken.as_ref());
         let accepted: u64 = self.watched.iter().map(|one| one.accepted).sum();
+        let arrived: u64 = self.watched.iter().map(|one| one.ear.lock().sound).sum();
         let detail = match broken {
             Some((at, detail)) => format!("at {at} s {detail}"),
             None if self.watched.is_empty() => "the robot names no counters of frames".to_owned(),
-            None => format!("{accepted} frames accepted, as many as arrived"),
+            None => format!("{accepted} frames accepted, {arrived} valid ones arrived"),
         };
         Check::new(name, broken.is_none(), detail).if_observed(accepted > 0)
     }
