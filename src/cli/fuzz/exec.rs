@@ -175,6 +175,7 @@ fn harness<'a>(
         harness.watch_coverage(&args.out)?;
     }
     harness.is_any_rate = is_one_port && args.exec.baud.is_none();
+    harness.is_mute = is_one_port;
     harness.errors = args.exec.errors;
     harness.is_strict = args.exec.strict || args.exec.is_virtual;
     harness.supervision = args.exec.is_virtual.then_some(Supervision {
@@ -429,7 +430,7 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
     }
     if search.doubtful() > 0 {
         let count = search.doubtful();
-        println!("{count} failed checks not seen again, so not kept");
+        println!("{count} failures not seen again, so not kept");
     }
     if search.late() > 0 {
         let late = search.late();

@@ -70,7 +70,8 @@ pub struct Raw {
     /// Whether the program sends requests: each turn then waits for a request.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub asks: bool,
-    /// The pause behind each turn if the program sends no requests [default: 25 ms].
+    /// The pause behind each turn if the program sends no requests [default: 25 ms], and at each
+    /// `idle` of the stream [default: 20 ms after the last byte].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gap: Option<Span>,
     /// Data sent to the program, one turn for each of its requests; replaces the stream.
@@ -89,6 +90,11 @@ impl Raw {
     pub(super) const fn is_empty(&self) -> bool {
         let is_nothing = self.pair.is_empty() && self.stream.is_empty() && self.cut.is_none();
         self.turn.is_empty() && is_nothing
+    }
+
+    /// Number of chunks of the stream.
+    pub(super) fn chunks(&self) -> usize {
+        self.stream.lines().filter(|line| *line != "idle").count()
     }
 }
 
@@ -116,6 +122,9 @@ pub struct Turn {
     pub to: Option<Hex>,
     /// The bytes, in chunks with a short pause between them.
     pub say: Vec<Hex>,
+    /// Seed of the change, which the search applies to the reply to another request of this kind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seed: Option<u32>,
 }
 
 /// A frame that the program answers.

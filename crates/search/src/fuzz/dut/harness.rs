@@ -2,12 +2,15 @@
 
 use core::cell::{Cell, OnceCell, RefCell};
 use core::time::Duration;
+use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::constants::Constants;
 use super::coverage::{Counters, VARIABLE};
 use super::errors::ErrorRule;
+use super::learn::Lesson;
 use super::speech::Speech;
 use super::wiring::{self, Placed};
 use crate::learn::CorpusError;
@@ -56,6 +59,8 @@ pub struct Harness<'a> {
     pub errors: ErrorRule,
     /// Whether any baud rate is accepted, because the user gave none.
     pub is_any_rate: bool,
+    /// Whether no device is at the port: requests get no reply in the first run.
+    pub is_mute: bool,
     /// Whether rules about time are judged too.
     pub is_strict: bool,
     /// The supervision of the program in virtual time; `None`: it runs in real time.
@@ -68,6 +73,8 @@ pub struct Harness<'a> {
     pub(super) counters: Option<Counters>,
     /// Constants of the program, as soon as it has run.
     pub(super) constants: OnceCell<Constants>,
+    /// The knowledge about the device of each link.
+    pub(super) lessons: RefCell<BTreeMap<String, Arc<Lesson>>>,
     /// Real ports, which stay open between cases: opening a port may reset the board.
     open: RefCell<Vec<Box<dyn Transport>>>,
 }
@@ -119,12 +126,14 @@ impl<'a> Harness<'a> {
             start,
             errors: ErrorRule::default(),
             is_any_rate: false,
+            is_mute: false,
             spent: Cell::default(),
             is_strict: false,
             supervision: None,
             counters: None,
             goes_on,
             constants: OnceCell::new(),
+            lessons: RefCell::default(),
             open: RefCell::default(),
         }
     }

@@ -12,7 +12,9 @@ mod mutate;
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::sync::Arc;
 
+use description::Description;
 use emulators::rng::Rng;
 
 use super::case::{Exchange, Hex, Turn, index};
@@ -24,20 +26,28 @@ use mutate::Material;
 /// One turn in this many is the reply of another request.
 const OTHERS_ONE_IN: u64 = 16;
 
+/// Number of different changes of a reply.
+const CHANGES: u64 = 1 << 32;
+
 /// The knowledge about the device on a link.
 #[derive(Clone, Debug)]
 pub(super) struct Lesson {
     seeds: Seeds,
+    described: Option<Arc<Description>>,
+    constants: Constants,
+    /// The contents of known requests with those of their first replies.
+    contents: Vec<(Vec<u8>, Vec<u8>)>,
 }
 
 impl Lesson {
-    /// Learns from the capture at `path` and from `corpus` about `link`; `described` gives the
-    /// frame format if it is known. The program is the master of the link.
+    /// Learns from the capture at `path` and from `corpus` about `link`; `described` is the device
+    /// if it is known. The program, which has these constants, is the master of the link.
     pub(super) fn of(
         path: &Path,
         link: &str,
         corpus: Option<&Corpus>,
-        described: Option<DescribedFormat>,
+        described: Option<&Arc<Description>>,
+        constants: Constants,
     ) -> Self {
         let mut gathered = Gathered::default();
         if let Ok(capture) = Capture::read(path) {
@@ -46,8 +56,31 @@ impl Lesson {
         if let Some(corpus) = corpus {
             corpus.teach(link, &mut gathered);
         }
-        let seeds = gathered.learned(described);
-        Self { seeds }
+        let seeds = gathered.learned(described.map(DescribedFormat::of));
+        Self::with(seeds, described.cloned(), constants)
+    }
+
+    pub(super) fn with(
+        seeds: Seeds,
+        described: Option<Arc<Description>>,
+        constants: Constants,
+    ) -> Self {
+        let exchanges = seeds.exchanges.iter();
+        let contents = exchanges.filter_map(|(request, replies)| {
+            let reply = seeds.format.content(replies.first()?)?;
+            Some((content_of(&*seeds.format, request), reply))
+        });
+        Self {
+            contents: contents.collect(),
+            seeds,
+            described,
+            constants,
+        }
+    }
+
+    /// The description of the device.
+    pub(super) const fn described(&self) -> Option<&Arc<Description>> {
+        self.described.as_ref()
     }
 
     /// Whether anything was learned.
@@ -91,7 +124,6 @@ impl Lesson {
         &self,
         count: usize,
         avoided: &BTreeSet<String>,
-        constants: &Constants,
         rng: &mut Rng,
     ) -> Vec<Turn> {
         // In half of the cases all requests but one get intact replies. Otherwise a changed
@@ -99,18 +131,12 @@ impl Lesson {
         let requests = self.seeds.exchanges.len() as u64;
         let is_one = requests > 1 && rng.below(2) == 0;
         let one = is_one.then(|| index(rng, requests));
-        let turns = (0..count).map(|_| self.turn(one, avoided, constants, rng));
+        let turns = (0..count).map(|_| self.turn(one, avoided, rng));
         turns.collect()
     }
 
     /// Creates a turn for the request `one`, or for any request.
-    fn turn(
-        &self,
-        one: Option<usize>,
-        avoided: &BTreeSet<String>,
-        constants: &Constants,
-        rng: &mut Rng,
-    ) -> Turn {
+    fn turn(&self, one: Option<usize>, avoided: &BTreeSet<String>, rng: &mut Rng) -> Turn {
         let seeds = &self.seeds;
         let requests = seeds.exchanges.len();
         let all = requests + seeds.unasked.len().min(requests.max(1));
@@ -126,26 +152,117 @@ impl Lesson {
                 (None, chunk.map_or(&[][..], Vec::as_slice))
             }
         };
-        let material = Material {
-            format: &*seeds.format,
-            contents: &seeds.contents,
-            constants,
-        };
         if to.is_some() && requests > 1 && rng.below(OTHERS_ONE_IN) == 0 {
             return self.reply_of_another(to, rng);
         }
-        let mut mutant = mutate::mutant(&material, chunk, rng);
+        let mut seed = || u32::try_from(rng.below(CHANGES)).unwrap_or_default();
+        let mut turn = self.changed(seed(), chunk);
         // Usually replaces a mutant whose kind has led to a known finding.
-        if avoided.contains(mutant.kind) && rng.below(4) > 0 {
-            mutant = mutate::mutant(&material, chunk, rng);
+        if avoided.contains(&turn.kind) && seed() % 4 > 0 {
+            turn = self.changed(seed(), chunk);
         }
+        Turn { to, ..turn }
+    }
+
+    /// The change with this seed of `chunk`.
+    pub(super) fn changed(&self, seed: u32, chunk: &[u8]) -> Turn {
+        let material = Material {
+            format: &*self.seeds.format,
+            contents: &self.seeds.contents,
+            constants: &self.constants,
+        };
+        let mutant = mutate::mutant(&material, chunk, &mut Rng::stream(seed.into(), "turn"));
         Turn {
             kind: mutant.kind.to_owned(),
             is_altered: mutant.is_altered,
-            to,
+            to: None,
             say: mutant.pieces.into_iter().map(Hex).collect(),
+            seed: Some(seed),
         }
     }
+
+    /// The reply to `request` made of the reply to a known one, if both requests differ only where
+    /// replies repeat them, as in a counter.
+    pub(super) fn fitted(&self, request: &[u8]) -> Option<Vec<u8>> {
+        let content = content_of(&*self.seeds.format, request);
+        let made = self.contents.iter().find_map(|known| {
+            let places = self.places(&known.0, &content)?;
+            let mut reply = known.1.clone();
+            for (from, to) in places {
+                *reply.get_mut(to)? = content[from];
+            }
+            Some(reply)
+        });
+        made.map(|reply| self.seeds.format.frame(&reply, 0))
+    }
+
+    /// Whether `request` is one like `known`, with another counter.
+    pub(super) fn is_like(&self, known: &[u8], request: &[u8]) -> bool {
+        let [known, request] = [known, request].map(|frame| content_of(&*self.seeds.format, frame));
+        self.places(&known, &request).is_some()
+    }
+
+    /// Where two contents of requests differ, each with a place of the reply that repeats it.
+    fn places(&self, known: &[u8], content: &[u8]) -> Option<Vec<(usize, usize)>> {
+        if known.len() != content.len() {
+            return None;
+        }
+        let (_, reply) = self.contents.iter().find(|one| one.0 == known)?;
+        let sizes = (known.len(), reply.len());
+        let differs = |at: &usize| known[*at] != content[*at];
+        let mut places = Vec::new();
+        for at in (0..known.len()).filter(differs) {
+            let all: Vec<usize> = (0..reply.len())
+                .filter(|to| self.repeats(at, *to, sizes))
+                .collect();
+            if all.is_empty() {
+                return None;
+            }
+            places.extend(all.into_iter().map(|to| (at, to)));
+        }
+        Some(places)
+    }
+
+    /// Whether byte `to` of the replies repeats byte `from` of the requests, or the rest of a
+    /// number whose other bytes do.
+    fn repeats(&self, from: usize, to: usize, sizes: (usize, usize)) -> bool {
+        let values = |from: usize, to: usize| self.repeated(from, to, sizes);
+        let near = || {
+            let before = from.checked_sub(1).zip(to.checked_sub(1));
+            let near = [before, Some((from + 1, to + 1))];
+            { near.into_iter().flatten() }.any(|(from, to)| values(from, to) > 1)
+        };
+        match values(from, to) {
+            0 => false,
+            1 => near(),
+            _ => true,
+        }
+    }
+
+    /// The number of different values of byte `from` of the requests if byte `to` of the replies is
+    /// always the same, else 0; only in contents of these sizes if those have several values.
+    fn repeated(&self, from: usize, to: usize, sizes: (usize, usize)) -> usize {
+        let count = |is_of: &dyn Fn(&[u8], &[u8]) -> bool| {
+            let mut values = BTreeSet::new();
+            let contents = self.contents.iter();
+            for (request, reply) in contents.filter(|(request, reply)| is_of(request, reply)) {
+                match (request.get(from), reply.get(to)) {
+                    (Some(one), Some(other)) if one == other => values.insert(*one),
+                    _ => return 0,
+                };
+            }
+            values.len()
+        };
+        match count(&|request, reply| (request.len(), reply.len()) == sizes) {
+            1 => count(&|_, _| true).max(1),
+            own => own,
+        }
+    }
+}
+
+/// The content of a request; the request itself if replies have another format.
+fn content_of(format: &dyn FrameFormat, request: &[u8]) -> Vec<u8> {
+    format.content(request).unwrap_or_else(|| request.to_vec())
 }
 
 impl Lesson {
@@ -163,6 +280,7 @@ impl Lesson {
             is_altered: true,
             to,
             say: vec![Hex(reply)],
+            seed: None,
         }
     }
 }

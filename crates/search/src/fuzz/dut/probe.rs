@@ -17,8 +17,10 @@ use super::trial::{self, Talk, TrialOutcome, settle};
 use engine::codec::wire::Stream;
 use engine::scenario::{Scenario, Span};
 
-/// Time in which the program is only observed.
-const LISTEN: Duration = Duration::from_millis(400);
+/// The pause after each frame if the observation is repeated: at least the time until its answer.
+const GAP: Duration = Duration::from_millis(100);
+/// Number of these pauses in which the program is only observed.
+const LISTEN_GAPS: usize = 4;
 /// Maximum number of frames that are tried.
 const TRIED: usize = 32;
 /// Sufficient number of answered frames.
@@ -59,7 +61,7 @@ impl Harness<'_> {
         let middle = Instant::ZERO + WARM_UP + lasting / 2;
         let acted = opened.and_then(|()| live.pass(lasting));
         let known = live.known(middle);
-        let mut seen = trial::judge(self, live, acted, Vec::new(), false)?;
+        let mut seen = trial::judge(self, live, acted, Vec::new(), self.is_mute)?;
         let mut met = Probed {
             known,
             ..Probed::default()
@@ -102,11 +104,14 @@ impl Harness<'_> {
             Ok(())
         });
         live.note_reached(self);
-        let seen = trial::judge(self, live, acted, causes, !asked.is_empty())?;
-        case.told.known = met.known.clone();
+        // The device that replies to the program is not there.
         let raw = case.told.raw.get_or_insert_default();
-        (raw.stream, raw.answered) = (asked, met.answered.clone());
+        (raw.stream, raw.gap) = (asked, Some(Span(GAP)));
+        raw.answered.clone_from(&met.answered);
         raw.chatter = met.chatter.iter().cloned().map(Hex).collect();
+        let is_altered = raw.chunks() > 0 || live.has_spoken();
+        case.told.known = met.known.clone();
+        let seen = trial::judge(self, live, acted, causes, is_altered)?;
         Ok((met, case, seen))
     }
 
@@ -155,7 +160,10 @@ impl Probed {
         asked: &mut String,
     ) -> Result<(), Halt> {
         let from = live.now();
-        live.pass(LISTEN)?;
+        for _ in 0..LISTEN_GAPS {
+            *asked += "idle\n";
+            live.pass(GAP)?;
+        }
         let mut talk = Talk::new(speech);
         talk.chatter = speech.shape(&live.take_heard(), &[]);
         self.known = live.known(from);

@@ -98,13 +98,14 @@ impl<'a> Restarts<'a> {
             return Err(HarnessError::Interrupted);
         }
         let (known, played) = (live.known(live.now()), core::mem::take(&mut live.played));
+        let held = core::mem::take(&mut live.held);
         if acted.is_err() || !causes.is_empty() {
             if kept.was_put_back {
                 self.note(false);
                 live.end(harness);
                 return Ok(None);
             }
-            live.played = played;
+            (live.played, live.held) = (played, held);
             return trial::conclude(harness, live, case, acted, causes).map(Some);
         }
         let is_back = live.put_back(&kept.moment);
@@ -127,6 +128,7 @@ impl<'a> Restarts<'a> {
             was_late: false,
             reached: Vec::new(),
             played,
+            held,
             reported: None,
         }))
     }

@@ -4,12 +4,12 @@ use core::cell::RefCell;
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use emulators::rng::Rng;
 
 use super::case::{self, Case, Known, Raw, Told};
 use super::cause::Cause;
-use super::constants::Constants;
 use super::coverage::Counters;
 use super::finding::{Finding, Kept, State};
 use super::found::OpenFinding;
@@ -22,7 +22,6 @@ use super::restart::{self, Restarts};
 use super::speech::Speech;
 use super::traffic;
 use super::trial::{self, TrialOutcome};
-use crate::learn::DescribedFormat;
 use engine::robots::OpenEnd;
 use engine::scenario::Span;
 use safefs::Dir;
@@ -50,7 +49,7 @@ pub struct Search<'a> {
     late: u64,
     doubtful: u64,
     /// The knowledge about each link.
-    lessons: BTreeMap<usize, (Lesson, Known)>,
+    lessons: BTreeMap<usize, (Arc<Lesson>, Known)>,
     /// The program at its first wait.
     restarts: Option<Restarts<'a>>,
     /// Errors that the program reported on purpose, with their numbers.
@@ -105,8 +104,8 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Number of failed checks and broken rules about time that two repetitions of the case did not
-    /// confirm.
+    /// Number of failures that repetitions of the case did not confirm: failed checks, broken
+    /// rules about time, and any failure in virtual time.
     pub const fn doubtful(&self) -> u64 {
         self.doubtful
     }
@@ -160,10 +159,7 @@ impl<'a> Search<'a> {
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);
         let inputs = match &case.told.raw {
-            Some(raw) if raw.turn.is_empty() => {
-                let lines = raw.stream.lines().filter(|line| *line != "idle");
-                lines.count()
-            }
+            Some(raw) if raw.turn.is_empty() => raw.chunks(),
             _ => seen.played.len(),
         };
         self.state.inputs += inputs as u64;
@@ -272,8 +268,19 @@ impl<'a> Search<'a> {
         let (met, case, seen) = self.harness.meet(&plan.scenario, lasting, &recording)?;
         let of_link = |of: &Option<String>| of.as_ref().is_none_or(|of| *of == link);
         let described = plan.descriptions.iter().find(|(of, _)| of_link(of));
-        let described = described.map(|(_, description)| DescribedFormat::of(description));
-        let lesson = Lesson::of(&recording, &link, plan.corpus.as_ref(), described);
+        let described = described.map(|(_, description)| description);
+        let constants = self.harness.constants.get().cloned().unwrap_or_default();
+        let lesson = Lesson::of(
+            &recording,
+            &link,
+            plan.corpus.as_ref(),
+            described,
+            constants,
+        );
+        let lesson = Arc::new(lesson);
+        let mut lessons = self.harness.lessons.borrow_mut();
+        lessons.insert(link, lesson.clone());
+        drop(lessons);
         // The program's output depends on its input.
         let known = Known {
             speaks: BTreeSet::new(),
@@ -351,8 +358,6 @@ impl<'a> Search<'a> {
     fn dialogue(&self, at: usize, met: &Probed, rng: &mut Rng) -> Raw {
         let (lesson, _) = &self.lessons[&at];
         let avoided = self.state.avoided.iter().cloned().collect();
-        let none = Constants::default();
-        let constants = self.harness.constants.get().unwrap_or(&none);
         let may_pause = !lesson.asks() && self.harness.supervision.is_some();
         let is_slow = may_pause && rng.below(SLOW_ONE_IN) == 0;
         Raw {
@@ -360,7 +365,7 @@ impl<'a> Search<'a> {
             gap: is_slow.then_some(Span(SLOW_GAP)),
             exchange: lesson.exchanges(),
             asks: lesson.asks(),
-            turn: lesson.turns(TURNS, &avoided, constants, rng),
+            turn: lesson.turns(TURNS, &avoided, rng),
             ..Raw::default()
         }
     }
@@ -404,9 +409,7 @@ impl<'a> Search<'a> {
         match &mut first.told.raw {
             None => first.scenario = seen.ran.clone(),
             // Turns that were not sent are not needed.
-            Some(raw) if !raw.turn.is_empty() => {
-                raw.turn = seen.played.iter().map(|at| raw.turn[*at].clone()).collect();
-            }
+            Some(raw) if !raw.turn.is_empty() => *raw = seen.held.of(raw),
             Some(_) => {}
         }
         let found = OpenFinding {

@@ -11,6 +11,7 @@ use super::constants::Constants;
 use super::coverage::Reached;
 use super::harness::{Harness, HarnessError};
 use super::player::{Halt, Player};
+use super::replies::Held;
 use super::wiring;
 use capture::{self, Limits, Recording};
 use engine::rig::PortRate;
@@ -50,6 +51,11 @@ pub(super) struct Session<'a> {
     reached: Vec<Reached>,
     /// Numbers of the played turns.
     pub(super) played: Vec<usize>,
+    /// The conversation so far.
+    pub(super) held: Held,
+    /// Whether an intact device sends other data in the conversation: data were altered, or a
+    /// request did not get its own reply.
+    pub(super) is_altered: bool,
 }
 
 /// A session at one moment.
@@ -105,6 +111,8 @@ impl<'a> Session<'a> {
             goes_on: harness.goes_on,
             reached: Vec::new(),
             played: Vec::new(),
+            held: Held::default(),
+            is_altered: false,
         };
         let opened = live.wait_for_ports(harness, &case.told.known);
         if opened.is_ok() && harness.constants.get().is_none() {
@@ -136,6 +144,11 @@ impl<'a> Session<'a> {
         }
         self.player.let_go();
         Ok(())
+    }
+
+    /// Whether the program has sent any byte.
+    pub(super) fn has_spoken(&self) -> bool {
+        self.ports.values().any(|port| port.spoke_at.is_some())
     }
 
     /// The ports that are open.
@@ -329,6 +342,8 @@ impl<'a> Session<'a> {
     pub(super) fn put_back(&mut self, moment: &SessionMoment) -> bool {
         self.heard.clone_from(&moment.heard);
         self.played.clear();
+        self.held = Held::default();
+        self.is_altered = false;
         self.player.put_back(&moment.program)
     }
 

@@ -11,6 +11,7 @@ use super::coverage::Reached;
 use super::dialogue::{self, Limits};
 use super::harness::{Harness, HarnessError, Spent};
 use super::player::Halt;
+use super::replies::{Held, Replies};
 use super::session::Session;
 use super::speech::{Shape, Speech};
 use engine::codec::wire::{Piece, Stream};
@@ -38,6 +39,8 @@ pub struct TrialOutcome {
     pub reached: Vec<Reached>,
     /// Numbers of the played turns.
     pub played: Vec<usize>,
+    /// The conversation as it was held.
+    pub held: Held,
     /// An error that the program reported on purpose before it ended.
     pub reported: Option<Cause>,
 }
@@ -181,7 +184,13 @@ pub(super) fn act(
         match piece {
             Piece::Bytes(bytes) => live.say(bytes)?,
             Piece::Idle => {
-                live.pause()?;
+                match raw.gap {
+                    Some(gap) => {
+                        live.flush()?;
+                        live.pass(gap.0)?;
+                    }
+                    None => live.pause()?,
+                }
                 live.note_reached(harness);
             }
         }
@@ -210,9 +219,12 @@ fn hold_dialogue(
         },
         false => Limits { lasting, silence },
     };
-    let mut played = Vec::new();
-    let held = dialogue::converse(live, raw, limits, &mut played, causes);
-    live.played = played;
+    let mut replies = Replies::new(harness, raw);
+    let held = dialogue::converse(live, raw, limits, &mut replies, causes);
+    live.held.exchanges = replies.made;
+    // Bytes of the program that were not taken are requests without a reply.
+    let owes_replies = !(raw.asks && raw.exchange.is_empty());
+    live.is_altered |= owes_replies && !live.take_heard().is_empty();
     held?;
     causes.extend(settle(live, &case.told.known, None, harness.alive)?);
     Ok(())
@@ -300,7 +312,14 @@ pub(super) fn conclude(
     acted: Result<(), Halt>,
     causes: Vec<Cause>,
 ) -> Result<TrialOutcome, HarnessError> {
-    let is_altered = is_altered(case, &live.played);
+    let is_altered = match &case.told.raw {
+        None => harness.is_mute || !case.scenario.fault.is_empty(),
+        // Without its device, no request of the program gets a reply.
+        Some(raw) if raw.turn.is_empty() => {
+            raw.chunks() > 0 || !raw.pair.is_empty() || live.has_spoken()
+        }
+        Some(_) => live.is_altered,
+    };
     let mut outcome = judge(harness, live, acted, causes, is_altered)?;
     if case.told.known.ends {
         outcome.causes.retain(|cause| *cause != Cause::Ended);
@@ -308,19 +327,9 @@ pub(super) fn conclude(
     Ok(outcome)
 }
 
-/// Whether any input of the program since its start was altered. The rest of a frame with a wrong
-/// length may be parsed as the header of a much later frame.
-fn is_altered(case: &Case, played: &[usize]) -> bool {
-    let Some(raw) = &case.told.raw else {
-        return !case.scenario.fault.is_empty();
-    };
-    if raw.turn.is_empty() {
-        return !(raw.stream.is_empty() && raw.pair.is_empty());
-    }
-    played.iter().any(|at| raw.turn[*at].is_altered)
-}
-
-/// Ends the program and adds its failures to `causes`.
+/// Ends the program and adds its failures to `causes`. `is_altered` says whether any input since
+/// its start was altered or missing: the rest of a frame with a wrong length may be parsed as the
+/// header of a much later frame.
 pub(super) fn judge(
     harness: &Harness<'_>,
     mut live: Session<'_>,
@@ -335,6 +344,7 @@ pub(super) fn judge(
     }
     let reached = live.take_reached();
     let played = core::mem::take(&mut live.played);
+    let held = core::mem::take(&mut live.held);
     let mut reported = None;
     let fault = live.fault();
     let (said, run) = live.end(harness);
@@ -366,6 +376,7 @@ pub(super) fn judge(
         was_late,
         reached,
         played,
+        held,
         reported,
     })
 }

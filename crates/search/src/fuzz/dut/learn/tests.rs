@@ -68,7 +68,7 @@ fn mutants_of_a_described_format_have_fields_at_their_limits() {
     for name in ["cobs-sensor", "gps"] {
         let text = description::shipped::text(name).expect("shipped");
         let nothing = |_: &str| Err(String::new());
-        let of = description::Description::parse(name, text, &nothing).expect("sound");
+        let of = Description::parse(name, text, &nothing).expect("sound");
         let format = DescribedFormat::of(&of);
         let frames = format.examples();
         let Seeds {
@@ -103,7 +103,7 @@ fn mutants_of_a_described_format_have_fields_at_their_limits() {
 fn described_frames_are_taken_apart_and_put_together() {
     for (name, text) in description::shipped::ALL {
         let nothing = |_: &str| Err(String::new());
-        let of = description::Description::parse(name, text, &nothing).expect("sound");
+        let of = Description::parse(name, text, &nothing).expect("sound");
         let format = DescribedFormat::of(&of);
         // Line ends and prompts around a content come from the description.
         for frame in format.examples() {
@@ -255,11 +255,9 @@ fn replies_are_used_for_other_requests() {
         spoken(true, 20_000_000, b"B?\n"),
         spoken(false, 30_000_000, b"b=2\n"),
     ]);
-    let lesson = Lesson {
-        seeds: gathered.learned(None),
-    };
+    let lesson = Lesson::with(gathered.learned(None), None, Constants::default());
     let rng = &mut Rng::stream(1, "others");
-    let turns = lesson.turns(400, &BTreeSet::new(), &Constants::default(), rng);
+    let turns = lesson.turns(400, &BTreeSet::new(), rng);
     let mut others = turns
         .iter()
         .filter(|turn| turn.kind == "reply-of-another-request");
@@ -267,4 +265,43 @@ fn replies_are_used_for_other_requests() {
     let to = first.to.clone().expect("it answers a request");
     let expected: &[u8] = if to.0 == b"A?\n" { b"b=2\n" } else { b"a=1\n" };
     assert_eq!(first.say, [Hex(expected.to_vec())]);
+}
+
+/// A counter that replies repeat, in requests of two kinds: the reply to a later number is made of
+/// a recorded one. A request that differs elsewhere has no known reply.
+#[test]
+fn a_counter_of_a_request_is_copied_to_its_reply() {
+    let mut spoken: Vec<Spoken> = Vec::new();
+    let mut said = |is_program, text: &str| {
+        spoken.push(Spoken {
+            is_program,
+            at: 10_000_000 * (1 + spoken.len() as u64),
+            bytes: text.as_bytes().to_vec(),
+        });
+    };
+    for (request, reply) in [
+        ("@01 PING\n", "@01 OK\n"),
+        ("@02 GET 3\n", "@02 3 +1.5\n"),
+        ("@03 PING\n", "@03 OK\n"),
+        ("@04 GET 4\n", "@04 4 +2.5\n"),
+    ] {
+        said(true, request);
+        said(false, reply);
+    }
+    let mut gathered = Gathered::default();
+    gathered.conversation(&spoken);
+    let lesson = Lesson::with(gathered.learned(None), None, Constants::default());
+    let fitted = |request: &str| {
+        let reply = lesson.fitted(request.as_bytes())?;
+        String::from_utf8(reply).ok()
+    };
+    assert_eq!(fitted("@57 PING\n").as_deref(), Some("@57 OK\n"));
+    assert_eq!(fitted("@58 PONG\n"), None);
+    assert_eq!(fitted("@7 PING\n"), None);
+    assert!(lesson.is_like(b"@01 PING\n", b"@57 PING\n"));
+    assert!(!lesson.is_like(b"@01 PING\n", b"@57 GET 3\n"));
+    assert_eq!(
+        lesson.changed(9, b"@57 OK\n"),
+        lesson.changed(9, b"@57 OK\n")
+    );
 }
