@@ -10,9 +10,10 @@ use protocols::Instant;
 
 use super::answer::{Decoded, EntryDecoded, LineDecoded};
 use super::{CliError, Verdict, described, out};
+use crate::capture::Capture;
 use crate::capture::decode::diagnose::{Damage, Line, diagnose};
 use crate::capture::decode::profile::Profile;
-use crate::capture::decode::transcript::{Entry, Known, Sum, Transcript};
+use crate::capture::decode::transcript::{Entry, Known, Said, Sum, Transcript};
 use crate::capture::import::Format;
 use crate::codec::{self, Codec};
 use crate::rig::line::Direction;
@@ -117,7 +118,7 @@ fn document(args: &DecodeArgs) -> Result<Verdict, CliError> {
         decoded.entries = entries(args, &source, &known);
     }
     let lanes = lanes(&source.capture, |name| is_wanted(args, name));
-    let line = |lane| line(args, &known, lane, &lanes);
+    let line = |lane| line(args, (&source.capture, &known), lane, &lanes);
     decoded.lines = lanes.iter().map(line).collect();
     out::answer(&decoded);
     Ok(Verdict::Pass)
@@ -150,10 +151,16 @@ fn entries(args: &DecodeArgs, source: &Source, known: &[Known]) -> Vec<EntryDeco
 }
 
 /// Figures of a line.
-fn line(args: &DecodeArgs, known: &[Known], lane: &Lane, lanes: &[Lane]) -> LineDecoded {
+fn line(
+    args: &DecodeArgs,
+    source: (&Capture, &[Known]),
+    lane: &Lane,
+    lanes: &[Lane],
+) -> LineDecoded {
+    let (capture, known) = source;
     let codec = codec_of(args, known, lane);
     let damages = match args.diagnose {
-        true => damages(args, lane, lanes),
+        true => damages(args, capture, lane, lanes),
         false => Vec::new(),
     };
     LineDecoded {
@@ -221,7 +228,7 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
     if args.diagnose || args.summary {
         let lanes = lanes(&source.capture, wanted);
         return match args.diagnose {
-            true => print_damages(args, &lanes, out),
+            true => print_damages(args, &source.capture, &lanes, out),
             false => print_sums(args, &source, &known, &lanes, out),
         };
     }
@@ -337,7 +344,16 @@ fn text_words(bytes: &[u8]) -> Option<String> {
 }
 
 /// Damage of all bytes of a line.
-fn damages(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
+fn damages(args: &DecodeArgs, capture: &Capture, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
+    let swapped = args.protocol.and_then(|own| {
+        let other = own.own_other_order()?;
+        let [other, expected] = [other, own].map(|codec| frames(codec, capture, lane));
+        let is_other = other >= FRAMES_OTHER && other > expected * 10;
+        is_other.then_some(Damage::ChecksumOrder { other, expected })
+    });
+    if let Some(swapped) = swapped {
+        return vec![swapped];
+    }
     let opposite = lanes.iter().find(|other| lane.is_opposite(other));
     diagnose(&Line {
         bytes: &lane.bytes,
@@ -348,9 +364,35 @@ fn damages(args: &DecodeArgs, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
     })
 }
 
-fn print_damages(args: &DecodeArgs, lanes: &[Lane], out: &mut dyn Write) -> Result<(), Failure> {
+/// Minimum number of frames with a swapped checksum for a diagnosis.
+const FRAMES_OTHER: u64 = 8;
+
+/// Number of frames of a line, some of which only a silence ends.
+fn frames(codec: &'static Codec, capture: &Capture, lane: &Lane) -> u64 {
+    let mut transcript = Transcript::new(Some(codec));
+    let mut count = 0;
+    let mut add = |entries: &mut dyn Iterator<Item = Entry>| {
+        count += entries
+            .filter(|entry| matches!(entry.said, Said::Frame(_)))
+            .count() as u64;
+    };
+    let own = capture.records.iter();
+    for record in own.filter(|one| one.link == lane.link && one.direction == lane.direction) {
+        transcript.record(record, &capture.links[record.link]);
+        add(&mut transcript.ready(record.at));
+    }
+    add(&mut transcript.finish());
+    count
+}
+
+fn print_damages(
+    args: &DecodeArgs,
+    capture: &Capture,
+    lanes: &[Lane],
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     for lane in lanes {
-        let damages = damages(args, lane, lanes);
+        let damages = damages(args, capture, lane, lanes);
         let name = &lane.name;
         if damages.is_empty() {
             writeln!(out, "{name}: no systematic damage found")?;

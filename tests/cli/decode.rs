@@ -452,6 +452,43 @@ fn a_host_that_strips_nul_is_named_with_its_evidence() {
     assert_eq!(text(&output.stdout), expected);
 }
 
+/// Frames of a description, which only pauses end, with the checksum in the other order: the bytes
+/// of the checksum are swapped, and each frame has one expected checksum, its own.
+#[test]
+fn a_swapped_checksum_of_a_description_is_named() {
+    let session = Session::new("decode-swapped");
+    let described = |order: &str| {
+        format!(
+            "name = \"hand\"\nabout = \"a device\"\nline = {{ baud = 9600 }}\n\
+             frame = {{ silence = 3.5, checksum = {{ algorithm = \"CRC-16/MODBUS\", endian = \
+             \"{order}\" }} }}\n[[message]]\nname = \"all\"\nfields = [{{ name = \"data\", type = \
+             \"bytes\", size = \"rest\" }}]\n[[on]]\nmessage = \"all\"\nreply = \"all\"\n"
+        )
+    };
+    session.write("big.toml", &described("big"));
+    session.write("little.toml", &described("little"));
+    // The read of two registers from the Modbus specification's examples, ten times.
+    let line = |number: u32| format!("[{number}.5] RX: 01 03 00 00 00 02 C4 0B\n");
+    session.write("log.txt", &(1..=10).map(line).collect::<String>());
+    let decode = |file: &str, more: &[&str]| {
+        let output =
+            session.hilrig(&[&["decode", "log.txt", "--description", file], more].concat());
+        text(&output.stdout)
+    };
+    let wrong = decode("big.toml", &["--diagnose"]);
+    assert!(
+        wrong.contains(
+            "the checksum's bytes are swapped (10 frames hold with the other order, 0 with the \
+             expected one)"
+        ),
+        "{wrong}"
+    );
+    let right = decode("little.toml", &["--diagnose"]);
+    assert!(right.contains("no systematic damage found"), "{right}");
+    let frames = decode("big.toml", &[]);
+    assert_eq!(frames.matches("checksum is").count(), 10, "{frames}");
+}
+
 /// A run's own capture: every line in both directions, no diagnosis, and hardly an invalid byte.
 #[test]
 fn a_runs_own_capture_is_not_accused() {

@@ -38,6 +38,23 @@ every = [{ period = "1s", send = "told" }]
 "#,
 );
 
+/// Frames with DLE stuffing; the contents hold many of the bytes that are sent twice.
+const DLE: (&str, &str) = (
+    "dle",
+    r#"
+name = "dle"
+about = "Each 10 is sent twice"
+endian = "big"
+line = { baud = 9600 }
+frame = { stuffing = "dle", start = [0x10], checksum = "sum8" }
+message = [{ name = "told", from = "device", fields = [
+  { type = "u8", value = 0x8F }, { name = "load", type = "u16" }, { type = "u24", value = 0x101003 },
+  { name = "tag", type = "u32" },
+] }]
+every = [{ period = "1s", send = "told" }]
+"#,
+);
+
 fn parse(name: &str, text: &str) -> Arc<Description> {
     let nothing = |_: &str| Err("no file".to_owned());
     Description::parse(name, text, &nothing).unwrap_or_else(|error| panic!("{error}"))
@@ -313,7 +330,7 @@ fn of_one_end(of: &Description, rows: &[&[String]], told: &[&Told]) -> Vec<Strin
 #[test]
 fn tshark_agrees_with_decode_on_every_field() {
     let mut all = Vec::new();
-    for (name, text) in description::shipped::ALL.iter().chain([&LOW_BITS]) {
+    for (name, text) in description::shipped::ALL.iter().chain([&LOW_BITS, &DLE]) {
         let Some(wrong) = differences(name, text) else {
             return;
         };

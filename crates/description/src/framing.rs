@@ -19,7 +19,7 @@ use crate::number::Number;
 use crate::schema::wire::Stuffing;
 
 pub use bytes::FrameBytes;
-pub(crate) use cut::{hex_bytes, hex_text};
+pub(crate) use cut::{DLE, hex_bytes, hex_text};
 pub(crate) use head::HeadSize;
 pub use judge::{Cutter, Frame, Frames};
 pub(crate) use judge::{Unused, cutter};

@@ -175,6 +175,7 @@ fn cut(cut: &Cut) -> String {
                 Stuffing::Slip => "slip",
                 Stuffing::Hdlc => "hdlc",
                 Stuffing::Cobs => "cobs",
+                Stuffing::Dle => "dle",
             };
             let (start, end) = (quoted(start), quoted(end));
             format!(

@@ -104,6 +104,8 @@ fn frame(checksums: &'static [&'static str]) -> impl Strategy<Value = String> {
         "stuffing = \"slip\"",
         "stuffing = \"hdlc\"",
         "stuffing = \"cobs\"",
+        "stuffing = \"dle\"",
+        "stuffing = \"dle\"\nstart = [0x10]",
         "start = \":\"\nend = \"\\r\\n\"\nencoding = \"hex\"",
         "sync = [0xAA, 0x55]\nlength = { at = 2, type = \"u16\" }",
         "sync = [0x7E]\nlength = { at = 1, type = \"u16be\", counts = \"rest\" }",

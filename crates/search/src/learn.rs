@@ -15,6 +15,7 @@ mod described;
 mod format;
 mod frame_format;
 mod framing;
+mod marked;
 mod propose;
 mod seeds;
 mod stream;

@@ -8,7 +8,7 @@ use super::{Compiler, whole};
 use crate::checksum::Algorithm;
 use crate::description::Protocol;
 use crate::expr::Expr;
-use crate::framing::{Check, Cut, FRAME_MAX, Framing, HeadSize, Length};
+use crate::framing::{Check, Cut, DLE, FRAME_MAX, Framing, HeadSize, Length};
 use crate::modbus;
 use crate::number::{Number, NumberKind, Orders};
 use crate::schema::wire::{Counts, Encoding, Endian, FrameSpec, LengthSpec, SizeSpec, Stuffing};
@@ -228,25 +228,8 @@ impl Compiler<'_> {
             }
             return marked(start, terminator.0.clone());
         }
-        if let Some(marker) = stuffing.marker() {
-            let of = |given: &Option<crate::schema::short::Marker>, plain: &[u8]| {
-                given
-                    .as_ref()
-                    .map_or_else(|| plain.to_vec(), |given| given.0.clone())
-            };
-            let end = of(&spec.end, &[marker]);
-            if end != [marker] {
-                let message =
-                    format!("is {end:02X?}, expected [0x{marker:02X}] with this stuffing");
-                self.wrong(format!("{key}.end"), message);
-            }
-            let both = stuffing != Stuffing::Cobs;
-            let start = of(&spec.start, if both { &end } else { &[] });
-            if !start.is_empty() && start != [marker] {
-                let message = format!("is {start:02X?}, expected [0x{marker:02X}] or none");
-                self.wrong(format!("{key}.start"), message);
-            }
-            return marked(start, vec![marker]);
+        if let Some(markers) = stuffing.markers() {
+            return self.stuffed(key, spec, (stuffing, tail), markers);
         }
         if let Some(length) = &spec.length {
             return Cut::Length(self.length(&format!("{key}.length"), length));
@@ -274,6 +257,55 @@ impl Compiler<'_> {
             \"length\", \"size\", \"sizes\", \"silence\"";
         self.wrong(key, message);
         Cut::Fixed(1)
+    }
+
+    /// Frames with markers that the stuffing keeps out of their bytes.
+    fn stuffed(
+        &mut self,
+        key: &str,
+        spec: &FrameSpec,
+        (stuffing, tail): (Stuffing, usize),
+        [plain_start, plain_end]: [&[u8]; 2],
+    ) -> Cut {
+        let of = |given: &Option<crate::schema::short::Marker>, plain: &[u8]| {
+            given
+                .as_ref()
+                .map_or_else(|| plain.to_vec(), |given| given.0.clone())
+        };
+        let [start, end] = [of(&spec.start, plain_start), of(&spec.end, plain_end)];
+        let is_dle = stuffing == Stuffing::Dle;
+        let is_end = match end[..] {
+            [first, second] if is_dle => first == DLE && second != DLE,
+            _ => end == plain_end,
+        };
+        if !is_end {
+            let expected = match is_dle {
+                true => "0x10 and another byte".to_owned(),
+                false => format!("[0x{:02X}]", plain_end[0]),
+            };
+            let message = format!("is {end:02X?}, expected {expected} with this stuffing");
+            self.wrong(format!("{key}.end"), message);
+        }
+        let is_start = match start[..] {
+            [] => !is_dle,
+            [DLE] if is_dle => true,
+            [DLE, second] if is_dle => second != DLE && start != end,
+            _ => start == plain_end,
+        };
+        if !is_start {
+            let expected = match is_dle {
+                true => "0x10, alone or with a byte that is not the end marker's".to_owned(),
+                false => format!("[0x{:02X}] or none", plain_end[0]),
+            };
+            let message = format!("is {start:02X?}, expected {expected}");
+            self.wrong(format!("{key}.start"), message);
+        }
+        Cut::Marked {
+            start,
+            end,
+            stuffing,
+            tail,
+        }
     }
 
     fn length(&mut self, key: &str, spec: &LengthSpec) -> Length {

@@ -13,15 +13,27 @@ const SLIP_ESC_END: u8 = 0xDC;
 const SLIP_ESC_ESC: u8 = 0xDD;
 const HDLC_FLAG: u8 = 0x7E;
 const HDLC_ESC: u8 = 0x7D;
+pub(crate) const DLE: u8 = 0x10;
+const STX: u8 = 0x02;
+const ETX: u8 = 0x03;
 
 impl Stuffing {
-    /// The marker that the stuffing implies.
-    pub(crate) const fn marker(self) -> Option<u8> {
+    /// The start marker and the end marker that the stuffing implies.
+    pub(crate) const fn markers(self) -> Option<[&'static [u8]; 2]> {
         match self {
             Self::None => None,
-            Self::Slip => Some(SLIP_END),
-            Self::Hdlc => Some(HDLC_FLAG),
-            Self::Cobs => Some(0),
+            Self::Slip => Some([&[SLIP_END], &[SLIP_END]]),
+            Self::Hdlc => Some([&[HDLC_FLAG], &[HDLC_FLAG]]),
+            Self::Cobs => Some([&[], &[0]]),
+            Self::Dle => Some([&[DLE, STX], &[DLE, ETX]]),
+        }
+    }
+
+    /// The offset of the end marker `end` in the bytes behind a start marker, if it is there.
+    pub(super) fn end(self, bytes: &[u8], end: &[u8]) -> Result<Option<usize>, FrameError> {
+        match self {
+            Self::Dle => dle_end(bytes, end),
+            _ => Ok(find(bytes, end)),
         }
     }
 }
@@ -52,6 +64,11 @@ impl Framing {
             Stuffing::Slip => Cow::Owned(unslip(&inner[..inner_len])?),
             Stuffing::Hdlc => Cow::Owned(unhdlc(&inner[..inner_len])?),
             Stuffing::Cobs => Cow::Owned(uncobs(&inner[..inner_len])?),
+            // The bytes behind the end marker belong to the content.
+            Stuffing::Dle => {
+                let behind = &inner[inner_len + end.len()..];
+                Cow::Owned([&*undle(&inner[..inner_len])?, behind].concat())
+            }
         };
         match self.is_hex {
             true => {
@@ -84,6 +101,7 @@ impl Framing {
             Stuffing::Slip => slip(inner),
             Stuffing::Hdlc => hdlc(inner),
             Stuffing::Cobs => cobs(inner),
+            Stuffing::Dle => dle(inner),
         };
         [start, &*stuffed, end, behind].concat()
     }
@@ -209,12 +227,56 @@ fn uncobs(inner: &[u8]) -> Result<Vec<u8>, FrameError> {
     Ok(out)
 }
 
+fn dle(content: &[u8]) -> Vec<u8> {
+    let twice = |byte: &u8| core::iter::repeat_n(*byte, if *byte == DLE { 2 } else { 1 });
+    content.iter().flat_map(twice).collect()
+}
+
+fn undle(inner: &[u8]) -> Result<Vec<u8>, FrameError> {
+    let mut out = Vec::with_capacity(inner.len());
+    let mut bytes = inner.iter().copied();
+    while let Some(byte) = bytes.next() {
+        if byte == DLE {
+            let found = bytes.next().unwrap_or(ETX);
+            if found != DLE {
+                return Err(FrameError::Escape { found });
+            }
+        }
+        out.push(byte);
+    }
+    Ok(out)
+}
+
+/// The offset of the first DLE that begins the end marker: a DLE of the content is sent twice.
+fn dle_end(bytes: &[u8], end: &[u8]) -> Result<Option<usize>, FrameError> {
+    let mut at = 0;
+    while let Some(next) = bytes.get(at + 1) {
+        at += match (bytes[at], *next) {
+            (DLE, DLE) => 2,
+            (DLE, _) if bytes[at..].starts_with(end) => return Ok(Some(at)),
+            (DLE, _) if end.starts_with(&bytes[at..]) => return Ok(None),
+            (DLE, found) => return Err(FrameError::Escape { found }),
+            _ => 1,
+        };
+    }
+    Ok(None)
+}
+
+/// The offset of `wanted` in `bytes`.
+fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
+    match wanted {
+        [] => None,
+        [one] => bytes.iter().position(|byte| byte == one),
+        more => bytes.windows(more.len()).position(|part| part == more),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     /// Examples: the Wikipedia article on COBS, the SLIP bytes of RFC 1055, the octet stuffing of
-    /// RFC 1662.
+    /// RFC 1662; DLE by hand, as the manuals of receivers with TSIP describe it.
     #[test]
     fn stuffing_gives_its_published_examples() {
         let examples: [(&[u8], &[u8]); 5] = [
@@ -235,6 +297,14 @@ mod tests {
         assert_eq!(uncobs(&cobs(&long)), Ok(long));
         assert_eq!(slip(&[0xC0, 1, 0xDB]), [0xDB, 0xDC, 1, 0xDB, 0xDD]);
         assert_eq!(hdlc(&[0x7E, 0x7D]), [0x7D, 0x5E, 0x7D, 0x5D]);
+        assert_eq!(dle(&[DLE, ETX]), [DLE, DLE, ETX]);
+        assert_eq!(undle(&[DLE, DLE, ETX]).as_deref(), Ok(&[DLE, ETX][..]));
+        let end = [DLE, ETX];
+        // The third DLE begins the end marker; another byte behind a DLE is damage.
+        assert_eq!(dle_end(&[DLE, DLE, ETX, DLE, ETX, 7], &end), Ok(Some(3)));
+        assert_eq!(dle_end(&[1, DLE], &end), Ok(None));
+        let escape = Err(FrameError::Escape { found: STX });
+        assert_eq!(dle_end(&[1, DLE, STX, DLE, ETX], &end), escape);
         assert_eq!(unslip(&[0xDB, 1]), Err(FrameError::Escape { found: 1 }));
         assert_eq!(uncobs(&[5, 1]), Err(FrameError::Escape { found: 5 }));
     }

@@ -406,7 +406,11 @@ impl Framing {
         {
             return Candidate::Noise;
         }
-        let Some(found) = find(inner, end) else {
+        let found = match stuffing.end(inner, end) {
+            Ok(found) => found,
+            Err(error) => return reject(error),
+        };
+        let Some(found) = found else {
             let found = len_u32(bytes.len());
             return match bytes.len() >= self.max {
                 true => reject(FrameError::Length {
@@ -450,15 +454,6 @@ impl Framing {
     /// Whether the end marker contains no line end: line ends may then begin a frame.
     fn is_text(&self, end: &[u8]) -> bool {
         !end.iter().any(|byte| b"\r\n".contains(byte))
-    }
-}
-
-/// The offset of `wanted` in `bytes`.
-fn find(bytes: &[u8], wanted: &[u8]) -> Option<usize> {
-    match wanted {
-        [] => None,
-        [one] => bytes.iter().position(|byte| byte == one),
-        more => bytes.windows(more.len()).position(|part| part == more),
     }
 }
 

@@ -8,7 +8,7 @@ use super::Framing;
 use crate::Description;
 
 /// How a frame ends, with its markers.
-const CUTS: [&str; 12] = [
+const CUTS: [&str; 14] = [
     "size = 14",
     "sync = [0xFA]\nsize = 15",
     "sync = [0xAA, 0x55]\nend = [0x0D]\nsize = 17",
@@ -20,6 +20,8 @@ const CUTS: [&str; 12] = [
     "sync = [0x7E]\nlength = { at = 1, type = \"u8\" }",
     "start = \":\"\nend = \"\\r\\n\"\nencoding = \"hex\"",
     "stuffing = \"slip\"",
+    "stuffing = \"dle\"",
+    "stuffing = \"dle\"\nstart = [0x10]\ntail = 1",
     "terminator = \"\\n\"",
 ];
 

@@ -579,7 +579,28 @@ local UNSTUFFED = {
     end
     return table.concat(out)
   end,
+  dle = function(s)
+    return escaped(s, 0x10, function(byte) return byte == 0x10 and byte or nil end)
+  end,
 }
+
+-- The place of the first DLE that begins the end marker: a DLE of the content is sent twice. 0 if a
+-- DLE begins neither.
+local function dle_end(s, finish)
+  local at = 1
+  while at < #s do
+    if s:byte(at) ~= 0x10 then
+      at = at + 1
+    elseif s:byte(at + 1) == 0x10 then
+      at = at + 2
+    elseif s:sub(at, at + #finish - 1) == finish then
+      return at
+    else
+      return 0
+    end
+  end
+  return nil
+end
 
 local function hex_bytes(s)
   if #s % 2 == 1 or s:find("%X") then return nil end
@@ -695,7 +716,13 @@ local function judge_marked(framing, s)
   local inner = s:sub(from + 1)
   local is_line = start == "" and framing.stuffing == "none" and not framing.has_blank
   if is_line and inner:find("^[\r\n]") and finish:find("[\r\n]") then return 0 end
-  local found = inner:find(finish, 1, true)
+  local found
+  if framing.stuffing == "dle" then
+    found = dle_end(inner, finish)
+    if found == 0 then return 0 end
+  else
+    found = inner:find(finish, 1, true)
+  end
   if not found then
     if #s >= framing.max then return 0 end
     return nil

@@ -66,6 +66,7 @@ fn end_of(of: &Description, framing: &Framing) -> String {
                 Stuffing::Slip => ", with SLIP escapes".to_owned(),
                 Stuffing::Hdlc => ", with HDLC escapes".to_owned(),
                 Stuffing::Cobs => ", coded with COBS".to_owned(),
+                Stuffing::Dle => ", with each 10 within it sent twice".to_owned(),
             };
             let begins = match start.is_empty() {
                 true => String::new(),

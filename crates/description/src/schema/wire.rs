@@ -123,6 +123,9 @@ pub enum Stuffing {
     Hdlc,
     /// Consistent overhead byte stuffing; 0 is the marker.
     Cobs,
+    /// Markers begin with DLE (10), by default DLE STX (10 02) and DLE ETX (10 03); within a frame
+    /// DLE is sent twice.
+    Dle,
 }
 
 /// The encoding of a frame's bytes.

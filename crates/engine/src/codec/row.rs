@@ -57,6 +57,12 @@ pub trait OwnFormat: Send + Sync {
 
     /// Appends a valid frame, made of `choices`, to `out`.
     fn build(&self, choices: &mut Choices<'_>, out: &mut Vec<u8>);
+
+    /// The same format with the bytes of its checksums swapped, if it has checksums of several
+    /// bytes.
+    fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
+        None
+    }
 }
 
 /// Idle time after which a partial frame is discarded, unless a row sets its own: longer than any
@@ -245,6 +251,17 @@ impl Codec {
     /// The other byte order of the checksum, if the tool distinguishes it.
     pub const fn other_order(&self) -> Option<OtherOrder> {
         self.other_order
+    }
+
+    /// The same format with the bytes of its checksums swapped, if the format is a value that knows
+    /// it. Like all rows, it exists until the process ends.
+    pub fn own_other_order(&self) -> Option<&'static Self> {
+        let Format::Own(format) = self.format else {
+            return None;
+        };
+        let other: &'static dyn OwnFormat = Box::leak(format.other_order()?);
+        let row = Self::own(self.name, self.about, other).with_idle(self.idle);
+        Some(Box::leak(Box::new(row)))
     }
 
     /// Its part of the dissector, if it has one.

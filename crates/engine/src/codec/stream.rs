@@ -46,6 +46,8 @@ impl Stretch {
 pub struct Stream {
     decoder: Box<dyn AnyDecoder>,
     place: Progress,
+    /// Whether the format is a value instead of a type.
+    is_own: bool,
 }
 
 #[derive(Default)]
@@ -77,14 +79,20 @@ impl Codec {
 impl Stream {
     /// A stream without bytes.
     pub fn new(codec: &Codec) -> Self {
-        let (decoder, place) = (codec.decoder(), Progress::default());
-        Self { decoder, place }
+        Self::of(codec, codec.decoder())
     }
 
     /// A stream of bytes in this direction, without bytes yet.
     pub fn towards(codec: &Codec, direction: Direction) -> Self {
-        let (decoder, place) = (codec.decoder_towards(direction), Progress::default());
-        Self { decoder, place }
+        Self::of(codec, codec.decoder_towards(direction))
+    }
+
+    fn of(codec: &Codec, decoder: Box<dyn AnyDecoder>) -> Self {
+        Self {
+            decoder,
+            place: Progress::default(),
+            is_own: codec.is_own(),
+        }
     }
 
     fn all(mut self, bytes: &[u8]) -> Vec<Stretch> {
@@ -101,8 +109,12 @@ impl Stream {
 
     /// Handles a silence of the line: a partial frame will not be completed.
     pub fn idle(&mut self) -> Vec<Stretch> {
+        let known = self.place.errors.len();
         self.decoder.idle();
         let mut found = self.settle(&[]);
+        if self.is_own {
+            self.place.keep_first_checksum(known);
+        }
         self.place.report_bad(self.place.fed, &mut found);
         found
     }
@@ -113,7 +125,7 @@ impl Stream {
     }
 
     fn settle(&mut self, mut bytes: &[u8]) -> Vec<Stretch> {
-        let Self { decoder, place } = self;
+        let Self { decoder, place, .. } = self;
         let mut found = Vec::new();
         while let Some(outcome) = decoder.step(&mut bytes) {
             let end = place.fed - (bytes.len() + decoder.pending()) as u64;
@@ -138,6 +150,17 @@ impl Stream {
 }
 
 impl Progress {
+    /// Keeps the first checksum error behind the first `known` errors. A silence ended a frame with a
+    /// wrong checksum; the decoder then also tries each part of it, which proves nothing.
+    fn keep_first_checksum(&mut self, known: usize) {
+        let mut behind = self.errors.split_off(known.min(self.errors.len()));
+        let mut is_first = true;
+        behind.retain(|(_, error)| {
+            !matches!(error, FrameError::Checksum { .. }) || core::mem::take(&mut is_first)
+        });
+        self.errors.append(&mut behind);
+    }
+
     /// Reports the remaining bytes before `until` as bad. The stretches do not depend on the
     /// chunking.
     fn report_bad(&mut self, until: u64, found: &mut Vec<Stretch>) {

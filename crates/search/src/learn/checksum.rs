@@ -176,6 +176,14 @@ pub(crate) struct Placed {
 }
 
 impl Checksum {
+    /// The name of the algorithm in descriptions; `None` if it has none.
+    pub(crate) fn described(&self) -> Option<String> {
+        match self.sum.name {
+            name if name.starts_with("CRC_") => Some(shown(name)),
+            name => sums::described(name, self.free).map(str::to_owned),
+        }
+    }
+
     /// Whether the evidence suffices for a checksum, though perhaps not for one algorithm.
     pub(crate) const fn is_present(&self) -> bool {
         self.is_sure || self.twin.is_some()
@@ -184,11 +192,6 @@ impl Checksum {
     /// The name of the algorithm.
     pub(crate) const fn name(&self) -> &'static str {
         self.sum.name
-    }
-
-    /// The constant that is added.
-    pub(crate) const fn free(&self) -> u64 {
-        self.free
     }
 
     /// The position, if a description can express it. An end of the covered range of 0 means the

@@ -14,7 +14,11 @@ pub(crate) enum Coding {
     Slip,
     /// As in PPP: 7D precedes a byte with inverted bit 5.
     Hdlc,
+    /// 10 begins each marker; within a frame it is sent twice.
+    Dle,
 }
+
+const DLE: u8 = 0x10;
 
 /// A length field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -112,6 +116,10 @@ impl Format {
         let (mut frames, mut from) = (Vec::new(), 0);
         let mut at = 0;
         while at + self.end.len() <= chunk.len() {
+            if let Some(len) = self.skipped(&chunk[at..], at == from) {
+                at += len;
+                continue;
+            }
             let is_end = chunk[at..].starts_with(&self.end);
             // Two consecutive flags begin a frame.
             if is_end && !(self.flag == self.end && at == from) {
@@ -128,15 +136,30 @@ impl Format {
         frames
     }
 
+    /// Number of the next bytes that hold no end marker with DLE stuffing: the start marker, and a
+    /// DLE that is sent twice.
+    fn skipped(&self, rest: &[u8], is_first: bool) -> Option<usize> {
+        let is_dle = self.coding == Coding::Dle;
+        if is_dle && is_first && rest.starts_with(&self.flag) {
+            return Some(self.flag.len());
+        }
+        (is_dle && rest.starts_with(&[DLE, DLE])).then_some(2)
+    }
+
     /// A frame without its end marker and stuffing; `None` if the stuffing is damaged.
     pub(crate) fn body(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let inner = frame.strip_suffix(&*self.end)?;
-        let inner = inner.strip_prefix(&*self.flag).unwrap_or(inner);
+        let inner = match (inner.strip_prefix(&*self.flag), self.coding) {
+            (Some(inner), _) => inner,
+            (None, Coding::Dle) => return None,
+            (None, _) => inner,
+        };
         match self.coding {
             Coding::Raw => Some(inner.to_vec()),
             Coding::Cobs => cobs_decoded(inner),
             Coding::Slip => unescaped(inner, 0xDB, &[(0xDC, 0xC0), (0xDD, 0xDB)]),
             Coding::Hdlc => hdlc_decoded(inner),
+            Coding::Dle => unescaped(inner, DLE, &[(DLE, DLE)]),
         }
     }
 
@@ -167,6 +190,7 @@ impl Format {
             Coding::Cobs => cobs_encoded(&body),
             Coding::Slip => escaped(&body, 0xDB, &[(0xDC, 0xC0), (0xDD, 0xDB)]),
             Coding::Hdlc => escaped(&body, 0x7D, &[(0x5E, 0x7E), (0x5D, 0x7D)]),
+            Coding::Dle => escaped(&body, DLE, &[(DLE, DLE)]),
         };
         [&*self.flag, &inner, &self.end].concat()
     }
@@ -179,6 +203,7 @@ impl core::fmt::Display for Format {
             (Coding::Cobs, _) => words.push("COBS".to_owned()),
             (Coding::Slip, _) => words.push("SLIP".to_owned()),
             (Coding::Hdlc, _) => words.push("HDLC".to_owned()),
+            (Coding::Dle, _) => words.push("DLE".to_owned()),
             (Coding::Raw, []) => {}
             (Coding::Raw, end) if self.is_text => {
                 words.push(format!(

@@ -17,7 +17,7 @@ const DAMAGED_SHARE: usize = 8;
 /// Maximum number of examined bytes.
 const BYTES_MAX: usize = 64 << 10;
 /// End markers that are tried first, with their stuffing.
-const ENDS: [(&[u8], &[u8], Coding); 8] = [
+const ENDS: [(&[u8], &[u8], Coding); 10] = [
     (b"\r\n", b"", Coding::Raw),
     (b"\n", b"", Coding::Raw),
     (b"\r", b"", Coding::Raw),
@@ -25,6 +25,8 @@ const ENDS: [(&[u8], &[u8], Coding); 8] = [
     (&[0xC0], b"", Coding::Slip),
     (&[0xC0], &[0xC0], Coding::Slip),
     (&[0x7E], &[0x7E], Coding::Hdlc),
+    (&[0x10, 0x03], &[0x10, 0x02], Coding::Dle),
+    (&[0x10, 0x03], &[0x10], Coding::Dle),
     (&[0x00], b"", Coding::Raw),
 ];
 /// Evidence for one way to split above which start markers are not tried, bits.
@@ -46,7 +48,7 @@ pub(crate) fn infer(chunks: &[Vec<u8>]) -> (Format, Vec<Vec<u8>>) {
         };
         found.extend(tried(format, &chunks));
     }
-    for end in common_ends(&chunks) {
+    for end in common_ends(&chunks).into_iter().chain(text_ends(&chunks)) {
         let format = Format {
             end,
             ..Format::unknown()
@@ -119,7 +121,9 @@ fn tried(format: Format, chunks: &[Vec<u8>]) -> Option<(f64, Format, Vec<Vec<u8>
     }
     let is_printable = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t' | b'\r' | b'\n');
     let texts = frames.iter().filter(|frame| frame.iter().all(is_printable));
-    let is_line = matches!(format.coding, Coding::Raw) && b"\r\n".contains(format.end.last()?);
+    let last = format.end.last()?;
+    let is_line = matches!(format.coding, Coding::Raw)
+        && (b"\r\n".contains(last) || TEXT_ENDS.contains(last));
     let is_text = is_line && texts.count() * DAMAGED_SHARE >= frames.len() * (DAMAGED_SHARE - 1);
     let format = with_fields(Format { is_text, ..format }, &frames);
     if !is_usual && !is_text && format.checksum.is_none() {
@@ -155,6 +159,7 @@ fn score(format: &Format) -> f64 {
     let stuffed = match format.coding {
         Coding::Raw => 0.0,
         Coding::Cobs | Coding::Slip | Coding::Hdlc => 4.0,
+        Coding::Dle => 6.0,
     };
     let ended = if format.end.is_empty() { 0.0 } else { 1.0 };
     // Of two fitting end markers prefers the longer one: the shorter one would leave a byte of it
@@ -177,6 +182,22 @@ fn common_ends(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
     let is_common = |count: usize| count >= 4 && count * 10 >= distinct.len() * 9;
     let common = counts.into_iter().filter(|(_, count)| is_common(*count));
     common.map(|(byte, _)| vec![byte]).collect()
+}
+
+/// Characters that end lines of text in some protocols.
+const TEXT_ENDS: &[u8] = b";>|#!";
+/// Minimum number of such characters.
+const TEXT_ENDS_MIN: usize = 12;
+
+/// Characters at the end of many parts of a text without line ends.
+fn text_ends(chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
+    let mut all = chunks.iter().flatten();
+    if !all.clone().all(|byte| matches!(byte, b' '..=b'~')) || all.next().is_none() {
+        return Vec::new();
+    }
+    let count = |end: &u8| all.clone().filter(|byte| *byte == end).count();
+    let many = TEXT_ENDS.iter().filter(|end| count(end) >= TEXT_ENDS_MIN);
+    many.map(|end| vec![*end]).collect()
 }
 
 /// The most frequent pairs of bytes in a stream.

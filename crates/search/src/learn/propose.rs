@@ -124,19 +124,25 @@ impl Proposal {
     fn of_bytes(spoken: &[Spoken], baud: u32) -> Self {
         let character = Duration::from_secs(10) / baud.max(300);
         let gap = (character * GAP_CHARACTERS).max(GAP_MIN);
-        let chunks = chunks(spoken, u64::try_from(gap.as_nanos()).unwrap_or(u64::MAX));
+        let chunks = chunks(spoken, [character, gap].map(whole_nanos));
         let all: usize = spoken.iter().map(|one| one.bytes.len()).sum();
         let nothing = Self {
             claims: Vec::new(),
             draft: None,
             covered: [0, all],
         };
-        let formats = frame::find(&chunks, baud);
-        let plain = draft(&formats, baud, all, None);
+        let mut formats = frame::find(&chunks, baud);
+        let mut plain = draft(&formats, baud, all, None);
         let Ok(read) = parse(&plain) else {
             return nothing;
         };
         let covered = Cover::of(&read, chunks.iter()).bytes;
+        let is_doubted = covered < all && formats.iter().any(|one| one.is_paused);
+        if is_doubted {
+            let paused = formats.iter_mut().filter(|one| one.is_paused);
+            paused.for_each(|one| one.doubt(all - covered));
+            plain = draft(&formats, baud, all, None);
+        }
         let mut claims: Vec<Claim> = formats.iter().flat_map(|one| one.claims.clone()).collect();
         let ends = |chunk: &&Chunk| {
             formats
@@ -197,12 +203,18 @@ fn parse(text: &str) -> Result<Arc<Description>, String> {
     Description::parse("draft", text, &nothing).map_err(|error| error.to_string())
 }
 
-/// Joins bytes that were sent at once, in order of time.
-fn chunks(spoken: &[Spoken], gap: u64) -> Vec<Chunk> {
+fn whole_nanos(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Joins bytes that were sent at once, in order of time. A record has the time of its end: the time
+/// of its own characters before it is no silence.
+fn chunks(spoken: &[Spoken], [character, gap]: [u64; 2]) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut last_at = 0;
     for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
-        let is_close = one.at.saturating_sub(last_at) < gap;
+        let own = character.saturating_mul(one.bytes.len() as u64);
+        let is_close = one.at.saturating_sub(last_at) < gap.saturating_add(own);
         last_at = one.at;
         match chunks.last_mut() {
             Some(chunk) if chunk.is_host == one.is_program && is_close => {

@@ -7,7 +7,7 @@ use description::{Description, From};
 use protocols::Decode as _;
 
 use super::super::format::Format;
-use super::super::{checksum, framing, stream};
+use super::super::{checksum, framing, marked, stream};
 use super::Chunk;
 use super::written::{Cut, Found, LINES_SURE, Proposed, proposed};
 
@@ -19,8 +19,9 @@ const LEFT_MIN: usize = 3;
 const COVERED_MIN: usize = 10;
 /// Maximum number of bytes from which a format is learned.
 const BYTES_MAX: usize = 24 << 10;
-/// Maximum number of ways to split a stream whose checksum is searched.
+/// Maximum number of ways to split a stream whose checksum is searched, and of pairs of markers.
 const CUTTINGS: usize = 6;
+const MARKINGS: usize = 3;
 
 /// The formats of the frames: the one with the most evidence, then the best for the rest, and so
 /// on.
@@ -215,6 +216,16 @@ fn ways(chunks: &[Vec<u8>]) -> Vec<Found> {
         ways.push(Found {
             checksum: None,
             cut: Cut::Format(format),
+            frames,
+        });
+    }
+    for marked in marked::markings(chunks).into_iter().take(MARKINGS) {
+        let frames = marked.frames(chunks).into_iter().map(<[u8]>::to_vec);
+        let frames: Vec<Vec<u8>> = frames.collect();
+        let summed = marked.summed(&frames);
+        ways.push(Found {
+            checksum: summed.map(|summed| summed.checksum),
+            cut: Cut::Marked(marked, summed),
             frames,
         });
     }

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use super::super::checksum::{Checksum, shown};
 use super::super::format::{Coding, Format};
+use super::super::marked::{Marked, Summed};
 use super::super::stream::{Cutting, How};
-use super::super::sums;
 use super::form::skeleton;
 use super::{Claim, Confidence};
 
@@ -23,6 +23,19 @@ pub(super) struct Proposed {
     /// Evidence, bits.
     pub(super) score: f64,
     pub(super) is_summed: bool,
+    /// Whether pauses alone separated the frames.
+    pub(super) is_paused: bool,
+}
+
+impl Proposed {
+    /// Marks the framing as a guess: pauses also split other bytes than frames.
+    pub(super) fn doubt(&mut self, left: usize) {
+        let framing = self.claims.iter_mut().filter(|one| one.topic == "framing");
+        for claim in framing.filter(|one| one.confidence == Confidence::Sure) {
+            claim.confidence = Confidence::Guess;
+            claim.evidence += &format!(", {left} bytes are in none");
+        }
+    }
 }
 
 /// Minimum number of frames for a claim about a length field or an end marker.
@@ -40,17 +53,21 @@ pub(super) struct Found {
 /// The kind of split.
 pub(super) enum Cut {
     Format(Format),
+    Marked(Marked, Option<Summed>),
     Stream(Cutting),
 }
 
 impl Found {
     /// Evidence, bits.
     fn score(&self) -> f64 {
-        let sum = self.checksum.filter(|sum| expressed(sum).is_some());
+        let sum = self.checksum.filter(|sum| sum.described().is_some());
         let sum = sum.map_or(0.0, |sum| sum.bits);
         let how = match &self.cut {
             Cut::Stream(cutting) if matches!(cutting.how, How::Length { .. }) => 12.0,
             Cut::Stream(_) => 6.0,
+            Cut::Marked(marked, _) if marked.is_hex => 16.0,
+            Cut::Marked(marked, _) if marked.is_usual(&self.frames) => 13.0,
+            Cut::Marked(..) => 5.0,
             Cut::Format(format) if format.is_text => 14.0,
             Cut::Format(format) if format.coding != Coding::Raw => 14.0,
             Cut::Format(format) if !format.lengths.is_empty() => 8.0,
@@ -65,11 +82,12 @@ impl Found {
 /// The text of the format; `None` if nothing is certain.
 pub(super) fn proposed(found: &Found) -> Option<Proposed> {
     let mut claims = Vec::new();
-    let sum = found.checksum.and_then(|sum| Some((sum, expressed(&sum)?)));
+    let sum = found.checksum.and_then(|sum| Some((sum, sum.described()?)));
     let is_summed = sum.as_ref().is_some_and(|(sum, _)| sum.is_present());
     let prefix = common_prefix(&found.frames);
     let (mut toml, start, framing) = match &found.cut {
         Cut::Stream(cutting) => of_stream(cutting, found, is_summed),
+        Cut::Marked(marked, _) => of_marked(marked, found, is_summed),
         Cut::Format(format) => of_format(format, found, &prefix, is_summed)?,
     };
     claims.push(framing);
@@ -90,10 +108,15 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         });
     }
     let is_text = matches!(&found.cut, Cut::Format(format) if format.is_text);
-    // Without frames there is no claim.
+    let is_paused = match &found.cut {
+        Cut::Format(format) => !is_text && format.coding == Coding::Raw && format.end.is_empty(),
+        Cut::Stream(_) | Cut::Marked(..) => false,
+    };
+    // Without frames there is no claim. Lines of few forms may have any end.
     let is_any = claims
         .iter()
         .any(|claim| claim.confidence == Confidence::Sure);
+    let is_any = is_any || is_text && forms(&found.frames);
     is_any.then(|| Proposed {
         toml,
         claims,
@@ -102,6 +125,7 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         ends: [true; 2],
         score: found.score(),
         is_summed,
+        is_paused,
     })
 }
 
@@ -176,6 +200,30 @@ fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usiz
     }
 }
 
+/// The text, the number of bytes before the body that are not content, and the claim.
+fn of_marked(marked: &Marked, found: &Found, is_summed: bool) -> (String, usize, Claim) {
+    let (start, end) = (bytes(&[marked.start]), bytes(&marked.end));
+    let count = found.frames.len();
+    let evidence = format!("{count} frames, {} % of the bytes", marked.share);
+    let mut text = format!("start = {start}\nend = {end}\n");
+    let mut words = format!("frames from {start} to {end}");
+    if marked.tail > 0 {
+        text += &format!("tail = {}\n", marked.tail);
+        words += &format!(" and {} bytes behind it", marked.tail);
+    }
+    if marked.is_hex {
+        text += "encoding = \"hex\"\n";
+        words += ", in hexadecimal digits";
+    }
+    let distinct: BTreeSet<&Vec<u8>> = found.frames.iter().collect();
+    let sizes: BTreeSet<usize> = distinct.iter().map(|frame| frame.len()).collect();
+    let is_usual = marked.is_hex || marked.is_usual(&found.frames);
+    let is_control = marked.start < 0x20 && marked.end[0] < 0x20;
+    let is_varied = distinct.len() >= FRAMES_SURE && (sizes.len() > 1 || is_control);
+    let is_sure = is_usual && marked.share >= 97 && (is_varied || is_summed);
+    (text, 0, claim(words, evidence, is_sure))
+}
+
 fn number(len: usize, is_big: bool) -> String {
     let order = match (len, is_big) {
         (1, _) => "",
@@ -198,9 +246,13 @@ fn of_format(
         Coding::Cobs => Some("cobs"),
         Coding::Slip => Some("slip"),
         Coding::Hdlc => Some("hdlc"),
+        Coding::Dle => Some("dle"),
     };
     if let Some(name) = named {
-        let text = format!("stuffing = \"{name}\"\n");
+        let mut text = format!("stuffing = \"{name}\"\n");
+        if format.coding == Coding::Dle && format.flag.len() == 1 {
+            text += &format!("start = {}\n", bytes(&format.flag));
+        }
         let words = format!("frames coded with {}", name.to_uppercase());
         return Some((text, 0, claim(words, evidence, is_summed)));
     }
@@ -212,7 +264,8 @@ fn of_format(
         let start = if has_dollar { "start = \"$\"\n" } else { "" };
         let text = format!("{start}terminator = \"{end}\"\n");
         let evidence = format!("{count} lines");
-        let is_sure = is_summed || is_formed;
+        // A character of the text may end each line by coincidence.
+        let is_sure = is_summed || is_formed && format.end.last().is_some_and(|end| *end < 0x20);
         return Some((
             text,
             usize::from(has_dollar),
@@ -263,12 +316,35 @@ fn of_format(
             claim(words, evidence, is_summed),
         ));
     }
-    let words = "frames that a silence ends".to_owned();
+    // Bytes that begin and end each frame look like markers, as STX and ETX: a silence is then not
+    // the only rule that fits.
+    let behind = found.checksum.map_or(0, |sum| sum.len_behind());
+    let last = [0, behind].map(|behind| common_last(&found.frames, behind));
+    let marked = prefix.first().zip(last.into_iter().flatten().next());
+    let words = match marked {
+        None => "frames that a silence ends".to_owned(),
+        Some((first, last)) => format!(
+            "frames that a silence ends; each begins with {} and has {} at its end, which may be \
+             markers",
+            bytes(&[*first]),
+            bytes(&[last])
+        ),
+    };
     Some((
         "silence = 3.5\n".to_owned(),
         0,
-        claim(words, evidence, is_summed),
+        claim(words, evidence, is_summed && marked.is_none()),
     ))
+}
+
+/// The byte that all frames have before the last `behind` bytes.
+fn common_last(frames: &[Vec<u8>], behind: usize) -> Option<u8> {
+    let of = |frame: &Vec<u8>| frame.len().checked_sub(behind + 1).map(|at| frame[at]);
+    let last = of(frames.first()?)?;
+    frames
+        .iter()
+        .all(|frame| of(frame) == Some(last))
+        .then_some(last)
 }
 
 /// Whether the lines have few forms, with words and numbers at the same positions.
@@ -289,15 +365,6 @@ fn common_prefix(frames: &[Vec<u8>]) -> Vec<u8> {
     let shared = |at: &usize| others.iter().all(|other| other.get(*at) == first.get(*at));
     let len = (0..first.len()).take_while(shared).count();
     first[..len].to_vec()
-}
-
-/// The name of the algorithm in descriptions; `None` if it has none.
-fn expressed(sum: &Checksum) -> Option<String> {
-    let name = sum.name();
-    if name.starts_with("CRC_") {
-        return Some(shown(name));
-    }
-    sums::described(name, sum.free()).map(str::to_owned)
 }
 
 /// The text of the checksum, and the end marker behind it.
@@ -323,6 +390,14 @@ fn checksum_toml(sum: &Checksum, name: &str, start: usize, cut: &Cut) -> Option<
             }
         }
     }
+    if let Cut::Marked(marked, Some(summed)) = cut {
+        if summed.covers_start {
+            keys.push(format!("before = {}", bytes(&[marked.start])));
+        }
+        if summed.covers_end {
+            keys.push(format!("extra = {}", bytes(&marked.end)));
+        }
+    }
     if place.bytes > 1 {
         let endian = if place.is_big { "big" } else { "little" };
         keys.push(format!("endian = \"{endian}\""));
@@ -333,7 +408,11 @@ fn checksum_toml(sum: &Checksum, name: &str, start: usize, cut: &Cut) -> Option<
     if !place.gap.is_empty() {
         keys.push(format!("separator = {}", bytes(&place.gap)));
     }
-    let is_marked = matches!(cut, Cut::Format(format) if !format.end.is_empty());
+    let is_marked = match cut {
+        Cut::Format(format) => !format.end.is_empty(),
+        Cut::Marked(..) => true,
+        Cut::Stream(_) => false,
+    };
     let end = match (&place.tail[..], is_marked) {
         ([], _) => String::new(),
         (tail, false) => format!("end = {}\n", bytes(tail)),

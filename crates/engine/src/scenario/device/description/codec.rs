@@ -82,6 +82,11 @@ impl OwnFormat for Described {
         });
         out.extend(self.0.frame(message, &values).unwrap_or_default());
     }
+
+    fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
+        let other = self.0.with_swapped_checksums()?;
+        Some(Box::new(Self(other)))
+    }
 }
 
 /// Created rows, each with its description.
