@@ -356,8 +356,10 @@ impl Checksum {
             Place::Head { .. } | Place::Front { .. } => 0.0,
         };
         // The sum of a single changing byte is a copy of that byte, e.g. a repeated counter.
+        // A usual constant is evidence: it depends on all other bytes.
         if self.sum.is_free && varying(ranges.iter().flatten().map(Vec::as_slice)) < 2 {
-            bits = bits.min(COPY_BITS);
+            let constant = if is_usual { each as f64 } else { 0.0 };
+            bits = bits.min(COPY_BITS + constant);
         }
         let Place::End { gap: 1, .. } = self.place else {
             return Some(bits);
