@@ -48,6 +48,29 @@ fn search(bug: &str, more: &[&str]) -> (PathBuf, Vec<String>, String) {
     (out, found.0, found.1)
 }
 
+/// Whether the shell command `build` succeeds; it may fail outside CI only.
+fn is_built(build: &str) -> bool {
+    let built = Command::new("sh").args(["-c", build]).output();
+    let built = built.expect("a shell starts");
+    if !built.status.success() && std::env::var_os("CI").is_none() {
+        eprintln!("SKIPPED: {}", String::from_utf8_lossy(&built.stderr));
+        return false;
+    }
+    assert!(built.status.success(), "{built:?}");
+    true
+}
+
+/// The names of the findings in `out`.
+fn names_in(out: &Path) -> Vec<String> {
+    let folders = std::fs::read_dir(out.join("findings"));
+    let entries = folders.into_iter().flatten().flatten();
+    let mut names: Vec<String> = entries
+        .map(|entry| entry.file_name().into_string().expect("plain"))
+        .collect();
+    names.sort();
+    names
+}
+
 /// Searches in `out` with a program that `exec` starts.
 fn search_in(out: &Path, exec: &str, bug: &str, more: &[&str]) -> (Vec<String>, String) {
     let mut command = Command::new(HILRIG);
@@ -58,12 +81,7 @@ fn search_in(out: &Path, exec: &str, bug: &str, more: &[&str]) -> (Vec<String>, 
     command.args(["--case", "300ms", "--alive", alive]);
     command.args(more).arg("--out").arg(out);
     let (code, said) = run(&mut command, bug);
-    let folders = std::fs::read_dir(out.join("findings"));
-    let entries = folders.into_iter().flatten().flatten();
-    let mut names: Vec<String> = entries
-        .map(|entry| entry.file_name().into_string().expect("plain"))
-        .collect();
-    names.sort();
+    let names = names_in(out);
     assert_eq!(code, Some(i32::from(!names.is_empty())), "{said}");
     (names, said)
 }
@@ -119,6 +137,47 @@ fn a_hang_is_found_and_told_from_a_crash() {
 fn an_accepted_damaged_frame_is_found_and_told_from_a_crash() {
     let (_, names, said) = search("accept", &["--virtual", "--cases", "1", "--shrink", "4"]);
     assert_eq!(names, ["01-accepts-corrupt-frame"], "{said}");
+}
+
+/// A driver that gives up after five tries, and its version that ignores the checksum of replies.
+#[test]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+fn a_driver_that_accepts_damaged_replies_is_told_from_a_sound_one() {
+    let folder = fresh_path("fuzz-careless");
+    std::fs::create_dir_all(&folder).expect("a fresh folder");
+    let file = |name: &str| folder.join(name).display().to_string();
+    let sources = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fuzz_programs/scale");
+    let driver = format!("gcc -Wall -Wextra -Werror '{sources}/driver.c'");
+    let build = format!(
+        "cd '{}' && {driver} -o sound && {driver} -DCARELESS -o careless",
+        folder.display()
+    );
+    if !is_built(&build) {
+        return;
+    }
+    for (version, found) in [
+        ("sound", &[][..]),
+        ("careless", &["01-accepts-corrupt-frame"]),
+    ] {
+        let exec = format!("exec '{}' \"$HILRIG_DIR/scale\"", file(version));
+        let out = folder.join(format!("{version}-out"));
+        let mut command = Command::new(HILRIG);
+        command.args(["fuzz", "--exec", &exec, "--virtual", "--description"]);
+        command.arg(format!("{sources}/scale.toml"));
+        command.args(["--cases", "8", "--shrink", "0"]);
+        let (_, said) = run(command.arg("--out").arg(&out), "none");
+        assert_eq!(names_in(&out), found, "{said}");
+        let given_up = said.contains("conversations ended after") && version == "sound";
+        assert!(given_up || version == "careless", "{said}");
+    }
+    let finding = folder.join("careless-out/findings/01-accepts-corrupt-frame");
+    let repeat = read(&finding.join("repeat.txt")).replacen("hilrig", HILRIG, 1);
+    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "none");
+    assert_eq!(code, Some(1), "{said}");
+    assert!(
+        said.contains("seen again: accepts-corrupt-frame scale"),
+        "{said}"
+    );
 }
 
 /// The client waits for the rest of a cut frame forever, so that the next request is lost.
@@ -231,13 +290,9 @@ fn a_program_that_counts_what_it_reaches_leads_the_search() {
          gcc -fsanitize-coverage=trace-pc,trace-cmp -fno-builtin {nested} c.o -o nested",
         out.display()
     );
-    let built = Command::new("sh").args(["-c", &build]).output();
-    let built = built.expect("a shell starts");
-    if !built.status.success() && std::env::var_os("CI").is_none() {
-        eprintln!("SKIPPED: {}", String::from_utf8_lossy(&built.stderr));
+    if !is_built(&build) {
         return;
     }
-    assert!(built.status.success(), "{built:?}");
     let exec = format!("exec '{}'", out.join("nested").display());
     let more = ["--virtual", "--link", "sonar", "--cases", "1"];
     let (names, said) = search_in(&out, &exec, "none", &more);

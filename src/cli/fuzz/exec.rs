@@ -21,8 +21,8 @@ use crate::realtime::exec::Supervision;
 use crate::scenario::device::description::DescriptionSpec;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::fuzz::dut::{
-    self, Corpus, ErrorRule, Finding, Harness, HarnessError, Progress, Search, Speech, Spent,
-    TrialPlan, Whose,
+    self, Corpus, ErrorRule, Finding, GivenUp, Harness, HarnessError, Progress, Search, Speech,
+    Spent, TrialPlan, Whose,
 };
 
 /// The program under test.
@@ -423,6 +423,16 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
         println!(
             "{count} times the program ended with its own error after altered bytes, which is no \
              finding: {error}"
+        );
+    }
+    let given_up = search.given_up();
+    if given_up.cases > 0 {
+        println!(
+            "{} conversations ended after {:.1} of {} inputs on average, because the program gave \
+             up; with more retries in the program a case has more inputs",
+            given_up.cases,
+            given_up.inputs as f64 / given_up.cases as f64,
+            GivenUp::INPUTS_MAX
         );
     }
     if search.is_guided() {

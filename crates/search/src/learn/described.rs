@@ -141,6 +141,10 @@ impl FrameFormat for DescribedFormat {
         format!("as {} is described", self.0.name())
     }
 
+    fn is_damaged(&self, frame: &[u8]) -> bool {
+        self.content(frame).is_none()
+    }
+
     fn is_text(&self) -> bool {
         let messages = self.0.messages();
         let other = match self.1 {

@@ -319,6 +319,11 @@ impl FrameFormat for Format {
         Self::frame(self, content, off)
     }
 
+    fn is_damaged(&self, frame: &[u8]) -> bool {
+        let checksum = self.checksum.as_ref();
+        checksum.is_some_and(|checksum| checksum.is_sure) && self.is_sound(frame) == Some(false)
+    }
+
     fn repair_lengths(&self, content: &mut [u8]) {
         self.lengths
             .iter()

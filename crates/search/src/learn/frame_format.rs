@@ -29,6 +29,9 @@ pub(crate) trait FrameFormat: core::fmt::Debug + Send + Sync {
     /// The format in words.
     fn in_words(&self) -> String;
 
+    /// Whether `frame` is certainly no valid frame: a guessed checksum is no evidence.
+    fn is_damaged(&self, frame: &[u8]) -> bool;
+
     /// Whether contents are text.
     fn is_text(&self) -> bool;
 }

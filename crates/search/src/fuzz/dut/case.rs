@@ -77,6 +77,9 @@ pub struct Raw {
     /// Data sent to the program, one turn for each of its requests; replaces the stream.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub turn: Vec<Turn>,
+    /// The experiment with damaged replies, done first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub damage: Option<Damage>,
     /// Pairs of frames, sent first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pair: Vec<Pair>,
@@ -147,6 +150,39 @@ pub struct Pair {
     pub damaged: Hex,
     /// Noise: the same number of bytes as the intact frame, without a valid frame.
     pub noise: Hex,
+}
+
+/// The experiment with damaged replies, see `damage.rs`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Damage {
+    /// A request of the kind whose replies are damaged.
+    pub to: Hex,
+    /// Number of consecutive replies of one phase, at most [`COUNT_MAX`](Self::COUNT_MAX).
+    pub count: u64,
+    /// Seed of the damage.
+    pub seed: u32,
+    /// The damaged replies that were sent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sent: Vec<Exchange>,
+    /// The requests that came, each with a known request of its kind.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub kinds: Vec<Kind>,
+}
+
+impl Damage {
+    /// Maximum number of consecutive replies of one phase.
+    pub const COUNT_MAX: u64 = 3;
+}
+
+/// A request and its kind.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Kind {
+    /// The request.
+    pub request: Hex,
+    /// A known request of its kind.
+    pub of: Hex,
 }
 
 /// Bytes as readable text.

@@ -181,6 +181,12 @@ impl fmt::Display for Cause {
             Self::NoTimeout(how) => {
                 write!(f, "the program waits without a timeout: {how}")
             }
+            Self::Accepts { pair, link } if pair.noise.0.is_empty() => write!(
+                f,
+                "the program accepts a damaged reply as if it were valid: on {link}, {} for {}",
+                shortened(&pair.damaged.0),
+                shortened(&pair.good.0)
+            ),
             Self::Accepts { pair, link } => write!(
                 f,
                 "the program answers a damaged frame as if it were valid: on {link}, {} for {}",

@@ -4,12 +4,11 @@ use core::time::Duration;
 
 use super::case::{Hex, Raw, Turn};
 use super::cause::Cause;
+use super::damage;
 use super::player::Halt;
 use super::replies::Replies;
-use super::session::Session;
+use super::session::{Session, WHOLE};
 
-/// Silence after which a request counts as complete.
-const WHOLE: Duration = Duration::from_millis(3);
 /// Pause between two chunks of a turn.
 const PIECE_GAP: Duration = Duration::from_millis(5);
 /// Usual pause after a turn if the program sends no requests: some programs separate frames by
@@ -36,6 +35,9 @@ pub(super) fn converse(
     replies: &mut Replies<'_>,
     causes: &mut Vec<Cause>,
 ) -> Result<(), Halt> {
+    if let Some(damage) = raw.damage.as_ref().filter(|_| raw.asks) {
+        damage::try_replies(live, damage, &raw.link, limits.silence, replies, causes)?;
+    }
     let until = live.now() + limits.lasting;
     let mut left: Vec<bool> = vec![true; raw.turn.len()];
     let (mut asks, mut sound) = (raw.asks, 0);

@@ -120,7 +120,9 @@ impl OpenFinding<'_> {
             }
             Some(raw) if !raw.turn.is_empty() => {
                 let all = raw.turn.len();
-                let with = |turns: &[Turn]| with_turns(first, turns);
+                let plain = without_damage(first);
+                let is_plain = plain.is_some_and(|plain| effort.spend() && shows(plain));
+                let with = |turns: &[Turn]| with_turns(first, turns, is_plain);
                 let mut left = raw.turn.clone();
                 // The last turn is the cause most often.
                 for count in [1, 2] {
@@ -149,8 +151,16 @@ impl OpenFinding<'_> {
     }
 }
 
-fn with_turns(case: &Case, turns: &[Turn]) -> Case {
+/// `case` without its experiment with damaged replies; `None` if it has none.
+fn without_damage(case: &Case) -> Option<Case> {
     let mut case = case.clone();
+    case.told.raw.as_mut()?.damage.take()?;
+    Some(case)
+}
+
+fn with_turns(case: &Case, turns: &[Turn], is_plain: bool) -> Case {
+    let plain = without_damage(case).filter(|_| is_plain);
+    let mut case = plain.unwrap_or_else(|| case.clone());
     if let Some(raw) = &mut case.told.raw {
         raw.turn = turns.to_vec();
     }

@@ -196,6 +196,43 @@ impl Lesson {
         made.map(|reply| self.seeds.format.frame(&reply, 0))
     }
 
+    /// `reply` with a wrong checksum in each of its frames; `None` if it has none, or if that is
+    /// not certain.
+    pub(super) fn damaged(&self, seed: u32, reply: &[u8]) -> Option<Vec<u8>> {
+        let format = &*self.seeds.format;
+        let frames = format.split(reply);
+        let mut rng = Rng::stream(seed.into(), "damage");
+        let is_bit = rng.below(2) == 0;
+        let mut damaged = |frame: &[u8]| {
+            let spoilt = format.frame(&format.content(frame)?, 1);
+            // Only the bytes of the checksum differ.
+            let pairs = frame.iter().zip(&spoilt).enumerate();
+            let places = pairs.filter(|(_, (one, other))| one != other);
+            let places: Vec<usize> = places.map(|(at, _)| at).collect();
+            let at = places.get(index(&mut rng, places.len().max(1) as u64));
+            let (bit, mut flipped) = (rng.below(8), frame.to_vec());
+            if let Some(at) = at.filter(|_| is_bit && frame.len() == spoilt.len()) {
+                flipped[*at] ^= 1 << bit;
+            }
+            let mut all = [flipped, spoilt].into_iter();
+            all.find(|one| format.is_damaged(one))
+        };
+        let frames: Option<Vec<_>> = frames.into_iter().map(&mut damaged).collect();
+        frames
+            .map(|frames| frames.concat())
+            .filter(|all| !all.is_empty())
+    }
+
+    /// The recorded requests whose replies have a checksum.
+    pub(super) fn damageable(&self) -> Vec<Hex> {
+        let exchanges = self.seeds.exchanges.iter();
+        let replied = exchanges.filter_map(|(request, replies)| {
+            self.damaged(0, replies.first()?)?;
+            Some(Hex(request.clone()))
+        });
+        replied.collect()
+    }
+
     /// Whether `request` is one like `known`, with another counter.
     pub(super) fn is_like(&self, known: &[u8], request: &[u8]) -> bool {
         let [known, request] = [known, request].map(|frame| content_of(&*self.seeds.format, frame));

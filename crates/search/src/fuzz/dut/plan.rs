@@ -49,3 +49,17 @@ pub struct Progress {
 
 /// Captures of the last case, and of the last confirmation.
 pub(super) const RECORDINGS: [&str; 3] = [".last.pcapng", ".copy.pcapng", ".again.pcapng"];
+
+/// The conversations that the program ended with its own error.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct GivenUp {
+    /// Number of these conversations.
+    pub cases: u64,
+    /// Number of their inputs.
+    pub inputs: u64,
+}
+
+impl GivenUp {
+    /// Number of inputs of a conversation that does not end early.
+    pub const INPUTS_MAX: usize = 100;
+}

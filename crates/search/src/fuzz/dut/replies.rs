@@ -8,7 +8,7 @@ use description::peer::{Emulated, Peer as _, Speaker};
 use description::{Description, From, conform};
 use protocols::{Decode as _, Instant};
 
-use super::case::{Exchange, Hex, Raw, Turn};
+use super::case::{Damage, Exchange, Hex, Raw, Turn};
 use super::harness::Harness;
 use super::learn::Lesson;
 
@@ -107,6 +107,16 @@ impl<'a> Replies<'a> {
         Some(one.reply.0.clone())
     }
 
+    /// Whether `request` was recorded.
+    pub(super) fn is_recorded(&self, request: &[u8]) -> bool {
+        self.raw.exchange.iter().any(|one| one.request.0 == request)
+    }
+
+    /// `reply` with a wrong checksum, see [`Lesson::damaged`].
+    pub(super) fn damaged(&self, seed: u32, reply: &[u8]) -> Option<Vec<u8>> {
+        self.lesson.as_ref()?.damaged(seed, reply)
+    }
+
     /// The recorded requests of the same kind as `request`.
     pub(super) fn alike(&self, request: &[u8]) -> Vec<&'a Hex> {
         let all = self.raw.exchange.iter().map(|one| &one.request);
@@ -175,6 +185,8 @@ pub struct Held {
     pub turns: Vec<Turn>,
     /// The requests with their own replies.
     pub exchanges: Vec<Exchange>,
+    /// The experiment with damaged replies.
+    pub damage: Option<Damage>,
 }
 
 impl Held {
@@ -201,6 +213,7 @@ impl Held {
         Raw {
             turn,
             exchange,
+            damage: self.damage.clone().or_else(|| raw.damage.clone()),
             ..raw.clone()
         }
     }
@@ -283,6 +296,19 @@ mod tests {
         assert_eq!((&*other.bytes, other.is_own), (&told[..], false));
         assert_eq!(replies.alike(&later), [&Hex(asked.to_vec())]);
         assert!(replies.alike(&[0x55, 2, 7, 0x5E]).is_empty());
+        let damaged = |seed| replies.damaged(seed, &told).expect("it has a checksum");
+        for damaged in (0..20).map(damaged) {
+            let wrong = told
+                .iter()
+                .zip(&damaged)
+                .filter(|(one, other)| one != other);
+            assert_eq!(
+                (damaged.len(), wrong.count()),
+                (told.len(), 1),
+                "{damaged:?}"
+            );
+        }
+        assert_eq!(replies.damaged(0, &[]), None);
         let turn = Turn {
             to: Some(Hex(asked.to_vec())),
             ..lesson.changed(3, &told)
@@ -294,6 +320,7 @@ mod tests {
         let held = Held {
             turns: vec![changed],
             exchanges: replies.made.clone(),
+            damage: None,
         };
         let raw = held.of(&raw);
         assert_eq!(Held::default().of(&raw).turn, raw.turn);

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use emulators::rng::Rng;
 
-use super::case::{self, Case, Known, Raw, Told};
+use super::case::{self, Case, Damage, Known, Raw, Told};
 use super::cause::Cause;
 use super::coverage::Counters;
 use super::finding::{Finding, Kept, State};
@@ -16,7 +16,7 @@ use super::found::OpenFinding;
 use super::guide::{Guide, Guided};
 use super::harness::{Harness, HarnessError, Whose};
 use super::learn::Lesson;
-use super::plan::{Progress, RECORDINGS, TrialPlan};
+use super::plan::{GivenUp, Progress, RECORDINGS, TrialPlan};
 use super::probe::Probed;
 use super::restart::{self, Restarts};
 use super::speech::Speech;
@@ -29,12 +29,12 @@ use safefs::Dir;
 /// Maximum number of stored causes.
 const FINDINGS_MAX: usize = 100;
 
-/// Number of turns of a conversation.
-const TURNS: usize = 100;
 /// Pause after each turn in some cases, and their share. It is longer than the timeouts by which
 /// usual servers end a partial frame: a turn of a wrong length then does not spoil the next ones.
 const SLOW_GAP: Duration = Duration::from_millis(700);
 const SLOW_ONE_IN: u64 = 3;
+/// One conversation in this many begins with damaged replies.
+const DAMAGE_ONE_IN: u64 = 2;
 /// Minimum duration of the conversation that is used for learning.
 const LESSON: Duration = Duration::from_secs(3);
 
@@ -54,6 +54,7 @@ pub struct Search<'a> {
     restarts: Option<Restarts<'a>>,
     /// Errors that the program reported on purpose, with their numbers.
     reported: BTreeMap<String, u64>,
+    given_up: GivenUp,
 }
 
 impl<'a> Search<'a> {
@@ -101,6 +102,7 @@ impl<'a> Search<'a> {
             lessons: BTreeMap::new(),
             restarts: None,
             reported: BTreeMap::new(),
+            given_up: GivenUp::default(),
         })
     }
 
@@ -118,6 +120,11 @@ impl<'a> Search<'a> {
     /// Errors that the program reported after altered input before it ended, with their numbers.
     pub const fn reported(&self) -> &BTreeMap<String, u64> {
         &self.reported
+    }
+
+    /// The conversations that the program ended with its own error.
+    pub const fn given_up(&self) -> GivenUp {
+        self.given_up
     }
 
     /// The learned formats in words, by link.
@@ -168,6 +175,15 @@ impl<'a> Search<'a> {
             .set(self.progress.inputs.get() + inputs as u64);
         if let Some(cause) = &seen.reported {
             *self.reported.entry(cause.key()).or_default() += 1;
+            if case
+                .told
+                .raw
+                .as_ref()
+                .is_some_and(|raw| !raw.turn.is_empty())
+            {
+                self.given_up.cases += 1;
+                self.given_up.inputs += inputs as u64;
+            }
         }
         if let Some(raw) = case.told.raw.as_ref().filter(|_| self.is_guided()) {
             let guide = self.state.guides.entry(raw.link.clone()).or_default();
@@ -327,7 +343,8 @@ impl<'a> Search<'a> {
                 let guide = self.state.guides.get(&end.link).unwrap_or(&new);
                 let guide = self.is_guided().then_some(guide);
                 if self.is_dialogue(*at, speech) {
-                    let raw = self.dialogue(*at, met, &mut dice[1]);
+                    let mut raw = self.dialogue(*at, met, &mut dice[1]);
+                    raw.damage = self.damage(*at, &mut dice[0]);
                     let told = Told {
                         lasting: Span(lasting),
                         known: self.lessons[at].1.clone(),
@@ -365,9 +382,27 @@ impl<'a> Search<'a> {
             gap: is_slow.then_some(Span(SLOW_GAP)),
             exchange: lesson.exchanges(),
             asks: lesson.asks(),
-            turn: lesson.turns(TURNS, &avoided, rng),
+            turn: lesson.turns(GivenUp::INPUTS_MAX, &avoided, rng),
             ..Raw::default()
         }
+    }
+
+    /// The experiment with damaged replies, in some cases. It compares times, so it needs virtual
+    /// time.
+    fn damage(&self, at: usize, rng: &mut Rng) -> Option<Damage> {
+        let (lesson, _) = &self.lessons[&at];
+        let is_due = lesson.asks() && self.harness.supervision.is_some();
+        if !is_due || rng.below(DAMAGE_ONE_IN) > 0 {
+            return None;
+        }
+        let all = lesson.damageable();
+        let to = all.get(case::index(rng, all.len().max(1) as u64))?;
+        Some(Damage {
+            to: (*to).clone(),
+            count: 1 + rng.below(Damage::COUNT_MAX),
+            seed: u32::try_from(rng.below(1 << 32)).unwrap_or_default(),
+            ..Damage::default()
+        })
     }
 
     fn link_of(&self, name: &str) -> Option<String> {

@@ -21,6 +21,8 @@ use realtime::guest::TrialMoment;
 
 /// Time without a newly opened port after which all ports of a program count as opened.
 const OPENED: Duration = Duration::from_millis(300);
+/// Silence after which a request counts as complete.
+pub(super) const WHOLE: Duration = Duration::from_millis(3);
 /// Silence that ends an answer.
 const QUIET: Duration = Duration::from_millis(8);
 /// Pause in a stream: longer than the idle times of most programs.
