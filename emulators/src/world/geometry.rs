@@ -197,6 +197,22 @@ impl Primitive {
         (at, at.distance(point))
     }
 
+    /// The surface turned about the origin by an angle with this sine and cosine.
+    pub(super) fn turned(&self, (sin, cos): (f64, f64)) -> Self {
+        let turn = |at: Point| Point::new(at.x * cos - at.y * sin, at.x * sin + at.y * cos);
+        match *self {
+            Self::Segment(segment) => Self::Segment(Segment {
+                from: turn(segment.from),
+                along: turn(segment.along),
+                ..segment
+            }),
+            Self::Circle(circle) => Self::Circle(Circle {
+                center: turn(circle.center),
+                ..circle
+            }),
+        }
+    }
+
     pub(super) fn bounds(&self) -> Bounds {
         match self {
             Self::Segment(s) => {

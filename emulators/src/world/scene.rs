@@ -3,6 +3,7 @@
 mod error;
 mod floor;
 mod heat;
+mod moving;
 mod row;
 mod slick;
 mod view;
@@ -13,10 +14,11 @@ use protocols::Instant;
 
 use super::geometry::{Bounds, Circle, Crossing, Point, Primitive, Ray, Segment};
 use super::grid::Grid;
-use super::path::{Path, Repeat};
+use super::path::Path;
 pub use error::{Cause, Part, SceneError};
 pub use floor::{FloorLine, FloorLineError};
 pub use heat::{AMBIENT_C, HeatPlate, HeatPlateError};
+use moving::MovingBody;
 pub use row::Row;
 pub use slick::{SlickFloor, SlickFloorError};
 pub use view::Cone;
@@ -120,17 +122,10 @@ struct Inner {
 }
 
 /// Primitives with the reflectivity of each.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Body {
     primitives: Vec<Primitive>,
     reflectivity: Vec<f64>,
-}
-
-#[derive(Debug)]
-struct MovingBody {
-    body: Body,
-    /// Distance from its origin within which all of it lies.
-    reach: f64,
 }
 
 impl Scene {
@@ -185,14 +180,13 @@ impl Scene {
             limit = crossing.distance;
             Hit::new(crossing, inner.fixed.reflectivity[index])
         });
-        for (obstacle, moving) in inner.obstacles.iter().zip(&inner.moving) {
-            let ray = ray.seen_from(obstacle.path.position(at));
-            if !ray.passes_origin(moving.reach) {
+        for moving in &inner.moving {
+            let placed = moving.placed(at);
+            let ray = ray.seen_from(placed.origin);
+            if !ray.passes_origin(moving.reach()) {
                 continue;
             }
-            for (primitive, &reflectivity) in
-                moving.body.primitives.iter().zip(&moving.body.reflectivity)
-            {
+            for (primitive, reflectivity) in placed.surfaces() {
                 if let Some(crossing) = primitive.cross(ray, limit).filter(|c| c.distance < limit) {
                     limit = crossing.distance;
                     hit = Some(Hit::new(crossing, reflectivity));
@@ -233,11 +227,12 @@ impl Scene {
     /// those of the fixtures.
     pub(super) fn each_moving(&self, at: Instant, point: Point, mut visit: impl FnMut(Near)) {
         let mut index = self.inner.fixed.primitives.len();
-        for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {
-            let place = obstacle.path.position(at);
+        for moving in &self.inner.moving {
+            let placed = moving.placed(at);
+            let place = placed.origin;
             let seen = Point::new(point.x - place.x, point.y - place.y);
-            for primitive in &moving.body.primitives {
-                let mut near = Near::of(index, primitive, seen);
+            for (primitive, _) in placed.surfaces() {
+                let mut near = Near::of(index, &primitive, seen);
                 near.at = Point::new(near.at.x + place.x, near.at.y + place.y);
                 visit(near);
                 index += 1;
@@ -259,25 +254,32 @@ impl Scene {
         });
     }
 
-    /// Calls `visit` with number, shape and path of each obstacle surface. The shape is seen from
-    /// the place on the path; numbers continue behind those of the fixtures.
-    pub(super) fn each_moving_shape(&self, mut visit: impl FnMut(usize, Primitive, &Path)) {
+    /// Calls `visit` with the number of each obstacle surface, and with its shape and its origin at
+    /// two times. The shape is seen from the origin; numbers continue behind those of the fixtures.
+    pub(super) fn each_moving_shape(
+        &self,
+        times: [Instant; 2],
+        mut visit: impl FnMut(usize, [(Primitive, Point); 2]),
+    ) {
         let mut index = self.inner.fixed.primitives.len();
-        for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {
-            for &primitive in &moving.body.primitives {
-                visit(index, primitive, &obstacle.path);
+        for moving in &self.inner.moving {
+            let [first, then] = times.map(|at| moving.placed(at));
+            for ((one, _), (other, _)) in first.surfaces().zip(then.surfaces()) {
+                visit(index, [(one, first.origin), (other, then.origin)]);
                 index += 1;
             }
         }
     }
 
+    /// Whether there is anything that may move.
+    pub(super) fn has_moving(&self) -> bool {
+        !self.inner.moving.is_empty()
+    }
+
     /// No obstacle is ever faster than this, m/s.
     pub(super) fn obstacle_speed_m_s(&self) -> f64 {
-        self.inner
-            .obstacles
-            .iter()
-            .map(|o| o.path.top_speed_m_s())
-            .fold(0.0, f64::max)
+        let speeds = self.inner.moving.iter().map(MovingBody::top_speed_m_s);
+        speeds.fold(0.0, f64::max)
     }
 
     fn build(
@@ -306,7 +308,7 @@ impl Scene {
         let mut moving = Vec::new();
         for (index, obstacle) in obstacles.iter().enumerate() {
             moving.push(
-                check_obstacle(obstacle, limits).map_err(|cause| SceneError {
+                MovingBody::of(obstacle, limits).map_err(|cause| SceneError {
                     part: Part::Obstacle(index),
                     cause,
                 })?,
@@ -437,59 +439,6 @@ fn circle(center: Point, radius: f64) -> Result<Primitive, Cause> {
         return Err(Cause::Radius { found: radius });
     }
     Ok(Primitive::Circle(Circle { center, radius }))
-}
-
-fn check_obstacle(obstacle: &Obstacle, limits: Bounds) -> Result<MovingBody, Cause> {
-    let mut body = Body::default();
-    let own = body.add(&obstacle.fixture)?;
-    let path = &obstacle.path;
-    let (Some(first), Some(last)) = (path.waypoints.first(), path.waypoints.last()) else {
-        return Err(Cause::NoWaypoints);
-    };
-    for waypoint in &path.waypoints {
-        let Point { x, y } = waypoint.position;
-        if !waypoint.position.is_finite() {
-            return Err(Cause::NotFinite);
-        }
-        let found = Bounds {
-            min: Point::new(own.min.x + x, own.min.y + y),
-            max: Point::new(own.max.x + x, own.max.y + y),
-        };
-        if !limits.contains(found) {
-            return Err(Cause::OutOfBounds {
-                found,
-                bounds: limits,
-            });
-        }
-    }
-    if let Some(index) = path
-        .waypoints
-        .windows(2)
-        .position(|pair| pair[1].at <= pair[0].at)
-    {
-        return Err(Cause::TimesNotRising {
-            waypoint: index + 1,
-        });
-    }
-    if path.repeat == Repeat::Loop && first.position != last.position {
-        return Err(Cause::OpenLoop);
-    }
-    let found_m_s = path.top_speed_m_s();
-    if found_m_s > OBSTACLE_SPEED_MAX_M_S {
-        return Err(Cause::TooFast {
-            found_m_s,
-            limit_m_s: OBSTACLE_SPEED_MAX_M_S,
-        });
-    }
-    let corner = |x: f64, y: f64| Point::default().distance(Point::new(x, y));
-    let reach = corner(
-        own.min.x.abs().max(own.max.x.abs()),
-        own.min.y.abs().max(own.max.y.abs()),
-    );
-    Ok(MovingBody {
-        body,
-        reach: reach + 1e-6,
-    })
 }
 
 #[cfg(test)]

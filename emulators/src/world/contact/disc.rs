@@ -30,11 +30,11 @@ impl Bumper {
             met: Vec::new(),
         };
         test.fixtures(scene, start, end, used + LEFT_M);
-        if !scene.obstacles().is_empty() {
+        if scene.has_moving() {
             test.obstacles(scene, (began, start), (ended, end));
         }
         let mut motion = wanted.slowed(test.part);
-        if !scene.obstacles().is_empty() {
+        if scene.has_moving() {
             let shove = self.shove_disc(scene, radius, (began, ended), motion.pose(STEP_S).point());
             motion.drift.x += shove.x / STEP_S;
             motion.drift.y += shove.y / STEP_S;

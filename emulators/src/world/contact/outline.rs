@@ -71,8 +71,8 @@ pub(super) fn clearance(
             least = least.min(gap(&corners, middle, &primitive, Point::default()).gap);
         }
     });
-    scene.each_moving_shape(|_, primitive, path| {
-        least = least.min(gap(&corners, middle, &primitive, path.position(at)).gap);
+    scene.each_moving_shape([at; 2], |_, [(primitive, place), _]| {
+        least = least.min(gap(&corners, middle, &primitive, place).gap);
     });
     least
 }
@@ -89,7 +89,7 @@ impl Bumper {
         let mut step = Step::new(&self.footprint, wanted.start);
         step.find(scene, [began, ended], used);
         let mut motion = step.free(wanted);
-        if !scene.obstacles().is_empty() {
+        if scene.has_moving() {
             let by = step.shove(motion.pose(STEP_S));
             motion.drift.x += by.x / STEP_S;
             motion.drift.y += by.y / STEP_S;
@@ -129,28 +129,29 @@ impl<'a> Step<'a> {
         let mut found = Vec::new();
         scene.each_fixed_shape(here, reach, |index, primitive| {
             if primitive.nearest(here).1 <= reach {
-                found.push((index, primitive, [Point::default(); 2]));
+                found.push((index, [primitive; 2], [Point::default(); 2]));
             }
         });
         found.sort_by_key(|(index, ..)| *index);
         found.dedup_by_key(|(index, ..)| *index);
-        scene.each_moving_shape(|index, primitive, path| {
-            let places = times.map(|at| path.position(at));
-            let near = |place: &Point| {
+        scene.each_moving_shape(times, |index, both| {
+            let near = |(primitive, place): &(Primitive, Point)| {
                 let seen = Point::new(here.x - place.x, here.y - place.y);
                 primitive.nearest(seen).1 <= reach
             };
-            if places.iter().any(near) {
-                found.push((index, primitive, places));
+            if both.iter().any(near) {
+                let places = both.map(|(_, place)| place);
+                found.push((index, both.map(|(primitive, _)| primitive), places));
             }
         });
         self.footprint.place(self.start, &mut self.corners);
         let middle = middle(self.footprint, self.start);
-        let solid = |(index, primitive, places): (usize, Primitive, [Point; 2])| Solid {
+        type Found = (usize, [Primitive; 2], [Point; 2]);
+        let solid = |(index, [first, primitive], places): Found| Solid {
             index,
             primitive,
             places,
-            began: gap(&self.corners, middle, &primitive, places[0]),
+            began: gap(&self.corners, middle, &first, places[0]),
             stay: gap(&self.corners, middle, &primitive, places[1]),
             middle_m: distance(middle, &primitive, places[1]),
         };

@@ -32,10 +32,10 @@ impl Scene {
         for primitive in &self.inner.fixed.primitives {
             canvas.draw(primitive, [0.0; 2]);
         }
-        for (obstacle, moving) in self.inner.obstacles.iter().zip(&self.inner.moving) {
-            let place = obstacle.path.position(at);
-            for primitive in &moving.body.primitives {
-                canvas.draw(primitive, [place.x, place.y]);
+        for moving in &self.inner.moving {
+            let placed = moving.placed(at);
+            for (primitive, _) in placed.surfaces() {
+                canvas.draw(&primitive, [placed.origin.x, placed.origin.y]);
             }
         }
     }

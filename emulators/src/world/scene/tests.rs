@@ -1,4 +1,4 @@
-use super::super::path::Waypoint;
+use super::super::path::{Repeat, Waypoint};
 use super::*;
 use core::f64::consts::{FRAC_PI_2, PI};
 
@@ -138,7 +138,7 @@ fn surfaces_that_move_are_numbered_behind_those_that_stay() {
     let moving = vec![walker(triangle), walker(circle(0.0, 0.0, 0.5))];
     let scene = Scene::new(walls, moving).unwrap();
     let mut numbers = Vec::new();
-    scene.each_moving_shape(|number, _, _| numbers.push(number));
+    scene.each_moving_shape([Instant::ZERO; 2], |number, _| numbers.push(number));
     assert_eq!(numbers, [2, 3, 4, 5]);
 }
 
