@@ -11,6 +11,7 @@
 //! | [`scene`] | walls, furniture, obstacles; the ray cast |
 //! | [`path`] | how obstacles move |
 //! | [`occupancy`] | floor plans from occupancy images |
+//! | `team` | several robots, each with a world of its own |
 //! | [`body`] | drive trains: motors, wheels, steering, slip; colliding parts of a body |
 
 pub mod body;
@@ -24,6 +25,7 @@ mod inertia;
 pub mod occupancy;
 pub mod path;
 pub mod scene;
+mod team;
 
 use core::time::Duration;
 

@@ -95,6 +95,11 @@ impl Bumper {
         self.touching.clear();
     }
 
+    /// A surface was put elsewhere.
+    pub(super) fn look_again(&mut self) {
+        self.free = 0.0;
+    }
+
     pub(super) fn take_contacts(&mut self) -> Vec<Contact> {
         core::mem::take(&mut self.contacts)
     }

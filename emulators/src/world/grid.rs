@@ -23,7 +23,7 @@ const STILL: f64 = 1e-10;
 const END: u32 = u32::MAX;
 
 /// The index over the fixtures of a scene.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Grid {
     /// Corner of the ring with the least coordinates.
     corner: Point,

@@ -6,13 +6,15 @@ mod heat;
 mod moving;
 mod row;
 mod slick;
+mod track;
 mod view;
 
 use std::sync::Arc;
 
 use protocols::Instant;
 
-use super::geometry::{Bounds, Circle, Crossing, Point, Primitive, Ray, Segment};
+use super::body::Footprint;
+use super::geometry::{Bounds, Circle, Crossing, Point, Pose, Primitive, Ray, Segment};
 use super::grid::Grid;
 use super::path::Path;
 pub use error::{Cause, Part, SceneError};
@@ -21,6 +23,7 @@ pub use heat::{AMBIENT_C, HeatPlate, HeatPlateError};
 use moving::MovingBody;
 pub use row::Row;
 pub use slick::{SlickFloor, SlickFloorError};
+pub(super) use track::Track;
 pub use view::Cone;
 
 /// Coordinates beyond this are taken for a mistake (a floor plan in millimetres, say).
@@ -269,6 +272,46 @@ impl Scene {
                 index += 1;
             }
         }
+    }
+
+    /// This scene and other robots, each at its start.
+    pub(super) fn with_robots(&self, robots: &[(Footprint, Pose)]) -> Self {
+        let robots = robots
+            .iter()
+            .map(|(body, start)| MovingBody::robot(body, *start));
+        self.with_moving(self.inner.moving.iter().cloned().chain(robots).collect())
+    }
+
+    /// The same scene, in which the other robots move independently of this one.
+    pub(super) fn separated(&self) -> Self {
+        let moving = self.inner.moving.iter().map(MovingBody::separated);
+        self.with_moving(moving.collect())
+    }
+
+    fn with_moving(&self, moving: Vec<MovingBody>) -> Self {
+        let inner = &*self.inner;
+        Self {
+            inner: Arc::new(Inner {
+                fixtures: inner.fixtures.clone(),
+                obstacles: inner.obstacles.clone(),
+                bounds: inner.bounds,
+                fixed: inner.fixed.clone(),
+                grid: inner.grid.clone(),
+                moving,
+            }),
+            ..self.clone()
+        }
+    }
+
+    /// The other robots.
+    pub(super) fn robots(&self) -> impl Iterator<Item = &Track> {
+        self.inner.moving.iter().filter_map(MovingBody::track)
+    }
+
+    /// Outlines of the other robots at the time `at`.
+    pub(super) fn robot_outlines(&self, at: Instant) -> Vec<Shape> {
+        let robots = self.inner.moving.iter().filter(|it| it.track().is_some());
+        robots.map(|robot| robot.placed(at).outline()).collect()
     }
 
     /// Whether there is anything that may move.

@@ -1,8 +1,10 @@
-//! Bodies that move: obstacles on their paths.
+//! Bodies that move: obstacles on their paths, and other robots.
 
 use protocols::Instant;
 
-use super::{Body, Cause, OBSTACLE_SPEED_MAX_M_S, Obstacle};
+use super::track::Track;
+use super::{Body, Cause, OBSTACLE_SPEED_MAX_M_S, Obstacle, Shape};
+use crate::world::body::{Footprint, Outline};
 use crate::world::geometry::{Bounds, Point, Pose, Primitive};
 use crate::world::path::{Path, Repeat};
 
@@ -20,6 +22,8 @@ pub(super) struct MovingBody {
 enum Course {
     /// Along a path, without turning.
     Path(Path),
+    /// As another robot moves.
+    Track(Track),
 }
 
 /// A moving body at one time.
@@ -87,6 +91,47 @@ impl MovingBody {
         })
     }
 
+    /// The body of another robot that stands at `start`; white, up to the ceiling.
+    pub(super) fn robot(footprint: &Footprint, start: Pose) -> Self {
+        let shape = match footprint.outline() {
+            Outline::Circle { radius_m } => Shape::Circle {
+                center: Point::default(),
+                radius_m,
+            },
+            Outline::Polygon(corners) => Shape::Polygon {
+                corners: corners.to_vec(),
+            },
+        };
+        let mut body = Body::default();
+        body.add(&shape.into())
+            .expect("a footprint has a radius, or sides with a length");
+        Self {
+            body,
+            reach: footprint.reach_m() + 1e-6,
+            course: Course::Track(Track::at(start)),
+        }
+    }
+
+    /// Its track, if it is another robot.
+    pub(super) const fn track(&self) -> Option<&Track> {
+        match &self.course {
+            Course::Track(track) => Some(track),
+            Course::Path(_) => None,
+        }
+    }
+
+    /// The same body with a track of its own.
+    pub(super) fn separated(&self) -> Self {
+        let course = match &self.course {
+            Course::Track(track) => Course::Track(track.separated()),
+            course => course.clone(),
+        };
+        Self {
+            course,
+            ..self.clone()
+        }
+    }
+
     /// Distance from its origin within which all of it lies, metres.
     pub(super) const fn reach(&self) -> f64 {
         self.reach
@@ -96,6 +141,7 @@ impl MovingBody {
     pub(super) fn top_speed_m_s(&self) -> f64 {
         match &self.course {
             Course::Path(path) => path.top_speed_m_s(),
+            Course::Track(_) => OBSTACLE_SPEED_MAX_M_S,
         }
     }
 
@@ -106,6 +152,7 @@ impl MovingBody {
                 let Point { x, y } = path.position(at);
                 Pose::new(x, y, 0.0)
             }
+            Course::Track(track) => track.pose(at),
         };
         Placed {
             body: &self.body,
@@ -125,5 +172,23 @@ impl Placed<'_> {
         };
         let primitives = self.body.primitives.iter().map(surface);
         primitives.zip(self.body.reflectivity.iter().copied())
+    }
+
+    /// Its outline in the world's axes.
+    pub(super) fn outline(&self) -> Shape {
+        let place = |at: Point| Point::new(at.x + self.origin.x, at.y + self.origin.y);
+        let mut corners = Vec::new();
+        for (primitive, _) in self.surfaces() {
+            match primitive {
+                Primitive::Circle(circle) => {
+                    return Shape::Circle {
+                        center: place(circle.center),
+                        radius_m: circle.radius,
+                    };
+                }
+                Primitive::Segment(side) => corners.push(place(side.ends()[0])),
+            }
+        }
+        Shape::Polygon { corners }
     }
 }

@@ -52,7 +52,16 @@ impl Scene {
             .collect();
         let seen = Self::new(fixtures.collect::<Vec<_>>(), obstacles);
         // Parts of a scene that was accepted are accepted again.
-        let seen = seen.unwrap_or_else(|_| self.clone());
+        let Ok(seen) = seen else {
+            return self.clone();
+        };
+        // A sensor sees another robot at any height.
+        let robots = inner.moving.iter().filter(|it| it.track().is_some());
+        let moving = seen.inner.moving.iter().chain(robots).cloned();
+        let seen = match self.robots().next() {
+            Some(_) => seen.with_moving(moving.collect()),
+            None => seen,
+        };
         Self {
             floor: self.floor.clone(),
             heat: self.heat.clone(),
