@@ -158,7 +158,7 @@ fn what_a_device_wants_is_listed_and_checked_against_the_chassis() {
     assert_eq!(missing(speed), None);
     assert_eq!(
         missing(angle).as_deref(),
-        Some("steering is a steering and cannot do Power(0)")
+        Some("steering is a steering and cannot follow a power, expected angle_deg")
     );
     assert_eq!(
         missing(count).as_deref(),

@@ -294,7 +294,22 @@ impl fmt::Display for CommandError {
                 actuator,
                 kind,
                 command,
-            } => write!(f, "{actuator} is a {kind} and cannot do {command:?}"),
+            } => {
+                let follows = match kind {
+                    ActuatorKind::Motor => "power or speed_m_s",
+                    ActuatorKind::Steering => "angle_deg",
+                };
+                let given = match command {
+                    Command::Power(_) => "a power",
+                    Command::Speed(_) => "a speed",
+                    Command::Angle(_) => "an angle",
+                    Command::Brake | Command::Coast => "a brake",
+                };
+                write!(
+                    f,
+                    "{actuator} is a {kind} and cannot follow {given}, expected {follows}"
+                )
+            }
             Self::NotFinite { actuator } => {
                 write!(f, "{actuator} was given a value that is not finite")
             }

@@ -7,7 +7,7 @@ use emulators::quantity::{ValueSource, Wanted};
 use emulators::world::World;
 use nodes::NodeDevice;
 
-use super::{BuildContext, DeviceValue, Drives, ValueRow};
+use super::{BuildContext, DeviceValue, Drives, ValueRow, kind};
 use crate::rig::{AnyDevice, Rig};
 use crate::scenario::drives::DrivesSpec;
 use crate::scenario::{Operand, ScenarioError};
@@ -96,16 +96,17 @@ pub(super) fn check(
         return Ok(());
     };
     let chassis = world.chassis();
-    let wrong = |key: String, message| {
-        let span = context.source.find(context.name);
-        Err(context.source.invalid(span, key, message))
-    };
+    let mut wrong = Vec::new();
     for drive in &node.spec().drives {
         if let Some(message) = Wanted::Actuator(&drive.sink).missing(chassis) {
-            return wrong(
-                format!("{}.drives.{}", context.key(), drive.output),
-                message,
-            );
+            let own = format!("drives.{}", drive.output);
+            let drives = kind(context.kind).and_then(|kind| kind.drives(context.settings));
+            let mut places = drives.into_iter().flat_map(|drives| drives.places);
+            let place = places.find(|(key, _)| *key == format!("{own}.actuator"));
+            let span = place.map(|(_, span)| span);
+            let span = span.or_else(|| context.source.find(context.name));
+            let key = format!("{}.{own}", context.key());
+            wrong.push(context.source.invalid(span, key, message));
         }
     }
     for quantity in &node.spec().quantities {
@@ -115,11 +116,10 @@ pub(super) fn check(
             _ => continue,
         };
         if let Some(message) = Wanted::Encoder(encoder).missing(chassis) {
-            return wrong(
-                format!("{}.quantities.{}", context.key(), quantity.name),
-                message,
-            );
+            let span = context.source.find(&quantity.name);
+            let key = format!("{}.quantities.{}", context.key(), quantity.name);
+            wrong.push(context.source.invalid(span, key, message));
         }
     }
-    Ok(())
+    ScenarioError::none_of(wrong)
 }
