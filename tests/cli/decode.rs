@@ -473,7 +473,7 @@ fn a_swapped_checksum_of_a_description_is_named() {
     let decode = |file: &str, more: &[&str]| {
         let output =
             session.hilrig(&[&["decode", "log.txt", "--description", file], more].concat());
-        text(&output.stdout)
+        text(&output.stdout).to_owned()
     };
     let wrong = decode("big.toml", &["--diagnose"]);
     assert!(
