@@ -24,6 +24,7 @@ mod robot;
 mod rplidar;
 mod safety;
 mod silence;
+mod team;
 mod turns;
 mod yellow;
 

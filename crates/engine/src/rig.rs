@@ -222,7 +222,7 @@ impl Rig {
         }
         Some(Self {
             now: self.now,
-            world: self.world.clone(),
+            world: self.world.separated(),
             cpu: self.cpu,
             nodes: self.nodes.clone(),
             links: self.links.clone(),

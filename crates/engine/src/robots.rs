@@ -340,8 +340,27 @@ pub struct Arena {
 /// Wires the scenario's robot into its world.
 ///
 /// # Errors
-/// If the scenario is invalid for the robot.
+/// If the scenario is invalid for the robot, or has further robots.
 pub fn wire(
+    scenario: &Scenario,
+    source: &Source,
+    dut: Dut,
+    pc: PcEnd,
+) -> Result<Wired, ScenarioError> {
+    if !scenario.team.is_empty() {
+        let message = "expected none here: \"hilrig run\", and \"ui\", \"campaign\" and \"shrink\" without \
+                       a program of your own run several robots; others run one robot";
+        return Err(source.invalid(source.find("team"), "team", message));
+    }
+    wire_first(scenario, source, dut, pc)
+}
+
+/// As [`wire`], also if the scenario has further robots: those are wired later, by
+/// [`Run::with_team`](crate::run::Run::with_team).
+///
+/// # Errors
+/// If the scenario is invalid for the robot.
+pub fn wire_first(
     scenario: &Scenario,
     source: &Source,
     dut: Dut,

@@ -44,6 +44,7 @@ mod rules;
 pub mod scene;
 pub mod score;
 mod steps;
+mod team;
 mod victims;
 pub mod watch;
 pub mod wire_log;
@@ -58,7 +59,7 @@ use protocols::Instant;
 use crate::Shared;
 use crate::rig::fault::FaultId;
 use crate::rig::{Paced, Rig};
-use crate::robots::{self, Dut, Instruments, KeptMap, PcEnd, Wired};
+use crate::robots::{self, Dut, Instruments, PcEnd};
 use crate::run::check::{Check, Checker};
 use crate::run::history::History;
 use crate::run::mission::Progress;
@@ -79,6 +80,7 @@ pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
 pub use outcome::{Outcome, unobserved};
 use steps::Steps;
+pub use team::Member;
 use wire_log::{Logging, WireLog};
 
 pub use crate::scenario::LOOK_EVERY;
@@ -119,6 +121,8 @@ pub struct Run {
     looks: u32,
     next_look: Instant,
     is_over: bool,
+    /// The further robots.
+    team: Vec<Member>,
 }
 
 /// Runs the scenario `toml` in this process to its end and judges it.
@@ -139,11 +143,8 @@ impl Run {
     ) -> Result<Self, ScenarioError> {
         let mut scenario = scenario;
         scenario.seed = seed.unwrap_or(scenario.seed);
-        let wired = robots::wire(&scenario, source, Dut::Internal, PcEnd::Scripted)?;
-        let Wired {
-            rig, instruments, ..
-        } = wired;
-        Ok(Self::with_rig(scenario, rig, instruments))
+        let wired = robots::wire_first(&scenario, source, Dut::Internal, PcEnd::Scripted)?;
+        Self::with_team(scenario, source, (wired.rig, wired.instruments))
     }
 
     /// A run of `scenario` in a rig that was wired for it.
@@ -180,6 +181,7 @@ impl Run {
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
             is_over: false,
+            team: Vec::new(),
             scenario,
         };
         run.plan_agenda();
@@ -242,6 +244,7 @@ impl Run {
         let push = self.pushes.first().map(|push| push.at.instant());
         let due = push.into_iter().chain(self.agenda.due());
         let due = due.chain(self.deeds.due());
+        let due = due.chain(self.next_meeting());
         due.fold(self.next_look(), Instant::min)
     }
 
@@ -249,6 +252,14 @@ impl Run {
     pub fn step(&mut self) {
         self.advance(self.next_look());
         self.look();
+        let is_done = !self.scenario.mission.to_the_end && self.is_done() && self.is_team_done();
+        let mut rigs = core::iter::once(&self.rig).chain(self.team.iter().map(|it| &it.run.rig));
+        let lost = rigs.any(Rig::has_lost_node);
+        self.is_over = self.rig.now() >= self.scenario.duration.instant() || is_done || lost;
+    }
+
+    /// Whether the robot has done its task.
+    fn is_done(&self) -> bool {
         let now = self.rig.now();
         let received = match self.scenario.expect.map_received {
             Some(true) => self.map_received().unwrap_or(true),
@@ -257,11 +268,12 @@ impl Run {
         let phases = self.scenario.phases;
         let judged = phases.is_none_or(|phases| now >= phases.windows()[3].until);
         let came = self.progress.is_over(now) || self.has_come_home(now);
-        let awaits = self.steps.is_waiting() || self.watchers.awaits(now);
-        let over = judged && received && !awaits && came;
-        let done = !self.scenario.mission.to_the_end && over;
-        let lost = self.rig.has_lost_node();
-        self.is_over = now >= self.scenario.duration.instant() || done || lost;
+        judged && received && !self.is_waiting() && came
+    }
+
+    /// Whether a step of the mission or a rule waits for an event.
+    fn is_waiting(&self) -> bool {
+        self.steps.is_waiting() || self.watchers.awaits(self.rig.now())
     }
 
     /// Whether the robot has finished its own search and rests, and no later order can move it.
@@ -284,8 +296,16 @@ impl Run {
         self.advance(deadline);
     }
 
-    /// Runs the rig until `deadline`, and performs the due actions on robot and devices.
+    /// Runs until `deadline`, together with the further robots.
     fn advance(&mut self, deadline: Instant) {
+        match self.team.is_empty() {
+            true => self.advance_alone(deadline),
+            false => self.advance_team(deadline),
+        }
+    }
+
+    /// Runs the rig until `deadline`, and performs the due actions on robot and devices.
+    fn advance_alone(&mut self, deadline: Instant) {
         loop {
             let push = self.pushes.first().map(|push| push.at.instant());
             let next = push.into_iter().chain(self.agenda.due());
@@ -308,6 +328,7 @@ impl Run {
     }
 
     fn look(&mut self) {
+        self.team.iter_mut().for_each(|member| member.run.look());
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
         self.do_what_waited();
@@ -363,97 +384,30 @@ impl Run {
 
     /// Ends the run here and judges it.
     pub fn judge(self) -> Outcome {
-        let wall_overlap = self.wall_overlap();
-        self.outcome(wall_overlap)
+        self.end(Self::wall_overlap)
     }
 
     /// Ends the run and judges it, for callers that read only the verdicts. Map and world are
     /// compared only if the scenario expects it, because the comparison takes as long as a second
     /// of the run.
     pub fn judge_what_is_expected(self) -> Outcome {
-        let wall_overlap = self.expected_overlap();
-        self.outcome(wall_overlap)
+        self.end(Self::expected_overlap)
     }
 
-    fn outcome(mut self, wall_overlap: Option<WallOverlap>) -> Outcome {
-        self.rig.end_nodes();
-        let program = self.rig.program();
-        let map = self.instruments.map(&self.rig).map(KeptMap::from);
-        let layers = self.instruments.layers(&self.rig).into_iter();
-        let layers = layers.map(|(name, map)| (name, KeptMap::from(map)));
-        let layers = layers.collect();
-        let mut counters = BTreeMap::new();
-        if let Some(program) = program {
-            program.counters(&mut |name, value| {
-                counters.insert(name, value);
-            });
-        }
-        let pose_error = score::pose_error(&self.pairs);
-        let checks = self.checks_with(pose_error, wall_overlap);
-        Outcome {
-            again: None,
-            case: self.case(),
-            seed: self.seed,
-            checks,
-            ran: self.rig.now() - Instant::ZERO,
-            pose_error,
-            wall_overlap,
-            map,
-            scene: scene::scene(&self.rig.world),
-            has_body: self.instruments.has_body(),
-            footprint: scene::footprint(&self.rig.world),
-            layers,
-            display: self
-                .instruments
-                .display(&self.rig)
-                .map(|display| display.picture()),
-            axes: self.instruments.axes(&self.rig),
-            panels: self.instruments.panels(&self.rig),
-            counters,
-            events: self.rig.events().to_vec(),
-            was_asked: self.rig.was_asked(),
-            violations: self.rig.violations(),
-            broken_rules: self.broken_rules(),
-            probable_cause: None,
-            node_words: self.rig.node_words(),
-            slow_node: self.rig.slow_node(),
-            waypoints: [self.progress.visits().len(), self.progress.waypoints()],
-            collided_at: self.contacts.first_in_earnest(),
-            trace_hash: self.rig.trace_hash(),
-            history: self.history,
-            wire_log: self.wire_log.map(|log| log.lock().clone()),
-            truth: self.truth,
-            pairs: self.pairs,
-        }
-    }
-
-    /// Counts of violations by rule: the devices' counts, else the entries in their log.
-    fn broken_rules(&self) -> Vec<(String, &'static str, u64)> {
-        let counted = self.rig.broken_rules();
-        let mut broken: Vec<_> = counted
-            .map(|(device, rule, count)| (device.to_owned(), rule, count))
-            .collect();
-        let own: Vec<String> = broken.iter().map(|(device, ..)| device.clone()).collect();
-        let events = self.rig.events().iter();
-        for logged in events.filter(|logged| logged.is_violation()) {
-            let (source, rule) = (&logged.source, logged.event.rule);
-            if own.contains(source) {
-                continue;
-            }
-            match broken
-                .iter_mut()
-                .find(|(device, known, _)| device == source && *known == rule)
-            {
-                Some((.., count)) => *count += 1,
-                None => broken.push((source.clone(), rule, 1)),
-            }
-        }
-        broken
+    fn end(mut self, overlap: fn(&Self) -> Option<WallOverlap>) -> Outcome {
+        let team = self.end_team(|run| run.end(overlap));
+        let wall_overlap = overlap(&self);
+        let mut outcome = self.outcome(wall_overlap);
+        outcome.join(team);
+        outcome
     }
 
     /// The verdicts as they would be if the run ended now.
     pub fn checks(&self) -> Vec<Check> {
-        self.checks_with(score::pose_error(&self.pairs), self.expected_overlap())
+        let pose_error = score::pose_error(&self.pairs);
+        let mut checks = self.checks_with(pose_error, self.expected_overlap());
+        checks.extend(self.team_checks());
+        checks
     }
 
     fn checks_with(

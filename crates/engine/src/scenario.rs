@@ -21,7 +21,7 @@ mod rule;
 mod safety;
 pub mod schema;
 mod source;
-
+mod team;
 pub mod tuning;
 mod unused;
 pub mod world;
@@ -64,6 +64,7 @@ pub use rule::{Demand, LOOK_EVERY, RuleSpec, UntilSpec};
 pub use safety::SafetySpec;
 pub use source::{ScenarioError, Source, text_of};
 pub use span::Span;
+pub use team::MemberSpec;
 pub use tuning::TuningSpec;
 pub use world::WorldSpec;
 pub use world::{PillarSpec, StartSpec, WallSpec};
@@ -138,6 +139,9 @@ pub struct Scenario {
     /// A fault.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fault: Vec<FaultSpec>,
+    /// Further robots in the same world, by their names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub team: BTreeMap<String, MemberSpec>,
 }
 
 /// Origin of a saved case.
@@ -298,22 +302,8 @@ impl Scenario {
             .golden
             .iter_mut()
             .for_each(|golden| golden.embed(base));
-        #[cfg(feature = "described")]
-        for device in scenario.device.values_mut() {
-            if let Some(described) = device.settings_mut::<device::description::DescriptionSpec>() {
-                described.embed(base);
-            }
-            if let Some(master) = device.settings_mut::<device::master::MasterSpec>() {
-                master.embed(base);
-            }
-            if let Some(program) = device.settings_mut::<device::program::NodeProgramSpec>() {
-                program.embed(base);
-            }
-            #[cfg(feature = "described")]
-            if let Some(firmware) = device.settings_mut::<device::firmware::FirmwareSpec>() {
-                firmware.embed(base);
-            }
-        }
+        device::embed(&mut scenario.device, base);
+        scenario.embed_team(base);
         let is_world = |problem: &ScenarioError| problem.key().starts_with("world");
         if scenario.world.is_nowhere()
             && scenario.robot != NO_ROBOT
@@ -323,6 +313,12 @@ impl Scenario {
             problems.push(source.invalid(None, "world", message));
         }
         limits::check(&scenario, &source, &mut problems);
+        scenario.check_team(&source, &mut problems);
+        for (name, member, part) in scenario.members(&source) {
+            let mut found = Vec::new();
+            limits::check(&member, &part, &mut found);
+            problems.extend(found.into_iter().map(|error| error.of_member(&name)));
+        }
         if !problems.is_empty() {
             return Err(ScenarioError::all(problems));
         }
@@ -331,7 +327,9 @@ impl Scenario {
                 let message = "is shorter than the phases together, expected at least their sum";
                 return Err(source.invalid(source.find("duration"), "duration", message));
             }
-            let faults = scenario.fault.iter_mut();
+            let team = scenario.team.values_mut();
+            let others = team.flat_map(|member| &mut member.fault);
+            let faults = scenario.fault.iter_mut().chain(others);
             faults.for_each(|fault| phases.confine(fault));
         }
         Ok((scenario, source))
@@ -341,11 +339,15 @@ impl Scenario {
     /// are to remember their places in the file.
     fn deserialized(mut document: Document<'_>) -> Result<Self, toml::de::Error> {
         let device = device::read_devices(document.get_mut());
-        let scenario = Self::deserialize(toml::de::Deserializer::from(document))?;
-        Ok(Self {
-            device: device?,
-            ..scenario
-        })
+        let team = team::read_devices(&mut document);
+        let mut scenario = Self::deserialize(toml::de::Deserializer::from(document))?;
+        scenario.device = device?;
+        for (name, devices) in team? {
+            if let Some(member) = scenario.team.get_mut(&name) {
+                member.device = devices;
+            }
+        }
+        Ok(scenario)
     }
 
     /// The scenario as a file.

@@ -307,7 +307,7 @@ impl Trial {
         let waits = self.process.waits();
         let farewell = self.process.end(Patience::FAIR);
         let is_over = self.run.is_over() || self.control.has_quit();
-        let recorded = self.run.rig.finish_taps();
+        let recorded = self.run.finish_taps();
         let lateness = self.realtime.lateness().clone();
         let reports = self.realtime.reports().collect();
         // The ports exist until the program has ended, so that it does not notice their end.

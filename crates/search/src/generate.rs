@@ -137,6 +137,11 @@ pub fn scenario(
     dice: &mut Dice,
 ) -> Scenario {
     let mut made = base.clone();
+    let vary = Vary {
+        // Generated walls leave room for one robot only.
+        world: vary.world && base.team.is_empty(),
+        ..vary
+    };
     let targets = FaultTargets::of(base, source, profile).unwrap_or_default();
     let recovery = profile.afterwards.recovery;
     let mut recovery = recovery.unwrap_or(Span::from_millis(RECOVERY_MS));

@@ -75,6 +75,13 @@ impl Folder {
         written.map_err(failed(&self.0.path().join(name)))
     }
 
+    /// The folder of the further robot `name` in it.
+    fn member(&self, name: &str) -> Result<Self, FolderError> {
+        let path = Path::new("team").join(name);
+        let below = self.0.below(&path);
+        below.map(Self).map_err(failed(&self.0.path().join(path)))
+    }
+
     /// Writes a picture as PNG.
     pub fn picture(&self, name: &str, picture: &Picture) -> Result<(), FolderError> {
         let written = picture.png().and_then(|png| self.0.write(name, png));
@@ -87,11 +94,29 @@ fn failed(path: &Path) -> impl FnOnce(io::Error) -> FolderError {
     move |source| FolderError { path, source }
 }
 
+/// The result folder of the further robot `name`, in `dir`, that of the whole run; created if
+/// missing.
+///
+/// # Errors
+/// If it cannot be created, or if a link leads out of `dir`.
+pub fn of_member(dir: &Path, name: &str) -> Result<PathBuf, FolderError> {
+    Ok(Folder::at(dir)?.member(name)?.0.path().to_owned())
+}
+
 /// Writes all files of `outcome`, a run that took `wall`, into `dir`, which is created if missing.
+/// Each further robot has a folder of its own in it.
 pub fn write(dir: &Path, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {
     let folder = Folder::at(dir)?;
-    folder.put("result.json", result_json(outcome, wall))?;
     folder.put("case.toml", outcome.case.to_toml())?;
+    for (name, member) in &outcome.team {
+        write_robot(&folder.member(name)?, member, wall)?;
+    }
+    write_robot(&folder, outcome, wall)
+}
+
+/// Writes the files about one robot.
+fn write_robot(folder: &Folder, outcome: &Outcome, wall: Duration) -> Result<(), FolderError> {
+    folder.put("result.json", result_json(outcome, wall))?;
     folder.put("report.html", report::html(outcome))?;
     folder.put("events.txt", events(outcome))?;
     folder.put("true.tum", tum(&outcome.truth))?;

@@ -419,7 +419,7 @@ impl Desk {
         let instruments = run.instruments();
         let station = instruments.station(&run.rig);
         let heads: Vec<_> = self.layers.iter().map(|book| book.last().head).collect();
-        let moving = !run.rig.world.scene().obstacles().is_empty();
+        let moving = run.rig.world.has_moving();
         json!({
             "type": "now",
             "run": self.number,

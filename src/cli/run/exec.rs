@@ -54,13 +54,16 @@ pub(super) fn judged_exec(
         true => PcEnd::Scripted,
         false => pc_end(&scenario),
     };
-    let wired = robots::wire(&scenario, source, Dut::External, pc)?;
+    let wired = robots::wire_first(&scenario, source, Dut::External, pc)?;
     let dir = PortDir::open(&ports_in(out, place.dir)?)?;
     let (rig, instruments, seats) = place.ends.place(wired, &dir)?;
     print_table(&seats);
-    let mut run = Run::with_rig(scenario, rig, instruments);
-    let about = capture::about_live(run.scenario(), utc());
-    record_to(&out.join("capture.pcapng"), about, &mut run)?;
+    let mut run = Run::with_team(scenario, source, (rig, instruments))?;
+    record_to(
+        out,
+        |scenario| capture::about_live(scenario, utc()),
+        &mut run,
+    )?;
     place.show.begin(&mut run);
     let log = out.join("program.log");
     let command = foreign.command.clone();

@@ -188,7 +188,7 @@ impl Beginning<'_> {
         source: &Source,
         is_controlled: bool,
     ) -> Result<(Trial, Option<Control>), CliError> {
-        let wired = robots::wire(scenario, source, Dut::External, pc_end(scenario))?;
+        let wired = robots::wire_first(scenario, source, Dut::External, pc_end(scenario))?;
         let dir = PortDir::open(self.ports)?;
         let (rig, instruments, seats) = self.ends.place(wired, &dir)?;
         if self.is_first {
@@ -198,9 +198,8 @@ impl Beginning<'_> {
             true => Some(control_of(&dir, &seats)?),
             false => None,
         };
-        let mut run = Run::with_rig(scenario.clone(), rig, instruments);
-        let about = capture::about(run.scenario());
-        record_to(&self.out.join("capture.pcapng"), about, &mut run)?;
+        let mut run = Run::with_team(scenario.clone(), source, (rig, instruments))?;
+        record_to(self.out, capture::about, &mut run)?;
         let log = self.out.join(LOG);
         let foreign = self.foreign.clone();
         let trial = Trial::start(run, seats, dir, foreign, self.trace, &log)?;

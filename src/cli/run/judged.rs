@@ -93,6 +93,9 @@ impl Ran {
     }
 }
 
+/// The capture in a result folder.
+const CAPTURE: &str = "capture.pcapng";
+
 /// Time without output after which a long run prints its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
 
@@ -132,8 +135,7 @@ pub(super) fn judged_with(
 ) -> Result<Ran, CliError> {
     make_folder(out)?;
     let clock = WallClock::start();
-    let capture = out.join("capture.pcapng");
-    record_to(&capture, capture::about(run.scenario()), &mut run)?;
+    record_to(out, capture::about, &mut run)?;
     if talk == Talk::Story {
         let scenario = run.scenario();
         let (name, seed, duration) = (&scenario.name, scenario.seed, scenario.duration);
@@ -156,7 +158,7 @@ pub(super) fn judged_with(
         progress.print(&run, clock.now() - Instant::ZERO);
     }
     let was_cut = cut_short(&run, stop);
-    let recorded = run.rig.finish_taps();
+    let recorded = run.finish_taps();
     let mut outcome = run.judge();
     outcome.checks.extend(was_cut);
     outcome.again = again;
@@ -227,7 +229,7 @@ pub(super) fn cut_short(run: &Run, stop: &Stop) -> Option<Check> {
 
 /// Reports a capture error immediately, while disk space can still be freed.
 pub(super) fn report_trouble(run: &mut Run) {
-    if let Some(trouble) = run.rig.take_tap_trouble() {
+    if let Some(trouble) = run.take_tap_trouble() {
         eprintln!("  {trouble}");
     }
 }
@@ -240,17 +242,21 @@ pub(super) fn print_losses(reports: &[PortReport]) {
     }
 }
 
-/// Writes the end of the run into the capture in `out`, if the capture is complete; `command` is
-/// that of the foreign program.
+/// Writes the end of the run into the capture in `out`, if the capture is complete, and into those
+/// of the further robots; `command` is that of the foreign program.
 pub(super) fn finish_capture(
     recorded: std::io::Result<()>,
     out: &Path,
     outcome: &Outcome,
     command: Option<&str>,
 ) -> Result<(), FolderError> {
-    let path = out.join("capture.pcapng");
+    let path = out.join(CAPTURE);
     let concluded = recorded.and_then(|()| Conclusion::of(outcome, command).append(&path));
-    concluded.map_err(|source| FolderError { path, source })
+    concluded.map_err(|source| FolderError { path, source })?;
+    for (name, member) in &outcome.team {
+        finish_capture(Ok(()), &folder::of_member(out, name)?, member, None)?;
+    }
+    Ok(())
 }
 
 /// Writes the result folder of a run and prints its verdicts.
@@ -270,13 +276,28 @@ pub(in crate::cli) fn write_results(ran: Ran, out: &Path) -> Result<Ran, FolderE
     Ok(ran)
 }
 
-/// Makes `run` write its capture.
-pub(super) fn record_to(path: &Path, about: Section, run: &mut Run) -> Result<(), FolderError> {
-    let recording = Recording::create(path, &run.rig, about, Limits::default());
-    let recording = recording.map_err(|source| FolderError {
-        path: path.to_owned(),
-        source,
-    })?;
+/// Makes `run`, and the further robots in it, write their captures; the result folder is `out`.
+pub(super) fn record_to(
+    out: &Path,
+    about: impl Fn(&Scenario) -> Section,
+    run: &mut Run,
+) -> Result<(), FolderError> {
+    record_one(out, &about, run)?;
+    for member in run.team_mut() {
+        let out = folder::of_member(out, &member.name)?;
+        record_one(&out, &about, &mut member.run)?;
+    }
+    Ok(())
+}
+
+fn record_one(
+    out: &Path,
+    about: impl Fn(&Scenario) -> Section,
+    run: &mut Run,
+) -> Result<(), FolderError> {
+    let path = out.join(CAPTURE);
+    let recording = Recording::create(&path, &run.rig, about(run.scenario()), Limits::default());
+    let recording = recording.map_err(|source| FolderError { path, source })?;
     run.rig.add_tap(Box::new(recording));
     Ok(())
 }

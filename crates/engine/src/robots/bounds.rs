@@ -127,6 +127,17 @@ fn beyond([least, most]: [[f64; 2]; 2], places: &[[f64; 2]]) -> Option<String> {
 
 /// Keys in `source` without effect, and objects that the robot's map cannot hold.
 pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
+    let mut found = warnings_of_one(scenario, source);
+    for (name, member, part) in scenario.members(source) {
+        let own = warnings_of_one(&member, &part).into_iter();
+        let own = own.map(|warning| warning.of_member(&name));
+        // The world is that of the file, whose warnings are known.
+        found.extend(own.filter(|warning| !warning.key().starts_with("world")));
+    }
+    found
+}
+
+fn warnings_of_one(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
     let mut warnings = scenario.warnings(source);
     let robot = super::find(&scenario.robot);
     let map = robot.and_then(Robot::map_m);

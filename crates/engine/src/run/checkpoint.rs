@@ -40,12 +40,13 @@ impl Run {
         self.fork().map(Checkpoint)
     }
 
-    fn fork(&self) -> Option<Self> {
+    pub(super) fn fork(&self) -> Option<Self> {
         // Watches refer to the lines of this rig.
         if self.line_watches.is_some() || !self.fault_watches.is_empty() {
             return None;
         }
         let mut rig = self.rig.fork()?;
+        let team = self.fork_team()?;
         let watchers = self.watchers.fork(&mut rig)?;
         let wire_log = self.wire_log.as_ref();
         let wire_log = wire_log.map(|log| Logging::go_on(&mut rig, log));
@@ -72,6 +73,7 @@ impl Run {
             looks: self.looks,
             next_look: self.next_look,
             is_over: self.is_over,
+            team,
         })
     }
 }
@@ -116,7 +118,8 @@ impl Checkpoint {
         // This check counts back from the end of the run, so a change of the length changes it.
         let safety = asked.expect.safety.as_ref();
         let counts_back = safety.is_some_and(|safety| safety.alive_for.is_some());
-        if counts_back && asked.duration != scenario.duration {
+        let has_team = !asked.team.is_empty();
+        if (counts_back || has_team) && asked.duration != scenario.duration {
             return None;
         }
         let changes = self.changes(&scenario.fault)?;
@@ -246,11 +249,12 @@ fn is_alike(a: &Scenario, b: &Scenario) -> bool {
         phases,
         world,
         fault: _,
+        team,
     } = a;
     (schema, seed, name, robot) == (&b.schema, &b.seed, &b.name, &b.robot)
         && (mission, program, chassis) == (&b.mission, &b.program, &b.chassis)
         && (device, link, world) == (&b.device, &b.link, &b.world)
-        && (exec, cable) == (&b.exec, &b.cable)
+        && (exec, cable, team) == (&b.exec, &b.cable, &b.team)
         && (budget, phases) == (&b.budget, &b.phases)
         && ends_alike(expect, &b.expect)
         && expect.safety == b.expect.safety

@@ -8,9 +8,9 @@ use protocols::Instant;
 
 use super::check::{BYTES_CONSERVED, Check, Status};
 use super::history::History;
-use super::scene;
-use super::score::{PoseError, PosePair, WallOverlap};
+use super::score::{self, PoseError, PosePair, WallOverlap};
 use super::wire_log::WireLog;
+use super::{Run, scene};
 use crate::picture::Picture;
 use crate::rig::Logged;
 use crate::robots::{Axis, KeptMap, Panel};
@@ -79,13 +79,16 @@ pub struct Outcome {
     pub trace_hash: String,
     /// The command that repeats the run, if running the case alone does not.
     pub again: Option<String>,
+    /// The ends of the further robots' runs, by their names. Their checks are among `checks`.
+    pub team: Vec<(String, Self)>,
 }
 
 impl Outcome {
     /// Whether at least one check was judged, no check failed, and each rule was observed.
     pub fn passed(&self) -> bool {
         let has_failed = self.checks.iter().any(|check| check.status == Status::Fail);
-        let is_whole = self.unobserved_rules().next().is_none();
+        let mut ends = core::iter::once(self).chain(self.team.iter().map(|(_, end)| end));
+        let is_whole = ends.all(|end| end.unobserved_rules().next().is_none());
         self.is_judged() && !has_failed && is_whole
     }
 
@@ -124,6 +127,86 @@ impl Outcome {
         }
         let (name, seed) = (&self.case.name, self.seed);
         panic!("{name}, seed {seed}, did not pass:\n{}", lines.join("\n"));
+    }
+}
+
+impl Run {
+    /// The end of this run, without the further robots.
+    pub(super) fn outcome(mut self, wall_overlap: Option<WallOverlap>) -> Outcome {
+        self.rig.end_nodes();
+        let program = self.rig.program();
+        let map = self.instruments.map(&self.rig).map(KeptMap::from);
+        let layers = self.instruments.layers(&self.rig).into_iter();
+        let layers = layers.map(|(name, map)| (name, KeptMap::from(map)));
+        let layers = layers.collect();
+        let mut counters = BTreeMap::new();
+        if let Some(program) = program {
+            program.counters(&mut |name, value| {
+                counters.insert(name, value);
+            });
+        }
+        let pose_error = score::pose_error(&self.pairs);
+        let checks = self.checks_with(pose_error, wall_overlap);
+        Outcome {
+            again: None,
+            case: self.case(),
+            seed: self.seed,
+            checks,
+            ran: self.rig.now() - Instant::ZERO,
+            pose_error,
+            wall_overlap,
+            map,
+            scene: scene::scene(&self.rig.world),
+            has_body: self.instruments.has_body(),
+            footprint: scene::footprint(&self.rig.world),
+            layers,
+            display: self
+                .instruments
+                .display(&self.rig)
+                .map(|display| display.picture()),
+            axes: self.instruments.axes(&self.rig),
+            panels: self.instruments.panels(&self.rig),
+            counters,
+            events: self.rig.events().to_vec(),
+            was_asked: self.rig.was_asked(),
+            violations: self.rig.violations(),
+            broken_rules: self.broken_rules(),
+            probable_cause: None,
+            node_words: self.rig.node_words(),
+            slow_node: self.rig.slow_node(),
+            waypoints: [self.progress.visits().len(), self.progress.waypoints()],
+            collided_at: self.contacts.first_in_earnest(),
+            trace_hash: self.rig.trace_hash(),
+            history: self.history,
+            wire_log: self.wire_log.map(|log| log.lock().clone()),
+            truth: self.truth,
+            pairs: self.pairs,
+            team: Vec::new(),
+        }
+    }
+
+    /// Counts of violations by rule: the devices' counts, else the entries in their log.
+    fn broken_rules(&self) -> Vec<(String, &'static str, u64)> {
+        let counted = self.rig.broken_rules();
+        let mut broken: Vec<_> = counted
+            .map(|(device, rule, count)| (device.to_owned(), rule, count))
+            .collect();
+        let own: Vec<String> = broken.iter().map(|(device, ..)| device.clone()).collect();
+        let events = self.rig.events().iter();
+        for logged in events.filter(|logged| logged.is_violation()) {
+            let (source, rule) = (&logged.source, logged.event.rule);
+            if own.contains(source) {
+                continue;
+            }
+            match broken
+                .iter_mut()
+                .find(|(device, known, _)| device == source && *known == rule)
+            {
+                Some((.., count)) => *count += 1,
+                None => broken.push((source.clone(), rule, 1)),
+            }
+        }
+        broken
     }
 }
 

@@ -26,7 +26,7 @@ pub enum Outline {
     Circle([f64; 3]),
 }
 
-/// The fixtures of `world`, and its obstacles at their current positions.
+/// The fixtures of `world`, and its obstacles and other robots at their current positions.
 pub fn scene(world: &World) -> Scene {
     let scene = world.scene();
     let bounds = scene.bounds();
@@ -38,9 +38,13 @@ pub fn scene(world: &World) -> Scene {
         let at = obstacle.path.position(world.now());
         outline(&obstacle.fixture.shape, at)
     });
+    let robots = world.robot_outlines();
+    let robots = robots
+        .iter()
+        .map(|body| outline(body, Point::new(0.0, 0.0)));
     Scene {
         bounds: if is_bounded { corners } else { NOWHERE }.map(millimetres),
-        shapes: fixed.chain(moving).collect(),
+        shapes: fixed.chain(moving).chain(robots).collect(),
     }
 }
 

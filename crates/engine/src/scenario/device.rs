@@ -33,6 +33,8 @@ pub mod xv11_scans;
 
 use core::any::Any;
 use core::fmt;
+use std::collections::BTreeMap;
+use std::path::Path;
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 use toml::Spanned;
@@ -94,6 +96,27 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     #[cfg(feature = "described")]
     firmware::FIRMWARE,
 ]);
+
+/// Makes relative paths in the settings of devices relative to `base`, the folder of their file.
+pub(super) fn embed(devices: &mut BTreeMap<String, DeviceSpec>, base: &Path) {
+    #[cfg(not(feature = "described"))]
+    let _ = (devices, base);
+    #[cfg(feature = "described")]
+    for device in devices.values_mut() {
+        if let Some(described) = device.settings_mut::<description::DescriptionSpec>() {
+            described.embed(base);
+        }
+        if let Some(master) = device.settings_mut::<master::MasterSpec>() {
+            master.embed(base);
+        }
+        if let Some(program) = device.settings_mut::<program::NodeProgramSpec>() {
+            program.embed(base);
+        }
+        if let Some(firmware) = device.settings_mut::<firmware::FirmwareSpec>() {
+            firmware.embed(base);
+        }
+    }
+}
 
 /// Registers a kind of device, for scenarios that are read afterwards.
 ///

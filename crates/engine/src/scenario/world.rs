@@ -274,6 +274,16 @@ impl WorldSpec {
         }
     }
 
+    /// The same world with another robot in it, which nothing pushes.
+    pub(super) fn with_robot(&self, start: &Spanned<StartSpec>, body: BodySpec) -> Self {
+        Self {
+            start: start.clone(),
+            body,
+            push: Vec::new(),
+            ..self.clone()
+        }
+    }
+
     /// Whether the world is missing.
     pub const fn is_nowhere(&self) -> bool {
         self.is_nowhere

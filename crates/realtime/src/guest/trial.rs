@@ -298,7 +298,7 @@ impl Trial {
         let farewell = self.finish();
         let mut run = self.supervisor.stage.run;
         // The capture is for people; what cannot be written of it is not worth the case.
-        let _ = run.rig.finish_taps();
+        let _ = run.finish_taps();
         (farewell.said, run)
     }
 
@@ -314,7 +314,7 @@ impl Trial {
         if let Some(processors) = &self.processors {
             let _ = sched_setaffinity(None, processors);
         }
-        let _ = self.supervisor.stage.run.rig.finish_taps();
+        let _ = self.supervisor.stage.run.finish_taps();
         computing
     }
 
@@ -345,7 +345,7 @@ impl Trial {
             ..
         } = stage;
         spec.into_iter().for_each(|spec| run.set_computing(spec));
-        let recorded = run.rig.finish_taps();
+        let recorded = run.finish_taps();
         let reports = realtime.reports().collect();
         // The ports stay until the program has ended: it is not to be told that they went away.
         drop((realtime, self.dir));

@@ -32,7 +32,7 @@ pub fn examples() -> Vec<(String, String)> {
     paths.chain(kinds).filter_map(whole).collect()
 }
 
-const EXAMPLES: [(&str, &str); 24] = [
+const EXAMPLES: [(&str, &str); 25] = [
     (
         "",
         r#"
@@ -86,6 +86,27 @@ link = "plan"
 direction = "to-device"
 kind = "drop"
 rate = 0.01
+"#,
+    ),
+    (
+        "team.NAME",
+        r#"
+[team.blue]
+robot = "yellow"
+start = { x_m = 2.0, y_m = 1.0, heading_deg = 90 }
+
+[[team.blue.mission.step]]
+at = "2s"
+do = { mode = "reactive" }
+
+[[team.blue.fault]]
+kind = "drop"
+link = "telemetry"
+direction = "to-master"
+rate = 0.1
+
+[team.blue.expect]
+violations_max = 0
 "#,
     ),
     (

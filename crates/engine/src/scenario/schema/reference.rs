@@ -24,9 +24,9 @@ of the first example up to `[mission]`; after it, a `[world]` with a `start`.
 ";
 
 /// Tables at the top; the others follow in alphabetical order.
-const ORDER: [&str; 13] = [
-    "mission", "expect", "program", "chassis", "link", "device", "exec", "cable", "world", "fault",
-    "budget", "phases", "origin",
+const ORDER: [&str; 14] = [
+    "mission", "expect", "program", "chassis", "link", "device", "exec", "cable", "team", "world",
+    "fault", "budget", "phases", "origin",
 ];
 
 /// Limit of nested tables, larger than any real nesting.
