@@ -150,8 +150,8 @@ impl Stream {
 }
 
 impl Progress {
-    /// Keeps the first checksum error behind the first `known` errors. A silence ended a frame with a
-    /// wrong checksum; the decoder then also tries each part of it, which proves nothing.
+    /// Keeps the first checksum error behind the first `known` errors. A silence ended a frame with
+    /// a wrong checksum; the decoder then also tries each part of it, which proves nothing.
     fn keep_first_checksum(&mut self, known: usize) {
         let mut behind = self.errors.split_off(known.min(self.errors.len()));
         let mut is_first = true;
