@@ -259,7 +259,7 @@ pub(super) fn settle(
                 answers = talk.is_answered(live, asked)?;
                 count += 1;
             }
-            _ => live.turn()?,
+            _ => live.look()?,
         }
     }
 }
