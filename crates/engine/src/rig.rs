@@ -146,6 +146,7 @@ impl Rig {
                 program,
                 busy_until: Instant::ZERO,
                 last_cost: Duration::ZERO,
+                hasty: 0,
             },
         )
     }

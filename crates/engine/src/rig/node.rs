@@ -193,6 +193,8 @@ pub(super) enum Body {
         busy_until: Instant,
         /// Duration of the last work that took time.
         last_cost: Duration,
+        /// Number of polls in a row after which the program requested a past time.
+        hasty: u32,
     },
     Outside(Outside),
 }
@@ -339,6 +341,7 @@ impl Node {
                 program,
                 busy_until,
                 last_cost,
+                hasty,
             } => {
                 program.poll(now);
                 let cost = cpu.cost(program.take_work());
@@ -347,13 +350,25 @@ impl Node {
                     *last_cost = cost;
                     *busy_until
                 } else {
-                    later_than(now, program.poll_at())
+                    let at = program.poll_at();
+                    let is_hasty = at.is_some_and(|at| at <= now);
+                    *hasty = if is_hasty { hasty.saturating_add(1) } else { 0 };
+                    match *hasty > HASTY_MAX {
+                        true => now + HASTY_POLL,
+                        false => later_than(now, at),
+                    }
                 }
             }
             Body::Outside(_) => NEVER,
         };
     }
 }
+
+/// Number of polls in a row for which a program may request a past time. A program that requests
+/// more of them waits in a loop, for instance for a deadline that it never gives up.
+const HASTY_MAX: u32 = 1_000;
+/// Interval at which such a program is polled: a round of its loop.
+const HASTY_POLL: Duration = Duration::from_micros(500);
 
 /// A node that requests a past time is polled a nanosecond later, so that time advances.
 fn later_than(now: Instant, at: Option<Instant>) -> Instant {
@@ -362,7 +377,12 @@ fn later_than(now: Instant, at: Option<Instant>) -> Instant {
 
 #[cfg(test)]
 mod tests {
+    use firmware_core::Work;
+    use firmware_core::map_view::MapView;
+    use firmware_core::pose::Pose;
+
     use super::*;
+    use crate::rig::bare;
 
     fn outside() -> Outside {
         Outside::new(LineConfig::new_8n1(9600))
@@ -459,5 +479,60 @@ mod tests {
             end.change = Some(LineEvent::Opened);
         }
         assert!(!node.is_silent(Port(0)) && node.line_change(Port(0)).is_none());
+    }
+
+    /// A program that always requests a poll at once, and counts its polls.
+    #[derive(Clone)]
+    struct Busy(u32);
+
+    impl Master for Busy {
+        fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+
+        fn poll(&mut self, _: Instant) {
+            self.0 += 1;
+        }
+
+        fn transmit(&mut self, _: Port, _: &mut [u8]) -> usize {
+            0
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            Some(Instant::ZERO)
+        }
+
+        fn line_config(&self, _: Port) -> LineConfig {
+            LineConfig::new_8n1(9600)
+        }
+
+        fn take_work(&mut self) -> Work {
+            Work::NONE
+        }
+    }
+
+    impl Inspect for Busy {
+        fn estimate(&self) -> Option<(Instant, Pose)> {
+            None
+        }
+
+        fn map(&self) -> Option<MapView<'_>> {
+            None
+        }
+
+        fn mode(&self) -> &'static str {
+            "busy"
+        }
+
+        fn counters(&self, _: &mut dyn FnMut(&'static str, u64)) {}
+    }
+
+    /// A program that waits in a loop does not stop the clock: after 1,000 polls, 1 ns apart, it is
+    /// polled each 500 us, in 10 ms about 20 times.
+    #[test]
+    fn a_program_that_waits_in_a_loop_does_not_stop_the_clock() {
+        let mut rig = bare::rig();
+        rig.add_program("busy", Box::new(Busy(0)));
+        rig.run_until(Instant::from_millis(10));
+        let polls = rig.program_as::<Busy>().map_or(0, |busy| busy.0);
+        assert!((1_015..1_030).contains(&polls), "{polls}");
     }
 }

@@ -56,12 +56,14 @@ impl Rig {
             program,
             busy_until,
             last_cost,
+            hasty,
         } = core::mem::replace(&mut node.body, silent)
         {
             node.body = Body::Program {
                 program: replace(program),
                 busy_until,
                 last_cost,
+                hasty,
             };
         }
     }
