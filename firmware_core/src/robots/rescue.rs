@@ -28,6 +28,7 @@ mod master;
 mod orders;
 mod report;
 mod screen;
+mod stall;
 mod touch;
 mod victims;
 
@@ -199,11 +200,12 @@ impl Rescue {
         self.mode
     }
 
-    /// The effective mode: `Stop` while the base does not answer, while an autonomous robot's lidar
-    /// is blind, or while a robot that drives to a position is lost.
+    /// The effective mode: `Stop` while the base does not answer, while a driven wheel does not
+    /// count, while an autonomous robot's lidar is blind, or while a robot that drives to a
+    /// position is lost.
     pub fn mode(&self) -> Mode {
         let blind = !self.lidar.sees() && self.mode != Mode::Manual;
-        if self.drive.is_silent() || blind || self.is_lost() {
+        if self.drive.is_silent() || self.drive.is_stalled() || blind || self.is_lost() {
             Mode::Stop
         } else {
             self.mode

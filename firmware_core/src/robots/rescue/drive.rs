@@ -11,6 +11,7 @@ use crate::odometry::Odometry;
 use super::blind;
 use super::config::{Config, Infrared, TICK_MM_S, Turning};
 use super::kits::Kits;
+use super::stall::Stall;
 
 /// Encoders and measured speeds: ten registers in one answer, so that they are from the same time.
 const WHEELS: Request = Request::read(registers::ENCODER_LEFT, 10);
@@ -98,6 +99,7 @@ pub(super) struct Drive {
     /// The sum of the gyroscope, read right before the wheels.
     yaw: Option<(Instant, i32)>,
     counters: [i32; 2],
+    pub(super) stall: Stall,
     defects: super::Defects,
     /// The program sends the base nothing (field defect NV-04).
     pub(super) is_mute: bool,
@@ -148,6 +150,7 @@ impl Drive {
             },
             yaw: None,
             counters: [0; 2],
+            stall: Stall::NEW,
             defects: config.defects,
             is_mute: false,
             expired: 0,
@@ -193,6 +196,7 @@ impl Drive {
         }
         self.link.tick(now);
         self.take_completions();
+        self.stall.tick(now);
         if now >= self.valid_until && self.set_point != HALT {
             self.expired = self.expired.saturating_add(1);
             self.command(now, HALT, now);
@@ -278,6 +282,11 @@ impl Drive {
 
     pub(super) const fn is_silent(&self) -> bool {
         self.link.is_silent()
+    }
+
+    /// Whether a driven wheel does not count: the robot must rest.
+    pub(super) const fn is_stalled(&self) -> bool {
+        self.stall.is_stalled()
     }
 
     pub(super) const fn link(&self) -> &BaseLink {
@@ -401,6 +410,12 @@ impl Drive {
             i32::from_le_bytes([data[from], data[from + 1], data[from + 2], data[from + 3]])
         };
         let counters = [counter(0), counter(4)];
+        let driven = if self.is_confirmed {
+            self.set_point
+        } else {
+            HALT
+        };
+        self.stall.take(at, counters, driven);
         let turn = self.turned(at, counters);
         self.odometry.update_turning(at, counters, turn);
         self.speed = [data[8].cast_signed(), data[9].cast_signed()];

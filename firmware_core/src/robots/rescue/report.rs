@@ -92,6 +92,7 @@ impl Inspect for Rescue {
                 self.drive.odometry.disbelieved(),
             ),
             ("set-points expired", self.drive.expired),
+            ("wheels stalled", self.drive.stall.stalls),
             ("radio frames", pc.received),
             ("radio bad frames", pc.bad_frames),
             ("radio frames without meaning", pc.meaningless),
