@@ -80,7 +80,7 @@ fn a_program_that_ends_is_caught() {
 fn a_set_point_beyond_what_the_wheels_can_do_is_caught() {
     let mut run = start(in_a_room("1s", ""));
     let mut after = |set_points: [i16; 2]| {
-        let mut checkers = check::standard(&mut run.rig, &Unknown);
+        let mut checkers = check::standard(&mut run.rig, &Unknown, None);
         let axis = |set_point: i16| Axis {
             name: "wheel".into(),
             unit: "",

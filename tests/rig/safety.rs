@@ -63,8 +63,9 @@ fn by_hand(first: [i32; 2], then: &str) -> String {
 
 /// Defects that only a comparison with the program's own lines, orders and pose shows: the program
 /// accepts damaged packets (XV-02); it sends text inside of frames (PU-18); its pose leaps (SL-02);
-/// it forgets an order to drive (PU-20), or rolls on after a stop (NV-04); it turns the long way
-/// (NV-01); it drives blind (XV-11). Each check fails with its defect and passes without it.
+/// it forgets an order to drive (PU-20), or rolls on after a stop until the watchdog of its base
+/// expires (NV-04); it waits for its lidar and sends nothing to its base (XV-08); it turns the long
+/// way (NV-01); it drives blind (XV-11). Each check fails with its defect and passes without it.
 #[test]
 fn planted_defects_are_found_by_the_checks_of_the_program() {
     let noise = "[[fault]]\nkind = \"flip\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
@@ -86,11 +87,14 @@ fn planted_defects_are_found_by_the_checks_of_the_program() {
         ("pose-believed", "SL-02", "25s", format!("seed = 2\n{WAY}")),
         ("does-as-ordered", "PU-20", "8s", by_hand([10, -10], "")),
         ("does-as-ordered", "NV-04", "9s", format!("{WAY}{stop}")),
+        ("drive-fed", "NV-04", "9s", format!("{WAY}{stop}")),
+        ("sends-on", "XV-08", "12s", format!("{WAY}{NO_LIDAR}")),
         ("turns-short", "NV-01", "14s", seam),
         ("rests-after-silence", "XV-11", "9s", dark.to_owned()),
     ];
     let keys = "true_counts = true\nsound_frames = true\npose_within_mm = 150\n\
-        obeys_within = \"300ms\"\nshort_turns = true\n";
+        obeys_within = \"300ms\"\nshort_turns = true\ncommands_within = \"1s\"\n\
+        sends_within = \"4s\"\n";
     for (name, defect, duration, text) in rows {
         let judged = |defects: &str| {
             let program = format!("[program]\ndefects = [{defects}]\n");

@@ -143,8 +143,10 @@ pub fn scenario(
         ..vary
     };
     let targets = FaultTargets::of(base, source, profile).unwrap_or_default();
-    let recovery = profile.afterwards.recovery;
-    let mut recovery = recovery.unwrap_or(Span::from_millis(RECOVERY_MS));
+    // Devices without a robot have no mission to finish.
+    let recovery = profile.afterwards.recovery.filter(|_| targets.has_body());
+    let longest = [Span::default(), Span::from_millis(RECOVERY_MS)];
+    let mut recovery = recovery.unwrap_or(longest[usize::from(targets.has_body())]);
     if mission::is_fixed(base) {
         if vary.world {
             world::vary_around(&mut made, dice);
@@ -208,6 +210,7 @@ pub fn scenario(
             odd::orders(profile, &targets.orders, &mut made, &mut dice.mission);
         } else if !has_faults && !is_fixed {
             odd::change(profile, &targets.orders, &mut made, &mut dice.mission);
+            odd::last_long(profile, &mut made, &mut dice.mission);
         }
     }
     made

@@ -181,6 +181,18 @@ impl Figure {
     /// between two updates.
     pub const CHANGING: u32 = 3;
 
+    /// The number of a mode that was reported `at`.
+    pub fn of_mode(at: Instant, told: u8, truth: u8) -> Self {
+        Self {
+            name: "the number of the mode",
+            at,
+            told: told.into(),
+            truth: truth.into(),
+            tolerance: 0.0,
+            wrong_min: Self::CHANGING,
+        }
+    }
+
     /// The values of a pose that was reported `at`: position and heading.
     pub fn of_pose(at: Instant, told: Pose, truth: Pose) -> [Self; 3] {
         let place = |name, told: f64, truth: f64| Self {

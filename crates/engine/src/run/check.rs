@@ -23,8 +23,8 @@ pub(crate) use node_programs::node_programs;
 #[cfg(feature = "described")]
 pub use nodes::last_words;
 pub use safety::{
-    AliveAtTheEnd, Calm, CountsTrue, DoesAsOrdered, MovesOnSoundOrders, NoticesSilence,
-    PoseBelieved, RestsAfterSilence, SendsSoundFrames, TelemetryTrue, TurnsShort,
+    AliveAtTheEnd, Calm, CountsTrue, DoesAsOrdered, DriveFed, MovesOnSoundOrders, NoticesSilence,
+    PoseBelieved, RestsAfterSilence, SendsOn, SendsSoundFrames, TelemetryTrue, TurnsShort,
 };
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;
@@ -33,8 +33,12 @@ pub use silence::{STOPS, WATCHDOG};
 pub use crate::robots::checker::{Check, Checker, Look, Status};
 
 /// The checkers of every run. `instruments` provides data only for some of them. Some observe
-/// `rig`.
-pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Checker>> {
+/// `rig`. Contacts are judged until `contacts_until`, if it is given.
+pub fn standard(
+    rig: &mut Rig,
+    instruments: &dyn Instruments,
+    contacts_until: Option<Instant>,
+) -> Vec<Box<dyn Checker>> {
     let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
     if instruments.has_body() {
         checkers.push(Box::new(SetPointsInRange::default()));
@@ -44,7 +48,7 @@ pub fn standard(rig: &mut Rig, instruments: &dyn Instruments) -> Vec<Box<dyn Che
         checkers.push(Box::new(MotorsStopAfterSilence::watching(stops)));
     }
     if instruments.has_body() {
-        checkers.push(Box::new(NoCollisionAtSpeed::default()));
+        checkers.push(Box::new(NoCollisionAtSpeed::judging_until(contacts_until)));
     }
     checkers.push(Box::new(BytesConserved::default()));
     checkers.push(Box::new(MemoryIntact::default()));
@@ -77,7 +81,9 @@ impl Checker for SetPointsInRange {
             return;
         }
         self.looks += 1;
-        let beyond = |axis: &Axis| axis.limit.is_some_and(|limit| axis.set_point.abs() > limit);
+        // Not-a-number is in no range.
+        let within = |axis: &Axis, limit: f64| axis.set_point.abs() <= limit;
+        let beyond = |axis: &Axis| axis.limit.is_some_and(|limit| !within(axis, limit));
         if self.worst.is_none() && look.axes.iter().any(beyond) {
             self.worst = Some((look.rig.now(), look.axes.to_vec()));
         }
@@ -105,14 +111,29 @@ impl Checker for SetPointsInRange {
 /// own motion towards the obstacle does.
 #[derive(Clone, Debug, Default)]
 pub struct NoCollisionAtSpeed {
+    /// Time from which a sensor deceives the robot: later contacts are counted, but not judged.
+    until: Option<Instant>,
     has_moved: bool,
     contacts: u64,
     first: Option<Instant>,
     worst_m_s: f64,
 }
 
+/// Name of the check [`NoCollisionAtSpeed`].
+pub(super) const COLLISION: &str = "no-collision-at-speed";
+
 /// Maximum speed of a harmless touch, m/s.
 pub(super) const HARMLESS_M_S: f64 = 0.05;
+
+impl NoCollisionAtSpeed {
+    /// Judges contacts until this time.
+    pub fn judging_until(until: Option<Instant>) -> Self {
+        Self {
+            until,
+            ..Self::default()
+        }
+    }
+}
 
 impl Checker for NoCollisionAtSpeed {
     fn observe(&mut self, look: &Look<'_>) {
@@ -120,7 +141,8 @@ impl Checker for NoCollisionAtSpeed {
         for contact in look.contacts {
             self.contacts += 1;
             self.worst_m_s = self.worst_m_s.max(contact.own_m_s);
-            if contact.own_m_s > HARMLESS_M_S && self.first.is_none() {
+            let is_judged = self.until.is_none_or(|until| contact.at < until);
+            if contact.own_m_s > HARMLESS_M_S && self.first.is_none() && is_judged {
                 self.first = Some(contact.at);
             }
         }
@@ -129,13 +151,16 @@ impl Checker for NoCollisionAtSpeed {
     fn verdict(&self) -> Check {
         let contacts = self.contacts;
         let detail = match self.first {
+            None if self.worst_m_s > HARMLESS_M_S => {
+                format!("{contacts} contacts, in earnest only while a sensor deceives the robot")
+            }
             None => format!("{contacts} contacts, none driven into faster than {HARMLESS_M_S} m/s"),
             Some(at) => format!(
                 "{contacts} contacts, the first in earnest at {at} s, worst driven into at {:.3} m/s",
                 self.worst_m_s
             ),
         };
-        let check = Check::new("no-collision-at-speed", self.first.is_none(), detail);
+        let check = Check::new(COLLISION, self.first.is_none(), detail);
         check.if_observed(self.has_moved || self.contacts > 0)
     }
 

@@ -22,7 +22,10 @@ pub struct Watchers {
 impl Watchers {
     /// The watchers that suit `scenario`, wired as `rig`.
     pub fn of(scenario: &Scenario, rig: &mut Rig, instruments: &Arc<dyn Instruments>) -> Self {
-        let mut checkers = check::standard(rig, &**instruments);
+        let safety = scenario.expect.safety.as_ref();
+        let contacts_until = safety.and_then(|safety| safety.contacts_until);
+        let contacts_until = contacts_until.map(|until| until.instant());
+        let mut checkers = check::standard(rig, &**instruments, contacts_until);
         if let Some(phases) = scenario.phases {
             checkers.push(Box::new(check::AtWorkAgain::new(
                 phases.windows(),

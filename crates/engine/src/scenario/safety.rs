@@ -45,6 +45,14 @@ pub struct SafetySpec {
     /// Its set-points must also follow an order to drive by hand.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub obeys_within: Option<Span>,
+    /// Maximum time between two commands to a drive whose set-points are not zero, and no watchdog
+    /// of the drive may expire; while no fault acts on the links of the drive.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub commands_within: Option<Span>,
+    /// Maximum silence of the program on a line that it uses steadily, while no fault acts on this
+    /// line: a failed device must not block the others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sends_within: Option<Span>,
     /// Whether the robot must turn to its goal by the shorter way: by less than 230 degrees on the
     /// spot.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
@@ -66,6 +74,10 @@ pub struct SafetySpec {
     /// Whether a person steers by hand: then a contact is not a failure of the robot.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub by_hand: bool,
+    /// Time from which contacts are not judged: a sensor then deceives the robot, and no program
+    /// can know where the obstacles are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contacts_until: Option<Span>,
     /// Whether a step of the mission may wait to the end: then a false condition is no failure.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub steps_may_wait: bool,

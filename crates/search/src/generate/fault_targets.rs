@@ -24,6 +24,10 @@ pub(super) struct FaultTargets {
     /// Links without which the robot cannot drive.
     needs: Vec<String>,
     hasty: Option<&'static str>,
+    /// Links of the drive.
+    drive: Vec<String>,
+    /// Whether there is a robot with a mission; otherwise there are only devices.
+    has_body: bool,
     /// The orders that its station can give.
     pub(super) orders: Orders,
     /// The first byte of a frame, by link and direction.
@@ -170,6 +174,8 @@ impl FaultTargets {
             },
             consoles: instruments.consoles(),
             hasty: instruments.silence().map(|silence| silence.link),
+            drive: instruments.drive_links(),
+            has_body: instruments.has_body(),
             ..Self::wired(rig, &open)
         }
     }
@@ -203,6 +209,8 @@ impl FaultTargets {
             turn: None,
             needs: Vec::new(),
             hasty: None,
+            drive: Vec::new(),
+            has_body: false,
             orders: Orders::default(),
             starts: Vec::new(),
         }
@@ -231,6 +239,17 @@ impl FaultTargets {
     /// The link that commands the axes: its client has a shorter timeout.
     pub(super) const fn hasty(&self) -> Option<&'static str> {
         self.hasty
+    }
+
+    /// Whether the device called `name` drives the robot.
+    pub(super) fn drives(&self, name: Option<&str>) -> bool {
+        let device = self.device(name);
+        device.is_some_and(|device| device.links.iter().any(|link| self.drive.contains(link)))
+    }
+
+    /// Whether there is a robot, which needs time for its mission after the faults.
+    pub(super) const fn has_body(&self) -> bool {
+        self.has_body
     }
 
     /// Both directions of each link.

@@ -3,7 +3,7 @@ use core::time::Duration;
 use super::consoles::{reaches, switched_off_and_on};
 use super::dice::Draw;
 use super::fault_targets::{Device, FaultTargets};
-use super::limits::{comes_in_spells, is_deceived, limit};
+use super::limits::{blinds, comes_in_spells, is_deceived, limit};
 use super::mission;
 use super::profile::{Faults, MissionJudged, Profile};
 use engine::scenario::{
@@ -69,6 +69,8 @@ pub(super) struct Adversity {
     length: Span,
     /// Links with faults that are not healed.
     stays_broken: Vec<String>,
+    /// Time from which a sensor deceives the robot.
+    blind_from: Option<Span>,
 }
 
 /// The context of drawing faults.
@@ -97,6 +99,7 @@ impl Adversity {
             until_ms,
             length: length(profile, duration),
             stays_broken: Vec::new(),
+            blind_from: None,
         };
         let without = profile.faults.without_percent;
         if without > 0 && dice.below(100) < without {
@@ -109,6 +112,9 @@ impl Adversity {
             until_ms,
         };
         drawn.fill(&mut made, dice);
+        let blinds = |fault: &&FaultSpec| blinds(fault, targets.drives(fault.device.as_deref()));
+        let blinding = made.faults.iter().filter(blinds);
+        made.blind_from = blinding.map(|fault| fault.from.unwrap_or_default()).min();
         made
     }
 
@@ -286,6 +292,8 @@ impl Adversity {
         if let Some(own) = &mission.expect.safety {
             safety = own.clone();
         }
+        // The figures of a diagnosis are compared as well.
+        mission.program.diagnosis |= safety.true_telemetry && mission::takes_orders(mission);
         if !self.has_faults() {
             safety.alive_for = None;
             let walls = profile.judge.walls_min.zip(walls_min);
@@ -295,6 +303,7 @@ impl Adversity {
             return;
         }
         safety.by_hand |= is_by_hand;
+        safety.contacts_until = safety.contacts_until.or(self.blind_from);
         safety.steps_may_wait = true;
         let own = &mut safety.alive_without;
         let broken = self.stays_broken.into_iter();

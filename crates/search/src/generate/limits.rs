@@ -27,6 +27,36 @@ pub(super) fn is_deceived(fault: &FaultSpec) -> bool {
     fault.kind == FaultKind::Stuck || ["blind", "servo"].contains(&name)
 }
 
+/// Largest error of a measurement that a robot must tolerate.
+const ERROR_MAX: f64 = 0.1;
+/// Faults of single devices that show obstacles elsewhere, or not at all.
+const BLINDING: [&str; 9] = [
+    "blind",
+    "servo",
+    "mirrored",
+    "turned",
+    "dense-starts",
+    "front",
+    "right",
+    "left",
+    "deaf",
+];
+
+/// Whether the fault makes a device measure so wrongly that no program can avoid obstacles by it.
+/// `drives`: the device drives the robot, and does not see obstacles.
+pub(super) fn blinds(fault: &FaultSpec, drives: bool) -> bool {
+    let name = fault.fault.as_deref().unwrap_or_default();
+    match fault.kind {
+        FaultKind::Wrong => fault
+            .factor
+            .is_some_and(|factor| (factor - 1.0).abs() > ERROR_MAX + 1e-9),
+        // A frozen picture; bytes with valid checksums and arbitrary contents.
+        FaultKind::Stuck => !drives,
+        FaultKind::Garbage => true,
+        _ => BLINDING.contains(&name),
+    }
+}
+
 /// Whether the fault is intermittent by nature.
 pub(super) fn comes_in_spells(kind: FaultKind) -> bool {
     matches!(kind, FaultKind::Clog | FaultKind::Intermittent)

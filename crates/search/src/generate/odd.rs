@@ -18,6 +18,12 @@ const FRAME_MAX: usize = 256;
 /// Time from a stop to the next order, milliseconds.
 const STOPS_MS: [u64; 2] = [2_000, 6_000];
 
+/// Time between two orders of a long run, milliseconds: the robot has rested between some of them.
+const AGAIN_MS: u64 = 45_000;
+/// Distance from the last waypoint within which the robot rests, beyond that of a visit,
+/// millimetres.
+const BESIDE_MM: f64 = 100.0;
+
 fn is_drawn(percent: u64, dice: &mut Draw) -> bool {
     percent > 0 && dice.below(100) < percent
 }
@@ -108,6 +114,40 @@ fn frame(link: &str, codec: &Codec, dice: &mut Draw) -> Option<Action> {
             hex,
         })
     })
+}
+
+/// A long run: the operator orders lists for a long time before the mission, so that counters and
+/// clocks of the program overflow. The robot must end the mission where it should.
+pub(super) fn last_long(profile: &Profile, made: &mut Scenario, dice: &mut Draw) {
+    let places = made.mission.waypoints_m.clone();
+    let Some(long) = profile.mission.long.filter(|_| !places.is_empty()) else {
+        return;
+    };
+    if !is_drawn(profile.mission.long_percent, dice) {
+        return;
+    }
+    let start = made.world.start_pose();
+    let mut others = places.clone();
+    others.push([start.x, start.y]);
+    let end = u64::try_from(long.0.as_millis()).unwrap_or(u64::MAX);
+    let mission = &mut made.mission;
+    let times = (1..).map(|count| count * AGAIN_MS);
+    for at in times.take_while(|at| *at < end) {
+        others.rotate_left(1);
+        mission
+            .step
+            .push(step(at, Action::WaypointsM(others.clone())));
+    }
+    mission.step.push(step(end, Action::WaypointsM(places)));
+    sort(&mut mission.step);
+    mission.to_the_end = true;
+    made.duration.0 += long.0;
+    let expect = &mut made.expect;
+    expect.return_within_mm = expect.visit_within_mm.map(|within| within + BESIDE_MM);
+    if let Some(safety) = &mut expect.safety {
+        let own = profile.judge.safety.as_ref();
+        safety.alive_for = own.and_then(|own| own.alive_for);
+    }
 }
 
 /// The operator orders another list at first: longer than that of the mission, and it begins where

@@ -144,6 +144,13 @@ pub struct MissionKeys {
     /// Share of the runs without a fault in which the operator orders another list first, per cent.
     #[serde(default)]
     pub changes_percent: u64,
+    /// Time for which the operator orders other lists before the mission in long runs without a
+    /// fault, and the share of these runs, per cent.
+    #[serde(default)]
+    pub long: Option<Span>,
+    /// See `long`.
+    #[serde(default)]
+    pub long_percent: u64,
 }
 
 /// Actions after the last fault.
@@ -302,6 +309,7 @@ impl Profile {
             ),
             ("mission", "forged_percent", self.mission.forged_percent),
             ("mission", "changes_percent", self.mission.changes_percent),
+            ("mission", "long_percent", self.mission.long_percent),
         ] {
             if percent > 100 {
                 return wrong(table, key, format!("is {percent}, expected 0 to 100"));
@@ -386,6 +394,11 @@ impl Profile {
             .is_some_and(|every| every < Span::from_millis(1_000))
         {
             return wrong("mission", "repeat", "expected at least 1s".to_owned());
+        }
+        let long = self.mission.long;
+        if long.is_some_and(|long| long < Span::from_millis(60_000) || long > LONGEST) {
+            let message = format!("expected a time from 60s to {LONGEST}");
+            return wrong("mission", "long", message);
         }
         let alive = self
             .judge

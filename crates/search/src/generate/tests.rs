@@ -466,14 +466,23 @@ fn harsh_faults_come_at_any_time_and_a_core_is_healed() {
     let harsh = Profile::find("harsh").expect("it is built in");
     let mut base = base();
     base.duration = Span::from_millis(90_000);
-    let (mut late, mut for_good, mut broken, mut without) = (0, 0, 0, 0);
+    let (mut late, mut for_good, mut broken, mut without, mut long) = (0, 0, 0, 0, 0);
     for seed in 0..200 {
         let made = scenario(&base, Vary::ALL, &harsh, &mut Dice::of_seed(seed, "base"));
         let safety = made.expect.safety.as_ref().expect("it is always judged");
         assert!(safety.rests_within.is_some() && safety.true_telemetry);
         if made.fault.is_empty() {
             without += 1;
-            assert!(made.expect.visit_within_mm.is_some() && !made.mission.to_the_end);
+            let is_long = made.duration > Span::from_millis(300_000);
+            assert!(made.expect.visit_within_mm.is_some());
+            // A long run is judged at its end, and must still carry bytes then.
+            let [ends, returns, lives] = [
+                made.mission.to_the_end,
+                made.expect.return_within_mm.is_some(),
+                safety.alive_for.is_some(),
+            ];
+            assert_eq!([ends, returns, lives], [is_long; 3], "seed {seed}");
+            long += u32::from(is_long);
             continue;
         }
         let healed = Some(Span::from_millis(48_000));
@@ -498,6 +507,7 @@ fn harsh_faults_come_at_any_time_and_a_core_is_healed() {
     );
     assert!((20..140).contains(&broken), "{broken} not healed");
     assert!((20..60).contains(&without), "{without} without a fault");
+    assert!((1..12).contains(&long), "{long} long runs");
 }
 
 /// The link that becomes silent counts as one of the faults, and is left out if the profile has no
@@ -559,7 +569,7 @@ fn links_of_rests_without_fall_silent() {
     };
     assert_eq!(
         links(&base),
-        BTreeSet::from(["lidar".to_owned(), "radio".to_owned()])
+        BTreeSet::from(["base", "lidar", "radio"].map(str::to_owned))
     );
     let mut safety = profile.judge.safety.clone();
     let own = safety.as_mut().expect("it judges safety");

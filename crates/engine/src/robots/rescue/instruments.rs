@@ -54,6 +54,8 @@ const INTAKES: [Intake; 3] = [
 
 /// Maximum difference of a reported charge, per cent.
 const CHARGE: f64 = 20.0;
+/// Maximum difference of a reported voltage: a second of noise.
+const VOLTAGE_MV: f64 = 500.0;
 
 /// The robot's instruments: the rig contains all their data.
 #[derive(Clone, Copy, Debug)]
@@ -185,10 +187,12 @@ impl Instruments for RescueInstruments {
         view::protocol(rig, link)
     }
 
-    /// The lidar except when driven by hand; the PC when driven by hand.
+    /// The base with its wheel counters; the lidar except when driven by hand; the PC when driven
+    /// by hand.
     fn needs(&self) -> Vec<Need> {
         let by_hand: &[&str] = &["manual"];
         vec![
+            Need::always("base"),
             Need::always("lidar").except(by_hand),
             Need::always("radio").only(by_hand),
         ]
@@ -214,8 +218,8 @@ impl Instruments for RescueInstruments {
         &["waypoint", "home"]
     }
 
-    /// The reported pose with that of the program, the reported charge and speeds with those that
-    /// the base measures.
+    /// The reported pose and mode with those of the program, the reported charge, speeds and
+    /// set-points with those of the base.
     fn figures(&self, rig: &Rig) -> Vec<Figure> {
         let mut figures = Vec::new();
         let Some(record) = pc(rig).map(Pc::record) else {
@@ -241,6 +245,15 @@ impl Instruments for RescueInstruments {
                 tolerance: CHARGE,
                 wrong_min: 1,
             });
+            let word = [registers::BATTERY_MV, registers::BATTERY_MV + 1];
+            figures.push(Figure {
+                name: "the voltage of the battery, mV",
+                at,
+                told: told.battery_mv.into(),
+                truth: u16::from_le_bytes(word.map(|address| base.register(address))).into(),
+                tolerance: VOLTAGE_MV,
+                wrong_min: Figure::CHANGING,
+            });
         }
         if let (Some((at, state)), Some(base)) = (record.state, base) {
             let addresses = [registers::SPEED_LEFT_IS, registers::SPEED_RIGHT_IS];
@@ -258,6 +271,25 @@ impl Instruments for RescueInstruments {
                     wrong_min: Figure::CHANGING,
                 });
             }
+            let names = [
+                "the set-point of the left wheel",
+                "the set-point of the right wheel",
+            ];
+            let set_points = names
+                .into_iter()
+                .zip(state.set_point)
+                .zip(base.set_points());
+            figures.extend(set_points.map(|((name, told), truth)| Figure {
+                name,
+                at,
+                told: told.into(),
+                truth: truth.into(),
+                tolerance: 1.0,
+                wrong_min: Figure::CHANGING,
+            }));
+        }
+        if let (Some((at, state)), Some(own)) = (record.state, own) {
+            figures.push(Figure::of_mode(at, state.mode as u8, own.mode() as u8));
         }
         figures
     }

@@ -192,19 +192,43 @@ impl Instruments for YellowInstruments {
         &["position"]
     }
 
-    /// The reported pose with the robot's odometry.
+    /// The reported pose and state with those of the program, the reported ranges with those of
+    /// the board's sensors.
     fn figures(&self, rig: &Rig) -> Vec<Figure> {
-        let told = pc(rig).and_then(PcProgram::telemetry);
+        let mut figures = Vec::new();
+        let Some((at, told)) = pc(rig).and_then(PcProgram::telemetry) else {
+            return figures;
+        };
         let own = rig.program().and_then(|program| program.estimate());
-        let (Some((at, told)), Some((_, own))) = (told, own) else {
-            return Vec::new();
-        };
-        let Some(odometry) = &told.odometry else {
-            return Vec::new();
-        };
-        let [x, y, heading] =
-            [odometry.pose.x, odometry.pose.y, odometry.pose.alpha].map(f64::from);
-        Figure::of_pose(at, Pose::new(x, y, heading), in_metres(own)).to_vec()
+        if let (Some(odometry), Some((_, own))) = (&told.odometry, own) {
+            let [x, y, heading] =
+                [odometry.pose.x, odometry.pose.y, odometry.pose.alpha].map(f64::from);
+            figures.extend(Figure::of_pose(
+                at,
+                Pose::new(x, y, heading),
+                in_metres(own),
+            ));
+        }
+        let program = rig.program_as::<Yellow>();
+        if let (Some(state), Some(program)) = (told.state, program) {
+            let own = program.mode().told();
+            figures.push(Figure::of_mode(at, state as u8, own as u8));
+        }
+        if let (Some(infrared), Some(board)) = (&told.infrared, board(rig)) {
+            let volts: Vec<f64> = board.range_volts().collect();
+            let ranges = RANGES.iter().zip(&infrared.distances_m);
+            figures.extend(ranges.filter_map(|(&(name, sensor), &told)| {
+                Some(Figure {
+                    name,
+                    at,
+                    told: told.into(),
+                    truth: range_m(*volts.get(sensor)?),
+                    tolerance: RANGE_M,
+                    wrong_min: Figure::CHANGING,
+                })
+            }));
+        }
+        figures
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
@@ -219,6 +243,22 @@ impl Instruments for YellowInstruments {
 
 /// The maximum duty is 0.98: 0.96 of 12 V and 40 rpm/V, with a margin for rounding.
 const LIMIT_M_S: f64 = WHEEL_MAX_M_S + 0.02;
+
+/// The reported ranges, with the numbers of their sensors: clockwise from ahead.
+const RANGES: [(&str, usize); 3] = [
+    ("the range ahead, m", 0),
+    ("the range to the right front, m", 1),
+    ("the range to the left front, m", 5),
+];
+/// Maximum difference of a reported range: noise of a far object.
+const RANGE_M: f64 = 0.15;
+
+/// The range at this voltage of a GP2Y0A21: 0.4 V or less are 0.8 m, 2.3 V are 0.1 m, and between
+/// them the voltage is linear in the reciprocal of the range (data sheet).
+fn range_m(volts: f64) -> f64 {
+    let share = (volts - 0.4).max(0.0) / (2.3 - 0.4);
+    1.0 / (1.0 / 0.8 + share * (1.0 / 0.1 - 1.0 / 0.8))
+}
 
 fn row(name: impl Into<String>, value: impl ToString, unit: &'static str) -> PanelRow {
     PanelRow {

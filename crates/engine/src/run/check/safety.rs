@@ -4,24 +4,28 @@ mod alive;
 mod calm;
 mod counts;
 mod eyes;
+mod fed;
 mod ordered;
 mod orders;
 mod pose;
 mod rests;
 mod says;
 mod sends;
+mod sends_on;
 mod told;
 mod turns;
 
 pub use alive::AliveAtTheEnd;
 pub use calm::Calm;
 pub use counts::CountsTrue;
+pub use fed::DriveFed;
 pub use ordered::DoesAsOrdered;
 pub use orders::MovesOnSoundOrders;
 pub use pose::PoseBelieved;
 pub use rests::RestsAfterSilence;
 pub use says::NoticesSilence;
 pub use sends::SendsSoundFrames;
+pub use sends_on::SendsOn;
 pub use told::TelemetryTrue;
 pub use turns::TurnsShort;
 
@@ -102,6 +106,15 @@ fn of_the_program(
     if spec.sound_frames {
         checkers.push(Box::new(SendsSoundFrames::listening(rig, instruments)));
     }
+    if let Some(within) = spec.sends_within {
+        checkers.push(Box::new(SendsOn::new(scenario, rig, within.0)));
+    }
+    if let Some(within) = spec.commands_within {
+        let links = instruments.drive_links();
+        let is_meant = |other: &str| links.iter().any(|own| own == other);
+        let calm = Calm::of(scenario, rig, &is_meant);
+        checkers.push(Box::new(DriveFed::new(rig, links, within.0, calm)));
+    }
     if let Some(within_mm) = spec.pose_within_mm {
         let until = disturbed(scenario, rig, instruments);
         let pose = PoseBelieved::new(Arc::clone(shared), within_mm / 1000.0, until);
@@ -170,7 +183,7 @@ impl SafetySpec {
     /// Changes a failure that the scenario excuses to "not observed".
     pub(crate) fn excuse(&self, check: &mut Check) {
         let reason = match check.name.as_str() {
-            "no-collision-at-speed" if self.by_hand => "a person steers",
+            super::COLLISION if self.by_hand => "a person steers",
             name if self.steps_may_wait && name.starts_with("mission-step-") => "it may wait",
             _ => return,
         };

@@ -137,3 +137,17 @@ fn a_scenario_without_parts_says_why_it_has_no_faults() {
     let error = lack_of_faults(&unknown.0, &unknown.1, &profile).expect_err("no such file");
     assert!(error.to_string().contains("no-such.toml"), "{error}");
 }
+
+/// Devices without a robot have no mission to finish: the run lasts as long as the faults of the
+/// gentle profile, 14 s, and the scenario, 20 s.
+#[test]
+fn devices_alone_get_no_time_for_a_mission() {
+    let lasts = |(base, source): (Scenario, Source)| {
+        let mut dice = Dice::of_seed(1, "own");
+        let made = super::super::scenario(&base, &source, VARY, &Profile::default(), &mut dice);
+        made.duration
+    };
+    assert_eq!(lasts(of("none", &[SONAR])), Span::from_millis(34_000));
+    let robot = of("custom", &[ROOM, SONAR, WHEELS]);
+    assert_eq!(lasts(robot), Span::from_millis(134_000));
+}

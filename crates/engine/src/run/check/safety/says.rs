@@ -126,6 +126,11 @@ impl Checker for NoticesSilence {
                 let ear = one.ear.as_ref();
                 let frames = ear.map_or(delivered, |ear| ear.lock().frames);
                 if frames != one.frames {
+                    // A failure that was noticed while frames still arrive, for instance of a lidar
+                    // that stands still: the silence behind it is no new one.
+                    if count > one.counted {
+                        one.worked = 0;
+                    }
                     if one.worked == 0 {
                         one.worked_since = now;
                     }

@@ -1,0 +1,125 @@
+//! Checks that the program commands its drive often enough.
+
+use core::time::Duration;
+use std::collections::BTreeSet;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look, WATCHDOG};
+use super::Calm;
+use crate::rig::line::Direction;
+use crate::rig::{LogPoint, Rig};
+
+/// Interval at which the logs of the devices are read.
+const EVERY: Duration = Duration::from_millis(100);
+
+/// The program commands its drive so often that no watchdog of the drive expires while the
+/// set-points are not zero.
+pub struct DriveFed {
+    /// Links with the commands of the drive, and their devices.
+    links: Vec<String>,
+    devices: BTreeSet<String>,
+    within: Duration,
+    /// Times without a fault on these links.
+    calm: Calm,
+    log: LogPoint,
+    next: Instant,
+    delivered: u64,
+    commanded_at: Instant,
+    looks: u64,
+    longest: Duration,
+    broken: Option<(Instant, String)>,
+}
+
+impl DriveFed {
+    /// Observes the drive with these links of `rig`. Its commands must not be farther apart than
+    /// `within`, while the links are `calm`.
+    pub fn new(rig: &Rig, links: Vec<String>, within: Duration, calm: Calm) -> Self {
+        let of_drive = rig.links().iter();
+        let of_drive = of_drive.filter(|link| links.contains(&link.name));
+        let ends = of_drive.flat_map(|link| &link.lines);
+        let names = ends.map(|line| rig.node_name(line.from.node).to_owned());
+        let devices = rig.device_names().map(str::to_owned).collect();
+        Self {
+            devices: names
+                .collect::<BTreeSet<_>>()
+                .intersection(&devices)
+                .cloned()
+                .collect(),
+            links,
+            within,
+            calm,
+            log: rig.log_end(),
+            next: Instant::ZERO,
+            delivered: 0,
+            commanded_at: Instant::ZERO,
+            looks: 0,
+            longest: Duration::ZERO,
+            broken: None,
+        }
+    }
+
+    /// The first stop by a watchdog since the last call.
+    fn stopped(&mut self, rig: &Rig) -> Option<(Instant, String)> {
+        let (moments, _) = rig.log_since(&self.log);
+        let mut moments = moments.into_iter();
+        let found = moments.find(|moment| {
+            let is_stop = WATCHDOG.contains(&moment.rule) && self.devices.contains(moment.source);
+            is_stop && self.calm.is(moment.at)
+        });
+        let found = found.map(|moment| (moment.at, format!("{} stopped by itself", moment.source)));
+        self.log = rig.log_end();
+        found
+    }
+}
+
+impl Checker for DriveFed {
+    fn observe(&mut self, look: &Look<'_>) {
+        let (rig, now) = (look.rig, look.rig.now());
+        if self.broken.is_some() || self.links.is_empty() {
+            return;
+        }
+        let links = self.links.iter().filter_map(|link| rig.link(link));
+        let sums = links.map(|link| link.line(Direction::ToDevice).traffic().delivered);
+        let delivered = sums.sum();
+        let is_driven = look.axes.iter().any(|axis| axis.set_point != 0.0);
+        if delivered != self.delivered || !is_driven || !self.calm.is(now) {
+            (self.delivered, self.commanded_at) = (delivered, now);
+        }
+        self.looks += u64::from(is_driven);
+        let silence = now - self.commanded_at;
+        self.longest = self.longest.max(silence);
+        if silence > self.within {
+            let told = format!("no command for {} ms at set-points", silence.as_millis());
+            self.broken = Some((now, told));
+        }
+        if now >= self.next {
+            self.next = now + EVERY;
+            self.broken = self.stopped(rig).or(self.broken.take());
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "drive-fed";
+        let detail = match &self.broken {
+            Some((at, told)) => format!("at {at} s {told}, without a fault on its links"),
+            None if self.links.is_empty() => "the robot names no link of its drive".to_owned(),
+            None => format!(
+                "commands at most {} ms apart at set-points",
+                self.longest.as_millis()
+            ),
+        };
+        Check::new(name, self.broken.is_none(), detail).if_observed(self.looks > 0)
+    }
+
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(Self {
+            links: self.links.clone(),
+            devices: self.devices.clone(),
+            calm: self.calm.clone(),
+            log: rig.log_end(),
+            broken: self.broken.clone(),
+            ..*self
+        }))
+    }
+}

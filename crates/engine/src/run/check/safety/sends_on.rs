@@ -1,0 +1,133 @@
+//! Checks that the program continues to send while other links fail.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use super::Calm;
+use crate::rig::Rig;
+use crate::rig::line::Direction;
+use crate::scenario::Scenario;
+
+/// Time in which a line is observed before it is judged. The program uses it steadily if it is
+/// never silent for longer than a quarter of the limit then.
+const OBSERVED: Duration = Duration::from_secs(5);
+
+/// On each line that it uses steadily the program continues to send, as long as no fault acts on
+/// this line: a failed device does not block the others.
+pub struct SendsOn {
+    within: Duration,
+    watched: Vec<Watched>,
+    broken: Option<(Instant, String)>,
+}
+
+#[derive(Clone, Debug)]
+struct Watched {
+    link: usize,
+    name: String,
+    calm: Calm,
+    sent: u64,
+    sent_at: Instant,
+    /// Begin of the steady use.
+    steady_since: Option<Instant>,
+    longest: Duration,
+}
+
+impl SendsOn {
+    /// Observes the lines of the program in `rig`; it must not be silent for longer than `within`.
+    pub fn new(scenario: &Scenario, rig: &Rig, within: Duration) -> Self {
+        let links = rig.program_links().into_iter();
+        let watched = links.map(|link| {
+            let name = rig.links()[link].name.clone();
+            Watched {
+                link,
+                calm: Calm::of(scenario, rig, &|other| other == name),
+                name,
+                sent: 0,
+                sent_at: Instant::ZERO,
+                steady_since: None,
+                longest: Duration::ZERO,
+            }
+        });
+        Self {
+            within,
+            watched: watched.collect(),
+            broken: None,
+        }
+    }
+}
+
+impl Watched {
+    fn is_steady(&self, now: Instant) -> bool {
+        self.steady_since
+            .is_some_and(|since| now - since >= OBSERVED)
+    }
+
+    /// Returns the silence if it is too long.
+    fn observe(&mut self, now: Instant, sent: u64, within: Duration) -> Option<Duration> {
+        let silence = now - self.sent_at;
+        if !self.calm.is(now) {
+            (self.sent, self.sent_at, self.steady_since) = (sent, now, None);
+            return None;
+        }
+        let is_steady = self.is_steady(now);
+        if sent != self.sent {
+            (self.sent, self.sent_at) = (sent, now);
+            self.steady_since.get_or_insert(now);
+        }
+        if is_steady {
+            self.longest = self.longest.max(silence);
+            return (silence > within).then_some(silence);
+        }
+        if silence > within / 4 {
+            self.steady_since = None;
+        }
+        None
+    }
+}
+
+impl Checker for SendsOn {
+    fn observe(&mut self, look: &Look<'_>) {
+        let now = look.rig.now();
+        if self.broken.is_some() {
+            return;
+        }
+        for one in &mut self.watched {
+            let link = look.rig.links().get(one.link);
+            let sent = link.map_or(0, |link| link.line(Direction::ToDevice).traffic().sent);
+            if let Some(silence) = one.observe(now, sent, self.within) {
+                let seconds = silence.as_secs_f64();
+                let told = format!("nothing was sent on {} for {seconds:.1} s", one.name);
+                self.broken = Some((now, told));
+            }
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "sends-on";
+        let judged = self
+            .watched
+            .iter()
+            .filter(|one| one.longest > Duration::ZERO);
+        let longest = judged.clone().map(|one| one.longest).max();
+        let detail = match (&self.broken, longest) {
+            (Some((at, told)), _) => format!("at {at} s {told}, without a fault on this link"),
+            (None, None) => "no line that the program uses steadily".to_owned(),
+            (None, Some(longest)) => format!(
+                "{} lines, silent for at most {} ms",
+                judged.count(),
+                longest.as_millis()
+            ),
+        };
+        Check::new(name, self.broken.is_none(), detail).if_observed(longest.is_some())
+    }
+
+    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        Some(Box::new(Self {
+            within: self.within,
+            watched: self.watched.clone(),
+            broken: self.broken.clone(),
+        }))
+    }
+}
