@@ -11,8 +11,10 @@ use crate::rig::line::Direction;
 use crate::scenario::Scenario;
 
 /// Time in which a line is observed before it is judged. The program uses it steadily if it is
-/// never silent for longer than a quarter of the limit then.
+/// never silent for longer than a quarter of the limit then, and sends enough bytes.
 const OBSERVED: Duration = Duration::from_secs(5);
+/// Minimum number of bytes in this time. A duty that is sent when it changes is less.
+const BYTES_MIN: u64 = 100;
 
 /// On each line that it uses steadily the program continues to send, as long as no fault acts on
 /// this line: a failed device does not block the others.
@@ -29,8 +31,8 @@ struct Watched {
     calm: Calm,
     sent: u64,
     sent_at: Instant,
-    /// Begin of the steady use.
-    steady_since: Option<Instant>,
+    /// Begin of the steady use, and the number of bytes then.
+    steady_since: Option<(Instant, u64)>,
     longest: Duration,
 }
 
@@ -60,8 +62,9 @@ impl SendsOn {
 
 impl Watched {
     fn is_steady(&self, now: Instant) -> bool {
-        self.steady_since
-            .is_some_and(|since| now - since >= OBSERVED)
+        self.steady_since.is_some_and(|(since, before)| {
+            now - since >= OBSERVED && self.sent >= before + BYTES_MIN
+        })
     }
 
     /// Returns the silence if it is too long.
@@ -74,7 +77,7 @@ impl Watched {
         let is_steady = self.is_steady(now);
         if sent != self.sent {
             (self.sent, self.sent_at) = (sent, now);
-            self.steady_since.get_or_insert(now);
+            self.steady_since.get_or_insert((now, sent));
         }
         if is_steady {
             self.longest = self.longest.max(silence);
