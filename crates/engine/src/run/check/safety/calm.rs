@@ -6,7 +6,7 @@ use protocols::Instant;
 
 use super::touches;
 use crate::rig::Rig;
-use crate::scenario::{FaultSpec, Scenario};
+use crate::scenario::{FaultKind, FaultSpec, Scenario};
 
 /// Time from the end of a fault until its effects are over: queues are empty, devices work again.
 const EFFECTS: Duration = Duration::from_secs(5);
@@ -28,6 +28,17 @@ impl Calm {
         }
     }
 
+    /// The same for faults that delay bytes only: they damage no frame, but a program may give up a
+    /// late one.
+    pub(super) fn of_delays(scenario: &Scenario, rig: &Rig, link: &str) -> Self {
+        let faults = scenario.fault.iter();
+        let faults = faults.filter(|fault| delays(fault.kind));
+        let faults = faults.filter(|fault| touches(fault, rig, &|other| other == link));
+        Self {
+            faults: faults.map(times).collect(),
+        }
+    }
+
     /// Whether no fault acts at `now`.
     pub(super) fn is(&self, now: Instant) -> bool {
         let acts = |(from, until): &(Instant, Option<Instant>)| {
@@ -35,6 +46,23 @@ impl Calm {
         };
         !self.faults.iter().any(acts)
     }
+}
+
+/// Whether a fault of `kind` delays bytes.
+const fn delays(kind: FaultKind) -> bool {
+    use FaultKind as K;
+    matches!(
+        kind,
+        K::Stall
+            | K::Clog
+            | K::Overrun
+            | K::ShortRead
+            | K::Latency
+            | K::Jitter
+            | K::Idle
+            | K::Delayed
+            | K::Intermittent
+    )
 }
 
 /// Begin and end of the effects of `fault`.

@@ -47,6 +47,10 @@ struct Watched {
     /// Times without a fault on the line, and whether one has acted.
     calm: Calm,
     was_disturbed: bool,
+    /// Times without a delay on the line, and the number of frames that the program may have given
+    /// up because they were late.
+    in_time: Calm,
+    given_up: u64,
     broken: Option<(Instant, String)>,
 }
 
@@ -87,6 +91,8 @@ impl CountsTrue {
                 accepted: 0,
                 calm: Calm::of(scenario, rig, &|other| other == link),
                 was_disturbed: false,
+                in_time: Calm::of_delays(scenario, rig, link),
+                given_up: 0,
                 broken: None,
             })
         });
@@ -134,8 +140,8 @@ impl Tap for Listener {
 }
 
 impl Watched {
-    /// Compares the counts; returns the contradiction.
-    fn compare(&mut self, [accepted, rejected]: [u64; 2]) -> Option<String> {
+    /// Compares the counts; returns the contradiction. `is_late`: a fault delays bytes.
+    fn compare(&mut self, [accepted, rejected]: [u64; 2], is_late: bool) -> Option<String> {
         let (sound, damaged) = {
             let ear = self.ear.lock();
             (ear.sound, ear.damaged)
@@ -167,7 +173,11 @@ impl Watched {
             earlier / 50
         };
         let slack = if is_clean { 0 } else { AHEAD };
-        let is_deaf = accepted + slack + damaged / 4 + share < earlier;
+        let known = accepted + slack + damaged / 4 + share;
+        if is_late {
+            self.given_up = self.given_up.max(earlier.saturating_sub(known));
+        }
+        let is_deaf = known + self.given_up < earlier;
         (is_deaf && !self.intake.may_ignore).then(|| {
             format!(
                 "the program accepted {accepted} frames of {name}, {earlier} valid ones arrived at \
@@ -187,7 +197,8 @@ impl Checker for CountsTrue {
         for one in self.watched.iter_mut().filter(|one| one.broken.is_none()) {
             one.was_disturbed |= !one.calm.is(now);
             if let Some(counts) = (one.intake.counts)(look.rig) {
-                one.broken = one.compare(counts).map(|detail| (now, detail));
+                let is_late = !one.in_time.is(now);
+                one.broken = one.compare(counts, is_late).map(|detail| (now, detail));
             }
         }
     }
@@ -220,6 +231,8 @@ impl Checker for CountsTrue {
                 accepted: one.accepted,
                 calm: one.calm.clone(),
                 was_disturbed: one.was_disturbed,
+                in_time: one.in_time.clone(),
+                given_up: one.given_up,
                 broken: one.broken.clone(),
             }
         });
