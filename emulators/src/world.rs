@@ -25,6 +25,7 @@ mod inertia;
 pub mod occupancy;
 pub mod path;
 pub mod scene;
+mod sectors;
 mod team;
 
 use core::time::Duration;

@@ -97,13 +97,14 @@ impl Optics {
         let (jitter, noise) = (normal(&mut self.beam), normal(&mut self.range));
         let speck = 1.0 + SPECK * normal(&mut self.light);
         let is_lost = self.light.chance(LOST);
+        let pose = world.pose_at(at);
         let cast = |aside_rad: f64| {
             let clockwise = angle_deg + ZERO_DEG - BACK_DEG + self.turned_deg;
             let side = if self.mirrored { 1.0 } else { -1.0 };
             let degrees = self.mount.yaw_deg + side * clockwise;
             let jitter = JITTER_RAD * jitter + aside_rad;
-            let beam = Beam::aim(world, at, self.mount, degrees, jitter, side * ASIDE_M);
-            let hit = world.cast_ray_at(at, beam.from, beam.angle, range_max_mm / 1e3);
+            let beam = Beam::aim(pose, at, self.mount, degrees, jitter, side * ASIDE_M);
+            let hit = beam.cast(world.scene(), range_max_mm / 1e3);
             hit.map(|hit| (beam, hit))
         };
         let Some((beam, hit)) = cast(0.0).filter(|_| !self.dark) else {
@@ -143,7 +144,6 @@ impl Optics {
 /// Whether the beam ends on a place that never gives a measurement: fixed in the world, drawn by
 /// its place alone.
 fn is_spot(beam: Beam, metres: f64) -> bool {
-    let (sin, cos) = libm::sincos(beam.angle);
     let cell = |at: f64| {
         #[expect(
             clippy::cast_possible_truncation,
@@ -152,10 +152,8 @@ fn is_spot(beam: Beam, metres: f64) -> bool {
         let cell = libm::floor(at / SPOT_M + 0.3) as i64;
         cell.cast_unsigned()
     };
-    let (x, y) = (
-        cell(beam.from.x + metres * cos),
-        cell(beam.from.y + metres * sin),
-    );
+    let place = beam.place(metres);
+    let (x, y) = (cell(place.x), cell(place.y));
     // Two rounds of a multiplicative hash, so that neighbours are independent.
     let mut mixed = x.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ y.wrapping_mul(0xC2B2_AE3D_27D4_EB4F);
     mixed = (mixed ^ mixed >> 29).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -17,6 +17,7 @@ use super::body::Footprint;
 use super::geometry::{Bounds, Circle, Crossing, Point, Pose, Primitive, Ray, Segment};
 use super::grid::Grid;
 use super::path::Path;
+use super::sectors::Places;
 pub use error::{Cause, Part, SceneError};
 pub use floor::{FloorLine, FloorLineError};
 pub use heat::{AMBIENT_C, HeatPlate, HeatPlateError};
@@ -121,6 +122,8 @@ struct Inner {
     bounds: Bounds,
     fixed: Body,
     grid: Grid,
+    /// Shared by scenes with the same fixtures.
+    places: Arc<Places>,
     moving: Vec<MovingBody>,
 }
 
@@ -175,9 +178,26 @@ impl Scene {
 
     /// First hit of a ray at time `at`, within `max_range` metres.
     pub fn cast_ray(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
-        let ray = Ray::new(from, angle);
+        self.cast(at, (Ray::new(from, angle), angle), max_range)
+    }
+
+    /// As [`cast_ray`](Self::cast_ray), for a direction whose unit vector is known.
+    pub(crate) fn cast_ahead(
+        &self,
+        at: Instant,
+        (from, angle, dir): (Point, f64, Point),
+        max_range: f64,
+    ) -> Option<Hit> {
+        self.cast(at, (Ray { from, dir }, angle), max_range)
+    }
+
+    fn cast(&self, at: Instant, (ray, angle): (Ray, f64), max_range: f64) -> Option<Hit> {
         let inner = &*self.inner;
-        let fixed = inner.grid.cross(&inner.fixed.primitives, ray, max_range);
+        let primitives = &inner.fixed.primitives;
+        let fixed = inner
+            .places
+            .cross(primitives, (ray, angle), max_range)
+            .unwrap_or_else(|_| inner.grid.cross(primitives, ray, max_range));
         let mut limit = max_range;
         let mut hit = fixed.map(|(index, crossing)| {
             limit = crossing.distance;
@@ -297,6 +317,7 @@ impl Scene {
                 bounds: inner.bounds,
                 fixed: inner.fixed.clone(),
                 grid: inner.grid.clone(),
+                places: Arc::clone(&inner.places),
                 moving,
             }),
             ..self.clone()
@@ -364,6 +385,7 @@ impl Scene {
             .reduce(Bounds::union)
             .unwrap_or(Bounds::around(Point::default(), 0.0));
         let grid = Grid::new(&fixed.primitives, bounds);
+        let places = Arc::new(Places::new(&fixed.primitives, bounds));
         Ok(Self {
             floor: Arc::new([]),
             heat: Arc::new([]),
@@ -374,6 +396,7 @@ impl Scene {
                 bounds,
                 fixed,
                 grid,
+                places,
                 moving,
             }),
         })

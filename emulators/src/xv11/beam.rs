@@ -10,7 +10,7 @@ use protocols::xv11::{RawReading, Reading};
 use super::optics::{Laws, Optics, RANGE_MAX_MM, RANGE_MIN_MM, is_weak, strength_mean};
 use super::surface::Place;
 use super::{Detail, Profile};
-use crate::lidar::beam::{Beam, aside, normal};
+use crate::lidar::beam::{Beam, normal};
 use crate::lidar::{Direction, Mount};
 use crate::rng::Rng;
 use crate::world::{Hit, Point, Scene, World};
@@ -140,12 +140,7 @@ impl Eye {
         if self.detail == Detail::Even {
             return Place::PLAIN;
         }
-        let (sin, cos) = libm::sincos(beam.angle);
-        let (x, y) = (
-            beam.from.x + hit.distance * cos,
-            beam.from.y + hit.distance * sin,
-        );
-        Place::at(Point::new(x, y))
+        Place::at(beam.place(hit.distance))
     }
 
     /// Measures once: reading `slot` of the turn, head at `angle_deg`, at `at`. The number of draws
@@ -182,8 +177,9 @@ impl Eye {
         let noise = self.remembering(usize::from(slot % 360), noise);
         let beam = self.beam_at(world, at, angle_deg, noise.angle);
         self.keep_view(world.scene());
-        let hit = self
-            .cast(at, beam.from, beam.angle, RANGE_MAX_MM / 1e3)
+        let seen = self.views.as_ref().map(|[_, seen]| seen);
+        let hit = seen
+            .and_then(|seen| beam.cast(seen, RANGE_MAX_MM / 1e3))
             .filter(|_| !self.dark);
         let mm = hit.map_or(f64::INFINITY, |hit| hit.distance * 1e3);
         let slot = usize::from(slot % 360);
@@ -236,7 +232,7 @@ impl Eye {
         let degrees = self.mount.yaw_deg + self.optics.index0_deg + turned;
         let offset_m = self.optics.beam_offset_mm / 1e3;
         Beam::aim(
-            world,
+            world.pose_at(at),
             at,
             self.mount,
             degrees,
@@ -308,16 +304,12 @@ impl Eye {
 
     /// Whether something stands between the dot and the camera.
     fn is_shadowed(&self, beam: Beam, hit: Hit) -> bool {
-        let (sin, cos) = libm::sincos(beam.angle);
-        let dot = Point::new(
-            beam.from.x + hit.distance * cos,
-            beam.from.y + hit.distance * sin,
-        );
+        let dot = beam.place(hit.distance);
         let side = match self.optics.direction {
             Direction::CounterClockwise => self.optics.baseline_mm / 1e3,
             Direction::Clockwise => -self.optics.baseline_mm / 1e3,
         };
-        let camera = aside(beam.from, beam.angle, side);
+        let camera = beam.aside(side);
         let angle = libm::atan2(dot.y - camera.y, dot.x - camera.x);
         let reach = camera.distance(dot) - 0.01;
         reach > 0.0 && self.cast(beam.at, camera, angle, reach).is_some()
@@ -754,6 +746,7 @@ mod tests {
                 at: Instant::ZERO,
                 from: Point::default(),
                 angle: 0.0,
+                ahead: Point::new(1.0, 0.0),
             };
             eye.is_shadowed(beam, WALL)
         };
