@@ -1,17 +1,15 @@
 //! The run as a fingerprint: two runs are the same when every byte on every line was the same at
 //! the same nanosecond.
 
-use crc::{CRC_64_XZ, Crc, Digest, Table};
+use crc64fast::Digest;
 use protocols::{Instant, LineEvent};
 
 use crate::rig::line::{Delivery, Direction};
 
-static CRC: Crc<u64, Table<16>> = Crc::<u64, Table<16>>::new(&CRC_64_XZ);
-
 /// Running CRC-64/XZ over all that passed the lines.
 #[derive(Clone)]
 pub struct Trace {
-    digest: Digest<'static, u64, Table<16>>,
+    digest: Digest,
     /// Bytes that `digest` has yet to take: pieces are short, and it is quick with long ones only.
     waiting: Vec<u8>,
 }
@@ -22,7 +20,7 @@ const BLOCK: usize = 4096;
 impl Default for Trace {
     fn default() -> Self {
         Self {
-            digest: CRC.digest(),
+            digest: Digest::new(),
             waiting: Vec::with_capacity(2 * BLOCK),
         }
     }
@@ -81,7 +79,7 @@ impl Tap for Trace {
         self.waiting.extend_from_slice(&head);
         self.waiting.extend_from_slice(bytes);
         if self.waiting.len() >= BLOCK {
-            self.digest.update(&self.waiting);
+            self.digest.write(&self.waiting);
             self.waiting.clear();
         }
     }
@@ -91,14 +89,16 @@ impl Trace {
     /// The fingerprint so far, sixteen hex digits.
     pub fn hash(&self) -> String {
         let mut digest = self.digest.clone();
-        digest.update(&self.waiting);
-        format!("{:016x}", digest.finalize())
+        digest.write(&self.waiting);
+        format!("{:016x}", digest.sum64())
     }
 }
 
 /// Fingerprint of one block of bytes, e.g. a map.
 pub fn fingerprint(bytes: &[u8]) -> String {
-    format!("{:016x}", CRC.checksum(bytes))
+    let mut digest = Digest::new();
+    digest.write(bytes);
+    format!("{:016x}", digest.sum64())
 }
 
 #[cfg(test)]
