@@ -121,6 +121,16 @@ pub fn checksum(bytes: &[u8]) -> u16 {
         .fold(0, |sum, &byte| sum.wrapping_add(u16::from(byte)))
 }
 
+/// Length of the frame with this byte of count and direction, checksum included.
+pub const fn frame_len(control: u8) -> usize {
+    let data = if control & WRITE == 0 {
+        0
+    } else {
+        control & !WRITE
+    };
+    3 + data as usize + 2
+}
+
 /// The frame format, for [`crate::Decoder`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Bus {
@@ -149,12 +159,7 @@ impl Format for Bus {
         let Some(&control) = bytes.get(2) else {
             return Candidate::Incomplete;
         };
-        let data = if control & WRITE == 0 {
-            0
-        } else {
-            usize::from(control & !WRITE)
-        };
-        let end = 3 + data;
+        let end = frame_len(control) - 2;
         let Some(&[first, second]) = bytes.get(end..end + 2) else {
             return Candidate::Incomplete;
         };

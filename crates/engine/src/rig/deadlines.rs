@@ -15,7 +15,7 @@ pub(super) struct Plan {
     /// Lines whose sender is polled in this round.
     pub(super) asked: LineSet,
     /// Outgoing lines of each node.
-    pub(super) lines_from: Vec<Vec<usize>>,
+    pub(super) lines_from: Vec<LineSet>,
 }
 
 /// The earliest of many times, of nodes or lines, as a tournament tree: each pair plays for the
@@ -91,31 +91,68 @@ impl Deadlines {
     }
 }
 
-/// A set of lines, by their numbers.
+/// A set of lines, by their numbers. Most rigs have fewer than 64.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LineSet(Vec<u64>);
+pub(super) struct LineSet {
+    /// The first 64 lines.
+    first: u64,
+    /// All others.
+    more: Vec<u64>,
+}
 
 impl LineSet {
-    /// Removes all lines; makes room for numbers below `len`.
-    pub(super) fn clear(&mut self, len: usize) {
-        self.0.clear();
-        self.0.resize(len.div_ceil(64), 0);
+    /// An empty set with room for numbers below `len`.
+    pub(super) fn with_room(len: usize) -> Self {
+        Self {
+            first: 0,
+            more: vec![0; len.saturating_sub(64).div_ceil(64)],
+        }
+    }
+
+    /// Removes all lines.
+    #[inline]
+    pub(super) fn clear(&mut self) {
+        self.first = 0;
+        self.more.fill(0);
     }
 
     #[inline]
     pub(super) fn insert(&mut self, number: usize) {
-        self.0[number / 64] |= 1 << (number % 64);
+        match number.checked_sub(64) {
+            None => self.first |= 1 << number,
+            Some(number) => self.more[number / 64] |= 1 << (number % 64),
+        }
+    }
+
+    /// Adds all lines of `other`.
+    #[inline]
+    pub(super) fn insert_all(&mut self, other: &Self) {
+        self.first |= other.first;
+        for (word, other) in self.more.iter_mut().zip(&other.more) {
+            *word |= other;
+        }
     }
 
     /// Removes and returns the first line from `from` on.
     #[inline]
     pub(super) fn take_from(&mut self, from: usize) -> Option<usize> {
+        if from < 64
+            && let rest = self.first & u64::MAX << from
+            && rest != 0
+        {
+            self.first &= !(rest & rest.wrapping_neg());
+            return Some(rest.trailing_zeros() as usize);
+        }
+        self.take_more(from.saturating_sub(64))
+    }
+
+    fn take_more(&mut self, from: usize) -> Option<usize> {
         let mut mask = u64::MAX << (from % 64);
-        for (index, word) in self.0.iter_mut().enumerate().skip(from / 64) {
+        for (index, word) in self.more.iter_mut().enumerate().skip(from / 64) {
             let rest = *word & mask;
             if rest != 0 {
                 *word &= !(rest & rest.wrapping_neg());
-                return Some(64 * index + rest.trailing_zeros() as usize);
+                return Some(64 + 64 * index + rest.trailing_zeros() as usize);
             }
             mask = u64::MAX;
         }
@@ -160,15 +197,19 @@ mod tests {
 
     #[test]
     fn lines_are_asked_once_in_their_order() {
-        let mut set = LineSet::default();
-        set.clear(130);
+        let mut set = LineSet::with_room(130);
         for number in [129, 3, 64, 63, 3] {
             set.insert(number);
         }
         let taken = [0, 4, 0, 65, 0, 0].map(|from| set.take_from(from));
         assert_eq!(taken, [Some(3), Some(63), Some(64), Some(129), None, None]);
         set.insert(5);
-        set.clear(130);
+        set.insert(129);
+        set.clear();
+        let mut others = LineSet::with_room(130);
+        others.insert(128);
+        set.insert_all(&others);
+        assert_eq!(set.take_from(65), Some(128));
         assert_eq!([set.take_from(0), set.take_from(130)], [None, None]);
     }
 }

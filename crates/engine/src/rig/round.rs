@@ -3,6 +3,7 @@
 
 use protocols::{Instant, LineEvent};
 
+use super::deadlines::LineSet;
 use super::line::{Direction, End, MESSAGE_MAX, NEVER, PIECE_MAX};
 use super::node::Body;
 use super::trace::{Side, Tap as _};
@@ -35,11 +36,12 @@ impl Rig {
         let lines = || self.links.iter().flat_map(|link| &link.lines);
         let times = lines().map(|line| line.next_at(self.now));
         self.plan.lines_due.fill(2 * self.links.len(), times);
-        self.plan.asked.clear(2 * self.links.len());
-        self.plan.lines_from.iter_mut().for_each(Vec::clear);
-        self.plan.lines_from.resize(self.nodes.len(), Vec::new());
+        let none = LineSet::with_room(2 * self.links.len());
+        self.plan.asked = none.clone();
+        self.plan.lines_from.clear();
+        self.plan.lines_from.resize(self.nodes.len(), none);
         for (number, line) in lines().enumerate() {
-            self.plan.lines_from[line.from.node].push(number);
+            self.plan.lines_from[line.from.node].insert(number);
             if !line.is_silent {
                 self.plan.asked.insert(number);
             }
@@ -49,9 +51,7 @@ impl Rig {
     /// Marks the node `index`, which may have bytes to send.
     #[inline]
     fn touch(&mut self, index: usize) {
-        for &number in &self.plan.lines_from[index] {
-            self.plan.asked.insert(number);
-        }
+        self.plan.asked.insert_all(&self.plan.lines_from[index]);
     }
 
     /// Plans the next poll of the node `index` after an event.
@@ -165,7 +165,7 @@ impl Rig {
             self.plan.lines_due.set(number, line.next_at(self.now));
         }
         // A node that is touched after its own line was polled is handled at its next poll.
-        self.plan.asked.clear(2 * self.links.len());
+        self.plan.asked.clear();
     }
 
     /// Polls the sender of one line.

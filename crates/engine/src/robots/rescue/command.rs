@@ -27,7 +27,14 @@ fn command(bytes: &[u8], order: ChecksumOrder) -> Option<Command> {
     let format = avr::Bus { order };
     let starts = (0..bytes.len()).filter(|&at| bytes[at] == avr::START);
     let mut ends = starts.map(|at| &bytes[at..]);
-    let is_whole = |frame: &&[u8]| format.judge(frame) == Candidate::Complete(frame.len());
+    // The length first: a start byte is followed by a checksum over everything behind it.
+    let has_its_length = |frame: &[u8]| {
+        let control = frame.get(2);
+        control.is_some_and(|&control| avr::frame_len(control) == frame.len())
+    };
+    let is_whole = |frame: &&[u8]| {
+        has_its_length(frame) && format.judge(frame) == Candidate::Complete(frame.len())
+    };
     let frame = format.frame(ends.find(is_whole)?);
     let told = |address: u8| {
         let offset = address.checked_sub(frame.register())?;
