@@ -38,6 +38,7 @@ use crate::world::World;
 
 use air::Air;
 use command::{Attempt, Collector, End, Restart};
+use lane::NEVER;
 pub use lane::Traffic;
 pub use profile::{Leftovers, LineSwitch, Profile, Settings};
 
@@ -195,7 +196,11 @@ impl Hc06 {
         };
         let switch_at = self.next_line.map(|(at, _)| at);
         let silent_at = self.collector.deadline();
-        earliest([connect_at, self.give_up_at, switch_at, silent_at])
+        // Asked for each byte: a list of four would be walked through each time.
+        let at = |at: Option<Instant>| at.unwrap_or(NEVER);
+        let next = at(connect_at).min(at(self.give_up_at));
+        let next = next.min(at(switch_at)).min(at(silent_at));
+        (next < NEVER).then_some(next)
     }
 
     /// Handles the timers due exactly at `now`.

@@ -95,13 +95,18 @@ impl LineConfig {
     /// Time on the wire of `count` characters back to back. Rounded once: rounding of each
     /// [`byte_time`](Self::byte_time) would add up in a long burst.
     pub const fn bytes_time(self, count: u64) -> Duration {
-        Duration::from_nanos(self.bits_per_byte() as u64 * count * 1_000_000_000 / self.baud as u64)
+        Duration::from_nanos(self.bytes_nanos(count))
+    }
+
+    const fn bytes_nanos(self, count: u64) -> u64 {
+        self.bits_per_byte() as u64 * count * 1_000_000_000 / self.baud as u64
     }
 
     /// End of a byte after which `behind` more bytes followed without a gap, the last of them
     /// ending at `end`; never before [`Instant::ZERO`].
-    pub fn byte_end(self, end: Instant, behind: u64) -> Instant {
-        Instant::ZERO + (end - Instant::ZERO).saturating_sub(self.bytes_time(behind))
+    #[inline]
+    pub const fn byte_end(self, end: Instant, behind: u64) -> Instant {
+        Instant::from_nanos(end.as_nanos().saturating_sub(self.bytes_nanos(behind)))
     }
 }
 

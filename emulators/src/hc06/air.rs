@@ -73,7 +73,8 @@ impl Air {
             return;
         }
         while self.carrier == Radio::InReach {
-            let [up, down] = [&self.up, &self.down].map(|lane| lane.due().min(lane.moves_at()));
+            let up = self.up.due().min(self.up.moves_at());
+            let down = self.down.due().min(self.down.moves_at());
             if up.min(down) > now {
                 break;
             }
@@ -103,16 +104,14 @@ impl Air {
         if self.carrier == Radio::Lost {
             return None;
         }
-        let [up, down] = [&self.up, &self.down].map(|lane| {
-            // A frame on the air is due before any later one. A stopped lane looks again a slot
-            // later, because no event reports when its other end has taken bytes.
-            match lane.due() {
-                NEVER if lane.is_waiting() => self.now + self.slot,
-                NEVER => lane.moves_at(),
-                due => due,
-            }
-        });
-        Some(up.min(down)).filter(|&at| at != NEVER)
+        // A frame on the air is due before any later one. A stopped lane looks again a slot later,
+        // because no event reports when its other end has taken bytes.
+        let next = |lane: &Lane| match lane.due() {
+            NEVER if lane.is_waiting() => self.now + self.slot,
+            NEVER => lane.moves_at(),
+            due => due,
+        };
+        Some(next(&self.up).min(next(&self.down))).filter(|&at| at != NEVER)
     }
 }
 

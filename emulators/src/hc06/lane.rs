@@ -174,7 +174,7 @@ impl Lane {
         // The frame leaves one slot before it arrives; later bytes need another frame.
         let leaves_at = Instant::ZERO + (burst.due - (Instant::ZERO + self.slot));
         let until = until.min(leaves_at);
-        let steps = (until - at).as_nanos() / step.as_nanos().max(1);
+        let steps = nanos(until - at) / nanos(step).max(1);
         let count = usize::try_from(steps)
             .unwrap_or(usize::MAX)
             .saturating_add(1)
@@ -242,4 +242,9 @@ impl Lane {
         self.traffic.delivered -= self.ready.len() as u64;
         self.ready.clear();
     }
+}
+
+/// A span shorter than 584 years.
+fn nanos(span: Duration) -> u64 {
+    u64::try_from(span.as_nanos()).unwrap_or(u64::MAX)
 }
