@@ -14,14 +14,14 @@ pub const LANES: &str = include_str!("view/lanes.js");
 /// Bytes as base64, RFC 4648 section 4, for `bytes` of the script: a third shorter than hex digits.
 pub(crate) fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
     let letters = |[a, b, c]: [u8; 3]| {
         let bits = u32::from_be_bytes([0, a, b, c]);
         [18, 12, 6, 0].map(|shift| LETTERS[(bits >> shift & 63) as usize])
     };
     let (groups, rest) = bytes.as_chunks();
-    for &group in groups {
-        out.extend_from_slice(&letters(group));
+    let mut out = vec![0; 4 * groups.len()];
+    for (out, &group) in out.as_chunks_mut().0.iter_mut().zip(groups) {
+        *out = letters(group);
     }
     if let [a, ..] = *rest {
         let b = rest.get(1).copied();

@@ -18,6 +18,7 @@ use emulators::world::Pose;
 use firmware_core::map_view::MapView;
 use protocols::Instant;
 use protocols::rle::{self, Dialect};
+use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::talk::Talk;
@@ -52,35 +53,76 @@ pub(super) fn json(outcome: &Outcome, events: &[&Logged], talk: Option<&Talk>) -
     let maps = maps.map(|(at, map)| json!({"at": seconds(at), "shades": base64(&map_shades(map))}));
     let last = last.map(|(at, map)| json!({"at": seconds(at), "runs": base64(&map_runs(map))}));
     let scans = history.scans.samples.iter();
-    let scans = scans.map(|(at, points)| json!({"at": seconds(*at), "points": **points}));
+    let scans = scans.map(|(at, points)| ScanData {
+        at: seconds(*at),
+        points,
+    });
     let overlays = history.overlays.samples.iter();
     let overlays = overlays.map(|(at, all)| json!({"at": seconds(*at), "overlays": **all}));
-    let data = json!({
-        "end": end,
-        "footprint": outcome.footprint,
-        "scene": outcome.scene,
-        "waypoints": outcome.case.mission.waypoints_m.as_flattened(),
-        "truth": way(outcome.truth.iter().copied(), outcome.truth.len()),
-        "believed": way(believed, outcome.pairs.len()),
-        "map": outcome.map.as_ref().map(KeptMap::view).map(map_head),
-        "maps": maps.chain(last).collect::<Vec<_>>(),
-        "layers": outcome.layers.iter().map(layer).collect::<Vec<_>>(),
-        "scans": scans.collect::<Vec<_>>(),
-        "overlays": overlays.collect::<Vec<_>>(),
-        "bin": history.bin.as_secs_f64(),
-        "lanes": history.lanes.iter().map(lane).collect::<Vec<_>>(),
-        "marks": marks(outcome, events),
-        "bars": bars(&outcome.case.fault),
-        "error": error(outcome),
-        "plots": talk.map(Talk::reply_times),
-        "failed": super::failed_at(outcome),
-        "display": outcome.display.as_ref().map(|picture| json!({
-            "width": picture.width(),
-            "height": picture.height(),
-            "runs": base64(&view::picture_runs(picture)),
-        })),
-    });
-    data.to_string()
+    let data = Data {
+        bars: json!(bars(&outcome.case.fault)),
+        believed: json!(way(believed, outcome.pairs.len())),
+        bin: json!(history.bin.as_secs_f64()),
+        display: outcome
+            .display
+            .as_ref()
+            .map(|picture| {
+                json!({
+                    "width": picture.width(),
+                    "height": picture.height(),
+                    "runs": base64(&view::picture_runs(picture)),
+                })
+            })
+            .into(),
+        end: json!(end),
+        error: json!(error(outcome)),
+        failed: json!(super::failed_at(outcome)),
+        footprint: json!(outcome.footprint),
+        lanes: json!(history.lanes.iter().map(lane).collect::<Vec<_>>()),
+        layers: json!(outcome.layers.iter().map(layer).collect::<Vec<_>>()),
+        map: json!(outcome.map.as_ref().map(KeptMap::view).map(map_head)),
+        maps: json!(maps.chain(last).collect::<Vec<_>>()),
+        marks: json!(marks(outcome, events)),
+        overlays: json!(overlays.collect::<Vec<_>>()),
+        plots: json!(talk.map(Talk::reply_times)),
+        scans: scans.collect(),
+        scene: json!(outcome.scene),
+        truth: json!(way(outcome.truth.iter().copied(), outcome.truth.len())),
+        waypoints: json!(outcome.case.mission.waypoints_m.as_flattened()),
+    };
+    serde_json::to_string(&data).expect("plain data with string keys")
+}
+
+/// All data, in the order of a map of JSON. The scans are the largest part, so they are written
+/// without a tree of values in between.
+#[derive(Serialize)]
+struct Data<'a> {
+    bars: Value,
+    believed: Value,
+    bin: Value,
+    display: Value,
+    end: Value,
+    error: Value,
+    failed: Value,
+    footprint: Value,
+    lanes: Value,
+    layers: Value,
+    map: Value,
+    maps: Value,
+    marks: Value,
+    overlays: Value,
+    plots: Value,
+    scans: Vec<ScanData<'a>>,
+    scene: Value,
+    truth: Value,
+    waypoints: Value,
+}
+
+/// The points of a scan.
+#[derive(Serialize)]
+struct ScanData<'a> {
+    at: f64,
+    points: &'a [f64],
 }
 
 fn seconds(at: Instant) -> f64 {
@@ -127,10 +169,16 @@ fn map_runs(map: MapView<'_>) -> Vec<u8> {
 /// Encodes the upper half of each cell and its repetition count, up to 16, in one byte.
 fn map_shades(map: MapView<'_>) -> Vec<u8> {
     let cells = map.cells();
-    let runs = cells.chunk_by(|a, b| a >> 4 == b >> 4);
-    let parts = runs.flat_map(|run| run.chunks(16));
-    let byte = |part: &[u8]| u8::try_from(part.len() - 1).expect("at most 15") << 4 | part[0] >> 4;
-    parts.map(byte).collect()
+    let mut out = Vec::with_capacity(cells.len() / 4);
+    let mut rest = cells;
+    while let [first, behind @ ..] = rest {
+        let shade = first >> 4;
+        let alike = |cell: &&u8| **cell >> 4 == shade;
+        let more = behind.iter().take(15).take_while(alike).count();
+        out.push(u8::try_from(more).expect("at most 15") << 4 | shade);
+        rest = &behind[more..];
+    }
+    out
 }
 
 /// A lane; counts that are all zero are left out.
