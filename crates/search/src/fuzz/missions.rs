@@ -1,10 +1,11 @@
+use core::cell::RefCell;
 use core::time::Duration;
 use std::path::Path;
 
 use super::subject::{Behaviour, Kept, Subject, Violation, size};
 use crate::campaign::{self, Record};
 use crate::generate::{self, Dice, Profile, Vary};
-use crate::shrink::{self, Effort, Judged};
+use crate::shrink::{self, Branches, Effort, Judged};
 use engine::run::Outcome;
 use engine::scenario::{Expect, SafetySpec, Scenario, Source, Span};
 use show::shell::word;
@@ -19,6 +20,8 @@ pub struct Missions {
     profile: Profile,
 }
 
+/// The cause of a case that cannot be wired.
+const UNWIRED: &str = "can-be-wired";
 /// File name of a finding's case.
 const CASE: &str = "case.toml";
 
@@ -48,10 +51,7 @@ impl Missions {
         match campaign::run(scenario, &self.source) {
             Ok((record, outcome)) => (fault_of(record), outcome),
             // A generated scenario must be valid.
-            Err(error) => (
-                Some(Violation::new("can-be-wired", error.to_string())),
-                None,
-            ),
+            Err(error) => (Some(Violation::new(UNWIRED, error.to_string())), None),
         }
     }
 }
@@ -208,19 +208,25 @@ impl Subject for Missions {
 
     fn keep(&self, choices: &[u8], fault: &Violation, effort: &mut Effort<'_>) -> Kept {
         let made = self.made(choices);
-        let fails = |case: &Scenario| {
-            let cause = self.judged(case).0.map(|fault| fault.cause);
-            cause.as_ref() == Some(&fault.cause)
+        // Each try begins at a checkpoint of a similar one, and none is run twice.
+        let branches = RefCell::new(Branches::new(&self.source, &fault.cause));
+        let tried = |case: &Scenario| match fault.cause == UNWIRED {
+            true => {
+                let found = self.judged(case).0.map(|fault| fault.cause);
+                Judged::of(found.as_deref(), UNWIRED)
+            }
+            false => branches.borrow_mut().judge(case),
         };
+        let fails = |case: &Scenario| tried(case) == Judged::FailsAlike;
         // Written as the bytes that they hit, random faults can be removed one by one.
         let expanded = self.judged(&made).1.map(|outcome| outcome.case);
         let start = expanded.filter(|case| effort.spend() && fails(case));
         let start = start.unwrap_or(made);
         let kind = Kind::of(&start, fails);
-        let judge = |case: &Scenario| match self.judged(case).0 {
-            None => Judged::Passes,
-            Some(_) if kind.is_alike(case, &start, fails) => Judged::FailsAlike,
-            Some(_) => Judged::FailsOtherwise,
+        let judge = |case: &Scenario| match tried(case) {
+            Judged::Passes => Judged::Passes,
+            _ if kind.is_alike(case, &start, fails) => Judged::FailsAlike,
+            _ => Judged::FailsOtherwise,
         };
         let small = shrink::scenario(&start, &fault.cause, judge, effort);
         let fault = self.judged(&small).0.unwrap_or_else(|| fault.clone());
