@@ -131,22 +131,21 @@ fn smooth_value<const W: usize, const H: usize>(
 ) -> u32 {
     let (x, y) = placement.fixed(point);
     let (column, row) = ((x >> CELL_BITS) - 1, (y >> CELL_BITS) - 1);
-    let (Ok(column), Ok(row)) = (usize::try_from(column), usize::try_from(row)) else {
+    let (width, height) = (Grid::<W, H>::WIDTH, Grid::<W, H>::HEIGHT);
+    if !(0..=width - 3).contains(&column) || !(0..=height - 3).contains(&row) {
+        return 0;
+    }
+    let (across, up) = (spline(x), spline(y));
+    // One check of the bounds for all nine cells.
+    let first = (row * width + column).cast_unsigned() as usize;
+    let Some(cells) = grid.rows().as_flattened().get(first..first + 2 * W + 3) else {
         return 0;
     };
-    let (across, up) = (spline(x), spline(y));
-    let mut sum = 0;
-    for (row, weight) in (row..).zip(up) {
-        let Some(cells) = grid
-            .row(row)
-            .and_then(|row| row.get(column..)?.first_chunk::<3>())
-        else {
-            return 0;
-        };
-        let [a, b, c] = cells.map(u32::from);
-        sum += weight * (a * across[0] + b * across[1] + c * across[2]);
-    }
-    sum
+    let line = |from: usize| {
+        let [a, b, c] = [cells[from], cells[from + 1], cells[from + 2]].map(u32::from);
+        a * across[0] + b * across[1] + c * across[2]
+    };
+    up[0] * line(0) + up[1] * line(W) + up[2] * line(2 * W)
 }
 
 /// Weights of the cell before, this cell and the cell behind, of 64.
