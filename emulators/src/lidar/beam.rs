@@ -20,8 +20,8 @@ pub(crate) struct Beam {
 }
 
 impl Beam {
-    /// The beam of a sensor at `mount` of a robot at `pose`, `degrees` counter-clockwise from the robot's forward axis.
-    /// The beam leaves `offset_m` to the left of the sensor's axis.
+    /// The beam of a sensor at `mount` of a robot at `pose`, `degrees` counter-clockwise from the
+    /// robot's forward axis. The beam leaves `offset_m` to the left of the sensor's axis.
     pub(crate) fn aim(
         pose: Pose,
         at: Instant,

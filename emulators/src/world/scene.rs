@@ -1,5 +1,6 @@
 //! Everything solid that the robot did not bring along: walls, furniture, people.
 
+mod cast;
 mod error;
 mod floor;
 mod heat;
@@ -14,7 +15,7 @@ use std::sync::Arc;
 use protocols::Instant;
 
 use super::body::Footprint;
-use super::geometry::{Bounds, Circle, Crossing, Point, Pose, Primitive, Ray, Segment};
+use super::geometry::{Bounds, Circle, Crossing, Point, Pose, Primitive, Segment};
 use super::grid::Grid;
 use super::path::Path;
 use super::sectors::Places;
@@ -174,49 +175,6 @@ impl Scene {
     /// The least rectangle around all fixtures; a point at the origin if there is none.
     pub fn bounds(&self) -> Bounds {
         self.inner.bounds
-    }
-
-    /// First hit of a ray at time `at`, within `max_range` metres.
-    pub fn cast_ray(&self, at: Instant, from: Point, angle: f64, max_range: f64) -> Option<Hit> {
-        self.cast(at, (Ray::new(from, angle), angle), max_range)
-    }
-
-    /// As [`cast_ray`](Self::cast_ray), for a direction whose unit vector is known.
-    pub(crate) fn cast_ahead(
-        &self,
-        at: Instant,
-        (from, angle, dir): (Point, f64, Point),
-        max_range: f64,
-    ) -> Option<Hit> {
-        self.cast(at, (Ray { from, dir }, angle), max_range)
-    }
-
-    fn cast(&self, at: Instant, (ray, angle): (Ray, f64), max_range: f64) -> Option<Hit> {
-        let inner = &*self.inner;
-        let primitives = &inner.fixed.primitives;
-        let fixed = inner
-            .places
-            .cross(primitives, (ray, angle), max_range)
-            .unwrap_or_else(|_| inner.grid.cross(primitives, ray, max_range));
-        let mut limit = max_range;
-        let mut hit = fixed.map(|(index, crossing)| {
-            limit = crossing.distance;
-            Hit::new(crossing, inner.fixed.reflectivity[index])
-        });
-        for moving in &inner.moving {
-            let placed = moving.placed(at);
-            let ray = ray.seen_from(placed.origin);
-            if !ray.passes_origin(moving.reach()) {
-                continue;
-            }
-            for (primitive, reflectivity) in placed.surfaces() {
-                if let Some(crossing) = primitive.cross(ray, limit).filter(|c| c.distance < limit) {
-                    limit = crossing.distance;
-                    hit = Some(Hit::new(crossing, reflectivity));
-                }
-            }
-        }
-        hit
     }
 
     /// The fixture surface nearest to `point`, if any is within `reach`: its place and distance.
