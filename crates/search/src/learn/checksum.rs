@@ -18,6 +18,8 @@ const CLAIMED_BITS: f64 = 20.0;
 const GUESSED_BITS: f64 = 7.0;
 /// One frame in this many may not fit: captures contain damaged frames.
 const DAMAGED_SHARE: usize = 5;
+/// Number of frames that do not fit, before any fits, after which a candidate is dropped.
+const MISSES_FIRST: usize = 5;
 /// Maximum number of header bytes that a checksum does not cover.
 const START_MAX: usize = 5;
 /// Minimum number of covered bytes that suffices behind any skipped header.
@@ -337,7 +339,7 @@ impl Checksum {
                 ranges.insert(self.without(body));
             } else {
                 misses += 1;
-                if misses > allowed {
+                if misses > allowed || values.is_empty() && misses >= MISSES_FIRST {
                     return None;
                 }
             }
@@ -358,7 +360,11 @@ impl Checksum {
         // The sum of a single changing byte is a copy of that byte, e.g. a repeated counter.
         // A usual constant is evidence: it depends on all other bytes.
         if self.sum.is_free && varying(ranges.iter().flatten().map(Vec::as_slice)) < 2 {
-            let constant = if is_usual { each as f64 } else { 0.0 };
+            let constant = if is_usual {
+                self.sum.bits() as f64
+            } else {
+                0.0
+            };
             bits = bits.min(COPY_BITS + constant);
         }
         let Place::End { gap: 1, .. } = self.place else {

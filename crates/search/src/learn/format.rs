@@ -107,6 +107,12 @@ impl Format {
         }
     }
 
+    /// Whether a prompt follows the line end, as in `\r\r>`.
+    pub(crate) fn has_prompt(&self) -> bool {
+        let is_end = |byte: &u8| b"\r\n".contains(byte);
+        self.end.first().is_some_and(is_end) && !self.end.last().is_some_and(is_end)
+    }
+
     /// Splits `chunk` into frames with their end markers; bytes behind the last end marker count as
     /// a frame too.
     pub(crate) fn split<'a>(&self, chunk: &'a [u8]) -> Vec<&'a [u8]> {

@@ -95,10 +95,23 @@ impl Marked {
         pairs.collect()
     }
 
-    /// Whether the bytes between the markers are printable and the markers are usual ones: control
-    /// characters or brackets.
+    /// Adds the markers behind the end marker that all frames have, as in `<GETVER>>`.
+    fn lengthen(&mut self, frames: &[Vec<u8>]) {
+        while self.tail > 0 {
+            let behind = |frame: &Vec<u8>| frame[frame.len() - self.tail];
+            let Some(next) = frames.first().map(behind) else {
+                return;
+            };
+            if !is_marker(next) || !frames.iter().all(|frame| behind(frame) == next) {
+                return;
+            }
+            self.end.push(next);
+            self.tail -= 1;
+        }
+    }
+
+    /// Whether the bytes between the markers are printable and the markers are usual ones.
     pub(crate) fn is_usual(&self, frames: &[Vec<u8>]) -> bool {
-        let is_marker = |byte: u8| byte < 0x20 || b"<>[](){}!:;$#@*&|".contains(&byte);
         let is_plain = |byte: &u8| matches!(byte, b' '..=b'~' | b'\t');
         is_marker(self.start)
             && self.end.iter().all(|byte| is_marker(*byte))
@@ -156,6 +169,11 @@ impl Marked {
     }
 }
 
+/// Whether a byte is a usual marker: a control character or punctuation.
+fn is_marker(byte: u8) -> bool {
+    byte < 0x20 || b"<>[](){}!:;$#@*&|".contains(&byte)
+}
+
 /// The markers that split `chunks` into frames, the best first.
 pub(crate) fn markings(chunks: &[Vec<u8>]) -> Vec<Marked> {
     let all: usize = chunks.iter().map(Vec::len).sum();
@@ -196,6 +214,16 @@ pub(crate) fn markings(chunks: &[Vec<u8>]) -> Vec<Marked> {
         marked.is_hex = marked.tail == 0 && !marked.start.is_ascii_hexdigit();
         marked.is_hex &= frames.iter().all(|frame| marked.content(frame).is_some());
         marked.is_hex || marked.start < 0x20
+    });
+    // Binary bytes may hold any marker: only text and digits are kept.
+    found.retain_mut(|marked| {
+        let frames: Vec<Vec<u8>> = marked
+            .frames(chunks)
+            .iter()
+            .map(|one| one.to_vec())
+            .collect();
+        marked.lengthen(&frames);
+        marked.is_hex || marked.is_usual(&frames)
     });
     found.sort_by_key(|marked| (core::cmp::Reverse(marked.share), marked.tail));
     found

@@ -13,6 +13,8 @@ pub(crate) struct Cutting {
     pub(crate) share: usize,
     /// Share of chunks that begin with such a frame, per cent.
     pub(crate) aligned: usize,
+    /// Whether almost all chunks that begin with the sync bytes consist of such frames.
+    pub(crate) is_clean: bool,
 }
 
 /// The rule that defines the end of a frame.
@@ -44,6 +46,10 @@ const AT_MAX: usize = 6;
 const FRAME_MAX: usize = 1_024;
 /// Minimum share of bytes in frames, per cent: other formats may share the line.
 const SHARE_MIN: usize = 10;
+/// Minimum share of the bytes of chunks with the sync bytes, per cent.
+const CLEAN_MIN: usize = 97;
+/// One frame in this many may be a beginning without a frame.
+const STRAYS_SHARE: usize = 200;
 /// Minimum number of frames.
 const FRAMES_MIN: usize = 6;
 /// Maximum number of bytes of a frame that its length field does not count.
@@ -78,6 +84,24 @@ impl Cutting {
                 (size > at + len && size <= FRAME_MAX).then_some(size)
             }
         }
+    }
+
+    /// Number of beginnings behind a frame, or of a chunk, without a frame: other sizes, or damage.
+    fn strays(&self, chunks: &[Vec<u8>]) -> usize {
+        let mut strays = 0;
+        for chunk in chunks {
+            let mut at = 0;
+            while let Some(rest) = chunk.get(at..).filter(|rest| rest.starts_with(&self.sync)) {
+                let size = self.size(rest).unwrap_or(usize::MAX);
+                let next = rest.get(size..);
+                if next.is_none_or(|next| !next.is_empty() && !next.starts_with(&self.sync)) {
+                    strays += 1;
+                    break;
+                }
+                at += size;
+            }
+        }
+        strays
     }
 
     /// The frames in `chunks`. A frame counts only if its chunk ends behind it, or if the next byte
@@ -157,6 +181,7 @@ pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
                 how,
                 share: 0,
                 aligned: 0,
+                is_clean: false,
             };
             let frames = cutting.frames(&few);
             let framed: usize = frames.iter().map(|frame| frame.len()).sum();
@@ -166,6 +191,12 @@ pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
                 size.is_some_and(|size| size <= chunk.len())
             });
             cutting.aligned = begin.count() * 100 / few.len().max(1);
+            let own = few.iter().filter(|chunk| chunk.starts_with(&sync));
+            let own: usize = own.map(Vec::len).sum();
+            let strays = cutting.strays(&few);
+            cutting.is_clean = own > 0
+                && framed * 100 >= own * CLEAN_MIN
+                && strays <= (frames.len() / STRAYS_SHARE).max(1);
             if frames.len() >= FRAMES_MIN && cutting.share >= SHARE_MIN {
                 found.push(cutting);
             }
@@ -195,6 +226,11 @@ fn starts(stream: &[u8], chunks: &[Vec<u8>]) -> Vec<Vec<u8>> {
         // Small numbers behind the first byte are addresses and kinds rather than sync bytes.
         let end = start.iter().skip(1).position(|byte| *byte < MARK_MIN);
         let start = &start[..end.map_or(start.len(), |at| at + 1)];
+        // A third byte is data that did not change, unless the sync bytes count down or repeat.
+        let is_row = |pair: &[u8]| pair[0] == pair[1] || pair[0].wrapping_sub(1) == pair[1];
+        let rows = start.windows(2).take_while(|pair| is_row(pair)).count();
+        let most = if rows == 0 { 2 } else { rows + 2 };
+        let start = &start[..start.len().min(most)];
         if !all.iter().any(|known| known == start) {
             all.push(start.to_vec());
         }

@@ -40,6 +40,8 @@ impl Proposed {
 
 /// Minimum number of frames for a claim about a length field or an end marker.
 const FRAMES_SURE: usize = 12;
+/// Minimum share of the bytes for a claim about frames without a checksum, per cent.
+const SHARE_SURE: usize = 97;
 /// Minimum number of lines of one form for a claim about text.
 pub(super) const LINES_SURE: usize = 6;
 
@@ -112,11 +114,23 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         Cut::Format(format) => !is_text && format.coding == Coding::Raw && format.end.is_empty(),
         Cut::Stream(_) | Cut::Marked(..) => false,
     };
-    // Without frames there is no claim. Lines of few forms may have any end.
+    // Without frames there is no claim. Frames that cover all bytes, and lines of few forms or with
+    // a prompt behind them, are a guess at least.
     let is_any = claims
         .iter()
         .any(|claim| claim.confidence == Confidence::Sure);
-    let is_any = is_any || is_text && forms(&found.frames);
+    let covers = match &found.cut {
+        // A constant is no length.
+        Cut::Stream(cutting) => {
+            let first = found.frames.first().map(Vec::len);
+            let is_varied = found.frames.iter().any(|frame| Some(frame.len()) != first);
+            let is_fixed = matches!(cutting.how, How::Fixed(_));
+            cutting.share >= SHARE_SURE && (is_fixed || is_varied)
+        }
+        Cut::Marked(marked, _) => marked.share >= SHARE_SURE,
+        Cut::Format(format) => is_text && (format.has_prompt() || forms(&found.frames)),
+    };
+    let is_any = is_any || covers;
     is_any.then(|| Proposed {
         toml,
         claims,
@@ -155,7 +169,10 @@ fn of_stream(cutting: &Cutting, found: &Found, is_summed: bool) -> (String, usiz
     let distinct: BTreeSet<&Vec<u8>> = found.frames.iter().collect();
     let sizes: BTreeSet<usize> = distinct.iter().map(|frame| frame.len()).collect();
     let distinct = distinct.len();
-    let is_aligned = cutting.share >= 97 && cutting.aligned >= 97 && count >= FRAMES_SURE;
+    // Other formats may share the line: sync bytes of their own tell them apart.
+    let is_own = cutting.is_clean && cutting.sync.len() > 1;
+    let is_all = cutting.is_clean && cutting.share >= SHARE_SURE && cutting.aligned >= SHARE_SURE;
+    let is_aligned = (is_all || is_own) && count >= FRAMES_SURE;
     match cutting.how {
         How::Fixed(size) => {
             let words = format!("frames of {size} bytes that begin with {sync}");
@@ -220,7 +237,7 @@ fn of_marked(marked: &Marked, found: &Found, is_summed: bool) -> (String, usize,
     let is_usual = marked.is_hex || marked.is_usual(&found.frames);
     let is_control = marked.start < 0x20 && marked.end[0] < 0x20;
     let is_varied = distinct.len() >= FRAMES_SURE && (sizes.len() > 1 || is_control);
-    let is_sure = is_usual && marked.share >= 97 && (is_varied || is_summed);
+    let is_sure = is_usual && marked.share >= SHARE_SURE && (is_varied || is_summed);
     (text, 0, claim(words, evidence, is_sure))
 }
 
@@ -304,10 +321,8 @@ fn of_format(
         ));
     }
     let size = found.frames.first()?.len();
-    if found.frames.iter().all(|frame| frame.len() == size)
-        && !prefix.is_empty()
-        && prefix.len() < size
-    {
+    let is_fixed = found.frames.iter().all(|frame| frame.len() == size);
+    if is_fixed && !prefix.is_empty() && prefix.len() < size {
         let sync = bytes(&prefix[..prefix.len().min(2)]);
         let words = format!("frames of {size} bytes that begin with {sync}");
         return Some((
@@ -315,6 +330,10 @@ fn of_format(
             0,
             claim(words, evidence, is_summed),
         ));
+    }
+    if is_fixed && is_summed && count >= FRAMES_SURE && prefix.is_empty() {
+        let words = format!("frames of {size} bytes");
+        return Some((format!("size = {size}\n"), 0, claim(words, evidence, true)));
     }
     // Bytes that begin and end each frame look like markers, as STX and ETX: a silence is then not
     // the only rule that fits.
