@@ -144,6 +144,20 @@ rustfmt --edition 2024 --check tests/bare_metal/src/lib.rs tests/every_build/src
     tests/mutants/src/main.rs \
     fuzz/src/lib.rs fuzz/src/bin/corpus.rs \
     fuzz/fuzz_targets/*.rs
+# Crates beside the workspace have versions of their own, which a new dependency of ours changes;
+# most of them are built with --all only. The check asks the registry, beside the compiler.
+locked() {
+    local folder
+    for folder in fuzz nodes/cortex-m4 tests/*/ tests/*/*/; do
+        [[ -f $folder/Cargo.lock ]] || continue
+        (cd "$folder" && cargo update --quiet --workspace --locked) || {
+            echo "tests/run.sh: $folder/Cargo.lock is old: cd $folder && cargo update --workspace" >&2
+            return 1
+        }
+    done
+}
+locked &
+locks=$!
 
 # Clippy's driver is the compiler with the lints: the build of the tests is the pass of the lints,
 # too. A pass of its own checks each crate of the registry once more.
@@ -169,6 +183,7 @@ wrapper="build.rustc-workspace-wrapper='$PWD/tests/compiler.sh'"
 tests() { CLIPPY_ARGS=$denied cargo --config "$wrapper" test --locked --workspace "$@"; }
 tests --no-run
 wait "$readers"
+wait "$locks"
 
 step "tests"
 # The same cases on every run: a check that is red today and green tomorrow judges no change.
