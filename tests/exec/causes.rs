@@ -328,6 +328,38 @@ fn a_rate_that_a_uart_tolerates_is_no_fault() {
     assert_eq!(ended.code, Some(0), "{}", ended.said);
 }
 
+/// A cut wire lets the watchdog of a device fire; the program goes on and gives up later for a reason
+/// of its own. Without the cut, a pause of the program is the cause.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_watchdog_that_a_fault_let_fire_is_not_the_cause() {
+    let bench = BENCH
+        .replace("baud = 115200", "baud = 115200\nwatchdog = \"300ms\"")
+        .replace("access = \"write\"", "access = \"write\", safe = 0");
+    let cut = "[[fault]]\nlink = \"grip\"\ndirection = \"to-device\"\nkind = \"cut\"\n\
+               from = \"1s\"\nuntil = \"1500ms\"\n";
+    let program = |pause: &str| {
+        format!(
+            "fd = opened('GRIP')\ntime.sleep(0.1)\nfor turn in range(60):\n    \
+             os.write(fd, frame(bytes([0xAB, 8, 0x81, 5])))\n    time.sleep(0.01)\n    os.write(fd, ASK)\n    \
+             reply(fd)\n    time.sleep({pause})\nraise SystemExit(3)\n"
+        )
+    };
+    for (name, bench, pause, words) in [
+        ("cut", format!("{bench}\n{cut}"), "0.05", "exit code 3"),
+        (
+            "pause",
+            bench.clone(),
+            "1 if turn == 9 else 0.05",
+            "the watchdog of grip fired once",
+        ),
+    ] {
+        let name = format!("watchdog-{name}");
+        let ended = run_in(&bench, &name, "grip", &program(pause), &["--virtual"]);
+        assert_eq!(flaw(&ended, &name, words), None);
+    }
+}
+
 /// The error of a verdict on a program that must not pass; its cause must contain `words`.
 fn flaw(ended: &Ended, name: &str, words: &str) -> Option<String> {
     if ended.code == Some(0) {

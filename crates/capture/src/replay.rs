@@ -110,8 +110,14 @@ impl Recorded {
         let mut is_open = vec![false; this.links.len()];
         let mut records: Vec<&Record> = capture.records.iter().collect();
         records.sort_by_key(|record| record.at);
+        let mut turns = vec![Turn::default(); this.links.len()];
         for record in records {
-            let shift = |at: Instant| Instant::ZERO + (at - zero);
+            let line = this.links[record.link].line();
+            let later = match clock {
+                Some("virtual") => Duration::ZERO,
+                _ => turns[record.link].later(record, line),
+            };
+            let shift = |at: Instant| Instant::ZERO + (at - zero) + later;
             if until.is_some_and(|until| record.at - zero > until) {
                 break;
             }
@@ -156,6 +162,33 @@ impl Recorded {
         let events = self.links.iter().flat_map(Passage::times);
         let first = events.min().unwrap_or_default();
         Instant::ZERO + (first - Instant::ZERO).saturating_sub(IDLE_MAX)
+    }
+}
+
+/// The last record of a link. Clocks of logs may show seconds or milliseconds: a request behind an
+/// answer then has its time, and only the order of the records tells them apart.
+#[derive(Clone, Debug, Default)]
+struct Turn {
+    at: Instant,
+    is_answer: bool,
+}
+
+/// Time from an answer to a request with the same time, besides that of its bytes.
+const NEXT_REQUEST: Duration = Duration::from_millis(5);
+
+impl Turn {
+    /// The delay of `record`, which keeps it behind the record ahead of it.
+    fn later(&mut self, record: &Record, line: LineConfig) -> Duration {
+        if record.kind != Kind::Data {
+            return Duration::ZERO;
+        }
+        let is_answer = record.direction == Direction::ToMaster;
+        let mut at = record.at.max(self.at);
+        if self.is_answer && !is_answer && record.at <= self.at {
+            at += line.bytes_time(record.bytes.len() as u64) + NEXT_REQUEST;
+        }
+        *self = Self { at, is_answer };
+        at - record.at
     }
 }
 

@@ -149,9 +149,13 @@ pub(in crate::cli) fn try_case(
         let again = out.join("without-damage");
         let without = play_to(&foreign, &sound, None, &Shown::of_case(case, &again), stop)?;
         judgement.checks.extend(match left_out {
-            0 => vec![Check::not_observed(
+            // The rule was asked for: without damage that is seen, nothing shows that it holds.
+            0 => vec![Check::new(
                 "ignores-damage",
-                "the capture has no damaged frame of a known protocol".to_owned(),
+                false,
+                "not observed: the capture has no damaged frame of a known protocol; for a \
+                 protocol of your own, use prints=, never-prints= or --sound"
+                    .to_owned(),
             )],
             _ => Case::judge_damage(&tried.links, &without.links, late),
         });

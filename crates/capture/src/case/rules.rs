@@ -192,12 +192,16 @@ impl Expectation {
         ] {
             for text in patterns {
                 let found = find(text, seen.links);
-                let detail = match (&found, pattern(text)) {
-                    (_, None) => format!("{text}: expected bytes in hex, e.g. base:AB2404"),
-                    (Some((link, at)), _) => format!("{text} on {link} at {at} s"),
-                    (None, _) => format!("{text} was not sent"),
+                let wrong = match pattern(text) {
+                    None => Some(format!("{text}: expected bytes in hex, e.g. base:AB2404")),
+                    Some((Some(link), _)) => unknown_link(link, seen.links),
+                    Some((None, _)) => None,
                 };
-                let is_sound = pattern(text).is_some();
+                let is_sound = wrong.is_none();
+                let detail = wrong.unwrap_or_else(|| match &found {
+                    Some((link, at)) => format!("{text} on {link} at {at} s"),
+                    None => format!("{text} was not sent"),
+                });
                 checks.push(Check::new(
                     name,
                     is_sound && found.is_some() == wanted,
@@ -210,6 +214,13 @@ impl Expectation {
         }
         checks
     }
+}
+
+/// What is wrong with a link that the session does not have.
+fn unknown_link(link: &str, links: &[Played]) -> Option<String> {
+    let names: Vec<&str> = links.iter().map(|one| &*one.link).collect();
+    let is_known = names.contains(&link);
+    (!is_known).then(|| format!("there is no link {link}, expected {}", names.join(" or ")))
 }
 
 /// The first link and time of the bytes in `text`.

@@ -135,7 +135,11 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
         let is_list = bytes.trim_ascii_start().starts_with(b"[");
         return Some(if is_list { Look::Surely } else { Look::Perhaps });
     }
-    let is_marked = whole.has_marks || whole.evident * 8 >= count;
+    // TX or RX before nothing but pairs of digits: not text that happens to be digits.
+    let is_told = |one: &Message<'_>| one.is_sent.is_some() && !one.is_arrow;
+    let is_hex = matches!(whole.base, Base::Hex) && bad.is_empty();
+    let is_directed = is_hex && whole.messages.iter().all(is_told);
+    let is_marked = whole.has_marks || whole.evident * 8 >= count || is_directed;
     match count {
         0..2 => is_marked.then_some(Look::Perhaps),
         _ if is_marked => Some(Look::Surely),

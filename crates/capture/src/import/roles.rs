@@ -32,6 +32,8 @@ const RECEIVED: [&str; 9] = [
 const SENT: [&str; 9] = [
     "tx", "txd", "send", "sent", "request", "command", "cmd", "transmit", "host",
 ];
+/// Of these, the names of the two ends.
+const ENDS: [&str; 2] = ["device", "host"];
 /// Words that count only if the name has none of the others.
 const BETWEEN: [&str; 2] = ["from", "to"];
 
@@ -103,9 +105,24 @@ fn of_name(name: &str, options: &Options) -> Option<Told> {
         .collect();
     let is_received = |word: &str| word_is(word, &RECEIVED, "rx");
     let is_sent = |word: &str| word_is(word, &SENT, "tx");
-    let mark = words.iter().find(|word| is_received(word) != is_sent(word));
+    let is_end = |word: &String| is_one_of(word, &ENDS);
+    let is_between = words.iter().any(|word| BETWEEN.contains(&word.as_str()));
+    let mut marks = words
+        .iter()
+        .filter(|word| is_received(word) != is_sent(word));
+    // "host rx": the word for what is done counts, not the one for the end that does it.
+    let mark = marks
+        .clone()
+        .find(|word| !is_end(word))
+        .or_else(|| marks.next());
+    // "device tx" is received by the host.
+    let is_other = !is_between
+        && mark.is_some_and(|mark| !is_end(mark))
+        && words.iter().any(|word| is_one_of(word, &["device"]))
+        && words.iter().position(|word| is_one_of(word, &["device"]))
+            < words.iter().position(|word| Some(word) == mark);
     let received = match mark {
-        Some(mark) => is_received(mark),
+        Some(mark) => is_received(mark) != is_other,
         None => {
             let between = words.iter().find(|word| BETWEEN.contains(&word.as_str()))?;
             between == "from"
@@ -127,6 +144,11 @@ fn of_name(name: &str, options: &Options) -> Option<Told> {
 fn word_is(word: &str, words: &[&str], end: &str) -> bool {
     let plain = word.trim_end_matches(|c: char| c.is_ascii_digit());
     words.contains(&plain) || plain.ends_with(end)
+}
+
+/// Whether a word is one of `words`, perhaps with a number.
+fn is_one_of(word: &str, words: &[&str]) -> bool {
+    words.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit()))
 }
 
 /// Notes the assignment, unless the file contains it.
@@ -184,6 +206,10 @@ mod tests {
             ["RX", "D1"],
             ["D0", "TX"],
             ["gps rx", "base tx"],
+            ["HOST RX", "HOST TX"],
+            ["Host-Rx", "Host-Tx"],
+            ["device tx", "device rx"],
+            ["Device", "Host"],
         ] {
             assert_eq!(of(&names), both, "{names:?}");
         }

@@ -203,6 +203,9 @@ fn a_form_shows_in_its_first_lines() {
         Some("jpnevulator")
     );
     assert_eq!(detected(b"nothing of the kind\n"), None);
+    // Pairs of digits behind TX and RX are hex, also if few have a letter.
+    let few = b"10:00:00.000 RX: 24 07 00 00 12 dd\n10:00:00.500 RX: 24 07 00 01 15 41\n";
+    assert_eq!(detected(few), Some("hex"));
     let late = [&b"\n".repeat(50)[..], &block[..]].concat();
     assert_eq!(detected(&late), None);
     assert_eq!(detected(&late[1..]), Some("socat"));

@@ -40,3 +40,41 @@ fn what_is_to_be_played_ends_at_the_time_asked_for() {
     assert_eq!(heard("virtual", 5_000_000_124), (2, 5_000_000_124));
     assert_eq!(heard("utc", 1), (2, 1));
 }
+
+/// Two requests with their answers, all at the same second: the second request is behind the first
+/// answer, by its bytes and 5 ms. Two bytes at 9600 baud take 20 bits, 2.083 ms.
+#[test]
+fn records_of_one_second_keep_their_order() {
+    let (ask, tell) = (Direction::ToDevice, Direction::ToMaster);
+    let record = |(number, direction): (u64, Direction)| Record {
+        link: 0,
+        sequence: Some(number),
+        at: Instant::from_millis(1_000),
+        direction,
+        kind: Kind::Data,
+        bytes: vec![7, 8].into(),
+        sent: None,
+        pieces: Vec::new(),
+        comment: String::new(),
+    };
+    let capture = Capture {
+        links: vec![Interface::new("a", 9600)],
+        records: (0..).zip([ask, tell, ask, tell]).map(record).collect(),
+        ..Capture::default()
+    };
+    let recorded = Recorded::of(&capture, None);
+    let link = &recorded.links[0];
+    let second = Instant::from_nanos(5_000_000 + 2 * 10 * 1_000_000_000 / 9600 + 1);
+    let near =
+        |at: Instant| (at - second.min(at)).as_micros() + (second - at.min(second)).as_micros();
+    let sent: Vec<Instant> = link.sent.pieces().map(|(at, _)| at).collect();
+    assert_eq!(
+        (sent[0], link.arrivals[0].at),
+        (Instant::ZERO, Instant::ZERO)
+    );
+    assert!(
+        near(sent[1]) < 5 && link.arrivals[1].at >= sent[1],
+        "{sent:?} {:?}",
+        link.arrivals
+    );
+}

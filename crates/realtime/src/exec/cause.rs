@@ -70,6 +70,7 @@ mod weight {
     pub(super) const MOTORS: u32 = 48;
     pub(super) const MOTION: u32 = 45;
     pub(super) const COLLISION: u32 = 35;
+    pub(super) const FAULTED: u32 = 30;
 }
 
 /// The probable cause of the failure; `None` if the run passed.

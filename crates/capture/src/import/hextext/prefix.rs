@@ -179,6 +179,15 @@ fn of_day(word: &str) -> Option<u64> {
     Some(seconds * 1_000_000_000 + fraction)
 }
 
+/// A time without its zone: `Z`, `+01:00` or `-0500`. The times of a file have the same zone.
+fn without_zone(time: &str) -> &str {
+    let digits = |zone: &&str| matches!(zone.replace(':', "").len(), 3 | 5);
+    let zone = time.find(['+', '-']).map(|at| &time[at..]).filter(digits);
+    let is_number = |zone: &&str| zone[1..].bytes().all(|byte| b"0123456789:".contains(&byte));
+    let end = zone.filter(is_number).map_or(0, str::len);
+    time[..time.len() - end].trim_end_matches('Z')
+}
+
 /// A date as 2026-11-27, 2026/11/27, 27.11.2026, 27/11/2026 or 11/27/2026, and a time with or
 /// without fraction.
 fn date_and_time(date: &str, time: &str) -> Option<u64> {
@@ -196,7 +205,7 @@ fn date_and_time(date: &str, time: &str) -> Option<u64> {
         _ if date.contains('/') => (date, '/'),
         _ => (date, '-'),
     };
-    let time = time.trim_end_matches('Z');
+    let time = without_zone(time);
     let (time, fraction) = match time.rsplit_once(':') {
         Some((whole, fraction)) if time.matches(':').count() == 3 => (whole, fraction),
         _ => time.split_once(['.', ',']).unwrap_or((time, "0")),

@@ -153,3 +153,21 @@ fn only_what_can_be_nothing_else_is_sure() {
     assert_eq!(look("some words of a log\n"), None);
     assert_eq!(look(""), None);
 }
+
+/// A zone behind the time takes neither the time nor the direction away.
+#[test]
+fn a_zone_is_no_part_of_the_bytes() {
+    for zone in ["", "Z", "+0100", "+01:00", "-0530", "+01"] {
+        let line =
+            |fraction: &str, rest: &str| format!("2026-11-28T10:11:12.{fraction}{zone} {rest}\n");
+        let text = line("500000", ">> aa01") + &line("501000", " << 55");
+        let told = told(&text).unwrap_or_else(|error| panic!("{text}: {error}"));
+        let [(first, true, asked), (second, false, answer)] = &told[..] else {
+            panic!("{zone}: {told:?}");
+        };
+        assert_eq!(
+            (second - first, &**asked, &**answer),
+            (1_000, &[0xAA, 1][..], &[0x55][..])
+        );
+    }
+}

@@ -5,6 +5,7 @@ use protocols::Instant;
 
 use super::trigger::{Trigger, after};
 use super::{Cause, Evidence, weight};
+use engine::rig::Logged;
 use engine::run::Outcome;
 use engine::run::check::{NODE_PROGRAMS, Status, VIOLATIONS, WATCHDOG};
 use engine::scenario::{DirectionSpec, FaultSpec};
@@ -250,8 +251,13 @@ fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
         let event = &logged.event;
         WATCHDOG.contains(&event.rule) && until.is_none_or(|until| event.at < until)
     });
-    let fired: Vec<_> = fired.collect();
-    let first = fired.first()?;
+    // A fault that keeps the commands away is no pause of the program.
+    let kept_away =
+        |logged: &&Logged| Trigger::to_device(evidence, logged.event.at, &logged.source).is_some();
+    let (kept, fired): (Vec<_>, Vec<_>) = fired.partition(kept_away);
+    let Some(first) = fired.first() else {
+        return kept.first().map(|first| by_fault(evidence, first));
+    };
     let (device, at, times) = (&first.source, first.event.at, fired.len());
     let times = match times {
         1 => "once".to_owned(),
@@ -270,6 +276,17 @@ fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
              longer than it allows; {fix}"
         ),
     ))
+}
+
+/// A watchdog that fired because a fault kept the commands away: the cause only if there is no other.
+fn by_fault(evidence: &Evidence<'_>, fired: &Logged) -> Cause {
+    let (device, at) = (&fired.source, fired.event.at);
+    let trigger = Trigger::to_device(evidence, at, device);
+    let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
+    let text = format!(
+        "the watchdog of {device} fired at {at} s{after}: the fault kept the commands from it"
+    );
+    Cause::new(weight::FAULTED, text)
 }
 
 #[cfg(test)]

@@ -43,6 +43,13 @@ impl<'a> Trigger<'a> {
         })
     }
 
+    /// The same for faults that keep bytes from `device`, or change them.
+    pub(super) fn to_device(evidence: &'a Evidence<'_>, at: Instant, device: &str) -> Option<Self> {
+        Self::before_on(evidence, at, |fault| {
+            fault.place().starts_with(device) && fault.direction != Some(DirectionSpec::ToMaster)
+        })
+    }
+
     /// The fault that was active shortly before `begins`, or else the last one that began until
     /// `ends`, or else one that was active from the start until then.
     pub(super) fn around(
