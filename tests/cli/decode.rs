@@ -461,8 +461,8 @@ fn a_swapped_checksum_of_a_description_is_named() {
         format!(
             "name = \"hand\"\nabout = \"a device\"\nline = {{ baud = 9600 }}\n\
              frame = {{ silence = 3.5, checksum = {{ algorithm = \"CRC-16/MODBUS\", endian = \
-             \"{order}\" }} }}\n[[message]]\nname = \"all\"\nfields = [{{ name = \"data\", type = \
-             \"bytes\", size = \"rest\" }}]\n[[on]]\nmessage = \"all\"\nreply = \"all\"\n"
+             \"{order}\" }} }}\n[[message]]\nname = \"all\"\nfrom = \
+             \"both\"\nfields = [{{ name = \"data\", type = \"bytes\", size = \"rest\" }}]\n[[on]]\nmessage = \"all\"\nreply = \"all\"\n"
         )
     };
     session.write("big.toml", &described("big"));

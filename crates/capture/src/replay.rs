@@ -9,6 +9,7 @@ mod conversation;
 mod listen;
 mod rig;
 mod silence;
+mod turn;
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -31,6 +32,7 @@ pub use listen::Eavesdrop;
 use listen::Listener;
 pub use rig::{Ear, StandIn, Timing};
 pub use silence::{SILENCE_MAX, Silence, Silences};
+use turn::Turn;
 
 /// Error when a capture cannot be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -110,13 +112,9 @@ impl Recorded {
         let mut is_open = vec![false; this.links.len()];
         let mut records: Vec<&Record> = capture.records.iter().collect();
         records.sort_by_key(|record| record.at);
-        let mut turns = vec![Turn::default(); this.links.len()];
+        let mut turns = vec![Turn::of(clock); this.links.len()];
         for record in records {
-            let line = this.links[record.link].line();
-            let later = match clock {
-                Some("virtual") => Duration::ZERO,
-                _ => turns[record.link].later(record, line),
-            };
+            let later = turns[record.link].later(record, this.links[record.link].line());
             let shift = |at: Instant| Instant::ZERO + (at - zero) + later;
             if until.is_some_and(|until| record.at - zero > until) {
                 break;
@@ -162,33 +160,6 @@ impl Recorded {
         let events = self.links.iter().flat_map(Passage::times);
         let first = events.min().unwrap_or_default();
         Instant::ZERO + (first - Instant::ZERO).saturating_sub(IDLE_MAX)
-    }
-}
-
-/// The last record of a link. Clocks of logs may show seconds or milliseconds: a request behind an
-/// answer then has its time, and only the order of the records tells them apart.
-#[derive(Clone, Debug, Default)]
-struct Turn {
-    at: Instant,
-    is_answer: bool,
-}
-
-/// Time from an answer to a request with the same time, besides that of its bytes.
-const NEXT_REQUEST: Duration = Duration::from_millis(5);
-
-impl Turn {
-    /// The delay of `record`, which keeps it behind the record ahead of it.
-    fn later(&mut self, record: &Record, line: LineConfig) -> Duration {
-        if record.kind != Kind::Data {
-            return Duration::ZERO;
-        }
-        let is_answer = record.direction == Direction::ToMaster;
-        let mut at = record.at.max(self.at);
-        if self.is_answer && !is_answer && record.at <= self.at {
-            at += line.bytes_time(record.bytes.len() as u64) + NEXT_REQUEST;
-        }
-        *self = Self { at, is_answer };
-        at - record.at
     }
 }
 

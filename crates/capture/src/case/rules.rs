@@ -216,7 +216,7 @@ impl Expectation {
     }
 }
 
-/// What is wrong with a link that the session does not have.
+/// The error for a link that the session does not have.
 fn unknown_link(link: &str, links: &[Played]) -> Option<String> {
     let names: Vec<&str> = links.iter().map(|one| &*one.link).collect();
     let is_known = names.contains(&link);

@@ -110,7 +110,7 @@ fn of_name(name: &str, options: &Options) -> Option<Told> {
     let mut marks = words
         .iter()
         .filter(|word| is_received(word) != is_sent(word));
-    // "host rx": the word for what is done counts, not the one for the end that does it.
+    // "host rx": the word for the action counts, not the one for the end.
     let mark = marks
         .clone()
         .find(|word| !is_end(word))
