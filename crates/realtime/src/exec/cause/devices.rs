@@ -278,7 +278,7 @@ fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// A watchdog that fired because a fault kept the commands away: the cause only without another one.
+/// A watchdog that fired because a fault kept the commands away: the cause if there is no other.
 fn by_fault(evidence: &Evidence<'_>, fired: &Logged) -> Cause {
     let (device, at) = (&fired.source, fired.event.at);
     let trigger = Trigger::to_device(evidence, at, device);
