@@ -328,7 +328,8 @@ fn a_rate_that_a_uart_tolerates_is_no_fault() {
     assert_eq!(ended.code, Some(0), "{}", ended.said);
 }
 
-/// A cut wire lets the watchdog of a device fire; the program goes on and gives up later. Without the cut, a pause of the program is the cause.
+/// A cut wire lets the watchdog of a device fire; the program goes on and gives up later. Without
+/// the cut, a pause of the program is the cause.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]
 fn a_watchdog_that_a_fault_let_fire_is_not_the_cause() {
