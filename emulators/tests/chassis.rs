@@ -248,7 +248,7 @@ fn what_an_actuator_cannot_do_is_refused_with_its_name() {
     let error = world.actuate("steering", Command::Power(9)).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "steering is a steering and cannot do Power(9)"
+        "steering is a steering and cannot follow a power, expected angle_deg"
     );
     let error = world.actuate(1, Command::Angle(f64::NAN)).unwrap_err();
     assert!(matches!(error, CommandError::NotFinite { .. }));

@@ -161,7 +161,7 @@ fn an_actuator_is_named_with_those_that_there_are() {
     };
     assert_eq!(
         unfit.to_string(),
-        "left is a motor and cannot do Angle(0.5)"
+        "left is a motor and cannot follow an angle, expected power or speed_m_s"
     );
     assert_eq!(ActuatorKind::Steering.to_string(), "steering");
     let endless = CommandError::NotFinite {

@@ -264,7 +264,9 @@ fn a_profile_is_a_file_to_copy_and_change() {
     let profile = text(&printed.stdout);
     session.write(
         "my.toml",
-        &profile.replace("count_max = 12", "count_max = 0"),
+        &profile
+            .replace("count_max = 12", "count_max = 0")
+            .replace("long_percent = 10", "long_percent = 0"),
     );
     let run = |vary: &str| {
         let arguments =

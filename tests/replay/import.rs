@@ -98,7 +98,7 @@ fn what_tio_logged_is_imported() {
     ));
     // tio discards bytes from before its connection, and does not report the connection.
     wait_until("a first byte", || {
-        ours.write_all(&[0x55]).expect("there is room");
+        ours.write_all(&[0x55; 64]).expect("there is room");
         fs::read(&log).is_ok_and(|log| !log.is_empty())
     });
     ours.write_all(&sample()).expect("there is room");

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use description::{Description, From};
 use protocols::Decode as _;
 
-use super::form::skeleton;
+use super::form::{Number, placeholder, skeleton};
 use super::written::Proposed;
 use super::{Chunk, Claim, Confidence, REPLY_NANOS};
 
@@ -119,8 +119,8 @@ pub(super) fn messages(
             .get(kind.format)
             .is_some_and(|format| format.is_text)
         {
-            true => writeln!(text, "text = {}\n", line(&kind.bodies)).expect(TAKES_ALL),
-            false => writeln!(text, "fields = [\n{}]\n", fields(&kind.bodies)).expect(TAKES_ALL),
+            true => writeln!(text, "{}\n", line(kind)).expect(TAKES_ALL),
+            false => writeln!(text, "fields = [\n{}]\n", fields(kind)).expect(TAKES_ALL),
         }
     }
     let (behaviour, claims) = behaviour(&kinds, &order);
@@ -182,38 +182,43 @@ fn keys(spoken: &[Body], formats: &[Proposed]) -> Vec<(bool, usize, Vec<u8>)> {
     keys.collect()
 }
 
-/// The text of a message for lines of one form.
-fn line(lines: &[Vec<u8>]) -> String {
-    let (form, mut decimals) = skeleton(lines.first().map_or(&[][..], Vec::as_slice));
-    for line in lines {
-        let (_, others) = skeleton(line);
-        for (all, other) in decimals.iter_mut().zip(others) {
-            if *all != other {
-                *all = usize::MAX;
-            }
-        }
-    }
-    let mut text = String::new();
-    let mut numbers = decimals.into_iter().enumerate();
+/// The keys of a message for lines of one form. A device sends the numbers of its first line.
+fn line(kind: &Kind) -> String {
+    let lines = &kind.bodies;
+    let form = skeleton(lines.first().map_or(&[][..], Vec::as_slice)).0;
+    let all: Vec<_> = lines.iter().map(|line| skeleton(line).1).collect();
+    let (mut text, mut values) = (String::new(), Vec::new());
+    let mut index = 0;
     let mut rest = form.as_str();
     while let Some(at) = rest.find("{}") {
         // A doubled brace is not a number.
         let is_brace = rest[..at].ends_with('{');
         text += &rest[..at];
         rest = &rest[at + 2..];
-        match (is_brace, numbers.next()) {
-            (false, Some((number, 0 | usize::MAX))) => write!(text, "{{n{number}}}"),
-            (false, Some((number, decimals))) => write!(text, "{{n{number}:.{decimals}f}}"),
-            _ => write!(text, "{{}}"),
+        if is_brace {
+            text += "{}";
+            continue;
         }
-        .expect(TAKES_ALL);
+        let seen = all.iter().filter_map(|numbers| numbers.get(index).cloned());
+        let seen: Vec<_> = seen.collect();
+        text += &placeholder(index, &seen);
+        let value = seen.first().map(Number::value);
+        values.extend(
+            value.map(|value| format!("  {{ name = \"n{index}\", calc = \"{value}\" }},\n")),
+        );
+        index += 1;
     }
-    toml::Value::String(text + rest).to_string()
+    let text = format!("text = {}", toml::Value::String(text + rest));
+    match kind.is_host || values.is_empty() {
+        true => text,
+        false => format!("{text}\nfields = [\n{}]", values.concat()),
+    }
 }
 
-/// Fields of bodies of equal length: constants, counters, and plain bytes.
-fn fields(bodies: &[Vec<u8>]) -> String {
-    let mut out = String::new();
+/// Fields of bodies of equal length: constants, counters, and plain bytes. A device sends its
+/// constants, whatever the request holds.
+fn fields(kind: &Kind) -> String {
+    let (mut out, bodies) = (String::new(), &kind.bodies);
     let len = bodies.first().map_or(0, Vec::len);
     let column = |at: usize| {
         bodies
@@ -263,7 +268,11 @@ fn fields(bodies: &[Vec<u8>]) -> String {
             true => {
                 let bytes = bodies[0][at..end].iter().map(|byte| format!("{byte:02X}"));
                 let bytes: Vec<_> = bytes.collect();
-                format!(", about = \"always {}\"", bytes.join(" "))
+                let sent = match kind.is_host {
+                    true => String::new(),
+                    false => format!(", calc = \"bytes(0x{})\"", bytes.join(", 0x")),
+                };
+                format!("{sent}, about = \"always {}\"", bytes.join(" "))
             }
             false => String::new(),
         };
