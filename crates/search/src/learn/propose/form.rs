@@ -16,8 +16,8 @@ impl Number {
     }
 }
 
-/// The placeholder for the number of this index with the texts `seen`, with leading zeros and a sign
-/// if it has them.
+/// The placeholder for the number of this index with the texts `seen`, with leading zeros and a
+/// sign if it has them.
 pub(super) fn placeholder(index: usize, seen: &[Number]) -> String {
     let Some(first) = seen.first() else {
         return format!("{{n{index}}}");
