@@ -112,7 +112,7 @@ impl Recorded {
         let mut is_open = vec![false; this.links.len()];
         let mut records: Vec<&Record> = capture.records.iter().collect();
         records.sort_by_key(|record| record.at);
-        let mut turns = vec![Turn::of(clock); this.links.len()];
+        let mut turns = vec![Turn::of(capture); this.links.len()];
         for record in records {
             let later = turns[record.link].later(record, this.links[record.link].line());
             let shift = |at: Instant| Instant::ZERO + (at - zero) + later;

@@ -5,7 +5,7 @@ use core::time::Duration;
 use engine::rig::line::Direction;
 use protocols::{Instant, LineConfig};
 
-use crate::{Kind, Record};
+use crate::{Capture, Kind, Record};
 
 /// The last record of a link. Clocks of logs may show seconds or milliseconds: a request behind an
 /// answer then has its time, and only the order of the records tells them apart.
@@ -21,10 +21,16 @@ pub(super) struct Turn {
 const NEXT_REQUEST: Duration = Duration::from_millis(5);
 
 impl Turn {
-    /// The beginning of a link of a capture with this clock.
-    pub(super) fn of(clock: Option<&str>) -> Self {
+    /// The beginning of a link of `capture`.
+    pub(super) fn of(capture: &Capture) -> Self {
+        let fact = |key| {
+            capture
+                .sections
+                .first()
+                .and_then(|section| section.fact(key))
+        };
         Self {
-            is_exact: clock == Some("virtual"),
+            is_exact: fact("clock") == Some("virtual") && fact("imported").is_none(),
             ..Self::default()
         }
     }
