@@ -87,15 +87,20 @@ impl Cutting {
     }
 
     /// Number of beginnings behind a frame, or of a chunk, without a frame: other sizes, or damage.
+    /// The last chunk may end within a frame.
     fn strays(&self, chunks: &[Vec<u8>]) -> usize {
         let mut strays = 0;
-        for chunk in chunks {
+        for (index, chunk) in chunks.iter().enumerate() {
+            let is_last = index + 1 == chunks.len();
             let mut at = 0;
             while let Some(rest) = chunk.get(at..).filter(|rest| rest.starts_with(&self.sync)) {
                 let size = self.size(rest).unwrap_or(usize::MAX);
                 let next = rest.get(size..);
-                if next.is_none_or(|next| !next.is_empty() && !next.starts_with(&self.sync)) {
+                let is_stray = |next: &[u8]| !next.is_empty() && !next.starts_with(&self.sync);
+                if next.map_or(!is_last, is_stray) {
                     strays += 1;
+                }
+                if next.is_none_or(is_stray) {
                     break;
                 }
                 at += size;
@@ -196,7 +201,11 @@ pub(crate) fn cuttings(chunks: &[Vec<u8>]) -> Vec<Cutting> {
             let strays = cutting.strays(&few);
             cutting.is_clean = own > 0
                 && framed * 100 >= own * CLEAN_MIN
-                && strays <= (frames.len() / STRAYS_SHARE).max(1);
+                && match how {
+                    // Another size is no damage.
+                    How::Fixed(_) => strays == 0,
+                    How::Length { .. } => strays <= (frames.len() / STRAYS_SHARE).max(1),
+                };
             if frames.len() >= FRAMES_MIN && cutting.share >= SHARE_MIN {
                 found.push(cutting);
             }
