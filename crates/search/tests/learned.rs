@@ -195,7 +195,7 @@ fn nothing_is_claimed_of_random_bytes_and_of_prose() {
     for seed in 1..6 {
         let dice = &mut dice(seed);
         let mut tape = Tape::new(115_200);
-        for number in 0..80 {
+        for number in 0..120 {
             let len = 1 + dice(40);
             let bytes: Vec<u8> = (0..len)
                 .map(|_| u8::try_from(dice(256)).expect("a byte"))

@@ -181,7 +181,7 @@ impl Checksum {
     /// The name of the algorithm in descriptions; `None` if it has none.
     pub(crate) fn described(&self) -> Option<String> {
         match self.sum.name {
-            name if name.starts_with("CRC_") => Some(shown(name)),
+            name if name.starts_with("CRC") => Some(shown(name)),
             name => sums::described(name, self.free).map(str::to_owned),
         }
     }

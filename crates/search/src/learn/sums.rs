@@ -216,6 +216,40 @@ pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     all
 });
 
+/// CRCs of 8 bits with all polynomials of which a catalogue has no algorithm, from 0 and without a
+/// change at the end.
+pub(crate) static UNNAMED: LazyLock<Vec<Sum>> = LazyLock::new(|| {
+    let of = |poly: u8| -> Sum {
+        let name: &'static str = Box::leak(format!("CRC-8 with polynomial {poly:#04X}").into());
+        let algorithm: &'static Algorithm<u8> = Box::leak(Box::new(Algorithm {
+            width: 8,
+            poly,
+            init: 0,
+            refin: false,
+            refout: false,
+            xorout: 0,
+            check: 0,
+            residue: 0,
+        }));
+        Sum::new(
+            name,
+            1,
+            false,
+            How::Crc8(Box::new(Crc::<u8>::new(algorithm))),
+        )
+    };
+    // The lowest bit of a usual polynomial is set.
+    (0..=u8::MAX).filter(|poly| poly % 2 == 1).map(of).collect()
+});
+
+/// The key of a description for the algorithm of this name.
+pub(crate) fn key(name: &str) -> String {
+    match name.strip_prefix("CRC-8 with polynomial ") {
+        Some(poly) => format!("polynomial = {{ width = 8, poly = {poly} }}"),
+        None => format!("algorithm = \"{name}\""),
+    }
+}
+
 /// Sums with a name in descriptions: the name here, the constant, and the name there.
 pub(crate) const DESCRIBED: [(&str, u64, &str); 16] = [
     ("exclusive or", 0, "xor"),

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::super::sums::{self, ALL};
+use super::super::sums::{self, ALL, Sum, UNNAMED};
 use super::{CLAIMED_BITS, Checksum, FRAMES_MAX, GUESSED_BITS, HEAD_MAX, Place, candidates};
 
 impl Checksum {
@@ -70,11 +70,20 @@ impl Checksum {
     }
 }
 
+/// Minimum number of different frames for a polynomial without a name.
+const UNNAMED_MIN: usize = 12;
+
 /// The checksum of `bodies`, which are frames without their ends, if one is found.
 pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
     let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
     let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
-    let (tried, fitting) = fitting(&distinct)?;
+    let (mut tried, mut fitting) = all_fitting(&distinct, &ALL)?;
+    let is_enough = |one: &Checksum| one.bits - tried >= CLAIMED_BITS;
+    if !fitting.iter().any(is_enough) && distinct.len() >= UNNAMED_MIN {
+        // Polynomials without a name need evidence of many frames.
+        let (more, found) = all_fitting(&distinct, &UNNAMED)?;
+        (tried, fitting) = (tried.max(more) + 1.0, [fitting, found].concat());
+    }
     let first = |best: Option<Checksum>, one: &Checksum| match best {
         Some(best) if best.bits >= one.bits => Some(best),
         _ => Some(*one),
@@ -105,12 +114,12 @@ pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
 }
 
 /// The correction for the number of tried candidates, bits, and the candidates that fit `bodies`.
-fn fitting(bodies: &[&[u8]]) -> Option<(f64, Vec<Checksum>)> {
+fn all_fitting(bodies: &[&[u8]], sums: &'static [Sum]) -> Option<(f64, Vec<Checksum>)> {
     let mut lens: Vec<usize> = bodies.iter().map(|body| body.len()).collect();
     lens.sort_unstable();
     let (shortest, usual) = (*lens.first()?, lens[lens.len() / 2]);
     let (mut tried, mut fitting) = (0.0_f64, Vec::new());
-    for sum in ALL.iter() {
+    for sum in sums {
         for mut candidate in candidates(sum, [shortest, usual], bodies.len()) {
             tried += 1.0;
             if let Some([between, behind]) = candidate.around(bodies[0]) {

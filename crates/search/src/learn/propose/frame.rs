@@ -28,8 +28,9 @@ const MARKINGS: usize = 3;
 pub(super) fn find(chunks: &[Chunk], baud: u32) -> Vec<Proposed> {
     let (mut rest, mut formats) = (chunks.to_vec(), Vec::new());
     let all: usize = chunks.iter().map(|chunk| chunk.bytes.len()).sum();
+    let is_dialogue = chunks.iter().any(|chunk| !chunk.is_host);
     while formats.len() < FORMATS_MAX {
-        let Some((format, left)) = best(&rest, baud) else {
+        let Some((format, left)) = best(&rest, baud, is_dialogue) else {
             break;
         };
         formats.push(format);
@@ -47,7 +48,7 @@ pub(super) fn find(chunks: &[Chunk], baud: u32) -> Vec<Proposed> {
 type Rank = (bool, usize, usize);
 
 /// The best format of `chunks`, and the remaining bytes.
-fn best(chunks: &[Chunk], baud: u32) -> Option<(Proposed, Vec<Chunk>)> {
+fn best(chunks: &[Chunk], baud: u32, is_dialogue: bool) -> Option<(Proposed, Vec<Chunk>)> {
     let side = |ends: &[bool]| -> Vec<Vec<u8>> {
         let own = chunks.iter().filter(|chunk| ends.contains(&chunk.is_host));
         let mut room = BYTES_MAX;
@@ -64,7 +65,10 @@ fn best(chunks: &[Chunk], baud: u32) -> Option<(Proposed, Vec<Chunk>)> {
         if set.is_empty() {
             continue;
         }
-        for mut format in ways(&set).iter().filter_map(proposed) {
+        // Each line of a conversation is a request; other text may be prose.
+        let is_asked = ends == [true] && is_dialogue;
+        let ways = ways(&set);
+        for mut format in ways.iter().filter_map(|way| proposed(way, is_asked)) {
             let Some(read) = alone(&mut format, baud) else {
                 continue;
             };

@@ -6,6 +6,7 @@ use super::super::checksum::{Checksum, shown};
 use super::super::format::{Coding, Format};
 use super::super::marked::{Marked, Summed};
 use super::super::stream::{Cutting, How};
+use super::super::sums;
 use super::form::skeleton;
 use super::{Claim, Confidence};
 
@@ -65,7 +66,10 @@ impl Found {
         let sum = self.checksum.filter(|sum| sum.described().is_some());
         let sum = sum.map_or(0.0, |sum| sum.bits);
         let how = match &self.cut {
-            Cut::Stream(cutting) if matches!(cutting.how, How::Length { .. }) => 12.0,
+            // With two sizes only, a byte may follow the size by coincidence.
+            Cut::Stream(cutting) if matches!(cutting.how, How::Length { .. }) => {
+                if sizes(&self.frames) > 2 { 12.0 } else { -1.0 }
+            }
             Cut::Stream(_) => 6.0,
             Cut::Marked(marked, _) if marked.is_hex => 16.0,
             Cut::Marked(marked, _) if marked.is_usual(&self.frames) => 13.0,
@@ -81,8 +85,17 @@ impl Found {
     }
 }
 
-/// The text of the format; `None` if nothing is certain.
-pub(super) fn proposed(found: &Found) -> Option<Proposed> {
+/// The text of the format; `None` if nothing is certain. `is_asked`: the bytes are requests, which
+/// the other end answers.
+pub(super) fn proposed(found: &Found, is_asked: bool) -> Option<Proposed> {
+    if let Cut::Stream(cutting) = &found.cut {
+        let first = found.frames.first().map(Vec::len);
+        let is_varied = found.frames.iter().any(|frame| Some(frame.len()) != first);
+        // A constant is no length.
+        if matches!(cutting.how, How::Length { .. }) && !is_varied {
+            return None;
+        }
+    }
     let mut claims = Vec::new();
     let sum = found.checksum.and_then(|sum| Some((sum, sum.described()?)));
     let is_summed = sum.as_ref().is_some_and(|(sum, _)| sum.is_present());
@@ -120,15 +133,9 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         .iter()
         .any(|claim| claim.confidence == Confidence::Sure);
     let covers = match &found.cut {
-        // A constant is no length.
-        Cut::Stream(cutting) => {
-            let first = found.frames.first().map(Vec::len);
-            let is_varied = found.frames.iter().any(|frame| Some(frame.len()) != first);
-            let is_fixed = matches!(cutting.how, How::Fixed(_));
-            cutting.share >= SHARE_SURE && (is_fixed || is_varied)
-        }
+        Cut::Stream(cutting) => cutting.share >= SHARE_SURE,
         Cut::Marked(marked, _) => marked.share >= SHARE_SURE,
-        Cut::Format(format) => is_text && (format.has_prompt() || forms(&found.frames)),
+        Cut::Format(format) => is_text && (is_asked || format.has_prompt() || forms(&found.frames)),
     };
     let is_any = is_any || covers;
     is_any.then(|| Proposed {
@@ -141,6 +148,12 @@ pub(super) fn proposed(found: &Found) -> Option<Proposed> {
         is_summed,
         is_paused,
     })
+}
+
+/// Number of different sizes.
+fn sizes(frames: &[Vec<u8>]) -> usize {
+    let sizes: BTreeSet<usize> = frames.iter().map(Vec::len).collect();
+    sizes.len()
 }
 
 fn bytes(bytes: &[u8]) -> String {
@@ -352,7 +365,12 @@ fn of_format(
     Some((
         "silence = 3.5\n".to_owned(),
         0,
-        claim(words, evidence, is_summed && marked.is_none()),
+        // With two sizes only, a length may end the frames as well.
+        claim(
+            words,
+            evidence,
+            is_summed && marked.is_none() && sizes(&found.frames) > 2,
+        ),
     ))
 }
 
@@ -392,7 +410,7 @@ fn checksum_toml(sum: &Checksum, name: &str, start: usize, cut: &Cut) -> Option<
     if place.is_hex && place.gap == [b'*'] && name == "xor" && start == 1 && place.start == 1 {
         return Some(("checksum = \"nmea\"\n".to_owned(), String::new()));
     }
-    let mut keys = vec![format!("algorithm = \"{name}\"")];
+    let mut keys = vec![sums::key(name)];
     match place.head {
         None => match place.start.checked_sub(start)? {
             0 => {}
