@@ -6,8 +6,9 @@
 //!  no reply      --> another?   -- no: not known  |
 //! ```
 //!
-//! A driver that verifies the checksum treats a damaged reply like a missing one. So it has no
-//! defect if it continues the same after all three.
+//! A driver that verifies the checksum and repeats failed requests repeats them after a damaged
+//! reply, as after a missing one. Nothing is known of a driver that always continues with its next
+//! request.
 
 use core::time::Duration;
 
@@ -79,6 +80,13 @@ pub(super) fn try_replies(
     halt
 }
 
+/// Whether the next requests after missing replies are other ones than usual.
+fn is_repeating(seen: &[Reaction], usual: &[Reaction]) -> bool {
+    seen.iter()
+        .zip(usual)
+        .any(|(one, other)| one.next != other.next)
+}
+
 /// The end of the program in the experiment.
 enum Stop {
     /// After missing replies.
@@ -113,9 +121,12 @@ impl Trial<'_, '_, '_> {
             }
         }
         for _ in 0..2 {
-            match self.is_as(Phase::Missing, &usual, pair) {
-                Ok(false) => {}
-                Ok(true) => return Ok(false),
+            // A driver that reports a wrong checksum and continues with its next request does the
+            // same after an intact reply. Only another request after a missing reply shows that
+            // the driver repeats what failed.
+            match self.phase(Phase::Missing, pair) {
+                Ok(Some(seen)) if is_repeating(&seen, &usual) => {}
+                Ok(_) => return Ok(false),
                 Err(Stop::Other(halt @ Halt::Ended(_))) => return Err(Stop::Missing(halt)),
                 Err(stop) => return Err(stop),
             }
