@@ -216,11 +216,14 @@ pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     all
 });
 
-/// CRCs of 8 bits with all polynomials of which a catalogue has no algorithm, from 0 and without a
-/// change at the end.
+/// Begin of the name of a CRC without a name in the catalogue; its polynomial follows.
+const POLYNOMIAL: &str = "CRC-8 with polynomial ";
+
+/// CRCs of 8 bits with each polynomial, from 0 and without a change at the end: some devices use
+/// one that no catalogue has.
 pub(crate) static UNNAMED: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     let of = |poly: u8| -> Sum {
-        let name: &'static str = Box::leak(format!("CRC-8 with polynomial {poly:#04X}").into());
+        let name: &'static str = Box::leak(format!("{POLYNOMIAL}{poly:#04X}").into());
         let algorithm: &'static Algorithm<u8> = Box::leak(Box::new(Algorithm {
             width: 8,
             poly,
@@ -244,7 +247,7 @@ pub(crate) static UNNAMED: LazyLock<Vec<Sum>> = LazyLock::new(|| {
 
 /// The key of a description for the algorithm of this name.
 pub(crate) fn key(name: &str) -> String {
-    match name.strip_prefix("CRC-8 with polynomial ") {
+    match name.strip_prefix(POLYNOMIAL) {
         Some(poly) => format!("polynomial = {{ width = 8, poly = {poly} }}"),
         None => format!("algorithm = \"{name}\""),
     }

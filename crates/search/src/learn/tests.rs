@@ -323,3 +323,42 @@ fn frames_are_read_from_a_folder() {
     let expected = [vec![0xAB, 1, 2], vec![0xAB, 3], vec![0xAB, 4]];
     assert_eq!(gathered.learned(None).unasked, expected);
 }
+
+/// Frames of a lidar with a CRC of 8 bits that no catalogue has (LDROBOT: polynomial 4D), computed
+/// bit by bit. A tenth of them, which come first in order, are damaged.
+#[test]
+fn a_polynomial_without_a_name_is_found_among_damaged_frames() {
+    let crc = |bytes: &[u8]| {
+        bytes.iter().fold(0_u8, |sum, byte| {
+            (0..8).fold(sum ^ byte, |sum, _| {
+                (sum << 1) ^ if sum & 0x80 == 0 { 0 } else { 0x4D }
+            })
+        })
+    };
+    let frame = |at: u8| {
+        let mut frame = vec![
+            0x54,
+            0x2C,
+            at.wrapping_mul(37),
+            at.wrapping_mul(11) ^ 0x5A,
+            at,
+        ];
+        frame.push(crc(&frame));
+        match at % 10 {
+            3 => vec![at, 0x2C, 0x11, 0x22, 0x33, 0x44],
+            _ => frame,
+        }
+    };
+    let frames: Vec<Vec<u8>> = (0..60).map(frame).collect();
+    assert_eq!(crc(&[1]), 0x4D);
+    let (name, words, _) = found(&frames);
+    assert_eq!(
+        name.as_deref(),
+        Some("CRC-8 with polynomial 0x4D"),
+        "{words}"
+    );
+    assert_eq!(
+        sums::key(&name.expect("named")),
+        "polynomial = { width = 8, poly = 0x4D }"
+    );
+}

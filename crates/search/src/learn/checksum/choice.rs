@@ -73,10 +73,24 @@ impl Checksum {
 /// Minimum number of different frames for a polynomial without a name.
 const UNNAMED_MIN: usize = 12;
 
+/// Different `bodies`, at most [`FRAMES_MAX`], in an order that spreads similar ones: damaged
+/// frames are often alike, and must not be all of the first.
+fn spread(bodies: &[Vec<u8>]) -> Vec<&[u8]> {
+    let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
+    let few: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
+    // A prime that no number of bodies is a multiple of: each body comes once.
+    let from = few.len() / 2;
+    (0..few.len())
+        .map(|at| few[(from + at * STEP) % few.len()])
+        .collect()
+}
+
+/// Distance of two bodies in a row, a prime beyond [`FRAMES_MAX`].
+const STEP: usize = 67;
+
 /// The checksum of `bodies`, which are frames without their ends, if one is found.
 pub(crate) fn infer(bodies: &[Vec<u8>]) -> Option<Checksum> {
-    let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
-    let distinct: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
+    let distinct = spread(bodies);
     let (mut tried, mut fitting) = all_fitting(&distinct, &ALL)?;
     let is_enough = |one: &Checksum| one.bits - tried >= CLAIMED_BITS;
     if !fitting.iter().any(is_enough) && distinct.len() >= UNNAMED_MIN {
