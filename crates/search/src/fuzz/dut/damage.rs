@@ -3,7 +3,7 @@
 //! ```text
 //!  intact reply  --> next request, after a time --+
 //!  damaged reply --> the same?  -- no: verified   |  each as often, twice
-//!  no reply      --> another?   -- no: not known  |
+//!  no reply      --> repeated?  -- no: not known  |
 //! ```
 //!
 //! A driver that verifies the checksum and repeats failed requests repeats them after a damaged
@@ -67,37 +67,17 @@ pub(super) fn try_replies(
     let accepts = trial.accepts(&mut pair);
     let kept = trial.damage;
     live.held.damage = Some(kept);
-    let (accepts, halt) = match accepts {
-        Ok(accepts) => (accepts, Ok(())),
-        // The program ended because a reply was missing, but not because it was damaged.
-        Err(Stop::Missing(halt)) => (true, Err(halt)),
-        Err(Stop::Other(halt)) => (false, Err(halt)),
-    };
-    if let Some(pair) = pair.filter(|_| accepts) {
+    if let Some(pair) = pair.filter(|_| matches!(accepts, Ok(true))) {
         let link = link.to_owned();
         causes.push(Cause::Accepts { pair, link });
     }
-    halt
+    accepts.map(|_| ())
 }
 
-/// Whether the next requests after missing replies are other ones than usual.
-fn is_repeating(seen: &[Reaction], usual: &[Reaction]) -> bool {
-    seen.iter()
-        .zip(usual)
-        .any(|(one, other)| one.next != other.next)
-}
-
-/// The end of the program in the experiment.
-enum Stop {
-    /// After missing replies.
-    Missing(Halt),
-    Other(Halt),
-}
-
-impl From<Halt> for Stop {
-    fn from(halt: Halt) -> Self {
-        Self::Other(halt)
-    }
+/// Whether a request of the kind `asked` was repeated after a missing reply, unlike usual.
+fn is_repeated(asked: &Hex, seen: &[Reaction], usual: &[Reaction]) -> bool {
+    let mut both = seen.iter().zip(usual);
+    both.any(|(one, other)| one.next.as_ref() == Some(asked) && one.next != other.next)
 }
 
 struct Trial<'a, 'b, 'c> {
@@ -109,7 +89,7 @@ struct Trial<'a, 'b, 'c> {
 
 impl Trial<'_, '_, '_> {
     /// Whether the program accepts damaged replies; `pair` receives an intact and a damaged one.
-    fn accepts(&mut self, pair: &mut Option<Pair>) -> Result<bool, Stop> {
+    fn accepts(&mut self, pair: &mut Option<Pair>) -> Result<bool, Halt> {
         let Some(usual) = self.phase(Phase::Intact, pair)? else {
             return Ok(false);
         };
@@ -122,15 +102,11 @@ impl Trial<'_, '_, '_> {
         }
         for _ in 0..2 {
             // A driver that reports a wrong checksum and continues with its next request does the
-            // same after an intact reply. Only another request after a missing reply shows that
-            // the driver repeats what failed.
-            match self.phase(Phase::Missing, pair) {
-                Ok(Some(seen)) if is_repeating(&seen, &usual) => {}
-                Ok(_) => return Ok(false),
-                Err(Stop::Other(halt @ Halt::Ended(_))) => return Err(Stop::Missing(halt)),
-                Err(stop) => return Err(stop),
-            }
-            if !self.is_as(Phase::Intact, &usual, pair)? {
+            // same after an intact reply, and may end or wait because of a missing one. Only the
+            // same request after a missing reply shows that the driver repeats what failed.
+            let seen = self.phase(Phase::Missing, pair)?;
+            let is_repeated = seen.is_some_and(|seen| is_repeated(&self.damage.to, &seen, &usual));
+            if !is_repeated || !self.is_as(Phase::Intact, &usual, pair)? {
                 return Ok(false);
             }
         }
@@ -143,7 +119,7 @@ impl Trial<'_, '_, '_> {
         phase: Phase,
         usual: &[Reaction],
         pair: &mut Option<Pair>,
-    ) -> Result<bool, Stop> {
+    ) -> Result<bool, Halt> {
         let seen = self.phase(phase, pair)?;
         Ok(seen.is_some_and(|seen| {
             let mut both = seen.iter().zip(usual);
@@ -156,7 +132,7 @@ impl Trial<'_, '_, '_> {
         &mut self,
         phase: Phase,
         pair: &mut Option<Pair>,
-    ) -> Result<Option<Vec<Reaction>>, Stop> {
+    ) -> Result<Option<Vec<Reaction>>, Halt> {
         let mut seen = Vec::new();
         while (seen.len() as u64) < self.damage.count {
             let Some(asked) = self.wait_for_kind()? else {
@@ -198,7 +174,7 @@ impl Trial<'_, '_, '_> {
     }
 
     /// The next request of the kind in question; the others get intact replies.
-    fn wait_for_kind(&mut self) -> Result<Option<Vec<u8>>, Stop> {
+    fn wait_for_kind(&mut self) -> Result<Option<Vec<u8>>, Halt> {
         for _ in 0..OTHERS_MAX {
             let Some(asked) = self.hear()? else {
                 return Ok(None);
