@@ -4,6 +4,7 @@ use hilrig::robots::{self, Dut, PcEnd};
 use hilrig::run::check::Status;
 use hilrig::run::{Outcome, Run};
 use hilrig::scenario::{Scenario, Source};
+use hilrig::show::report;
 use protocols::Instant;
 
 use super::{failures, shipped};
@@ -52,6 +53,9 @@ fn two_yellows_leave_one_labyrinth_without_a_contact() {
             assert_eq!(origin.trace_hash, outcome.trace_hash);
             let alone = outcome.team.iter().map(|(_, end)| &end.trace_hash);
             assert!(alone.into_iter().all(|hash| *hash != outcome.trace_hash));
+            let [all, own] = [&outcome, &outcome.team[0].1].map(report::html);
+            let link = "<a href=\"team/blue/report.html\">blue</a>";
+            assert!(all.contains(link) && !own.contains(link));
         }
     }
 }

@@ -23,12 +23,26 @@ pub(super) fn header(outcome: &Outcome) -> String {
     let (name, about) = (escape(&case.name), escape(&case.description));
     let (seed, hash, version) = (outcome.seed, &outcome.trace_hash, env!("CARGO_PKG_VERSION"));
     let (ran, cause) = (outcome.ran.as_secs_f64(), cause(outcome));
+    let team = team(outcome);
     let again = escape(outcome.again.as_deref().unwrap_or("hilrig run case.toml"));
     format!(
         "<header>\n<h1><span id=\"verdict\" class=\"{class}\">{verdict}</span> {name}</h1>\n\
          {cause}<p>{about}</p>\n<p>seed {seed}, {ran:.1} s, bytes {hash}, {TOOL} {version}; \
-         again: <code>{again}</code></p>\n</header>\n"
+         again: <code>{again}</code></p>\n{team}</header>\n"
     )
+}
+
+/// Links to the reports of the further robots.
+fn team(outcome: &Outcome) -> String {
+    let links = outcome.team.iter().map(|(name, _)| {
+        let name = escape(name);
+        format!("<a href=\"team/{name}/report.html\">{name}</a>")
+    });
+    let links: Vec<String> = links.collect();
+    match &links[..] {
+        [] => String::new(),
+        links => format!("<p>reports of further robots: {}</p>\n", links.join(", ")),
+    }
 }
 
 /// The first failed check, and the number of further ones; if none failed, rules that were not
