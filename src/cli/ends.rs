@@ -44,12 +44,24 @@ impl EndArgs {
     }
 
     /// Opens or creates a port for each open end.
-    pub(super) fn place(&self, wired: Wired, dir: &PortDir) -> Result<Placed, CliError> {
+    pub(super) fn place(&self, wired: Wired, dir: &mut PortDir) -> Result<Placed, CliError> {
+        self.place_all(wired, Vec::new(), dir)
+    }
+
+    /// As [`place`](Self::place), with the open ends of further robots: their ports are in
+    /// directories with the names of the robots.
+    pub(super) fn place_all(
+        &self,
+        wired: Wired,
+        others: Vec<OpenEnd>,
+        dir: &mut PortDir,
+    ) -> Result<Placed, CliError> {
         let Wired {
             mut rig,
-            open_ends,
+            mut open_ends,
             instruments,
         } = wired;
+        open_ends.extend(others);
         let names: Vec<String> = open_ends.iter().map(|end| end.name.clone()).collect();
         place::check("--dut-at", &self.dut_at, &names)?;
         place::check("--device-at", &self.device_at, &names)?;
@@ -58,7 +70,10 @@ impl EndArgs {
             let real = place::find(&self.dut_at, &end.name);
             let transport: Box<dyn Transport> = match real {
                 Some(place) => open(place, &end, &rig)?,
-                None => Box::new(Pty::open(dir, &end.name, end.line)?),
+                None => match end.name.split_once('/') {
+                    Some((robot, own)) => Box::new(Pty::open(dir.part(robot)?, own, end.line)?),
+                    None => Box::new(Pty::open(dir, &end.name, end.line)?),
+                },
             };
             seats.extend(self.device(&mut rig, &end)?);
             seats.push(Seat {

@@ -93,6 +93,7 @@ impl ExecHow {
         Foreign {
             command,
             name: String::new(),
+            robot: 0,
             others: Vec::new(),
             wait: self.exec_wait.0,
             may_end: self.exec_may_end,
@@ -166,14 +167,16 @@ impl ExecArgs {
 
     /// The programs that the scenario names, in virtual time.
     pub(super) fn of_file(&self, scenario: &Scenario) -> Option<Foreign> {
-        let programs = scenario.exec.iter();
-        let mut programs = programs.map(|(name, spec)| Companion {
-            name: name.clone(),
+        let programs = scenario.programs();
+        let mut programs = programs.map(|(robot, name, spec)| Companion {
+            name,
             command: spec.shell(),
+            robot,
         });
         let first = programs.next()?;
         Some(Foreign {
             name: first.name,
+            robot: first.robot,
             others: programs.collect(),
             has_lines: false,
             supervision: Some(Supervision::default()),
@@ -257,13 +260,17 @@ pub(super) fn refuse_programs(
     path: &Path,
     scenario: &Scenario,
 ) -> Result<(), CliError> {
-    let Some(name) = scenario.exec.keys().next() else {
+    let Some((_, name, _)) = scenario.programs().next() else {
         return Ok(());
+    };
+    let table = match name.split_once('/') {
+        Some((robot, program)) => format!("team.{robot}.exec.{program}"),
+        None => format!("exec.{name}"),
     };
     let path = path.display();
     Err(CliError::Usage(format!(
-        "{command}: {path} names a program in [exec.{name}], which {command} does not start; use \
-         \"hilrig run\" with the scenario, or leave the [exec.NAME] tables out"
+        "{command}: {path} names a program in [{table}], which {command} does not start; use \
+         \"hilrig run\" with the scenario, or leave its exec tables out"
     )))
 }
 

@@ -402,7 +402,7 @@ pub(super) enum Runnable {
 impl Runnable {
     /// Whether this is a scenario that names its programs.
     fn has_programs(&self) -> bool {
-        matches!(self, Self::Scenario(scenario) if !scenario.0.exec.is_empty())
+        matches!(self, Self::Scenario(file) if file.0.programs().next().is_some())
     }
 
     pub(super) fn read(path: &Path) -> Result<Self, CliError> {

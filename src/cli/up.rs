@@ -107,7 +107,7 @@ pub(super) fn run(args: Up) -> Result<Verdict, CliError> {
 
     let mut dir = PortDir::open(&dir)?;
     let mut control = Control::open(&dir)?;
-    let (rig, instruments, seats) = args.ends.place(wired, &dir)?;
+    let (rig, instruments, seats) = args.ends.place(wired, &mut dir)?;
     dir.leave_note(Note::Scenario, &scenario.to_toml())?;
     print_table(&seats);
     let until = match (args.duration, args.until_over) {

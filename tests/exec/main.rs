@@ -38,6 +38,8 @@ mod restarts;
 mod signals;
 mod support;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod team;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod terminals;
 #[path = "../support/thorough.rs"]
 mod thorough;

@@ -92,6 +92,7 @@ impl Station {
             rate: PortRate::OfLine,
             connect: "a test",
             is_optional: false,
+            robot: 0,
         };
         Self {
             rig,

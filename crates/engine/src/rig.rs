@@ -46,7 +46,7 @@ pub use logged::Logged;
 pub(crate) use logged::{LogMoment, LogPoint};
 use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
-pub use paced::Paced;
+pub use paced::{Paced, Rigs};
 pub use preview::Arrival;
 
 /// A connection between two nodes, or a node and the outside.

@@ -261,6 +261,15 @@ pub struct OpenEnd {
     pub connect: &'static str,
     /// Whether a program may leave the port closed.
     pub is_optional: bool,
+    /// Index of its robot, see [`Rigs`](crate::rig::Rigs).
+    pub robot: usize,
+}
+
+impl OpenEnd {
+    /// The name without that of a further robot.
+    pub fn own_name(&self) -> &str {
+        self.name.split_once('/').map_or(&self.name, |(_, own)| own)
+    }
 }
 
 /// A rig and the data for its users.
@@ -314,6 +323,7 @@ impl Wired {
             rate: PortRate::OfLine,
             connect,
             is_optional: false,
+            robot: 0,
         });
         End {
             node,
@@ -348,8 +358,8 @@ pub fn wire(
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
     if !scenario.team.is_empty() {
-        let message = "expected none here: \"hilrig run\", and \"ui\", \"campaign\" and \"shrink\" without \
-                       a program of your own run several robots; others run one robot";
+        let message = "expected none here: \"hilrig run\", \"debug\", and \"ui\", \"campaign\" and \"shrink\" \
+                       without a program of your own run several robots; others run one robot";
         return Err(source.invalid(source.find("team"), "team", message));
     }
     wire_first(scenario, source, dut, pc)

@@ -80,7 +80,7 @@ pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
 pub use outcome::{Outcome, unobserved};
 use steps::Steps;
-pub use team::Member;
+pub use team::{Member, wire_members};
 use wire_log::{Logging, WireLog};
 
 pub use crate::scenario::LOOK_EVERY;
@@ -434,6 +434,14 @@ impl Run {
 impl Paced for Run {
     fn rig(&mut self) -> &mut Rig {
         &mut self.rig
+    }
+
+    fn rig_of_mut(&mut self, robot: usize) -> &mut Rig {
+        let member = robot.checked_sub(1).and_then(|it| self.team.get_mut(it));
+        match member {
+            Some(member) => &mut member.run.rig,
+            None => &mut self.rig,
+        }
     }
 
     /// Stops at the update at which the run is over, so that it ends in the same state at any pace.

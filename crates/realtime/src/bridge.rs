@@ -56,6 +56,7 @@ impl Bridge {
             rate: PortRate::OfLine,
             connect: "any program",
             is_optional: false,
+            robot: 0,
         });
         let port = Port(0);
         let [first, second] = ends.each_ref().map(|end| End {

@@ -14,6 +14,7 @@ mod cause;
 mod companion;
 mod conclude;
 mod cpu;
+mod environment;
 mod error;
 mod exchange;
 mod ports;
@@ -22,7 +23,6 @@ mod schedule;
 mod verdict;
 
 use core::time::Duration;
-use std::ffi::OsString;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -36,13 +36,15 @@ use crate::process::{Ended, Patience, Process};
 use crate::transport::{Note, PortDir, Pty, Transport, TransportError};
 use crate::{LATE, Lateness, PortReport, Realtime};
 use engine::robots::{self, Dut, OpenEnd, PcEnd, Wired};
-use engine::run::check::{Check, NODE_PROGRAMS};
+use engine::run::check::{Check, NODE_PROGRAMS, Status};
 use engine::run::{Outcome, Run};
 use engine::scenario::{Scenario, Source};
 
 pub use companion::{Companion, Supervision};
 pub(crate) use conclude::Ending;
 pub use cpu::Cpu;
+pub use environment::port_variable;
+pub(crate) use environment::{environment, terminal_of};
 pub use error::ExecError;
 pub(crate) use ports::Ports;
 pub(crate) use readiness::Readiness;
@@ -78,6 +80,8 @@ pub struct Foreign {
     pub command: String,
     /// Its name among several programs; else empty.
     pub name: String,
+    /// Index of its robot, 0 for the first one.
+    pub robot: usize,
     /// Further programs of the same run, in virtual time only.
     pub others: Vec<Companion>,
     /// Wall time within which it must open what it needs.
@@ -171,7 +175,7 @@ impl Trial {
         let mut control = Control::open(&dir)?;
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
         let ports = ports_of(&seats, &foreign)?;
-        let env = environment(&seats, &dir, &run);
+        let env = environment(&seats, &dir, &run, 0);
         let mut realtime = Realtime::new(Held::at(run.rig.now()));
         for seat in seats {
             realtime.serve(seat.end, seat.transport);
@@ -340,7 +344,18 @@ impl Trial {
 pub(crate) fn add_checks(outcome: &mut Outcome, own: Vec<Check>) {
     // The run has its own checks with some of these names, which observed no program.
     let others = core::mem::take(&mut outcome.checks);
-    let is_new = |check: &Check| own.iter().all(|one| one.name != check.name);
+    let is_new = |check: &Check| {
+        // Those of the other robots' programs are judged together with this one.
+        let name = match check.status {
+            Status::NotObserved => check.name.rsplit('/').next(),
+            _ => None,
+        };
+        let name = name.unwrap_or(&check.name);
+        own.iter().all(|one| one.name != name)
+    };
+    for (_, member) in &mut outcome.team {
+        member.checks.retain(is_new);
+    }
     let others: Vec<Check> = others.into_iter().filter(is_new).collect();
     outcome.checks.extend(own);
     outcome.checks.extend(others);
@@ -369,40 +384,6 @@ pub(crate) fn ports_of(seats: &[Seat], foreign: &Foreign) -> Result<Ports, ExecE
         ports.add(&end.name, terminal, is_needed);
     }
     Ok(ports)
-}
-
-/// Environment variables of a program on `seats`.
-pub(crate) fn environment(seats: &[Seat], dir: &PortDir, run: &Run) -> Vec<(String, OsString)> {
-    let mut env = vec![
-        (PORTS_VARIABLE.to_owned(), dir.path().into()),
-        (
-            "HILRIG_SEED".to_owned(),
-            run.scenario().seed.to_string().into(),
-        ),
-        (
-            "HILRIG_SCENARIO".to_owned(),
-            Note::Scenario.path_in(dir.path()).into(),
-        ),
-    ];
-    for seat in seats.iter().filter(|seat| seat.is_terminal) {
-        let path = seat.transport.path().into();
-        env.push((port_variable(&seat.end.name), path));
-        env.extend(terminal_of(&seat.end.name, seat.transport.path()));
-    }
-    env
-}
-
-/// The variable with the name of a port in `/dev`, and this name: some libraries accept no other.
-pub(crate) fn terminal_of(name: &str, path: &Path) -> Option<(String, OsString)> {
-    let terminal = path.canonicalize().ok()?;
-    let name = name.to_ascii_uppercase().replace('-', "_");
-    (terminal != path).then(|| (format!("{TERMINAL_VARIABLE}{name}"), terminal.into()))
-}
-
-/// Environment variable with the path of the port `name`.
-pub fn port_variable(name: &str) -> String {
-    let name = name.to_ascii_uppercase().replace('-', "_");
-    format!("HILRIG_PORT_{name}")
 }
 
 /// Logs the contacts of the robot.

@@ -43,7 +43,7 @@ use protocols::{Instant, LineEvent};
 
 use crate::clock::{Clock, WallClock};
 use crate::transport::{Special, Transport, TransportError, stirred, wait};
-use engine::rig::{Paced, PortRate, Rig};
+use engine::rig::{Paced, PortRate, Rig, Rigs};
 use engine::robots::OpenEnd;
 use engine::scenario::Scenario;
 
@@ -140,8 +140,14 @@ impl<C: Clock> Realtime<C> {
 
     /// Puts the adapters that `scenario` names between the ports served so far and their clients.
     pub fn plug_in(&mut self, scenario: &Scenario, rig: &mut Rig) {
+        self.plug_in_of(0, scenario, rig);
+    }
+
+    /// As [`plug_in`](Self::plug_in), for the ports of the robot with the index `robot`.
+    pub(crate) fn plug_in_of(&mut self, robot: usize, scenario: &Scenario, rig: &mut Rig) {
         for (name, spec) in &scenario.link {
-            let ports = self.ports.iter_mut().filter(|port| port.end.link == *name);
+            let is_meant = |end: &OpenEnd| end.robot == robot && end.link == *name;
+            let ports = self.ports.iter_mut().filter(|port| is_meant(&port.end));
             for port in ports {
                 port.adapter = Adapter::new(spec.adapter, name, scenario.seed, rig.now());
                 // The adapter cuts between bytes, so they must arrive one by one.
@@ -244,8 +250,8 @@ impl<C: Clock> Realtime<C> {
         }
         for port in &mut self.ports {
             port.carry_plug(paced)?;
-            port.carry_out(paced.rig());
-            port.hold_back(paced.rig());
+            port.carry_out(paced.rig_of_mut(port.end.robot));
+            port.hold_back(paced.rig_of_mut(port.end.robot));
         }
         Ok(())
     }
@@ -262,22 +268,24 @@ impl<C: Clock> Realtime<C> {
         }
         for port in &mut self.ports {
             port.carry_plug(paced)?;
-            port.carry_out(paced.rig());
-            port.hold_back(paced.rig());
+            port.carry_out(paced.rig_of_mut(port.end.robot));
+            port.hold_back(paced.rig_of_mut(port.end.robot));
         }
         Ok(())
     }
 
     /// Modem lines as the client of the port `index` gets them from TIOCMGET.
-    pub(crate) fn input_lines(&self, index: usize, rig: &Rig) -> u32 {
-        let inputs = self.ports[index].inputs;
-        inputs.map_or(0, |inputs| inputs.bits(rig))
+    pub(crate) fn input_lines(&self, index: usize, rigs: &impl Rigs) -> u32 {
+        let port = &self.ports[index];
+        let rig = rigs.rig_of(port.end.robot);
+        port.inputs.map_or(0, |inputs| inputs.bits(rig))
     }
 
-    /// Whether the rig has bytes for a client now.
-    pub(crate) fn has_output(&self, rig: &Rig) -> bool {
-        let is_due = |adapter: &Adapter| adapter.expires_at() <= rig.now();
+    /// Whether the rigs have bytes for a client now.
+    pub(crate) fn has_output(&self, rigs: &impl Rigs) -> bool {
         self.ports.iter().any(|port| {
+            let rig = rigs.rig_of(port.end.robot);
+            let is_due = |adapter: &Adapter| adapter.expires_at() <= rig.now();
             rig.output_len(port.end.node) > 0 || port.adapter.as_ref().is_some_and(is_due)
         })
     }
@@ -289,10 +297,12 @@ impl<C: Clock> Realtime<C> {
     }
 
     /// Whether bytes from the rig reach each client as they arrive, nothing is on its way from one,
-    /// no CTS line holds back what it has sent, and no device changes a modem line meanwhile.
+    /// no CTS line holds back what it has sent, no device changes a modem line meanwhile, and all
+    /// ports are those of the first robot.
     pub(crate) fn is_plain(&self) -> bool {
         self.ports.iter().all(|port| {
-            port.adapter.is_none()
+            port.end.robot == 0
+                && port.adapter.is_none()
                 && port.spread.is_empty()
                 && port.transport.rests()
                 && !port.transport.has_flow_control()
@@ -300,9 +310,14 @@ impl<C: Clock> Realtime<C> {
         })
     }
 
-    /// The outside end of the port `index`.
+    /// The outside end of the port `index`, in the rig of its robot.
     pub(crate) fn node(&self, index: usize) -> usize {
         self.ports[index].end.node
+    }
+
+    /// Index of the robot of the port `index`.
+    pub(crate) fn robot(&self, index: usize) -> usize {
+        self.ports[index].end.robot
     }
 
     /// Bytes that were brought to the client of the port `index` so far, and whether there is one.
@@ -312,13 +327,14 @@ impl<C: Clock> Realtime<C> {
     }
 
     /// Bytes of the client of the port `index` that the line has not taken.
-    pub(crate) fn backlog(&self, index: usize, rig: &Rig) -> usize {
-        rig.backlog(self.ports[index].end.node)
+    pub(crate) fn backlog(&self, index: usize, rigs: &impl Rigs) -> usize {
+        let end = &self.ports[index].end;
+        rigs.rig_of(end.robot).backlog(end.node)
     }
 
     /// Number of bytes that the client of the port `index` may send now.
-    pub(crate) fn room(&self, index: usize, rig: &Rig) -> usize {
-        BACKLOG_MAX.saturating_sub(self.backlog(index, rig))
+    pub(crate) fn room(&self, index: usize, rigs: &impl Rigs) -> usize {
+        BACKLOG_MAX.saturating_sub(self.backlog(index, rigs))
     }
 
     /// The client's side of the port `index`, if this process can open it.
@@ -328,15 +344,16 @@ impl<C: Clock> Realtime<C> {
 
     /// Applies a line event of the client of the port `index`.
     pub(crate) fn change_line(&self, index: usize, event: LineEvent, paced: &mut impl Paced) {
-        let node = self.ports[index].end.node;
-        paced.rig().change_line(node, event);
+        let end = &self.ports[index].end;
+        paced.rig_of_mut(end.robot).change_line(end.node, event);
         let now = paced.rig().now();
         paced.run_until(now);
     }
 
     /// Passes bytes to the rig as if the client of the port `index` had sent them.
     pub(crate) fn inject(&self, index: usize, bytes: &[u8], paced: &mut impl Paced) {
-        paced.rig().inject(self.ports[index].end.node, bytes);
+        let end = &self.ports[index].end;
+        paced.rig_of_mut(end.robot).inject(end.node, bytes);
         let now = paced.rig().now();
         paced.run_until(now);
     }

@@ -40,8 +40,9 @@ impl<C: Clock> Realtime<C> {
     }
 
     /// Discards the bytes that the client of the port `index` has sent and the line has not taken.
-    pub(crate) fn discard_input(&self, index: usize, rig: &mut Rig) {
-        rig.discard_input(self.ports[index].end.node);
+    pub(crate) fn discard_input(&self, index: usize, paced: &mut impl Paced) {
+        let end = &self.ports[index].end;
+        paced.rig_of_mut(end.robot).discard_input(end.node);
     }
 }
 
@@ -57,7 +58,7 @@ impl Port {
     /// Pulls or plugs in the port as the fault `unplugged` demands.
     pub(super) fn carry_plug(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
         let node = self.end.node;
-        let is_unplugged = paced.rig().is_unplugged(node);
+        let is_unplugged = paced.rig_of_mut(self.end.robot).is_unplugged(node);
         if is_unplugged == core::mem::replace(&mut self.is_unplugged, is_unplugged) {
             return Ok(());
         }
@@ -67,17 +68,22 @@ impl Port {
             self.transport.unplug();
             (rule, detail) = ("port-unplugged", format!("{before} hangs up and is gone"));
         } else {
-            let name = paced.rig().back_as(node).map(str::to_owned);
+            let name = paced
+                .rig_of_mut(self.end.robot)
+                .back_as(node)
+                .map(str::to_owned);
             self.transport.plug(name.as_deref())?;
             let path = self.transport.path().display();
             (rule, detail) = ("port-plugged", format!("back as {path}, a fresh port"));
         }
-        self.log(paced.rig(), rule, detail);
+        self.log(paced.rig_of_mut(self.end.robot), rule, detail);
         // Settings of the old port do not apply to the next one.
-        paced.rig().set_terminal_modes(node, None);
+        paced
+            .rig_of_mut(self.end.robot)
+            .set_terminal_modes(node, None);
         while let Some(event) = self.transport.next_event() {
-            self.report(paced.rig(), event);
-            let now = paced.rig().now();
+            self.report(paced.rig_of_mut(self.end.robot), event);
+            let now = paced.rig_of_mut(self.end.robot).now();
             paced.run_until(now);
         }
         Ok(())

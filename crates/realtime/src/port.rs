@@ -15,18 +15,19 @@ impl Port {
         // Large enough for a whole network packet.
         let mut buf = [0; 2048];
         let node = self.end.node;
-        if let Some([input, control]) = paced.rig().terminal_modes(node) {
+        if let Some([input, control]) = paced.rig_of_mut(self.end.robot).terminal_modes(node) {
             self.transport.tell(Settings::of_modes(input, control));
         }
-        let now = paced.rig().now();
+        let now = paced.rig_of_mut(self.end.robot).now();
         let due = self.spread.due(now);
-        paced.rig().inject(node, &due);
-        while self.spread.is_empty() && paced.rig().backlog(node) < BACKLOG_MAX {
+        paced.rig_of_mut(self.end.robot).inject(node, &due);
+        while self.spread.is_empty() && paced.rig_of_mut(self.end.robot).backlog(node) < BACKLOG_MAX
+        {
             let len = self.read(paced, &mut buf)?;
             if len == 0 {
                 break;
             }
-            paced.rig().inject(node, &buf[..len]);
+            paced.rig_of_mut(self.end.robot).inject(node, &buf[..len]);
         }
         paced.run_until(now);
         Ok(())
@@ -40,7 +41,7 @@ impl Port {
     ) -> Result<(), TransportError> {
         let mut buf = [0; BACKLOG_MAX];
         let len = self.read(paced, &mut buf)?;
-        let now = paced.rig().now();
+        let now = paced.rig_of_mut(self.end.robot).now();
         self.spread.begin(&buf[..len], now, late);
         Ok(())
     }
@@ -55,10 +56,12 @@ impl Port {
         let read = self.transport.read(buf);
         while let Some(event) = self.transport.next_event() {
             let before = self.spread.rest();
-            paced.rig().inject(self.end.node, &before);
-            self.report(paced.rig(), event);
+            paced
+                .rig_of_mut(self.end.robot)
+                .inject(self.end.node, &before);
+            self.report(paced.rig_of_mut(self.end.robot), event);
             // The rig stores one change of the line at a time.
-            let now = paced.rig().now();
+            let now = paced.rig_of_mut(self.end.robot).now();
             paced.run_until(now);
         }
         let len = read?;
@@ -149,6 +152,6 @@ impl Port {
             detail,
             bytes: Vec::new(),
         };
-        rig.log(&self.end.name, event);
+        rig.log(self.end.own_name(), event);
     }
 }

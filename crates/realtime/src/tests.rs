@@ -67,6 +67,7 @@ fn rig() -> (Rig, OpenEnd) {
         rate: PortRate::OfLine,
         connect: "a test",
         is_optional: false,
+        robot: 0,
     };
     (rig, end)
 }

@@ -55,8 +55,8 @@ pub(super) fn judged_exec(
         false => pc_end(&scenario),
     };
     let wired = robots::wire_first(&scenario, source, Dut::External, pc)?;
-    let dir = PortDir::open(&ports_in(out, place.dir)?)?;
-    let (rig, instruments, seats) = place.ends.place(wired, &dir)?;
+    let mut dir = PortDir::open(&ports_in(out, place.dir)?)?;
+    let (rig, instruments, seats) = place.ends.place(wired, &mut dir)?;
     print_table(&seats);
     let mut run = Run::with_team(scenario, source, (rig, instruments))?;
     record_to(

@@ -13,7 +13,7 @@ use super::judged::{
 use crate::capture;
 use crate::cli::CliError;
 use crate::cli::ends::{EndArgs, print_table};
-use crate::cli::exec::show_words;
+use crate::cli::exec::{is_bare, show_words};
 use crate::cli::stop::Stop;
 use crate::realtime::Place;
 use crate::realtime::clock::{Clock as _, WallClock};
@@ -21,9 +21,9 @@ use crate::realtime::control::Control;
 use crate::realtime::exec::{Cpu, Foreign, Seat, pc_end};
 use crate::realtime::guest::{GuestError, Played, Trial};
 use crate::realtime::transport::PortDir;
-use crate::robots::{self, Dut};
-use crate::run::Run;
+use crate::robots::{self, Dut, PcEnd, Wired};
 use crate::run::check::Check;
+use crate::run::{Run, wire_members};
 use crate::scenario::{Scenario, Source};
 use safefs::Dir;
 
@@ -181,6 +181,17 @@ impl Beginning<'_> {
         Ok(trial)
     }
 
+    /// The rig of the first robot. If all programs are those of other robots, it has its built-in
+    /// program.
+    fn first_robot(&self, scenario: &Scenario, source: &Source) -> Result<Wired, CliError> {
+        let is_own = is_of_others(self.foreign) && !is_bare(scenario, source)?;
+        let (dut, pc) = match is_own {
+            true => (Dut::Internal, PcEnd::Scripted),
+            false => (Dut::External, pc_end(scenario)),
+        };
+        Ok(robots::wire_first(scenario, source, dut, pc)?)
+    }
+
     /// The same with a control socket, if `is_controlled`.
     fn begin_with(
         &self,
@@ -188,9 +199,14 @@ impl Beginning<'_> {
         source: &Source,
         is_controlled: bool,
     ) -> Result<(Trial, Option<Control>), CliError> {
-        let wired = robots::wire_first(scenario, source, Dut::External, pc_end(scenario))?;
-        let dir = PortDir::open(self.ports)?;
-        let (rig, instruments, seats) = self.ends.place(wired, &dir)?;
+        let wired = self.first_robot(scenario, source)?;
+        let mut members = wire_members(scenario, source, Dut::External)?;
+        let ends = members
+            .iter_mut()
+            .flat_map(|member| core::mem::take(&mut member.open_ends));
+        let ends = ends.collect();
+        let mut dir = PortDir::open(self.ports)?;
+        let (rig, instruments, seats) = self.ends.place_all(wired, ends, &mut dir)?;
         if self.is_first {
             print_table(&seats);
         }
@@ -198,7 +214,8 @@ impl Beginning<'_> {
             true => Some(control_of(&dir, &seats)?),
             false => None,
         };
-        let mut run = Run::with_team(scenario.clone(), source, (rig, instruments))?;
+        let first = (rig, instruments);
+        let mut run = Run::with_members(scenario.clone(), source, first, members)?;
         record_to(self.out, capture::about, &mut run)?;
         let log = self.out.join(LOG);
         let foreign = self.foreign.clone();
@@ -207,10 +224,20 @@ impl Beginning<'_> {
     }
 }
 
+/// Whether all programs of `foreign` are those of further robots.
+fn is_of_others(foreign: &Foreign) -> bool {
+    let others = foreign.others.iter().map(|one| one.robot);
+    core::iter::once(foreign.robot)
+        .chain(others)
+        .all(|robot| robot > 0)
+}
+
 /// The control socket of a run with the ports `seats` in `dir`.
 fn control_of(dir: &PortDir, seats: &[Seat]) -> Result<Control, CliError> {
     let mut control = Control::open(dir)?;
-    control.offer(seats.iter().map(|seat| Place {
+    // Its requests are about the first robot.
+    let seats = seats.iter().filter(|seat| seat.end.robot == 0);
+    control.offer(seats.map(|seat| Place {
         name: &seat.end.name,
         path: seat.transport.path(),
         baud: seat.end.line.baud,

@@ -63,6 +63,7 @@ fn end(wired: &mut Wired, link: &str, port: &str, spec: &CableSpec) -> End {
         rate: PortRate::OfLine,
         connect: "a program of the scenario",
         is_optional: false,
+        robot: 0,
     });
     End {
         node,

@@ -10,8 +10,8 @@ use protocols::Instant;
 
 use super::check::Check;
 use super::{Outcome, Run};
-use crate::rig::Rig;
 use crate::rig::trace::fingerprint;
+use crate::rig::{Rig, Rigs};
 use crate::robots::{self, Dut, Instruments, PcEnd, Wired};
 use crate::scenario::{Scenario, ScenarioError, Source};
 
@@ -41,18 +41,47 @@ impl Run {
     }
 
     /// A run of `scenario` in the rig of its first robot, see
-    /// [`wire_first`](robots::wire_first); its further robots are wired into the same world.
+    /// [`wire_first`](robots::wire_first); its further robots, with their built-in programs, are
+    /// wired into the same world.
     ///
     /// # Errors
     /// If the scenario is invalid for one of them.
     pub fn with_team(
         scenario: Scenario,
         source: &Source,
+        first: (Rig, Box<dyn Instruments>),
+    ) -> Result<Self, ScenarioError> {
+        let members = wire_members(&scenario, source, Dut::Internal)?;
+        Self::with_members(scenario, source, first, members)
+    }
+
+    /// As [`with_team`](Self::with_team), with further robots of [`wire_members`].
+    ///
+    /// # Errors
+    /// If two robots stand at the same place.
+    pub fn with_members(
+        scenario: Scenario,
+        source: &Source,
         (rig, instruments): (Rig, Box<dyn Instruments>),
+        members: Vec<Wired>,
     ) -> Result<Self, ScenarioError> {
         let mut run = Self::with_rig(scenario, rig, instruments);
-        run.join(source)?;
+        run.join(source, members)?;
         Ok(run)
+    }
+
+    /// The scenarios of all robots, that of the first one first. Their order is that of
+    /// [`Rigs`].
+    pub fn scenarios(&self) -> impl Iterator<Item = &Scenario> {
+        let others = self.team.iter().map(|member| &member.run.scenario);
+        core::iter::once(&self.scenario).chain(others)
+    }
+
+    /// Time of the next event in the rig of any robot.
+    pub fn next_event(&self) -> Option<Instant> {
+        let others = self.team.iter().map(|member| &member.run.rig);
+        let rigs = core::iter::once(&self.rig).chain(others);
+        rigs.filter_map(Rig::next_event).min()
     }
 
     /// Finishes the files of all taps; returns the first write error.
@@ -70,11 +99,11 @@ impl Run {
         rigs.find_map(Rig::take_tap_trouble)
     }
 
-    fn join(&mut self, source: &Source) -> Result<(), ScenarioError> {
+    fn join(&mut self, source: &Source, members: Vec<Wired>) -> Result<(), ScenarioError> {
         let mut starts = Vec::new();
-        for (name, scenario, part) in self.scenario.members(source) {
-            let run = Self::of_member(scenario, &part);
-            let run = run.map_err(|error| error.of_member(&name))?;
+        let wired = self.scenario.members(source).into_iter().zip(members);
+        for ((name, scenario, part), wired) in wired {
+            let run = Self::with_rig(scenario, wired.rig, wired.instruments);
             starts.push((name.clone(), part));
             self.team.push(Member { name, run });
         }
@@ -104,21 +133,6 @@ impl Run {
             }
         }
         ScenarioError::none_of(wrong)
-    }
-
-    fn of_member(scenario: Scenario, source: &Source) -> Result<Self, ScenarioError> {
-        let wired = robots::wire_first(&scenario, source, Dut::Internal, PcEnd::Scripted)?;
-        let Wired {
-            rig, instruments, ..
-        } = wired;
-        if rig.program().is_none() {
-            let message = format!(
-                "is \"{}\", which has no program of its own, expected a robot with one",
-                scenario.robot
-            );
-            return Err(source.invalid(source.find("robot"), "robot", message));
-        }
-        Ok(Self::with_rig(scenario, rig, instruments))
     }
 
     /// The worlds of all robots, that of the first one first.
@@ -217,6 +231,61 @@ impl Run {
         });
         ends.collect()
     }
+}
+
+impl Rigs for Run {
+    fn rig_of(&self, robot: usize) -> &Rig {
+        let member = robot.checked_sub(1).and_then(|it| self.team.get(it));
+        member.map_or(&self.rig, |member| &member.run.rig)
+    }
+}
+
+/// Wires the further robots of `scenario`. With [`Dut::External`], robots with an `exec` table and
+/// robots without a built-in program have open ends; others have their built-in programs. The name
+/// of an open end is `ROBOT/PORT`.
+///
+/// # Errors
+/// If the scenario is invalid for one of them, or if a robot has no program.
+pub fn wire_members(
+    scenario: &Scenario,
+    source: &Source,
+    dut: Dut,
+) -> Result<Vec<Wired>, ScenarioError> {
+    let members = (1..).zip(scenario.members(source));
+    let wired = members.map(|(robot, (name, scenario, part))| {
+        let wired = wire_member(&scenario, &part, dut);
+        let mut wired = wired.map_err(|error| error.of_member(&name))?;
+        for end in &mut wired.open_ends {
+            end.robot = robot;
+            end.name = format!("{name}/{}", end.name);
+        }
+        Ok(wired)
+    });
+    wired.collect()
+}
+
+fn wire_member(scenario: &Scenario, source: &Source, dut: Dut) -> Result<Wired, ScenarioError> {
+    let has_own = robots::of(scenario, source)?
+        .program(scenario, source)?
+        .is_some();
+    if dut == Dut::External && !(has_own && scenario.exec.is_empty()) {
+        let pc = match scenario.mission.gives_orders() {
+            true => PcEnd::Scripted,
+            false => PcEnd::External,
+        };
+        return robots::wire_first(scenario, source, Dut::External, pc);
+    }
+    let wired = robots::wire_first(scenario, source, Dut::Internal, PcEnd::Scripted)?;
+    if wired.rig.program().is_some() {
+        return Ok(wired);
+    }
+    let message = format!(
+        "is \"{}\", which has no built-in program, expected one of yours: \"hilrig run\" starts those of \
+         [team.NAME.exec.PROGRAM] and of [exec.PROGRAM], or --exec CMD --virtual starts one for all \
+         robots",
+        scenario.robot
+    );
+    Err(source.invalid(source.find("robot"), "robot", message))
 }
 
 impl Outcome {

@@ -15,8 +15,8 @@ use toml::de::DeValue;
 
 use super::world::{BodySpec, StartSpec};
 use super::{
-    ChassisSpec, DeviceSpec, Document, Expect, FaultSpec, LinkSpec, Mission, NO_ROBOT, ProgramSpec,
-    Scenario, ScenarioError, Source, device,
+    ChassisSpec, DeviceSpec, Document, ExecSpec, Expect, FaultSpec, LinkSpec, Mission, NO_ROBOT,
+    ProgramSpec, Scenario, ScenarioError, Source, device,
 };
 
 /// Maximum number of further robots.
@@ -56,6 +56,11 @@ pub struct MemberSpec {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(schema_with = "table")]
     pub device: BTreeMap<String, DeviceSpec>,
+    /// Programs of your own for the robot, as `[exec.NAME]`. The variables of their ports have the
+    /// names of a robot alone.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    #[schemars(schema_with = "table")]
+    pub exec: BTreeMap<String, ExecSpec>,
     /// Settings of the robot's links, as `[link.NAME]`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     #[schemars(schema_with = "table")]
@@ -111,7 +116,7 @@ impl MemberSpec {
             program: self.program.clone(),
             chassis: self.chassis.clone(),
             device: self.device.clone(),
-            exec: BTreeMap::new(),
+            exec: self.exec.clone(),
             cable: BTreeMap::new(),
             link: self.link.clone(),
             world: scenario.world.with_robot(&self.start, self.body),
@@ -131,6 +136,19 @@ impl Scenario {
             (name.clone(), alone, source.of_member(name))
         };
         members.map(member).collect()
+    }
+
+    /// The programs of the file: the index of the robot, 0 for the first one, the name of the
+    /// program with that of a further robot before it, and the program.
+    pub fn programs(&self) -> impl Iterator<Item = (usize, String, &ExecSpec)> {
+        let own = self.exec.iter();
+        let own = own.map(|(name, spec)| (0, name.clone(), spec));
+        let members = (1..).zip(&self.team);
+        let others = members.flat_map(|(robot, (member, spec))| {
+            let programs = spec.exec.iter();
+            programs.map(move |(name, spec)| (robot, format!("{member}/{name}"), spec))
+        });
+        own.chain(others)
     }
 
     /// Checks number and names of the further robots.
@@ -165,6 +183,7 @@ impl Scenario {
     pub(super) fn embed_team(&mut self, base: &Path) {
         for member in self.team.values_mut() {
             device::embed(&mut member.device, base);
+            member.exec.values_mut().for_each(|exec| exec.embed(base));
             let golden = member.expect.golden.iter_mut();
             golden.for_each(|golden| golden.embed(base));
         }

@@ -11,6 +11,8 @@ pub struct Companion {
     pub name: String,
     /// For the shell.
     pub command: String,
+    /// Index of its robot; the names in its environment are those of this robot alone.
+    pub robot: usize,
 }
 
 /// How a program is supervised in virtual time.

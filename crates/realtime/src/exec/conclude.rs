@@ -79,6 +79,38 @@ impl Ending<'_> {
         Check::new("program-alive", pass, words.join("; "))
     }
 
+    /// Judges the motors of each robot that has a program of the user.
+    fn judge_all_motors(&self, outcome: &mut Outcome, is_silent: bool) {
+        let others = self.foreign.others.iter().map(|one| one.robot);
+        let robots = core::iter::once(self.foreign.robot).chain(others);
+        let ends: Vec<_> = robots
+            .zip(self.each.iter().map(|(_, ended)| *ended))
+            .collect();
+        let end_of = |robot: usize| {
+            let own = ends.iter().filter(|(of, _)| *of == robot);
+            let first = own.clone().filter_map(|(_, ended)| *ended);
+            let first = first.map(|(_, at)| at).min();
+            let is_judged = own.count() > 0 && (first.is_some() || is_silent);
+            is_judged.then_some(first)
+        };
+        if let Some(ended) = end_of(0) {
+            judge_motors(outcome, ended);
+        }
+        for (index, (name, member)) in outcome.team.iter_mut().enumerate() {
+            let Some(ended) = end_of(index + 1) else {
+                continue;
+            };
+            judge_motors(member, ended);
+            let name = format!("{name}/{STOPS}");
+            let all = outcome.checks.iter_mut().filter(|check| check.name == name);
+            let own = member.checks.iter().find(|check| check.name == STOPS);
+            for (check, own) in all.zip(own) {
+                check.status = own.status;
+                check.detail.clone_from(&own.detail);
+            }
+        }
+    }
+
     /// Adds the checks about the program to `outcome`, and the probable cause if it failed.
     pub(crate) fn conclude(self, outcome: &mut Outcome) {
         let (ports, foreign) = (self.ports, self.foreign);
@@ -101,9 +133,7 @@ impl Ending<'_> {
             checks: &outcome.checks,
             misunderstood: misunderstood(outcome),
         });
-        if self.ended.is_some() || goes_on.status == Status::Fail {
-            judge_motors(outcome, self.ended.map(|(_, at)| at));
-        }
+        self.judge_all_motors(outcome, goes_on.status == Status::Fail);
         let mut own = vec![
             connected,
             self.alive(),

@@ -19,7 +19,7 @@ use crate::inputs::INPUTS;
 use crate::transport::TransportError;
 use crate::{BACKLOG_MAX, Realtime};
 use ahead::Foreseen;
-use engine::rig::Paced as _;
+use engine::rig::{Paced as _, Rigs as _};
 use engine::run::Run;
 pub(super) use rewind::StageMoment;
 
@@ -137,7 +137,7 @@ impl Stage {
         });
         let mut slots: Vec<Slot> = slots.collect();
         for (port, slot) in slots.iter_mut().enumerate() {
-            slot.inputs = realtime.input_lines(port, &run.rig);
+            slot.inputs = realtime.input_lines(port, &run);
         }
         Self {
             slots,
@@ -203,7 +203,7 @@ impl Stage {
             return Some(self.now);
         }
         let rig_now = self.rig_time(self.now)?;
-        let next = self.run.rig.next_event()?;
+        let next = self.run.next_event()?;
         Some(self.now + (next - rig_now))
     }
 
@@ -218,9 +218,9 @@ impl Stage {
         let Some(rig_now) = self.rig_time(self.now) else {
             return Ok(());
         };
-        if self.run.rig.next_event().is_some_and(|at| at <= rig_now) {
+        if self.run.next_event().is_some_and(|at| at <= rig_now) {
             self.advance(rig_now);
-            if self.realtime.has_output(&self.run.rig) {
+            if self.realtime.has_output(&self.run) {
                 return self.carry();
             }
         }
@@ -243,13 +243,13 @@ impl Stage {
                 break;
             };
             let ahead = |at: Instant| self.now + (at - rig_now);
-            let next = self.run.rig.next_event().into_iter();
+            let next = self.run.next_event().into_iter();
             let next = next.chain(self.realtime.next_expiry()).map(ahead).min();
             self.now = next.map_or(limit, |at| at.clamp(self.now, limit));
             if let Some(target) = self.rig_time(self.now) {
                 self.advance(target);
             }
-            let is_something = self.realtime.has_output(&self.run.rig) || watches;
+            let is_something = self.realtime.has_output(&self.run) || watches;
             if is_something || self.now >= limit || self.is_over() {
                 break;
             }
@@ -302,7 +302,7 @@ impl Stage {
                 slot.has_arrived = true;
                 has_delivered = true;
             }
-            let inputs = self.realtime.input_lines(port, &self.run.rig);
+            let inputs = self.realtime.input_lines(port, &self.run);
             if inputs != slot.inputs {
                 slot.note_inputs(inputs);
                 has_delivered = true;
@@ -412,13 +412,13 @@ impl Stage {
         if self.terminal(port).is_some_and(|it| it.is_stopped()) {
             return 0;
         }
-        self.realtime.room(port, &self.run.rig)
+        self.realtime.room(port, &self.run)
     }
 
     /// Whether bytes that the client writes are lost: after the run, behind more than the rig
     /// takes.
     pub(super) fn discards(&self, port: usize) -> bool {
-        self.is_frozen && self.realtime.room(port, &self.run.rig) == 0
+        self.is_frozen && self.realtime.room(port, &self.run) == 0
     }
 
     /// Bytes of a client that the line has not taken. After the run it takes none, and a program
@@ -427,12 +427,13 @@ impl Stage {
         if self.is_frozen {
             return 0;
         }
-        self.realtime.backlog(port, &self.run.rig)
+        self.realtime.backlog(port, &self.run)
     }
 
     /// When the next byte that the client writes arrives, and at which node of the rig.
     pub(super) fn arrival_of_next(&self, port: usize) -> (Instant, Option<usize>) {
-        let (rig, node) = (&self.run.rig, self.realtime.node(port));
+        let rig = self.run.rig_of(self.realtime.robot(port));
+        let node = self.realtime.node(port);
         let lines = rig.links().iter().flat_map(|link| &link.lines);
         let Some(line) = lines.into_iter().find(|line| line.from.node == node) else {
             return (rig.now(), None);

@@ -1,10 +1,10 @@
 //! A foreign program on trial in virtual time: started, run, ended, judged by the same checks as in
 //! real time.
 
+mod environment;
 mod rewind;
 
 use core::time::Duration;
-use std::ffi::OsStr;
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::MetadataExt as _;
@@ -24,17 +24,17 @@ use super::supervisor::{Settings, Supervisor};
 use super::trace::Calls;
 use super::{GuestError, launch};
 use crate::clock::{Clock as _, SimClock, WallClock};
-use crate::exec::{
-    Ending, ExecError, Foreign, SETTLE, Seat, TERMINAL_VARIABLE, environment, ports_of,
-};
-use crate::process::LINES_VARIABLE;
+use crate::exec::{Ending, ExecError, Foreign, SETTLE, Seat, ports_of};
 use crate::process::waits::{Wait, waits};
 use crate::process::words::{Words, listen};
 use crate::process::{Ended, Farewell, Left, command_of};
 use crate::transport::{Note, PortDir};
 use crate::{PortReport, Realtime, Sign};
+use engine::rig::Paced as _;
 use engine::run::check::Check;
 use engine::run::{Outcome, Run};
+use engine::scenario::Scenario;
+use environment::environment_of;
 pub use rewind::TrialMoment;
 
 /// Virtual time in which a program may end once it was asked to, and what it left behind after it.
@@ -45,8 +45,6 @@ const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
 const PATIENCE_WALL: Duration = Duration::from_secs(5);
 /// Wall time between two looks at whether the run is to be ended.
 const TURNS: Duration = Duration::from_millis(10);
-/// Length of a terminal's number with the slashes before it.
-const NUMBER_LEN: usize = 7;
 /// How long its last words may be on their way.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
@@ -109,23 +107,25 @@ impl Trial {
         log: &Path,
     ) -> Result<Self, GuestError> {
         dir.leave_note(Note::Scenario, &run.scenario().to_toml())?;
+        for member in run.team() {
+            let text = member.run.scenario().to_toml();
+            dir.leave_note_in(&member.name, Note::Scenario, &text)?;
+        }
         let ports = ports_of(&seats, &foreign)?;
         let supervision = foreign.supervision.ok_or(GuestError::NotHere)?;
         let computing = Computing::of(supervision.cpu, run.scenario())?;
-        let mut env = environment(&seats, &dir, &run);
-        env.push((LINES_VARIABLE.to_owned(), dir.path().into()));
-        for (_, value) in env
-            .iter_mut()
-            .filter(|(name, _)| name.starts_with(TERMINAL_VARIABLE))
-        {
-            *value = of_fixed_length(value).into();
-        }
+        let robots = 0..=run.team().len();
+        let envs: Vec<_> = robots
+            .map(|robot| environment_of(&seats, &dir, &run, robot))
+            .collect();
         let mut realtime = Realtime::new(SimClock::default());
         for seat in seats {
             realtime.serve(seat.end, seat.transport);
         }
-        let scenario = run.scenario().clone();
-        realtime.plug_in(&scenario, &mut run.rig);
+        let scenarios: Vec<Scenario> = run.scenarios().cloned().collect();
+        for (robot, scenario) in scenarios.iter().enumerate() {
+            realtime.plug_in_of(robot, scenario, run.rig_of_mut(robot));
+        }
         let not_started = |error| GuestError::Exec(ExecError::NotStarted(error));
         let words = Words::new(Some(safefs::create(log).map_err(not_started)?));
         let (ears, mouth) = io::pipe().map_err(not_started)?;
@@ -133,10 +133,12 @@ impl Trial {
         let pipe = mouth.metadata().map_err(not_started)?;
         let processors = stay_here();
         let mut programs = Vec::new();
-        let others = foreign.others.iter().map(|one| (&one.name, &one.command));
-        for (name, command) in core::iter::once((&foreign.name, &foreign.command)).chain(others) {
+        let first = (&foreign.name, &foreign.command, foreign.robot);
+        let others = foreign.others.iter();
+        let others = others.map(|one| (&one.name, &one.command, one.robot));
+        for (name, command, robot) in core::iter::once(first).chain(others) {
             let mouth = mouth.try_clone().map_err(not_started)?;
-            let child = launch::start(command, &env, mouth).map_err(not_started)?;
+            let child = launch::start(command, &envs[robot], mouth).map_err(not_started)?;
             programs.push(Started {
                 name: name.clone(),
                 root: i32::try_from(child.id()).unwrap_or_default(),
@@ -479,14 +481,6 @@ impl Trial {
             clock.sleep_until(clock.now() + Duration::from_millis(1));
         }
     }
-}
-
-/// The path of a terminal with so many slashes that its length does not depend on the number that
-/// the system has given it: the program's memory is laid out behind its variables.
-fn of_fixed_length(path: &OsStr) -> String {
-    let path = path.to_string_lossy();
-    let (folder, number) = path.rsplit_once('/').unwrap_or_default();
-    format!("{folder}{number:/>NUMBER_LEN$}")
 }
 
 /// Keeps this thread and the processes that it starts on its current processor: one of them runs at

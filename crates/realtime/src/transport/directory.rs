@@ -34,6 +34,8 @@ pub struct PortDir {
     /// Whether this rig created the directory.
     created: bool,
     notes: Vec<Note>,
+    /// Directories in it, for the ports of further robots, with their names.
+    parts: Vec<(String, Self)>,
 }
 
 /// A file about the rig in its directory.
@@ -88,6 +90,7 @@ impl PortDir {
                     left_behind,
                     created,
                     notes: Vec::new(),
+                    parts: Vec::new(),
                 });
             }
         }
@@ -122,6 +125,37 @@ impl PortDir {
         })?;
         self.notes.push(note);
         Ok(())
+    }
+
+    /// As [`leave_note`](Self::leave_note), in the directory `part` of this one, if that exists.
+    pub(crate) fn leave_note_in(
+        &mut self,
+        part: &str,
+        note: Note,
+        text: &str,
+    ) -> Result<(), TransportError> {
+        let mut parts = self.parts.iter_mut();
+        match parts.find(|(name, _)| name == part) {
+            Some((_, part)) => part.leave_note(note, text),
+            None => Ok(()),
+        }
+    }
+
+    /// The directory `name` in this one, for the ports of a further robot.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn part(&mut self, name: &str) -> Result<&Self, TransportError> {
+        let index = self.parts.iter().position(|(known, _)| known == name);
+        let index = match index {
+            Some(index) => index,
+            None => {
+                let part = Self::open(&self.path().join(name))?;
+                self.parts.push((name.to_owned(), part));
+                self.parts.len() - 1
+            }
+        };
+        Ok(&self.parts[index].1)
     }
 
     /// Makes `name` a link to `target`. An existing link of another program is an error.
@@ -163,6 +197,7 @@ impl PortDir {
 
 impl Drop for PortDir {
     fn drop(&mut self) {
+        self.parts.clear();
         // Best effort: the next owner recognises links that remain.
         for (name, target) in &self.left_behind {
             remove_link(&self.dir, name, Path::new(target));

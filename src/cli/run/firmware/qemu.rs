@@ -113,6 +113,7 @@ pub(super) fn foreign(
     Ok(Foreign {
         command: machine.real_time(&elf, &ports).map_err(wrong)?,
         name: String::new(),
+        robot: 0,
         others: Vec::new(),
         wait: START,
         may_end: false,

@@ -105,7 +105,7 @@ impl Stage {
     pub(in crate::guest) fn discard_sent(&mut self, port: usize) -> Result<(), TransportError> {
         self.carry()?;
         self.forget_foreseen();
-        self.realtime.discard_input(port, &mut self.run.rig);
+        self.realtime.discard_input(port, &mut self.run);
         Ok(())
     }
 

@@ -77,6 +77,7 @@ impl Player {
                 let foreign = Foreign {
                     command: harness.command(command),
                     name: String::new(),
+                    robot: 0,
                     others: Vec::new(),
                     wait: harness.start,
                     may_end: false,
