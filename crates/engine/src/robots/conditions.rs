@@ -175,10 +175,7 @@ impl Moment<'_> {
             Condition::Bytes(bytes) => self.link(&bytes.link).map(drop),
             Condition::Frame(frame) => self.codec(frame).map(drop),
             Condition::Register(register) => self.check_register(register),
-            Condition::Event(event) => match &event.source {
-                Some(source) => self.check_source(source),
-                None => Ok(()),
-            },
+            Condition::Event(event) => self.check_event(event),
             Condition::Axis(axis) => self.check_axis(axis),
             Condition::Visited(count) if *count > self.waypoints[1] => {
                 let all = self.waypoints[1];
@@ -243,7 +240,16 @@ impl Moment<'_> {
         let direction = Direction::from(frame.direction);
         let codec = self.instruments.codec_towards(self.rig, name, direction);
         codec.ok_or_else(|| {
-            let message = format!("the protocol of {name} is unknown: expected `bytes`");
+            let spec = self.devices.get(name);
+            let message = match spec.map(DeviceSpec::kind) {
+                Some("text") => format!(
+                    "is the line of a text device, which has no frames with fields: expected `bytes`, \
+                     e.g. {{ bytes = {{ link = \"{name}\", .., contains = \"D=\" }} }}, or the \
+                     condition `register` on a variable of {name}; a device with a description has \
+                     fields"
+                ),
+                _ => format!("the protocol of {name} is unknown: expected `bytes`"),
+            };
             Flaw::new("link", message)
         })
     }
@@ -313,10 +319,29 @@ impl Moment<'_> {
         }
     }
 
+    /// Checks the source of an event, and its rule if all rules of the source are known.
+    fn check_event(&self, event: &EventCondition) -> Result<(), Flaw> {
+        let Some(source) = &event.source else {
+            return Ok(());
+        };
+        self.check_source(source)?;
+        let device = self.devices.get(source);
+        let kind = device.map(DeviceSpec::kind);
+        let declared = device.and_then(DeviceSpec::events);
+        match log_rules::unknown(kind, declared, &event.rule) {
+            Some(message) => Err(Flaw::new("rule", message)),
+            None => Ok(()),
+        }
+    }
+
     /// The knowledge of the rule of `event` by its name and source.
     pub(crate) fn known_rule(&self, event: &EventCondition) -> Known {
         let source = event.source.as_ref();
         let device = source.and_then(|source| self.devices.get(source));
+        if device.and_then(DeviceSpec::events).is_some() {
+            // The wiring has checked the name.
+            return Known::Logged;
+        }
         log_rules::known(device.map(DeviceSpec::kind), &event.rule)
     }
 

@@ -153,25 +153,48 @@ pub(crate) enum Known {
     OfOthers,
     /// Nothing is known of the name: the device may be a program.
     Open,
+    /// As [`Open`](Self::Open): the device is a program, and the scenario does not list its events.
+    Undeclared,
+}
+
+/// The rules of a device of the kind `kind`, if all of them are known.
+fn all_of(kind: Option<&str>) -> Option<&'static [&'static str]> {
+    match kind? {
+        "registers" => Some(&OF_REGISTERS),
+        "text" => Some(&OF_TEXT),
+        "description" => Some(&OF_DESCRIPTION),
+        _ => None,
+    }
+}
+
+/// A message with the expected names, if a device of the kind `kind`, or with the `declared` events,
+/// cannot log `rule`, and neither can the rig in its name.
+pub(crate) fn unknown(
+    kind: Option<&str>,
+    declared: Option<&[String]>,
+    rule: &str,
+) -> Option<String> {
+    let declared: Option<Vec<&str>> =
+        declared.map(|declared| declared.iter().map(String::as_str).collect());
+    let own = declared.as_deref().or_else(|| all_of(kind))?;
+    let is_known = own.contains(&rule) || OF_OTHERS.contains(&rule);
+    (!is_known).then(|| near::expected(rule, own))
 }
 
 /// Knowledge of `rule` for a device of the kind `kind`.
 pub(crate) fn known(kind: Option<&str>, rule: &str) -> Known {
-    let own: &[&str] = match kind {
-        Some("registers") => &OF_REGISTERS,
-        Some("text") => &OF_TEXT,
-        Some("description") => &OF_DESCRIPTION,
-        _ => {
-            let all = [&OF_REGISTERS[..], &OF_TEXT, &OF_DESCRIPTION, &OF_OTHERS].concat();
-            return match near::misspelt(rule, &all) {
-                Some(meant) => Known::Misspelt(meant),
-                None if all.contains(&rule) => Known::OfOthers,
-                None => Known::Open,
-            };
-        }
+    let Some(own) = all_of(kind) else {
+        let all = [&OF_REGISTERS[..], &OF_TEXT, &OF_DESCRIPTION, &OF_OTHERS].concat();
+        return match near::misspelt(rule, &all) {
+            Some(meant) => Known::Misspelt(meant),
+            None if all.contains(&rule) => Known::OfOthers,
+            None if kind == Some("program") => Known::Undeclared,
+            None => Known::Open,
+        };
     };
     match (own.contains(&rule), near::misspelt(rule, own)) {
         (true, _) => Known::Logged,
+        (false, _) if OF_OTHERS.contains(&rule) => Known::OfOthers,
         (false, Some(meant)) => Known::Misspelt(meant),
         (false, None) => Known::NeverLogged,
     }
@@ -199,6 +222,22 @@ mod tests {
         for list in [&OF_REGISTERS[..], &OF_TEXT, &OF_DESCRIPTION, &OF_OTHERS] {
             assert!(list.is_sorted(), "{list:?}");
         }
+    }
+
+    /// The rig logs in the name of a device as well.
+    #[test]
+    fn an_unknown_rule_is_told_with_the_known_ones() {
+        let declared = ["tare-lost".to_owned(), "overload".to_owned()];
+        let of_program = |rule| unknown(Some("program"), Some(&declared), rule);
+        assert_eq!(of_program("overload"), None);
+        assert_eq!(of_program("port-opened"), None);
+        let message = of_program("overlaod").expect("misspelt");
+        assert!(message.contains("did you mean \"overload\"?"), "{message}");
+        assert_eq!(unknown(Some("program"), None, "overlaod"), None);
+        assert_eq!(unknown(None, None, "overlaod"), None);
+        assert_eq!(unknown(Some("text"), None, "unknown-request"), None);
+        let message = unknown(Some("text"), None, "wieght").expect("no rule of it");
+        assert!(message.contains("unknown-request"), "{message}");
     }
 
     fn read(folder: &Path, into: &mut String) {
@@ -230,7 +269,9 @@ mod tests {
                 "unknown-reqest",
                 Known::Misspelt("unknown-request"),
             ),
-            (Some("program"), "tare-lost", Known::Open),
+            (Some("program"), "tare-lost", Known::Undeclared),
+            (Some("firmware"), "tare-lost", Known::Open),
+            (Some("text"), "port-opened", Known::OfOthers),
             (None, "motor-stopped", Known::Misspelt("motors-stopped")),
             (None, "motors-stopped", Known::OfOthers),
         ];

@@ -415,7 +415,7 @@ impl Leaf {
     fn could_be_logged(&self) -> bool {
         match self.known {
             Known::Logged => true,
-            Known::NeverLogged | Known::Misspelt(_) => false,
+            Known::NeverLogged | Known::Misspelt(_) | Known::Undeclared => false,
             Known::OfOthers => self.is_logged,
             Known::Open => self.is_logged && self.near.is_none(),
         }
@@ -428,7 +428,7 @@ impl Leaf {
         let of = source.unwrap_or("any device");
         let meant = match (self.known, &self.near) {
             (Known::Misspelt(meant), _) => Some(meant),
-            (Known::Open, near) => near.as_deref(),
+            (Known::Open | Known::Undeclared, near) => near.as_deref(),
             _ => None,
         };
         match (self.could_be_logged(), meant, source) {
@@ -440,6 +440,10 @@ impl Leaf {
             (_, None, Some(source)) if self.known == Known::NeverLogged => {
                 Some(format!("{rule} is no event that {source} is known to log"))
             }
+            (_, None, Some(source)) if self.known == Known::Undeclared => Some(format!(
+                "it is unknown whether the program of {source} can log {rule}: list the names of its \
+                 events in device.{source}.program.events"
+            )),
             (_, None, Some(source)) => Some(format!("{source} logged nothing")),
         }
     }

@@ -169,6 +169,11 @@ impl DeviceSpec {
         self.kind.has_late_values()
     }
 
+    /// Names of the events that its settings declare; `None` if they declare none.
+    pub fn events(&self) -> Option<&[String]> {
+        self.kind.events(&*self.settings)
+    }
+
     /// Adds a touch, if the device is a display.
     pub fn tap(&mut self, tap: TapSpec) {
         if let Some(spec) = self.settings_mut::<TouchPanelSpec>() {

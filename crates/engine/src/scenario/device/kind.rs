@@ -76,6 +76,11 @@ pub trait DeviceKind: Send + Sync {
         false
     }
 
+    /// Names of the events that its settings declare; `None` if they declare none.
+    fn events<'a>(&self, _settings: &'a dyn Settings) -> Option<&'a [String]> {
+        None
+    }
+
     /// Sets the value called `value` of the device `name`.
     ///
     /// # Errors

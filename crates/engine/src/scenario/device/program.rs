@@ -75,6 +75,10 @@ pub struct NodeProgramSpec {
     /// Actuators of the robot's chassis that follow outputs of the program, by the outputs' names.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub drives: BTreeMap<String, DrivesSpec>,
+    /// Names of the events that the program logs. A condition on another event of the device is an
+    /// error; without this list, a rule with `never` cannot show that the name is right.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<String>,
     /// Settings for the program, sent at its start.
     #[serde(default, skip_serializing_if = "Map::is_empty")]
     pub settings: Map<String, Value>,
@@ -257,6 +261,12 @@ impl DeviceKind for ProgramKind {
 
     fn has_late_values(&self) -> bool {
         true
+    }
+
+    fn events<'a>(&self, settings: &'a dyn Settings) -> Option<&'a [String]> {
+        let settings: &dyn Any = settings;
+        let spec = settings.downcast_ref::<NodeProgramSpec>()?;
+        Some(&*spec.events).filter(|events| !events.is_empty())
     }
 
     fn check(

@@ -54,7 +54,8 @@ pub struct TextSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<VariableSpec>")]
     pub variable: Vec<Spanned<VariableSpec>>,
-    /// Requests of the slave; the first match is used.
+    /// Requests of the slave; the first match is used. A slave that only sends has none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[schemars(with = "Vec<CommandSpec>")]
     pub command: Vec<Spanned<CommandSpec>>,
 }
