@@ -14,6 +14,7 @@ pub mod checker;
 pub(crate) mod conditions;
 pub(crate) mod custom;
 mod devices;
+mod ignored;
 pub mod instruments;
 mod kept_map;
 mod links;
@@ -24,10 +25,11 @@ pub mod rescue;
 #[cfg(feature = "robots")]
 mod script;
 pub mod station;
+mod wiring;
 #[cfg(feature = "robots")]
 mod yellow;
 
-use emulators::world::{BodyConfig, Chassis, Pose as WorldPose, Scene, Shape, World};
+use emulators::world::{Chassis, World};
 use firmware_core::odometry::WheelGeometry;
 use firmware_core::pose::Pose;
 use firmware_core::scan::Mounting;
@@ -47,6 +49,7 @@ pub use instruments::{
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
+pub use wiring::{nowhere, wire, wire_first, wire_into, wire_without_start};
 
 use crate::near;
 pub use crate::registry::NameTaken;
@@ -126,6 +129,12 @@ pub trait Robot: Sync {
     /// mode.
     fn takes_orders(&self) -> bool {
         true
+    }
+
+    /// Keys and tables of a scenario that the robot does not read, such as `program.tuning`: each one
+    /// that a file gives is a warning.
+    fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
+        &[]
     }
 
     /// Counters of the program for situations that a campaign must cause at least once. Without
@@ -345,90 +354,6 @@ pub struct Arena {
     pub passage_mm: [u64; 2],
     /// Minimum and maximum radius of an obstacle.
     pub obstacle_mm: [u64; 2],
-}
-
-/// Wires the scenario's robot into its world.
-///
-/// # Errors
-/// If the scenario is invalid for the robot, or has further robots.
-pub fn wire(
-    scenario: &Scenario,
-    source: &Source,
-    dut: Dut,
-    pc: PcEnd,
-) -> Result<Wired, ScenarioError> {
-    if !scenario.team.is_empty() {
-        let message = "expected none here: \"hilrig run\", \"debug\", and \"ui\", \"campaign\" and \"shrink\" \
-                       without a program of your own run several robots; others run one robot";
-        return Err(source.invalid(source.find("team"), "team", message));
-    }
-    wire_first(scenario, source, dut, pc)
-}
-
-/// As [`wire`], also if the scenario has further robots: those are wired later, by
-/// [`Run::with_team`](crate::run::Run::with_team).
-///
-/// # Errors
-/// If the scenario is invalid for the robot.
-pub fn wire_first(
-    scenario: &Scenario,
-    source: &Source,
-    dut: Dut,
-    pc: PcEnd,
-) -> Result<Wired, ScenarioError> {
-    let robot = of(scenario, source)?;
-    bounds::check_waypoints(robot, scenario, source)?;
-    let chassis = robot.chassis(scenario, source)?;
-    let world = scenario.world.build(scenario.seed, chassis, source)?;
-    wire_into(WirePlan {
-        scenario,
-        source,
-        world,
-        dut,
-        pc,
-    })
-}
-
-/// As [`wire`], into another world than that of the scenario.
-///
-/// # Errors
-/// If the scenario is invalid for the robot.
-pub fn wire_into(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
-    let wired = wire_without_start(plan)?;
-    // Their start takes real time, which must not pass in the run.
-    wired.rig.start_nodes();
-    Ok(wired)
-}
-
-/// As [`wire_into`], but programs that play devices start only if a fault of the scenario names
-/// them.
-///
-/// # Errors
-/// If the scenario is invalid for the robot.
-pub fn wire_without_start(plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
-    let (scenario, source) = (plan.scenario, plan.source);
-    let mut wired = of(scenario, source)?.wire(plan)?;
-    let known: Vec<String> = wired.rig.device_names().map(str::to_owned).collect();
-    let is_new = |name: &str| !known.iter().any(|known| known == name);
-    add_devices(&mut wired, scenario, source, |name, spec| {
-        spec.is_own() && is_new(name)
-    })?;
-    links::add_cables(&mut wired, scenario, source)?;
-    let checks = [
-        devices::check_drives(scenario, source),
-        links::plan(&mut wired.rig, scenario, source),
-        bounds::check_safety_links(&wired.rig, scenario, source),
-        bounds::check_conditions(&wired, scenario, source),
-    ];
-    ScenarioError::none_of(checks.into_iter().filter_map(Result::err).collect())?;
-    Ok(wired)
-}
-
-/// An empty world, for devices without a robot.
-pub fn nowhere() -> World {
-    let scene = Scene::new([] as [Shape; 0], Vec::new()).expect("an empty scene is valid");
-    World::new(scene, BodyConfig::default(), WorldPose::default(), 0)
-        .expect("an empty place is free")
 }
 
 /// A robot's program alone, with the names of its ports.

@@ -35,6 +35,7 @@ use serde::{Deserialize, Serialize};
 
 pub use board::{RaisesSpec, ResetSpec};
 pub use cable::{CableSpec, ExecSpec};
+pub(crate) use chassis::body_error;
 pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
 pub use computing::{CHARGE_UNIT, Charges, ComputingSpec};
 pub use condition::{

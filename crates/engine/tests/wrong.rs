@@ -420,6 +420,40 @@ fn all_errors_of_a_file_are_shown_at_once() {
     assert_eq!(said.matches("did you mean").count(), 2, "{said}");
 }
 
+/// A mistake in each part of a robot is shown in the same round, at its own line: figures of the
+/// body, walls, devices, faults.
+#[test]
+fn mistakes_of_all_parts_are_shown_at_once() {
+    let text = SOUND
+        .replace("axle_m = 0.26", "axle_m = 47")
+        .replace("path_m = [[0.0, 0.0], [3.0, 0.0],", "path_m = [[0.0, 0.0]]\n\n[[world.wall]]\npath_m = [[1, 1]]\n\n[[world.wall]]\npath_m = [[0.0, 0.0], [3.0, 0.0],")
+        .replace("actuator = \"left\"", "actuator = \"lefft\"")
+        .replace("rate = 0.01", "rate = 2");
+    let said = error(&text).expect("wrong");
+    let line = |part: &str| {
+        1 + text[..text.find(part).expect("there")]
+            .matches('\n')
+            .count()
+    };
+    let rows = [
+        ("lefft", "there is no actuator \"lefft\""),
+        ("rate = 2", "fault[0].rate: is 2, expected a chance"),
+        ("axle_m", "world.body.axle_m: is 47, expected 0.01 to 4"),
+        ("path_m = [[0.0, 0.0]]\n", "wall[0]: path_m has 1 points"),
+        ("path_m = [[1, 1]]", "wall[1]: path_m has 1 points"),
+    ];
+    assert_eq!(said.lines().count(), rows.len(), "{said}");
+    for ((part, told), shown) in rows.into_iter().zip(said.lines()) {
+        let lines = line(part) - 1..=line(part);
+        let mut places = lines.map(|line| format!("s.toml:{line}: "));
+        assert!(
+            places.any(|place| shown.starts_with(&place)),
+            "{part}: {said}"
+        );
+        assert!(shown.contains(told), "{told}: {said}");
+    }
+}
+
 /// An error hides no other one: two tables lack the same key, a list has a wrong value beside a
 /// missing one, a renamed key has a wrong value as well.
 #[test]
@@ -600,4 +634,40 @@ fn a_second_value_of_an_actuator_is_refused() {
             "{said}"
         );
     }
+}
+
+/// Without a map of its own a robot has none to compare, and without a body no path.
+#[test]
+fn golden_results_need_a_robot_that_has_them() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wrong-golden");
+    std::fs::create_dir_all(&folder).expect("a fresh folder");
+    let [map, path] = ["map.pgm", "true.tum"].map(|name| folder.join(name));
+    std::fs::write(&map, b"P5\n2 2\n255\n\xFF\x00\x00\xFF").expect("a fresh file");
+    std::fs::write(&path, "0 1 1 0 0 0 0 1\n1 2 1 0 0 0 0 1\n").expect("a fresh file");
+    let golden = |key: &str, file: &Path, more: &str| {
+        format!(
+            "[expect.golden]\n{key} = {:?}\n{more}\n\n[[expect.rule]]",
+            file.display()
+        )
+    };
+    let of_map = golden("map", &map, "map_walls_min = 0.9");
+    let of_path = golden("path", &path, "path_within_mm = 100");
+    let with = |text: &str, golden: &str| text.replacen("[[expect.rule]]", golden, 1);
+    let said = error(&with(SOUND, &of_map)).expect("refused");
+    let told = "s.toml:18: expect.golden.map: expected none: the rig cannot see the map";
+    assert!(said.starts_with(told), "{said}");
+    assert_eq!(error(&with(SOUND, &of_path)), None);
+    let bare = "schema = 1\nname = \"bare\"\nrobot = \"none\"\nduration = \"2s\"\n\
+                [[expect.rule]]\nname = \"none\"\n\
+                never = { bytes = { link = \"meter\", direction = \"to-device\", hex = \"00\" } }\n\
+                [device.meter]\ndescription = \"modbus-meter\"\n";
+    assert_eq!(error(bare), None);
+    let said = error(&with(bare, &of_path)).expect("refused");
+    let told = "s.toml:5: expect.golden.path: expected none: the scenario has no robot";
+    assert!(said.starts_with(told), "{said}");
+    let said = error(&with(bare, &of_map)).expect("refused");
+    assert!(
+        said.starts_with("s.toml:5: expect.golden.map: expected none"),
+        "{said}"
+    );
 }

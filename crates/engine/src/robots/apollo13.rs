@@ -24,6 +24,7 @@ use firmware_core::ackermann::CarPose;
 use firmware_core::robots::apollo13::wall::Side;
 use firmware_core::robots::apollo13::{Apollo13, Config};
 
+use super::ignored::OF_RESCUE;
 use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
 use crate::near;
 use crate::rig::line::End;
@@ -108,6 +109,15 @@ impl Robot for ApolloRobot {
         source: &Source,
     ) -> Result<Option<Alone>, ScenarioError> {
         alone(scenario, source).map(Some)
+    }
+
+    fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
+        // Its chassis has figures of its own.
+        const ALL: [&str; 6] = {
+            let [a, b, c, d, e] = OF_RESCUE;
+            [a, b, c, d, e, "world.body"]
+        };
+        &ALL
     }
 
     fn situations(&self) -> &'static [&'static str] {

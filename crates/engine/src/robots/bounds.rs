@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use super::conditions::Moment;
-use super::{Robot, Wired};
+use super::{Robot, Wired, ignored};
 use crate::near;
 use crate::rig::Rig;
 use crate::scenario::{Action, Flaw, Scenario, ScenarioError, Source};
@@ -128,6 +128,7 @@ fn beyond([least, most]: [[f64; 2]; 2], places: &[[f64; 2]]) -> Option<String> {
 /// Keys in `source` without effect, and objects that the robot's map cannot hold.
 pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
     let mut found = warnings_of_one(scenario, source);
+    found.extend(ignored::of_nothing(scenario, source));
     for (name, member, part) in scenario.members(source) {
         let own = warnings_of_one(&member, &part).into_iter();
         let own = own.map(|warning| warning.of_member(&name));
@@ -140,6 +141,9 @@ pub fn warnings(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
 fn warnings_of_one(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
     let mut warnings = scenario.warnings(source);
     let robot = super::find(&scenario.robot);
+    if let Some(robot) = robot {
+        warnings.extend(ignored::warnings(robot, scenario, source));
+    }
     let map = robot.and_then(Robot::map_m);
     let Some([least, most]) = map else {
         return warnings;

@@ -14,7 +14,9 @@ use super::{
 };
 use crate::codec::Codec;
 use crate::rig::Rig;
-use crate::scenario::{DeviceSpec, NO_ROBOT, ProgramSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{
+    ChassisSpec, DeviceSpec, NO_ROBOT, ProgramSpec, Scenario, ScenarioError, Source,
+};
 
 /// A robot defined by data.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +47,13 @@ impl Robot for CustomRobot {
         false
     }
 
+    fn ignores(&self, scenario: &Scenario) -> &'static [&'static str] {
+        match &scenario.chassis {
+            Some(ChassisSpec::Ackermann(_)) => &["mission.connect", "world.body"],
+            _ => &["mission.connect"],
+        }
+    }
+
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
         refuse_orders(&plan)?;
         refuse_expectations(&plan, true)?;
@@ -67,6 +76,10 @@ impl Robot for Bare {
 
     fn takes_orders(&self) -> bool {
         false
+    }
+
+    fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
+        &["mission.connect"]
     }
 
     fn wire(&self, plan: WirePlan<'_>) -> Result<Wired, ScenarioError> {
@@ -98,6 +111,7 @@ fn refuse_orders(plan: &WirePlan<'_>) -> Result<(), ScenarioError> {
 fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), ScenarioError> {
     let (scenario, source) = (plan.scenario, plan.source);
     let expect = &scenario.expect;
+    let golden = expect.golden.as_ref();
     let of_program = [
         ("pose_rms_mm_max", expect.pose_rms_mm_max.is_some()),
         ("heading_rms_deg_max", expect.heading_rms_deg_max.is_some()),
@@ -106,16 +120,22 @@ fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), Scenar
         ("victims_within_mm", expect.victims_within_mm.is_some()),
         ("home_within_mm", expect.home_within_mm.is_some()),
         ("map_received", expect.map_received.is_some()),
+        ("golden.map", golden.is_some_and(|it| it.map.is_some())),
     ];
     let of_body = [
         ("visit_within_mm", expect.visit_within_mm.is_some()),
         ("return_within_mm", expect.return_within_mm.is_some()),
         ("settle", expect.settle.is_some()),
+        ("golden.path", golden.is_some_and(|it| it.path.is_some())),
     ];
     let message = "expected none: the rig cannot see the map and pose of your own program";
     let given = |keys: &[(&'static str, bool)]| keys.iter().find(|key| key.1).map(|key| key.0);
+    let refused = |key: &str, message: &str| {
+        let span = source.find(key.split('.').next().unwrap_or(key));
+        Err(source.invalid(span, format!("expect.{key}"), message))
+    };
     if let Some(key) = given(&of_program) {
-        return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
+        return refused(key, message);
     }
     if scenario.program != ProgramSpec::default() {
         return Err(source.invalid(source.find("program"), "program", message));
@@ -125,7 +145,7 @@ fn refuse_expectations(plan: &WirePlan<'_>, has_body: bool) -> Result<(), Scenar
     }
     let message = "expected none: the scenario has no robot (robot = \"none\")";
     if let Some(key) = given(&of_body) {
-        return Err(source.invalid(source.find(key), format!("expect.{key}"), message));
+        return refused(key, message);
     }
     if !scenario.mission.waypoints_m.is_empty() {
         let span = source.find("waypoints_m");

@@ -7,7 +7,7 @@ use crate::near;
 use crate::rig::fault::FaultId;
 use crate::rig::line::End;
 use crate::rig::{LinkKind, PortRate, Rig};
-use crate::scenario::{CableSpec, DeviceSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{CableSpec, DeviceSpec, Flaw, Scenario, ScenarioError, Source};
 
 /// Adds the cables of the scenario: each end is a port for a program.
 ///
@@ -130,10 +130,31 @@ pub(super) fn plan(
     for (index, fault) in scenario.fault.iter().enumerate() {
         let planned = rig.plan_fault(fault, FaultId(index), scenario.seed);
         if let Err(flaw) = planned {
-            let span = source.find_in_list("fault", index, flaw.key);
-            let key = format!("fault[{index}].{}", flaw.key);
-            wrong.push(source.invalid(span, key, flaw.message));
+            wrong.push(fault_error(source, index, flaw));
         }
     }
     ScenarioError::none_of(wrong)
+}
+
+/// Checks the keys of the scenario's faults, without their links and devices.
+///
+/// # Errors
+/// All faults with a wrong or missing key.
+pub(super) fn check_faults(scenario: &Scenario, source: &Source) -> Result<(), ScenarioError> {
+    let mut wrong = Vec::new();
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        let checked = fault.check();
+        let checked = checked.and_then(|()| fault.strike().map(drop));
+        let checked = checked.and_then(|()| fault.effect(FaultId(index), scenario.seed).map(drop));
+        if let Err(flaw) = checked {
+            wrong.push(fault_error(source, index, flaw));
+        }
+    }
+    ScenarioError::none_of(wrong)
+}
+
+/// The error of the fault `index`.
+fn fault_error(source: &Source, index: usize, flaw: Flaw) -> ScenarioError {
+    let span = source.find_in_list("fault", index, flaw.key);
+    source.invalid(span, format!("fault[{index}].{}", flaw.key), flaw.message)
 }

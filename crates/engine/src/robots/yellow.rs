@@ -25,6 +25,7 @@ use firmware_core::robots::yellow::pc::{PcConfig, PcProgram};
 use firmware_core::robots::yellow::{Config, Yellow};
 use protocols::LineConfig;
 
+use super::ignored::OF_RESCUE;
 use super::{
     Alone, Dut, PcEnd, ProgramPort, RemoteStation, Robot, WirePlan, Wired, board_settings,
 };
@@ -106,6 +107,10 @@ impl Robot for YellowRobot {
             |id| Config::DEFAULT.with_defect(id).is_some(),
         );
         words.ok_or_else(|| board_settings::untold(source))
+    }
+
+    fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
+        &OF_RESCUE
     }
 
     fn situations(&self) -> &'static [&'static str] {

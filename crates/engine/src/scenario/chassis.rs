@@ -104,9 +104,7 @@ impl ChassisSpec {
     ) -> Result<Box<dyn Chassis>, ScenarioError> {
         match self {
             Self::Differential(spec) => {
-                let bad = |error: BodyError| {
-                    source.invalid(source.find("body"), "world.body", error.to_string())
-                };
+                let bad = |error: BodyError| body_error(source, &error.to_string());
                 let chassis = Differential::new(body, seed).map_err(bad)?;
                 let key = "chassis.differential.footprint_m";
                 Ok(match footprint(spec.footprint_m.as_ref(), key, source)? {
@@ -186,4 +184,16 @@ fn footprint(
         source.invalid(Some(corners.span()), key, error.to_string())
     };
     outline.map(Some).map_err(bad)
+}
+
+/// The error of a figure of `[world.body]`, at its key; `message` is that of the body.
+pub(crate) fn body_error(source: &Source, message: &str) -> ScenarioError {
+    let named = message.strip_prefix("body.");
+    match named.and_then(|rest| rest.split_once(' ')) {
+        Some((key, rest)) => {
+            let rest = rest.replace("; expected", ", expected");
+            source.invalid(source.find(key), format!("world.body.{key}"), rest)
+        }
+        None => source.invalid(source.find("body"), "world.body", message),
+    }
 }

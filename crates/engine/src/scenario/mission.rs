@@ -32,6 +32,11 @@ pub struct Mission {
 }
 
 impl Mission {
+    /// Whether the file gives no time of connection, or the usual one.
+    pub(crate) fn connects_as_usual(&self) -> bool {
+        [Span::default(), default_connect()].contains(&self.connect)
+    }
+
     /// Whether the robot needs orders.
     pub fn gives_orders(&self) -> bool {
         !self.waypoints_m.is_empty() || !self.step.is_empty()

@@ -114,6 +114,8 @@ impl ScenarioError {
             }
         }
         all.sort_by_key(Self::line);
+        // Two parts of the wiring may find the same mistake.
+        all.dedup_by_key(|error| error.to_string());
         all.truncate(ERRORS_MAX);
         match all.len() {
             1 => all.remove(0),

@@ -3,22 +3,20 @@
 mod body;
 mod floor_line;
 mod heat;
+mod moving;
 mod outline;
 mod reach;
 mod slick;
 
-use core::time::Duration;
-
 use emulators::world::{
-    Bounds, Chassis, Fixture, Obstacle, OccupancyImage, Part, Path, Point, Pose, Repeat, Scene,
-    Shape, Waypoint, World,
+    Bounds, Chassis, Fixture, OccupancyImage, Part, Point, Pose, Scene, Shape, World, WorldError,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
 use super::{MazeSpec, ScenarioError, Source, Span};
-use crate::scenario::plan;
+use crate::scenario::{body_error, plan};
 pub use body::BodySpec;
 pub use floor_line::FloorLineSpec;
 pub use heat::HeatSpec;
@@ -311,8 +309,9 @@ impl WorldSpec {
             Some(chassis) => World::with_chassis(scene, chassis, self.start_pose()),
             None => World::new(scene, self.body.into(), self.start_pose(), seed),
         };
-        world.map_err(|error| {
-            source.invalid(Some(self.start.span()), "world.start", error.to_string())
+        world.map_err(|error| match error {
+            WorldError::Body(error) => body_error(source, &error.to_string()),
+            error => source.invalid(Some(self.start.span()), "world.start", error.to_string()),
         })
     }
 
@@ -329,13 +328,25 @@ impl WorldSpec {
         mapped.scene(source)
     }
 
+    /// Checks the solid shapes, without the robot among them.
+    ///
+    /// # Errors
+    /// All objects with an impossible position or size.
+    pub(crate) fn check(&self, source: &Source) -> Result<(), ScenarioError> {
+        self.scene(source).map(drop)
+    }
+
     fn scene(&self, source: &Source) -> Result<Scene, ScenarioError> {
         self.check_reach(source)?;
-        let (fixtures, fixture_origins) = self.fixtures(source)?;
-        let (obstacles, obstacle_origins) = self.obstacles(source)?;
-        let plates = self.heat_plates(source)?;
-        let slick = slick::build(&self.slick, source)?;
-        let lines = floor_line::build(&self.line, source)?;
+        let mut wrong = Vec::new();
+        let fixtures = kept(self.fixtures(source), &mut wrong);
+        let obstacles = kept(self.obstacles(source), &mut wrong);
+        let plates = kept(self.heat_plates(source), &mut wrong);
+        let slick = kept(slick::build(&self.slick, source), &mut wrong);
+        let lines = kept(floor_line::build(&self.line, source), &mut wrong);
+        ScenarioError::none_of(wrong)?;
+        let (fixtures, fixture_origins) = fixtures;
+        let (obstacles, obstacle_origins) = obstacles;
         let scene = match &self.bounds {
             Some(bounds) => {
                 let bounds = Bounds {
@@ -364,6 +375,7 @@ impl WorldSpec {
     fn fixtures(&self, source: &Source) -> Result<(Vec<Fixture>, Vec<Origin>), ScenarioError> {
         let mut fixtures = Vec::new();
         let mut origins = Vec::new();
+        let mut wrong = Vec::new();
         let mut add =
             |shape, [reflectivity, height_m]: [f64; 2], is_glass, key: &str, index: usize, span| {
                 fixtures.push(Fixture {
@@ -384,11 +396,8 @@ impl WorldSpec {
                     "path_m has {} points, expected two or more",
                     wall.path_m.len()
                 );
-                return Err(source.invalid(
-                    Some(spec.span()),
-                    format!("world.wall[{index}]"),
-                    message,
-                ));
+                let key = format!("world.wall[{index}]");
+                wrong.push(source.invalid(Some(spec.span()), key, message));
             }
             for pair in wall.path_m.windows(2) {
                 let shape = Shape::Wall {
@@ -419,11 +428,13 @@ impl WorldSpec {
         }
         if let Some(spec) = &self.maze {
             let maze = spec.get_ref();
-            maze.check().map_err(|flaw| {
+            let checked = maze.check();
+            let boards = checked.is_ok().then(|| maze.boards());
+            if let Err(flaw) = checked {
                 let key = format!("world.maze.{}", flaw.key);
-                source.invalid(Some(spec.span()), key, flaw.message)
-            })?;
-            for corners in maze.boards() {
+                wrong.push(source.invalid(Some(spec.span()), key, flaw.message));
+            }
+            for corners in boards.into_iter().flatten() {
                 let corners = corners.into_iter().map(point).collect();
                 let looks = [1.0, f64::INFINITY];
                 let shape = Shape::Polygon { corners };
@@ -431,63 +442,24 @@ impl WorldSpec {
             }
         }
         if let Some(spec) = &self.plan {
-            let image: OccupancyImage = plan::read(&spec.get_ref().yaml, source)
-                .map_err(|message| source.invalid(Some(spec.span()), "world.plan", message))?;
-            for shape in image.walls() {
-                add(shape, [1.0, f64::INFINITY], false, "plan", 0, spec.span());
+            match plan::read(&spec.get_ref().yaml, source) {
+                Ok(image) => OccupancyImage::walls(&image).into_iter().for_each(|shape| {
+                    add(shape, [1.0, f64::INFINITY], false, "plan", 0, spec.span());
+                }),
+                Err(message) => {
+                    wrong.push(source.invalid(Some(spec.span()), "world.plan", message));
+                }
             }
         }
+        ScenarioError::none_of(wrong)?;
         Ok((fixtures, origins))
-    }
-
-    fn obstacles(&self, source: &Source) -> Result<(Vec<Obstacle>, Vec<Origin>), ScenarioError> {
-        let mut obstacles = Vec::new();
-        let mut origins = Vec::new();
-        for (index, spec) in self.moving.iter().enumerate() {
-            let moving = spec.get_ref();
-            let key = format!("world.moving[{index}]");
-            let (span, speed) = (spec.span(), moving.speed_m_s);
-            if !(speed.is_finite() && speed > 0.0) {
-                let message = format!("speed_m_s is {speed}, expected more than 0");
-                return Err(source.invalid(Some(span), key, message));
-            }
-            let shape = Shape::Circle {
-                center: Point::default(),
-                radius_m: moving.radius_m,
-            };
-            let fixture = Fixture {
-                shape,
-                reflectivity: 1.0,
-                height_m: f64::INFINITY,
-                is_glass: false,
-            };
-            obstacles.push(Obstacle {
-                fixture,
-                path: moving.path(),
-            });
-            origins.push(Origin { key, span });
-        }
-        Ok((obstacles, origins))
     }
 }
 
-impl MovingSpec {
-    fn path(&self) -> Path {
-        let mut at = self.from.instant();
-        let mut waypoints: Vec<Waypoint> = Vec::new();
-        for &place in &self.path_m {
-            let position = point(place);
-            if let Some(last) = waypoints.last() {
-                let seconds = last.position.distance(position) / self.speed_m_s;
-                at += Duration::try_from_secs_f64(seconds).unwrap_or_default();
-            }
-            waypoints.push(Waypoint { at, position });
-        }
-        let repeat = match self.repeat {
-            RepeatSpec::Once => Repeat::Once,
-            RepeatSpec::Loop => Repeat::Loop,
-            RepeatSpec::PingPong => Repeat::PingPong,
-        };
-        Path { waypoints, repeat }
-    }
+/// The value of `result`; without one its error goes to `wrong`.
+fn kept<T: Default>(result: Result<T, ScenarioError>, wrong: &mut Vec<ScenarioError>) -> T {
+    result.unwrap_or_else(|error| {
+        wrong.push(error);
+        T::default()
+    })
 }

@@ -4,7 +4,7 @@ use emulators::world::{BodyConfig, Chassis, Differential};
 
 use crate::robots::refuse_chassis;
 use crate::scenario::world::BodySpec;
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::scenario::{Scenario, ScenarioError, Source, body_error};
 
 /// Wheel radius 37.5 mm, track 180 mm and 1200 counts per turn come from the published code; 60 ms
 /// of lag and the radius of the deck are guesses.
@@ -28,7 +28,7 @@ pub(super) fn chassis(
     refuse_chassis(scenario, source)?;
     let body = body(scenario.world.body);
     let chassis = Differential::new(body, scenario.seed)
-        .map_err(|error| source.invalid(source.find("body"), "world.body", error.to_string()))?;
+        .map_err(|error| body_error(source, &error.to_string()))?;
     Ok(Box::new(chassis))
 }
 

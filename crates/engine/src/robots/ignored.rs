@@ -1,0 +1,142 @@
+//! Keys of a scenario that its robot does not read: each is a warning.
+
+use super::Robot;
+use crate::scenario::world::BodySpec;
+use crate::scenario::{ProgramSpec, Scenario, ScenarioError, Source};
+
+/// Keys of `[program]` that only the rescue robot reads.
+pub(super) const OF_RESCUE: [&str; 5] = [
+    "program.mapper",
+    "program.cpu",
+    "program.diagnosis",
+    "program.radio_baud",
+    "program.tuning",
+];
+
+/// The keys and tables of `scenario` that `robot` ignores.
+pub(super) fn warnings(
+    robot: &dyn Robot,
+    scenario: &Scenario,
+    source: &Source,
+) -> Vec<ScenarioError> {
+    let (program, usual) = (&scenario.program, ProgramSpec::default());
+    let given = [
+        ("program.mapper", program.mapper != usual.mapper),
+        ("program.cpu", program.cpu != usual.cpu),
+        ("program.diagnosis", program.diagnosis),
+        ("program.radio_baud", program.radio_baud.is_some()),
+        ("program.tuning", program.tuning.is_some()),
+        ("world.body", scenario.world.body != BodySpec::default()),
+        ("mission.connect", !scenario.mission.connects_as_usual()),
+    ];
+    let ignored = robot.ignores(scenario);
+    let given = given.into_iter().filter(|(_, is_given)| *is_given);
+    let given = given.filter(|(key, _)| ignored.contains(key));
+    given
+        .map(|(key, _)| {
+            let span = source.find(key.rsplit('.').next().unwrap_or(key));
+            let message = format!("has no effect: the robot \"{}\" ignores it", robot.name());
+            source.invalid(span, key, message)
+        })
+        .collect()
+}
+
+/// Limits of random faults without such a fault, and an order of less than two waypoints.
+pub(super) fn of_nothing(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
+    let members = scenario.team.values().flat_map(|member| &member.fault);
+    let has_random = { scenario.fault.iter().chain(members) }.any(|fault| fault.rate.is_some());
+    let mut found = Vec::new();
+    if scenario.budget.is_some() && !has_random {
+        let message = "has no effect: no fault of the scenario has a rate";
+        found.push(source.invalid(source.find("budget"), "budget", message));
+    }
+    if scenario.mission.any_order && scenario.mission.waypoints_m.len() < 2 {
+        let message = "has no effect: the mission has less than two waypoints";
+        found.push(source.invalid(source.find("any_order"), "mission.any_order", message));
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use crate::robots;
+    use crate::scenario::Scenario;
+
+    const WORLD: &str = "[world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n";
+
+    /// The keys of all warnings for a robot with `more`.
+    fn keys(robot: &str, more: &str) -> Vec<String> {
+        let head = "schema = 1\nname = \"t\"\nduration = \"5s\"\n";
+        let world = if robot == "none" { "" } else { WORLD };
+        let text = format!("{head}robot = \"{robot}\"\n{more}\n{world}");
+        let parsed = Scenario::parse(Path::new("t.toml"), text);
+        let (scenario, source) = parsed.expect("sound");
+        let warnings = robots::warnings(&scenario, &source).into_iter();
+        warnings
+            .map(|warning| {
+                let said = warning.to_string();
+                assert!(
+                    said.starts_with("t.toml:") && said.contains("has no effect"),
+                    "{said}"
+                );
+                warning.key().to_owned()
+            })
+            .collect()
+    }
+
+    /// Each key alone, for each robot: a warning where the robot ignores it, none where it reads it.
+    #[test]
+    fn keys_that_a_robot_ignores_are_warnings() {
+        let rows = [
+            (
+                "[program]\nmapper = \"document\"",
+                "program.mapper",
+                "rescue",
+            ),
+            ("[program]\ncpu = \"ideal\"", "program.cpu", "rescue"),
+            ("[program]\ndiagnosis = true", "program.diagnosis", "rescue"),
+            (
+                "[program]\nradio_baud = 9600",
+                "program.radio_baud",
+                "rescue",
+            ),
+            ("[program.tuning]\nsmear = true", "program.tuning", "rescue"),
+            (
+                "[world.body]\naxle_m = 0.2",
+                "world.body",
+                "rescue yellow custom",
+            ),
+            (
+                "[mission]\nconnect = \"1s\"",
+                "mission.connect",
+                "rescue yellow apollo13",
+            ),
+            ("[budget]\ntotal = 9", "budget", ""),
+            ("[mission]\nany_order = true", "mission.any_order", ""),
+        ];
+        for (more, key, readers) in rows {
+            for robot in ["rescue", "yellow", "apollo13", "custom"] {
+                // For other robots, a table [program] is an error.
+                if robot == "custom" && key.starts_with("program") {
+                    continue;
+                }
+                let expected: &[&str] = match readers.split(' ').any(|reader| reader == robot) {
+                    true => &[],
+                    false => &[key],
+                };
+                assert_eq!(keys(robot, more), expected, "{robot}: {more}");
+            }
+        }
+        let car = "[world.body]\naxle_m = 0.2\n[chassis.ackermann]";
+        assert_eq!(keys("custom", car), ["world.body"]);
+        let meter = "[device.meter]\ndescription = \"modbus-meter\"\n[mission]\nconnect = \"1s\"";
+        assert_eq!(keys("none", meter), ["mission.connect"]);
+        let random = "[budget]\ntotal = 9\n[[fault]]\nkind = \"flip\"\nlink = \"lidar\"\n\
+                      direction = \"to-master\"\nrate = 0.1";
+        assert_eq!(keys("rescue", random), [""; 0]);
+        let both = "[mission]\nany_order = true\nwaypoints_m = [[1.0, 1.5], [1.5, 1.5]]";
+        assert_eq!(keys("rescue", both), [""; 0]);
+    }
+}
