@@ -172,11 +172,15 @@ impl ExecArgs {
             name,
             command: spec.shell(),
             robot,
+            may_end: spec.may_end,
         });
         let first = programs.next()?;
+        let may_idle = scenario.programs().all(|(_, _, spec)| spec.may_idle);
         Some(Foreign {
             name: first.name,
             robot: first.robot,
+            may_end: first.may_end,
+            may_idle,
             others: programs.collect(),
             has_lines: false,
             supervision: Some(Supervision::default()),

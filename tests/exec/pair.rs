@@ -125,3 +125,37 @@ fn the_program_that_ended_is_named() {
     assert!(alive.contains("planner to the end"), "{alive}");
     let _ = fs::remove_dir_all(&folder);
 }
+
+/// A program that ends with exit code 0 while the other one continues: an error, unless its table
+/// allows it. The table of the other program does not count.
+#[test]
+fn a_program_may_end_before_the_other_one() {
+    let ends = SCENARIO.replace(
+        "exec.planner]\ncommand = 'python3 planner.py \"$HILRIG_PORT_ORDERS\"'",
+        "exec.planner]\nMAY\ncommand = 'timeout 1 python3 planner.py \"$HILRIG_PORT_ORDERS\"; true'",
+    );
+    let ends = ends.replace("duration = \"12s\"", "duration = \"2s\"");
+    assert!(ends.contains("MAY"), "the table is another one");
+    for (name, may, is_allowed) in [
+        ("may", ends.replace("MAY", "may_end = true"), true),
+        ("may-not", ends.replace("MAY", ""), false),
+        (
+            "other",
+            ends.replace("MAY", "")
+                .replace("exec.driver]", "exec.driver]\nmay_end = true"),
+            false,
+        ),
+    ] {
+        let folder = prepared(name, &may);
+        let ended = run(&folder, &[]);
+        let mut lines = ended.said.lines();
+        let alive = lines.find(|line| line.contains("program-alive"));
+        let alive = alive.unwrap_or_else(|| panic!("{name}: {}", ended.said));
+        assert_eq!(alive.contains("ok "), is_allowed, "{name}: {alive}");
+        assert!(
+            alive.contains("planner ended with exit code 0 at "),
+            "{name}: {alive}"
+        );
+        let _ = fs::remove_dir_all(&folder);
+    }
+}

@@ -100,6 +100,15 @@ pub struct Foreign {
     pub supervision: Option<Supervision>,
 }
 
+impl Foreign {
+    /// Whether the program called `name` may end with exit code 0 before the run is over.
+    pub(crate) fn may_end_of(&self, name: &str) -> bool {
+        let mut others = self.others.iter();
+        let other = others.find(|other| other.name == name);
+        other.map_or(self.may_end, |other| other.may_end)
+    }
+}
+
 /// An end of a link and the port that it is on.
 pub struct Seat {
     /// The end.

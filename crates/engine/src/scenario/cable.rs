@@ -20,6 +20,13 @@ pub struct ExecSpec {
     /// Folder in which it starts, relative to the scenario's file; the scenario's own if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub folder: Option<PathBuf>,
+    /// Whether the program may end with exit code 0 before the run is over.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub may_end: bool,
+    /// Whether the program may stop sending and reading, e.g. when its work is done. It counts if
+    /// all programs of the file may.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub may_idle: bool,
 }
 
 /// A serial cable between two programs, each with a port of its own. It is a link: faults, rules
@@ -98,6 +105,8 @@ mod tests {
             let spec = ExecSpec {
                 command: command.to_owned(),
                 folder: Some(folder.to_owned()),
+                may_end: false,
+                may_idle: false,
             };
             let output = Command::new("sh").args(["-c", &spec.shell()]).output();
             let output = output.expect("a shell");

@@ -13,6 +13,8 @@ pub struct Companion {
     pub command: String,
     /// Index of its robot; the names in its environment are those of this robot alone.
     pub robot: usize,
+    /// Whether it may end with exit code 0 before the run is over.
+    pub may_end: bool,
 }
 
 /// How a program is supervised in virtual time.

@@ -65,11 +65,15 @@ impl Ending<'_> {
     /// Whether each program was there as long as it had to be.
     fn alive(&self) -> Check {
         let (foreign, farewell) = (self.foreign, self.farewell);
-        let one = |ended| alive(ended, self.is_over, foreign.may_end, farewell);
-        if let [(_, ended)] = self.each[..] {
-            return one(ended);
+        let one = |name: &str, ended| {
+            let may_end = foreign.may_end_of(name);
+            alive(ended, self.is_over, may_end, farewell)
+        };
+        if let [(name, ended)] = &self.each[..] {
+            return one(name, *ended);
         }
-        let each = self.each.iter().map(|(name, ended)| (name, one(*ended)));
+        let each = self.each.iter();
+        let each = each.map(|(name, ended)| (name, one(name, *ended)));
         let each: Vec<(&String, Check)> = each.collect();
         let words = each
             .iter()

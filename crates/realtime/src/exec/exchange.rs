@@ -20,7 +20,7 @@ pub(super) const SILENT_MAX: Duration = Duration::from_secs(2);
 const PAUSES_MAX: u32 = 3;
 
 /// Options that allow silence.
-pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle)";
+pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle; in a file: may_idle of its exec table)";
 
 /// Minimum number of frames that a device does not understand until they count as an error, and
 /// maximum number of sent bytes per such frame.

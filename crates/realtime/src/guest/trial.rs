@@ -237,11 +237,14 @@ impl Trial {
 
     /// Whether a program has ended that has to be there, or all have and left no port open.
     fn is_gone(&self) -> bool {
-        let may_end = self.foreign.may_end;
-        let ends = || self.programs.iter().map(|one| one.ended);
-        let is_wrong = |(ended, _)| !(may_end && ended == Ended::Code(0));
-        let are_all_gone = ends().all(|ended| ended.is_some());
-        ends().flatten().any(is_wrong) || are_all_gone && !self.supervisor.stage.ports.any_open()
+        let is_wrong = |one: &Started| {
+            let may_end = self.foreign.may_end_of(&one.name);
+            one.ended
+                .is_some_and(|(ended, _)| !(may_end && ended == Ended::Code(0)))
+        };
+        let are_all_gone = self.programs.iter().all(|one| one.ended.is_some());
+        self.programs.iter().any(is_wrong)
+            || are_all_gone && !self.supervisor.stage.ports.any_open()
     }
 
     /// From now on the run goes on when its mission is over.

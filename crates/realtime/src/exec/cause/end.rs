@@ -81,7 +81,7 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
             weight::ENDED,
             format!(
                 "the program ended with exit code 0 at {at} s, before the run was over; if that is \
-                 right, allow it with --exec-may-end"
+                 right, allow it with --exec-may-end, or in a file with may_end of its exec table"
             ),
         ),
         Ended::Code(_) => Cause::new(
