@@ -134,7 +134,7 @@ fn a_program_may_end_before_the_other_one() {
         "exec.planner]\ncommand = 'python3 planner.py \"$HILRIG_PORT_ORDERS\"'",
         "exec.planner]\nMAY\ncommand = 'timeout 1 python3 planner.py \"$HILRIG_PORT_ORDERS\"; true'",
     );
-    let ends = ends.replace("duration = \"12s\"", "duration = \"2s\"");
+    let ends = ends.replace("duration = \"12s\"", "duration = \"5s\"");
     assert!(ends.contains("MAY"), "the table is another one");
     for (name, may, is_allowed) in [
         ("may", ends.replace("MAY", "may_end = true"), true),
