@@ -131,8 +131,8 @@ pub trait Robot: Sync {
         true
     }
 
-    /// Keys and tables of a scenario that the robot does not read, such as `program.tuning`: each one
-    /// that a file gives is a warning.
+    /// Keys and tables of a scenario that the robot does not read, such as `program.tuning`: each
+    /// one in a file is a warning.
     fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
         &[]
     }

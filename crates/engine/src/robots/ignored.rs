@@ -86,7 +86,7 @@ mod tests {
             .collect()
     }
 
-    /// Each key alone, for each robot: a warning where the robot ignores it, none where it reads it.
+    /// Each key alone, for each robot: a warning where the robot ignores the key, else none.
     #[test]
     fn keys_that_a_robot_ignores_are_warnings() {
         let rows = [

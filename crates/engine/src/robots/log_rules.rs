@@ -167,8 +167,8 @@ fn all_of(kind: Option<&str>) -> Option<&'static [&'static str]> {
     }
 }
 
-/// A message with the expected names, if a device of the kind `kind`, or with the `declared` events,
-/// cannot log `rule`, and neither can the rig in its name.
+/// A message with the expected names, if a device of the kind `kind`, or with the `declared`
+/// events, cannot log `rule`, and neither can the rig in its name.
 pub(crate) fn unknown(
     kind: Option<&str>,
     declared: Option<&[String]>,
