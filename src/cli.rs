@@ -351,7 +351,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Campaign(args) => campaign::run(args),
         Command::Fuzz(args) => fuzz::run(&args),
         Command::Shrink(args) => shrink::run(&args),
-        Command::Fidelity(args) => fidelity::run(args),
+        Command::Fidelity(args) => fidelity::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Slam(args) => slam::run(args),
         Command::Map(args) => map::run(args),

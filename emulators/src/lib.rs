@@ -11,6 +11,7 @@
 //! | [`camera`] | depth camera with a detector of markers |
 //! | [`car_board`] | board of a model car: motor, servo, ultrasonic ranges, hall, line, battery |
 //! | [`device`] | the contract of every device |
+//! | [`figure`] | a figure of a real device beside the emulated one's |
 //! | [`hc06`] | Bluetooth radio: command and data mode, finite FIFO, slow air |
 //! | [`i2c`] | chips with registers on an I2C bus |
 //! | [`lidar`] | common parts of turning lidars |
@@ -33,6 +34,7 @@ pub mod camera;
 pub mod car_board;
 pub mod device;
 pub mod event_log;
+pub mod figure;
 pub mod hc06;
 pub mod i2c;
 pub mod lidar;

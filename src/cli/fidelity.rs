@@ -1,101 +1,132 @@
+mod conversation;
 pub(super) mod ledger;
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Subcommand};
+use clap::Args;
+use emulators::figure::{Comparison, Limit};
 use emulators::xv11::Profile;
-use emulators::xv11::fidelity::{Column, Comparison, Limit, Told, blind, compare, hand_in_box};
+use emulators::xv11::fidelity::{Column, Told, blind, compare, hand_in_box};
 
 use super::answer::{FigureCompared, Figures, GroupTold};
 use super::decode::source::{Lane, Source, lanes};
 use super::{CliError, Verdict, out};
 use crate::codec::{XV11, XV11_TURN};
+use crate::scenario::Span;
 
 /// Compare an emulated device with the real one, figure by figure.
 ///
-/// Without a device, or with one that has no figures of its own, the command prints the ledger: the
-/// document, capture, client or chip that judges each device, what agrees and how closely, and what
-/// cannot be checked.
+/// Without --capture, the command prints the ledger: the document, capture, client or chip that
+/// judges each device, what agrees and how closely, and what cannot be checked.
+///
+/// With --capture, the emulated device gets the requests of the capture at their times. Replies,
+/// lengths, latencies, periods and rates of both are compared. Bytes that never change in the
+/// capture are shown if the emulated ones differ: a serial number may, a constant may not.
+///
+/// `xv11` has figures of its own: error codes, encoder, strength, noise, coast-down, restart. The
+/// emulated sensor is in a box 1 m wide, a hand moves in it for 24 s, then the motor is cut, the
+/// head coasts down and stalls, the firmware restarts. The only public capture shows the same
+/// sequence (firmware 2.4.13386, 252,146 bytes). Other captures are accepted too, with packets or
+/// with firmware 2.1's whole turns; they agree only as far as their sequence is similar. A blind
+/// test follows: the emulated sensor is put into the room of the capture, and a plain classifier
+/// tries to distinguish windows of two turns of both streams. 50 % is chance. Packets, distances
+/// and strengths are judged: an accuracy above 60 %, or above 50 % and three standard errors, is a
+/// difference. A group that cannot be compared, or has fewer than 40 windows to compare, fails too.
+/// Tooth speeds and codes depend on the ring of a unit and are only shown.
 #[derive(Debug, Args)]
-#[command(
-    subcommand_value_name = "DEVICE",
-    after_long_help = "Examples:\n  \
-    hilrig fidelity                                   # the ledger of all devices\n  \
-    hilrig fidelity hc06                              # the rows of one device\n  \
-    hilrig fidelity xv11                              # against the published figures\n  \
-    hilrig fidelity xv11 --capture hand_in_box.bin    # against a capture's own figures\n  \
-    hilrig fidelity xv11 --capture mine.bin --against none"
-)]
+#[command(after_long_help = "Examples:\n  \
+    hilrig fidelity                                      # the ledger of all devices\n  \
+    hilrig fidelity hc06                                 # the rows of one device\n  \
+    hilrig fidelity meter.toml --capture field.pcapng    # your described device\n  \
+    hilrig fidelity bench.toml --link scale --capture scale.log   # a device of a scenario\n  \
+    hilrig fidelity rplidar --capture lidar.pcapng       # a built-in device\n  \
+    hilrig fidelity xv11                                 # against the published figures\n  \
+    hilrig fidelity xv11 --capture hand_in_box.bin       # against a capture's own figures\n  \
+    hilrig fidelity xv11 --capture mine.bin --against none\n\n\
+    Exit codes: 0 all judged figures agree, 1 one differs or none was compared, 2 usage or set-up.")]
 pub(super) struct Fidelity {
-    #[command(subcommand)]
-    device: Option<Device>,
+    /// Device: a kind of the ledger, a described device by its name or file, or a scenario
+    #[arg(value_name = "DEVICE|FILE")]
+    device: Option<String>,
+    /// Bytes recorded from a real device: a capture, or a file that `hilrig import` reads
+    #[arg(long, value_name = "FILE", requires = "device")]
+    capture: Option<PathBuf>,
+    /// Device of the scenario, and link of the capture [default: the only one]
+    #[arg(long, value_name = "NAME", requires = "capture")]
+    link: Option<String>,
+    /// Allowed difference of a latency, if it is more than a fifth [default: 20ms]
+    #[arg(long, value_name = "TIME", requires = "capture")]
+    slack: Option<Span>,
+    /// xv11: second column: `emulated`, another capture, or `none` [default: emulated]
+    #[arg(long, value_name = "FILE|emulated|none", requires = "device")]
+    against: Option<PathBuf>,
+    /// xv11: firmware of the emulated sensor [default: fw2.4.13386]
+    #[arg(long, value_name = "NAME", requires = "device",
+          value_parser = Profile::ALL.map(Profile::name))]
+    profile: Option<String>,
+    /// Seed of the emulated device's noise [default: 1]
+    #[arg(long, value_name = "N", requires = "device")]
+    seed: Option<u64>,
     /// Print the ledger as Markdown, for docs/fidelity.md
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["capture", "against", "profile", "seed"])]
     markdown: bool,
 }
 
-#[derive(Debug, Subcommand)]
-enum Device {
-    Xv11(Xv11),
-    /// DEVICE: the rows of the ledger of any device
-    #[command(external_subcommand)]
-    Other(Vec<String>),
-}
+impl Fidelity {
+    fn seed(&self) -> u64 {
+        self.seed.unwrap_or(1)
+    }
 
-/// Figures of an XV-11's stream: error codes, encoder, strength, noise, coast-down, restart.
-///
-/// The emulated column is simulated now: a sensor in a box 1 m wide, a hand that moves in it for
-/// 24 s, then the motor is cut, the head coasts down and stalls, the firmware restarts. The only
-/// public capture shows the same sequence (firmware 2.4.13386, 252,146 bytes). Other captures are
-/// accepted too, with packets or with firmware 2.1's whole turns; they agree only as far as their
-/// sequence is similar.
-///
-/// With a capture a blind test follows: the emulated sensor is put into the room of the capture,
-/// and a plain classifier tries to tell windows of two turns of both streams. 50 % is chance.
-/// Packets, distances and strengths are judged: an accuracy above 60 %, or above 50 % and three
-/// standard errors, is a difference. A group that cannot be compared, or has fewer than 40 windows
-/// to compare, fails too. Tooth speeds and codes depend on the ring of a unit and are only shown.
-#[derive(Debug, Args)]
-struct Xv11 {
-    /// Bytes recorded from a real sensor, or a pcapng capture with them [default: the published
-    /// figures of the capture above]
-    #[arg(long, value_name = "FILE")]
-    capture: Option<PathBuf>,
-    /// Second column: `emulated`, another capture, or `none`
-    #[arg(long, value_name = "FILE|emulated|none", default_value = "emulated")]
-    against: PathBuf,
-    /// Firmware of the emulated sensor
-    #[arg(long, value_name = "NAME", default_value = "fw2.4.13386",
-          value_parser = Profile::ALL.map(Profile::name))]
-    profile: String,
-    /// Seed of the emulated sensor's noise
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
-}
-
-pub(super) fn run(args: Fidelity) -> Result<Verdict, CliError> {
-    match args.device {
-        None => print_ledger(None, args.markdown),
-        Some(Device::Other(words)) => print_ledger(Some(&words), args.markdown),
-        Some(Device::Xv11(xv11)) => compare_lidars(&xv11),
+    /// The first of the given options that the device does not have.
+    fn refuse(&self, device: &str, options: &[(&str, bool)]) -> Result<(), CliError> {
+        let given = options.iter().find(|(_, is_given)| *is_given);
+        match given {
+            None => Ok(()),
+            Some((option, _)) => Err(CliError::Usage(format!(
+                "{option} has no effect on {device:?}; see hilrig fidelity --help"
+            ))),
+        }
     }
 }
 
-/// Prints the ledger, limited to the device in `words` if given.
-fn print_ledger(words: Option<&[String]>, is_markdown: bool) -> Result<Verdict, CliError> {
-    let device = words.map(|words| words[0].as_str());
-    if let Some(more) = words.and_then(|words| words.get(1)) {
-        let device = device.unwrap_or_default();
-        return Err(CliError::Usage(format!(
-            "unexpected argument {more:?}: `fidelity {device}` prints the ledger and takes no \
-             options; only `fidelity xv11` compares figures of a capture"
-        )));
+pub(super) fn run(args: &Fidelity) -> Result<Verdict, CliError> {
+    let of_lidar = [
+        ("--against", args.against.is_some()),
+        ("--profile", args.profile.is_some()),
+    ];
+    match (args.device.as_deref(), &args.capture) {
+        (Some("xv11"), _) if !args.markdown => {
+            let of_others = [
+                ("--link", args.link.is_some()),
+                ("--slack", args.slack.is_some()),
+            ];
+            args.refuse("xv11", &of_others)?;
+            compare_lidars(args)
+        }
+        (Some(device), Some(capture)) => {
+            args.refuse(device, &of_lidar)?;
+            conversation::compare(args, device, capture)
+        }
+        (device, None) => {
+            args.refuse(device.unwrap_or_default(), &of_lidar)?;
+            args.refuse(
+                device.unwrap_or_default(),
+                &[("--seed", args.seed.is_some())],
+            )?;
+            print_ledger(device, args.markdown)
+        }
+        (None, Some(_)) => Err(CliError::Usage("--capture needs a DEVICE".to_owned())),
     }
+}
+
+/// Prints the ledger, limited to `device` if given.
+fn print_ledger(device: Option<&str>, is_markdown: bool) -> Result<Verdict, CliError> {
     let rows = ledger::rows(device);
     if rows.is_empty() {
         let (device, known) = (device.unwrap_or_default(), ledger::devices().join(", "));
         return Err(CliError::Usage(format!(
-            "unknown device {device:?}; expected one of {known}"
+            "unknown device {device:?}; expected one of {known}; a described device or a scenario \
+             needs --capture"
         )));
     }
     let page = match is_markdown {
@@ -103,9 +134,8 @@ fn print_ledger(words: Option<&[String]>, is_markdown: bool) -> Result<Verdict, 
         false => ledger::text(&rows),
     };
     out::answer(&Figures {
-        figures: Vec::new(),
-        blind: Vec::new(),
         ledger: rows,
+        ..Figures::default()
     });
     out::write_text("the ledger", page.as_bytes())
 }
@@ -113,30 +143,33 @@ fn print_ledger(words: Option<&[String]>, is_markdown: bool) -> Result<Verdict, 
 /// Windows of the capture below which chance decides.
 const WINDOWS_MIN: usize = 40;
 
-fn compare_lidars(args: &Xv11) -> Result<Verdict, CliError> {
-    let profile = Profile::from_name(&args.profile)
-        .ok_or_else(|| CliError::Usage(format!("--profile {}", args.profile)))?;
+fn compare_lidars(args: &Fidelity) -> Result<Verdict, CliError> {
+    let name = args.profile.as_deref().unwrap_or("fw2.4.13386");
+    let profile =
+        Profile::from_name(name).ok_or_else(|| CliError::Usage(format!("--profile {name}")))?;
+    let against = args.against.as_deref().unwrap_or(Path::new("emulated"));
     let bytes = args.capture.as_deref().map(read).transpose()?;
     let (real_name, real) = match &bytes {
         Some(bytes) => ("capture", Column::of(bytes)),
         None => ("published", Column::published()),
     };
-    let (ours_name, ours) = match args.against.to_str() {
+    let (ours_name, ours) = match against.to_str() {
         Some("none") => ("", None),
         Some("emulated") => {
-            let bytes = hand_in_box(profile, args.seed);
+            let bytes = hand_in_box(profile, args.seed());
             ("emulated", Some(Column::of(&bytes)))
         }
-        _ => ("against", Some(Column::of(&read(&args.against)?))),
+        _ => ("against", Some(Column::of(&read(against)?))),
     };
     let told = match &bytes {
-        Some(bytes) if ours_name == "emulated" => blind(bytes, profile, args.seed),
+        Some(bytes) if ours_name == "emulated" => blind(bytes, profile, args.seed()),
         _ => None,
     };
     let rows = compare(&real, ours.as_ref().unwrap_or(&Column::default()));
     out::answer(&Figures {
         figures: rows.iter().map(compared).collect(),
         blind: told.iter().flatten().map(group_told).collect(),
+        constants: Vec::new(),
         ledger: ledger::rows(Some("xv11")),
     });
     if ours.is_none() {
@@ -305,7 +338,7 @@ fn allowed(limit: Limit) -> String {
     match limit {
         Limit::Share(0.0) => "same".to_owned(),
         Limit::Share(share) => format!("+-{:.0} %", share * 100.0),
-        Limit::Plus(plus) => format!("+-{plus}"),
+        Limit::Plus(plus) => format!("+-{}", (plus * 100.0).round() / 100.0),
         Limit::Free => "any".to_owned(),
     }
 }

@@ -22,6 +22,7 @@
 #include <unistd.h>
 
 #include <avr_adc.h>
+#include <avr_ioport.h>
 #include <avr_uart.h>
 #include <sim_avr.h>
 #include <sim_elf.h>
@@ -31,6 +32,9 @@ enum { BYTES_MAX = 1024, SENT_MAX = 4096, PLACES = 3, CYCLES_PER_BYTE = 160 };
 
 /* What the converter's channels read: nothing in sight, a floor, a battery of 12.4 V. */
 static const unsigned READINGS[16] = {[7] = 500, [9] = 846};
+
+/* The converter's source of each multiplexer setting. simavr 1.6 has values for eight inputs only. */
+static uint8_t source_of[64];
 
 static avr_t *avr;
 static avr_uart_t *uart;
@@ -110,6 +114,27 @@ static void no_sleep(avr_t *chip, avr_cycle_count_t how_long) {
     (void)how_long;
 }
 
+/* A conversion begins: its reading is 1023 times the voltage's share of the reference, rounded down;
+ * half a step more is safe. */
+static void on_conversion(struct avr_irq_t *irq, uint32_t value, void *param) {
+    (void)irq;
+    (void)value;
+    avr_adc_t *adc = param;
+    uint8_t setting = avr_regbit_get_array(avr, adc->mux, ARRAY_SIZE(adc->mux));
+    if (setting < 64 && adc->muxmode[setting].kind == ADC_MUX_SINGLE)
+        adc->adc_values[source_of[setting] & 7] =
+            (uint16_t)((READINGS[source_of[setting] & 15] * 2 + 1) * 5000 / 2046);
+}
+
+static void feed(avr_adc_t *adc) {
+    for (size_t setting = 0; setting < 64; setting++) {
+        source_of[setting] = (uint8_t)adc->muxmode[setting].src;
+        if (adc->muxmode[setting].kind == ADC_MUX_SINGLE)
+            adc->muxmode[setting].src &= 7;
+    }
+    avr_irq_register_notify(adc->io.irq + ADC_IRQ_OUT_TRIGGER, on_conversion, adc);
+}
+
 static void start(const char *path) {
     static elf_firmware_t firmware;
     avr_global_logger_set(quiet);
@@ -130,16 +155,15 @@ static void start(const char *path) {
             avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS(name), &no_flags);
             if (name == '1')
                 uart = (avr_uart_t *)io;
+        } else if (strcmp(io->kind, "adc") == 0) {
+            feed((avr_adc_t *)io);
         }
     }
+    /* The stop button is released: it pulls pin C3 down, against the pull-up of the chip. */
+    avr_ioport_external_t released = {.name = 'C', .mask = 1 << 3, .value = 0};
+    avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('C'), &released);
     avr_irq_register_notify(uart->io.irq + UART_IRQ_OUTPUT, on_sent, NULL);
     avr_irq_register_notify(uart->io.irq + UART_IRQ_OUT_XON, on_room, NULL);
-    /* A reading is 1023 times the voltage's share of the reference, rounded down: half a step more
-     * is safe. */
-    for (int channel = 0; channel < 16; channel++) {
-        uint32_t millivolts = (READINGS[channel] * 2 + 1) * 5000 / 2046;
-        avr_raise_irq(avr_io_getirq(avr, AVR_IOCTL_ADC_GETIRQ, channel), millivolts);
-    }
 }
 
 /* Plays the rest of a line; prints what the chip sent. */

@@ -192,7 +192,63 @@ fn the_ledger_of_a_device_names_its_oracle() {
         "{said}"
     );
     // Options that would be ignored are refused.
-    let output = session.hilrig(&["fidelity", "rplidar", "--capture", "a.bin"]);
+    for option in ["--against=none", "--profile=fw2.1", "--seed=2"] {
+        let output = session.hilrig(&["fidelity", "rplidar", option]);
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        let said = text(&output.stderr);
+        assert!(said.contains("has no effect on \"rplidar\""), "{said}");
+    }
+}
+
+/// A log of the CO2 sensor MH-Z19B, with request and reply of its manual. The described device
+/// agrees with it, and each changed log differs in its own figure.
+#[test]
+fn a_device_is_compared_with_a_log_of_the_real_one() {
+    let session = Session::new("fidelity-log");
+    let log = |latency_ms: u32, reply: &str| -> String {
+        let rows = (0..6).map(|n| {
+            let [asked, replied] = [n * 700, n * 700 + latency_ms];
+            let time = |ms: u32| format!("10:00:{:02}.{:03}", ms / 1_000, ms % 1_000);
+            let request = "FF 01 86 00 00 00 00 00 79";
+            let (asked, replied) = (time(asked), time(replied));
+            match reply {
+                "" if n > 0 => format!("{asked} TX: {request}\n"),
+                "" => format!("{asked} TX: {request}\n{replied} RX: FF\n"),
+                reply => format!("{asked} TX: {request}\n{replied} RX: {reply}\n"),
+            }
+        });
+        rows.collect()
+    };
+    let sound = "FF 86 02 60 47 00 00 00 D1";
+    for (name, log, code, expected) in [
+        ("sound", log(24, sound), 0, "5 figures judged, 0 differ"),
+        ("slow", log(250, sound), 1, "latency, median"),
+        (
+            "short",
+            log(24, "FF 86 02 60"),
+            1,
+            "replies of the captured length",
+        ),
+        ("mute", log(24, ""), 1, "requests with a reply"),
+        // The second byte is the command in each model; it is shown, and not judged.
+        (
+            "other",
+            log(24, "FF 87 02 60 47 00 00 00 D0"),
+            0,
+            "byte 1 is 87, emulated 86",
+        ),
+    ] {
+        session.write("field.log", &log);
+        let output = session.hilrig(&["fidelity", "mh-z19", "--capture", "field.log"]);
+        let said = text(&output.stdout);
+        assert_eq!(output.status.code(), Some(code), "{name}\n{said}");
+        let line = said.lines().find(|line| line.contains(expected));
+        let line = line.unwrap_or_else(|| panic!("{name}: no {expected} in\n{said}"));
+        assert_eq!(code == 1, line.ends_with("DIFFERS"), "{name}\n{said}");
+    }
+    // Without a byte of the device, nothing is compared.
+    session.write("field.log", "10:00:00.000 TX: FF 01 86 00 00 00 00 00 79\n");
+    let output = session.hilrig(&["fidelity", "mh-z19", "--capture", "field.log"]);
     assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("only `fidelity xv11` compares"));
+    assert!(text(&output.stderr).contains("no byte from a device"));
 }

@@ -8,6 +8,7 @@ pub mod decode;
 pub mod divergence;
 pub mod export;
 pub mod import;
+pub mod likeness;
 pub mod replay;
 pub mod wireshark;
 

@@ -16,7 +16,7 @@
 //! Those builds check no address, so a request reads and writes all of it from 0 on. Sources: field
 //! firmware b77a6df run in a simulated ATmega2560, and its public source (structs in their order,
 //! 16-bit integers low byte first). Build 5f54f4d has the same layout one byte higher. Memory
-//! behind 312 is unused: it reads as the last byte written to it, 0 at first.
+//! behind 312 is unused: it reads as the last byte written to it, AA at first.
 
 use std::collections::BTreeMap;
 
@@ -66,6 +66,11 @@ const FED: [(usize, usize); 14] = [
 const BATTERY: usize = 265;
 /// Position of the motors' state.
 const MOTORS: core::ops::Range<usize> = 267..313;
+/// The start code fills the memory behind the last variable with this byte, up to the stack, for a
+/// measurement of the stack's depth.
+const UNUSED: u8 = 0xAA;
+/// Address in the processor's memory that the stack does not reach: 256 bytes before its start.
+const UNUSED_RAM_END: u16 = 0x2100;
 
 /// Registers and the memory around them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -128,6 +133,7 @@ impl Memory {
         };
         memory.bytes[POINTER..][..2].copy_from_slice(&(map + BUFFER).to_le_bytes());
         memory.bytes[WANTED] = 0b111;
+        memory.bytes[MOTORS.end..].fill(UNUSED);
         memory
     }
 
@@ -298,7 +304,9 @@ impl Memory {
     fn at(&self, address: u16) -> u8 {
         let place = usize::from(address.wrapping_sub(self.map));
         let near = self.bytes.get(place).copied();
-        near.or(self.far.get(&address).copied()).unwrap_or(0)
+        let found = near.or(self.far.get(&address).copied());
+        let unused = SIZE..usize::from(UNUSED_RAM_END - self.map);
+        found.unwrap_or(if unused.contains(&place) { UNUSED } else { 0 })
     }
 
     /// Register of the reply, from its header.
@@ -374,6 +382,16 @@ mod tests {
         let mut memory = Memory::new(MAP_2015);
         memory.write(255, &[7; 127]);
         assert_eq!(memory.read(255, 127), [7; 127]);
+    }
+
+    /// Both builds, read on the chip: 127 bytes from 255 on, at rest.
+    #[test]
+    fn f1_unused_memory_is_as_the_start_code_leaves_it() {
+        let mut memory = Memory::new(MAP_2015);
+        assert_eq!(memory.read(255, 127)[313 - 255..], [0xAA; 69]);
+        memory.write(55, &0x1000_u16.to_le_bytes());
+        memory.copy_data(10, 2);
+        assert_eq!(memory.read(9, 4), [0, 0xAA, 0xAA, 0]);
     }
 
     #[test]

@@ -26,7 +26,7 @@ use coast::Teeth;
 use noise::Repeats;
 
 pub use blind::{Figure, Told, blind};
-pub use compare::{Column, Comparison, Limit, compare};
+pub use compare::{Column, compare};
 pub use figures::{CAPTURED, Row};
 pub use noise::{BIN_MM, Bin};
 pub use replica::hand_in_box;

@@ -6,11 +6,13 @@ use serde::Serialize;
 use crate::cli::fidelity::ledger::Row;
 
 /// Figures of a device, compared with those of another one.
-#[derive(Debug, Serialize, JsonSchema)]
+#[derive(Debug, Default, Serialize, JsonSchema)]
 pub(in crate::cli) struct Figures {
     pub(in crate::cli) figures: Vec<FigureCompared>,
     /// The blind test: whether a classifier tells the capture from the emulation.
     pub(in crate::cli) blind: Vec<GroupTold>,
+    /// Bytes that never change in the capture and differ in the emulation, in words.
+    pub(in crate::cli) constants: Vec<String>,
     /// The sources that judge the device, and the properties that cannot be checked.
     pub(in crate::cli) ledger: Vec<Row>,
 }
