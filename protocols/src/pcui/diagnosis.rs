@@ -31,11 +31,13 @@ pub enum Condition {
     Stopped,
     /// Full drive does not bring the lidar to its speed.
     LidarWeak,
+    /// A driven wheel does not count: it is blocked, or its encoder has failed. The robot rests.
+    WheelStalled,
 }
 
 impl Condition {
     /// All of them, in the order of their bits.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::BatteryLow,
         Self::BaseSilent,
         Self::LidarSilent,
@@ -43,6 +45,7 @@ impl Condition {
         Self::OffMap,
         Self::Stopped,
         Self::LidarWeak,
+        Self::WheelStalled,
     ];
 
     /// Text for the operator.
@@ -55,6 +58,7 @@ impl Condition {
             Self::OffMap => "off the map",
             Self::Stopped => "stop button",
             Self::LidarWeak => "lidar motor too weak",
+            Self::WheelStalled => "wheel stalled",
         }
     }
 
@@ -252,16 +256,16 @@ mod tests {
         assert_eq!(encode_victims(places.into_iter(), &mut frame[..24]), None);
     }
 
-    /// A condition set twice still holds; there are seven, one bit each from the lowest.
+    /// A condition set twice still holds; there are eight, one bit each from the lowest.
     #[test]
     fn conditions_are_bits_from_the_lowest() {
         let all = Condition::ALL;
         let with = |conditions: Conditions, condition| conditions.with(condition, true);
         let twice = all.into_iter().chain(all).fold(Conditions::NONE, with);
-        assert_eq!(twice, Conditions(0b111_1111));
+        assert_eq!(twice, Conditions(0b1111_1111));
         assert!(twice.iter().eq(all));
         let bits = all.map(|condition| Conditions::NONE.with(condition, true).0);
-        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64]);
+        assert_eq!(bits, [1, 2, 4, 8, 16, 32, 64, 128]);
     }
 
     #[test]
@@ -274,7 +278,8 @@ mod tests {
             ["battery low", "base silent", "lidar silent"]
         );
         assert_eq!(conditions[3..5], ["lost", "off the map"]);
-        assert_eq!(conditions[5..], ["stop button", "lidar motor too weak"]);
+        assert_eq!(conditions[5..7], ["stop button", "lidar motor too weak"]);
+        assert_eq!(conditions[7..], ["wheel stalled"]);
     }
 
     /// An unknown state of the search, perhaps of a later robot, is read as no search.

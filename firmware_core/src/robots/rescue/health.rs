@@ -159,7 +159,8 @@ impl Rescue {
                 .with(Condition::Lost, self.is_lost())
                 .with(Condition::OffMap, self.health.is_off_map)
                 .with(Condition::Stopped, self.health.is_stopped)
-                .with(Condition::LidarWeak, self.lidar.motor_is_too_weak()),
+                .with(Condition::LidarWeak, self.lidar.motor_is_too_weak())
+                .with(Condition::WheelStalled, self.drive.stall.is_stalled()),
             search: match self.search_progress() {
                 None => Search::None,
                 Some(Progress::Seeks) => Search::Seeks,
@@ -195,6 +196,26 @@ mod tests {
             robot.diagnosis().conditions.has(Condition::OffMap)
         };
         assert_eq!([1_500.0, 2_980.0, 20.0].map(is_told), [false, true, true]);
+    }
+
+    /// The left wheel is driven and counts nothing for 200 ms.
+    #[test]
+    fn a_stalled_wheel_is_told() {
+        let mut robot = Rescue::new(Config::default());
+        let mut is_told = |millis: u64, counters| {
+            let stall = &mut robot.drive.stall;
+            stall.take(Instant::from_millis(millis), counters, [10, 10]);
+            robot.diagnosis().conditions.has(Condition::WheelStalled)
+        };
+        let readings = [
+            (0, [0, 0]),
+            (40, [9, 9]),
+            (80, [9, 18]),
+            (240, [9, 54]),
+            (280, [9, 63]),
+        ];
+        let told = readings.map(|(millis, counters)| is_told(millis, counters));
+        assert_eq!(told, [false, false, false, false, true]);
     }
 
     /// Five low readings in a row count; a full one resets the count, one of 20 percent does not.
