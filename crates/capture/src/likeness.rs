@@ -192,7 +192,10 @@ fn pairs<'a>(real: &'a Talk, ours: &'a Talk) -> impl Iterator<Item = (&'a [u8], 
 }
 
 fn lengths(real: &Talk, ours: &Talk) -> [Option<f64>; 2] {
-    let messages = || pairs(real, ours).filter(|(_, [real, _])| real.end - real.start < STREAM);
+    let is_whole = |[real_reply, _]: &[&Burst; 2]| {
+        real_reply.end - real_reply.start < STREAM && !real.is_cut(real_reply)
+    };
+    let messages = || pairs(real, ours).filter(|(_, replies)| is_whole(replies));
     let alike = messages().filter(|(_, [a, b])| a.bytes.len() == b.bytes.len());
     let count = messages().count();
     [percent(count, count), percent(alike.count(), count)]

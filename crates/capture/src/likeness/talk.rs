@@ -172,6 +172,13 @@ impl Talk {
             .collect()
     }
 
+    /// Whether the next request follows the burst without a pause: then it may be part of a stream.
+    pub(super) fn is_cut(&self, burst: &Burst) -> bool {
+        let behind = self.exchanges.partition_point(|one| one.end <= burst.end);
+        let next = self.exchanges.get(behind);
+        next.is_some_and(|next| next.end - burst.end < PAUSE)
+    }
+
     /// Whether a burst lasts for `time`.
     pub(super) fn has_stream(&self, time: Duration) -> bool {
         let replies = self.exchanges.iter().filter_map(|one| one.reply.as_ref());
