@@ -4,6 +4,8 @@
 //! Content and order only, never how long something took.
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod begins;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod board;
 mod causes;
 mod commands;

@@ -154,6 +154,12 @@ pub(crate) struct Ended {
 }
 
 impl Ended {
+    /// The folder of the run, with its results in `out`.
+    #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+    pub(crate) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// Events of the devices, one per line.
     pub(crate) fn events(&self) -> String {
         fs::read_to_string(self.folder.join("out/events.txt")).unwrap_or_default()

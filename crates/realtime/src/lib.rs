@@ -212,7 +212,7 @@ impl<C: Clock> Realtime<C> {
             to_client: port.traffic.to_client,
             lost: port.transport.counters(),
             special: port.all_special(),
-            wrong_rate: port.wrong_rate.filter(|_| port.is_open),
+            wrong_rate: port.wrong_rate,
             settings: port.transport.modes(),
             is_drained: port.transport.is_drained(),
             reads: port.transport.reads(),

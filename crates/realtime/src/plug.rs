@@ -109,11 +109,13 @@ impl Port {
 
     /// Logs once if the client of an open port uses a rate that the other end does not understand.
     pub(super) fn judge_baud(&mut self, rig: &mut Rig) {
-        let far = match self.is_open {
-            true => self.far_line(rig),
-            false => None,
-        };
-        let wrong = far
+        // A port that is closed keeps the client's last rate: a program that sets it right and
+        // closes at once has ended at the right one.
+        if !self.is_open {
+            return;
+        }
+        let wrong = self
+            .far_line(rig)
             .filter(|far| !far.tolerates(self.baud))
             .map(|far| (self.baud, far.usual_baud()));
         if wrong == self.wrong_rate {

@@ -200,10 +200,7 @@ impl Port {
         (self.from_client, self.to_client) = (sign.from_client, sign.to_client);
         self.keep_passed(now, [sign.from_client, sign.special[0].all]);
         (self.lost, self.special) = (sign.lost, sign.special);
-        // A port that is closed keeps the client's last rate.
-        if sign.is_open {
-            self.wrong_rate = sign.wrong_rate;
-        }
+        self.wrong_rate = sign.wrong_rate;
         if let (Some((own, far)), None) = (sign.wrong_rate, self.was_wrong) {
             self.was_wrong = Some((own, far, now));
         }

@@ -333,8 +333,9 @@ impl Stage {
             }
         }
         if !turned.is_empty() {
-            // A client that opens and closes between two looks still counts.
-            self.observe();
+            // A client that opens and closes between two looks still counts. Rig time starts at the
+            // stop after the opening, so that the pauses between the first bytes pass at the rig.
+            self.look();
         }
         // A serial port raises its lines when it is opened, and lowers them when it is closed.
         for port in turned {

@@ -189,13 +189,15 @@ impl<'a> Session<'a> {
         if !(self.goes_on)() {
             return Err(Halt::Interrupted);
         }
+        // The turn that starts the clock has opened a port, and the program may end soon.
+        let had_begun = self.player.has_begun();
         self.player.turn()?;
         if let Some(node) = self.raw {
             self.heard.extend(self.player.rig().take_output(node));
         }
         // Each check costs system calls; in virtual time one turn may be a single step of a thread.
         let is_soon = self.player.now() < self.looked_at + LOOK_EVERY;
-        if is_soon && self.player.has_begun() && self.ended().is_ok() {
+        if is_soon && had_begun && self.ended().is_ok() {
             return Ok(());
         }
         self.looked_at = self.player.now();
