@@ -3,6 +3,7 @@ mod firmware;
 mod guest;
 mod judged;
 mod node;
+mod twice;
 
 use core::time::Duration;
 use std::collections::BTreeMap;

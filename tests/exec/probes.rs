@@ -257,3 +257,30 @@ print('and my number is', os.getpid(), flush=True)
     let word = "other output of the program: line 2 is \"and my number is ";
     assert!(detail.contains(word), "{detail}");
 }
+
+/// Two runs make the same calls, but the fifth byte differs: it counts the runs in a file. The byte
+/// arrives 5 characters of 1.0417 ms after the first write.
+#[test]
+fn a_byte_that_differs_is_named_with_its_place() {
+    let program = "\
+import os, time
+fd = os.open(os.environ['HILRIG_PORT_SONAR'], os.O_RDWR | os.O_NOCTTY)
+os.write(fd, b'abc')
+with open('runs', 'ab') as runs:
+    runs.write(b'.')
+os.write(fd, b'd%c' % os.path.getsize('runs'))
+time.sleep(0.1)
+";
+    let files = [("program.py", program)];
+    let more = ["--check", "--exec-may-end"];
+    let ended = run("byte", "exec python3 program.py", &files, &more);
+    let (status, detail) = ended.check("deterministic");
+    assert_eq!(status, "fail", "{detail}");
+    let words = "two runs part: sonar to-device, byte 4: 0x01 at ";
+    let at = detail
+        .strip_prefix(words)
+        .and_then(|rest| rest.split_once(" s, then 0x02 at "));
+    let (at, rest) = at.unwrap_or_else(|| panic!("{detail}"));
+    assert!(at.starts_with("0.005"), "{detail}");
+    assert_eq!(rest, format!("{at} s; the same calls and answers"));
+}

@@ -10,6 +10,7 @@ use super::judged::{
     Progress, Ran, Talk, cut_short, finish_capture, make_folder, print_losses, record_to,
     report_trouble, write_results,
 };
+use super::twice::{LOG, same};
 use crate::capture;
 use crate::cli::CliError;
 use crate::cli::ends::{EndArgs, print_table};
@@ -22,7 +23,6 @@ use crate::realtime::exec::{Cpu, Foreign, Seat, pc_end};
 use crate::realtime::guest::{GuestError, Played, Trial};
 use crate::realtime::transport::PortDir;
 use crate::robots::{self, Dut, PcEnd, Wired};
-use crate::run::check::Check;
 use crate::run::{Run, wire_members};
 use crate::scenario::{Scenario, Source};
 use safefs::Dir;
@@ -70,11 +70,7 @@ pub(super) fn judged_guest(
             .computing
             .clone_from(&played.outcome.case.computing);
         let second = play((&scenario, source), &second, place, &again, stop)?;
-        let check = same(
-            &played,
-            &second,
-            [out, &again].map(|folder| folder.join(LOG)),
-        );
+        let check = same(&played, &second, [out, &again]);
         played.outcome.checks.push(check);
         let _ = Dir::open(out).and_then(|out| out.remove_tree("again"));
     }
@@ -107,53 +103,6 @@ pub(in crate::cli) fn report(
     }
     finish_capture(played.recorded, out, &ran.outcome, Some(command))?;
     Ok(ran)
-}
-
-/// Name of the program's log in the result folder.
-const LOG: &str = "program.log";
-
-/// Compares two runs: bytes on the lines, and the program's output.
-fn same(first: &Played, second: &Played, logs: [PathBuf; 2]) -> Check {
-    let hashes = [&first.outcome.trace_hash, &second.outcome.trace_hash];
-    let parts = first.calls.part_from(&second.calls);
-    let [one, other] = logs.map(|log| std::fs::read(log).unwrap_or_default());
-    if let Some(words) = other_words(&one, &other).filter(|_| hashes[0] == hashes[1]) {
-        let detail = format!("the same bytes, but other output of the program: {words}");
-        return Check::new("deterministic", false, detail);
-    }
-    let detail = match (&parts, hashes[0] == hashes[1]) {
-        (None, true) => format!("twice the same bytes, {} calls", first.calls.count()),
-        (Some(parts), true) => format!("the same bytes, but other calls: {parts}"),
-        (parts, false) => {
-            let parts = parts.as_deref().unwrap_or("no call that was seen differs");
-            format!("two runs part: {parts}")
-        }
-    };
-    Check::new("deterministic", hashes[0] == hashes[1], detail)
-}
-
-/// The first difference between the outputs of two runs.
-fn other_words(one: &[u8], other: &[u8]) -> Option<String> {
-    let lines = |text: &[u8]| -> Vec<String> {
-        let text = String::from_utf8_lossy(text);
-        text.lines().map(str::to_owned).collect()
-    };
-    if one == other {
-        return None;
-    }
-    let [one, other] = [lines(one), lines(other)];
-    let at = one.iter().zip(&other).position(|(one, other)| one != other);
-    let at = at.unwrap_or(one.len().min(other.len()));
-    let said = |lines: &[String]| {
-        let line = lines.get(at);
-        line.map_or_else(|| "nothing".to_owned(), |line| format!("{line:?}"))
-    };
-    Some(format!(
-        "line {} is {}, then {}",
-        at + 1,
-        said(&one),
-        said(&other)
-    ))
 }
 
 /// A program and its places, to be started.
@@ -312,18 +261,4 @@ fn controlled_turns(
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_line_that_differs_is_named() {
-        assert_eq!(other_words(b"a\nb\n", b"a\nb\n"), None);
-        let words = other_words(b"a\nb\n", b"a\nc\n");
-        assert_eq!(words.as_deref(), Some("line 2 is \"b\", then \"c\""));
-        let words = other_words(b"a\n", b"a\nc\n");
-        assert_eq!(words.as_deref(), Some("line 2 is nothing, then \"c\""));
-    }
 }

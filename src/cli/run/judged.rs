@@ -94,7 +94,7 @@ impl Ran {
 }
 
 /// The capture in a result folder.
-const CAPTURE: &str = "capture.pcapng";
+pub(super) const CAPTURE: &str = "capture.pcapng";
 
 /// Time without output after which a long run prints its progress.
 const PATIENCE: Duration = Duration::from_secs(2);
