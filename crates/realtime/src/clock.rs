@@ -4,6 +4,16 @@
 //! operating system, and only this module waits. Code on top of a [`Clock`] can therefore be run
 //! and tested without waiting.
 
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+pub(crate) mod counter;
+#[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
+mod counter {
+    /// Reads a clock.
+    pub(super) fn shown<T>(read: impl FnOnce() -> T) -> T {
+        read()
+    }
+}
+
 use core::cell::Cell;
 use core::time::Duration;
 use std::thread;
@@ -51,7 +61,7 @@ impl WallClock {
     )]
     pub fn spinning(spin: Duration) -> Self {
         Self {
-            start: time::Instant::now(),
+            start: counter::shown(time::Instant::now),
             spin,
         }
     }
@@ -59,7 +69,7 @@ impl WallClock {
 
 impl Clock for WallClock {
     fn now(&self) -> Instant {
-        Instant::ZERO + self.start.elapsed()
+        Instant::ZERO + counter::shown(|| self.start.elapsed())
     }
 
     #[expect(clippy::disallowed_methods, reason = "the one place that waits")]
@@ -102,7 +112,8 @@ pub(super) const fn be_usual() {}
     reason = "the one reader of the system's calendar"
 )]
 pub fn utc() -> Instant {
-    let since_1970 = time::SystemTime::now().duration_since(time::UNIX_EPOCH);
+    let now = counter::shown(time::SystemTime::now);
+    let since_1970 = now.duration_since(time::UNIX_EPOCH);
     Instant::ZERO + since_1970.unwrap_or_default()
 }
 

@@ -158,6 +158,8 @@ pub(super) struct Supervisor {
     /// Virtual time that has passed while a thread asked for the same over and over.
     pub(super) idled: Duration,
     watchdog: Watchdog,
+    /// No part of the rig reads a clock: node programs have limits of wall time.
+    pub(super) hides_counter: bool,
     pub(super) calls: Calls,
     notes: Vec<String>,
     /// Where the last fault was.
@@ -213,6 +215,7 @@ impl Supervisor {
         roots.iter().try_for_each(|&root| take_over(root))?;
         let first = roots.first().copied().unwrap_or_default();
         let mut new = Self {
+            hides_counter: stage.reads_no_clock(),
             calls: Calls::new(trace)?,
             stage,
             settings,
@@ -308,6 +311,11 @@ impl Supervisor {
     pub(super) fn others(&self) -> impl Iterator<Item = i32> {
         let all = self.processes.keys().copied();
         all.filter(|pid| !self.roots.contains_key(pid))
+    }
+
+    /// A count that grows about every 50 ms of wall time.
+    pub(super) fn beats(&self) -> u32 {
+        self.watchdog.beats()
     }
 
     /// Whether any process is left.

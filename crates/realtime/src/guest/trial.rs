@@ -2,6 +2,7 @@
 //! real time.
 
 mod environment;
+mod processor;
 mod rewind;
 
 use core::time::Duration;
@@ -16,13 +17,14 @@ use std::thread::{self, JoinHandle};
 
 use protocols::Instant;
 use rustix::process::{Pid, Signal, kill_process_group};
-use rustix::thread::{CpuSet, sched_getaffinity, sched_getcpu, sched_setaffinity};
+use rustix::thread::{CpuSet, sched_setaffinity};
 
 use super::computing::Computing;
 use super::stage::Stage;
 use super::supervisor::{Settings, Supervisor};
 use super::trace::Calls;
 use super::{GuestError, launch};
+use crate::clock::counter::Hidden;
 use crate::clock::{Clock as _, SimClock, WallClock};
 use crate::exec::{Ending, ExecError, Foreign, SETTLE, Seat, ports_of};
 use crate::process::waits::{Wait, waits};
@@ -35,6 +37,7 @@ use engine::run::check::Check;
 use engine::run::{Outcome, Run};
 use engine::scenario::Scenario;
 use environment::environment_of;
+use processor::stay_here;
 pub use rewind::TrialMoment;
 
 /// Virtual time in which a program may end once it was asked to, and what it left behind after it.
@@ -43,8 +46,9 @@ const TOGETHER: Duration = Duration::from_millis(100);
 const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
 /// The same in wall time.
 const PATIENCE_WALL: Duration = Duration::from_secs(5);
-/// Wall time between two looks at whether the run is to be ended.
-const TURNS: Duration = Duration::from_millis(10);
+/// Maximum number of turns between two looks at whether the run is to be ended. The watchdog ends
+/// them after 50 ms of wall time.
+const TURNS_MAX: u32 = 10_000;
 /// How long its last words may be on their way.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
@@ -60,7 +64,6 @@ pub struct Trial {
     gone_at: Option<Instant>,
     /// The thread that computes without a system call.
     spins: Option<String>,
-    clock: WallClock,
     /// On which processors this thread may run.
     processors: Option<CpuSet>,
 }
@@ -161,7 +164,6 @@ impl Trial {
             listener,
             gone_at: None,
             spins: None,
-            clock: WallClock::start(),
             processors,
         })
     }
@@ -196,13 +198,15 @@ impl Trial {
     /// # Errors
     /// As [`turn`](Self::turn).
     pub fn turns(&mut self) -> Result<(), GuestError> {
-        let until = self.clock.now() + TURNS;
-        loop {
+        let _hidden = self.supervisor.hides_counter.then(Hidden::begin);
+        let beats = self.supervisor.beats();
+        for _ in 0..TURNS_MAX {
             self.turn()?;
-            if self.is_over() || self.clock.now() >= until {
-                return Ok(());
+            if self.is_over() || self.supervisor.beats() != beats {
+                break;
             }
         }
+        Ok(())
     }
 
     /// Lets a thread run until it waits, or time pass.
@@ -484,14 +488,4 @@ impl Trial {
             clock.sleep_until(clock.now() + Duration::from_millis(1));
         }
     }
-}
-
-/// Keeps this thread and the processes that it starts on its current processor: one of them runs at
-/// a time, and waking on another processor takes three times as long. Returns the previous set.
-fn stay_here() -> Option<CpuSet> {
-    let before = sched_getaffinity(None).ok()?;
-    let mut here = CpuSet::new();
-    here.set(sched_getcpu());
-    sched_setaffinity(None, &here).ok()?;
-    Some(before)
 }

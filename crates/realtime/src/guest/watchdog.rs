@@ -59,6 +59,8 @@ struct Shared {
     /// Seconds for which that stood; 0: it goes on.
     stood: AtomicU32,
     is_over: AtomicBool,
+    /// Counts its looks: the only clock that the supervisor reads in its turns.
+    beats: AtomicU32,
 }
 
 /// The watch, on a thread of its own; it ends when this is dropped.
@@ -118,6 +120,11 @@ impl Watchdog {
         (seconds > 0).then(|| Duration::from_secs(seconds.into()))
     }
 
+    /// Number of looks so far.
+    pub(super) fn beats(&self) -> u32 {
+        self.shared.beats.load(Ordering::Relaxed)
+    }
+
     /// No thread runs.
     pub(super) fn rest(&self) {
         self.shared.tid.store(0, Ordering::Relaxed);
@@ -162,6 +169,7 @@ fn watch(shared: &Shared, root: i32, supervision: Supervision) {
     let mut last = (0, Duration::ZERO);
     while !shared.is_over.load(Ordering::Relaxed) {
         clock.sleep_until(clock.now() + EVERY);
+        shared.beats.fetch_add(1, Ordering::Relaxed);
         let wall = clock.now();
         if core::mem::replace(&mut time, shared.now.load(Ordering::Relaxed)) != time {
             moved_at = wall;

@@ -34,6 +34,13 @@ impl Stage {
         self.foreseen = None;
     }
 
+    /// Whether no part of the rigs reads a clock: node programs have limits of wall time.
+    pub(in crate::guest) fn reads_no_clock(&self) -> bool {
+        let members = self.run.team().iter().map(|member| &member.run.rig);
+        let mut rigs = core::iter::once(&self.run.rig).chain(members);
+        rigs.all(|rig| rig.preview(rig.now()).is_some())
+    }
+
     /// What comes at `ports` up to `until` at most; each is given with its file and whether a read
     /// of it waits. `None`: that is not known.
     pub(in crate::guest) fn look_ahead(

@@ -9,6 +9,7 @@ use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
 use super::{Flow, Next, Outcome, SLICE, State, Supervisor, Thread, is_death, wait};
+use crate::clock::counter::Hidden;
 use crate::guest::call::Call;
 use crate::guest::launch;
 use crate::guest::news::is_stop;
@@ -49,6 +50,8 @@ impl Supervisor {
         };
         // A signal that came since it was ready has interrupted no wait: the next turn looks again.
         self.is_signalled |= may_have_signal && matches!(flow, Flow::Stays);
+        let hides_counter = self.hides_counter && matches!(flow, Flow::Goes(_));
+        let _hidden = hides_counter.then(Hidden::begin);
         while let Flow::Goes(signal) = flow {
             if !core::mem::take(&mut self.keeps_loan) {
                 self.make_detour(current);
