@@ -12,7 +12,7 @@ use crate::expr::{Expr, Scope};
 use crate::number::Number;
 use crate::value::{Record, Value};
 
-pub(crate) use decode::{decode, number_value, places};
+pub(crate) use decode::{TextEnd, TextPlace, decode, number_value, places, texts};
 pub(crate) use encode::{encode, number_bytes, put_number};
 pub(crate) use example::{example, longer};
 

@@ -372,6 +372,16 @@ impl Framing {
         Some(self.wire(content))
     }
 
+    /// The frame of a content without trailer, if its size is one of this format.
+    pub(crate) fn whole_frame(&self, content: &[u8]) -> Option<Vec<u8>> {
+        let mut content = [content, &vec![0; self.trailer]].concat();
+        let len = content.len();
+        content[len - self.end.len()..].copy_from_slice(&self.end);
+        self.finish(&mut content)?;
+        let frame = self.wire(content);
+        (frame.len() <= self.max).then_some(frame)
+    }
+
     /// Writes length and checksums into `content`.
     fn finish(&self, content: &mut [u8]) -> Option<()> {
         match &self.cut {

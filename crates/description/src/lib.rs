@@ -51,6 +51,7 @@ pub mod schema;
 pub mod shipped;
 pub mod speak;
 mod state;
+mod texts;
 pub mod value;
 pub mod wire;
 
@@ -64,4 +65,5 @@ pub use message::Message;
 pub use parts::NumberPlace;
 pub use schema::json_schema;
 pub use schema::message::From;
+pub use texts::TextChange;
 pub use value::{Record, Value};

@@ -60,18 +60,9 @@ impl Description {
         if let Cut::Length(length) = &framing.cut {
             places.extend(length_place(content, length.at, length.number));
         }
-        // The body is the bytes outside the holes.
-        let (mut body, mut at_of) = (Vec::new(), Vec::new());
-        for (at, byte) in content.iter().enumerate() {
-            let is_hole = framing
-                .holes
-                .iter()
-                .any(|(hole, len)| (*hole..hole + len).contains(&at));
-            if !is_hole {
-                body.push(*byte);
-                at_of.push(at);
-            }
-        }
+        let Some((body, at_of)) = self.body_places(format, content) else {
+            return places;
+        };
         let Some((index, _)) = self.decode(format, &body, from) else {
             return places;
         };

@@ -435,6 +435,18 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
             GivenUp::INPUTS_MAX
         );
     }
+    let unfinished = search.unfinished();
+    if unfinished.cases > 0 && unfinished.inputs > 0 {
+        let inputs = unfinished.inputs as f64 / unfinished.cases as f64;
+        let lasting = args.exec.case.0.as_secs_f64() * GivenUp::INPUTS_MAX as f64 / inputs;
+        println!(
+            "{} conversations had {inputs:.1} of {} inputs on average, because the program sends \
+             few requests; with --case {}s a conversation has all of them",
+            unfinished.cases,
+            GivenUp::INPUTS_MAX,
+            lasting.ceil()
+        );
+    }
     if search.is_guided() {
         println!("the program counts its covered code, which guided the traffic");
     }

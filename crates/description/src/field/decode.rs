@@ -1,5 +1,7 @@
 //! Decoding of bytes into values.
 
+use std::sync::Arc;
+
 use super::{Field, Kind, Nested, Size};
 use crate::expr::Scope;
 use crate::framing::hex_bytes;
@@ -33,6 +35,42 @@ pub(crate) fn places(fields: &[Field], bytes: &[u8]) -> Vec<Place> {
     read.map_or_else(Vec::new, |()| reader.places.unwrap_or_default())
 }
 
+/// The end of a text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TextEnd {
+    /// A NUL behind it.
+    Nul,
+    /// A number before it counts its bytes.
+    Count,
+    /// NULs fill its fixed size.
+    Padding,
+    /// The end of the message.
+    Frame,
+}
+
+/// The position of a text or of counted bytes within bytes.
+#[derive(Clone, Debug)]
+pub(crate) struct TextPlace {
+    pub(crate) at: usize,
+    /// Number of its bytes, without a NUL behind them.
+    pub(crate) len: usize,
+    pub(crate) end: TextEnd,
+    /// The position of the number that counts its bytes.
+    pub(crate) count: Option<(usize, Number)>,
+    /// Whether it holds characters.
+    pub(crate) is_text: bool,
+}
+
+/// The positions of all texts, and of bytes of changing number, in `bytes` if the fields fit.
+pub(crate) fn texts(fields: &[Field], bytes: &[u8]) -> Vec<TextPlace> {
+    let mut reader = Reader {
+        places: Some(Vec::new()),
+        ..Reader::of(bytes)
+    };
+    let read = reader.fields(fields, &mut Record::default(), &crate::expr::Nothing);
+    read.map_or_else(Vec::new, |()| reader.texts)
+}
+
 /// The value of a number in a register.
 pub(crate) fn number_value(number: Number, bytes: &[u8]) -> Value {
     let bits = number.bits(bytes);
@@ -50,6 +88,9 @@ struct Reader<'a> {
     len: usize,
     /// Positions of the numbers read so far, if requested.
     places: Option<Vec<Place>>,
+    /// The texts read so far, and the numbers that count the bytes of a field, with its name.
+    texts: Vec<TextPlace>,
+    counts: Vec<(Arc<str>, usize, Number)>,
 }
 
 impl<'a> Reader<'a> {
@@ -59,6 +100,8 @@ impl<'a> Reader<'a> {
             bit: 0,
             len: bytes.len(),
             places: None,
+            texts: Vec::new(),
+            counts: Vec::new(),
         }
     }
 
@@ -73,6 +116,9 @@ impl<'a> Reader<'a> {
 
     fn note(&mut self, field: &Field, number: Number) {
         let at = self.len - self.bytes.len();
+        if let Some(counted) = field.counts.as_ref().filter(|_| self.places.is_some()) {
+            self.counts.push((counted.clone(), at, number));
+        }
         if let Some(places) = self.places.as_mut().filter(|_| field.constant.is_none()) {
             let count = |value: f64| field.unscaled(Value::Float(value)).as_f64();
             let limits = field
@@ -80,6 +126,44 @@ impl<'a> Reader<'a> {
                 .and_then(|[least, most]| Some([count(least)?, count(most)?]));
             places.push(Place { at, number, limits });
         }
+    }
+
+    /// Notes the text or the bytes of `field`, of which the first is the next one.
+    fn note_text(&mut self, field: &Field, len: usize) {
+        if self.places.is_none() || field.constant.is_some() {
+            return;
+        }
+        let at = self.len - self.bytes.len();
+        let counted = || {
+            let mut counts = self.counts.iter().rev();
+            let (_, at, number) = counts.find(|(name, ..)| *name == field.name)?;
+            Some((*at, *number))
+        };
+        let (end, count, is_text) = match &field.kind {
+            Kind::StrZ => (TextEnd::Nul, None, true),
+            Kind::Prefixed { prefix, is_text } => {
+                let before = at - usize::from(prefix.bytes);
+                (TextEnd::Count, Some((before, *prefix)), *is_text)
+            }
+            Kind::Str(Size::Fixed(_)) => (TextEnd::Padding, None, true),
+            Kind::Str(Size::Rest) => (TextEnd::Frame, None, true),
+            Kind::Bytes(Size::Rest) => (TextEnd::Frame, None, false),
+            Kind::Str(Size::Computed(_)) => (TextEnd::Count, counted(), true),
+            Kind::Bytes(Size::Computed(_)) => (TextEnd::Count, counted(), false),
+            _ => return,
+        };
+        // A size by another expression stays: nothing says how its fields would change.
+        let end = match (end, count) {
+            (TextEnd::Count, None) => return,
+            (end, _) => end,
+        };
+        self.texts.push(TextPlace {
+            at,
+            len,
+            end,
+            count,
+            is_text,
+        });
     }
 
     fn bits(&mut self, count: u8, is_low_first: bool) -> Option<u64> {
@@ -198,21 +282,25 @@ impl<'a> Reader<'a> {
             }
             Kind::Str(of) => {
                 let len = size(self, of)?;
+                self.note_text(field, len);
                 text_value(self.take(len)?, matches!(of, Size::Fixed(_)))
             }
             Kind::StrZ => {
                 let len = self.bytes.iter().position(|byte| *byte == 0)?;
+                self.note_text(field, len);
                 let text = text_value(self.take(len)?, false);
                 self.take(1)?;
                 text
             }
             Kind::Bytes(of) => {
                 let len = size(self, of)?;
+                self.note_text(field, len);
                 Value::Bytes(self.take(len)?.to_vec())
             }
             Kind::Prefixed { prefix, is_text } => {
                 let bytes = self.take(prefix.bytes.into())?;
                 let len = usize::try_from(prefix.int(prefix.bits(bytes))).ok()?;
+                self.note_text(field, len);
                 let bytes = self.take(len)?;
                 match is_text {
                     true => text_value(bytes, false),

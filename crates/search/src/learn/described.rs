@@ -137,6 +137,14 @@ impl FrameFormat for DescribedFormat {
         self.places(content, false)
     }
 
+    fn texts(&self, content: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
+        let (format, plain) = self.parted(content);
+        let before = &content[..content.len() - plain.len()];
+        let changes = self.0.text_changes(format, plain, self.1).into_iter();
+        let whole = changes.map(|change| (change.kind, [before, &change.content].concat()));
+        whole.collect()
+    }
+
     fn in_words(&self) -> String {
         format!("as {} is described", self.0.name())
     }

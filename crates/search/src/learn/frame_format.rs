@@ -26,6 +26,11 @@ pub(crate) trait FrameFormat: core::fmt::Debug + Send + Sync {
         Vec::new()
     }
 
+    /// Contents with a text of `content` at a limit, each with the kind of its change.
+    fn texts(&self, _content: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
+        Vec::new()
+    }
+
     /// The format in words.
     fn in_words(&self) -> String;
 

@@ -29,6 +29,13 @@ const OTHERS_ONE_IN: u64 = 16;
 /// Number of different changes of a reply.
 const CHANGES: u64 = 1 << 32;
 
+/// Seeds from this one on are numbers of texts at their limits.
+const TEXTS_FROM: u32 = u32::MAX - 0xFF;
+/// Number of turns with such a text for each request of a conversation.
+const TEXTS: u64 = 3;
+/// Maximum number of unsolicited frames with such texts in a conversation.
+const TEXT_FRAMES_MAX: usize = 2;
+
 /// The knowledge about the device on a link.
 #[derive(Clone, Debug)]
 pub(super) struct Lesson {
@@ -164,6 +171,42 @@ impl Lesson {
         Turn { to, ..turn }
     }
 
+    /// Creates turns with texts at their limits, other ones in each conversation: a few for each
+    /// request and frame with a text. Most drivers read a text once, at their start.
+    pub(super) fn text_turns(&self, conversation: u64, avoided: &BTreeSet<String>) -> Vec<Turn> {
+        let seeds = &self.seeds;
+        let replies = seeds.exchanges.iter();
+        let replies = replies.filter_map(|(request, replies)| {
+            let reply = replies.iter().find(|reply| self.has_text(reply))?;
+            Some((Some(Hex(request.clone())), reply))
+        });
+        let unasked = seeds.unasked.iter().filter(|frame| self.has_text(frame));
+        let unasked = unasked.take(TEXT_FRAMES_MAX).map(|frame| (None, frame));
+        let mut turns = Vec::new();
+        for (to, chunk) in replies.chain(unasked) {
+            let numbers = (0..TEXTS).map(|at| conversation * TEXTS + at);
+            for number in numbers {
+                let number = u32::try_from(number % 0x100).unwrap_or_default();
+                let turn = self.changed(TEXTS_FROM + number, chunk);
+                turns.push(Turn {
+                    to: to.clone(),
+                    ..turn
+                });
+            }
+        }
+        turns.retain(|turn| !avoided.contains(&turn.kind) || conversation.is_multiple_of(4));
+        turns
+    }
+
+    fn has_text(&self, chunk: &[u8]) -> bool {
+        let format = &*self.seeds.format;
+        let mut frames = format.split(chunk).into_iter();
+        frames.any(|frame| {
+            let content = format.content(frame);
+            content.is_some_and(|content| !format.texts(&content).is_empty())
+        })
+    }
+
     /// The change with this seed of `chunk`.
     pub(super) fn changed(&self, seed: u32, chunk: &[u8]) -> Turn {
         let material = Material {
@@ -171,7 +214,11 @@ impl Lesson {
             contents: &self.seeds.contents,
             constants: &self.constants,
         };
-        let mutant = mutate::mutant(&material, chunk, &mut Rng::stream(seed.into(), "turn"));
+        let number = seed.checked_sub(TEXTS_FROM);
+        let text = number.and_then(|number| mutate::text_at_limit(&material, chunk, number));
+        let mutant = text.unwrap_or_else(|| {
+            mutate::mutant(&material, chunk, &mut Rng::stream(seed.into(), "turn"))
+        });
         Turn {
             kind: mutant.kind.to_owned(),
             is_altered: mutant.is_altered,

@@ -1,5 +1,7 @@
 //! The search loop: runs case after case and handles findings.
 
+mod counts;
+
 use core::cell::RefCell;
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,6 +37,10 @@ const SLOW_GAP: Duration = Duration::from_millis(700);
 const SLOW_ONE_IN: u64 = 3;
 /// One conversation in this many begins with damaged replies.
 const DAMAGE_ONE_IN: u64 = 2;
+/// Number of the first cases of which two of three conversations begin with texts at their limits,
+/// and the share of later ones.
+const TEXTS_FIRST: u64 = 24;
+const TEXTS_ONE_IN: u64 = 8;
 /// Minimum duration of the conversation that is used for learning.
 const LESSON: Duration = Duration::from_secs(3);
 
@@ -55,6 +61,7 @@ pub struct Search<'a> {
     /// Errors that the program reported on purpose, with their numbers.
     reported: BTreeMap<String, u64>,
     given_up: GivenUp,
+    unfinished: GivenUp,
 }
 
 impl<'a> Search<'a> {
@@ -103,58 +110,8 @@ impl<'a> Search<'a> {
             restarts: None,
             reported: BTreeMap::new(),
             given_up: GivenUp::default(),
+            unfinished: GivenUp::default(),
         })
-    }
-
-    /// Number of failures that repetitions of the case did not confirm: failed checks, broken
-    /// rules about time, and any failure in virtual time.
-    pub const fn doubtful(&self) -> u64 {
-        self.doubtful
-    }
-
-    /// Number of cases in which the rig was too late to judge checks.
-    pub const fn late(&self) -> u64 {
-        self.late
-    }
-
-    /// Errors that the program reported after altered input before it ended, with their numbers.
-    pub const fn reported(&self) -> &BTreeMap<String, u64> {
-        &self.reported
-    }
-
-    /// The conversations that the program ended with its own error.
-    pub const fn given_up(&self) -> GivenUp {
-        self.given_up
-    }
-
-    /// The learned formats in words, by link.
-    pub fn lessons(&self) -> impl Iterator<Item = (&str, String)> {
-        let lessons = self
-            .lessons
-            .iter()
-            .filter(|(_, (lesson, _))| !lesson.is_empty());
-        lessons.map(|(at, (lesson, _))| (&*self.ends[*at].0.link, lesson.in_words()))
-    }
-
-    /// Whether the program sends requests on `link`, to which a device replies.
-    pub fn asks(&self, link: &str) -> bool {
-        let mut lessons = self.lessons.iter();
-        lessons.any(|(at, (lesson, _))| self.ends[*at].0.link == link && lesson.asks())
-    }
-
-    /// Number of the next case; cases of earlier searches count.
-    pub const fn next(&self) -> u64 {
-        self.state.next
-    }
-
-    /// The findings.
-    pub fn findings(&self) -> &[Kept] {
-        &self.state.findings
-    }
-
-    /// The observed behaviour of the program, by link.
-    pub fn met(&self) -> impl Iterator<Item = &Probed> {
-        self.met.values()
     }
 
     /// Runs one case; returns whether the program can be tested further.
@@ -184,6 +141,12 @@ impl<'a> Search<'a> {
                 self.given_up.cases += 1;
                 self.given_up.inputs += inputs as u64;
             }
+        }
+        let is_over = seen.causes.is_empty() && seen.reported.is_none() && !case.told.known.ends;
+        let mut raw = case.told.raw.iter();
+        if raw.any(|raw| raw.turn.len() > 2 * inputs) && is_over {
+            self.unfinished.cases += 1;
+            self.unfinished.inputs += inputs as u64;
         }
         if let Some(raw) = case.told.raw.as_ref().filter(|_| self.is_guided()) {
             let guide = self.state.guides.entry(raw.link.clone()).or_default();
@@ -377,12 +340,23 @@ impl<'a> Search<'a> {
         let avoided = self.state.avoided.iter().cloned().collect();
         let may_pause = !lesson.asks() && self.harness.supervision.is_some();
         let is_slow = may_pause && rng.below(SLOW_ONE_IN) == 0;
+        let next = self.state.next;
+        let has_texts = match next {
+            0..TEXTS_FIRST => next % 3 < 2,
+            next => next.is_multiple_of(TEXTS_ONE_IN),
+        };
+        let mut turn = match has_texts {
+            true => lesson.text_turns(next, &avoided),
+            false => Vec::new(),
+        };
+        turn.extend(lesson.turns(GivenUp::INPUTS_MAX, &avoided, rng));
+        turn.truncate(GivenUp::INPUTS_MAX);
         Raw {
             link: met.link.clone(),
             gap: is_slow.then_some(Span(SLOW_GAP)),
             exchange: lesson.exchanges(),
             asks: lesson.asks(),
-            turn: lesson.turns(GivenUp::INPUTS_MAX, &avoided, rng),
+            turn,
             ..Raw::default()
         }
     }

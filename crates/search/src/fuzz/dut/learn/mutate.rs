@@ -170,6 +170,26 @@ pub(super) fn mutant(material: &Material<'_>, chunk: &[u8], rng: &mut Rng) -> Mu
     }
 }
 
+/// `chunk` with change `number` of the texts in its first frame with any; `None` if no frame has a
+/// text.
+pub(super) fn text_at_limit(material: &Material<'_>, chunk: &[u8], number: u32) -> Option<Mutant> {
+    let format = material.format;
+    let frames = format.split(chunk);
+    let (at, texts) = frames.iter().enumerate().find_map(|(at, frame)| {
+        let texts = format.texts(&format.content(frame)?);
+        (!texts.is_empty()).then_some((at, texts))
+    })?;
+    let (kind, content) = &texts[usize::try_from(number).ok()? % texts.len()];
+    let changed = format.frame(content, 0);
+    let pieces = frames.iter().enumerate();
+    let pieces = pieces.map(|(place, frame)| if place == at { &changed[..] } else { *frame });
+    Some(Mutant {
+        kind,
+        pieces: vec![pieces.collect::<Vec<_>>().concat()],
+        is_altered: true,
+    })
+}
+
 /// Changes the content of `frame`.
 fn change(material: &Material<'_>, frame: &mut Vec<u8>, rng: &mut Rng) -> &'static str {
     let format = material.format;
