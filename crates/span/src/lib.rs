@@ -10,12 +10,13 @@ use serde::de::{Error, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// A length of time as written in a file or on the command line: a number and its unit, such as
-/// `90s`, `1.5s`, `200ms`, `25us`, `4ns` or `20min`.
+/// `90s`, `1.5s`, `200ms`, `25us`, `4ns`, `20min` or `20m`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Span(pub Duration);
 
-const UNITS: [(&str, u64); 6] = [
+const UNITS: [(&str, u64); 7] = [
     ("min", 60_000_000_000),
+    ("m", 60_000_000_000),
     ("ns", 1),
     ("us", 1_000),
     ("ms", 1_000_000),
@@ -109,8 +110,8 @@ impl JsonSchema for Span {
         json_schema!({
             "type": "string",
             "description": "A length of time, at most a week: a number and its unit, one of `ns`, \
-                `us`, `ms`, `s`, `min`, `h`.",
-            "pattern": "^ *[0-9.]+ *(ns|us|ms|s|min|h) *$",
+                `us`, `ms`, `s`, `min` or `m`, `h`.",
+            "pattern": "^ *[0-9.]+ *(ns|us|ms|s|min|m|h) *$",
             "examples": ["90s", "200ms"],
         })
     }
@@ -144,6 +145,7 @@ mod tests {
         assert_eq!(nanos("90s"), Ok(90_000_000_000));
         assert_eq!(nanos("1.5 s"), Ok(1_500_000_000));
         assert_eq!(nanos("20min"), Ok(1_200_000_000_000));
+        assert_eq!(nanos("7m"), Ok(420_000_000_000));
         assert_eq!(nanos("21701ns"), Ok(21_701));
         assert!(nanos("90").is_err());
         assert!(nanos("s").is_err());
