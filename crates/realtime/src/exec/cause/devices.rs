@@ -3,7 +3,7 @@
 
 use protocols::Instant;
 
-use super::trigger::{Trigger, after};
+use super::trigger::{Trigger, after, explains, is_at};
 use super::{Cause, Evidence, weight};
 use engine::rig::Logged;
 use engine::run::Outcome;
@@ -65,7 +65,7 @@ pub(crate) fn misunderstood(outcome: &Outcome) -> u64 {
 /// Whether a fault damages the input of `device`.
 fn is_struck(outcome: &Outcome, device: &str) -> bool {
     let damages = |fault: &FaultSpec| {
-        fault.place().starts_with(device) && fault.direction != Some(DirectionSpec::ToMaster)
+        is_at(fault, device) && fault.direction != Some(DirectionSpec::ToMaster)
     };
     outcome.case.fault.iter().any(damages)
 }
@@ -255,6 +255,13 @@ fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
     let kept_away =
         |logged: &&Logged| Trigger::to_device(evidence, logged.event.at, &logged.source).is_some();
     let (kept, fired): (Vec<_>, Vec<_>) = fired.partition(kept_away);
+    // A stop long before the failure does not explain it.
+    let is_near = |logged: &&Logged| explains(evidence.outcome, logged.event.at);
+    let (near, far): (Vec<_>, Vec<_>) = fired.into_iter().partition(is_near);
+    let (weight, fired) = match near.is_empty() {
+        false => (weight::WATCHDOG, near),
+        true => (weight::FAULTED, far),
+    };
     let Some(first) = fired.first() else {
         return kept.first().map(|first| by_fault(evidence, first));
     };
@@ -270,7 +277,7 @@ fn watchdog(evidence: &Evidence<'_>) -> Option<Cause> {
         _ => (String::new(), "repeat the command more often"),
     };
     Some(Cause::new(
-        weight::WATCHDOG,
+        weight,
         format!(
             "the watchdog of {device} fired {times}, first at {at} s{after}: the program pauses \
              longer than it allows; {fix}"

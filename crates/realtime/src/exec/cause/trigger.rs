@@ -6,6 +6,8 @@ use std::collections::BTreeMap;
 use protocols::Instant;
 
 use super::Evidence;
+use engine::run::Outcome;
+use engine::run::check::{Check, Status};
 use engine::scenario::{DirectionSpec, FaultKind, FaultSpec};
 
 /// Maximum time between a fault and its effect.
@@ -39,14 +41,14 @@ impl<'a> Trigger<'a> {
         device: &str,
     ) -> Option<Self> {
         Self::before_on(evidence, at, |fault| {
-            fault.place().starts_with(device) && fault.direction != Some(DirectionSpec::ToDevice)
+            is_at(fault, device) && fault.direction != Some(DirectionSpec::ToDevice)
         })
     }
 
     /// The same for faults that keep bytes from `device`, or change them.
     pub(super) fn to_device(evidence: &'a Evidence<'_>, at: Instant, device: &str) -> Option<Self> {
         Self::before_on(evidence, at, |fault| {
-            fault.place().starts_with(device) && fault.direction != Some(DirectionSpec::ToMaster)
+            is_at(fault, device) && fault.direction != Some(DirectionSpec::ToMaster)
         })
     }
 
@@ -147,6 +149,46 @@ pub(super) fn around(evidence: &Evidence<'_>, [begins, ends]: [Instant; 2]) -> S
         format!("; perhaps the program {remedy}")
     });
     trigger.words(begins) + &remedy
+}
+
+/// Whether `fault` acts on `device` or its link.
+pub(super) fn is_at(fault: &FaultSpec, device: &str) -> bool {
+    let is_its = |place: &str| {
+        let rest = place.strip_prefix(device);
+        // A device with several ports has links such as `base:motors` and `base.1`.
+        rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
+    };
+    let own = [&fault.link, &fault.with, &fault.device];
+    let mut all = own
+        .into_iter()
+        .flatten()
+        .chain(fault.devices.iter().flatten());
+    all.any(|place| is_its(place))
+}
+
+/// Whether an event at `at` can explain a failed check: it comes shortly before the failure. A
+/// check without a time judges the whole run.
+pub(super) fn explains(outcome: &Outcome, at: Instant) -> bool {
+    let mut failed = outcome.checks.iter();
+    failed.any(|check| {
+        check.status == Status::Fail
+            && failed_at(check).is_none_or(|failed| at <= failed && failed - at <= SOON)
+    })
+}
+
+/// The first time in the words of a check: `still moving at 5.37 s, ..`.
+fn failed_at(check: &Check) -> Option<Instant> {
+    let mut words = check.detail.split(' ').peekable();
+    while let Some(word) = words.next() {
+        let seconds = match word {
+            "at" | "since" => words.peek().and_then(|next| next.parse::<f64>().ok()),
+            _ => None,
+        };
+        if let Some(seconds) = seconds.filter(|seconds| (0.0..1e9).contains(seconds)) {
+            return Some(Instant::ZERO + Duration::from_secs_f64(seconds));
+        }
+    }
+    None
 }
 
 /// Maximum number of parts in the words about faults.
@@ -357,6 +399,39 @@ mod tests {
             said.contains("drove into something") && said.contains(after),
             "{said}"
         );
+    }
+
+    /// A watchdog that fires at 5 s explains a failure at 8 s, not one at 12 s nor an earlier one;
+    /// a check without a time judges the whole run. A fault acts on a device by its name or that of
+    /// its link, not by the begin of another name.
+    #[test]
+    fn a_cause_is_near_its_effect_in_time_and_place() {
+        let at = Instant::from_secs(5);
+        for (detail, explained) in [
+            (
+                "still moving at 8.5 s, 1 s after the last byte of eye",
+                true,
+            ),
+            (
+                "3 contacts, the first in earnest at 12.333 s, worst at 0.3 m/s",
+                false,
+            ),
+            ("still moving at 4.2 s", false),
+            ("1 of 3 waypoints", true),
+            ("at least 2 of 3", true),
+        ] {
+            let mut outcome = outcome("");
+            outcome.checks.push(Check::new("sound", true, "at 6 s"));
+            outcome.checks.push(Check::new("failed", false, detail));
+            assert_eq!(explains(&outcome, at), explained, "{detail}");
+        }
+        let fault = outcome(CUT).case.fault.remove(0);
+        let places = ["drive", "driver", "driv", "drive-2", ""].map(|name| {
+            let mut fault = fault.clone();
+            fault.link = Some(name.to_owned());
+            is_at(&fault, "drive")
+        });
+        assert_eq!(places, [true, false, false, true, false]);
     }
 
     /// Frames are not as they should be if faults struck them. A byte that did not pass was not
