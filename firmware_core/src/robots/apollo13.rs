@@ -7,6 +7,7 @@
 
 pub mod arbiter;
 pub mod board_odometry;
+pub mod camera_watch;
 #[cfg(feature = "host")]
 pub mod floor;
 #[cfg(feature = "host")]

@@ -25,6 +25,7 @@ use protocols::{Instant, LineConfig, LineEvent, Port, car_board, odometer};
 
 use super::arbiter::{self, Arbiter, Drive, Mode};
 use super::board_odometry::BoardOdometry;
+use super::camera_watch::CameraWatch;
 use super::floor::{Floor, FloorPlan};
 use super::follower;
 use super::gates::{self, Gates, Passage};
@@ -134,6 +135,7 @@ pub struct Apollo13 {
     arbiter: Arbiter,
     odometry: GyroOdometry,
     watch: OdometerWatch,
+    camera: CameraWatch,
     gyro: GyroWatch,
     /// Odometry of the board.
     by_board: BoardOdometry,
@@ -227,6 +229,7 @@ impl Apollo13 {
             at_line: (odometry.clone(), CarPose::default()),
             odometry,
             watch: OdometerWatch::default(),
+            camera: CameraWatch::default(),
             gyro: GyroWatch::default(),
             by_board: BoardOdometry::default(),
             steered: CarPose::default(),
@@ -265,6 +268,11 @@ impl Apollo13 {
     pub fn pose(&self) -> CarPose {
         let moved = CarPose::default().motion_to(self.odometry.pose());
         self.origin.then(moved)
+    }
+
+    /// The pose by the odometry alone, from the program's start.
+    pub const fn reckoned(&self) -> CarPose {
+        self.odometry.pose()
     }
 
     /// Sets a goal on the map, or none.
@@ -360,7 +368,7 @@ impl Apollo13 {
             return Some(Drive::STOP);
         }
         let is_driving = self.pilot.goal().is_some();
-        if is_driving && self.is_lost() {
+        if is_driving && (self.is_lost() || self.is_blind()) {
             return Some(Drive::STOP);
         }
         let [speed_m_s, angle_rad] = match is_driving {
@@ -391,6 +399,11 @@ impl Apollo13 {
     /// pose.
     const fn is_lost(&self) -> bool {
         self.misfits >= MISFITS_MAX
+    }
+
+    /// Whether the car needs its camera and does not see. Along a wall it uses its board.
+    fn is_blind(&self) -> bool {
+        self.wall.is_none() && self.camera.is_blind(self.now)
     }
 
     /// Whether there is a wall to follow, and the board has recently reported its distance.
@@ -456,6 +469,7 @@ impl Master for Apollo13 {
         self.now = self.now.max(now);
         self.let_board_idle();
         self.watch.poll(self.now);
+        self.camera.poll(self.now);
         if self
             .sent
             .is_none_or(|sent| self.now - sent >= self.send_every())

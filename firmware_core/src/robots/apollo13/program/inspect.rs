@@ -30,6 +30,7 @@ impl Inspect for Apollo13 {
     fn mode(&self) -> &'static str {
         match self.arbiter.mode() {
             Mode::Remote => "remote",
+            Mode::Autonomous | Mode::Gates | Mode::Mapping if self.is_blind() => "camera silent",
             Mode::Autonomous | Mode::Gates if self.is_lost() => "lost",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",
@@ -48,6 +49,7 @@ impl Inspect for Apollo13 {
         report("board bad frames", counters.bad_frames);
         report("odometer lines", counters.lines);
         report("odometer bad lines", counters.bad_lines);
+        report("camera silences", self.camera.silences());
         report("odometer openings", self.watch.openings());
         report("scans", counters.scans);
         report("messages without meaning", counters.bad_messages);
@@ -136,6 +138,7 @@ mod tests {
             ("board bad frames", 2),
             ("odometer lines", 3),
             ("odometer bad lines", 4),
+            ("camera silences", 0),
             ("odometer openings", 0),
             ("scans", 5),
             ("messages without meaning", 6),

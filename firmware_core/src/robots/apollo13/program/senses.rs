@@ -268,6 +268,9 @@ impl Apollo13 {
     /// Uses the camera's scan: corrects the car's pose and enters obstacles.
     fn take_sight(&mut self) {
         self.counters.scans += 1;
+        if self.sight.has_reading() || !self.is_open_ahead() {
+            self.camera.see(self.now);
+        }
         if self.survey.is_some() {
             self.sight.put_points(CAMERA_AHEAD_M, &mut self.scan);
             return self.survey_sight();

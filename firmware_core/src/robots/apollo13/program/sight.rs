@@ -102,6 +102,11 @@ impl Sight {
         })
     }
 
+    /// Whether the camera measured anything.
+    pub(super) fn has_reading(&self) -> bool {
+        self.readings().next().is_some()
+    }
+
     /// Positions of all readings in range, for a camera `camera_ahead_m` ahead on the car.
     pub(super) fn put_points(&self, camera_ahead_m: f64, points: &mut Vec<Point>) {
         points.clear();
