@@ -268,8 +268,8 @@ fn figures_and_times_out_of_range_are_shown_with_the_range() {
         ("schema = 1", "schema = 2", "schema: is 2, expected 1"),
         (
             "\"20s\"",
-            "\"20 m\"",
-            "duration: \"20 m\" is no time, expected",
+            "\"20 y\"",
+            "duration: \"20 y\" is no time, expected",
         ),
         ("150", "-1", "visit_within_mm: is -1, expected at least 0"),
         (

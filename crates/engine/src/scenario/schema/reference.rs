@@ -14,7 +14,7 @@ A scenario is a TOML file that describes a run: robot, world, mission, faults an
 unknown key is an error that names file, line and key. `hilrig schema` prints the JSON Schema for
 editors and generators. This page is the output of `hilrig schema --markdown`.
 
-A time is a text with a number and a unit: `ns`, `us`, `ms`, `s`, `min` or `h`. Examples: `\"90s\"`, `\"1.5 s\"`,
+A time is a text with a number and a unit: `ns`, `us`, `ms`, `s`, `min` or `m`, or `h`. Examples: `\"90s\"`, `\"1.5 s\"`,
 `\"200ms\"`; at most a week. Lengths are in metres, angles in degrees counter-clockwise; x points to the
 right of a map and y up. In the column \"default\", `needed` marks a required key. The default `-` marks
 an optional key without a default value.
