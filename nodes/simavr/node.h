@@ -105,6 +105,9 @@ struct uart {
     uint32_t told_coding;
     char line[256];
     unsigned line_len;
+    /* Whether the program has used it, and whether the log says that it does not. */
+    bool is_used;
+    bool is_told;
 };
 
 /* A chip of the rig on the bus: each has a port of its own, and all hear each address. */

@@ -116,7 +116,8 @@ static void crashed(void) {
 
 static void step(avr_cycle_count_t end) {
     avr_t *avr = chip.avr;
-    avr_flashaddr_t next = avr->pc;
+    avr_flashaddr_t at = avr->pc;
+    avr_flashaddr_t next = at;
     bool is_step = avr->state == cpu_Step;
     if (is_step)
         avr->state = cpu_Running;
@@ -136,8 +137,10 @@ static void step(avr_cycle_count_t end) {
         avr->cycle += sleep < left ? sleep : left;
     }
     /* The watchdog asks for its reset by another `run`. */
-    if (avr->run != run)
+    if (avr->run != run) {
         avr->run(avr);
+        note(ITEM_FAULT_OR_NOTE, "watchdog-reset", "the watchdog reset the chip at address 0x%04x", at);
+    }
     if (chip.was_reset)
         after_reset();
     else if ((avr->state == cpu_Running || avr->state == cpu_Sleeping) && avr->interrupt_state)

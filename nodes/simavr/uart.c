@@ -82,6 +82,7 @@ static void on_output(struct avr_irq_t *irq, uint32_t value, void *param) {
     avr_cycle_count_t start = uart->free_at > avr->cycle ? uart->free_at : avr->cycle;
     uart->free_at = start + uart->io->cycles_per_byte;
     avr_cycle_timer_register(avr, start - avr->cycle + 2, room, uart);
+    uart->is_used = true;
     if (uart->port < 0) {
         show(uart, byte);
         return;
@@ -111,12 +112,21 @@ static void on_room_inside(struct avr_irq_t *irq, uint32_t value, void *param) {
     hand_over(param);
 }
 
+/* Time after which a program that uses a receiver has turned it on. */
+#define STARTED_NS NS_PER_S
+
 void uart_receive(struct uart *uart, const uint8_t *bytes, size_t len) {
     avr_t *avr = chip.avr;
     if (!avr_regbit_get(avr, uart->io->rxen)) {
         uart->waiting_len = 0;
+        if (!uart->is_used && !uart->is_told && chip.now_ns >= STARTED_NS) {
+            uart->is_told = true;
+            note(ITEM_FAULT_OR_NOTE, "receiver-off", "a byte came to %s, which the firmware does not use",
+                 uart->name);
+        }
         return;
     }
+    uart->is_used = true;
     for (size_t i = 0; i < len; i++) {
         /* One character of three is in simavr's buffer. */
         bool is_empty = uart->io->input.read == uart->io->input.write;

@@ -17,7 +17,7 @@ struct Needs {
 }
 
 const WITH_PROGRAM: [&str; 6] = ["run", "campaign", "shrink", "replay", "from", "check"];
-const NEEDS: [Needs; 20] = [
+const NEEDS: [Needs; 23] = [
     Needs {
         commands: &WITH_PROGRAM,
         options: &OF_EXEC,
@@ -45,13 +45,34 @@ const NEEDS: [Needs; 20] = [
     },
     Needs {
         commands: &["run"],
-        options: &["board", "wire", "gdb", "firmware_may_idle"],
+        options: &[
+            "board",
+            "wire",
+            "gdb",
+            "firmware_may_idle",
+            "firmware_may_reset",
+        ],
         needed: "firmware",
+    },
+    Needs {
+        commands: &["run"],
+        options: &["node_may_idle"],
+        needed: "node",
     },
     Needs {
         commands: &["run"],
         options: &["firmware"],
         needed: "board",
+    },
+    Needs {
+        commands: &["fidelity"],
+        options: &["against", "capture", "profile", "seed"],
+        needed: "device",
+    },
+    Needs {
+        commands: &["fidelity"],
+        options: &["link", "slack"],
+        needed: "capture",
     },
     Needs {
         commands: &["fuzz"],

@@ -74,6 +74,10 @@ pub(super) struct RunArgs {
     /// node protocol on its standard input and output (docs/nodes.md)
     #[arg(long, value_name = "CMD", help_heading = "Your program")]
     node: Option<String>,
+    /// Allow the node program to send and show nothing, or to fall silent; the run then proves
+    /// little
+    #[arg(long, requires = "node", help_heading = "Your program")]
+    node_may_idle: bool,
     /// Run the program twice in virtual time; if the runs differ, name the first different call
     #[arg(long, requires = "is_virtual")]
     check: bool,
@@ -107,7 +111,10 @@ impl RunArgs {
     /// The options that choose the program under test and its ports, each after a blank.
     fn repeat(&self) -> String {
         let node = self.node.as_ref();
-        let node = node.map_or(String::new(), |node| format!(" --node {}", quoted(node)));
+        let mut node = node.map_or(String::new(), |node| format!(" --node {}", quoted(node)));
+        if self.node_may_idle {
+            node += " --node-may-idle";
+        }
         self.program.repeat() + &self.firmware.repeat() + &node + &self.ends.repeat()
     }
 }
@@ -243,7 +250,7 @@ fn one(
     let foreign = foreign.or_else(|| args.program.of_file(&scenario));
     if node.is_some() || (args.firmware.is_given() && foreign.is_none()) {
         let run = match node {
-            Some(command) => node::run(scenario, &source, command)?,
+            Some(command) => node::run(scenario, &source, command, args.node_may_idle)?,
             None => args.firmware.run(scenario, &source)?,
         };
         let pace = match args.realtime {

@@ -57,6 +57,126 @@ fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
     assert_eq!(traces[0], traces[1]);
 }
 
+/// A driver that asks each 100 ms, asks some times and then hangs, asks once and listens, only
+/// prints what it hears, or does nothing.
+const DRIVER: &str = r#"
+import sys
+from hilrig.device import Device, main
+
+KIND = sys.argv[1]
+ASKS = {"asks": 1000, "hangs": 25, "listens": 1}.get(KIND, 0)
+
+class Driver(Device):
+    ends = b"\r\n"
+    asked = 0
+
+    def start(self):
+        self.after(0.1, self.ask)
+
+    def ask(self):
+        self.asked += 1
+        self.after(0.1, self.ask)
+        return b"volts\r\n" if self.asked <= ASKS else None
+
+    def hear(self, line, now):
+        if KIND == "prints":
+            print(line.decode(), file=sys.stderr, flush=True)
+
+main(Driver)
+"#;
+
+/// A node program that was not seen to work fails. Expected are the passed verdict and words of it,
+/// with a device that only answers and with one that sends each half second.
+#[test]
+fn a_driver_that_does_not_work_fails() {
+    let session = Session::new("nodes-idle");
+    session.write("driver.py", DRIVER);
+    for (name, periodic) in [
+        ("asked", ""),
+        (
+            "streams",
+            "periodic = { line = \"mm=7\", period = \"500ms\" }\n",
+        ),
+    ] {
+        session.write(
+            &format!("{name}.toml"),
+            &format!(
+                "schema = 1\nname = \"{name}\"\nrobot = \"none\"\nduration = \"5s\"\n\
+                 [device.it.text]\nbaud = 9600\n{periodic}\
+                 command = [{{ request = \"volts\", reply = \"230.1 V\" }}]\n"
+            ),
+        );
+    }
+    let idle = "--node-may-idle";
+    for (scenario, kind, option, expected) in [
+        ("asked", "asks", None, Ok("sent 344 B")),
+        (
+            "asked",
+            "hangs",
+            None,
+            Err("its last sign of life was at 2.5"),
+        ),
+        (
+            "asked",
+            "hangs",
+            Some(idle),
+            Ok("its last sign of life was at 2.5"),
+        ),
+        ("asked", "listens", None, Err("4.9 s before the end")),
+        (
+            "asked",
+            "mute",
+            None,
+            Err("no byte passed in either direction"),
+        ),
+        (
+            "asked",
+            "mute",
+            Some(idle),
+            Err("no byte passed in either direction"),
+        ),
+        (
+            "streams",
+            "hangs",
+            None,
+            Err("its last sign of life was at 2.5"),
+        ),
+        (
+            "streams",
+            "listens",
+            None,
+            Ok("its last sign of life was at 0.1"),
+        ),
+        (
+            "streams",
+            "mute",
+            None,
+            Err("sent, showed and printed nothing"),
+        ),
+        ("streams", "mute", Some(idle), Ok("sent 0 B")),
+        ("streams", "prints", None, Ok("it printed")),
+    ] {
+        let src = root().join("python/src");
+        let command = format!("PYTHONPATH={} exec python3 driver.py {kind}", src.display());
+        let scenario = format!("{scenario}.toml");
+        let arguments = ["run", &scenario, "--node", &command, "--out", "o"];
+        let output = session.hilrig(&[&arguments[..], option.as_slice()].concat());
+        let said = text(&output.stdout);
+        let line = said.lines().find(|line| line.contains(" program-goes-on "));
+        let (mark, words) = match expected {
+            Ok(words) => ("ok  ", words),
+            Err(words) => ("FAIL", words),
+        };
+        let is_right = line.is_some_and(|line| line.contains(mark) && line.contains(words));
+        assert!(is_right, "{scenario} {kind} {option:?}: {words}\n{said}");
+        assert_eq!(
+            output.status.code(),
+            Some(i32::from(expected.is_err())),
+            "{kind}"
+        );
+    }
+}
+
 /// The program has started another program, and both ignore a request to end.
 #[test]
 fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {

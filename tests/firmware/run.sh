@@ -61,8 +61,9 @@ run() {
     local sketch=$1 folder=$2
     shift 2
     "$hilrig" run "$out/$sketch.toml" --firmware "$out/$sketch.elf" --board arduino-mega \
-        "${@/#/--wire=}" --out "$folder"
+        "${@/#/--wire=}" "${options[@]}" --out "$folder"
 }
+options=()
 # says FOLDER PATTERN COUNT: the sketch said so at least that often on its console.
 says() {
     local found
@@ -71,11 +72,13 @@ says() {
 }
 
 echo "== our sketch: two UARTs, I2C, EEPROM, watchdog, 60 s, twice the same bytes"
+options=(--firmware-may-reset)
 for turn in 1 2; do
     run station "$out/station-$turn" ranger=i2c imu=i2c scale=serial1 pc=serial2
     hashes[turn]=$(grep -o '"[a-z_]*\(hash\|fingerprint\)": *"[^"]*"' "$out/station-$turn/result.json")
 done
 [[ -n ${hashes[1]} && ${hashes[1]} == "${hashes[2]}" ]] || fail "two runs differ: ${hashes[*]}"
+options=()
 says "$out/station-1" "start=1" 1
 says "$out/station-1" "start=2" 1
 says "$out/station-1" "cause=8" 1
@@ -93,6 +96,25 @@ run pms5003 "$out/pms5003" it=serial1
 says "$out/pms5003" "pm2.5 1[0-9]" 8
 run mt_sics "$out/mt_sics" it=serial1
 says "$out/mt_sics" "stable 100.25" 8
+
+echo "== firmware that is not seen to work"
+# fails OPTIONS.. WORDS: a sketch of which the check says WORDS.
+fails() {
+    local status=0 words=${*: -1}
+    "$hilrig" run "${@:1:$#-1}" --board arduino-mega --out "$out/fails" >"$out/fails.txt" 2>&1 || status=$?
+    [[ $status -eq 1 ]] && grep -q "FAIL program-goes-on .*$words" "$out/fails.txt" ||
+        fail "exit code $status, expected \"$words\": $(<"$out/fails.txt")"
+}
+sed 's/^duration = .*/duration = "25s"/' "$out/station.toml" >"$out/hangs.toml"
+fails "$out/hangs.toml" --firmware "$out/station.elf" --wire={ranger=i2c,imu=i2c,scale=serial1,pc=serial2} \
+    "watchdog reset it once, at 22"
+# The device is at a port that the sketch does not use.
+fails "$out/mt_sics.toml" --firmware "$out/mt_sics.elf" --wire=it=serial2 "sends only at its start"
+fails "$out/tfmini.toml" --firmware "$out/tfmini.elf" --wire=it=serial2 "to serial2, which the firmware does not use"
+# The sketch asks at 9600 baud.
+printf '%s\n' 'schema = 1' 'name = "rate"' 'robot = "none"' 'duration = "5s"' '[device.it.text]' \
+    'baud = 19200' 'command = [{ request = "SI", reply = "S S 100.25 g" }]' >"$out/other_rate.toml"
+fails "$out/other_rate.toml" --firmware "$out/mt_sics.elf" --wire=it=serial1 "both sides read garbage"
 
 echo "== an AVR program as the base of the robot rescue"
 "$hilrig" run "$out/base.toml" --out "$out/base"

@@ -116,6 +116,9 @@ pub struct Run {
     contacts: Contacts,
     /// Steps of the mission that wait for a condition, and steps added during the run.
     steps: Steps,
+    /// The observer of a node program under test.
+    #[cfg(feature = "described")]
+    goes_on: Option<check::GoesOn>,
     /// Watches of conditions on bytes, once there are any.
     line_watches: Option<LineWatches>,
     looks: u32,
@@ -159,6 +162,8 @@ impl Run {
         let instruments: Arc<dyn Instruments> = Arc::from(instruments);
         let watchers = Watchers::of(&scenario, &mut rig, &instruments);
         let wire_log = Logging::begin(&mut rig, &*instruments);
+        #[cfg(feature = "described")]
+        let goes_on = check::GoesOn::of(&rig);
         let mut run = Self {
             rig,
             instruments,
@@ -177,6 +182,8 @@ impl Run {
             wire_log,
             contacts: Contacts::default(),
             steps: Steps::take_from(&mut scenario.mission),
+            #[cfg(feature = "described")]
+            goes_on,
             line_watches: None,
             looks: 0,
             next_look: Instant::ZERO + LOOK_EVERY,
@@ -336,6 +343,10 @@ impl Run {
         self.watchers.look(&self.rig, &*self.instruments, &contacts);
         self.contacts.extend(contacts);
         self.history.observe(&self.rig, &*self.instruments);
+        #[cfg(feature = "described")]
+        if let Some(goes_on) = &mut self.goes_on {
+            goes_on.observe(&self.rig);
+        }
         let (now, pose) = (self.rig.now(), self.rig.world.pose());
         self.progress.observe(now, pose, self.rig.world.is_moving());
         self.looks += 1;
@@ -424,6 +435,15 @@ impl Run {
         checks.extend(self.steps.checks(is_over));
         checks.extend(self.misnamed_faults());
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));
+        #[cfg(feature = "described")]
+        checks.extend(self.goes_on.as_ref().map(|goes_on| {
+            let rest = check::Rest {
+                is_over,
+                checks: &checks,
+                misunderstood: check::misunderstood(self.rig.broken_rules(), &self.scenario.fault),
+            };
+            goes_on.verdict(&self.rig, &rest)
+        }));
         if let Some(safety) = &self.scenario.expect.safety {
             checks.iter_mut().for_each(|check| safety.excuse(check));
         }

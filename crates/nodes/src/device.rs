@@ -20,7 +20,7 @@ use protocols::{Instant, LineConfig, LineEvent, Port};
 use crate::error::NodeError;
 use crate::host::{BYTES_MAX, Host};
 use crate::intern::forever;
-use crate::message::{Input, Item, Note, Output};
+use crate::message::{Input, Item, Output};
 use crate::spec::{NodeSpec, line_of};
 use crate::typed::Listener;
 use port::{Out, PortState};
@@ -43,6 +43,7 @@ pub struct NodeDevice {
     events: Vec<Event>,
     /// Names and values of the program's outputs.
     outputs: Vec<(String, Option<f64>)>,
+    reports: u64,
     /// The value of each quantity that the program received last.
     told: Vec<Option<f64>>,
     /// Decodes frames of the description, if the program uses messages.
@@ -79,6 +80,7 @@ impl NodeDevice {
             next: Some(Instant::ZERO),
             events: Vec::new(),
             outputs: Vec::new(),
+            reports: 0,
             told: vec![None; spec.quantities.len()],
             listener: None,
             stopwatch: None,
@@ -123,6 +125,11 @@ impl NodeDevice {
     pub fn outputs(&self) -> impl Iterator<Item = (&str, f64)> {
         let known = self.outputs.iter();
         known.filter_map(|(name, value)| Some((name.as_str(), (*value)?)))
+    }
+
+    /// Number of times that the program has set an output or reported its work by a note.
+    pub const fn reports(&self) -> u64 {
+        self.reports
     }
 
     /// Whether a copy of the device could continue like it. Starts the program if necessary.
@@ -267,7 +274,8 @@ impl NodeDevice {
             let port = usize::from(item.port);
             let out = match item.what {
                 Output::Note(note) => {
-                    self.events.push(event_of(item.at, note));
+                    self.reports += u64::from(note.is_report());
+                    self.events.push(note.into_event(item.at));
                     continue;
                 }
                 Output::Quantity(value) => {
@@ -302,6 +310,7 @@ impl NodeDevice {
             return;
         };
         *known = Some(value);
+        self.reports += 1;
         for drive in self
             .spec
             .drives
@@ -348,19 +357,6 @@ fn over(host: &mut Host, error: Option<NodeError>) -> Life {
     }
 }
 
-fn event_of(at: Instant, note: Note) -> Event {
-    Event {
-        at,
-        kind: match note.is_violation {
-            true => EventKind::Violation,
-            false => EventKind::Note,
-        },
-        rule: forever(&note.rule),
-        detail: note.detail,
-        bytes: note.bytes,
-    }
-}
-
 impl Clone for NodeDevice {
     /// The copy begins with the saved state of the program, or with the error of saving.
     fn clone(&self) -> Self {
@@ -400,6 +396,7 @@ impl Clone for NodeDevice {
             next: self.next,
             events: self.events.clone(),
             outputs: self.outputs.clone(),
+            reports: self.reports,
             told: self.told.clone(),
             listener: self.listener.clone(),
             stopwatch: None,

@@ -1,8 +1,11 @@
 //! Requests of the rig, answers of a node program, and their items.
 
+use emulators::device::{Event, EventKind};
 use protocols::{Instant, LineConfig, LineEvent};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
+
+use crate::intern::forever;
 
 /// The form of messages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -117,6 +120,32 @@ pub struct Note {
     pub detail: String,
     /// The bytes concerned.
     pub bytes: Vec<u8>,
+}
+
+/// Note of a board whose watchdog has reset the firmware.
+pub const WATCHDOG_RESET: &str = "watchdog-reset";
+/// Note of a board that received a byte at a port that the firmware does not use.
+pub const RECEIVER_OFF: &str = "receiver-off";
+
+impl Note {
+    /// Whether the program itself reports its work: neither a broken rule nor a note of its board.
+    pub fn is_report(&self) -> bool {
+        !self.is_violation && ![WATCHDOG_RESET, RECEIVER_OFF].contains(&&*self.rule)
+    }
+
+    /// The entry of the log at the time `at`.
+    pub fn into_event(self, at: Instant) -> Event {
+        Event {
+            at,
+            kind: match self.is_violation {
+                true => EventKind::Violation,
+                false => EventKind::Note,
+            },
+            rule: forever(&self.rule),
+            detail: self.detail,
+            bytes: self.bytes,
+        }
+    }
 }
 
 /// The greeting of the rig.

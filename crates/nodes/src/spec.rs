@@ -96,6 +96,10 @@ pub struct NodeSpec {
     pub description: Option<Arc<Description>>,
     /// Timeout for an answer, wall time.
     pub patience: Duration,
+    /// Whether a program under test may send and show nothing, or fall silent.
+    pub may_idle: bool,
+    /// Whether the watchdog of its board may reset a program under test.
+    pub may_reset: bool,
 }
 
 /// Maximum number of quantities, and of outputs: an item has one byte for the number.
@@ -120,6 +124,8 @@ impl NodeSpec {
             settings: Map::new(),
             description: None,
             patience: PATIENCE,
+            may_idle: false,
+            may_reset: false,
         }
     }
 }

@@ -40,10 +40,13 @@ pub(super) struct FirmwareArgs {
     /// Connect a port of the rig to one of the board, e.g. gps=serial1; may be given several times
     #[arg(long, value_name = "PORT=NAME", requires = "firmware")]
     wire: Vec<String>,
-    /// Allow firmware in real time to send nothing, e.g. if it only reads; the run then proves
-    /// little
+    /// Allow the firmware to send nothing or to fall silent, e.g. if it only reads; the run then
+    /// proves little
     #[arg(long, requires = "firmware")]
     firmware_may_idle: bool,
+    /// Allow the watchdog of an AVR board to reset the firmware, e.g. if it restarts on purpose
+    #[arg(long, requires = "firmware")]
+    firmware_may_reset: bool,
     /// Wait for gdb on this TCP port; the rig's time stands while gdb holds the program
     #[arg(long, value_name = "PORT", requires = "firmware", value_parser = clap::value_parser!(u16).range(1..))]
     gdb: Option<u16>,
@@ -64,12 +67,14 @@ impl FirmwareArgs {
         let wires = wires.map(|wire| format!(" --wire {}", quoted(wire)));
         let elf = quoted(&elf.display().to_string());
         let board = quoted(board);
-        let may_idle = match self.firmware_may_idle {
-            true => " --firmware-may-idle",
-            false => "",
-        };
+        let allowed = [
+            (self.firmware_may_idle, " --firmware-may-idle"),
+            (self.firmware_may_reset, " --firmware-may-reset"),
+        ];
+        let allowed = allowed.iter().filter(|(is_given, _)| *is_given);
+        let allowed: String = allowed.map(|(_, option)| *option).collect();
         let wires = wires.collect::<String>();
-        format!(" --firmware {elf} --board {board}{wires}{may_idle}")
+        format!(" --firmware {elf} --board {board}{wires}{allowed}")
     }
 
     /// Firmware that runs in real time, as a program at the ports of `scenario`; `None`: it runs in
@@ -80,19 +85,19 @@ impl FirmwareArgs {
         source: &Source,
     ) -> Result<Option<Foreign>, CliError> {
         let (elf, board) = self.loaded()?;
+        if self.firmware_may_reset && board.qemu.is_some() {
+            return Err(CliError::Usage(format!(
+                "--firmware-may-reset: the rig sees no watchdog of the board {}, expected an AVR \
+                 board; leave the option out",
+                board.name
+            )));
+        }
         let Some(machine) = board
             .qemu
             .as_ref()
             .filter(|qemu| qemu.firmware == Tier::RealTime)
         else {
-            return match self.firmware_may_idle {
-                true => Err(CliError::Usage(format!(
-                    "--firmware-may-idle: the board {} runs in lockstep, expected a board in real \
-                     time; leave the option out",
-                    board.name
-                ))),
-                false => Ok(None),
-            };
+            return Ok(None);
         };
         if self.gdb.is_some() {
             return Err(CliError::Usage(format!(
@@ -135,6 +140,8 @@ impl FirmwareArgs {
             }
         };
         spec.role = Role::Program;
+        spec.may_idle = self.firmware_may_idle;
+        spec.may_reset = self.firmware_may_reset;
         spec.seed = scenario.seed;
         spec.ports = ends
             .iter()

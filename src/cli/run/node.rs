@@ -11,7 +11,12 @@ use crate::scenario::{Scenario, Source};
 const NODE: &str = "program";
 
 /// A run of `scenario` with the node program of `command` at all open ends.
-pub(super) fn run(scenario: Scenario, source: &Source, command: &str) -> Result<Run, CliError> {
+pub(super) fn run(
+    scenario: Scenario,
+    source: &Source,
+    command: &str,
+    may_idle: bool,
+) -> Result<Run, CliError> {
     // Wired as for a native program: the run differs only in the program.
     let mut wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
     let ends = core::mem::take(&mut wired.open_ends);
@@ -25,6 +30,7 @@ pub(super) fn run(scenario: Scenario, source: &Source, command: &str) -> Result<
     };
     let spec = NodeSpec {
         role: Role::Program,
+        may_idle,
         seed: scenario.seed,
         ports: ends.iter().map(port).collect(),
         ..NodeSpec::new(NODE, command)

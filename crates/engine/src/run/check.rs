@@ -9,6 +9,7 @@ use crate::robots::{Axis, Instruments};
 
 mod accepted;
 mod at_work;
+mod goes_on;
 #[cfg(feature = "described")]
 mod node_programs;
 pub(crate) mod safety;
@@ -16,6 +17,12 @@ mod silence;
 
 pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
+#[cfg(feature = "described")]
+pub(crate) use goes_on::node::{GoesOn, Rest};
+pub use goes_on::{
+    GOES_ON, NOT_UNDERSTOOD, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, is_struck,
+    misunderstood,
+};
 #[cfg(feature = "described")]
 pub use node_programs::NODE_PROGRAMS;
 #[cfg(feature = "described")]

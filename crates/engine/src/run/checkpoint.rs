@@ -69,6 +69,8 @@ impl Run {
             wire_log,
             contacts: self.contacts.clone(),
             steps: self.steps.clone(),
+            #[cfg(feature = "described")]
+            goes_on: self.goes_on.clone(),
             line_watches: None,
             looks: self.looks,
             next_look: self.next_look,

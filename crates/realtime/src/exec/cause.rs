@@ -17,8 +17,6 @@ use crate::process::{Ended, waits::Wait};
 use engine::run::Outcome;
 use engine::run::check::Status;
 
-pub(crate) use devices::misunderstood;
-
 /// Observations at the end of a run.
 pub(crate) struct Evidence<'a> {
     /// Observations at the ports.

@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use super::cause::{self, Evidence, misunderstood};
+use super::cause::{self, Evidence};
 use super::exchange::Rest;
 use super::ports::Ports;
 use super::verdict::{alive, childless};
@@ -13,7 +13,7 @@ use super::{Foreign, add_checks};
 use crate::process::waits::Wait;
 use crate::process::{Ended, Farewell};
 use engine::run::Outcome;
-use engine::run::check::{Check, STOPS, Status};
+use engine::run::check::{Check, STOPS, Status, misunderstood};
 
 /// Rig time after the program's end within which motors must rest.
 const REST: Duration = Duration::from_secs(1);
@@ -135,7 +135,11 @@ impl Ending<'_> {
             may_idle: foreign.may_idle,
             is_told,
             checks: &outcome.checks,
-            misunderstood: misunderstood(outcome),
+            misunderstood: {
+                let broken = outcome.broken_rules.iter();
+                let broken = broken.map(|(device, rule, count)| (&**device, *rule, *count));
+                misunderstood(broken, &outcome.case.fault)
+            },
         });
         self.judge_all_motors(outcome, goes_on.status == Status::Fail);
         let mut own = vec![

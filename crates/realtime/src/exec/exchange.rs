@@ -10,22 +10,12 @@ use protocols::Instant;
 
 use super::ports::{Port, Ports};
 use crate::transport::{Setting, Special};
-use engine::run::check::{Check, Status};
-
-/// Name of the check.
-pub(crate) const GOES_ON: &str = "program-goes-on";
-/// Rig time for which any program may be silent.
-pub(super) const SILENT_MAX: Duration = Duration::from_secs(2);
-/// Factor on the longest pause so far, for which a program may be silent.
-const PAUSES_MAX: u32 = 3;
+use engine::run::check::{
+    Check, GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood,
+};
 
 /// Options that allow silence.
 pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle; in a file: may_idle of its exec table)";
-
-/// Minimum number of frames that a device does not understand until they count as an error, and
-/// maximum number of sent bytes per such frame.
-const FEW: u64 = 3;
-const FRAME: u64 = 16;
 
 /// Observations of the run besides the ports.
 #[derive(Clone, Copy, Debug)]
@@ -87,8 +77,7 @@ impl Ports {
             ));
         }
         let times = rest.misunderstood;
-        let is_nothing = brought == 0 && times > 0;
-        if is_nothing || (times >= FEW && times * FRAME >= sent) {
+        if is_misunderstood(times, sent, brought) {
             return fail(format!(
                 "{passed}: {times} times a device did not understand it"
             ));
@@ -122,9 +111,6 @@ impl Ports {
         (!open().any(is_stream)).then(|| now - active)
     }
 }
-
-/// A device that sends this long after its last request sends without requests.
-const STREAM: Duration = Duration::from_secs(1);
 
 impl Ports {
     /// The line settings of clients that changed bytes. They are no failure by themselves: a
@@ -160,16 +146,6 @@ impl Port {
         let has_passed = self.from_client + self.to_client > 0;
         has_passed && self.wrong_rate.is_some() && wrong * 2 > open
     }
-}
-
-/// Whether the scenario's checks show that the program's work is done: then the program may rest.
-fn is_done(checks: &[Check]) -> bool {
-    let says = |check: &Check| {
-        let names = ["waypoints-visited", "returned", "home", "at-work-again"];
-        names.contains(&&*check.name) || check.name.starts_with("mission-step-")
-    };
-    let mut of_work = checks.iter().filter(|check| says(check)).peekable();
-    of_work.peek().is_some() && of_work.all(|check| check.status == Status::Pass)
 }
 
 /// Effect of a setting on the bytes that passed; `None` without an effect.

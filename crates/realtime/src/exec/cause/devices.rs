@@ -3,31 +3,12 @@
 
 use protocols::Instant;
 
-use super::trigger::{Trigger, after, explains, is_at};
+use super::trigger::{Trigger, after, explains};
 use super::{Cause, Evidence, weight};
 use engine::rig::Logged;
 use engine::run::Outcome;
-use engine::run::check::{NODE_PROGRAMS, Status, VIOLATIONS, WATCHDOG};
-use engine::scenario::{DirectionSpec, FaultSpec};
+use engine::run::check::{NODE_PROGRAMS, NOT_UNDERSTOOD, Status, VIOLATIONS, WATCHDOG, is_struck};
 
-/// Rules that mean: the device does not understand its input.
-const FORMAT: [&str; 15] = [
-    "bad-checksum",
-    "stray-bytes",
-    "frame-cut-off",
-    "framing-error",
-    "bad-frame",
-    "bad-length",
-    "bad-message",
-    "bad-row",
-    "request-damaged",
-    "request-cut",
-    "request-unknown",
-    "unknown-request",
-    "unknown-command",
-    "line-too-long",
-    "gap-in-frame",
-];
 /// Rules that mean: the frame is valid, but its request is unknown or not allowed.
 const ADDRESS: [&str; 11] = [
     "unknown-register",
@@ -54,22 +35,6 @@ const ORDER: [&str; 8] = [
     "too-fast",
 ];
 
-/// Number of times that devices did not understand their input.
-pub(crate) fn misunderstood(outcome: &Outcome) -> u64 {
-    let broken = outcome.broken_rules.iter();
-    let format =
-        broken.filter(|(device, rule, _)| FORMAT.contains(rule) && !is_struck(outcome, device));
-    format.map(|(.., count)| count).sum()
-}
-
-/// Whether a fault damages the input of `device`.
-fn is_struck(outcome: &Outcome, device: &str) -> bool {
-    let damages = |fault: &FaultSpec| {
-        is_at(fault, device) && fault.direction != Some(DirectionSpec::ToMaster)
-    };
-    outcome.case.fault.iter().any(damages)
-}
-
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     let outcome = evidence.outcome;
     let mut causes = Vec::new();
@@ -81,7 +46,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
                 .map(|(_, rule, count)| (*rule, *count))
                 .collect::<Vec<_>>()
         };
-        causes.extend(format(outcome, &device, &of(&FORMAT)));
+        causes.extend(format(outcome, &device, &of(&NOT_UNDERSTOOD)));
         causes.extend(address(evidence, &device, &of(&ADDRESS)));
         causes.extend(order(evidence, &device, &of(&ORDER)));
         causes.extend(other(evidence, &device));
@@ -144,7 +109,7 @@ fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option
 /// Rules of the device's own, e.g. `violation` in a description.
 fn other(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
     let outcome = evidence.outcome;
-    let known = [&FORMAT[..], &ADDRESS, &ORDER, &WATCHDOG].concat();
+    let known = [&NOT_UNDERSTOOD[..], &ADDRESS, &ORDER, &WATCHDOG].concat();
     let broken = outcome.broken_rules.iter();
     let rules: Vec<(&str, u64)> = broken
         .filter(|(name, rule, _)| *name == device && !known.contains(rule))
@@ -229,7 +194,7 @@ fn told(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<String
 fn format(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
     let told = told(outcome, device, rules)?;
     let count: u64 = rules.iter().map(|(_, count)| count).sum();
-    let struck = is_struck(outcome, device);
+    let struck = is_struck(&outcome.case.fault, device);
     let weight = match (struck, count) {
         (true, _) => weight::COLLISION,
         (false, 1 | 2) => weight::ORDER,

@@ -6,11 +6,11 @@ use protocols::Instant;
 
 use super::trigger::Trigger;
 use super::{Cause, Evidence, weight};
-use crate::exec::exchange::{ALLOW_IT, GOES_ON, SILENT_MAX};
+use crate::exec::exchange::ALLOW_IT;
 use crate::exec::ports::Port;
 use crate::process::waits::Wait;
 use crate::transport::Setting;
-use engine::run::check::{Status, last_words};
+use engine::run::check::{GOES_ON, SILENT_MAX, Status, last_words};
 
 /// Name of the check that all lines carry bytes again.
 const BACK: &str = "at-work-again";

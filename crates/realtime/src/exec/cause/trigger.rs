@@ -41,14 +41,14 @@ impl<'a> Trigger<'a> {
         device: &str,
     ) -> Option<Self> {
         Self::before_on(evidence, at, |fault| {
-            is_at(fault, device) && fault.direction != Some(DirectionSpec::ToDevice)
+            fault.is_at(device) && fault.direction != Some(DirectionSpec::ToDevice)
         })
     }
 
     /// The same for faults that keep bytes from `device`, or change them.
     pub(super) fn to_device(evidence: &'a Evidence<'_>, at: Instant, device: &str) -> Option<Self> {
         Self::before_on(evidence, at, |fault| {
-            is_at(fault, device) && fault.direction != Some(DirectionSpec::ToMaster)
+            fault.is_at(device) && fault.direction != Some(DirectionSpec::ToMaster)
         })
     }
 
@@ -149,21 +149,6 @@ pub(super) fn around(evidence: &Evidence<'_>, [begins, ends]: [Instant; 2]) -> S
         format!("; perhaps the program {remedy}")
     });
     trigger.words(begins) + &remedy
-}
-
-/// Whether `fault` acts on `device` or its link.
-pub(super) fn is_at(fault: &FaultSpec, device: &str) -> bool {
-    let is_its = |place: &str| {
-        let rest = place.strip_prefix(device);
-        // A device with several ports has links such as `base:motors` and `base.1`.
-        rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
-    };
-    let own = [&fault.link, &fault.with, &fault.device];
-    let mut all = own
-        .into_iter()
-        .flatten()
-        .chain(fault.devices.iter().flatten());
-    all.any(|place| is_its(place))
 }
 
 /// Whether an event at `at` can explain a failed check: it comes shortly before the failure. A
@@ -429,7 +414,7 @@ mod tests {
         let places = ["drive", "driver", "driv", "drive-2", ""].map(|name| {
             let mut fault = fault.clone();
             fault.link = Some(name.to_owned());
-            is_at(&fault, "drive")
+            fault.is_at("drive")
         });
         assert_eq!(places, [true, false, false, true, false]);
     }

@@ -1,0 +1,75 @@
+//! Whether a program under test works until the end: the limits for processes at ports and for
+//! node programs, and what devices and the mission tell about it.
+
+use core::time::Duration;
+
+use super::{Check, Status};
+use crate::scenario::{DirectionSpec, FaultSpec};
+
+#[cfg(feature = "described")]
+pub(crate) mod node;
+
+/// Name of the check.
+pub const GOES_ON: &str = "program-goes-on";
+/// Rig time for which any program may be silent.
+pub const SILENT_MAX: Duration = Duration::from_secs(2);
+/// Factor on the longest pause so far, for which a program may be silent.
+pub const PAUSES_MAX: u32 = 3;
+/// A device that sends this long after its last request sends without requests.
+pub const STREAM: Duration = Duration::from_secs(1);
+/// Minimum number of frames that a device does not understand until they count as an error, and
+/// maximum number of sent bytes per such frame.
+const FEW: u64 = 3;
+const FRAME: u64 = 16;
+
+/// Rules that mean: the device does not understand its input.
+pub const NOT_UNDERSTOOD: [&str; 15] = [
+    "bad-checksum",
+    "stray-bytes",
+    "frame-cut-off",
+    "framing-error",
+    "bad-frame",
+    "bad-length",
+    "bad-message",
+    "bad-row",
+    "request-damaged",
+    "request-cut",
+    "request-unknown",
+    "unknown-request",
+    "unknown-command",
+    "line-too-long",
+    "gap-in-frame",
+];
+
+/// Number of times that devices did not understand their input, without those whose input a fault
+/// of `faults` damages. `broken` has devices, rules and counts.
+pub fn misunderstood<'a>(
+    broken: impl Iterator<Item = (&'a str, &'static str, u64)>,
+    faults: &[FaultSpec],
+) -> u64 {
+    let format = broken
+        .filter(|(device, rule, _)| NOT_UNDERSTOOD.contains(rule) && !is_struck(faults, device));
+    format.map(|(.., count)| count).sum()
+}
+
+/// Whether one of `faults` damages the input of `device`.
+pub fn is_struck(faults: &[FaultSpec], device: &str) -> bool {
+    let mut faults = faults.iter();
+    faults.any(|fault| fault.is_at(device) && fault.direction != Some(DirectionSpec::ToMaster))
+}
+
+/// Whether frames that devices did not understand are an error: there are some, and nothing arrived
+/// for the program, or they are a large part of the `sent` bytes.
+pub const fn is_misunderstood(times: u64, sent: u64, arrived: u64) -> bool {
+    (arrived == 0 && times > 0) || (times >= FEW && times * FRAME >= sent)
+}
+
+/// Whether the checks of the mission show that the program's work is done: then it may rest.
+pub fn is_done(checks: &[Check]) -> bool {
+    let says = |check: &Check| {
+        let names = ["waypoints-visited", "returned", "home", "at-work-again"];
+        names.contains(&&*check.name) || check.name.starts_with("mission-step-")
+    };
+    let mut of_work = checks.iter().filter(|check| says(check)).peekable();
+    of_work.peek().is_some() && of_work.all(|check| check.status == Status::Pass)
+}
