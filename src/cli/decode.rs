@@ -12,6 +12,7 @@ use super::answer::{Decoded, EntryDecoded, LineDecoded};
 use super::{CliError, Verdict, described, out};
 use crate::capture::Capture;
 use crate::capture::decode::diagnose::{Damage, Line, diagnose};
+use crate::capture::decode::pause::Pauses;
 use crate::capture::decode::profile::Profile;
 use crate::capture::decode::transcript::{Entry, Known, Said, Sum, Transcript};
 use crate::capture::import::Format;
@@ -128,10 +129,16 @@ fn is_wanted(args: &DecodeArgs, link: &str) -> bool {
     args.link.as_ref().is_none_or(|wanted| link == wanted)
 }
 
+/// An empty transcript that judges pauses by the clock of `capture`.
+fn transcript(codec: Option<&'static Codec>, capture: &Capture) -> Transcript {
+    Transcript::new(codec).pausing(Pauses::of(&capture.sections))
+}
+
 /// Frames and events of the lines.
 fn entries(args: &DecodeArgs, source: &Source, known: &[Known]) -> Vec<EntryDecoded> {
     let links = &source.capture.links;
-    let mut transcript = Transcript::new(protocol(args, source)).knowing(known.to_vec());
+    let mut transcript =
+        transcript(protocol(args, source), &source.capture).knowing(known.to_vec());
     let mut entries: Vec<Entry> = Vec::new();
     for record in &source.capture.records {
         if is_wanted(args, &links[record.link].name) {
@@ -238,7 +245,8 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         .iter()
         .map(|link| &*link.name)
         .collect();
-    let mut transcript = Transcript::new(protocol(args, &source)).knowing(known.clone());
+    let mut transcript =
+        transcript(protocol(args, &source), &source.capture).knowing(known.clone());
     for record in &source.capture.records {
         let link = &source.capture.links[record.link];
         if wanted(&link.name) {
@@ -369,7 +377,7 @@ const FRAMES_OTHER: u64 = 8;
 
 /// Number of frames of a line, some of which only a silence ends.
 fn frames(codec: &'static Codec, capture: &Capture, lane: &Lane) -> u64 {
-    let mut transcript = Transcript::new(Some(codec));
+    let mut transcript = transcript(Some(codec), capture);
     let mut count = 0;
     let mut add = |entries: &mut dyn Iterator<Item = Entry>| {
         count += entries

@@ -1,5 +1,6 @@
 //! Decoding of captures and dumps to text, and diagnosis of damage that affects a whole stream.
 
 pub mod diagnose;
+pub mod pause;
 pub mod profile;
 pub mod transcript;

@@ -226,6 +226,16 @@ impl Description {
         self.frames_of(From::Host).ends_with_silence()
     }
 
+    /// Whether only a silence shows the end of the frames of a format.
+    pub fn needs_silence(&self) -> bool {
+        self.frames.ends_with_unknown_silence()
+    }
+
+    /// Whether a silence ends the frames of a format whose length their bytes may not tell.
+    pub fn may_need_silence(&self) -> bool {
+        self.frames.ends_with_silence()
+    }
+
     /// Decodes the bytes that a driver sent between two silences as one frame.
     ///
     /// # Errors

@@ -60,7 +60,7 @@ pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
 pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
 pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
-pub use row::{Answers, AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat};
+pub use row::{Answers, AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat, Pause};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
 #[cfg(feature = "robots")]

@@ -9,6 +9,7 @@ use protocols::Instant;
 
 use super::source::{PCAPNG, raw_link, raw_record};
 use super::{CliError, DecodeArgs, Failure, print_entry};
+use crate::capture::decode::pause::Pauses;
 use crate::capture::decode::transcript::Transcript;
 use crate::capture::{Interface, Item, Reader};
 use crate::cli::stop::Stop;
@@ -108,7 +109,11 @@ impl Followed {
         self.reader.push(bytes);
         while let Some(item) = self.reader.next_item() {
             match item {
-                Ok(Item::Section(section)) => self.start = section.start(),
+                Ok(Item::Section(section)) => {
+                    self.start = section.start();
+                    let transcript = core::mem::take(&mut self.transcript);
+                    self.transcript = transcript.pausing(Pauses::of(&[section]));
+                }
                 Ok(Item::Interface(interface)) => self.links.push(interface),
                 Ok(Item::Record(record)) => {
                     let link = &self.links[record.link];

@@ -13,8 +13,10 @@ use protocols::{FrameError, Instant, LineConfig};
 
 pub use entry::{Entry, Said};
 
+use super::pause::Pauses;
+
 use crate::{Interface, Kind, Record};
-use engine::codec::{self, Codec, IDLE, RegisterNames, Stream, Stretch, What, words};
+use engine::codec::{self, Codec, RegisterNames, Stream, Stretch, What, words};
 use engine::rig::line::Direction;
 
 /// Minimum time that an entry waits for earlier ones: a record describes bytes before its time. On
@@ -48,6 +50,9 @@ struct Lane {
     silence: Duration,
     /// Offsets at which the other direction sent bytes.
     turns: VecDeque<u64>,
+    /// Whether the other direction has sent since the last byte.
+    is_turned: bool,
+    pauses: Pauses,
     /// The last bytes that were reported without a protocol.
     unknown: VecDeque<u8>,
     /// `None` until the bytes have shown the protocol.
@@ -83,6 +88,7 @@ pub struct Transcript {
     lanes: Vec<Lane>,
     waiting: VecDeque<Entry>,
     codec: Option<&'static Codec>,
+    pauses: Pauses,
 }
 
 /// Totals of one lane.
@@ -118,16 +124,23 @@ impl Transcript {
         self
     }
 
+    /// Sets the judgement of pauses for the clock of the capture.
+    #[must_use]
+    pub fn pausing(mut self, pauses: Pauses) -> Self {
+        self.pauses = pauses;
+        self
+    }
+
     /// Adds the next record of `link`.
     pub fn record(&mut self, record: &Record, link: &Interface) {
         let now = record.at;
-        for index in 0..self.lanes.len() {
-            let last = self.lanes[index].times.back();
-            if last.is_some_and(|&(_, last)| now - last > self.lanes[index].idle()) {
-                self.settle(index);
+        let index = self.lane(record, link);
+        for other in 0..self.lanes.len() {
+            let len = if other == index { record.bytes.len() } else { 0 };
+            if self.lanes[other].is_over(now, len) {
+                self.settle(other);
             }
         }
-        let index = self.lane(record, link);
         self.turn(index, record);
         let place = self.lanes[index].end();
         let event = match record.kind {
@@ -192,6 +205,8 @@ impl Transcript {
             rate: LineConfig::new_8n1(link.baud.max(1)),
             silence: silence(link.baud),
             turns: VecDeque::new(),
+            is_turned: false,
+            pauses: self.pauses,
             unknown: VecDeque::new(),
             stream: self.codec.map(|codec| Stream::towards(codec, direction)),
             codec: self.codec,
@@ -210,6 +225,7 @@ impl Transcript {
         let others = self.lanes.iter_mut();
         for other in others.filter(|lane| lane.link == record.link && lane.direction != own) {
             let end = other.end();
+            other.is_turned |= record.kind == Kind::Data;
             if record.kind == Kind::Data && other.stream.is_none() && end > other.told {
                 other.turns.push_back(end);
             }
@@ -218,6 +234,7 @@ impl Transcript {
 
     fn feed(&mut self, index: usize, at: Instant, bytes: &[u8]) {
         let lane = &mut self.lanes[index];
+        lane.is_turned = false;
         lane.untold.extend(bytes);
         lane.times.push_back((lane.end(), at));
         match &mut lane.stream {
@@ -259,7 +276,7 @@ impl Transcript {
             self.tell_unknown(index, len);
             return;
         };
-        let idle = lane.idle();
+        let pauses = lane.pauses;
         let held = &lane.untold.make_contiguous()[..len];
         let mut stream = Stream::towards(codec, lane.direction);
         let mut found = Vec::new();
@@ -268,11 +285,13 @@ impl Transcript {
             if start == len {
                 break;
             }
-            if last.is_some_and(|last| at - last > idle) {
+            let until = usize::try_from(end - lane.told).expect("held in memory");
+            let is_turned = lane.turns.contains(&(lane.told + start as u64));
+            let pause = |last| Pauses::between(last, at, until - start, lane.rate);
+            if last.is_some_and(|last| pause(last) > pauses.limit(Some(codec), is_turned)) {
                 found.extend(stream.idle());
             }
             last = Some(at);
-            let until = usize::try_from(end - lane.told).expect("held in memory");
             found.extend(stream.push(&held[start..until.min(len)]));
             start = until.min(len);
         }
@@ -456,9 +475,11 @@ impl Lane {
         chunks
     }
 
-    /// Idle time after which a partial frame is discarded.
-    fn idle(&self) -> Duration {
-        self.codec.map_or(IDLE, Codec::idle)
+    /// Whether the pause before `len` bytes that are complete at `now` discards a partial frame.
+    fn is_over(&self, now: Instant, len: usize) -> bool {
+        let limit = self.pauses.limit(self.codec, self.is_turned);
+        let pause = |&(_, last): &(u64, Instant)| Pauses::between(last, now, len, self.rate);
+        self.times.back().is_some_and(|last| pause(last) > limit)
     }
 
     /// Number of bytes so far.

@@ -5,6 +5,7 @@ use core::time::Duration;
 use engine::rig::line::Direction;
 use protocols::{Instant, LineConfig};
 
+use crate::decode::pause::is_exact;
 use crate::{Capture, Kind, Record};
 
 /// The last record of a link. Clocks of logs may show seconds or milliseconds: a request behind an
@@ -23,14 +24,8 @@ const NEXT_REQUEST: Duration = Duration::from_millis(5);
 impl Turn {
     /// The beginning of a link of `capture`.
     pub(super) fn of(capture: &Capture) -> Self {
-        let fact = |key| {
-            capture
-                .sections
-                .first()
-                .and_then(|section| section.fact(key))
-        };
         Self {
-            is_exact: fact("clock") == Some("virtual") && fact("imported").is_none(),
+            is_exact: is_exact(&capture.sections),
             ..Self::default()
         }
     }

@@ -63,6 +63,22 @@ pub trait OwnFormat: Send + Sync {
     fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
         None
     }
+
+    /// The use of pauses for the frames.
+    fn pause(&self) -> Pause {
+        Pause::Discards
+    }
+}
+
+/// The use of a pause of the line for the frames of a format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pause {
+    /// A pause only discards a partial frame: its bytes tell the length of each frame.
+    Discards,
+    /// A pause ends the frames whose length their bytes do not tell.
+    EndsUnknown,
+    /// Only a pause shows the end of some formats.
+    Ends,
 }
 
 /// Idle time after which a partial frame is discarded, unless a row sets its own: longer than any
@@ -231,6 +247,14 @@ impl Codec {
     /// Idle time after which a partial frame is discarded.
     pub const fn idle(&self) -> Duration {
         self.idle
+    }
+
+    /// The use of pauses for the frames.
+    pub fn pause(&self) -> Pause {
+        match self.format {
+            Format::Own(format) => format.pause(),
+            Format::Typed { .. } => Pause::Discards,
+        }
     }
 
     /// Minimum share of bytes in frames for a guess of this format, per cent.

@@ -1,10 +1,11 @@
 use core::mem::take;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use bytes::BytesMut;
-use protocols::FrameError;
+use protocols::{FrameError, LineConfig};
 
 use super::{Effort, fewest};
+use capture::decode::pause::Pauses;
 use capture::{Capture, Kind, Record};
 use engine::codec::{self, Codec, Stream, What};
 use engine::rig::line::Direction;
@@ -35,12 +36,19 @@ impl Unit {
 
 /// The units of `capture` in order of their ends. Bytes of an unknown format stay as recorded.
 pub fn units(capture: &Capture) -> Vec<Unit> {
-    let mut lanes: BTreeMap<(usize, bool), Vec<&Record>> = BTreeMap::new();
+    let mut lanes: BTreeMap<(usize, bool), Vec<Heard<'_>>> = BTreeMap::new();
+    let mut turned = BTreeSet::new();
     for record in &capture.records {
         let lane = (record.link, record.direction == Direction::ToDevice);
-        lanes.entry(lane).or_default().push(record);
+        let is_data = record.kind == Kind::Data;
+        let is_turned = is_data && turned.remove(&lane);
+        if is_data {
+            turned.insert((lane.0, !lane.1));
+        }
+        lanes.entry(lane).or_default().push((record, is_turned));
     }
-    let mut units: Vec<Unit> = lanes.into_values().flat_map(|lane| cut(&lane)).collect();
+    let lanes = lanes.into_values();
+    let mut units: Vec<Unit> = lanes.flat_map(|lane| cut(&lane, capture)).collect();
     units.sort_by_key(|unit| (unit.record.at, unit.record.link));
     for (number, unit) in (0..).zip(&mut units) {
         unit.record.sequence = Some(number);
@@ -48,10 +56,13 @@ pub fn units(capture: &Capture) -> Vec<Unit> {
     units
 }
 
+/// A record of a lane, and whether the other direction sent bytes since the one before.
+type Heard<'a> = (&'a Record, bool);
+
 /// The format of a lane, determined from its first bytes.
-fn codec_of(lane: &[&Record]) -> Option<&'static Codec> {
+fn codec_of(lane: &[Heard<'_>]) -> Option<&'static Codec> {
     let mut bytes = Vec::new();
-    for record in lane {
+    for (record, _) in lane {
         bytes.extend_from_slice(&record.bytes);
         if bytes.len() > 20_000 {
             break;
@@ -60,30 +71,33 @@ fn codec_of(lane: &[&Record]) -> Option<&'static Codec> {
     codec::guess(&bytes)
 }
 
-fn cut(lane: &[&Record]) -> Vec<Unit> {
+fn cut(lane: &[Heard<'_>], capture: &Capture) -> Vec<Unit> {
     let whole = |record: &Record| Unit {
         record: record.clone(),
         frame: None,
     };
     let Some(codec) = codec_of(lane) else {
-        return lane.iter().map(|record| whole(record)).collect();
+        return lane.iter().map(|(record, _)| whole(record)).collect();
     };
     let mut units = Vec::new();
     let mut bytes = BytesMut::new();
     // The ends of the records in the concatenated bytes, to find the record in which a unit ends.
     let mut ends: Vec<(usize, &Record)> = Vec::new();
     let mut stream = match lane.first() {
-        Some(record) => Stream::towards(codec, record.direction),
+        Some((record, _)) => Stream::towards(codec, record.direction),
         None => return Vec::new(),
     };
     let mut found = Vec::new();
     let mut last = None;
-    for &record in lane {
+    let pauses = Pauses::of(&capture.sections);
+    for &(record, is_turned) in lane {
         if record.kind != Kind::Data {
             units.push(whole(record));
             continue;
         }
-        if last.is_some_and(|last| record.at > last && record.at - last > codec.idle()) {
+        let line = LineConfig::new_8n1(capture.links[record.link].baud.max(1));
+        let pause = |last| Pauses::between(last, record.at, record.bytes.len(), line);
+        if last.is_some_and(|last| pause(last) > pauses.limit(Some(codec), is_turned)) {
             found.extend(stream.idle());
         }
         last = Some(record.at);

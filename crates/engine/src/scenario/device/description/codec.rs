@@ -6,7 +6,7 @@ use ::description::{Cutter, Description, Frame, From};
 use protocols::{Decode as _, FrameError};
 
 use crate::codec::wire::Choices;
-use crate::codec::{self, AnyDecoder, Codec, OwnFormat};
+use crate::codec::{self, AnyDecoder, Codec, OwnFormat, Pause};
 use crate::rig::line::Direction;
 
 struct Described(Arc<Description>);
@@ -81,6 +81,14 @@ impl OwnFormat for Described {
             drawn % below.max(1)
         });
         out.extend(self.0.frame(message, &values).unwrap_or_default());
+    }
+
+    fn pause(&self) -> Pause {
+        match (self.0.needs_silence(), self.0.may_need_silence()) {
+            (true, _) => Pause::Ends,
+            (false, true) => Pause::EndsUnknown,
+            (false, false) => Pause::Discards,
+        }
     }
 
     fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
