@@ -113,6 +113,48 @@ fn a_rule_on_an_output_is_judged_when_the_program_shows_it() {
     }
 }
 
+/// The program declares a, b and c, shows a at 1 s and b at 2 s. Until then b is unknown, and c
+/// remains so.
+#[test]
+fn an_output_that_is_declared_may_be_shown_later() {
+    let program = "from hilrig.device import Device, main\n\
+        class Late(Device):\n \
+        outputs = (\"a\", \"b\", \"c\")\n \
+        def start(self): self.after(1.0, self.first); self.after(2.0, self.second)\n \
+        def first(self): self.show(\"a\", 1)\n \
+        def second(self): self.show(\"b\", 1)\n\
+        main(Late)";
+    let command = format!(
+        "PYTHONPATH={}/python/src exec python3 -c '{program}' ",
+        root().display()
+    );
+    let rule = |(demand, name)| {
+        format!(
+            "[[expect.rule]]\nname = \"{demand}-{name}\"\n{demand} = {{ register = {{ device = \
+             \"scale\", name = \"{name}\", op = \"==\", value = 1 }} }}\n"
+        )
+    };
+    let rules = [
+        ("always", "b"),
+        ("eventually", "b"),
+        ("always", "c"),
+        ("eventually", "c"),
+    ];
+    let (scenario, source) = scenario(&command, &rules.map(rule).concat());
+    let outcome = Run::new(scenario, &source, None).expect("wired").finish();
+    for (name, status, says) in [
+        ("rule-always-b", Status::Pass, "held at all"),
+        ("rule-eventually-b", Status::Pass, "at 2.0"),
+        ("rule-always-c", Status::NotObserved, "scale never showed c"),
+        ("rule-eventually-c", Status::Fail, "scale never showed c"),
+    ] {
+        let mut checks = outcome.checks.iter();
+        let check = checks.find(|check| check.name == name).expect("judged");
+        assert_eq!(check.status, status, "{check}");
+        assert!(check.detail.contains(says), "{check}");
+    }
+}
+
 /// Only the first exchange takes place: a program without requests is not called.
 #[test]
 fn an_idle_program_costs_nothing() {

@@ -21,11 +21,10 @@ use crate::error::NodeError;
 use crate::host::{BYTES_MAX, Host};
 use crate::intern::forever;
 use crate::message::{Input, Item, Output};
+pub use crate::slowness::{SLOW, Slowness, Stopwatch};
 use crate::spec::{NodeSpec, line_of};
 use crate::typed::Listener;
 use port::{Out, PortState};
-
-pub use crate::slowness::{SLOW, Slowness, Stopwatch};
 
 /// A node program in a rig.
 pub struct NodeDevice {
@@ -130,6 +129,11 @@ impl NodeDevice {
     /// Number of times that the program has set an output or reported its work by a note.
     pub const fn reports(&self) -> u64 {
         self.reports
+    }
+
+    /// The names of the outputs that the program has declared, also of those not shown yet.
+    pub fn output_names(&self) -> impl Iterator<Item = &str> {
+        self.outputs.iter().map(|(name, _)| name.as_str())
     }
 
     /// Whether a copy of the device could continue like it. Starts the program if necessary.

@@ -362,12 +362,19 @@ impl Moment<'_> {
         }
     }
 
-    /// The possible names for `register`, if its name is unknown now. A device that shows no values
-    /// yet may have any name.
+    /// The possible names for `register`, if its name is unknown now. A device that has declared no
+    /// values yet may have any name.
     pub(crate) fn missing_value(&self, register: &RegisterCondition) -> Option<String> {
         let name = register.name.as_ref()?;
-        let values = self.values(&register.device);
-        let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
+        let own = self.devices.get(&register.device);
+        let mut declared = own.map_or(Vec::new(), |own| {
+            own.value_names(self.rig, &register.device)
+        });
+        if declared.is_empty() {
+            let shown = self.values(&register.device).into_iter();
+            declared.extend(shown.map(|value| value.name));
+        }
+        let names: Vec<&str> = declared.iter().map(String::as_str).collect();
         let is_there = names.is_empty() || names.contains(&name.as_str());
         (!is_there).then(|| near::expected(name, &names))
     }

@@ -286,7 +286,8 @@ impl Probe {
                     return leaf.silence_of_log(event);
                 }
                 if let (Some(_), Condition::Register(register)) = (&leaf.missing, &self.condition) {
-                    return Some(format!("{} showed no values", register.device));
+                    let name = register.name.as_deref().unwrap_or("a value");
+                    return Some(format!("{} never showed {name}", register.device));
                 }
                 let (Source::Line(watch), Condition::Frame(frame)) =
                     (&leaf.source, &self.condition)

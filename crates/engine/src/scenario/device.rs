@@ -292,6 +292,11 @@ impl DeviceSpec {
         self.kind.values(self.settings.as_ref(), rig, name)
     }
 
+    /// Names of its values, also of those that it has declared but not shown yet.
+    pub fn value_names(&self, rig: &Rig, name: &str) -> Vec<String> {
+        self.kind.value_names(self.settings.as_ref(), rig, name)
+    }
+
     /// Values of the device `name` in `rig`, for display.
     pub fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
         self.kind.rows(self.settings.as_ref(), rig, name)

@@ -326,6 +326,10 @@ impl DeviceKind for FirmwareKind {
         played::values_of(rig, name)
     }
 
+    fn value_names(&self, _: &dyn Settings, rig: &Rig, name: &str) -> Vec<String> {
+        played::names_of(rig, name)
+    }
+
     fn has_late_values(&self) -> bool {
         true
     }

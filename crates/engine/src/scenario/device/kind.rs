@@ -71,6 +71,12 @@ pub trait DeviceKind: Send + Sync {
         rows.map(DeviceValue::from).collect()
     }
 
+    /// Names of its [`values`](Self::values), also of those that it has declared but not shown yet.
+    fn value_names(&self, settings: &dyn Settings, rig: &Rig, name: &str) -> Vec<String> {
+        let values = self.values(settings, rig, name).into_iter();
+        values.map(|value| value.name).collect()
+    }
+
     /// Whether the names of its [`values`](Self::values) are known only after the run has started.
     fn has_late_values(&self) -> bool {
         false

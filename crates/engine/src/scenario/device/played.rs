@@ -47,6 +47,13 @@ pub(super) fn values_of(rig: &Rig, name: &str) -> Vec<DeviceValue> {
     outputs.map(value).collect()
 }
 
+/// Names of the outputs that a node program has declared.
+pub(super) fn names_of(rig: &Rig, name: &str) -> Vec<String> {
+    let node = rig.device::<NodeDevice>(name).into_iter();
+    let names = node.flat_map(NodeDevice::output_names);
+    names.map(str::to_owned).collect()
+}
+
 /// Output values of a node program, for display.
 pub(super) fn rows_of(rig: &Rig, name: &str) -> Vec<ValueRow> {
     let node = rig.device::<NodeDevice>(name).into_iter();
