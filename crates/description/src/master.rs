@@ -48,6 +48,8 @@ pub struct Master {
     due: Instant,
     /// The request without a reply so far, and the end of its timeout.
     asked: Option<(usize, Instant)>,
+    /// Number of requests that need a reply and whose time for it is over, and of those with one.
+    judged: [u64; 2],
     cutter: Cutter,
     /// When a silence is long enough to end a frame.
     quiet_at: Option<Instant>,
@@ -86,6 +88,7 @@ impl Master {
             next: 0,
             due: Instant::ZERO + plan.period,
             asked: None,
+            judged: [0; 2],
             quiet_at: None,
             free_at: Instant::ZERO,
             inbox: VecDeque::new(),
@@ -100,6 +103,11 @@ impl Master {
         &self.values
     }
 
+    /// Number of requests that need a reply and whose time for it is over, and of those with one.
+    pub const fn judged(&self) -> [u64; 2] {
+        self.judged
+    }
+
     fn tell(&mut self, at: Instant, rule: &'static str, detail: impl FnOnce() -> String) {
         self.log.repeated(at, EventKind::Violation, rule, detail);
     }
@@ -111,6 +119,7 @@ impl Master {
             self.take(at, &[]);
         }
         if let Some((index, _)) = self.asked.take_if(|(_, until)| *until <= now) {
+            self.judged[0] += 1;
             let timeout = self.timeout;
             let words = self.requests[index].words.clone();
             self.tell(now, "no-reply", || {
@@ -159,6 +168,7 @@ impl Master {
             return;
         }
         self.asked = None;
+        self.judged = self.judged.map(|count| count + 1);
         if reply.is_refusal {
             let words = self.requests[index].words.clone();
             return self.tell(at, "refused", || format!("\"{words}\": {}", reply.words));

@@ -430,7 +430,10 @@ impl Run {
         let is_over = self.is_over || now >= self.scenario.duration.instant();
         let mut checks = self.watchers.verdicts(now, is_over);
         #[cfg(feature = "described")]
-        checks.extend(check::node_programs(&self.rig));
+        {
+            checks.extend(check::node_programs(&self.rig));
+            checks.extend(check::requests_answered(&self.rig));
+        }
         checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));
         checks.extend(self.misnamed_faults());

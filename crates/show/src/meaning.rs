@@ -2,7 +2,7 @@
 //! check passed.
 
 /// Required properties, by the name of the check or its prefix.
-const MEANINGS: [(&str, &str); 25] = [
+const MEANINGS: [(&str, &str); 26] = [
     (
         "set-points-in-range",
         "No set-point exceeds the limits of its axis.",
@@ -75,6 +75,10 @@ const MEANINGS: [(&str, &str); 25] = [
         "A condition of the mission became true in time.",
     ),
     ("at-work-again", "After a fault the program works again."),
+    (
+        "requests-answered",
+        "Each master gets a reply to at least one of its requests.",
+    ),
     (
         "same-outputs",
         "The program sends the same bytes as before.",

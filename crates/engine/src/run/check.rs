@@ -11,6 +11,8 @@ mod accepted;
 mod at_work;
 mod goes_on;
 #[cfg(feature = "described")]
+mod masters;
+#[cfg(feature = "described")]
 mod node_programs;
 pub(crate) mod safety;
 mod silence;
@@ -23,6 +25,10 @@ pub use goes_on::{
     GOES_ON, NOT_UNDERSTOOD, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, is_struck,
     misunderstood,
 };
+#[cfg(feature = "described")]
+pub use masters::REQUESTS_ANSWERED;
+#[cfg(feature = "described")]
+pub(crate) use masters::requests_answered;
 #[cfg(feature = "described")]
 pub use node_programs::NODE_PROGRAMS;
 #[cfg(feature = "described")]
