@@ -86,18 +86,13 @@ pub struct Recorded {
 }
 
 impl Recorded {
-    /// Content of `capture` up to `until` after its beginning. A capture with a clock that is not
-    /// that of a run begins with its first record.
+    /// Content of `capture` up to `until` after its [zero](Capture::zero).
     pub fn of(capture: &Capture, until: Option<Duration>) -> Self {
-        let clock = capture
-            .sections
-            .first()
-            .and_then(|section| section.fact("clock"));
-        let first = capture.records.iter().map(|record| record.at).min();
-        let zero = match clock {
-            Some("virtual") => Instant::ZERO,
-            _ => first.unwrap_or_default(),
-        };
+        let (shown, section) = (capture.zero(), capture.sections.first());
+        // A rig in real time may have been idle before its first record: that time is not played.
+        let is_virtual = section.is_some_and(|section| section.fact("clock") == Some("virtual"));
+        let first = || capture.records.iter().map(|record| record.at).min();
+        let zero = first().filter(|_| !is_virtual).unwrap_or(shown);
         let mut this = Self {
             zero,
             ..Self::default()
@@ -116,7 +111,7 @@ impl Recorded {
         for record in records {
             let later = turns[record.link].later(record, this.links[record.link].line());
             let shift = |at: Instant| Instant::ZERO + (at - zero) + later;
-            if until.is_some_and(|until| record.at - zero > until) {
+            if until.is_some_and(|until| record.at - shown > until) {
                 break;
             }
             this.end = this.end.max(shift(record.at));
@@ -138,6 +133,7 @@ impl Recorded {
         if let Some(lasted) = lasted {
             // After a program fell silent, the run continued.
             let end = (start + (lasted - Instant::ZERO)) - zero;
+            let until = until.map(|until| until.saturating_sub(zero - shown));
             let end = until.map_or(end, |until| until.min(end));
             this.end = this.end.max(Instant::ZERO + end);
         }

@@ -138,7 +138,28 @@ pub struct Capture {
     pub conclusion: Option<Conclusion>,
 }
 
+impl Section {
+    /// Time from which the times of the capture are counted, if the section tells it: the start of
+    /// the run. A recording, or a log of another tool, begins with its first record.
+    pub fn zero(&self) -> Option<protocols::Instant> {
+        let is_run = match (self.fact("clock"), self.fact("imported")) {
+            (Some("virtual"), imported) => imported.is_none_or(|format| format == "csv"),
+            (clock, None) => clock.is_none_or(|clock| clock == "replay"),
+            _ => false,
+        };
+        (is_run || self.fact("start_ns").is_some()).then(|| self.start())
+    }
+}
+
 impl Capture {
+    /// Time from which shown and given times are counted: the start of the run, or else the first
+    /// record.
+    pub fn zero(&self) -> protocols::Instant {
+        let first = || self.records.iter().map(|record| record.at).min();
+        let own = self.sections.first().and_then(Section::zero);
+        own.or_else(first).unwrap_or_default()
+    }
+
     /// Reads `bytes` up to the first error.
     pub fn of(bytes: &[u8]) -> Self {
         let (mut capture, mut reader) = (Self::default(), Reader::default());

@@ -28,7 +28,8 @@ struct Followed {
     reader: Reader,
     links: Vec<Interface>,
     transcript: Transcript,
-    start: Instant,
+    /// None until the first record, unless the section tells it.
+    start: Option<Instant>,
     last: Instant,
 }
 
@@ -76,7 +77,7 @@ impl Followed {
             reader: Reader::default(),
             links: Vec::new(),
             transcript: Transcript::new(args.protocol),
-            start: Instant::ZERO,
+            start: None,
             last: Instant::ZERO,
         })
     }
@@ -110,13 +111,14 @@ impl Followed {
         while let Some(item) = self.reader.next_item() {
             match item {
                 Ok(Item::Section(section)) => {
-                    self.start = section.start();
+                    self.start = section.zero();
                     let transcript = core::mem::take(&mut self.transcript);
                     self.transcript = transcript.pausing(Pauses::of(&[section]));
                 }
                 Ok(Item::Interface(interface)) => self.links.push(interface),
                 Ok(Item::Record(record)) => {
                     let link = &self.links[record.link];
+                    self.start.get_or_insert(record.at);
                     if args.link.as_ref().is_none_or(|name| *name == link.name) {
                         self.last = self.last.max(record.at);
                         self.transcript.record(&record, link);
@@ -130,7 +132,7 @@ impl Followed {
         }
         let names: Vec<&str> = self.links.iter().map(|link| &*link.name).collect();
         for entry in self.transcript.ready(self.last) {
-            print_entry(&entry, &names, Some(self.start), out)?;
+            print_entry(&entry, &names, self.start, out)?;
         }
         Ok(())
     }
@@ -138,7 +140,7 @@ impl Followed {
     /// Flushes the pending bytes if no more bytes follow soon.
     fn finish(&mut self, out: &mut dyn Write) -> Result<(), Failure> {
         let names: Vec<&str> = self.links.iter().map(|link| &*link.name).collect();
-        let start = (self.is_capture == Some(true)).then_some(self.start);
+        let start = self.start.filter(|_| self.is_capture == Some(true));
         for entry in self.transcript.finish() {
             print_entry(&entry, &names, start, out)?;
         }

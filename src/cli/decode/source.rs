@@ -46,8 +46,7 @@ impl Source {
             let cut = capture.cut;
             eprintln!("{name} was cut: {cut} bytes at its end are no whole block");
         }
-        let start = capture.sections.first().map(|section| section.start());
-        let start = start.or(Some(Instant::ZERO));
+        let start = Some(capture.zero());
         Ok(Self { capture, start })
     }
 
@@ -79,10 +78,10 @@ impl Source {
     }
 
     fn imported(imported: &Imported, format: Format) -> Self {
-        let first = imported.records().iter().map(|record| record.at).min();
+        let capture = Capture::of(&imported.to_pcapng(format));
         Self {
-            capture: Capture::of(&imported.to_pcapng(format)),
-            start: first.filter(|_| imported.is_timed()),
+            start: imported.is_timed().then(|| capture.zero()),
+            capture,
         }
     }
 

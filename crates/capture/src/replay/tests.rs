@@ -39,6 +39,11 @@ fn what_is_to_be_played_ends_at_the_time_asked_for() {
     };
     assert_eq!(heard("virtual", 5_000_000_124), (2, 5_000_000_124));
     assert_eq!(heard("utc", 1), (2, 1));
+    // The log of another tool with times of the day.
+    assert_eq!(heard("virtual\nimported=hex", 1), (2, 1));
+    // 1 s from the start of a live run at 4 s.
+    let live = heard("utc\nstart_ns=4000000000", 1_000_000_124);
+    assert_eq!(live, (2, 1));
 }
 
 /// Two requests with their answers, all at the same second: the second request is behind the first
@@ -68,7 +73,8 @@ fn records_of_one_second_keep_their_order() {
     };
     let recorded = Recorded::of(&capture, None);
     let link = &recorded.links[0];
-    let first = Instant::from_millis(1_000);
+    // Times count from the first record of an imported log.
+    let first = Instant::ZERO;
     let second = first + Duration::from_nanos(5_000_000 + 20 * 1_000_000_000 / 9600);
     let sent: Vec<Instant> = link.sent.pieces().map(|(at, _)| at).collect();
     assert_eq!((sent[0], link.arrivals[0].at), (first, first));
