@@ -12,6 +12,7 @@ mod hexdump;
 mod hextext;
 mod imported;
 mod interceptty;
+mod journal;
 mod jpnevulator;
 mod levels;
 mod limited;

@@ -19,7 +19,15 @@ impl CellRow<'_> {
 
 /// All rows that are not empty, with cells trimmed of spaces.
 pub(super) fn rows(bytes: &[u8]) -> impl Iterator<Item = CellRow<'_>> {
-    rows_of(bytes, ',')
+    rows_of(bytes, divider(bytes))
+}
+
+/// The mark between cells. Where the comma is the decimal mark, tools write semicolons.
+pub(super) fn divider(bytes: &[u8]) -> char {
+    let is_head = |line: &Line<'_>| !line.text.is_empty() && !b";#".contains(&line.text[0]);
+    let head = lines(bytes).find(is_head);
+    let has = |mark: u8| head.is_some_and(|line| line.text.contains(&mark));
+    if has(b';') && !has(b',') { ';' } else { ',' }
 }
 
 /// As `rows`, with another separator.
@@ -40,6 +48,7 @@ pub(super) fn rows_of(bytes: &[u8], divider: char) -> impl Iterator<Item = CellR
 }
 
 /// The cells of a row.
+#[cfg(test)]
 pub(super) fn cells(row: &str) -> Vec<String> {
     cells_of(row, ',')
 }
@@ -74,6 +83,14 @@ mod tests {
         );
         assert_eq!(cells("\"\",\"\"\"\""), ["", "\""]);
         assert_eq!(cells(""), [""]);
+    }
+
+    #[test]
+    fn semicolons_divide_cells_beside_decimal_commas() {
+        let cut = |bytes| rows(bytes).map(|row| row.cells).collect::<Vec<_>>();
+        let found = cut(b"Time [s];Value\n0,5;0x41\n");
+        assert_eq!(found, [["Time [s]", "Value"], ["0,5", "0x41"]]);
+        assert_eq!(cut(b"; Rate: 1\na,b;c\n")[1], ["a", "b;c"]);
     }
 
     /// RFC 4180, rule 6: a line end inside quotes is part of the cell.

@@ -209,7 +209,7 @@ const FOREIGN: &[Foreign] = &[
     ),
 ];
 
-fn has(bytes: &[u8], part: &[u8]) -> bool {
+pub(super) fn has(bytes: &[u8], part: &[u8]) -> bool {
     bytes.windows(part.len()).any(|window| window == part)
 }
 

@@ -25,6 +25,7 @@ use super::Look;
 use super::hextext::{Message, emit, log};
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::Line;
+use super::textlog;
 use layout::{Layout, Shape, layouts, same};
 use lines::{Row, rows};
 
@@ -49,6 +50,9 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     };
     let (offset, rest) = data().next()?;
     let has_mark = offset.ends_with(':') || rest.ends_with('|') || has_text(offset, rest);
+    if super::text::lines(bytes).any(|line| textlog::is_raw(line.text)) && chunks(&rows).is_ok() {
+        return Some(Look::Surely);
+    }
     let is_marked = has_mark || (data().count() > 1 && is_long(rest));
     let has_data = data().any(|(_, rest)| !rest.is_empty());
     let heads = rows

@@ -182,7 +182,7 @@ fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
     if whole.had_arrows {
         out.note(
             "the arrow behind the times is taken as the Arduino IDE's and PlatformIO's: all was \
-             received; --from host if it was sent",
+             received; --from program if it was sent",
         );
     }
     if whole.groups > 0 {
@@ -192,7 +192,7 @@ fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
         );
     }
     if whole.messages.iter().any(|one| one.is_sent.is_some()) {
-        out.note("bytes marked as sent go to the device; --from host reverses the directions");
+        out.note("bytes marked as sent go to the device; --from program reverses the directions");
     }
 }
 

@@ -137,7 +137,7 @@ fn serial(file: &File, options: &Options, out: &mut Imported) {
     }
     if is_untold {
         out.note(
-            "the packets tell no direction: all are taken as from the device; --from host if the \
+            "the packets tell no direction: all are taken as from the device; --from program if the \
              host sent them",
         );
     }

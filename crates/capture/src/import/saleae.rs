@@ -14,7 +14,7 @@ use super::Look;
 use super::cells::{CellRow, rows};
 use super::imported::{ImportError, Imported, Options};
 use super::roles::{Role, roles};
-use super::text::{Line, decimal_nanos, moment};
+use super::text::{DECIMAL_COMMA, Line, decimal_nanos, moment};
 use crate::Kind;
 use engine::hex;
 use protocols::LineEvent;
@@ -214,6 +214,9 @@ fn byte(
         Some(("parity", _)) => PARITY,
         Some(_) => return Err(line.wrong("expected no error, Error, framing or parity")),
     };
+    if row.cell(columns.time).contains(',') {
+        out.note(DECIMAL_COMMA);
+    }
     let byte = value(line, row.cell(columns.value))?;
     let bytes = if kind == Kind::Data { &[byte][..] } else { &[] };
     let link = out.link(&role.link, options);
@@ -342,6 +345,19 @@ mod tests {
             let expected = vec![(600, down, 0xB5), (1_100, up, 0x24), (2_100, up, 0x47)];
             assert_eq!(told(&text, &[]), Ok(expected), "{rx}");
             assert_eq!(told(&text, &[tx]).map(|told| told.len()), Ok(1));
+        }
+    }
+
+    /// Exports of a computer whose decimal mark is the comma, of both forms.
+    #[test]
+    fn semicolons_divide_columns_beside_decimal_commas() {
+        let up = Direction::ToMaster;
+        for text in [
+            "Time [s];Value;Parity Error;Framing Error\n0,000105;0x24;;\n",
+            "name;type;start_time;duration;data;error\n\"RX\";\"data\";0,0001;5e-06;0x24;\n",
+        ] {
+            assert_eq!(Format::detect(text.as_bytes()), Some(Format::Saleae));
+            assert_eq!(told(text, &[]), Ok(vec![(105, up, 0x24)]), "{text}");
         }
     }
 

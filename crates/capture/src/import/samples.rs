@@ -11,10 +11,10 @@
 //! ```
 
 use super::Look;
-use super::cells::{CellRow, cells, rows};
+use super::cells::{CellRow, cells_of, divider, rows};
 use super::imported::{ImportError, Imported, Options};
 use super::levels::{self, Channel, sample_nanos, sample_rate};
-use super::text::{Line, decimal_nanos, lines, utf8};
+use super::text::{DECIMAL_COMMA, Line, decimal_nanos, lines, utf8};
 use super::threshold::digital;
 use super::uart::Levels;
 
@@ -38,7 +38,7 @@ struct Head {
 const HEAD_MAX: usize = 40;
 
 fn head(bytes: &[u8]) -> Option<Head> {
-    let mut head = Head::default();
+    let (mut head, divider) = (Head::default(), divider(bytes));
     let full = lines(bytes).filter(|line| !line.text.is_empty());
     for line in full.take(HEAD_MAX) {
         let text = utf8(line.text);
@@ -52,7 +52,7 @@ fn head(bytes: &[u8]) -> Option<Head> {
             head.has_mark = true;
             continue;
         }
-        let cells = cells(text);
+        let cells = cells_of(text, divider);
         if cells
             .iter()
             .skip(head.skipped)
@@ -69,7 +69,7 @@ fn head(bytes: &[u8]) -> Option<Head> {
         if head.time.is_some()
             && cells.len() > 1
             && cells.iter().skip(skip).all(|cell| volts(cell).is_some())
-            && cells[1..].iter().any(|cell| cell.contains('.'))
+            && cells[1..].iter().any(|cell| cell.contains(['.', ',']))
         {
             (head.rows_at, head.is_analog) = (line.offset, true);
             return (head.names.len() == cells.len() - skip).then_some(head);
@@ -147,6 +147,7 @@ fn level(cell: &str) -> Option<bool> {
 }
 
 fn volts(cell: &str) -> Option<f64> {
+    let cell = cell.replace(',', ".");
     cell.parse().ok().filter(|volts: &f64| volts.is_finite())
 }
 
@@ -159,6 +160,9 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let head = head(bytes).ok_or_else(|| {
         ImportError::of_file("expected columns of 0 and 1 below a head, as sigrok and Saleae write")
     })?;
+    if divider(bytes) == ';' {
+        out.note(DECIMAL_COMMA);
+    }
     if head.is_analog {
         return analog(bytes, &head, options, out);
     }
@@ -262,11 +266,12 @@ mod tests {
         let text = "Time [s],RX,TX\r\n0.000000000,1,1\r\n0.000010000,1,0\r\n0.000011000,1,1\r\n\
                     0.000012000,1,0\r\n0.000017000,1,1\r\n0.000018000,1,0\r\n0.000019000,1,1\r\n\
                     0.000100000,1,1\r\n";
-        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Samples));
-        assert_eq!(
-            told(text, 1_000_000),
-            Ok(vec![(20, Direction::ToDevice, vec![0x41])])
-        );
+        let with_commas = text.replace(',', ";").replace('.', ",");
+        for text in [text, &with_commas] {
+            assert_eq!(Format::detect(text.as_bytes()), Some(Format::Samples));
+            let expected = vec![(20, Direction::ToDevice, vec![0x41])];
+            assert_eq!(told(text, 1_000_000), Ok(expected), "{text}");
+        }
     }
 
     /// The same byte sample by sample, as sigrok-cli 0.7.2 writes it: 1 us each.

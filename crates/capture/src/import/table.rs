@@ -3,6 +3,7 @@
 //! ```text
 //! Time;Direction;Data                     a row a message, the bytes in hex
 //! 0.000501;TX;AB 24 0A 00 D9
+//! 0,000501;0x41                           seconds and a byte, without names
 //! {"ts": 0.5, "dir": "rx", "data": "ab240a00d9"}     a line an object, or a list of objects
 //! ```
 //!
@@ -14,7 +15,8 @@ use super::Look;
 use super::cells;
 use super::hextext::{Base, Clock, Message, base_of, bytes_of, emit, is_sent, split_prefix};
 use super::imported::{ImportError, Imported, Options};
-use super::text::{Line, decimal_nanos, lines, utf8};
+use super::journal;
+use super::text::{DECIMAL_COMMA, Line, decimal_nanos, lines, utf8};
 
 const TIMES: [&str; 15] = [
     "time",
@@ -104,13 +106,32 @@ fn table(bytes: &[u8]) -> Option<Table<'_>> {
         return objects(bytes);
     }
     let text = utf8(first.text);
-    let divider = [';', '\t', ',']
-        .into_iter()
-        .find(|divider| columns(&cut(text, *divider)).is_some())?;
+    let dividers = [';', '\t', ','];
+    let is_head = |divider: &char| columns(&cut(text, *divider)).is_some();
+    let Some(divider) = dividers.into_iter().find(is_head) else {
+        return dividers
+            .iter()
+            .find_map(|divider| without_head(bytes, *divider));
+    };
     let mut rows = cells::rows_of(bytes, divider).map(|row| (row.line, row.cells));
     let (_, names) = rows.next()?;
     let rows = rows.collect();
     Some(Table { names, rows })
+}
+
+/// Rows of a time with a fraction and a marked number, e.g. `0,001;0x41`: no head has to name these
+/// columns.
+fn without_head(bytes: &[u8], divider: char) -> Option<Table<'_>> {
+    let rows: Vec<_> = cells::rows_of(bytes, divider)
+        .map(|row| (row.line, row.cells))
+        .collect();
+    let is_time = |text: &str| text.contains(['.', ',']) && decimal_nanos(text).is_some();
+    let is_row = |(_, cells): &(Line<'_>, Vec<String>)| match &cells[..] {
+        [time, bytes] => is_time(time) && bytes.starts_with("0x"),
+        _ => false,
+    };
+    let names = ["time", "data"].map(str::to_owned).to_vec();
+    (!rows.is_empty() && rows.iter().all(is_row)).then_some(Table { names, rows })
 }
 
 fn cut(text: &str, divider: char) -> Vec<String> {
@@ -150,6 +171,9 @@ fn objects(bytes: &[u8]) -> Option<Table<'_>> {
 }
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
+    if journal::is(bytes) {
+        return journal::look(bytes);
+    }
     let table = table(bytes)?;
     let columns = columns(&table.names)?;
     let texts = || {
@@ -164,6 +188,9 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
+    if journal::is(bytes) {
+        return journal::read(bytes, options, out);
+    }
     let expected = || {
         ImportError::of_file(
             "expected a table with columns of the time or the direction, and of bytes in hex",
@@ -187,6 +214,12 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             continue;
         }
         let found = bytes_of(text, base).map_err(|message| line.wrong(message))?;
+        if columns
+            .time
+            .is_some_and(|column| cell(cells, column).contains(','))
+        {
+            out.note(DECIMAL_COMMA);
+        }
         let at = match columns.time {
             Some(column) => Some(time(&cell(cells, column), &table.names[column], *line)?),
             None => None,
@@ -273,6 +306,23 @@ mod tests {
         );
     }
 
+    /// A decimal comma, as programs write it in many countries.
+    #[test]
+    fn a_comma_may_be_the_decimal_mark() {
+        let expected = vec![(501, false, vec![0x41]), (1_500, false, vec![0x0A])];
+        for text in [
+            "0,000501;0x41\n0,0015;0x0A\n",
+            "0.000501,0x41\n0.0015,0x0A\n",
+            "Time;Data\n0,000501;41\n0,0015;0A\n",
+            "Time\tData\n0,000501\t41\n0,0015\t0A\n",
+            "Time,Data\n\"0,000501\",41\n\"0,0015\",0A\n",
+        ] {
+            assert_eq!(told(text), Ok(expected.clone()), "{text}");
+        }
+        assert!(told("Time;Data\n1,234,567;41\n").is_err());
+        assert!(told("Time;Data\n1.234,5;41\n").is_err());
+    }
+
     #[test]
     fn other_tables_are_none() {
         for text in [
@@ -281,6 +331,8 @@ mod tests {
             "{\"a\": 1}\n",
             "",
             "data\nAB\n",
+            "0,1;2\n",
+            "1;0x41\n",
         ] {
             assert!(look(text.as_bytes()).is_none(), "{text}");
         }

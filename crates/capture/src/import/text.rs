@@ -77,8 +77,15 @@ pub(super) fn moment(date: &str, time: &str, mark: char) -> Option<u64> {
     Some(days(date, mark)? * 86_400 + seconds(time)?)
 }
 
-/// Parses seconds with a fraction of up to nine digits as nanoseconds; also `8.6e-05`.
+/// The note about times such as `0,001`.
+pub(super) const DECIMAL_COMMA: &str = "the comma in the times is taken as the decimal mark";
+
+/// Parses seconds with a fraction of up to nine digits as nanoseconds; also `8.6e-05`. The decimal
+/// mark may be a comma.
 pub(super) fn decimal_nanos(text: &str) -> Option<u64> {
+    if text.matches(',').count() == 1 && !text.contains('.') {
+        return decimal_nanos(&text.replace(',', "."));
+    }
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     if let Some(whole) = number(whole)
         && fraction.bytes().all(|byte| byte.is_ascii_digit())
@@ -119,6 +126,10 @@ mod tests {
         assert_eq!(decimal_nanos("0.000105"), Some(105_000));
         assert_eq!(decimal_nanos("12"), Some(12_000_000_000));
         assert_eq!(decimal_nanos("8.6e-05"), Some(86_000));
+        assert_eq!(decimal_nanos("0,000105"), Some(105_000));
+        assert_eq!(decimal_nanos("8,6e-05"), Some(86_000));
+        assert_eq!(decimal_nanos("1,234,567"), None);
+        assert_eq!(decimal_nanos("1.234,5"), None);
         assert_eq!(decimal_nanos("-1"), None);
         assert_eq!(decimal_nanos("inf"), None);
         assert_eq!(decimal_nanos(""), None);

@@ -13,6 +13,18 @@ use super::hextext::{Clock, Message, emit, split_prefix};
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, lines, utf8};
 
+/// Whether a line is PuTTY's own: its head, or an entry of its event log.
+pub(super) fn is_of_putty(text: &str) -> bool {
+    (text.starts_with("=~=~=~=") && text.contains("PuTTY log")) || text.starts_with("Event Log: ")
+}
+
+/// Whether a line is PuTTY's head of bytes, which rows of a dump follow.
+pub(super) fn is_raw(text: &[u8]) -> bool {
+    [&b"Incoming raw data"[..], b"Outgoing raw data"]
+        .iter()
+        .any(|head| text.starts_with(head))
+}
+
 /// Whether a line is the header that a terminal writes before a session.
 fn session(text: &[u8]) -> bool {
     let text = utf8(text);
@@ -110,6 +122,12 @@ fn session_bytes(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<
     );
     let mut own = Vec::new();
     for line in lines(bytes) {
+        if is_raw(line.text) {
+            return Err(line.wrong(
+                "this is PuTTY's log of raw data, expected rows of a dump behind this line; \
+                 --format hexdump shows which row is damaged",
+            ));
+        }
         if session(line.text) || is_end(line.text) {
             continue;
         }

@@ -3,6 +3,7 @@
 use crate::import::ImportError;
 use crate::import::hextext::log;
 use crate::import::text::{self, Line};
+use crate::import::textlog;
 
 /// A line of a dump.
 #[derive(Clone, Debug)]
@@ -105,6 +106,9 @@ fn is_mute(text: &str) -> bool {
     let is_drawn =
         |c: char| "-=+_\u{2500}\u{250C}\u{252C}\u{2510}\u{2514}\u{2534}\u{2518}".contains(c);
     if trimmed.chars().all(|c| is_drawn(c) || c.is_whitespace()) || trimmed.starts_with("```") {
+        return true;
+    }
+    if textlog::is_of_putty(trimmed) {
         return true;
     }
     let lower = trimmed.to_ascii_lowercase();

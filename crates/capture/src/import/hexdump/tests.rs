@@ -245,12 +245,17 @@ fn heads_tell_times_and_directions() {
     for text in [
         "Outgoing raw data at 2026-11-27 12:11:23\n  00000000  ab 24 0a    .$.\n\
          Incoming raw data at 2026-11-27 12:11:24\n  00000000  00 d9    ..\n",
+        "=~=~=~=~=~=~= PuTTY log 2026.11.27 12:11:23 =~=~=~=~=\r\n\
+         Event Log: Opening serial device COM3\r\nEvent Log: Configuring baud rate 9600\r\n\
+         Outgoing raw data at 2026-11-27 12:11:23\r\n  00000000  ab 24 0a    .$.\r\n\
+         Incoming raw data at 2026-11-27 12:11:24\r\n  00000000  00 d9    ..\r\n",
         "=> Send data, 3 bytes (0x3)\n0000: ab 24 0a    .$.\n<= Recv data, 2 bytes (0x2)\n\
          0000: 00 d9    ..\n",
         "00000000  ab 24 0a                                          .$.\n\
          \x20   00000000  00 d9                                             ..\n",
     ] {
         assert_eq!(told(text), Ok(expected.clone()), "{text}");
+        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Hexdump));
     }
     let packet = "12:11:23.000501 IP a.1 > b.2: Flags [P.], length 4\n\
                   \t0x0000:  4500 002c 1234 4000 4006 0000 7f00 0001  E..,.4@.@.......\n";

@@ -60,7 +60,7 @@ fn a_classic_file_is_read_in_all_four_forms() {
         let way = Direction::ToMaster;
         let expected = [(1_500_000, way, READ.to_vec()), (2_500_000, way, vec![1])];
         assert_eq!(told, expected);
-        assert!(notes[0].contains("--from host"), "{notes:?}");
+        assert!(notes[0].contains("--from program"), "{notes:?}");
     }
 }
 
