@@ -351,14 +351,13 @@ impl Conversation {
     }
 
     fn differs(&self, at: Instant, expected: Option<&[u8]>, got: Option<&[u8]>) -> Divergence {
-        let codec = self.script.cut.codec();
         let place = (at, self.heard_before);
         let mut found = Divergence::between(
             (&self.link, Direction::ToDevice),
             place,
             expected,
             got,
-            codec,
+            self.script.cut.codec(),
         );
         found.note = self.tally.to_string();
         found
@@ -419,14 +418,14 @@ impl Conversation {
             None => self.tally.repeated += 1,
         }
         self.drop_streams();
-        let answers = self.script.exchanges[exchange].answers.clone();
-        self.flow = Some((exchange, pieces(&answers), self.heard_at));
-        self.plan(
-            Source::Exchange(exchange),
-            self.heard_at,
-            &answers,
-            made.is_none(),
-        );
+        // A repeated request repeats its reply, not what the device sent by itself.
+        let is_wanted = |message: &&Message| made.is_some() || !message.is_pushed;
+        let all = &self.script.exchanges[exchange].answers;
+        let answers: Vec<Message> = all.iter().filter(is_wanted).cloned().collect();
+        let flow = (exchange, pieces(&answers), self.heard_at);
+        self.flow = (answers.len() == all.len()).then_some(flow);
+        let source = Source::Exchange(exchange);
+        self.plan(source, self.heard_at, &answers, made.is_none());
     }
 
     /// Schedules `messages` after `cause`, in the order of the bytes on the line: a record has the

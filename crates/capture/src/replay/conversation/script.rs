@@ -2,11 +2,12 @@
 
 use core::ops::Range;
 use core::time::Duration;
+use std::collections::{BTreeMap, BTreeSet};
 
 use protocols::{Instant, LineConfig};
 
 use super::cut::{Cut, Piece};
-use super::unsolicited::are_unsolicited;
+use super::unsolicited::{are_unsolicited, kind};
 use crate::divergence::Track;
 use crate::replay::Passage;
 
@@ -17,6 +18,8 @@ pub(super) struct Message {
     pub(super) parts: Vec<(Duration, Vec<u8>)>,
     /// Whether the message is the reply, or follows it at once.
     pub(super) is_reply: bool,
+    /// Whether the device sends such messages by itself, after any request.
+    pub(super) is_pushed: bool,
 }
 
 impl Message {
@@ -191,6 +194,7 @@ impl Script {
         let messages = cut.messages(said, self.line, &asked);
         let free = are_unsolicited(cut, &messages, &asked);
         let begins_with_it = messages.first().is_some_and(|one| one[0].at == opened[0]);
+        let mut kinds = vec![Vec::new(); self.exchanges.len()];
         for (parts, is_free) in messages.into_iter().zip(free) {
             // The record counts: on a pseudo-terminal, bytes take no time.
             let at = parts[0].arrived;
@@ -208,19 +212,52 @@ impl Script {
                 true => BEGINS_AFTER,
                 false => Duration::ZERO,
             };
+            let kind = kind(cut, &parts);
             let timed = |piece: Piece| (piece.at - since + delay, piece.bytes);
             let message = Message {
                 parts: parts.into_iter().map(timed).collect(),
                 is_reply: false,
+                is_pushed: false,
             };
             match cause {
                 _ if is_free => self.stream.push(message),
                 Cause::Opening(index) => self.openings[index].push(message),
-                Cause::Request(index) => self.exchanges[index].answers.push(message),
+                Cause::Request(index) => {
+                    self.exchanges[index].answers.push(message);
+                    kinds[index].push(kind);
+                }
             }
         }
         for exchange in &mut self.exchanges {
             mark_replies(&mut exchange.answers, self.line);
+        }
+        mark_pushed(&mut self.exchanges, &kinds);
+    }
+}
+
+/// Marks messages that the device sends by itself. Their kinds follow the replies to different
+/// requests, or the same request in different numbers.
+fn mark_pushed(exchanges: &mut [Exchange], kinds: &[Vec<Vec<u8>>]) {
+    // Requests that a kind follows, each with the numbers of its messages.
+    let mut following: BTreeMap<&[u8], BTreeMap<Vec<u8>, BTreeSet<usize>>> = BTreeMap::new();
+    for (exchange, kinds) in exchanges.iter().zip(kinds) {
+        let mut counts: BTreeMap<&[u8], usize> = BTreeMap::new();
+        for (message, kind) in exchange.answers.iter().zip(kinds) {
+            *counts.entry(kind).or_default() += usize::from(!message.is_reply);
+        }
+        for (kind, count) in counts.into_iter().filter(|(_, count)| *count > 0) {
+            let requests = following.entry(kind).or_default();
+            let numbers = requests.entry(exchange.request.clone()).or_default();
+            numbers.insert(count);
+        }
+    }
+    let is_pushed = |requests: &BTreeMap<_, BTreeSet<usize>>| {
+        requests.len() > 1 || requests.values().any(|numbers| numbers.len() > 1)
+    };
+    following.retain(|_, requests| is_pushed(requests));
+    for (exchange, kinds) in exchanges.iter_mut().zip(kinds) {
+        for (message, kind) in exchange.answers.iter_mut().zip(kinds) {
+            message.is_pushed = !message.is_reply && following.contains_key(&kind[..]);
         }
     }
 }

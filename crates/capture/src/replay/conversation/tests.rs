@@ -91,6 +91,28 @@ fn an_answer_comes_as_late_after_its_request_as_it_did() {
     assert_eq!(tally, format!("3 of 3 requests were made, {more}"));
 }
 
+/// The device sends temperatures by itself, also after requests. A repeated request gets its reply
+/// again, and no temperature of the past.
+#[test]
+fn lines_of_the_device_itself_are_not_repeated() {
+    let get: &[u8] = b"GET volts\n";
+    let sent: [(u64, &[u8]); 2] = [(1_000, get), (5_000, b"SET limit\n")];
+    let said_then: [(u64, &[u8]); 5] = [
+        (1_010, b"OK 12\n"),
+        (2_000, b"TEMP 1\n"),
+        (3_000, b"TEMP 2\n"),
+        (5_010, b"OK\n"),
+        (6_000, b"TEMP 3\n"),
+    ];
+    let mut talk = talk(&passage(&sent, &said_then));
+    talk.receive(ms(1_000), get);
+    assert_eq!(said(&mut talk, 4_999), words(&said_then[..3]));
+    talk.receive(ms(5_000), b"SET limit\n");
+    assert_eq!(said(&mut talk, 7_999), words(&said_then[3..]));
+    talk.receive(ms(8_000), get);
+    assert_eq!(said(&mut talk, 20_000), words(&[(8_010, b"OK 12\n")]));
+}
+
 /// A request in three pieces, the last one late, is one request.
 #[test]
 fn a_request_may_come_in_pieces() {

@@ -103,7 +103,7 @@ fn additional(times: &[Instant], requests: &[Instant]) -> Vec<bool> {
 
 /// Common part of all messages of a kind: the name of a described message, the first word of a
 /// line, or the first bytes.
-fn kind(cut: Cut, message: &[Piece]) -> Vec<u8> {
+pub(super) fn kind(cut: Cut, message: &[Piece]) -> Vec<u8> {
     let bytes = bytes_of(message);
     match cut {
         Cut::Frames(codec) if codec.is_own() => {
