@@ -145,7 +145,7 @@ pub(in crate::cli) fn try_case(
             None => LATE_REAL,
         };
         let recorded = case.recorded(&source.path)?;
-        let (sound, left_out) = case.without_damage(&recorded);
+        let (sound, left_out) = case.without_damage(&recorded, source);
         let again = out.join("without-damage");
         let without = play_to(&foreign, &sound, None, &Shown::of_case(case, &again), stop)?;
         judgement.checks.extend(match left_out {
@@ -154,7 +154,8 @@ pub(in crate::cli) fn try_case(
                 "ignores-damage",
                 false,
                 "not observed: the capture has no damaged frame of a known protocol; for a \
-                 protocol of your own, use prints=, never-prints= or --sound"
+                 protocol of your own, name a scenario with its description (case from \
+                 --scenario), or use prints=, never-prints= or --sound"
                     .to_owned(),
             )],
             _ => Case::judge_damage(&tried.links, &without.links, late),

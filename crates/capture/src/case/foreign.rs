@@ -10,10 +10,11 @@ use super::{
 use crate::divergence::Track;
 use crate::replay::{Played, Recorded};
 use engine::TOOL;
-use engine::codec::{self, What};
+use engine::codec::{self, Codec, What};
 use engine::rig::line::Direction;
+use engine::robots::{self, Dut, PcEnd};
 use engine::run::check::Check;
-use engine::scenario::Scenario;
+use engine::scenario::{Scenario, Source};
 
 /// Minimum number of chunks of a program that sends continuously on a link.
 const PIECES_MIN: usize = 5;
@@ -104,9 +105,18 @@ impl Case {
     }
 
     /// Returns the recording without the damaged bytes to the program, and the number of these
-    /// bytes. Damaged bytes are those outside of valid frames of the link's protocol.
-    pub fn without_damage(&self, recorded: &Recorded) -> (Recorded, usize) {
+    /// bytes. Damaged bytes are those outside of valid frames of the link's protocol: the one of
+    /// the case's scenario, which a description may define, or the one that the bytes prove.
+    pub fn without_damage(&self, recorded: &Recorded, source: &Source) -> (Recorded, usize) {
         let (mut sound, mut left_out) = (recorded.clone(), 0);
+        let wired = self.scenario.as_ref().and_then(|scenario| {
+            robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted).ok()
+        });
+        let expected = |link: &str| {
+            let wired = wired.as_ref()?;
+            let instruments = &wired.instruments;
+            instruments.codec_towards(&wired.rig, link, Direction::ToMaster)
+        };
         for passage in &mut sound.links {
             let all: Vec<u8> = passage
                 .arrivals
@@ -114,7 +124,9 @@ impl Case {
                 .flat_map(|one| &one.bytes)
                 .copied()
                 .collect();
-            let Some(codec) = codec::guess(&all) else {
+            let is_own = |codec: &&Codec| codec.framed_towards(&all, Direction::ToMaster) > 0;
+            let expected = expected(&passage.link).filter(is_own);
+            let Some(codec) = expected.or_else(|| codec::guess(&all)) else {
                 continue;
             };
             let mut is_bad = vec![false; all.len()];
@@ -294,8 +306,32 @@ mod tests {
             zero: Instant::ZERO,
         };
         let case = Case::of_outsider("x", &recorded, None);
-        let (sound, left_out) = case.without_damage(&recorded);
+        let text = "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                    device.meter = { description = \"gps\" }\n";
+        let (scenario, source) = Scenario::from_text(text).expect("sound");
+        let (sound, left_out) = case.without_damage(&recorded, &source);
         assert_eq!((left_out, sound.links[0].arrivals.len()), (5, 2));
+
+        // UBX of u-blox 8: class 1, message 2, no payload, and its checksum 03 0A. One poll is
+        // damaged. Only the scenario tells the protocol of so few bytes.
+        let polls = [0x0A, 0x0B, 0x0A].map(|last| vec![0xB5, 0x62, 1, 2, 0, 0, 3, last]);
+        let arrivals = (1..).zip(polls).map(|(at, bytes)| Arrival {
+            at: Instant::from_millis(at),
+            bytes,
+        });
+        let passage = Passage {
+            link: "meter".to_owned(),
+            arrivals: arrivals.collect(),
+            ..Passage::default()
+        };
+        let recorded = Recorded {
+            links: vec![passage],
+            end: END,
+            zero: Instant::ZERO,
+        };
+        let case = Case::of_outsider("x", &recorded, Some(&scenario));
+        let (sound, left_out) = case.without_damage(&recorded, &source);
+        assert_eq!((left_out, sound.links[0].arrivals.len()), (8, 2));
     }
 
     /// A byte each half second. A program that sends 0.3 s later because of the damage, or sends
