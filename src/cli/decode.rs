@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use protocols::Instant;
+use protocols::{FrameError, Instant};
 
 use super::answer::{Decoded, EntryDecoded, LineDecoded};
 use super::{CliError, Verdict, described, out};
@@ -16,7 +16,7 @@ use crate::capture::decode::pause::Pauses;
 use crate::capture::decode::profile::Profile;
 use crate::capture::decode::transcript::{Entry, Known, Said, Sum, Transcript};
 use crate::capture::import::Format;
-use crate::codec::{self, Codec};
+use crate::codec::{self, Codec, What};
 use crate::rig::line::Direction;
 use crate::scenario::Span;
 use crate::scenario::device::description;
@@ -403,7 +403,9 @@ fn print_damages(
         let damages = damages(args, capture, lane, lanes);
         let name = &lane.name;
         if damages.is_empty() {
-            writeln!(out, "{name}: no systematic damage found")?;
+            let words = args.protocol.and_then(|codec| no_frame(codec, lane));
+            let words = words.unwrap_or_else(|| "no systematic damage found".to_owned());
+            writeln!(out, "{name}: {words}")?;
         }
         if args.protocol.is_none()
             && let Some(what) = text_words(&lane.bytes)
@@ -415,4 +417,35 @@ fn print_damages(
         }
     }
     Ok(())
+}
+
+/// The reasons why a line has no valid frame of the protocol that it should have; `None` if it has
+/// one.
+fn no_frame(codec: &'static Codec, lane: &Lane) -> Option<String> {
+    if lane.bytes.is_empty() || framed(codec, lane) > 0 {
+        return None;
+    }
+    let found = codec.found_towards(&lane.bytes, lane.direction);
+    let errors: Vec<FrameError> = found
+        .into_iter()
+        .flat_map(|one| match one.what {
+            What::Bad(errors) => errors,
+            What::Frame(_) => Vec::new(),
+        })
+        .collect();
+    let is_sum = |error: &&FrameError| matches!(error, FrameError::Checksum { .. });
+    let sums = errors.iter().filter(is_sum).count();
+    let reason = match (errors.iter().find(is_sum), errors.first()) {
+        (Some(first), _) => format!("{sums} candidates have a wrong checksum, the first: {first}"),
+        (None, Some(first)) => format!(
+            "{} candidates are no frames, the first: {first}",
+            errors.len()
+        ),
+        (None, None) => "nothing in them begins a frame".to_owned(),
+    };
+    let (len, of) = (lane.bytes.len(), codec.name());
+    Some(format!(
+        "none of the {len} bytes is in a valid frame of {of}: {reason}; check the description, the \
+         direction and the baud rate"
+    ))
 }

@@ -5,13 +5,15 @@
 //! that a long capture needs no more memory than a short one.
 
 mod entry;
+mod lines;
 
 use core::time::Duration;
 use std::collections::VecDeque;
 
 use protocols::{FrameError, Instant, LineConfig};
 
-pub use entry::{Entry, Said};
+pub use entry::{Entry, Known, Said, Sum};
+use lines::texts;
 
 use super::pause::Pauses;
 
@@ -68,19 +70,6 @@ struct Lane {
     framed: u64,
 }
 
-/// Knowledge about one direction of a link before its bytes are read.
-#[derive(Clone, Debug)]
-pub struct Known {
-    /// Name of the link.
-    pub link: String,
-    /// Direction.
-    pub direction: Direction,
-    /// The expected protocol, if the direction has frames of it.
-    pub codec: Option<&'static Codec>,
-    /// Names of its registers, if the link is a register bus.
-    pub names: Option<RegisterNames>,
-}
-
 /// Converter of records to lines of text.
 #[derive(Default)]
 pub struct Transcript {
@@ -89,21 +78,6 @@ pub struct Transcript {
     waiting: VecDeque<Entry>,
     codec: Option<&'static Codec>,
     pauses: Pauses,
-}
-
-/// Totals of one lane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sum {
-    /// Index of the link.
-    pub link: usize,
-    /// Direction.
-    pub direction: Direction,
-    /// The recognised protocol, if any frame was found.
-    pub codec: Option<&'static Codec>,
-    /// Bytes in all.
-    pub bytes: u64,
-    /// Bytes in valid frames.
-    pub framed: u64,
 }
 
 impl Transcript {
@@ -136,7 +110,11 @@ impl Transcript {
         let now = record.at;
         let index = self.lane(record, link);
         for other in 0..self.lanes.len() {
-            let len = if other == index { record.bytes.len() } else { 0 };
+            let len = if other == index {
+                record.bytes.len()
+            } else {
+                0
+            };
             if self.lanes[other].is_over(now, len) {
                 self.settle(other);
             }
@@ -368,6 +346,8 @@ impl Transcript {
             true => Said::Bad(bytes.to_vec(), errors.take().unwrap_or_default()),
             false => Said::Data(bytes.to_vec()),
         };
+        let lane = &self.lanes[index];
+        let of = lane.codec.filter(|_| is_known).zip(Some(lane.direction));
         let mut start = 0;
         let mut bad = 0..0;
         for run in runs {
@@ -382,8 +362,9 @@ impl Transcript {
                 self.report(index, at, place + bad.start as u64, said);
             }
             bad = own.end..own.end;
-            let said = Said::Text(words::text(run));
-            self.report(index, at, place + own.start as u64, said);
+            for (from, said) in texts(run, of) {
+                self.report(index, at, place + (own.start + from) as u64, said);
+            }
         }
         if !bad.is_empty() {
             let said = said(&bytes[bad.clone()]);
@@ -573,6 +554,38 @@ mod tests {
         let xs = "x".repeat(32);
         assert_eq!(shown(32), format!("BAD 32 bytes \"{xs}\""));
         assert_eq!(shown(33), format!("BAD 33 bytes \"{xs}..\""));
+    }
+
+    /// NMEA 0183: the checksum of "GPGGA,1" is 0x4B, by exclusive or. A sentence with another one is
+    /// damage, also without any other byte that is no text; words of the device are text.
+    #[test]
+    fn a_sentence_with_a_wrong_checksum_is_damage() {
+        let text = "name = \"nmea\"\nabout = \"sentences\"\nline = { baud = 9600 }\n\
+                    frame = { start = \"$\", end = \"\\r\\n\", checksum = \"nmea\" }\n\
+                    message = [{ name = \"gga\", from = \"device\", text = \"GPGGA,1\" }]\n\
+                    every = [{ period = \"1s\", send = [\"gga\"] }]\n";
+        let none = |_: &str| Err("no file".to_owned());
+        let description = ::description::Description::parse("nmea.toml", text, &none);
+        let codec = engine::scenario::device::description::codec_of(&description.expect("sound"));
+        let mut transcript = Transcript::new(Some(codec));
+        let bytes = b"$GPGGA,1*4B\r\nboot\r\n$GPGGA,1*4C\r\nready\r\n$GPGGA,1*4B\r\n";
+        transcript.record(&record(5, bytes, ""), &Interface::new("x", 9_600));
+        let all: Vec<_> = transcript
+            .finish()
+            .map(|one| (one.place, one.said))
+            .collect();
+        let bad = all.iter().find(|(_, said)| matches!(said, Said::Bad(..)));
+        let (place, bad) = bad.expect("a damaged sentence");
+        assert_eq!(*place, 19);
+        let words = bad.to_string();
+        assert!(words.starts_with("BAD 13 bytes \"$GPGGA,1*4C"), "{words}");
+        assert!(words.contains("checksum"), "{words}");
+        let texts = all.iter().filter(|(_, said)| matches!(said, Said::Text(_)));
+        assert_eq!(texts.count(), 2);
+        let frames = all
+            .iter()
+            .filter(|(_, said)| matches!(said, Said::Frame(_)));
+        assert_eq!(frames.count(), 2);
     }
 
     /// Events precede the bytes of their record, in order of time, on one line.

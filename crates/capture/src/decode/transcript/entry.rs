@@ -1,7 +1,8 @@
-//! One line of a transcript.
+//! One line of a transcript, and the lanes that it is about.
 
 use protocols::{FrameError, Instant};
 
+use engine::codec::{Codec, RegisterNames};
 use engine::hex;
 use engine::rig::line::Direction;
 
@@ -53,4 +54,32 @@ impl core::fmt::Display for Said {
             }
         }
     }
+}
+
+/// Knowledge about one direction of a link before its bytes are read.
+#[derive(Clone, Debug)]
+pub struct Known {
+    /// Name of the link.
+    pub link: String,
+    /// Direction.
+    pub direction: Direction,
+    /// The expected protocol, if the direction has frames of it.
+    pub codec: Option<&'static Codec>,
+    /// Names of its registers, if the link is a register bus.
+    pub names: Option<RegisterNames>,
+}
+
+/// Totals of one lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sum {
+    /// Index of the link.
+    pub link: usize,
+    /// Direction.
+    pub direction: Direction,
+    /// The recognised protocol, if any frame was found.
+    pub codec: Option<&'static Codec>,
+    /// Bytes in all.
+    pub bytes: u64,
+    /// Bytes in valid frames.
+    pub framed: u64,
 }
