@@ -183,6 +183,11 @@ fn effect(setting: Setting, to: Special, from: Special) -> Option<String> {
                 to.cut
             ),
         ),
+        Setting::Parity => some(
+            brought + from.all,
+            "adds a parity bit, which this port does not check; the device must have it, too"
+                .to_owned(),
+        ),
         Setting::CrToLf => some(to.cr, format!("makes 0x0A of 0x0D: {} times", to.cr)),
         Setting::LfToCr => some(to.lf, format!("makes 0x0D of 0x0A: {} times", to.lf)),
         Setting::IgnoreCr => some(to.cr, format!("takes 0x0D away: {} times", to.cr)),

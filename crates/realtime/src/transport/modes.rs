@@ -11,6 +11,7 @@ const ISTRIP: u32 = 0o40;
 const IXON: u32 = 0o2000;
 const CSIZE: u32 = 0o60;
 const CS8: u32 = 0o60;
+const PARENB: u32 = 0o400;
 const OPOST: u32 = 0o1;
 const ONLCR: u32 = 0o4;
 const OCRNL: u32 = 0o10;
@@ -31,6 +32,8 @@ pub enum Setting {
     Strip,
     /// Characters have fewer than eight bits, in both directions.
     FewBits,
+    /// Characters have a parity bit, which a port without bits cannot check.
+    Parity,
     /// CR is read as LF.
     CrToLf,
     /// LF is read as CR.
@@ -49,12 +52,13 @@ pub enum Setting {
 
 impl Setting {
     /// All settings.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Canonical,
         Self::Echo,
         Self::XonXoff,
         Self::Strip,
         Self::FewBits,
+        Self::Parity,
         Self::CrToLf,
         Self::LfToCr,
         Self::IgnoreCr,
@@ -72,6 +76,7 @@ impl Setting {
             Self::XonXoff => "IXON",
             Self::Strip => "ISTRIP",
             Self::FewBits => "CSIZE (not CS8)",
+            Self::Parity => "PARENB",
             Self::CrToLf => "ICRNL",
             Self::LfToCr => "INLCR",
             Self::IgnoreCr => "IGNCR",
@@ -96,6 +101,7 @@ impl Setting {
             Self::XonXoff => input & IXON != 0,
             Self::Strip => input & ISTRIP != 0,
             Self::FewBits => control & CSIZE != CS8,
+            Self::Parity => control & PARENB != 0,
             Self::CrToLf => input & ICRNL != 0 && input & IGNCR == 0,
             Self::LfToCr => input & INLCR != 0,
             Self::IgnoreCr => input & IGNCR != 0,
