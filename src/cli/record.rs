@@ -1,7 +1,10 @@
+use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 use protocols::{Instant, LineConfig};
+use rustix::fs::{Mode, OFlags};
+use rustix::termios::tcgetattr;
 
 use super::answer::{LinkRecorded, RecordEnded};
 use super::place::NamedPort;
@@ -16,7 +19,7 @@ use crate::scenario::Span;
 ///
 /// The first port of a tap is the device's, the second the program's; the link gets the name of
 /// the first. A port is a path, or `pty:PATH` for a new pseudo-terminal at PATH. The capture is
-/// pcapng with UTC times, which Wireshark opens and `hilrig decode` prints.
+/// pcapng with UTC times, which Wireshark opens; `hilrig decode` counts from the first record.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
     hilrig record --tap lidar=/dev/ttyUSB0 robot=/dev/ttyUSB1 -o field.pcapng\n  \
@@ -27,7 +30,8 @@ pub(super) struct RecordArgs {
     /// Two connected ports; once for each link
     #[arg(long, required = true, num_args = 2, value_names = ["A=PORT", "B=PORT"])]
     tap: Vec<NamedPort>,
-    /// Baud rate, of all links or of the named one
+    /// Baud rate, of all links or of the named one [default: 115200, with a note if a port is set
+    /// to another rate]
     #[arg(long, value_name = "[A=]N")]
     baud: Vec<Baud>,
     /// Capture to write; an existing file is not overwritten
@@ -89,6 +93,8 @@ pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
     let mut ended = Ok(());
     while ended.is_ok() && !stop.is_due(recorder.clock().now()) {
         ended = recorder.turn();
+        let notes = recorder.take_notes();
+        notes.iter().for_each(|note| eprintln!("{note}"));
     }
     let ended = ended.and_then(|()| Ok(recorder.finish()?));
     report(&recorder, &args.out);
@@ -130,8 +136,20 @@ fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
             .iter()
             .rfind(|baud| baud.link.as_ref() == Some(&name));
         let all = args.baud.iter().rfind(|baud| baud.link.is_none());
-        let baud = own.or(all).map_or(BAUD, |baud| baud.rate);
+        let given = own.or(all);
+        let baud = given.map_or(BAUD, |baud| baud.rate);
         let line = LineConfig::new_8n1(baud);
+        // Held until the port is open, so that closing it resets no device.
+        let known: Vec<_> = pair.iter().filter_map(known_rate).collect();
+        for (path, rate, _) in &known {
+            if given.is_none() && *rate != baud {
+                let path = path.display();
+                eprintln!(
+                    "{name}: {path} was set to {rate} baud and is set to {baud} now; --baud \
+                     {name}={rate} if that is the device's rate"
+                );
+            }
+        }
         let mut open = |place: &NamedPort| ports.open("--tap", &place.path, line);
         let ends = [open(&pair[0])?, open(&pair[1])?];
         wires.push(Wire { name, baud, ends });
@@ -174,4 +192,12 @@ fn report<C: Clock>(recorder: &Recorder<C>, file: &Path) {
             us(held.max())
         );
     }
+}
+
+/// A serial port, the rate to which it is set, and the open port that keeps it from a reset.
+fn known_rate(place: &NamedPort) -> Option<(&Path, u32, OwnedFd)> {
+    let flags = OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let port = rustix::fs::open(&place.path, flags, Mode::empty()).ok()?;
+    let rate = tcgetattr(&port).ok()?.input_speed();
+    Some((&place.path, rate, port))
 }

@@ -69,6 +69,8 @@ pub struct Recorder<C> {
     waiting: Vec<[VecDeque<u8>; 2]>,
     file: CaptureFile,
     held: Lateness,
+    /// Notes about rates that were not fetched yet.
+    notes: Vec<String>,
 }
 
 /// Maximum wait, because some ports cannot wake this thread.
@@ -99,6 +101,7 @@ impl<C: Clock> Recorder<C> {
             wires,
             file,
             held: Lateness::default(),
+            notes: Vec::new(),
         };
         this.begin()?;
         Ok(this)
@@ -133,6 +136,11 @@ impl<C: Clock> Recorder<C> {
     /// Time between the read and the forwarding of chunks.
     pub const fn held(&self) -> &Lateness {
         &self.held
+    }
+
+    /// Notes since the last call: a program set another rate than that of the capture.
+    pub fn take_notes(&mut self) -> Vec<String> {
+        core::mem::take(&mut self.notes)
     }
 
     /// The wires' names and traffic: towards the program, then towards the device.
@@ -230,6 +238,17 @@ impl<C: Clock> Recorder<C> {
         at: Instant,
         event: PortEvent,
     ) -> Result<(), FileError> {
+        let wire = &self.wires[link];
+        if let PortEvent::BaudChanged(baud) = event
+            && baud != wire.baud
+        {
+            let (name, own) = (&wire.name, wire.baud);
+            let path = wire.ends[direction as usize].path().display();
+            self.notes.push(format!(
+                "{name}: {path} is set to {baud} baud, but the other port and the capture have {own}; \
+                 --baud {name}={baud} if that is the device's rate"
+            ));
+        }
         let (event, comment) = match event {
             PortEvent::Opened => (LineEvent::Opened, "port opened".to_owned()),
             PortEvent::Closed => (LineEvent::Closed, "port closed".to_owned()),
