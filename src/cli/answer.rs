@@ -14,7 +14,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 pub(super) use campaign::{CampaignEnded, MutantJudged};
-pub(super) use case::{CaseChecked, CaseMade, CaseTry};
+pub(super) use case::{CaseChecked, CaseMade, CaseTry, CasesChecked};
 pub(super) use described::{
     ClaimTold, Conformed, DifferenceTold, Exchanged, Learned, NodeChecked, NodePart, RepliedWith,
     Talked, ValueTold,
@@ -89,7 +89,11 @@ fn files_or_text(generator: &mut SchemaGenerator) -> Schema {
 
 /// Schema for the command that makes and runs cases.
 fn made_or_checked(generator: &mut SchemaGenerator) -> Schema {
-    let forms = [of::<CaseMade>(generator), of::<CaseChecked>(generator)];
+    let forms = [
+        of::<CaseMade>(generator),
+        of::<CaseChecked>(generator),
+        of::<CasesChecked>(generator),
+    ];
     json_schema!({ "anyOf": forms })
 }
 

@@ -2,7 +2,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
 
-use super::answer::{CaseChecked, CaseMade, CaseTry};
+use super::answer::{CaseChecked, CaseMade, CaseTry, CasesChecked};
 use super::exec::{ExecArgs, ManyExecArgs, refuse_programs};
 use super::replay::{judge_case, sound_of, try_case};
 use super::stop::Stop;
@@ -96,12 +96,13 @@ struct From {
 /// Run a case with several programs and say for each whether it is red or green.
 ///
 /// The last program is the fixed one: the exit code is 0 if the case is green with it and red with
-/// all others.
+/// all others. With a folder this must be true of each case in it.
 #[derive(Debug, Args)]
 #[command(after_long_help = "Examples:\n  \
-    hilrig case check case.toml --virtual --exec ./broken --exec ./fixed")]
+    hilrig case check case.toml --virtual --exec ./broken --exec ./fixed\n  \
+    hilrig case check cases/ --virtual --exec ./fixed     # all cases of a folder")]
 struct CheckArgs {
-    /// The case
+    /// The case, or a folder of cases: its files that end with .toml
     #[arg(value_name = "CASE")]
     file: PathBuf,
     #[command(flatten)]
@@ -158,9 +159,6 @@ fn from(args: &From) -> Result<Verdict, CliError> {
         case.expect.sound = Some(sound);
     }
     write(&args.out, &case.to_toml())?;
-    if let Some(path) = &args.test {
-        write(path, &test(stem, &args.out))?;
-    }
     say_what_is_expected(args, &case, concluded.and_then(|one| one.failed()));
     let now = match args.program.foreign() {
         Some(foreign) if case.expect.decoder.is_empty() => {
@@ -185,6 +183,15 @@ fn from(args: &From) -> Result<Verdict, CliError> {
             }
         },
     };
+    if let Some(path) = &args.test {
+        let is_started = args.program.exec.is_some() && case.expect.decoder.is_empty();
+        if now.is_none() {
+            let error =
+                "--test: a case of your own program, expected --exec CMD: the test starts it";
+            return Err(CliError::Usage(error.to_owned()));
+        }
+        write(path, &test(args, stem, is_started))?;
+    }
     report(args, now.as_ref());
     Ok(Verdict::Pass)
 }
@@ -238,15 +245,72 @@ fn no_source(path: &Path) -> Source {
 
 fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
     args.programs.refuse_cpu("case check")?;
-    let case = Case::read(&args.file)?;
-    if let Some(scenario) = &case.0.scenario {
-        refuse_programs("case check", &args.file, scenario)?;
-    }
     let stop = Stop::new(None)?;
+    if !args.file.is_dir() {
+        let (checked, verdict) = check_file(args, &args.file, &args.out, &stop)?;
+        out::answer(&checked);
+        return Ok(verdict);
+    }
+    let (mut cases, mut verdicts, mut broken) = (Vec::new(), Vec::new(), None);
+    for file in cases_in(&args.file)? {
+        println!("{}", file.display());
+        let name = file.file_stem().unwrap_or_default();
+        match check_file(args, &file, &args.out.join(name), &stop) {
+            Ok((checked, verdict)) => {
+                cases.push(checked);
+                verdicts.push(verdict);
+            }
+            // The other cases are checked all the same.
+            Err(error) => {
+                println!("  error: {error}");
+                broken = broken.or(Some(error));
+            }
+        }
+        if stop.signal().is_some() {
+            break;
+        }
+    }
+    out::answer(&CasesChecked { cases });
+    match (stop.signal(), broken) {
+        (Some(signal), _) => Ok(Verdict::Interrupted(signal)),
+        (None, Some(error)) => Err(error),
+        (None, None) if verdicts.contains(&Verdict::Fail) => Ok(Verdict::Fail),
+        (None, None) => Ok(Verdict::Pass),
+    }
+}
+
+/// The cases in a folder, by name.
+fn cases_in(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let wrong = |error| CliError::read(folder, error);
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(wrong)? {
+        let path = entry.map_err(wrong)?.path();
+        if path.extension().is_some_and(|end| end == "toml") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    if files.is_empty() {
+        let error = "contains no file that ends with .toml; expected a case, or a folder of cases";
+        return Err(CliError::content(folder, error));
+    }
+    Ok(files)
+}
+
+/// Checks one case with all programs, whose ports and logs are in folders of `out`.
+fn check_file(
+    args: &CheckArgs,
+    file: &Path,
+    out: &Path,
+    stop: &Stop,
+) -> Result<(CaseChecked, Verdict), CliError> {
+    let case = Case::read(file)?;
+    if let Some(scenario) = &case.0.scenario {
+        refuse_programs("case check", file, scenario)?;
+    }
     let mut tried = Vec::new();
     for (number, foreign) in (1..).zip(args.programs.foreign()) {
-        let out = args.out.join(format!("{number}"));
-        let one = try_case(&case, &foreign, &out, &stop)?;
+        let one = try_case(&case, &foreign, &out.join(format!("{number}")), stop)?;
         let judgement = one.judgement;
         let is_green = judgement.passed();
         let color = if is_green { "green" } else { "red" };
@@ -262,20 +326,21 @@ fn check(args: &CheckArgs) -> Result<Verdict, CliError> {
             is_green,
             checks: judgement.checks,
         });
-        if let Some(signal) = stop.signal() {
-            return Ok(Verdict::Interrupted(signal));
+        if stop.signal().is_some() {
+            break;
         }
     }
     let is_green: Vec<bool> = tried.iter().map(|one| one.is_green).collect();
-    let verdict = match is_green.split_last() {
-        Some((true, others)) if !others.contains(&true) => Verdict::Pass,
+    let verdict = match (stop.signal(), is_green.split_last()) {
+        (Some(signal), _) => Verdict::Interrupted(signal),
+        (None, Some((true, others))) if !others.contains(&true) => Verdict::Pass,
         _ => Verdict::Fail,
     };
-    out::answer(&CaseChecked {
-        file: args.file.display().to_string(),
+    let checked = CaseChecked {
+        file: file.display().to_string(),
         programs: tried,
-    });
-    Ok(verdict)
+    };
+    Ok((checked, verdict))
 }
 
 fn decoder_case(args: &From, stem: &str, recorded: &Recorded) -> Result<(Case, Source), CliError> {
@@ -347,8 +412,9 @@ fn report(args: &From, now: Option<&Judgement>) {
     });
 }
 
-/// The source of a Rust test that runs the case at `path`.
-fn test(name: &str, path: &Path) -> String {
+/// The source of a Rust test that runs the case. If the case needs the user's own program,
+/// `hilrig run` starts it.
+fn test(args: &From, name: &str, is_started: bool) -> String {
     let fits = |c: char| {
         if c.is_ascii_alphanumeric() {
             c.to_ascii_lowercase()
@@ -357,15 +423,31 @@ fn test(name: &str, path: &Path) -> String {
         }
     };
     let name: String = name.chars().map(fits).collect();
-    let path = path.display().to_string();
+    let uses = if is_started {
+        ""
+    } else {
+        "use std::path::Path;\n\n"
+    };
+    let body = match is_started {
+        true => {
+            let repeat = format!("hilrig run {}{}", word(&args.out), args.program.repeat());
+            format!(
+                "let mut run = std::process::Command::new(\"sh\");\n    \
+                 let status = run.args([\"-c\", {repeat:?}]).status().expect(\"a shell\");\n    \
+                 assert!(status.success(), \"{{status}}\");\n"
+            )
+        }
+        false => {
+            let path = args.out.display().to_string();
+            format!(
+                "let (case, source) = hilrig::capture::case::Case::read(Path::new({path:?})).expect(\"a case\");\n    \
+                 let judgement = case.run(&source).expect(\"it can be played\");\n    \
+                 assert!(judgement.passed(), \"{{judgement}}\");\n"
+            )
+        }
+    };
     format!(
-        "//! Runs a saved case; made by `hilrig case from`.\n\n\
-         use std::path::Path;\n\n\
-         #[test]\n\
-         fn case_{name}_holds() {{\n    \
-         let (case, source) = hilrig::capture::case::Case::read(Path::new({path:?})).expect(\"a case\");\n    \
-         let judgement = case.run(&source).expect(\"it can be played\");\n    \
-         assert!(judgement.passed(), \"{{judgement}}\");\n\
-         }}\n"
+        "//! Runs a saved case; made by `hilrig case from`.\n\n{uses}\
+         #[test]\nfn case_{name}_holds() {{\n    {body}}}\n"
     )
 }

@@ -1,3 +1,4 @@
+mod broken;
 mod exec;
 mod firmware;
 mod guest;
@@ -27,6 +28,7 @@ use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
 use crate::show::shell::{quoted, word};
 
+use broken::Broken;
 pub(super) use exec::ports_in;
 use exec::{Placement, judged_exec};
 use firmware::FirmwareArgs;
@@ -102,7 +104,8 @@ pub(super) struct RunArgs {
     until_eof: bool,
     #[command(flatten)]
     show: ShowArgs,
-    /// Write the verdicts of all runs as JUnit XML
+    /// Write the verdicts of all runs as JUnit XML; a file that cannot be read or run is a failure
+    /// in it, and the other files run
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
 }
@@ -122,11 +125,13 @@ impl RunArgs {
 pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     // All files are read before the first run, so that an error in the last one is not found after
     // an hour.
-    let files = args
-        .scenarios
-        .iter()
-        .map(|path| Ok((path, Runnable::read(path)?)));
-    let files = files.collect::<Result<Vec<_>, CliError>>()?;
+    let (mut files, mut broken) = (Vec::new(), Broken::default());
+    for path in &args.scenarios {
+        match Runnable::read(path) {
+            Ok(file) => files.push((path, file)),
+            Err(error) => broken.keep(args.junit.is_some(), path, error)?,
+        }
+    }
     check(&args, &files)?;
     check_folders(&args, &files)?;
     if args.json_nodes {
@@ -142,14 +147,20 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             warn(&scenario.0, &scenario.1, args.program.cpu());
         }
     }
-    let several = files.len() > 1;
+    let several = args.scenarios.len() > 1;
     let (mut ended, mut answers) = (Vec::new(), Runs::default());
     let mut wall = Duration::ZERO;
     for (path, file) in files {
         let file = match file {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
-                let judgement = one_case(&args, &case, &stop)?;
+                let judgement = match one_case(&args, &case, &stop) {
+                    Ok(judgement) => judgement,
+                    Err(error) => {
+                        broken.keep(args.junit.is_some(), path, error)?;
+                        continue;
+                    }
+                };
                 let repeat = format!("hilrig run {}{}", word(path), args.program.repeat());
                 answers.runs.push(answer_of(&judgement, &repeat));
                 ended.push(Ended::Case(judgement, repeat));
@@ -158,7 +169,13 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
         };
         let seed = args.seed.unwrap_or(file.0.seed);
         let out = folder_of(&args, &file.0.name, seed, several);
-        let ran = one(&args, file, &out, &mut show, &stop)?;
+        let ran = match one(&args, file, &out, &mut show, &stop) {
+            Ok(ran) => ran,
+            Err(error) => {
+                broken.keep(args.junit.is_some(), path, error)?;
+                continue;
+            }
+        };
         wall += ran.wall;
         // Measured computing is in the saved case only.
         let repeat = match args.program.cpu() {
@@ -177,9 +194,11 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     }
     out::answer(&answers);
     if let Some(path) = args.junit {
-        let text = junit(ended.iter().map(Ended::suite), wall);
+        let suites = ended.iter().map(Ended::suite).chain(broken.suites());
+        let text = junit(suites, wall);
         safefs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
+    broken.end()?;
     let verdicts: Vec<Verdict> = ended.iter().map(Ended::verdict).collect();
     Ok(match stop.signal() {
         Some(signal) => Verdict::Interrupted(signal),

@@ -285,6 +285,15 @@ fn a_command_turns_a_capture_into_a_test() {
     );
     let junit = fs::read_to_string(folder.join("junit.xml")).expect("written");
     assert!(junit.contains("testsuite name=\"stall\""), "{junit}");
+    // A file that cannot be read is a failure in the report, and the others run.
+    fs::write(folder.join("broken.toml"), "schema = \"none\"\n").expect("writable");
+    let arguments = ["run", "broken.toml", "stall.toml", "--junit", "both.xml"];
+    let (status, said, _) = hilrig(&folder, &arguments);
+    assert_eq!(status.code(), Some(2), "{said}");
+    let junit = fs::read_to_string(folder.join("both.xml")).expect("written");
+    let names = ["stall", "broken.toml"].map(|name| format!("testsuite name=\"{name}\""));
+    assert!(names.iter().all(|name| junit.contains(name)), "{junit}");
+    assert!(junit.contains("failures=\"1\""), "{junit}");
 }
 
 /// A case from the first version of the format: half a second of the robot in its room, cut from a

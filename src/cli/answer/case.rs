@@ -25,6 +25,13 @@ pub(in crate::cli) struct CaseChecked {
     pub(in crate::cli) programs: Vec<CaseTry>,
 }
 
+/// The cases of a folder, each run with several programs.
+#[derive(Debug, Serialize, JsonSchema)]
+pub(in crate::cli) struct CasesChecked {
+    /// The cases that can be read, by name.
+    pub(in crate::cli) cases: Vec<CaseChecked>,
+}
+
 /// The result of a case with one program.
 #[derive(Debug, Serialize, JsonSchema)]
 pub(in crate::cli) struct CaseTry {
