@@ -22,6 +22,17 @@ pub struct TextChange {
     pub content: Vec<u8>,
 }
 
+impl TextChange {
+    /// All kinds.
+    pub const KINDS: [&'static str; 5] = [
+        "unterminated-text",
+        "long-text",
+        "longest-text",
+        "not-ascii",
+        "empty-text",
+    ];
+}
+
 impl Description {
     /// Sound frames of the message in `content` with a text that is unterminated, as long as the
     /// frame allows, longer than usual buffers, empty, or not ASCII. The most effective changes of
@@ -236,6 +247,7 @@ mod tests {
                 let mut cutter = of.cutter();
                 let found: Vec<_> = cutter.push(&frame).collect();
                 assert!(matches!(found[..], [Ok(_)]), "{change:?}: {found:?}");
+                assert!(TextChange::KINDS.contains(&change.kind), "{change:?}");
             }
             let kinds: Vec<_> = changes.iter().map(|one| one.kind).collect();
             let is_nul = content[2] < 3;

@@ -372,11 +372,8 @@ fn texts_at_their_limits_come_early() {
         }
     }
     assert_eq!(missed, [""; 0]);
-    // A kind that led to a finding is left out, but for one conversation in four.
+    // After a finding by a text only one conversation in four begins with them.
     let avoided = BTreeSet::from(["unterminated-text".to_owned()]);
-    let kinds = |case| {
-        let turns = lesson.text_turns(case, &avoided);
-        turns.iter().any(|turn| turn.kind == "unterminated-text")
-    };
-    assert_eq!((1..4).filter(|case| kinds(*case)).count(), 0);
+    let has_any = (0..8).filter(|case| !lesson.text_turns(*case, &avoided).is_empty());
+    assert_eq!(has_any.collect::<Vec<u64>>(), [0, 4]);
 }
