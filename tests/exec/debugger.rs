@@ -555,6 +555,11 @@ print millimetres
 continue
 print millimetres
 delete
+monitor until 800ms
+continue
+break understand if millimetres < 0
+reverse-continue
+delete
 monitor until 1s
 continue
 monitor back 300ms
@@ -614,6 +619,8 @@ fn the_way_back_is_the_way_forth() {
         said.contains("the next reverse-continue goes back to 0.7"),
         "{said}"
     );
+    // Each false condition of a breakpoint is one step back.
+    assert!(said.contains("[hilrig] 5 steps back, now at"), "{said}");
     assert!(
         lines.iter().any(|line| line.starts_with("rig 0.7")),
         "{said}"

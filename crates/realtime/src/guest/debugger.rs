@@ -45,6 +45,9 @@ use wires::Wires;
 
 /// Most turns, and most wall time, between two looks at what the debugger sends.
 const TURNS: u32 = 64;
+/// Number of steps back in a row between two lines about them: a breakpoint with a condition makes
+/// one at each place where the condition is false.
+const STEPS_EACH: u32 = 5;
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
 /// How a program is debugged.
@@ -120,6 +123,8 @@ struct Session<'a> {
     computing: Option<Computing>,
     /// Why the place to debug did not come up.
     missed: Option<String>,
+    /// Number of `reverse-continue` in a row.
+    steps_back: u32,
 }
 
 /// What a running program came to.
@@ -177,6 +182,7 @@ pub fn debug(
         is_broken_off: false,
         computing: None,
         missed: None,
+        steps_back: 0,
     };
     let is_there = session.run_to_start();
     let leave = is_there.and_then(|is_there| match is_there {
@@ -376,8 +382,14 @@ impl Session<'_> {
                 // The debugger may be gone; the next look at it finds out.
                 let _ = wire.say(&format!("[hilrig] {text}"));
             }
+            self.steps_back += u32::from(back == Back::Continue);
+            if back == Back::Continue && self.steps_back.is_multiple_of(STEPS_EACH) {
+                let (steps, now) = (self.steps_back, self.trial_ref().now());
+                let _ = wire.say(&format!("[hilrig] {steps} steps back, now at {now} s"));
+            }
             return Ok(Some(reason));
         }
+        self.steps_back = 0;
         if self.is_over {
             return Ok(Some(MultiThreadStopReason::Exited(0)));
         }
