@@ -244,8 +244,7 @@ impl<C: Clock> Realtime<C> {
     /// # Errors
     /// As [`carry`](Self::carry).
     pub(crate) fn carry_resting(&mut self, paced: &mut impl Paced) -> Result<(), TransportError> {
-        let mut ports = self.ports.iter();
-        if !ports.all(|port| port.transport.rests() && port.spread.is_empty()) {
+        if !self.rests() {
             return self.carry_stirred(paced);
         }
         for port in &mut self.ports {
@@ -254,6 +253,12 @@ impl<C: Clock> Realtime<C> {
             port.hold_back(paced.rig_of_mut(port.end.robot));
         }
         Ok(())
+    }
+
+    /// Whether no port has bytes or events of a client, as long as no client uses its port.
+    pub(crate) fn rests(&self) -> bool {
+        let mut ports = self.ports.iter();
+        ports.all(|port| port.transport.rests() && port.spread.is_empty())
     }
 
     fn carry_from(

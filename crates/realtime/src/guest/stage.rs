@@ -278,7 +278,8 @@ impl Stage {
     /// Transfers pending bytes in both directions now.
     pub(super) fn carry(&mut self) -> Result<(), TransportError> {
         let is_stirred = core::mem::take(&mut self.is_stirred);
-        let is_looked_at = core::mem::take(&mut self.is_touched) || self.now >= self.next_look;
+        let is_touched = core::mem::take(&mut self.is_touched);
+        let is_looked_at = is_touched || self.now >= self.next_look;
         // What the program does is done now, however far the rig was run before.
         if is_stirred || is_looked_at {
             self.forget_foreseen();
@@ -286,10 +287,12 @@ impl Stage {
                 self.advance(rig_now);
             }
         }
+        // A look finds nothing new at ports that no client has used: it makes no call.
+        let is_quiet = !is_touched && !is_stirred && self.realtime.rests();
         match is_looked_at {
-            true => self.realtime.carry(&mut self.run)?,
+            true if !is_quiet => self.realtime.carry(&mut self.run)?,
             false if is_stirred => self.realtime.carry_stirred(&mut self.run)?,
-            false => self.realtime.carry_resting(&mut self.run)?,
+            _ => self.realtime.carry_resting(&mut self.run)?,
         }
         let mut has_delivered = false;
         let mut turned = Vec::new();

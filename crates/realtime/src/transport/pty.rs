@@ -12,6 +12,8 @@
 //! count kept here is an upper bound. The kernel is queried before a byte counts as lost.
 
 mod ask;
+#[cfg(test)]
+mod tests;
 
 use std::collections::VecDeque;
 use std::ffi::OsStr;
@@ -121,9 +123,7 @@ impl Pty {
         let mut seen = plugged.watch.look(open);
         seen.read |= self.terminal.take_is_read();
         if seen.read {
-            self.reads += 1;
-            self.since_read = 0;
-            self.asked.is_due = true;
+            self.note_read();
         }
         if open && !self.open {
             self.opened();
@@ -136,6 +136,12 @@ impl Pty {
             self.opened();
         }
         open
+    }
+
+    fn note_read(&mut self) {
+        self.reads += 1;
+        self.since_read = 0;
+        self.asked.is_due = true;
     }
 
     fn opened(&mut self) {
@@ -297,7 +303,16 @@ impl Transport for Pty {
 
     /// Unread bytes of the client are lost with the terminal.
     fn is_drained(&mut self) -> bool {
-        if !self.look() {
+        // The supervisor reports openings, closings and reads before it asks.
+        let is_there = match self.terminal.holds() {
+            true if self.terminal.take_is_read() => {
+                self.note_read();
+                self.open
+            }
+            true => self.open,
+            false => self.look(),
+        };
+        if !is_there {
             return true;
         }
         if self.terminal.is_whole() {
