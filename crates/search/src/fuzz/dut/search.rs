@@ -306,12 +306,10 @@ impl<'a> Search<'a> {
                 let guide = self.state.guides.get(&end.link).unwrap_or(&new);
                 let guide = self.is_guided().then_some(guide);
                 if self.is_dialogue(*at, speech) {
-                    let mut raw = self.dialogue(*at, met, &mut dice[1]);
-                    raw.damage = self.damage(*at, &mut dice[0]);
                     let told = Told {
                         lasting: Span(lasting),
                         known: self.lessons[at].1.clone(),
-                        raw: Some(raw),
+                        raw: Some(self.dialogue(*at, met, dice)),
                     };
                     return (Case { scenario, told }, speech.clone(), guided);
                 }
@@ -335,7 +333,7 @@ impl<'a> Search<'a> {
     }
 
     /// A conversation created from learned data.
-    fn dialogue(&self, at: usize, met: &Probed, rng: &mut Rng) -> Raw {
+    fn dialogue(&self, at: usize, met: &Probed, [dice, rng]: &mut [Rng; 2]) -> Raw {
         let (lesson, _) = &self.lessons[&at];
         let avoided = self.state.avoided.iter().cloned().collect();
         let may_pause = !lesson.asks() && self.harness.supervision.is_some();
@@ -349,6 +347,11 @@ impl<'a> Search<'a> {
             true => lesson.text_turns(next, &avoided),
             false => Vec::new(),
         };
+        // The experiment's intact reply would be the only one to a request that is sent once.
+        let damage = match turn.is_empty() {
+            true => self.damage(at, dice),
+            false => None,
+        };
         turn.extend(lesson.turns(GivenUp::INPUTS_MAX, &avoided, rng));
         turn.truncate(GivenUp::INPUTS_MAX);
         Raw {
@@ -357,6 +360,7 @@ impl<'a> Search<'a> {
             exchange: lesson.exchanges(),
             asks: lesson.asks(),
             turn,
+            damage,
             ..Raw::default()
         }
     }
