@@ -108,6 +108,11 @@ pub(super) fn sort(steps: &mut Vec<Step>) {
 /// Duration for which the operator turns the robot by hand.
 const BY_HAND_MS: [u64; 2] = [3_000, 9_000];
 
+/// In half of these turns the station disconnects this time after the order to turn, and connects
+/// again this time before the next order. The robot must end its turn.
+const GONE_MS: u64 = 400;
+const BACK_MS: u64 = 100;
+
 /// Orders that keep the robot moving in the whole run: its waypoints repeatedly, and turns by hand.
 /// A turn on the spot hits no wall.
 pub(super) fn keep_busy(
@@ -143,9 +148,14 @@ pub(super) fn keep_busy(
         let side = side[dice.index(2)].clone();
         mission.step.push(step(at, Action::Drive(side)));
         let waypoints = again(&mission.waypoints_m);
-        mission
-            .step
-            .push(step(at + dice.between(least, most), waypoints));
+        let then = at + dice.between(least, most);
+        if at.is_multiple_of(2) {
+            let gone = step(at + GONE_MS, Action::Disconnect);
+            mission
+                .step
+                .extend([gone, step(then - BACK_MS, Action::Connect)]);
+        }
+        mission.step.push(step(then, waypoints));
     }
     sort(&mut mission.step);
 }

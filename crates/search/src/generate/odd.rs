@@ -12,9 +12,13 @@ use engine::scenario::{Action, DirectionSpec, InjectSpec, Scenario};
 const FROM_MS: u64 = 3_000;
 /// Maximum number of unusual orders, and of frames.
 const ORDERS_MAX: u64 = 4;
-const FRAMES_MAX: u64 = 8;
+const FRAMES_MAX: u64 = 12;
 /// Maximum length of an injected frame, bytes.
 const FRAME_MAX: usize = 256;
+/// Pause behind the head of a frame, milliseconds: a receiver discards it.
+const PAUSE_MS: usize = 400;
+/// Number of bytes of such a head.
+const HEAD: usize = 17;
 /// Time from a stop to the next order, milliseconds.
 const STOPS_MS: [u64; 2] = [2_000, 6_000];
 
@@ -43,8 +47,9 @@ pub(super) fn orders(profile: &Profile, orders: &Orders, made: &mut Scenario, di
     {
         for _ in 0..dice.between(1, FRAMES_MAX) {
             let at = dice.between(FROM_MS, latest);
-            if let Some(inject) = frame(link, codec, dice) {
-                made.mission.step.push(step(at, inject));
+            let bytes = forged(codec, dice);
+            for (at, bytes) in (at..).step_by(PAUSE_MS).zip(bytes) {
+                made.mission.step.push(step(at, inject(link, &bytes)));
             }
         }
         // An order to drive by hand may lead into a wall.
@@ -90,8 +95,36 @@ fn long(places: &[[f64; 2]], orders: &Orders, dice: &mut Draw) -> Vec<[f64; 2]> 
     places.iter().copied().cycle().take(len).collect()
 }
 
+/// Bytes with a valid frame: the frame alone, behind a stray first byte, or directly behind another
+/// frame; or the head of a frame with a wrong length, a pause, and the frame.
+fn forged(codec: &Codec, dice: &mut Draw) -> Vec<Vec<u8>> {
+    let Some(mut bytes) = frame(codec, dice) else {
+        return Vec::new();
+    };
+    match dice.below(5) {
+        0 => bytes.insert(0, bytes[0]),
+        1 => bytes.extend(frame(codec, dice).unwrap_or_default()),
+        2 => {
+            let mut head: Vec<u8> = bytes.iter().copied().take(HEAD).collect();
+            let at = dice.index(head.len());
+            head[at..].fill(0xFF);
+            return vec![head, bytes];
+        }
+        _ => {}
+    }
+    vec![bytes]
+}
+
+fn inject(link: &str, bytes: &[u8]) -> Action {
+    Action::Inject(InjectSpec {
+        link: link.to_owned(),
+        direction: DirectionSpec::ToMaster,
+        hex: bytes.iter().map(|byte| format!("{byte:02X}")).collect(),
+    })
+}
+
 /// A valid frame with arbitrary contents; half of them with small numbers only.
-fn frame(link: &str, codec: &Codec, dice: &mut Draw) -> Option<Action> {
+fn frame(codec: &Codec, dice: &mut Draw) -> Option<Vec<u8>> {
     let below = [256, 4][dice.index(2)];
     let first = dice.below(256);
     let choices = (0..128).map(|at| if at == 0 { first } else { dice.below(below) });
@@ -105,15 +138,7 @@ fn frame(link: &str, codec: &Codec, dice: &mut Draw) -> Option<Action> {
         frame[at] = dice.narrow(0, 255);
         codec.repair(&mut frame);
     }
-    let hex: String = frame.iter().map(|byte| format!("{byte:02X}")).collect();
-    let is_fit = (1..=FRAME_MAX).contains(&frame.len());
-    is_fit.then(|| {
-        Action::Inject(InjectSpec {
-            link: link.to_owned(),
-            direction: DirectionSpec::ToMaster,
-            hex,
-        })
-    })
+    (1..=FRAME_MAX).contains(&frame.len()).then_some(frame)
 }
 
 /// A long run: the operator orders lists for a long time before the mission, so that counters and
