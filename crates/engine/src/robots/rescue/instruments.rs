@@ -202,6 +202,11 @@ impl Instruments for RescueInstruments {
         Some("radio")
     }
 
+    /// The duty of the lidar's motor and the picture are sent when they change.
+    fn sporadic_links(&self) -> &'static [&'static str] {
+        &["motor", "display"]
+    }
+
     fn station_links(&self) -> &'static [&'static str] {
         &["radio", "pc"]
     }

@@ -173,6 +173,11 @@ impl Instruments for YellowInstruments {
         Some(TELEMETRY)
     }
 
+    /// The duty of the lidar's motor is sent when it changes.
+    fn sporadic_links(&self) -> &'static [&'static str] {
+        &["lidar-motor"]
+    }
+
     fn station_links(&self) -> &'static [&'static str] {
         &[TELEMETRY]
     }

@@ -107,7 +107,12 @@ fn of_the_program(
         checkers.push(Box::new(SendsSoundFrames::listening(rig, instruments)));
     }
     if let Some(within) = spec.sends_within {
-        checkers.push(Box::new(SendsOn::new(scenario, rig, within.0)));
+        checkers.push(Box::new(SendsOn::new(
+            scenario,
+            rig,
+            instruments.sporadic_links(),
+            within.0,
+        )));
     }
     if let Some(within) = spec.commands_within {
         let links = instruments.drive_links();
@@ -130,7 +135,11 @@ fn of_the_program(
     }
     if spec.short_turns {
         let until = disturbed(scenario, rig, instruments);
-        checkers.push(Box::new(TurnsShort::new(instruments.goal_modes(), until)));
+        checkers.push(Box::new(TurnsShort::new(
+            instruments.goal_modes(),
+            instruments.orders_link(),
+            until,
+        )));
     }
     checkers
 }

@@ -8,8 +8,9 @@ use super::super::{Check, Checker, Look};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 
-/// Minimum rate of a busy line, bytes per second.
-const BUSY: u64 = 10;
+/// Minimum rate of a busy line from and to a device, bytes per second. A program that starts a
+/// device again and again sends few bytes.
+const BUSY: [u64; 2] = [10, 60];
 /// Seconds in a row that make a line busy.
 const SECONDS: u32 = 4;
 
@@ -29,6 +30,8 @@ pub struct AliveAtTheEnd {
 #[derive(Clone, Debug)]
 struct Watched {
     name: String,
+    /// Minimum rate of a busy line.
+    least: u64,
     /// Bytes at the last full second, when the last part began, and now.
     delivered: [u64; 3],
     seconds: u32,
@@ -56,6 +59,7 @@ impl AliveAtTheEnd {
         let lines = links.flat_map(|link| {
             both.map(|direction| Watched {
                 name: format!("{} {}", link.name, direction.name()),
+                least: BUSY[usize::from(direction == Direction::ToDevice)],
                 delivered: [0; 3],
                 seconds: 0,
                 is_busy: false,
@@ -83,7 +87,7 @@ impl Checker for AliveAtTheEnd {
                 line.delivered[1] = count;
             }
             if is_second {
-                let is_busy = count >= line.delivered[0] + BUSY;
+                let is_busy = count >= line.delivered[0] + line.least;
                 line.delivered[0] = count;
                 line.seconds = if is_busy { line.seconds + 1 } else { 0 };
                 line.is_busy |= line.seconds >= SECONDS && is_before;

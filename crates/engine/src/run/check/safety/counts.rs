@@ -168,7 +168,8 @@ impl Watched {
         }
         let earlier = (self.sound.len() > LATE).then(|| self.sound.pop_front())??;
         let share = if earlier >= FAST {
-            earlier / SHARE
+            // A device that was disturbed is started again more often.
+            earlier / if is_clean { SHARE } else { SHARE / 2 }
         } else {
             earlier / 50
         };

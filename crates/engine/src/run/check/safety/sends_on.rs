@@ -38,10 +38,13 @@ struct Watched {
 
 impl SendsOn {
     /// Observes the lines of the program in `rig`; it must not be silent for longer than `within`.
-    pub fn new(scenario: &Scenario, rig: &Rig, within: Duration) -> Self {
+    /// A line with `sporadic` messages may be silent.
+    pub fn new(scenario: &Scenario, rig: &Rig, sporadic: &[&str], within: Duration) -> Self {
+        let name = |link: usize| rig.links()[link].name.clone();
         let links = rig.program_links().into_iter();
+        let links = links.filter(|&link| !sporadic.contains(&&*name(link)));
         let watched = links.map(|link| {
-            let name = rig.links()[link].name.clone();
+            let name = name(link);
             Watched {
                 link,
                 calm: Calm::of(scenario, rig, &|other| other == name),

@@ -4,6 +4,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use crate::rig::Rig;
+use crate::rig::line::Direction;
 
 /// Angle of a turn on the spot that is longer than half a turn with its corrections, radians: 230
 /// degrees.
@@ -18,6 +19,9 @@ const REST_RAD_S: f64 = 0.15;
 #[derive(Clone, Debug, Default)]
 pub struct TurnsShort {
     modes: Vec<&'static str>,
+    /// The link of the orders, and the bytes that arrived on it.
+    orders: Option<&'static str>,
+    ordered: u64,
     /// Begin of the first disturbance.
     until: Option<Instant>,
     /// Angle of the current turn, and the number of turns.
@@ -28,10 +32,16 @@ pub struct TurnsShort {
 }
 
 impl TurnsShort {
-    /// Judges the turns in these modes of the robot's program, until this time.
-    pub fn new(modes: &[&'static str], until: Option<Instant>) -> Self {
+    /// Judges the turns in these modes of the robot's program, until this time. An order on the
+    /// link `orders` may begin another turn.
+    pub fn new(
+        modes: &[&'static str],
+        orders: Option<&'static str>,
+        until: Option<Instant>,
+    ) -> Self {
         Self {
             modes: modes.to_vec(),
+            orders,
             until,
             ..Self::default()
         }
@@ -54,8 +64,11 @@ impl Checker for TurnsShort {
         let is_led = !is_over && mode.is_some_and(|mode| self.modes.contains(&mode));
         let rate = world.turn_rate();
         let is_turn = world.speed().abs() < SPOT_M_S && rate.abs() > REST_RAD_S;
+        let orders = self.orders.and_then(|link| rig.link(link));
+        let ordered = orders.map_or(0, |link| link.line(Direction::ToMaster).traffic().delivered);
+        let is_ordered = core::mem::replace(&mut self.ordered, ordered) != ordered;
         let goes_on = self.turned == 0.0 || (self.turned > 0.0) == (rate > 0.0);
-        if !(is_led && is_turn && goes_on) {
+        if !(is_led && is_turn && goes_on) || is_ordered {
             self.turned = 0.0;
             return;
         }
