@@ -188,6 +188,11 @@ impl CarBoard {
         self.steering
     }
 
+    /// The frame that the board measured last.
+    pub const fn last_frame(&self) -> Option<Frame> {
+        self.last
+    }
+
     fn obey(&mut self, now: Instant, byte: u8) {
         let command = match Command::decode(byte) {
             Ok(command) => command,

@@ -111,6 +111,41 @@ fn planted_defects_are_found_by_the_checks_of_the_program() {
     }
 }
 
+/// Defects that the robot's steady work shows: driving backwards counts as driving ahead (SL-07);
+/// all packets but the first are rejected (XV-01); after a stop no set-points are sent (NV-04); a
+/// read is pushed aside by another one and not repeated (MA-08). Each check fails with its defect
+/// and passes without it.
+#[test]
+fn planted_defects_are_found_by_the_checks_of_steady_work() {
+    let drives = |at: &str, axes: &str| {
+        format!("[[mission.step]]\nat = \"{at}\"\ndo = {{ drive = {axes} }}\n")
+    };
+    let to_and_fro: String = ["2s", "6s", "10s"]
+        .iter()
+        .zip(["4s", "8s", "12s"])
+        .map(|(ahead, back)| drives(ahead, "[12, 12]") + &drives(back, "[-12, -12]"))
+        .collect();
+    let to_and_fro = format!("[mission]\nto_the_end = true\n{to_and_fro}");
+    let stop = "[[mission.step]]\nat = \"6s\"\ndo = { mode = \"stop\" }\n";
+    let rows = [
+        ("motion-true", "SL-07", "14s", to_and_fro),
+        ("complaints-true", "XV-01", "6s", WAY.to_owned()),
+        ("sends-in-time", "NV-04", "9s", format!("{WAY}{stop}")),
+        ("asks-again", "MA-08", "9s", WAY.to_owned()),
+    ];
+    let keys = "[expect.safety]\nmotion_within_percent = 8\ntrue_complaints = true\n\
+        sends_cyclically = true\nasks_again = true\n";
+    for (name, defect, duration, text) in rows {
+        let judged = |defects: &str| {
+            let text = format!("[program]\ndefects = [{defects}]\n{text}{keys}");
+            check(&run_to_end(in_a_room(duration, &text)), name)
+        };
+        let (with, without) = (judged(&format!("\"{defect}\"")), judged(""));
+        assert_eq!(with.status, Status::Fail, "{defect}: {}", with.detail);
+        assert_eq!(without.status, Status::Pass, "{defect}: {}", without.detail);
+    }
+}
+
 /// The phone of the car is gone permanently (AF-07): the car continues to drive, 3 s after the
 /// start of a drive of 40 s. The watchdog of its board does not stop it, because the board receives
 /// commands.

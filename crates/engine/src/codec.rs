@@ -62,7 +62,7 @@ pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
 pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
 pub use row::{Answers, AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat, Pause};
 pub use rplidar::{RPLIDAR, Rplidar};
-pub use stream::{BAD_MAX, Count, Counter, Stream, Stretch, What};
+pub use stream::{BAD_MAX, Count, Counter, FrameBytes, Stream, Stretch, What};
 #[cfg(feature = "robots")]
 pub use telemetry::{TELEMETRY, Telemetry};
 pub use xv11::{XV11, Xv11};

@@ -43,8 +43,8 @@ pub use bounds::warnings;
 pub use checker::{Check, Checker, Look, Status};
 use devices::add_devices;
 pub use instruments::{
-    Alarm, Command, Console, Dialect, Display, Figure, Found, Instruments, Intake, Need, Panel,
-    PanelRow, Silence, Stops,
+    Alarm, Asking, Command, Console, Cycle, Dialect, Display, Figure, Found, Instruments, Intake,
+    Need, Panel, PanelRow, Silence, Stops,
 };
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};

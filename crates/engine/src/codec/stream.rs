@@ -238,6 +238,44 @@ impl Counter {
     }
 }
 
+/// The valid frames of one direction of a link, with their bytes.
+pub struct FrameBytes {
+    decoder: Box<dyn AnyDecoder>,
+    /// Bytes that may belong to a frame whose end is missing.
+    tail: Vec<u8>,
+}
+
+impl FrameBytes {
+    /// The frames of this direction, without bytes so far.
+    pub fn towards(codec: &Codec, direction: Direction) -> Self {
+        Self {
+            decoder: codec.decoder_towards(direction),
+            tail: Vec::new(),
+        }
+    }
+
+    /// Takes more bytes; calls `visit` with each frame that they complete.
+    pub fn push(&mut self, bytes: &[u8], visit: &mut dyn FnMut(&[u8])) {
+        self.tail.extend_from_slice(bytes);
+        let mut rest = bytes;
+        while let Some(outcome) = self.decoder.step(&mut rest) {
+            let behind = rest.len() + self.decoder.pending();
+            if let Ok(len) = outcome {
+                let end = self.tail.len() - behind;
+                visit(&self.tail[end - len..end]);
+            }
+        }
+        let settled = self.tail.len() - self.decoder.pending();
+        self.tail.drain(..settled);
+    }
+
+    /// Handles a silence of the line: a partial frame will not be completed.
+    pub fn idle(&mut self, visit: &mut dyn FnMut(&[u8])) {
+        self.decoder.idle();
+        self.push(&[], visit);
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use protocols::avr::{self, ChecksumOrder};
@@ -264,6 +302,25 @@ mod tests {
                 panic!("{found:?}")
             };
             assert_eq!(errors, &[FrameError::Truncated { found: 2 }]);
+        }
+    }
+
+    /// The same bytes in chunks of each size: the two frames, and nothing else.
+    #[test]
+    fn frames_come_with_their_bytes() {
+        let frames =
+            [36, 40].map(|register| avr::Frame::read(register, 10, ChecksumOrder::LowFirst));
+        let [first, second] = frames.map(|frame| frame.as_bytes().to_vec());
+        let bytes = [b"AT", &first[..], &second, &[0xAB, 1]].concat();
+        for size in 1..bytes.len() {
+            let mut frames = FrameBytes::towards(&BUS, Direction::ToDevice);
+            let mut found = Vec::new();
+            let mut visit = |frame: &[u8]| found.push(frame.to_vec());
+            for chunk in bytes.chunks(size) {
+                frames.push(chunk, &mut visit);
+            }
+            frames.idle(&mut visit);
+            assert_eq!(found, [first.clone(), second.clone()], "{size}");
         }
     }
 }

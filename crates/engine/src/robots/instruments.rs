@@ -18,6 +18,10 @@ use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::scenario::device::scan::ScanDecoder;
 
+mod work;
+
+pub use work::{Alarm, Asking, Cycle, Intake, counted};
+
 /// The protocol of commands to the axes.
 #[derive(Clone, Copy)]
 pub struct Dialect {
@@ -109,53 +113,6 @@ impl Need {
         };
         (self.only.is_empty() || self.only.contains(&mode)) && !self.except.contains(&mode)
     }
-}
-
-/// A counter of the program that grows when the program detects a silent link.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Alarm {
-    /// Name of the link.
-    pub link: &'static str,
-    /// Name of the counter.
-    pub counter: &'static str,
-}
-
-/// Counters of a program for the frames of one direction of a link.
-#[derive(Clone, Copy, Debug)]
-pub struct Intake {
-    /// Name of the link.
-    pub link: &'static str,
-    /// Direction of the frames.
-    pub direction: Direction,
-    /// Numbers of accepted and of rejected frames; `None` if the counters are not in this process.
-    pub counts: fn(&Rig) -> Option<[u64; 2]>,
-    /// Whether the program may ignore valid frames, for instance while its port is closed.
-    pub may_ignore: bool,
-}
-
-impl Intake {
-    /// The counters of the robot's program for the frames of `link`.
-    pub const fn new(link: &'static str, counts: fn(&Rig) -> Option<[u64; 2]>) -> Self {
-        Self {
-            link,
-            direction: Direction::ToMaster,
-            counts,
-            may_ignore: false,
-        }
-    }
-}
-
-/// Sums of the program's counters called `accepted`, and of those called `rejected`.
-pub fn counted(rig: &Rig, accepted: &[&str], rejected: &[&str]) -> Option<[u64; 2]> {
-    let mut sums = [0; 2];
-    rig.program()?.counters(&mut |name, value| {
-        for (sum, names) in sums.iter_mut().zip([accepted, rejected]) {
-            if names.contains(&name) {
-                *sum += value;
-            }
-        }
-    });
-    Some(sums)
 }
 
 /// A value that the robot reported to its station.
@@ -340,6 +297,40 @@ pub trait Instruments: Send + Sync {
     /// Counters of the program for the frames that arrive on its lines.
     fn intakes(&self) -> &'static [Intake] {
         &[]
+    }
+
+    /// Counters that grow when the program detects a failure of a link; they must not grow while
+    /// the link works.
+    fn complaints(&self) -> &'static [Alarm] {
+        &[]
+    }
+
+    /// Kinds of frames that the program sends steadily.
+    fn cycles(&self) -> &'static [Cycle] {
+        &[]
+    }
+
+    /// The link on which the program repeats unanswered requests.
+    fn asking(&self) -> Option<Asking> {
+        None
+    }
+
+    /// The pose by the robot's dead reckoning alone, in any frame, with its time; only its changes
+    /// count.
+    fn reckoned(&self, _rig: &Rig) -> Option<(Instant, Pose)> {
+        None
+    }
+
+    /// Distance from an obstacle within which the robot drives without a distance from its scanner,
+    /// metres, because it has other sensors there.
+    fn blind_below_m(&self) -> Option<f64> {
+        None
+    }
+
+    /// Maximum error of the believed pose of an undisturbed robot, millimetres and degrees, if it
+    /// is smaller than usual.
+    fn accuracy(&self) -> Option<[f64; 2]> {
+        None
     }
 
     /// Modes in which the program drives to a goal of its own choice or of an order.

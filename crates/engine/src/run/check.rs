@@ -36,8 +36,9 @@ pub(crate) use node_programs::node_programs;
 #[cfg(feature = "described")]
 pub use nodes::last_words;
 pub use safety::{
-    AliveAtTheEnd, Calm, CountsTrue, DoesAsOrdered, DriveFed, MovesOnSoundOrders, NoticesSilence,
-    PoseBelieved, RestsAfterSilence, SendsOn, SendsSoundFrames, TelemetryTrue, TurnsShort,
+    AliveAtTheEnd, AsksAgain, Calm, ComplaintsTrue, CountsTrue, DoesAsOrdered, DriveFed,
+    MotionTrue, MovesOnSoundOrders, NoticesSilence, PoseBelieved, RestsAfterSilence, SendsInTime,
+    SendsOn, SendsSoundFrames, TelemetryTrue, TurnsShort,
 };
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;

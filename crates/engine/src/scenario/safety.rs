@@ -53,6 +53,23 @@ pub struct SafetySpec {
     /// line: a failed device must not block the others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sends_within: Option<Span>,
+    /// Whether the program must send its cyclic frames in time, while no fault acts on their link;
+    /// built-in robots only.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub sends_cyclically: bool,
+    /// Whether the program must repeat a request that was not answered, and count only fitting
+    /// frames as answers; built-in robots with a bus of requests only.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub asks_again: bool,
+    /// Whether the program must not count failures of a link on which no fault acts; built-in
+    /// robots only.
+    #[serde(default, skip_serializing_if = "core::ops::Not::not")]
+    pub true_complaints: bool,
+    /// Maximum error of the path and the turns that the robot's dead reckoning measures, per cent,
+    /// while no fault acts on its sensors and no contact or push makes its wheels slip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 0.0))]
+    pub motion_within_percent: Option<f64>,
     /// Whether the robot must turn to its goal by the shorter way: by less than 230 degrees on the
     /// spot.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]

@@ -1,7 +1,11 @@
 //! The interface of the robot.
 
+use core::time::Duration;
+
 use emulators::car_board::{CarBoard, steering};
+use emulators::world::Pose;
 use firmware_core::robots::apollo13::Apollo13;
+use protocols::Instant;
 use protocols::car_board::{Level, Steering};
 
 use super::overlays;
@@ -12,7 +16,8 @@ use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::robots::instruments::counted;
 use crate::robots::{
-    Axis, Instruments, Intake, Need, Overlay, Panel, PanelRow, ScanDecoder, Station,
+    Alarm, Axis, Cycle, Figure, Instruments, Intake, Need, Overlay, Panel, PanelRow, ScanDecoder,
+    Station,
 };
 use crate::scenario::DeviceSpec;
 
@@ -27,6 +32,39 @@ const INTAKES: [Intake; 3] = [
         counted(rig, &["remote packets", "remote bad packets"], &[])
     }),
 ];
+
+const COMPLAINTS: [Alarm; 4] = [
+    Alarm::new("car", "board bad frames"),
+    Alarm::new("odometer", "odometer bad lines"),
+    Alarm::new("scan", "messages without meaning"),
+    Alarm::new(REMOTE, "remote bad packets"),
+];
+
+const CYCLES: [Cycle; 1] = [
+    // A pair each 20 ms.
+    Cycle::new(
+        "car",
+        "pair of commands",
+        Duration::from_millis(200),
+        |_| true,
+    )
+    .at_most(150),
+];
+
+/// The ranges that the program uses, in the order of the board's frame.
+const RANGES: [&str; 3] = [
+    "the range ahead, m",
+    "the range to the right, m",
+    "the range to the left, m",
+];
+/// Maximum difference of a range: noise.
+const RANGE_M: f64 = 0.05;
+/// Maximum difference of the battery's voltage.
+const VOLTAGE_MV: f64 = 200.0;
+/// Interval at which the program's values are compared with those of the board, and the number of
+/// wrong ones in a row that fail: 2 s.
+const COMPARED: Duration = Duration::from_millis(250);
+const LASTING: u32 = 8;
 
 /// The robot's instruments.
 #[derive(Clone, Debug)]
@@ -126,7 +164,7 @@ impl Instruments for ApolloInstruments {
         let eyes = if self.follows_wall { "car" } else { "scan" };
         vec![
             Need::always(REMOTE).only(&["remote"]),
-            Need::always(eyes).only(&["autonomous", "gates", "mapping"]),
+            Need::always(eyes).only(&["autonomous", "gates", "mapping", "camera silent"]),
         ]
     }
 
@@ -142,8 +180,66 @@ impl Instruments for ApolloInstruments {
         &[REMOTE]
     }
 
+    /// Nearer than 0.45 m the camera measures nothing, and the car uses its ultrasound.
+    fn blind_below_m(&self) -> Option<f64> {
+        Some(0.6)
+    }
+
     fn intakes(&self) -> &'static [Intake] {
         &INTAKES
+    }
+
+    /// In generated halls the error is 70 mm at most.
+    fn accuracy(&self) -> Option<[f64; 2]> {
+        Some([250.0, 20.0])
+    }
+
+    fn complaints(&self) -> &'static [Alarm] {
+        &COMPLAINTS
+    }
+
+    fn cycles(&self) -> &'static [Cycle] {
+        &CYCLES
+    }
+
+    fn reckoned(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        let pose = program(rig)?.reckoned();
+        Some((rig.now(), Pose::new(pose.x_m, pose.y_m, pose.heading_rad)))
+    }
+
+    /// The ranges and the voltage that the program uses, with those that the board sent last.
+    fn figures(&self, rig: &Rig) -> Vec<Figure> {
+        let frame = board(rig).and_then(CarBoard::last_frame);
+        let (Some(program), Some(frame)) = (program(rig), frame) else {
+            return Vec::new();
+        };
+        let sent = frame.readings();
+        let words = [sent.front_cm, sent.right_cm, sent.left_cm];
+        let millis = u64::try_from(COMPARED.as_millis()).unwrap_or(1);
+        let now = rig.now().as_millis() / millis * millis;
+        let figure = |name, told, truth, tolerance| Figure {
+            name,
+            at: Instant::from_millis(now),
+            told,
+            truth,
+            tolerance,
+            wrong_min: LASTING,
+        };
+        let ranges = RANGES.into_iter().zip(program.ultrasound_m()).zip(words);
+        // 0: nothing new.
+        let ranges = ranges.filter(|(_, word)| *word > 0);
+        let mut figures: Vec<Figure> = ranges
+            .filter_map(|((name, told), word)| {
+                Some(figure(name, told?, f64::from(word) / 100.0, RANGE_M))
+            })
+            .collect();
+        let told = program.battery_mv();
+        if told > 0 {
+            let truth = f64::from(sent.battery_mv);
+            let name = "the voltage of the battery, mV";
+            figures.push(figure(name, told.into(), truth, VOLTAGE_MV));
+        }
+        figures
     }
 
     fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {

@@ -9,15 +9,15 @@ use emulators::world::Pose;
 use firmware_core::map_view::MapView;
 use firmware_core::robots::rescue::Rescue;
 use protocols::Instant;
-use protocols::avr::registers;
+use protocols::avr::{self, registers};
 
 use super::{CONSOLES, SET_POINT_MAX, SILENCE, command, display, view};
 use crate::codec::Codec;
 use crate::rig::Rig;
 use crate::robots::instruments::{counted, in_metres};
 use crate::robots::{
-    Alarm, Axis, Console, Dialect, Display, Figure, Found, Instruments, Intake, Need, Overlay,
-    OverlayRole, Panel, ScanDecoder, Silence, Station,
+    Alarm, Asking, Axis, Console, Cycle, Dialect, Display, Figure, Found, Instruments, Intake,
+    Need, Overlay, OverlayRole, Panel, ScanDecoder, Silence, Station,
 };
 use crate::scenario::device::xv11_scans::Xv11Scans;
 
@@ -51,6 +51,84 @@ const INTAKES: [Intake; 3] = [
         counted(rig, &["radio frames"], &["radio bad frames"])
     }),
 ];
+
+const COMPLAINTS: [Alarm; 11] = [
+    Alarm::new("base", "base retries"),
+    Alarm::new("base", "base failures"),
+    Alarm::new("base", "base silences"),
+    Alarm::new("base", "base errors"),
+    Alarm::new("base", "base bad frames"),
+    Alarm::new("base", "base queue overflows"),
+    Alarm::new("base", "encoder readings disbelieved"),
+    Alarm::new("lidar", "lidar packets bad"),
+    Alarm::new("lidar", "lidar silences"),
+    Alarm::new("radio", "radio bad frames"),
+    Alarm::new("radio", "radio queue overflows"),
+];
+
+/// Register and control byte of a bus frame.
+fn is_of(frame: &[u8], register: u8, is_write: bool) -> bool {
+    matches!(frame, [_, address, control, ..]
+        if *address == register && (control & 0x80 != 0) == is_write)
+}
+
+/// The id of a frame of the PC link.
+fn has_id(frame: &[u8], id: [u8; 3]) -> bool {
+    frame.get(14..17) == Some(&id)
+}
+
+/// The program's periods are 150, 40 and 1000 ms on the bus, 50, 200, 40 and 1000 ms on the radio.
+const CYCLES: [Cycle; 7] = [
+    Cycle::new("base", "set-points", Duration::from_millis(400), |frame| {
+        is_of(frame, registers::SPEED_LEFT_TO, true)
+    })
+    .at_most(80),
+    Cycle::new(
+        "base",
+        "request for the wheels",
+        Duration::from_millis(300),
+        |frame| is_of(frame, registers::ENCODER_LEFT, false),
+    )
+    .at_most(100),
+    Cycle::new(
+        "base",
+        "request for the battery",
+        Duration::from_secs(2),
+        |frame| is_of(frame, registers::BATTERY_MV, false),
+    )
+    .except(&["base silent"])
+    .at_most(10),
+    Cycle::new("radio", "pose", Duration::from_millis(500), |frame| {
+        has_id(frame, *b"MPD")
+    })
+    .at_most(60)
+    .optional(),
+    Cycle::new("radio", "state", Duration::from_millis(800), |frame| {
+        has_id(frame, *b"STA")
+    })
+    .at_most(20)
+    .optional(),
+    Cycle::new("radio", "row of the map", Duration::from_secs(2), |frame| {
+        has_id(frame, *b"MAR") || has_id(frame, *b"MAP")
+    })
+    .optional(),
+    Cycle::new("radio", "diagnosis", Duration::from_secs(3), |frame| {
+        has_id(frame, *b"DIA")
+    })
+    .at_most(8)
+    .optional(),
+];
+
+/// Whether `reply` answers `request`: the register of the request, data for a read, none for a
+/// write.
+fn is_answer(request: &[u8], reply: &[u8]) -> bool {
+    let ([_, asked, wanted, ..], [_, register, control, ..]) = (request, reply) else {
+        return false;
+    };
+    let reads = wanted & 0x80 == 0;
+    let expected = if reads { wanted | 0x80 } else { 0 };
+    asked == register && *control == expected && *register != avr::ERROR_REGISTER
+}
 
 /// Maximum difference of a reported charge, per cent.
 const CHARGE: f64 = 20.0;
@@ -219,6 +297,32 @@ impl Instruments for RescueInstruments {
         &INTAKES
     }
 
+    fn complaints(&self) -> &'static [Alarm] {
+        &COMPLAINTS
+    }
+
+    fn cycles(&self) -> &'static [Cycle] {
+        &CYCLES
+    }
+
+    fn asking(&self) -> Option<Asking> {
+        Some(Asking {
+            link: "base",
+            is_answer,
+            counter: "base answers",
+        })
+    }
+
+    fn reckoned(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        let (at, pose) = rig.program_as::<Rescue>()?.dead_reckoned()?;
+        Some((at, in_metres(pose)))
+    }
+
+    /// In generated rooms the error is 10 mm at most.
+    fn accuracy(&self) -> Option<[f64; 2]> {
+        Some([100.0, 5.0])
+    }
+
     fn goal_modes(&self) -> &'static [&'static str] {
         &["waypoint", "home"]
     }
@@ -257,7 +361,11 @@ impl Instruments for RescueInstruments {
                 told: told.battery_mv.into(),
                 truth: u16::from_le_bytes(word.map(|address| base.register(address))).into(),
                 tolerance: VOLTAGE_MV,
-                wrong_min: Figure::CHANGING,
+                // A robot that runs has a voltage.
+                wrong_min: match told.battery_mv {
+                    0 => 1,
+                    _ => Figure::CHANGING,
+                },
             });
         }
         if let (Some((at, state)), Some(base)) = (record.state, base) {

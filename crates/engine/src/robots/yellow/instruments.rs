@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use emulators::wheel_board::WheelBoard;
 use emulators::world::{Pose, Wheel};
+use firmware_core::Inspect as _;
 use firmware_core::map_view::MapView;
 use firmware_core::robots::yellow::Yellow;
 use firmware_core::robots::yellow::pc::PcProgram;
@@ -19,8 +20,8 @@ use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::robots::instruments::{counted, in_metres};
 use crate::robots::{
-    Alarm, Axis, Dialect, Figure, Instruments, Intake, Need, Overlay, Panel, PanelRow, ScanDecoder,
-    Station,
+    Alarm, Axis, Cycle, Dialect, Figure, Instruments, Intake, Need, Overlay, Panel, PanelRow,
+    ScanDecoder, Station,
 };
 use crate::scenario::DeviceSpec;
 
@@ -48,6 +49,22 @@ const INTAKES: [Intake; 4] = [
             Some(counts)
         })
     },
+];
+
+const COMPLAINTS: [Alarm; 7] = [
+    Alarm::new(BOARD, "board samples bad"),
+    Alarm::new(BOARD, "encoder samples disbelieved"),
+    Alarm::new(BOARD, "manoeuvres interrupted"),
+    Alarm::new("lidar", "lidar groups bad"),
+    Alarm::new("lidar", "lidar silences"),
+    Alarm::new(TELEMETRY, "radio bad frames"),
+    Alarm::new(TELEMETRY, "radio bad messages"),
+];
+
+/// The program answers each sample of a millisecond, and sends telemetry each 200 ms.
+const CYCLES: [Cycle; 2] = [
+    Cycle::new(BOARD, "outputs", Duration::from_millis(100), |_| true),
+    Cycle::new(TELEMETRY, "telemetry", Duration::from_millis(800), |_| true).at_most(12),
 ];
 
 /// The robot's instruments.
@@ -191,6 +208,19 @@ impl Instruments for YellowInstruments {
 
     fn intakes(&self) -> &'static [Intake] {
         &INTAKES
+    }
+
+    fn complaints(&self) -> &'static [Alarm] {
+        &COMPLAINTS
+    }
+
+    fn cycles(&self) -> &'static [Cycle] {
+        &CYCLES
+    }
+
+    fn reckoned(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        let (at, pose) = rig.program_as::<Yellow>()?.estimate()?;
+        Some((at, in_metres(pose)))
     }
 
     fn goal_modes(&self) -> &'static [&'static str] {

@@ -1,10 +1,14 @@
 //! Checkers of `[expect.safety]`: they apply during the whole run, whatever fails.
 
 mod alive;
+mod asks;
 mod calm;
+mod complaints;
 mod counts;
+mod cycles;
 mod eyes;
 mod fed;
+mod motion;
 mod ordered;
 mod orders;
 mod pose;
@@ -16,9 +20,13 @@ mod told;
 mod turns;
 
 pub use alive::AliveAtTheEnd;
+pub use asks::AsksAgain;
 pub use calm::Calm;
+pub use complaints::ComplaintsTrue;
 pub use counts::CountsTrue;
+pub use cycles::SendsInTime;
 pub use fed::DriveFed;
+pub use motion::MotionTrue;
 pub use ordered::DoesAsOrdered;
 pub use orders::MovesOnSoundOrders;
 pub use pose::PoseBelieved;
@@ -88,6 +96,34 @@ pub(crate) fn asked_for(
         checkers.push(Box::new(TelemetryTrue::new(Arc::clone(shared), calm)));
     }
     checkers.extend(of_the_program(spec, scenario, rig, shared));
+    checkers.extend(of_its_work(spec, scenario, rig, shared));
+    checkers
+}
+
+/// The checkers of the program's steady work: its cycles, requests, failures and dead reckoning.
+fn of_its_work(
+    spec: &SafetySpec,
+    scenario: &Scenario,
+    rig: &mut Rig,
+    shared: &Arc<dyn Instruments>,
+) -> Vec<Box<dyn Checker>> {
+    let instruments = &**shared;
+    let mut checkers: Vec<Box<dyn Checker>> = Vec::new();
+    if spec.sends_cyclically {
+        checkers.push(Box::new(SendsInTime::listening(scenario, rig, instruments)));
+    }
+    if spec.asks_again {
+        checkers.push(Box::new(AsksAgain::listening(rig, instruments)));
+    }
+    if spec.true_complaints {
+        checkers.push(Box::new(ComplaintsTrue::new(scenario, rig, instruments)));
+    }
+    if let Some(percent) = spec.motion_within_percent {
+        let station = instruments.station_links();
+        let calm = Calm::of(scenario, rig, &|link| !station.contains(&link));
+        let motion = MotionTrue::new(scenario, Arc::clone(shared), percent, calm);
+        checkers.push(Box::new(motion));
+    }
     checkers
 }
 
@@ -122,7 +158,7 @@ fn of_the_program(
     }
     if let Some(within_mm) = spec.pose_within_mm {
         let until = disturbed(scenario, rig, instruments);
-        let pose = PoseBelieved::new(Arc::clone(shared), within_mm / 1000.0, until);
+        let pose = PoseBelieved::new(Arc::clone(shared), within_mm, until);
         checkers.push(Box::new(pose));
     }
     if let Some(within) = spec.obeys_within {

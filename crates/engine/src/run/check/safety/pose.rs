@@ -10,8 +10,8 @@ use super::super::{Check, Checker, HARMLESS_M_S, Look};
 use crate::rig::Rig;
 use crate::robots::Instruments;
 
-/// Maximum error of the heading, radians: 20 degrees.
-const TURNED_MAX: f64 = 0.35;
+/// Maximum error of the heading, degrees, if the robot names none.
+const TURNED_MAX: f64 = 20.0;
 /// Duration of an error that fails: a scan may be matched wrongly for a moment.
 const LASTING: Duration = Duration::from_secs(3);
 
@@ -21,6 +21,7 @@ const LASTING: Duration = Duration::from_secs(3);
 pub struct PoseBelieved {
     instruments: Arc<dyn Instruments>,
     within_m: f64,
+    within_rad: f64,
     /// Begin of the first disturbance.
     until: Option<Instant>,
     judged: u64,
@@ -32,11 +33,14 @@ pub struct PoseBelieved {
 }
 
 impl PoseBelieved {
-    /// Judges a robot until this time; the error may be `within_m`.
-    pub fn new(instruments: Arc<dyn Instruments>, within_m: f64, until: Option<Instant>) -> Self {
+    /// Judges a robot until this time; the error may be `within_mm`, or less if the robot is more
+    /// accurate.
+    pub fn new(instruments: Arc<dyn Instruments>, within_mm: f64, until: Option<Instant>) -> Self {
+        let [own_mm, own_deg] = instruments.accuracy().unwrap_or([within_mm, TURNED_MAX]);
         Self {
             instruments,
-            within_m,
+            within_m: own_mm.min(within_mm) / 1000.0,
+            within_rad: own_deg.to_radians(),
             until,
             judged: 0,
             last: None,
@@ -72,7 +76,7 @@ impl Checker for PoseBelieved {
         let apart_m = believed.point().distance(truth.point());
         let turned = wrap_angle(believed.theta - truth.theta).abs();
         self.worst_m = self.worst_m.max(apart_m);
-        if apart_m <= self.within_m && turned <= TURNED_MAX {
+        if apart_m <= self.within_m && turned <= self.within_rad {
             self.wrong_since = None;
             return;
         }

@@ -106,7 +106,18 @@ impl RestsAfterSilence {
     fn heard_on(&self, rig: &Rig, link: &str) -> u64 {
         let eyes = self.eyes.as_ref().filter(|eyes| eyes.link() == link);
         let turns = eyes.map(Eyes::turns).filter(|turns| *turns > 0);
-        turns.unwrap_or_else(|| delivered(rig, link, Direction::ToMaster))
+        let bytes = || delivered(rig, link, Direction::ToMaster);
+        turns.map_or_else(bytes, |turns| match self.may_see_nothing(rig) {
+            true => turns + bytes(),
+            false => turns,
+        })
+    }
+
+    /// Whether the robot is nearer to an obstacle than its scanner measures.
+    fn may_see_nothing(&self, rig: &Rig) -> bool {
+        let instruments = self.instruments.as_ref();
+        let below = instruments.and_then(|instruments| instruments.blind_below_m());
+        below.is_some_and(|below| rig.world.clearance_up_to(below) < below)
     }
 }
 

@@ -1,0 +1,224 @@
+//! Checks the program's side of a bus of requests and replies.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use crate::Shared;
+use crate::codec::{Codec, FrameBytes};
+use crate::rig::Rig;
+use crate::rig::line::{Delivery, Direction};
+use crate::rig::trace::{Side, Tap};
+use crate::robots::{Asking, Instruments};
+
+/// Number of unanswered requests from which the share of repeated ones is judged.
+const ENOUGH: u64 = 6;
+/// Minimum share of unanswered requests that are repeated, per cent.
+const SHARE: u64 = 50;
+/// Interval between two comparisons of the counts.
+const EVERY: Duration = Duration::from_millis(500);
+/// Replies that the program may count more than the rig, and their share.
+const AHEAD: u64 = 4;
+const AHEAD_SHARE: u64 = 50;
+
+/// The program repeats a request that was not answered, or whose answer reports an error, and takes
+/// only fitting frames for replies.
+pub struct AsksAgain {
+    ear: Option<Shared<Ear>>,
+    next: Instant,
+    broken: Option<(Instant, String)>,
+}
+
+struct Ear {
+    link: usize,
+    asking: Asking,
+    codec: &'static Codec,
+    /// Decoders of requests and replies.
+    frames: [FrameBytes; 2],
+    heard_at: Instant,
+    /// The last request while it is not answered, and the number of times that it was sent.
+    open: Option<(Vec<u8>, u32)>,
+    requests: u64,
+    replies: u64,
+    /// Unanswered requests, and repeated ones among them.
+    unanswered: u64,
+    repeated: u64,
+}
+
+impl AsksAgain {
+    /// Observes the bus of `instruments` in `rig`, if it has one.
+    pub fn listening(rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+        let ear = instruments.asking().and_then(|asking| {
+            let link = rig.links().iter();
+            let link = link.enumerate().find(|(_, link)| link.name == asking.link);
+            let (link, _) = link?;
+            let codec = instruments.codec_towards(rig, asking.link, Direction::ToDevice)?;
+            Some(Ear {
+                link,
+                asking,
+                codec,
+                frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
+                heard_at: Instant::ZERO,
+                open: None,
+                requests: 0,
+                replies: 0,
+                unanswered: 0,
+                repeated: 0,
+            })
+        });
+        Self {
+            ear: ear.map(|ear| ear.listening(rig)),
+            next: Instant::ZERO + EVERY,
+            broken: None,
+        }
+    }
+}
+
+/// Requests and replies.
+const BOTH: [Direction; 2] = [Direction::ToDevice, Direction::ToMaster];
+const REPLIES: usize = 1;
+
+impl Ear {
+    fn listening(self, rig: &mut Rig) -> Shared<Self> {
+        let ear = Shared::new(self);
+        rig.add_tap(Box::new(Listener(ear.clone())));
+        ear
+    }
+
+    fn take(&mut self, to: Direction, at: Instant, bytes: &[u8]) {
+        let index = usize::from(to == Direction::ToMaster);
+        let mut found = Vec::new();
+        let mut visit = |frame: &[u8]| found.push(frame.to_vec());
+        // The program sends whole frames, however slowly the line takes them.
+        if index == REPLIES && at - self.heard_at > self.codec.idle() {
+            self.frames[index].idle(&mut visit);
+        }
+        if index == REPLIES {
+            self.heard_at = at;
+        }
+        self.frames[index].push(bytes, &mut visit);
+        for frame in found {
+            match to {
+                Direction::ToDevice => self.ask(frame),
+                Direction::ToMaster => self.answer(&frame),
+            }
+        }
+    }
+
+    fn ask(&mut self, request: Vec<u8>) {
+        self.requests += 1;
+        let before = self.open.take();
+        // The program discards a partial reply before its next request.
+        if before.as_ref().is_none_or(|(last, _)| *last != request) {
+            self.frames[REPLIES].idle(&mut |_| {});
+        }
+        let tries = match before {
+            Some((last, tries)) if last == request => {
+                self.unanswered += u64::from(tries == 1);
+                self.repeated += u64::from(tries == 1);
+                tries + 1
+            }
+            Some((_, tries)) => {
+                self.unanswered += u64::from(tries == 1);
+                1
+            }
+            None => 1,
+        };
+        self.open = Some((request, tries));
+    }
+
+    fn answer(&mut self, reply: &[u8]) {
+        let asking = self.asking;
+        let fits = |(request, _): &mut (Vec<u8>, u32)| (asking.is_answer)(request, reply);
+        self.replies += u64::from(self.open.take_if(fits).is_some());
+    }
+
+    fn contradiction(&self, counted: Option<u64>) -> Option<String> {
+        let (unanswered, repeated) = (self.unanswered, self.repeated);
+        if unanswered >= ENOUGH && repeated * 100 < unanswered * SHARE {
+            return Some(format!(
+                "of {unanswered} unanswered requests {repeated} were repeated"
+            ));
+        }
+        let replies = self.replies;
+        let counted =
+            counted.filter(|&counted| counted > replies + AHEAD + replies / AHEAD_SHARE)?;
+        Some(format!(
+            "the program counts {counted} answers, {replies} fitting ones arrived"
+        ))
+    }
+}
+
+struct Listener(Shared<Ear>);
+
+impl Tap for Listener {
+    fn record(&mut self, link: usize, to: Direction, side: Side, at: Instant, bytes: &[u8]) {
+        let mut ear = self.0.lock();
+        if to == Direction::ToDevice && side == Side::Sent && link == ear.link {
+            ear.take(to, at, bytes);
+        }
+    }
+
+    fn arrived(&mut self, link: usize, to: Direction, delivery: &Delivery) {
+        let mut ear = self.0.lock();
+        if to == Direction::ToMaster && link == ear.link && !delivery.bytes.is_empty() {
+            ear.take(to, delivery.at, &delivery.bytes);
+        }
+    }
+}
+
+impl Checker for AsksAgain {
+    fn observe(&mut self, look: &Look<'_>) {
+        let now = look.rig.now();
+        if now < self.next || self.broken.is_some() {
+            return;
+        }
+        self.next = now + EVERY;
+        let Some(ear) = &self.ear else { return };
+        let ear = ear.lock();
+        let mut counted = None;
+        if let Some(program) = look.rig.program() {
+            program.counters(&mut |name, value| {
+                if name == ear.asking.counter {
+                    counted = Some(value);
+                }
+            });
+        }
+        self.broken = ear.contradiction(counted).map(|told| (now, told));
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "asks-again";
+        let Some(ear) = &self.ear else {
+            return Check::not_observed(name, "the robot names no bus of requests and replies");
+        };
+        let ear = ear.lock();
+        let detail = match &self.broken {
+            Some((at, told)) => format!("at {at} s on {}: {told}", ear.asking.link),
+            None => format!(
+                "{} requests, {} answers; {} of {} unanswered requests repeated",
+                ear.requests, ear.replies, ear.repeated, ear.unanswered
+            ),
+        };
+        Check::new(name, self.broken.is_none(), detail).if_observed(ear.replies > 0)
+    }
+
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let ear = self.ear.as_ref().map(|ear| {
+            let old = ear.lock();
+            // An incomplete frame does not count.
+            let ear = Ear {
+                frames: BOTH.map(|direction| FrameBytes::towards(old.codec, direction)),
+                open: old.open.clone(),
+                ..*old
+            };
+            ear.listening(rig)
+        });
+        Some(Box::new(Self {
+            ear,
+            next: self.next,
+            broken: self.broken.clone(),
+        }))
+    }
+}

@@ -1,0 +1,227 @@
+//! Checks that the program sends its cyclic frames in time, and not too often.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use super::super::{Check, Checker, Look};
+use super::Calm;
+use crate::Shared;
+use crate::codec::{Codec, FrameBytes};
+use crate::rig::Rig;
+use crate::rig::line::Direction;
+use crate::rig::trace::{Side, Tap};
+use crate::robots::{Cycle, Instruments};
+use crate::scenario::Scenario;
+
+/// Time for the program's start.
+const STARTS: Duration = Duration::from_secs(5);
+/// Interval in which frames are counted.
+const SECOND: Duration = Duration::from_secs(1);
+/// Number of frames in time after which an optional cyclic frame is expected.
+const ROWS: u32 = 8;
+
+/// The program sends each of its cyclic frames in time, and not too often, while no fault acts on
+/// the link.
+pub struct SendsInTime {
+    ears: Vec<Shared<Ear>>,
+    watched: Vec<Watched>,
+}
+
+#[derive(Clone)]
+struct Watched {
+    cycle: Cycle,
+    ear: usize,
+    index: usize,
+    calm: Calm,
+    /// Number of frames so far, and time of the last one, or of the begin of the calm.
+    count: u64,
+    since: Instant,
+    in_a_row: u32,
+    longest: Duration,
+    /// Begin of the current second, and the number of frames then.
+    second: (Instant, u64),
+    broken: Option<(Instant, String)>,
+}
+
+/// Whether a frame is of a kind.
+type Is = fn(&[u8]) -> bool;
+
+/// The frames that the program sends on a link.
+struct Ear {
+    link: usize,
+    name: &'static str,
+    codec: &'static Codec,
+    frames: FrameBytes,
+    sent_at: Instant,
+    /// Kinds of frames with their counts.
+    kinds: Vec<(Is, u64)>,
+}
+
+impl SendsInTime {
+    /// Observes the cyclic frames that `instruments` names; the faults are those of `scenario`.
+    pub fn listening(scenario: &Scenario, rig: &mut Rig, instruments: &dyn Instruments) -> Self {
+        let (mut ears, mut watched) = (Vec::<Ear>::new(), Vec::new());
+        for cycle in instruments.cycles() {
+            let known = ears.iter().position(|ear| ear.name == cycle.link);
+            let ear = known.or_else(|| {
+                ears.push(Ear::on(cycle.link, rig, instruments)?);
+                Some(ears.len() - 1)
+            });
+            let Some(ear) = ear else { continue };
+            watched.push(Watched {
+                cycle: *cycle,
+                ear,
+                index: ears[ear].kinds.len(),
+                calm: Calm::of(scenario, rig, &|other| other == cycle.link),
+                count: 0,
+                since: Instant::ZERO + STARTS,
+                in_a_row: 0,
+                longest: Duration::ZERO,
+                second: (Instant::ZERO + STARTS, 0),
+                broken: None,
+            });
+            ears[ear].kinds.push((cycle.is, 0));
+        }
+        let ears = ears.into_iter().map(|ear| ear.listening(rig));
+        Self {
+            ears: ears.collect(),
+            watched,
+        }
+    }
+}
+
+impl Ear {
+    fn on(name: &'static str, rig: &Rig, instruments: &dyn Instruments) -> Option<Self> {
+        let link = rig.links().iter().position(|known| known.name == name)?;
+        let is_of_program = rig.program_links().contains(&link);
+        let codec = instruments.codec_towards(rig, name, Direction::ToDevice)?;
+        is_of_program.then(|| Self {
+            link,
+            name,
+            codec,
+            frames: FrameBytes::towards(codec, Direction::ToDevice),
+            sent_at: Instant::ZERO,
+            kinds: Vec::new(),
+        })
+    }
+
+    fn listening(self, rig: &mut Rig) -> Shared<Self> {
+        let ear = Shared::new(self);
+        rig.add_tap(Box::new(Listener(ear.clone())));
+        ear
+    }
+
+    fn take(&mut self, at: Instant, bytes: &[u8]) {
+        let Self { frames, kinds, .. } = self;
+        let mut count = |frame: &[u8]| {
+            for (is, count) in kinds.iter_mut() {
+                *count += u64::from(is(frame));
+            }
+        };
+        if at - self.sent_at > self.codec.idle() {
+            frames.idle(&mut count);
+        }
+        self.sent_at = at;
+        frames.push(bytes, &mut count);
+    }
+}
+
+struct Listener(Shared<Ear>);
+
+impl Tap for Listener {
+    fn record(&mut self, link: usize, to: Direction, side: Side, at: Instant, bytes: &[u8]) {
+        let mut ear = self.0.lock();
+        if to == Direction::ToDevice && side == Side::Sent && link == ear.link {
+            ear.take(at, bytes);
+        }
+    }
+}
+
+impl Watched {
+    fn count_second(&mut self, now: Instant, count: u64) {
+        let (began, before) = self.second;
+        if now - began < SECOND {
+            return;
+        }
+        self.second = (now, count);
+        let sent = count - before;
+        if self.cycle.at_most > 0 && sent > self.cycle.at_most && self.broken.is_none() {
+            let (name, most) = (self.cycle.name, self.cycle.at_most);
+            let told = format!("{sent} times {name} in a second, expected at most {most}");
+            self.broken = Some((now, told));
+        }
+    }
+
+    fn observe(&mut self, now: Instant, count: u64, mode: Option<&str>) {
+        let is_exempt = mode.is_some_and(|mode| self.cycle.except.contains(&mode));
+        if !self.calm.is(now) || is_exempt || now < Instant::ZERO + STARTS {
+            (self.count, self.since, self.second) = (count, now, (now, count));
+            return;
+        }
+        self.count_second(now, count);
+        let silence = now - self.since;
+        let is_expected = self.cycle.is_always || self.in_a_row >= ROWS;
+        if is_expected {
+            self.longest = self.longest.max(silence);
+            if silence > self.cycle.within && self.broken.is_none() {
+                let told = format!("no {} for {} ms", self.cycle.name, silence.as_millis());
+                self.broken = Some((now, told));
+            }
+        }
+        if count != self.count {
+            let is_in_time = silence <= self.cycle.within;
+            self.in_a_row = if is_in_time { self.in_a_row + 1 } else { 0 };
+            (self.count, self.since) = (count, now);
+        }
+    }
+}
+
+impl Checker for SendsInTime {
+    fn observe(&mut self, look: &Look<'_>) {
+        let now = look.rig.now();
+        let mode = look.rig.program().map(|program| program.mode());
+        for one in &mut self.watched {
+            let count = self.ears[one.ear].lock().kinds[one.index].1;
+            one.observe(now, count, mode);
+        }
+    }
+
+    fn verdict(&self) -> Check {
+        let name = "sends-in-time";
+        let mut watched = self.watched.iter();
+        let broken = watched.find_map(|one| Some((one.cycle.link, one.broken.as_ref()?)));
+        let judged = self.watched.iter();
+        let judged = judged.filter(|one| one.longest > Duration::ZERO);
+        let longest = judged.clone().map(|one| {
+            let millis = one.longest.as_millis();
+            format!("{} {millis} ms", one.cycle.name)
+        });
+        let longest: Vec<String> = longest.collect();
+        let detail = match broken {
+            Some((link, (at, told))) => {
+                format!("at {at} s on {link}: {told}, without a fault on this link")
+            }
+            None if longest.is_empty() => "no cyclic frames that the robot names".to_owned(),
+            None => format!("longest times between frames: {}", longest.join(", ")),
+        };
+        Check::new(name, broken.is_none(), detail).if_observed(!longest.is_empty())
+    }
+
+    fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
+        let ears = self.ears.iter().map(|ear| {
+            let old = ear.lock();
+            // An incomplete frame does not count.
+            let ear = Ear {
+                frames: FrameBytes::towards(old.codec, Direction::ToDevice),
+                kinds: old.kinds.clone(),
+                ..*old
+            };
+            ear.listening(rig)
+        });
+        Some(Box::new(Self {
+            ears: ears.collect(),
+            watched: self.watched.clone(),
+        }))
+    }
+}
