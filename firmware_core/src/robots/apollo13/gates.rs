@@ -4,7 +4,8 @@
 //! current heading, to the middle between the nearest two markers at least 0.3 m apart. That
 //! accepts gates narrower than the car, and gates behind it. Here a gate must be wide enough for
 //! the car and lie ahead. The car approaches it along its normal, and the gate is passed when the
-//! car has crossed it.
+//! car has crossed it. A gate with an obstacle between its posts is blocked, and is not driven at
+//! until it is seen free.
 
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
@@ -76,6 +77,11 @@ const SIGHTINGS: u32 = 30;
 /// see them again.
 const NEAR_M: f64 = 1.5;
 
+/// Range in which the car can see an obstacle in a gate, metres.
+const BLOCK_SEEN_M: f64 = 2.5;
+/// Looks in a row at an obstacle in a gate that make the gate blocked: 2 s at 5 looks a second.
+const BLOCK_LOOKS: u8 = 10;
+
 /// Mean of a marker's recent positions.
 #[derive(Clone, Copy, Debug, Default)]
 struct Marker {
@@ -100,6 +106,8 @@ pub struct Gates {
     settings: Settings,
     markers: BTreeMap<u32, Marker>,
     passed: Vec<Gate>,
+    /// Number of looks at an obstacle in each gate.
+    obstructed: BTreeMap<Gate, u8>,
 }
 
 impl Gates {
@@ -109,6 +117,7 @@ impl Gates {
             settings,
             markers: BTreeMap::new(),
             passed: Vec::new(),
+            obstructed: BTreeMap::new(),
         }
     }
 
@@ -142,6 +151,33 @@ impl Gates {
         &self.passed
     }
 
+    /// Number of gates with an obstacle between their posts.
+    pub fn blocked(&self) -> usize {
+        let looks = self.obstructed.values();
+        looks.filter(|looks| **looks >= BLOCK_LOOKS).count()
+    }
+
+    /// Looks at the gates ahead of `pose`, five times a second. `is_free` tests whether the car can
+    /// be at a pose.
+    pub fn look(&mut self, pose: CarPose, is_free: impl Fn(CarPose) -> bool) {
+        for [one, other] in self.pairs() {
+            let passage = self.passage(pose, one, other);
+            let is_judged = |passage: &Passage| {
+                let is_near = pose.distance_m(passage.middle) <= BLOCK_SEEN_M;
+                is_near && !self.passed.contains(&passage.gate)
+            };
+            let Some(passage) = passage.filter(is_judged) else {
+                continue;
+            };
+            if is_free(passage.middle) {
+                self.obstructed.remove(&passage.gate);
+            } else {
+                let looks = self.obstructed.entry(passage.gate).or_default();
+                *looks = (*looks + 1).min(BLOCK_LOOKS);
+            }
+        }
+    }
+
     /// All found gates, each by the positions of its two markers, metres.
     pub fn found(&self) -> Vec<[[f64; 2]; 2]> {
         let pairs = self.pairs().into_iter();
@@ -161,7 +197,9 @@ impl Gates {
         let pairs = self.pairs().into_iter();
         let passages = pairs.filter_map(|[one, other]| self.passage(pose, one, other));
         let possible = passages.filter(|passage| {
-            let is_new = !self.passed.contains(&passage.gate);
+            let looks = self.obstructed.get(&passage.gate);
+            let is_blocked = looks.is_some_and(|looks| *looks >= BLOCK_LOOKS);
+            let is_new = !self.passed.contains(&passage.gate) && !is_blocked;
             is_new
                 && [passage.before, passage.middle, passage.behind]
                     .into_iter()
@@ -360,6 +398,31 @@ mod tests {
         }
         assert_eq!(order, [[12, 13], [10, 11]]);
         assert_eq!(gates.passed(), order);
+    }
+
+    /// Ten looks at an obstacle in a gate within 2.5 m make it blocked, nine do not, and a look at
+    /// the free gate ends it. A gate farther away, or behind the car, is not judged.
+    #[test]
+    fn a_gate_with_an_obstacle_between_its_posts_is_blocked() {
+        let mut gates = seen(Settings::default(), &[(10, [2.0, 0.4]), (11, [2.0, -0.4])]);
+        let is_free = |pose: CarPose| (pose.x_m - 2.0).abs() > 0.1;
+        (0..9).for_each(|_| gates.look(ORIGIN, is_free));
+        assert_eq!(gates.blocked(), 0);
+        for aside in [-0.6, 4.0] {
+            let pose = CarPose {
+                x_m: aside,
+                ..ORIGIN
+            };
+            gates.look(pose, is_free);
+            assert_eq!(gates.blocked(), 0);
+        }
+        gates.look(ORIGIN, is_free);
+        assert_eq!(gates.blocked(), 1);
+        // An obstacle that the map has forgotten does not make it free from elsewhere.
+        assert_eq!(gates.next(ORIGIN, anywhere), None);
+        gates.look(ORIGIN, anywhere);
+        assert_eq!(gates.blocked(), 0);
+        assert!(gates.next(ORIGIN, anywhere).is_some());
     }
 
     /// Of 200 sightings the first 100 were 1 m off: (29/30)^100 = 0.034 of that remains.

@@ -295,6 +295,7 @@ fn planner_rows(program: &Apollo13) -> Vec<PanelRow> {
         row("particles", program.particles().len(), ""),
         row("markers", gates.markers().count(), ""),
         row("gates passed", gates.passed().len(), ""),
+        row("gates blocked", gates.blocked(), ""),
     ]
 }
 

@@ -61,6 +61,7 @@ impl Inspect for Apollo13 {
         report("plans", self.pilot.plans());
         report("obstacles too near", counters.too_near);
         report("gates passed", self.gates.passed().len() as u64);
+        report("gates blocked", self.gates.blocked() as u64);
     }
 }
 
@@ -150,6 +151,7 @@ mod tests {
             ("plans", 0),
             ("obstacles too near", 9),
             ("gates passed", 0),
+            ("gates blocked", 0),
         ];
         assert_eq!(told, expected);
     }

@@ -16,6 +16,8 @@ use crate::robots::apollo13::pilot::GoalState;
 const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
 /// Time without a gate after which the car searches elsewhere.
 const SEARCHES_AFTER: Duration = Duration::from_secs(2);
+/// Interval of the looks for an obstacle in a gate.
+const BLOCK_LOOK_EVERY: Duration = Duration::from_millis(200);
 /// Interval of the checks for a gate in sight.
 const LOOKS_EVERY: Duration = Duration::from_secs(1);
 /// Lookouts, as shares of the map's width and height, with several headings each.
@@ -27,6 +29,7 @@ const LOOKOUTS_MAX: u32 = 3 * HEADINGS;
 impl Apollo13 {
     /// Continues with the next part of a passage, or with the next gate.
     pub(super) fn choose_gate(&mut self, pose: CarPose) {
+        self.look_for_blocked(pose);
         let is_done = match self.pilot.state() {
             GoalState::None | GoalState::Reached => true,
             GoalState::GivenUp => {
@@ -53,6 +56,7 @@ impl Apollo13 {
                     Some(passage) => {
                         self.search = Search {
                             is_asked: self.search.is_asked,
+                            looked_for_blocked: self.search.looked_for_blocked,
                             ..Search::default()
                         };
                         let before = Some(passage.before);
@@ -61,6 +65,21 @@ impl Apollo13 {
                     None => self.look_elsewhere(is_done),
                 }
             }
+        }
+    }
+
+    /// Looks for obstacles in the gates ahead.
+    fn look_for_blocked(&mut self, pose: CarPose) {
+        let last = self.search.looked_for_blocked;
+        if self.config.defects.gates_as_fielded
+            || last.is_some_and(|last| self.now - last < BLOCK_LOOK_EVERY)
+        {
+            return;
+        }
+        self.search.looked_for_blocked = Some(self.now);
+        if let Some(costs) = self.floor.costs(self.now) {
+            let pilot = &self.pilot;
+            self.gates.look(pose, |pose| pilot.is_free(costs, pose));
         }
     }
 
@@ -73,7 +92,9 @@ impl Apollo13 {
             return;
         }
         self.pilot.set_goal(None);
-        if !self.search.is_asked || now - since < SEARCHES_AFTER {
+        // A blocked gate may be the one that the operator misses: the car rests, and reports it.
+        let is_explained = self.gates.blocked() > 0;
+        if !self.search.is_asked || is_explained || now - since < SEARCHES_AFTER {
             return;
         }
         while self.search.places < LOOKOUTS_MAX {
@@ -250,7 +271,7 @@ mod tests {
             is_asked: true,
             since: Some(Instant::ZERO),
             places: 3,
-            looked: None,
+            ..Search::default()
         };
         car.gates.see(10, [3.5, 2.4]);
         car.gates.see(11, [3.5, 1.6]);
@@ -266,6 +287,37 @@ mod tests {
         assert_eq!(car.pilot.state(), GoalState::Reached);
         car.choose_gate(passage.before);
         assert_eq!(car.pilot.path(), through(passage));
+    }
+
+    /// A board stands in the middle of the only gate, 2 m ahead: after ten looks in 2 s the gate is
+    /// reported as blocked. The car does not search elsewhere, though the operator asks for more
+    /// gates.
+    #[test]
+    fn a_blocked_gate_is_reported_and_ends_the_search() {
+        let mut obstacles = alloc::vec![false; 120 * 80];
+        obstacles[40 * 120 + 70] = true;
+        let mut car = Apollo13::new(super::super::Config {
+            floor: FloorPlan {
+                width: 120,
+                cell_m: 0.05,
+                origin_m: [0.0; 2],
+                obstacles,
+            },
+            start: HERE,
+            ..super::super::Config::default()
+        });
+        car.gates.see(10, [3.5, 2.4]);
+        car.gates.see(11, [3.5, 1.6]);
+        car.search.is_asked = true;
+        for (ms, blocked) in [(0, 0), (1_000, 0), (1_799, 0), (1_800, 1), (9_000, 1)] {
+            while car.now < Instant::from_millis(ms) {
+                car.now += Duration::from_millis(1);
+                car.choose_gate(HERE);
+            }
+            car.choose_gate(HERE);
+            assert_eq!(car.gates.blocked(), blocked, "{ms}");
+        }
+        assert!(car.passage.is_none() && car.pilot.goal().is_none());
     }
 
     /// After two seconds without a gate the car searches elsewhere if the operator asked for more
@@ -296,7 +348,7 @@ mod tests {
             is_asked: true,
             since: Some(Instant::ZERO),
             places: 12,
-            looked: None,
+            ..Search::default()
         };
         car.now = Instant::from_millis(9_000);
         car.choose_gate(HERE);

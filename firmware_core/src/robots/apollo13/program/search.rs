@@ -13,4 +13,6 @@ pub(super) struct Search {
     /// Number of lookouts visited.
     pub(super) places: u32,
     pub(super) looked: Option<Instant>,
+    /// Time of the last look for obstacles in gates.
+    pub(super) looked_for_blocked: Option<Instant>,
 }
