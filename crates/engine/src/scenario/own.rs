@@ -113,6 +113,20 @@ pub enum WidthSpec {
     I32,
 }
 
+impl WidthSpec {
+    /// The least and the greatest value.
+    pub(super) fn range(self) -> [f64; 2] {
+        match self {
+            Self::U8 => [0.0, u8::MAX.into()],
+            Self::I8 => [i8::MIN.into(), i8::MAX.into()],
+            Self::U16 => [0.0, u16::MAX.into()],
+            Self::I16 => [i16::MIN.into(), i16::MAX.into()],
+            Self::U32 => [0.0, u32::MAX.into()],
+            Self::I32 => [i32::MIN.into(), i32::MAX.into()],
+        }
+    }
+}
+
 /// Access as in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]

@@ -3,8 +3,10 @@
 
 use toml::Spanned;
 
+use super::condition::{Op, Operand};
 use super::{
-    AccessSpec, NO_ROBOT, RegistersSpec, Scenario, ScenarioError, Source, SourceSpec, TextSpec,
+    AccessSpec, Condition, NO_ROBOT, RegistersSpec, Scenario, ScenarioError, Source, SourceSpec,
+    Span, TextSpec,
 };
 
 impl Scenario {
@@ -23,6 +25,8 @@ impl Scenario {
             }
         }
         found.of_times(self);
+        found.of_nothing(self);
+        found.of_conditions(self);
         found.of_robot(self);
         let expect = &self.expect;
         if expect.wall_within_mm.is_some() && expect.wall_overlap_min.is_none() {
@@ -169,6 +173,59 @@ impl Warnings<'_> {
         }
     }
 
+    /// Faults of size 0, and watchdogs that never expire.
+    fn of_nothing(&mut self, scenario: &Scenario) {
+        for (index, fault) in scenario.fault.iter().enumerate() {
+            let zeros = [
+                ("rate", fault.rate == Some(0.0)),
+                ("by", fault.by == Some(Span::default())),
+                ("count", fault.count == Some(0)),
+            ];
+            for (key, _) in zeros.into_iter().filter(|(_, is_zero)| *is_zero) {
+                let span = self.source.find_in_list("fault", index, key);
+                let key = format!("fault[{index}].{key}");
+                let message = "has no effect: it is 0, so the fault changes nothing";
+                self.found.push(self.source.invalid(span, key, message));
+            }
+        }
+        let end = scenario.duration;
+        for (name, spec) in &scenario.device {
+            let registers = spec.settings::<RegistersSpec>().map(|it| it.watchdog);
+            let text = spec.settings::<TextSpec>().map(|it| it.watchdog);
+            let watchdog = registers.or(text).flatten();
+            if let Some(after) = watchdog.filter(|after| *after >= end) {
+                let key = format!("device.{name}.watchdog");
+                let message =
+                    format!("has no effect: the run ends at {end}, and it expires after {after}");
+                self.add("watchdog", key, &message);
+            }
+        }
+    }
+
+    /// Conditions on registers that are always true, or never.
+    fn of_conditions(&mut self, scenario: &Scenario) {
+        let rules = scenario.expect.rule.iter().enumerate();
+        let rules = rules.flat_map(|(index, rule)| {
+            let all = rule.get_ref().conditions();
+            all.map(move |(key, one)| ("expect.rule", index, key, one))
+        });
+        let steps = scenario.mission.step.iter().enumerate();
+        let steps = steps
+            .filter_map(|(index, step)| Some(("mission.step", index, "when", step.when.as_ref()?)));
+        let faults = scenario.fault.iter().enumerate();
+        let faults = faults.flat_map(|(index, fault)| {
+            let all = fault.conditions();
+            all.map(move |(key, one)| ("fault", index, key, one))
+        });
+        for (list, index, key, condition) in rules.chain(steps).chain(faults) {
+            for message in constants(scenario, condition) {
+                let span = self.source.find_in_list(list, index, key);
+                let key = format!("{list}[{index}].{key}");
+                self.found.push(self.source.invalid(span, key, message));
+            }
+        }
+    }
+
     /// A world for devices without a robot.
     fn of_robot(&mut self, scenario: &Scenario) {
         if scenario.robot != NO_ROBOT {
@@ -195,6 +252,43 @@ impl Warnings<'_> {
             }
         }
     }
+}
+
+/// Messages on the parts of `condition` that no value of their register changes.
+fn constants(scenario: &Scenario, condition: &Condition) -> Vec<String> {
+    let wanted = match condition {
+        Condition::All(parts) | Condition::Any(parts) => {
+            let parts = parts.iter();
+            return parts.flat_map(|one| constants(scenario, one)).collect();
+        }
+        Condition::Not(part) => return constants(scenario, part),
+        Condition::Register(wanted) => wanted,
+        _ => return Vec::new(),
+    };
+    let device = scenario.device.get(&wanted.device);
+    let registers = device.and_then(|device| device.settings::<RegistersSpec>());
+    let mut registers = registers.into_iter().flat_map(|spec| &spec.register);
+    let register = registers.find(|register| {
+        let register = register.get_ref();
+        let is_at = |address| u32::from(register.address) == address;
+        wanted.name.as_ref() == Some(&register.name) || wanted.address.is_some_and(is_at)
+    });
+    let (Some(register), Operand::Number(value)) = (register, &wanted.value) else {
+        return Vec::new();
+    };
+    let [least, most] = register.get_ref().width.range();
+    let holds = |found: f64| wanted.op.holds(&found, value);
+    let is_constant = match wanted.op {
+        Op::Equal | Op::Unequal => !(least..=most).contains(value) || value.fract() != 0.0,
+        _ => holds(least) == holds(most),
+    };
+    let word = if holds(least) { "always" } else { "never" };
+    let name = &register.get_ref().name;
+    let message = format!(
+        "has no effect: {name} {} {} is {word} true, as {name} is from {least} to {most}",
+        wanted.op, wanted.value
+    );
+    is_constant.then_some(message).into_iter().collect()
 }
 
 const NO_RESET: &str = "has no effect: nothing restarts the board; set resets_on";
@@ -275,6 +369,44 @@ mod tests {
             "t.toml:25: expect.rule[1].within: has no effect: the run ends at 5s, and this is at 5s",
             "t.toml:26: expect.rule[1].lasting: has no effect: the run ends at 5s, and this is at 7s",
             "t.toml:32: expect.rule[2].until: has no effect: the run ends at 5s, and this is at 6s",
+        ];
+        assert_eq!(warnings(&text), expected);
+    }
+
+    /// A fault of rate 0, a watchdog of a run's length, and conditions beyond a byte, by name and by
+    /// address.
+    #[test]
+    fn sizes_of_nothing_and_conditions_without_a_choice_are_told() {
+        let rule = |name: &str, demand: &str, end: &str| {
+            format!(
+                "[[expect.rule]]\nname = \"{name}\"\n\
+                 {demand} = {{ register = {{ device = \"base\", {end} }} }}\n"
+            )
+        };
+        let rules = [
+            rule("a", "never", "name = \"a\", op = \">\", value = 127"),
+            rule("b", "always", "address = 0, op = \">=\", value = -128"),
+            rule("c", "never", "name = \"a\", value = 200"),
+            rule("d", "never", "name = \"a\", op = \">\", value = 126"),
+            rule("e", "never", "name = \"a\", value = -128"),
+        ];
+        let text = format!(
+            "robot = \"custom\"\n[device.base.registers]\nbaud = 9600\nwatchdog = \"5s\"\n\
+             register = [\n{{ address = 0, name = \"a\", width = \"i8\", access = \"write\", \
+             safe = 0 }},\n]\n[[fault]]\nkind = \"flip\"\nlink = \"base\"\n\
+             direction = \"to-master\"\nrate = 0.0\n{}{WORLD}",
+            rules.concat()
+        );
+        let expected = [
+            "t.toml:15: fault[0].rate: has no effect: it is 0, so the fault changes nothing",
+            "t.toml:7: device.base.watchdog: has no effect: the run ends at 5s, and it expires \
+             after 5s",
+            "t.toml:18: expect.rule[0].never: has no effect: a > 127 is never true, as a is from \
+             -128 to 127",
+            "t.toml:21: expect.rule[1].always: has no effect: a >= -128 is always true, as a is \
+             from -128 to 127",
+            "t.toml:24: expect.rule[2].never: has no effect: a == 200 is never true, as a is from \
+             -128 to 127",
         ];
         assert_eq!(warnings(&text), expected);
     }
