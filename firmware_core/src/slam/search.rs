@@ -35,12 +35,15 @@ pub const IMPROVEMENTS_MAX: usize = 48;
 /// The first improvements of a search.
 #[derive(Clone, Debug)]
 pub(super) struct Improvements {
+    /// Mean map value at the search's start.
+    pub(super) start: f32,
     list: [Improvement; IMPROVEMENTS_MAX],
     len: usize,
 }
 
 impl Improvements {
     pub(super) const NONE: Self = Self {
+        start: 0.0,
         list: [Improvement {
             index: 0,
             pose: Pose {
@@ -190,6 +193,7 @@ pub(super) fn run<const W: usize, const H: usize>(
     let mut on_map = u32::from(best.1.inside > 0);
     let turns = Turns::new();
     improvements.len = 0;
+    improvements.start = mean(best.1, points);
     for index in 0..tries {
         let shift = Shift {
             x_mm: offset(random, spread),

@@ -124,6 +124,11 @@ impl Rescue {
         self.mapper.improvements()
     }
 
+    /// Mean map value at the start of the last search, 0 to 255, with the document's mapper.
+    pub const fn search_start(&self) -> f32 {
+        self.mapper.search_start()
+    }
+
     /// Pose by the wheels alone, or with the gyroscope, relative to the origin, and its time;
     /// `None` before the first reading.
     pub fn dead_reckoned(&self) -> Option<(Instant, Pose)> {

@@ -21,7 +21,8 @@ const HEAD: &str = "# The reports' figures in the rig\n\n\
     The limits of a band come from the scatter of the report's own figure or from a physical reason, never\n\
     from a run of the rig. With a planted change of the model the row has the other verdict. That proves\n\
     the row, not each of its bands. For a row that differs, the planted change is the cause that was found;\n\
-    an open row has no such change yet.\n\n\
+    an open row has no such change yet. A row may differ because **the report is in error**: its paragraph has the\n\
+    evidence.\n\n\
     The command writes this page, an HTML page with a plot for each row, and, with `--json`, all values:\n\n\
     ```sh\nhilrig experiment --all --out experiments\n\
     hilrig experiment --all --planted\n\
@@ -30,6 +31,9 @@ const HEAD: &str = "# The reports' figures in the rig\n\n\
 
 /// First line of a page of planted changes.
 const PLANTED: &str = "PLANTED CHANGES: the model of each row is wrong on purpose.";
+
+/// Addition to the verdict on a row that shows an error of the report.
+const REFUTED: &str = ", the report is in error";
 
 /// Statements of the reports that have no row yet.
 const MISSING: &str = "\n## What is missing\n\n\
@@ -86,8 +90,11 @@ fn titled(report: Report) -> &'static str {
 fn sums(judged: &[Judged]) -> String {
     let of = |verdict: Verdict| judged.iter().filter(|one| one.verdict == verdict).count();
     let measured = of(Verdict::Reproduced) + of(Verdict::Differs);
+    let is_error = |one: &&Judged| one.verdict == Verdict::Differs && one.row.refuted;
+    let errors = judged.iter().filter(is_error).count();
     let mut text = format!(
-        "Figures, tables and statements: {}. Measured: {measured}, of which reproduced: {}, different: {}.\n\
+        "Figures, tables and statements: {}. Measured: {measured}, of which reproduced: {}, different: {},\n\
+         of which {errors} show an error of the report.\n\
          By construction, as they follow from the rig's own settings: {}. Refused, as they show nothing that\n\
          a run could measure: {}.",
         judged.len(),
@@ -127,9 +134,13 @@ fn sums(judged: &[Judged]) -> String {
 
 /// The verdict, and whether it is unexpected.
 fn shown(one: &Judged) -> String {
-    let name = one.verdict.name();
+    let error = match one.verdict {
+        Verdict::Differs if one.row.refuted => REFUTED,
+        _ => "",
+    };
+    let name = format!("{}{error}", one.verdict.name());
     match one.is_as_expected() {
-        true => name.to_owned(),
+        true => name,
         false => format!("**{name}, unexpected**"),
     }
 }
@@ -238,7 +249,8 @@ pub fn static_part() -> Vec<(&'static str, Vec<String>)> {
                 (false, true) => "by construction",
                 (false, false) => "reproduced",
             };
-            parts.push(format!("Verdict: {verdict}."));
+            let error = if row.refuted { REFUTED } else { "" };
+            parts.push(format!("Verdict: {verdict}{error}."));
         }
         (row.name.as_str(), parts)
     };

@@ -83,6 +83,9 @@ pub struct Row {
     /// Whether the rig is expected to differ from the report.
     #[serde(default)]
     pub differs: bool,
+    /// Whether the row shows an error of the report. The note has the evidence.
+    #[serde(default)]
+    pub refuted: bool,
     /// Whether no change of the model was found with which the row has the other verdict.
     #[serde(default)]
     pub open: bool,
@@ -146,6 +149,7 @@ mod tests {
             assert!(!row.given || !row.note.is_empty(), "{}", row.name);
             assert!(!(row.given && row.differs), "{}", row.name);
             assert!(!row.open || row.differs, "{}", row.name);
+            assert!(!row.refuted || row.differs && !row.open, "{}", row.name);
             for band in &row.bands {
                 assert!(band.least <= band.most, "{}: {}", row.name, band.of);
                 let needs_all = band.least == band.most || band.because == "All.";

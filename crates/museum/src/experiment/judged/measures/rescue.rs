@@ -9,3 +9,19 @@ pub(super) use filter::{FILTER, PUSH, RAMP};
 pub(super) use link::{BYTES, LIDAR, ODOMETER, RADIO, SMEAR, TRANSFER};
 pub(super) use mapping::{CORRIDOR, MISSION, PEOPLE, TURNING};
 pub(super) use search::{POINTS, REGULATOR, SEARCH_TIME, SEARCH_TIME_360, TRIES, WEIGHTS};
+
+use engine::scenario::{MapperSpec, Scenario, TuningSpec};
+
+/// Weight of a map update of the report's mapper, of 256: 10, on the report's scale of 0 to 100
+/// (page 16).
+const WEIGHT: u16 = 26;
+
+/// Gives the robot the report's mapper with `tuning`.
+fn as_reported(scenario: &mut Scenario, tuning: TuningSpec) {
+    let tuning = TuningSpec {
+        weight: tuning.weight.or(Some(WEIGHT)),
+        ..tuning
+    };
+    scenario.program.mapper = MapperSpec::Document;
+    scenario.program.tuning = Some(toml::Spanned::new(0..0, tuning));
+}

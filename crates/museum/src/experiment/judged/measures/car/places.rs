@@ -147,18 +147,19 @@ fn gates(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// Page 24: a gate that is blocked.
 pub(in super::super) const BLOCKED: Measure = Measure {
     name: "car-blocked-gate",
-    planted: "a drive that ends after two minutes",
+    planted: "a board of 5 cm, lower than the sensors see",
     perform: blocked,
 };
 
-/// A board in the first gate.
+/// A board in the first gate, up to the height that follows.
 const BOARD: &str = "\n[[world.polygon]]\n\
     corners_m = [[2.9, 1.85], [3.1, 1.85], [3.1, 2.15], [2.9, 2.15]]\n\
-    height_m = 0.5\nunmapped = true\n";
+    unmapped = true\nheight_m = ";
 
 fn blocked(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let duration = model.pick("duration = \"300s\"", "duration = \"120s\"");
-    let text = GATES_TEXT.replace("duration = \"120s\"", duration) + BOARD;
+    let height = model.pick("0.5", "0.05");
+    let longer = GATES_TEXT.replace("duration = \"120s\"", "duration = \"300s\"");
+    let text = format!("{longer}{BOARD}{height}\n");
     let ends = by_seed(plan, tell, |seed| driven(&text, seed).1);
     let mut measured = Measured::default();
     measured.value("drives without a contact (share)", ends);

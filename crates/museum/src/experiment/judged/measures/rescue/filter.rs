@@ -4,7 +4,7 @@ use core::time::Duration;
 
 use engine::robots::instruments::in_metres;
 use engine::scenario::world::PushSpec;
-use engine::scenario::{MapperSpec, Span, TuningSpec};
+use engine::scenario::{Span, TuningSpec};
 use firmware_core::pose::{Point, Pose};
 use firmware_core::robots::rescue::Rescue;
 use firmware_core::scan::Scan;
@@ -13,6 +13,7 @@ use protocols::Instant;
 
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
+use crate::experiment::judged::measures::rescue::{WEIGHT, as_reported};
 use crate::experiment::judged::measures::{Measure, Model, Told, by_seed};
 use crate::experiment::push::ROOM;
 use crate::experiment::runs::{Spread, start};
@@ -59,6 +60,7 @@ fn ramp(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 fn drawn(far_mm: f32, hole_mm: f32) -> Vec<[f64; 2]> {
     let settings = Settings {
         hole_mm,
+        weight: WEIGHT,
         start: Pose::new(1_005.0, 1_505.0, 0.0),
         ..Settings::document()
     };
@@ -106,6 +108,8 @@ struct Better {
 /// Log of a push; distances from the final position, mm.
 struct Log {
     better: Vec<Better>,
+    /// Scores at the starts of the searches.
+    starts: Vec<f64>,
     /// Results of the searches.
     found: Vec<[f64; 2]>,
     /// Distances along the push between these results and the true end of the push, mm.
@@ -134,13 +138,13 @@ impl Log {
             .filter(move |one| range.contains(&one.search))
     }
 
-    /// Scores of the first and the last candidate of each search that has several.
-    fn scores(&self) -> impl Iterator<Item = [f64; 2]> + '_ {
-        let searches = self.better.chunk_by(|one, next| one.search == next.search);
-        searches.filter_map(|candidates| match candidates {
-            [first, .., last] => Some([first.value, last.value]),
-            _ => None,
-        })
+    /// Scores at the start and at the end of each shown search that found a better candidate.
+    fn scores(&self) -> impl Iterator<Item = [f64; 2]> {
+        let shown: Vec<Better> = self.shown().collect();
+        let searches = shown.chunk_by(|one, next| one.search == next.search);
+        let ends = searches.filter_map(|better| better.last());
+        let ends = ends.map(|last| [self.starts[last.search], last.value]);
+        ends.collect::<Vec<_>>().into_iter()
     }
 }
 
@@ -196,7 +200,7 @@ fn filter(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
         log(seed, None, model.pick(PUSH_M, [0.0; 2]))
     });
     let mut measured = Measured::default();
-    let rise = |log: &Log| Spread::of(log.scores().map(|[first, last]| last / first)).median;
+    let rise = |log: &Log| Spread::of(log.scores().map(|[start, last]| last / start)).median;
     measured.value(
         "score of a search, last against first",
         logs.iter().map(rise),
@@ -208,12 +212,11 @@ fn filter(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 
 fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
     let mut run = start(ROOM, seed, |scenario| {
-        scenario.program.mapper = MapperSpec::Document;
         let tuning = TuningSpec {
             tries,
             ..TuningSpec::default()
         };
-        scenario.program.tuning = Some(toml::Spanned::new(0..0, tuning));
+        as_reported(scenario, tuning);
         scenario.world.push = vec![PushSpec {
             at: Span::from_millis(PUSH_AT_MS),
             by_m,
@@ -224,6 +227,7 @@ fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
     let mut last = Instant::from_millis(PUSH_AT_MS);
     let mut log = Log {
         better: Vec::new(),
+        starts: Vec::new(),
         found: Vec::new(),
         off: Vec::new(),
     };
@@ -241,6 +245,8 @@ fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
             let search = log.found.len();
             log.found.push(settled);
             let program = run.rig.program_as::<Rescue>();
+            let start = program.map_or(f64::NAN, |it| it.search_start().into());
+            log.starts.push(start);
             let better = program.map(Rescue::improvements).unwrap_or_default();
             log.better.extend(better.iter().map(|one| Better {
                 search,

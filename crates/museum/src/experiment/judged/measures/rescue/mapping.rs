@@ -1,8 +1,8 @@
 //! Mapping: the map that turns, corridors, moving persons, and the whole mission.
 
 use engine::run::score::PosePair;
+use engine::scenario::TuningSpec;
 use engine::scenario::tuning::{FadingSpec, WallsSpec};
-use engine::scenario::{MapperSpec, TuningSpec};
 use firmware_core::Inspect as _;
 use firmware_core::map_view::MapView;
 use firmware_core::robots::rescue::Rescue;
@@ -10,6 +10,7 @@ use protocols::Instant;
 
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
+use crate::experiment::judged::measures::rescue::{WEIGHT, as_reported};
 use crate::experiment::judged::measures::{
     Measure, Model, Told, by_case, by_seed, check_passed, mission,
 };
@@ -25,7 +26,7 @@ pub(in super::super) const CORRIDOR: Measure = Measure {
 /// A corridor that leaves the map on both sides, and a drive along it.
 const LONG: &str = "schema = 1\nname = \"corridor\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
     [mission]\nwaypoints_m = [[2.2, 1.5], [0.8, 1.5], [2.2, 1.5], [0.8, 1.5]]\n\
-    to_the_end = true\n[program]\nmapper = \"document\"\n\
+    to_the_end = true\n\
     [world]\nstart = { x_m = 0.8, y_m = 1.5, heading_deg = 0 }\n[[world.wall]]\n";
 
 fn corridor(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
@@ -35,7 +36,9 @@ fn corridor(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     );
     let text = format!("{LONG}{walls}");
     let errors = by_seed(plan, tell, |seed| {
-        let outcome = mission(&text, seed, |_| {});
+        let outcome = mission(&text, seed, |scenario| {
+            as_reported(scenario, TuningSpec::default());
+        });
         let rms = |axis: usize| {
             let square = |pair: &PosePair| {
                 let off = [
@@ -80,7 +83,7 @@ fn people(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
             ""
         };
         let outcome = mission(&format!("{PERSON}{more}"), seed, |scenario| {
-            scenario.program.mapper = MapperSpec::Document;
+            as_reported(scenario, TuningSpec::default());
             if !has_person {
                 scenario.world.moving.clear();
             }
@@ -133,21 +136,19 @@ fn whole(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// Figure 7: the map turns.
 pub(in super::super) const TURNING: Measure = Measure {
     name: "turning",
-    planted: "a weight of 26 of 256 in place of 10",
+    planted: "a weight of 10 of 256, in place of 10 of 100",
     perform: turning,
 };
 
 /// Minutes of the drive, and between examinations of the map.
 const MINUTES: u64 = 20;
 const EVERY_MINUTES: u64 = 2;
-/// The weight of all rows of the report's mapper, of 256; the one behind the figure is not given.
-const WEIGHT: u16 = 10;
-/// A weight of 10 of 100.
-const HEAVIER: u16 = 26;
+/// A weight whose ten is of the program's 256, and not of the report's 100.
+const LIGHTER: u16 = 10;
 
 /// A room like that of figure 7: the wall follower drives round and round in it.
 const ROOM: &str = "schema = 1\nname = \"turning\"\nrobot = \"rescue\"\nduration = \"1300s\"\n\
-    [mission]\nto_the_end = true\n[program]\nmapper = \"document\"\nstart_mode = \"exploration\"\n\
+    [mission]\nto_the_end = true\n[program]\nstart_mode = \"exploration\"\n\
     [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }\n[[world.wall]]\n\
     path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n\
     [[world.polygon]]\ncorners_m = [[2.2, 1.2], [2.7, 1.2], [2.7, 1.5], [2.2, 1.5]]\n";
@@ -159,11 +160,11 @@ fn turning(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
             let tuning = TuningSpec {
                 walls: Some(WallsSpec::Beam),
                 smear: true,
-                weight: Some(model.pick(WEIGHT, HEAVIER)),
+                weight: Some(model.pick(WEIGHT, LIGHTER)),
                 fading: Some(fading),
                 ..TuningSpec::default()
             };
-            scenario.program.tuning = Some(toml::Spanned::new(0..0, tuning));
+            as_reported(scenario, tuning);
         });
         let looks = (1..=MINUTES / EVERY_MINUTES).map(|look| {
             run.go_on_until(Instant::from_secs(60 * EVERY_MINUTES * look));

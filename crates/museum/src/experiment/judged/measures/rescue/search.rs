@@ -9,6 +9,7 @@ use protocols::Instant;
 
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
+use crate::experiment::judged::measures::rescue::as_reported;
 use crate::experiment::judged::measures::{Measure, Model, Told, by_case, by_seed};
 use crate::experiment::push::ROOM;
 use crate::experiment::runs::{FLAT, Spread, start};
@@ -119,8 +120,7 @@ fn line(points: impl Iterator<Item = [f64; 2]>) -> [f64; 2] {
 /// `tenths` tenths of the usual time.
 fn costs_ms(text: &str, seed: u64, tuning: TuningSpec, tenths: u32, searches: usize) -> Vec<f64> {
     let mut run = start(text, seed, |scenario| {
-        scenario.program.mapper = MapperSpec::Document;
-        scenario.program.tuning = Some(toml::Spanned::new(0..0, tuning));
+        as_reported(scenario, tuning);
     });
     run.rig.cpu = CpuModel {
         per_point: CpuModel::STM32F4.per_point * tenths / 10,
@@ -218,7 +218,7 @@ fn points(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// Pages 15 and 16: a quadratic weight is not noticeably better.
 pub(in super::super) const WEIGHTS: Measure = Measure {
     name: "weights",
-    planted: "a quadratic weight of 255 of 256 in place of 10",
+    planted: "a quadratic weight of 255 of 256 in place of 26",
     perform: weights,
 };
 
@@ -266,10 +266,10 @@ const fn twice(plan: &Plan) -> Plan {
 /// Root mean square of the position's error in the flat, mm.
 fn error_mm(seed: u64, mapper: MapperSpec, cpu: CpuSpec, tuning: TuningSpec) -> f64 {
     let run = start(FLAT, seed, |scenario| {
-        scenario.program.mapper = mapper;
         scenario.program.cpu = cpu;
-        if mapper == MapperSpec::Document {
-            scenario.program.tuning = Some(toml::Spanned::new(0..0, tuning));
+        match mapper {
+            MapperSpec::Document => as_reported(scenario, tuning),
+            MapperSpec::Best => scenario.program.mapper = mapper,
         }
     });
     let outcome = run.finish();

@@ -3,12 +3,12 @@
 use emulators::rng::Rng;
 use emulators::world::Pose as Truth;
 use firmware_core::grid::{FREE, OBSTACLE};
-use firmware_core::lines::{Defects, Lines, Settings};
+use firmware_core::lines::{Lines, Settings};
 use firmware_core::local_map::local_map;
 use firmware_core::pose::Point;
 use firmware_core::prm::{Dice, plan_once};
 
-use super::sight::{LABYRINTH, believed, lines, map, middles, world};
+use super::sight::{LABYRINTH, NOISE_M, believed, lines, map, middles, world};
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
 use crate::experiment::judged::measures::{Measure, Model, Told, by_seed};
@@ -16,27 +16,22 @@ use crate::experiment::judged::measures::{Measure, Model, Told, by_seed};
 /// Pages 3 and 4: lines of a scan.
 pub(in super::super) const LINES: Measure = Measure {
     name: "yellow-lines",
-    planted: "the published comparison of a cosine with radians, which merges below 80 degrees",
+    planted: "distances with a noise of half a millimetre in place of 5",
     perform: lines_found,
 };
 
 fn lines_found(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let settings = Settings {
-        defects: Defects {
-            merges_below_80_deg: model == Model::Planted,
-            ..Defects::NONE
-        },
-        ..Settings::DEFAULT
-    };
+    let settings = Settings::DEFAULT;
+    let noise_m = model.pick(NOISE_M, NOISE_M / 10.0);
     let found = by_seed(plan, tell, |seed| {
         let mut dice = Rng::stream(seed, "scan");
         let mut count = |corners: u32| {
-            let points = polygon(corners, &mut dice);
+            let points = polygon(corners, noise_m, &mut dice);
             f64::from(u32::try_from(Lines::find(&points, &settings).as_slice().len()).unwrap_or(0))
         };
         let [four, eight, six] = [count(4), count(8), count(6)];
         let mut bent = |corner_deg: f64| {
-            let points = bent(corner_deg, &mut dice);
+            let points = bent(corner_deg, noise_m, &mut dice);
             f64::from(u32::try_from(Lines::find(&points, &settings).as_slice().len()).unwrap_or(0))
         };
         [four, eight, six, bent(169.0), bent(171.0)]
@@ -63,7 +58,7 @@ fn lines_found(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 }
 
 /// A scan of a square room, walls 1 m away, one of which has a fifth corner in its middle.
-fn bent(corner_deg: f64, dice: &mut Rng) -> Vec<Point> {
+fn bent(corner_deg: f64, noise_m: f64, dice: &mut Rng) -> Vec<Point> {
     let half = (180.0 - corner_deg).to_radians() / 2.0;
     // Direction of each wall and its distance. The walls are not aligned with the beams, as in any
     // room.
@@ -82,7 +77,7 @@ fn bent(corner_deg: f64, dice: &mut Rng) -> Vec<Point> {
             ahead if ahead > 0.0 => far / ahead,
             _ => f64::INFINITY,
         });
-        let far = hits.into_iter().fold(f64::INFINITY, f64::min) + 0.005 * dice.gauss();
+        let far = hits.into_iter().fold(f64::INFINITY, f64::min) + noise_m * dice.gauss();
         let (sin, cos) = libm::sincos(bearing);
         #[expect(clippy::cast_possible_truncation, reason = "millimetres")]
         let point = Point::new((1e3 * far * cos) as f32, (1e3 * far * sin) as f32);
@@ -92,12 +87,12 @@ fn bent(corner_deg: f64, dice: &mut Rng) -> Vec<Point> {
 }
 
 /// A scan of a room with this number of equal walls, 1 m away.
-fn polygon(corners: u32, dice: &mut Rng) -> Vec<Point> {
+fn polygon(corners: u32, noise_m: f64, dice: &mut Rng) -> Vec<Point> {
     let step = core::f64::consts::TAU / f64::from(corners);
     let beam = |degree: u32| {
         let bearing = f64::from(degree).to_radians();
         let off = libm::fmod(bearing, step) - step / 2.0;
-        let far = 1.0 / libm::cos(off) + 0.005 * dice.gauss();
+        let far = 1.0 / libm::cos(off) + noise_m * dice.gauss();
         let (sin, cos) = libm::sincos(bearing);
         #[expect(clippy::cast_possible_truncation, reason = "millimetres")]
         let point = Point::new((1e3 * far * cos) as f32, (1e3 * far * sin) as f32);

@@ -48,7 +48,7 @@ const ALIKE: &[&[[f64; 2]]] = &[&[
     [0.05, 0.05],
 ]];
 /// Standard deviation of a distance: below one per cent, and five scans are averaged (page 3).
-const NOISE_M: f64 = 0.005;
+pub(super) const NOISE_M: f64 = 0.005;
 /// Directions of a scan, and the sensor's range.
 const BEAMS: u16 = 360;
 const RANGE_M: f64 = 5.0;
