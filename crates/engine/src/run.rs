@@ -439,6 +439,10 @@ impl Run {
         checks.extend(self.misnamed_faults());
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));
         #[cfg(feature = "described")]
+        if self.goes_on.is_some() {
+            check::must_answer(&mut checks, &self.scenario.fault);
+        }
+        #[cfg(feature = "described")]
         checks.extend(self.goes_on.as_ref().map(|goes_on| {
             let rest = check::Rest {
                 is_over,

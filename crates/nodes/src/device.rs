@@ -122,8 +122,7 @@ impl NodeDevice {
 
     /// The program's outputs by name.
     pub fn outputs(&self) -> impl Iterator<Item = (&str, f64)> {
-        let known = self.outputs.iter();
-        known.filter_map(|(name, value)| Some((name.as_str(), (*value)?)))
+        (self.outputs.iter()).filter_map(|(name, value)| Some((name.as_str(), (*value)?)))
     }
 
     /// Number of times that the program has set an output or reported its work by a note.

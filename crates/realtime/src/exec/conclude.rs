@@ -13,7 +13,7 @@ use super::{Foreign, add_checks};
 use crate::process::waits::Wait;
 use crate::process::{Ended, Farewell};
 use engine::run::Outcome;
-use engine::run::check::{Check, STOPS, Status, misunderstood};
+use engine::run::check::{Check, STOPS, Status, misunderstood, must_answer};
 
 /// Rig time after the program's end within which motors must rest.
 const REST: Duration = Duration::from_secs(1);
@@ -141,6 +141,7 @@ impl Ending<'_> {
                 misunderstood(broken, &outcome.case.fault)
             },
         });
+        must_answer(&mut outcome.checks, &outcome.case.fault);
         self.judge_all_motors(outcome, goes_on.status == Status::Fail);
         let mut own = vec![
             connected,

@@ -2,15 +2,15 @@
 
 use ::description::master::Master;
 
-use super::Check;
+use super::{Check, Status};
 use crate::rig::Rig;
+use crate::scenario::FaultSpec;
 
 /// Name of the check.
 pub const REQUESTS_ANSWERED: &str = "requests-answered";
 
 /// Whether each master of `rig` got a reply to one of its requests at least; `None` without
-/// masters. A silent device is no failure, as a fault may be the reason, but nothing was observed
-/// of it.
+/// masters. Without a reply nothing was observed; see [`must_answer`].
 pub(crate) fn requests_answered(rig: &Rig) -> Option<Check> {
     let names = rig.device_names();
     let masters = names.filter_map(|name| Some((name, rig.device::<Master>(name)?.judged())));
@@ -27,12 +27,22 @@ pub(crate) fn requests_answered(rig: &Rig) -> Option<Check> {
     Some(Check::new(REQUESTS_ANSWERED, true, detail).if_observed(is_observed))
 }
 
+/// Fails a run in which a program is there to answer the masters, and gave no reply. A fault may be
+/// the reason, so runs with faults are not judged by this.
+pub fn must_answer(checks: &mut [Check], faults: &[FaultSpec]) {
+    let mut checks = checks.iter_mut();
+    let check = checks.find(|check| check.name == REQUESTS_ANSWERED);
+    let open = check.filter(|check| check.status == Status::NotObserved && faults.is_empty());
+    if let Some(check) = open {
+        check.status = Status::Fail;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::run::Run;
-    use crate::run::check::Status;
-    use crate::scenario::Scenario;
+    use crate::scenario::{FaultKind, Scenario};
 
     fn check(device: &str, of: &str) -> Check {
         let text = format!(
@@ -57,5 +67,14 @@ mod tests {
         assert_eq!(silent.status, Status::NotObserved, "{silent}");
         assert!(silent.detail.starts_with("plc: none of "), "{silent}");
         assert!(!silent.detail.contains("none of 0"), "{silent}");
+        let mut checks = [answered, silent];
+        must_answer(&mut checks[1..], &[FaultSpec::new(FaultKind::Drop)]);
+        assert_eq!(checks[1].status, Status::NotObserved);
+        must_answer(&mut checks[1..], &[]);
+        must_answer(&mut checks[..1], &[]);
+        assert_eq!(
+            checks.map(|check| check.status),
+            [Status::Pass, Status::Fail]
+        );
     }
 }

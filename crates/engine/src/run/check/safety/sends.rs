@@ -4,7 +4,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use crate::Shared;
-use crate::codec::{Codec, Counter};
+use crate::codec::{Codec, Counter, Pause};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
@@ -67,7 +67,9 @@ impl Ear {
     }
 
     fn take(&mut self, at: Instant, bytes: &[u8]) {
-        if at - self.sent_at > self.codec.idle() {
+        // A stalled line may part a frame whose bytes tell its length.
+        let may_end = self.codec.pause() != Pause::Discards;
+        if may_end && at - self.sent_at > self.codec.idle() {
             self.framed += self.counter.idle().bytes;
         }
         self.sent_at = at;
