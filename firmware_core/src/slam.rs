@@ -295,11 +295,6 @@ impl<const W: usize, const H: usize> Mapper<W, H> {
         self.regulator.search_took(elapsed, &self.settings.budget);
     }
 
-    /// Mean map value at the start of the document's last search, 0 to 255.
-    pub const fn search_start(&self) -> f32 {
-        self.improvements.start
-    }
-
     /// The tries of the document's last search that were better than all earlier ones.
     pub fn improvements(&self) -> &[Improvement] {
         self.improvements.all()

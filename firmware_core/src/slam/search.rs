@@ -41,6 +41,13 @@ pub(super) struct Improvements {
     len: usize,
 }
 
+impl<const W: usize, const H: usize> super::Mapper<W, H> {
+    /// Mean map value at the start of the document's last search, 0 to 255.
+    pub const fn search_start(&self) -> f32 {
+        self.improvements.start
+    }
+}
+
 impl Improvements {
     pub(super) const NONE: Self = Self {
         start: 0.0,

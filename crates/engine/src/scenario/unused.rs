@@ -373,8 +373,8 @@ mod tests {
         assert_eq!(warnings(&text), expected);
     }
 
-    /// A fault of rate 0, a watchdog of a run's length, and conditions beyond a byte, by name and by
-    /// address.
+    /// A fault of rate 0, a watchdog of a run's length, and conditions beyond a byte, by name and
+    /// by address.
     #[test]
     fn sizes_of_nothing_and_conditions_without_a_choice_are_told() {
         let rule = |name: &str, demand: &str, end: &str| {
