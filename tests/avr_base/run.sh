@@ -6,7 +6,7 @@
 #
 # The firmware is public (GitHub: janblumenkamp/rcj2015_base) and no part of this repository. It is
 # cloned, or taken from the repository that RCJ2015_BASE names. HILRIG_SHOW=KIND prints sequences
-# that differ. It does not pass yet: simavr 1.6 lacks eight inputs of the converter (FIDELITY.md).
+# that differ. Where it does not pass, FIDELITY.md says why.
 # Needs gcc-avr, avr-libc, libsimavr-dev, libelf-dev, gcc and git.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
