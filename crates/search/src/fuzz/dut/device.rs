@@ -18,8 +18,6 @@
 //! | `replies-as-described` | a real device replies with the same messages as the emulated one |
 //!
 //! If values change with time, replies to several requests at once are compared by their messages.
-//! Values of a device program may change although no description tells it: a device that replies
-//! otherwise to the same inputs later is compared by its messages, too.
 
 mod inputs;
 mod port;
@@ -47,12 +45,6 @@ const INPUTS_MAX: usize = 8;
 const CHOICE: usize = 8;
 /// Pause between two pieces of an input.
 const PIECE_GAP: Duration = Duration::from_millis(2);
-/// Delays of inputs that show whether values change with time.
-const WAITS: [Duration; 3] = [
-    Duration::from_millis(23),
-    Duration::from_millis(311),
-    Duration::from_millis(1_777),
-];
 /// Number of requests after an input, one of which must be answered.
 const TRIES: usize = 3;
 /// Maximum number of extra reply times after an input: a long one gets many replies.
@@ -145,7 +137,7 @@ impl DescribedDevice {
         let mut single =
             Bench::new(&self.description, made()?.paced().bytewise()).map_err(broken)?;
         let mut is_plain = true;
-        for (index, input) in inputs.iter().enumerate() {
+        for input in inputs {
             let at = whole.peer.now().max(single.peer.now());
             let [heard, other] = [&mut whole, &mut single].map(|bench| {
                 bench.wait_until(at)?;
@@ -172,10 +164,7 @@ impl DescribedDevice {
             for (rule, count) in &rules[0] {
                 behaviour.named(rule, *count);
             }
-            let mut replies = [&heard, &other].map(|heard| self.replies(input, heard));
-            if replies[0] != replies[1] && self.moves(&inputs[..=index], &replies[0])? {
-                replies = [&heard, &other].map(|heard| self.kinds(heard));
-            }
+            let replies = [&heard, &other].map(|heard| self.replies(input, heard));
             if replies[0] != replies[1] || rules[0] != rules[1] {
                 return Err(Violation::new(
                     "pieces-change-nothing",
@@ -196,42 +185,13 @@ impl DescribedDevice {
         // The reply to the first of several requests may have begun when the others arrive byte by
         // byte: then the others are answered at another time, with other values.
         if of.changes_with_time() && requests_in(of, input) > 1 {
-            return self.kinds(heard);
+            let kinds = of.reply_kinds(heard).into_iter();
+            return kinds.map(String::into_bytes).collect();
         }
         // A message of a timer may come before or after a request that is still arriving.
         let frames = heard.frames.iter().map(|(_, frame)| frame);
         let frames = frames.filter(|frame| !of.is_unasked(frame));
         frames.map(|frame| frame.bytes.to_vec()).collect()
-    }
-
-    /// The messages of replies.
-    fn kinds(&self, heard: &Heard) -> Vec<Vec<u8>> {
-        let kinds = self.description.reply_kinds(heard).into_iter();
-        kinds.map(String::into_bytes).collect()
-    }
-
-    /// Whether the device replies otherwise than `replies` to the last input when all inputs come
-    /// later: its values change with time, which the description of a program does not tell.
-    fn moves(&self, inputs: &[Input], replies: &[Vec<u8>]) -> Result<bool, Violation> {
-        let broken = |error: String| Violation::new("device-works", error);
-        for wait in WAITS {
-            let made = (self.make)().map_err(broken)?.paced();
-            let mut bench = Bench::new(&self.description, made).map_err(broken)?;
-            let (mut heard, mut is_plain) = (Heard::default(), true);
-            for input in inputs {
-                bench.wait(wait).map_err(broken)?;
-                heard = bench.say_all(&input.pieces).map_err(broken)?;
-                is_plain &= self.description.keeps_state(&input.bytes());
-                if let Some((request, expected)) = self.plain.as_ref().filter(|_| is_plain) {
-                    answers_again(&self.description, &mut bench, request, expected)?;
-                }
-            }
-            let last = inputs.last().map(|input| self.replies(input, &heard));
-            if last.is_some_and(|last| last != replies) {
-                return Ok(true);
-            }
-        }
-        Ok(false)
     }
 
     fn judged(&self, inputs: &[Input]) -> Result<(), Violation> {

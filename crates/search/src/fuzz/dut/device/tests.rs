@@ -181,38 +181,6 @@ fn each_law_is_seen_broken() {
     }
 }
 
-/// The values of a program change with time, and its description does not tell it: that is no
-/// difference of pieces. A lost delivery still is one.
-#[test]
-fn a_device_that_moves_by_itself_keeps_the_laws() {
-    let text = shipped::text("modbus-meter").expect("shipped");
-    let moving = parse_of("moving", text);
-    assert!(moving.changes_with_time());
-    // The same registers without their sources.
-    let still: Vec<String> = text
-        .lines()
-        .map(|line| match line.split_once(", source = ") {
-            Some((start, _)) => format!("{start} }},"),
-            None => line.to_owned(),
-        })
-        .collect();
-    let still = parse_of("still", &still.join("\n"));
-    assert!(!still.changes_with_time());
-    let nothing: Alter = |_, bytes| bytes;
-    for (alter, law) in [
-        (nothing, None),
-        (loses_single_bytes, Some("pieces-change-nothing")),
-    ] {
-        let of = moving.clone();
-        let make: Make = Box::new(move || Ok(defective(&of, alter)));
-        let subject = DescribedDevice::new(&still, make, "hilrig".to_owned()).expect("made");
-        let mut fuzzer = Fuzzer::new(&subject, 1, 0, BTreeMap::new());
-        let found = (0..4).flat_map(|_| fuzzer.round(64, 1).found).next();
-        let cause = found.map(|found| found.fault.cause);
-        assert_eq!(cause.as_deref(), law);
-    }
-}
-
 /// A device with one request, 55 01 56, and one reply, 55 81 D6.
 fn ping(from: &str) -> Arc<Description> {
     parse_of(
