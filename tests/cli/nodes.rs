@@ -177,6 +177,29 @@ fn a_driver_that_does_not_work_fails() {
     }
 }
 
+/// A master polls the program, which sends, but never a reply.
+#[test]
+fn a_slave_that_never_replies_fails() {
+    let session = Session::new("nodes-slave");
+    session.write("driver.py", DRIVER);
+    let src = root().join("python/src");
+    let command = format!("PYTHONPATH={} exec python3 driver.py asks", src.display());
+    let master = "schema = 1\nname = \"polled\"\nrobot = \"none\"\nduration = \"5s\"\n\
+                  [device.plc.master]\ndescription = \"modbus-meter\"\n\
+                  requests = [\"read voltage\"]\nperiod = \"500ms\"\n";
+    let fault =
+        "[[fault]]\nlink = \"plc\"\ndirection = \"to-device\"\nkind = \"drop\"\nrate = 0.01\n";
+    for (more, expected) in [("", "FAIL"), (fault, "not observed")] {
+        session.write("polled.toml", &format!("{master}{more}"));
+        let output = session.hilrig(&["run", "polled.toml", "--node", &command, "--out", "o"]);
+        let said = text(&output.stdout);
+        let line = said.lines().find(|line| line.contains("requests-answered"));
+        let line = line.unwrap_or_else(|| panic!("no check\n{said}"));
+        assert!(line.contains("plc: none of 8 requests"), "{line}");
+        assert!(line.contains(expected), "{line}");
+    }
+}
+
 /// The program has started another program, and both ignore a request to end.
 #[test]
 fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {

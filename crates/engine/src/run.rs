@@ -439,8 +439,12 @@ impl Run {
         checks.extend(self.misnamed_faults());
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));
         #[cfg(feature = "described")]
-        if self.goes_on.is_some() {
-            check::must_answer(&mut checks, &self.scenario.fault);
+        if let Some(goes_on) = &self.goes_on {
+            let masters = check::unanswered(&self.rig, &self.scenario);
+            let own = masters
+                .iter()
+                .filter(|master| goes_on.is_at(&self.rig, master));
+            check::must_answer(&mut checks, own, &self.scenario.fault);
         }
         #[cfg(feature = "described")]
         checks.extend(self.goes_on.as_ref().map(|goes_on| {

@@ -249,6 +249,12 @@ impl Codec {
         self.idle
     }
 
+    /// Whether a pause of this length in what a program sends ends a frame: a stalled line may part
+    /// a frame whose bytes tell its length.
+    pub fn is_ended_by(&self, pause: Duration) -> bool {
+        self.pause() != Pause::Discards && pause > self.idle
+    }
+
     /// The use of pauses for the frames.
     pub fn pause(&self) -> Pause {
         match self.format {

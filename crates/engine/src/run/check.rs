@@ -26,9 +26,9 @@ pub use goes_on::{
     misunderstood,
 };
 #[cfg(feature = "described")]
-pub(crate) use masters::requests_answered;
-#[cfg(feature = "described")]
 pub use masters::{REQUESTS_ANSWERED, must_answer};
+#[cfg(feature = "described")]
+pub(crate) use masters::{requests_answered, unanswered};
 #[cfg(feature = "described")]
 pub use node_programs::NODE_PROGRAMS;
 #[cfg(feature = "described")]

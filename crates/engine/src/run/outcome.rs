@@ -64,6 +64,8 @@ pub struct Outcome {
     pub violations: u64,
     /// Violated rules with their devices and counts.
     pub broken_rules: Vec<(String, &'static str, u64)>,
+    /// Masters at ports of their own that asked and got no reply.
+    pub unanswered: Vec<String>,
     /// Probable cause of a failure, if the program ran in another process and its ports were
     /// watched.
     pub probable_cause: Option<String>,
@@ -171,6 +173,10 @@ impl Run {
             was_asked: self.rig.was_asked(),
             violations: self.rig.violations(),
             broken_rules: self.broken_rules(),
+            #[cfg(feature = "described")]
+            unanswered: super::check::unanswered(&self.rig, &self.scenario),
+            #[cfg(not(feature = "described"))]
+            unanswered: Vec::new(),
             probable_cause: None,
             node_words: self.rig.node_words(),
             slow_node: self.rig.slow_node(),

@@ -141,7 +141,9 @@ impl Ending<'_> {
                 misunderstood(broken, &outcome.case.fault)
             },
         });
-        must_answer(&mut outcome.checks, &outcome.case.fault);
+        let unanswered = outcome.unanswered.iter();
+        let left = unanswered.filter(|master| ports.was_opened(master));
+        must_answer(&mut outcome.checks, left, &outcome.case.fault);
         self.judge_all_motors(outcome, goes_on.status == Status::Fail);
         let mut own = vec![
             connected,

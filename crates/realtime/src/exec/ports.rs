@@ -106,6 +106,12 @@ impl Ports {
         self.all.iter().filter(|port| port.was_opened).count()
     }
 
+    /// Whether the program has opened the port `name`.
+    pub(super) fn was_opened(&self, name: &str) -> bool {
+        let mut ports = self.all.iter();
+        ports.any(|port| port.name == name && port.was_opened)
+    }
+
     /// Whether a port is open now.
     pub(crate) fn any_open(&self) -> bool {
         self.all.iter().any(|port| port.is_open)

@@ -4,13 +4,14 @@ use ::description::master::Master;
 
 use super::{Check, Status};
 use crate::rig::Rig;
-use crate::scenario::FaultSpec;
+use crate::scenario::{FaultSpec, Scenario};
 
 /// Name of the check.
 pub const REQUESTS_ANSWERED: &str = "requests-answered";
 
 /// Whether each master of `rig` got a reply to one of its requests at least; `None` without
-/// masters. Without a reply nothing was observed; see [`must_answer`].
+/// masters. Without a reply nothing was observed, unless a program should have answered; see
+/// [`must_answer`].
 pub(crate) fn requests_answered(rig: &Rig) -> Option<Check> {
     let names = rig.device_names();
     let masters = names.filter_map(|name| Some((name, rig.device::<Master>(name)?.judged())));
@@ -27,13 +28,29 @@ pub(crate) fn requests_answered(rig: &Rig) -> Option<Check> {
     Some(Check::new(REQUESTS_ANSWERED, true, detail).if_observed(is_observed))
 }
 
-/// Fails a run in which a program is there to answer the masters, and gave no reply. A fault may be
-/// the reason, so runs with faults are not judged by this.
-pub fn must_answer(checks: &mut [Check], faults: &[FaultSpec]) {
+/// The masters of `rig` that asked at ports of their own and got no reply. A program under test has
+/// to answer there; a master with `of` polls a device of `scenario`.
+pub(crate) fn unanswered(rig: &Rig, scenario: &Scenario) -> Vec<String> {
+    let own = scenario.device.iter();
+    let own = own.filter(|(_, spec)| spec.is_master() && spec.polled().is_none());
+    let is_open = |name: &&String| {
+        let master = rig.device::<Master>(name).map(Master::judged);
+        master.is_some_and(|[asked, answered]| asked > 0 && answered == 0)
+    };
+    own.map(|(name, _)| name).filter(is_open).cloned().collect()
+}
+
+/// Fails a run in which a program left the requests of one of `masters` without any reply, and no
+/// fault is at the master's port.
+pub fn must_answer<'a>(
+    checks: &mut [Check],
+    mut masters: impl Iterator<Item = &'a String>,
+    faults: &[FaultSpec],
+) {
+    let fails = masters.any(|name| !faults.iter().any(|fault| fault.is_at(name)));
     let mut checks = checks.iter_mut();
     let check = checks.find(|check| check.name == REQUESTS_ANSWERED);
-    let open = check.filter(|check| check.status == Status::NotObserved && faults.is_empty());
-    if let Some(check) = open {
+    if let Some(check) = check.filter(|_| fails) {
         check.status = Status::Fail;
     }
 }
@@ -41,17 +58,24 @@ pub fn must_answer(checks: &mut [Check], faults: &[FaultSpec]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::run::Run;
-    use crate::scenario::{FaultKind, Scenario};
+    use crate::run::{Outcome, Run};
+    use crate::scenario::{DirectionSpec, FaultKind, Source};
 
-    fn check(device: &str, of: &str) -> Check {
+    fn scenario(device: &str, of: &str) -> (Scenario, Source) {
         let text = format!(
             "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"2s\"\n{device}\
              [device.plc.master]\ndescription = \"modbus-meter\"\nrequests = [\"read voltage\"]\n\
              period = \"100ms\"\n{of}"
         );
-        let (scenario, source) = Scenario::from_text(&text).expect("sound");
-        let outcome = Run::new(scenario, &source, None).expect("wired").finish();
+        Scenario::from_text(&text).expect("sound")
+    }
+
+    fn outcome(device: &str, of: &str) -> Outcome {
+        let (scenario, source) = scenario(device, of);
+        Run::new(scenario, &source, None).expect("wired").finish()
+    }
+
+    fn check(outcome: Outcome) -> Check {
         let mut checks = outcome.checks.into_iter();
         let check = checks.find(|check| check.name == REQUESTS_ANSWERED);
         check.expect("there is a master")
@@ -61,20 +85,36 @@ mod tests {
     #[test]
     fn a_master_without_a_reply_observes_nothing() {
         let meter = "[device]\nmeter = { description = \"modbus-meter\" }\n";
-        let answered = check(meter, "of = \"meter\"\n");
+        let answered = outcome(meter, "of = \"meter\"\n");
+        assert!(answered.unanswered.is_empty());
+        let answered = check(answered);
         assert_eq!(answered.status, Status::Pass, "{answered}");
-        let silent = check("", "");
+        let silent = outcome("", "");
+        let plc = silent.unanswered.clone();
+        assert_eq!(plc, ["plc"]);
+        let silent = check(silent);
         assert_eq!(silent.status, Status::NotObserved, "{silent}");
         assert!(silent.detail.starts_with("plc: none of "), "{silent}");
         assert!(!silent.detail.contains("none of 0"), "{silent}");
         let mut checks = [answered, silent];
-        must_answer(&mut checks[1..], &[FaultSpec::new(FaultKind::Drop)]);
+        let at = |link| FaultSpec::on(link, DirectionSpec::ToMaster, FaultKind::Drop);
+        must_answer(&mut checks, plc.iter(), &[at("plc")]);
+        must_answer(&mut checks, [].iter(), &[]);
         assert_eq!(checks[1].status, Status::NotObserved);
-        must_answer(&mut checks[1..], &[]);
-        must_answer(&mut checks[..1], &[]);
+        must_answer(&mut checks[..1], [].iter(), &[]);
+        must_answer(&mut checks[1..], plc.iter(), &[at("other")]);
         assert_eq!(
             checks.map(|check| check.status),
             [Status::Pass, Status::Fail]
         );
+    }
+
+    /// A program has no part in a device that does not answer its master.
+    #[test]
+    fn a_mute_device_is_no_fault_of_a_program() {
+        let mute = "[device.meter.text]\nbaud = 9600\ncommand = []\n";
+        let mute = outcome(mute, "of = \"meter\"\n");
+        assert!(mute.unanswered.is_empty());
+        assert_eq!(check(mute).status, Status::NotObserved);
     }
 }

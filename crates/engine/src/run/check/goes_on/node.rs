@@ -78,6 +78,15 @@ impl GoesOn {
         lines.filter(move |line| line.from.node == node)
     }
 
+    /// Whether the program is at the other end of a wire of the device `name`.
+    pub(crate) fn is_at(&self, rig: &Rig, name: &str) -> bool {
+        let lines = rig.links().iter().flat_map(|link| &link.lines);
+        let mut ends = lines.map(|line| [line.from.node, line.to.node]);
+        ends.any(|ends| {
+            ends.contains(&self.node) && ends.iter().any(|end| rig.node_name(*end) == name)
+        })
+    }
+
     /// Takes the counts of this moment.
     pub(crate) fn observe(&mut self, rig: &Rig) {
         let now = rig.now();
@@ -159,7 +168,11 @@ impl GoesOn {
             ));
         }
         let Some(active) = self.active_at() else {
-            return Check::new(GOES_ON, true, format!("{passed}; it printed"));
+            let printed = match program.said().trim().is_empty() {
+                true => "",
+                false => "; it printed",
+            };
+            return Check::new(GOES_ON, true, format!("{passed}{printed}"));
         };
         let silent_for = rig.now() - active;
         let limit = SILENT_MAX.max(self.longest_pause * PAUSES_MAX);

@@ -119,7 +119,7 @@ impl Ear {
                 *count += u64::from(is(frame));
             }
         };
-        if at - self.sent_at > self.codec.idle() {
+        if self.codec.is_ended_by(at - self.sent_at) {
             frames.idle(&mut count);
         }
         self.sent_at = at;

@@ -4,7 +4,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use crate::Shared;
-use crate::codec::{Codec, Counter, Pause};
+use crate::codec::{Codec, Counter};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
@@ -67,9 +67,7 @@ impl Ear {
     }
 
     fn take(&mut self, at: Instant, bytes: &[u8]) {
-        // A stalled line may part a frame whose bytes tell its length.
-        let may_end = self.codec.pause() != Pause::Discards;
-        if may_end && at - self.sent_at > self.codec.idle() {
+        if self.codec.is_ended_by(at - self.sent_at) {
             self.framed += self.counter.idle().bytes;
         }
         self.sent_at = at;
