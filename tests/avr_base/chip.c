@@ -12,7 +12,8 @@
  *
  * Cycles count from the start of the chip, bytes are decimal. simavr's own receiver has 64 places and
  * a character of eleven bits; here it has the data sheet's two places and a shift register, and ten
- * bits.
+ * bits. The transmitter is simavr's own: it asks for the next byte when the one before has left, where
+ * the data sheet has a register in front of the line.
  */
 #include <stdint.h>
 #include <stdio.h>
@@ -22,6 +23,7 @@
 #include <unistd.h>
 
 #include <avr_adc.h>
+#include <avr_extint.h>
 #include <avr_ioport.h>
 #include <avr_uart.h>
 #include <sim_avr.h>
@@ -73,21 +75,12 @@ static void receive(uint8_t byte) {
     hand_over();
 }
 
-static avr_cycle_count_t room(struct avr_t *chip, avr_cycle_count_t when, void *param) {
-    (void)when;
-    (void)param;
-    if (avr_regbit_get(chip, uart->txen))
-        avr_raise_interrupt(chip, &uart->udrc);
-    return 0;
-}
-
 static void on_sent(struct avr_irq_t *irq, uint32_t value, void *param) {
     (void)irq;
     (void)param;
     uart->cycles_per_byte = CYCLES_PER_BYTE;
     avr_cycle_count_t start = free_at > avr->cycle ? free_at : avr->cycle;
     free_at = start + CYCLES_PER_BYTE;
-    avr_cycle_timer_register(avr, start - avr->cycle + 2, room, NULL);
     if (sent_len < SENT_MAX) {
         sent[sent_len].cycle = start;
         sent[sent_len++].byte = (uint8_t)value;
@@ -159,6 +152,9 @@ static void start(const char *path) {
             feed((avr_adc_t *)io);
         }
     }
+    /* The firmware enables no external interrupt: simavr need not look at low pins in each cycle. */
+    for (uint8_t n = 0; n < EXTINT_COUNT; n++)
+        avr_extint_set_strict_lvl_trig(avr, n, 0);
     /* The stop button is released: it pulls pin C3 down, against the pull-up of the chip. */
     avr_ioport_external_t released = {.name = 'C', .mask = 1 << 3, .value = 0};
     avr_ioctl(avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('C'), &released);

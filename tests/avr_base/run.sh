@@ -2,7 +2,8 @@
 # Judges the emulated AVR base by the fielded firmware itself, both builds of it, in simavr: random
 # sequences of requests, and whether chip and emulation send the same bytes.
 #
-# usage: bash tests/avr_base/run.sh [SEQUENCES]     2,600 if not given; of build 5f54f4d an eighth
+# usage: bash tests/avr_base/run.sh [SEQUENCES [SEED]]
+#        2,600 sequences if not given; of build 5f54f4d an eighth
 #
 # The firmware is public (GitHub: janblumenkamp/rcj2015_base) and no part of this repository. It is
 # cloned, or taken from the repository that RCJ2015_BASE names. HILRIG_SHOW=KIND prints sequences
@@ -38,7 +39,7 @@ done
 gcc -O2 -Wall -Wextra -I/usr/include/simavr tests/avr_base/chip.c -o "$out/chip" -lsimavr -lelf -lm
 
 # A filter without a match passes with no test run: that is no success.
-HILRIG_AVR_BASE=$out HILRIG_SEQUENCES=${1:-2600} \
+HILRIG_AVR_BASE=$out HILRIG_SEQUENCES=${1:-2600} HILRIG_SEED=${2:-49} \
     cargo test --locked -p hilrig-emulators --test simavr random_sequences -- --nocapture |
     tee "$out/judged.log"
 grep -q "test result: ok. 1 passed" "$out/judged.log"

@@ -7,9 +7,8 @@
 //! ```
 //!
 //! Three positions decide when an answer comes, which byte is lost and which fragment is discarded:
-//! those of main loop, tick interrupt and byte interrupts. Figures: field firmware b77a6df run in a
-//! simulated ATmega2560 at 16 MHz with a byte every 10 us. Those marked as derived follow from
-//! measured latencies.
+//! those of main loop, tick interrupt and byte interrupts. Figures: cycles of field firmware
+//! b77a6df in a simulated ATmega2560 at 16 MHz, counted without interrupts.
 //!
 //! This module knows only durations. Its owner takes one [`Step`] after the other from
 //! [`Cpu::advance`] and executes it.
@@ -22,31 +21,33 @@ use protocols::Instant;
 
 use super::ticks::{TICK, Ticks};
 
-/// One received byte. Measured.
-const RECEIVE: u64 = 6_400;
-/// Duration of the transmit interrupt until its byte is in the line's register, and after that.
-/// Derived: 20 requests without a gap get three or four answers.
-const TRANSMIT: [u64; 2] = [3_000, 3_600];
-/// The line takes this long for a byte. Measured: replies have a pitch of 10.0 to 10.2 us.
+/// Duration of the receive interrupt until its byte counts, and after that: 65 and 36 cycles.
+const RECEIVE: [u64; 2] = [4_062, 2_250];
+/// Duration of the transmit interrupt until its byte is in the line's register, and after that: 41
+/// and 24 cycles. On a busy line the next byte begins when the line asks for it: each 10.0 us.
+const TRANSMIT: [u64; 2] = [2_562, 1_500];
+/// Duration of the transmit interrupt that finds an empty ring: 56 cycles.
+const TRANSMIT_NOTHING: u64 = 3_500;
+/// The line takes this long for a byte.
 const BYTE: u64 = 10_000;
-/// One pass of the main loop without work. Measured.
-const PASS: u64 = 24_600;
+/// One pass of the main loop without work: 394 cycles.
+const PASS: u64 = 24_625;
 /// From the load of the receiver's state to the test of its time-out. Derived: a frame of 5 bytes
 /// vanishes with a chance of 5e-5, see the field-bug catalogue, AV-21.
 const LOAD_TO_TEST: u64 = 800;
-/// The main loop puts one byte of a reply into the ring. Derived: a second request 20 to 40 us
-/// behind the first is answered in 5 percent of the cases.
-const PUT: u64 = 1_800;
 /// Bytes that the ring in front of the line holds; with more to send the main loop waits.
 const RING: usize = 31;
-/// The count of the divider falls this long after its tick interrupt has begun. Derived: the main
-/// loop has seen it 42 us later.
-const TICK_TO_COUNT: u64 = 66_000;
+/// From the last byte of a reply in the ring to a receiver that listens again: 23 cycles.
+const PUT_TO_READY: u64 = 1_437;
+/// The tick interrupt lets no other in for this long: 128 cycles.
+const TICK_ENTRY: u64 = 8_000;
+/// The count of the divider falls this long after its tick interrupt has begun: 1,439 cycles.
+const TICK_TO_COUNT: u64 = 89_900;
 
 /// The next event of the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Step {
-    /// The receive interrupt has taken `byte`, which ended at `ended`.
+    /// The receive interrupt has taken `byte`, which ended at `ended`; see [`Cpu::work_on_byte`].
     Received {
         /// End of the byte on the line.
         ended: Instant,
@@ -80,7 +81,33 @@ enum Interrupt {
 struct Reply {
     /// Until its next byte is put into the ring, ns.
     left: u64,
-    bytes: VecDeque<u8>,
+    /// Bytes, each with the work before it.
+    bytes: VecDeque<(u64, u8)>,
+}
+
+/// The bytes of the reply `frame`, each with the work in ns before the main loop puts it into the
+/// ring; `work` is that before the first one. The sum is computed behind the data.
+fn puts(work: u64, frame: &[u8]) -> VecDeque<(u64, u8)> {
+    let data = frame.len().saturating_sub(5) as u64;
+    let has_data = frame.get(2).is_some_and(|control| control & 0x80 != 0);
+    let first_sum = frame.len().saturating_sub(2);
+    let cycles = |index: usize| match index {
+        0 => 0,
+        _ if index > first_sum => 32,
+        _ if index == first_sum && data > 0 => 92 + 18 * data,
+        _ if index == first_sum && has_data => 96,
+        _ if index == first_sum => 78,
+        1 | 2 => 32,
+        3 => 55,
+        _ => 51,
+    };
+    let bytes = frame.iter().enumerate();
+    let bytes = bytes.map(|(index, byte)| (cycles(index) * 125 / 2, *byte));
+    let mut bytes: VecDeque<_> = bytes.collect();
+    if let Some((before, _)) = bytes.front_mut() {
+        *before = work;
+    }
+    bytes
 }
 
 /// The processor.
@@ -103,8 +130,12 @@ pub(super) struct Cpu {
     main_left: u64,
     reply: Option<Reply>,
     ring: VecDeque<u8>,
-    /// The line's register is free from here on.
-    line_free: u64,
+    /// Whether the transmit interrupt is on: bytes were put since it found the ring empty.
+    feeds: bool,
+    /// The line asks for its next byte.
+    asks_at: u64,
+    /// Whether the line has asked in vain, and its next byte begins at any time.
+    is_idle: bool,
 }
 
 /// The task that has the processor, and until when, unless an interrupt comes in between.
@@ -132,7 +163,9 @@ impl Cpu {
             main_left: PASS,
             reply: None,
             ring: VecDeque::new(),
-            line_free: 0,
+            feeds: false,
+            asks_at: 0,
+            is_idle: true,
         }
     }
 
@@ -149,18 +182,25 @@ impl Cpu {
     /// Sets the duration of the tick interrupt that has just begun, and whether the divider counts
     /// in it.
     pub(super) fn begin_tick(&mut self, work: Duration, counts: bool) {
-        self.tick_left += nanos(work);
+        self.interrupt = Some(Interrupt::Return { left: TICK_ENTRY });
+        self.tick_left += nanos(work).saturating_sub(TICK_ENTRY);
         if counts {
-            self.count_left = Some(TICK_TO_COUNT);
+            self.count_left = Some(TICK_TO_COUNT - TICK_ENTRY);
+        }
+    }
+
+    /// The receive interrupt takes `work` longer, because of the byte that it has taken.
+    pub(super) fn work_on_byte(&mut self, work: Duration) {
+        if let Some(Interrupt::Return { left }) = &mut self.interrupt {
+            *left += nanos(work);
         }
     }
 
     /// The main loop answers: `work` until the first byte, then byte after byte.
     pub(super) fn reply(&mut self, work: Duration, bytes: &[u8]) {
-        self.reply = Some(Reply {
-            left: nanos(work),
-            bytes: bytes.iter().copied().collect(),
-        });
+        let bytes = puts(nanos(work), bytes);
+        let left = bytes.front().map_or(0, |(before, _)| *before);
+        self.reply = Some(Reply { left, bytes });
     }
 
     /// Whether bytes of a reply are not on the line yet.
@@ -218,7 +258,7 @@ impl Cpu {
     /// Time of the next interrupt, at least now.
     fn next_entry(&self) -> u64 {
         let byte = self.incoming.front().map(|(ended, _)| ended.as_nanos());
-        let line = (!self.ring.is_empty()).then_some(self.line_free);
+        let line = self.feeds.then_some(self.asks_at);
         let main = (self.main_from > self.at).then_some(self.main_from);
         let next = [byte, line, main].into_iter().flatten().min();
         next.map_or(self.next_tick, |next| next.min(self.next_tick))
@@ -237,13 +277,22 @@ impl Cpu {
         let now = self.now();
         if let Some(&(ended, byte)) = self.incoming.front().filter(|(ended, _)| *ended <= now) {
             self.incoming.pop_front();
-            let left = RECEIVE;
+            let left = RECEIVE[0];
             self.interrupt = Some(Interrupt::Receive { left, ended, byte });
-        } else if self.line_free <= self.at
-            && let Some(byte) = self.ring.pop_front()
-        {
-            let left = TRANSMIT[0];
-            self.interrupt = Some(Interrupt::Feed { left, byte });
+        } else if self.feeds && self.asks_at <= self.at {
+            let byte = self.ring.pop_front();
+            self.feeds = byte.is_some();
+            self.asks_at += ((self.at - self.asks_at) / BYTE + 1) * BYTE;
+            self.interrupt = Some(match byte {
+                Some(byte) if self.is_idle => Interrupt::Feed {
+                    left: TRANSMIT[0],
+                    byte,
+                },
+                Some(byte) => Interrupt::Feed { left: 0, byte },
+                None => Interrupt::Return {
+                    left: TRANSMIT_NOTHING,
+                },
+            });
         }
         false
     }
@@ -278,11 +327,17 @@ impl Cpu {
     fn finish(&mut self, slice: &Slice, attentive: bool) -> Option<Step> {
         match slice {
             Slice::Interrupt(0) => match self.interrupt.take()? {
-                Interrupt::Receive { ended, byte, .. } => Some(Step::Received { ended, byte }),
+                Interrupt::Receive { ended, byte, .. } => {
+                    let left = RECEIVE[1];
+                    self.interrupt = Some(Interrupt::Return { left });
+                    Some(Step::Received { ended, byte })
+                }
                 Interrupt::Feed { byte, .. } => {
-                    // The register is free while the byte before is still on the line.
-                    self.line_free = self.at + BYTE - TRANSMIT[0];
-                    let left = TRANSMIT[1];
+                    let mut left = TRANSMIT[0] + TRANSMIT[1];
+                    if core::mem::take(&mut self.is_idle) {
+                        self.asks_at = self.at + BYTE;
+                        left = TRANSMIT[1];
+                    }
                     self.interrupt = Some(Interrupt::Return { left });
                     Some(Step::Sent(byte))
                 }
@@ -310,13 +365,20 @@ impl Cpu {
     /// The next byte of the reply goes into the ring.
     fn put(&mut self) -> Option<Step> {
         let reply = self.reply.as_mut()?;
-        let Some(byte) = reply.bytes.pop_front() else {
+        let Some((_, byte)) = reply.bytes.pop_front() else {
             self.reply = None;
             return Some(Step::Replied);
         };
-        // Behind the last byte the receiver works again at once.
-        reply.left = if reply.bytes.is_empty() { 0 } else { PUT };
+        reply.left = reply
+            .bytes
+            .front()
+            .map_or(PUT_TO_READY, |(before, _)| *before);
         self.ring.push_back(byte);
+        if !self.feeds {
+            self.feeds = true;
+            self.is_idle |= self.asks_at <= self.at;
+            self.asks_at = self.asks_at.max(self.at);
+        }
         None
     }
 
@@ -397,30 +459,30 @@ mod tests {
         Step::Received { ended, byte }
     }
 
-    /// A pass takes 24.6 us, and the test comes 0.8 us after the load. Without observed steps, the
-    /// main loop takes the same time.
+    /// A pass takes 24.625 us, and the test comes 0.8 us after the load. Without observed steps,
+    /// the main loop takes the same time.
     #[test]
     fn the_main_loop_loads_and_tests() {
         for main_from in [0, 10_000] {
             let mut seen = cpu(main_from);
-            let first = if main_from == 0 { 24_600 } else { main_from };
+            let first = if main_from == 0 { 24_625 } else { main_from };
             assert_eq!(seen.next_change(), at(first));
             let expected = [
-                (24_600, Step::Load),
-                (25_400, Step::Test),
-                (49_200, Step::Load),
-                (50_000, Step::Test),
+                (24_625, Step::Load),
+                (25_425, Step::Test),
+                (49_250, Step::Load),
+                (50_050, Step::Test),
             ];
             let expected = expected.map(|(after, step)| (main_from + after, step));
-            assert_eq!(steps(&mut seen, main_from + 50_000, true), expected);
+            assert_eq!(steps(&mut seen, main_from + 50_050, true), expected);
             let mut unseen = cpu(main_from);
-            assert_eq!(steps(&mut unseen, main_from + 50_000, false), []);
-            assert_eq!(unseen.now(), at(main_from + 50_000));
-            assert_eq!((unseen.to_load, unseen.main_left), (true, 23_800));
+            assert_eq!(steps(&mut unseen, main_from + 50_050, false), []);
+            assert_eq!(unseen.now(), at(main_from + 50_050));
+            assert_eq!((unseen.to_load, unseen.main_left), (true, 23_825));
         }
     }
 
-    /// From 24.6 us before a load: up to the load, 0.4 us after it, to the test, after the test,
+    /// From 24.625 us before a load: up to the load, 0.4 us after it, to the test, after the test,
     /// and two passes.
     #[test]
     fn the_main_loop_goes_round_without_steps() {
@@ -429,21 +491,21 @@ mod tests {
             times.iter().for_each(|time| cpu.go_round(*time));
             (cpu.to_load, cpu.main_left)
         };
-        assert_eq!(after(&[24_600]), (true, 0));
-        assert_eq!(after(&[25_000]), (false, 400));
-        assert_eq!(after(&[25_000, 400]), (false, 0));
-        assert_eq!(after(&[25_000, 401]), (true, 23_799));
-        assert_eq!(after(&[25_400]), (true, 23_800));
-        assert_eq!(after(&[49_200]), (true, 0));
-        assert_eq!(after(&[10_000, 40_000]), (true, 23_800));
+        assert_eq!(after(&[24_625]), (true, 0));
+        assert_eq!(after(&[25_025]), (false, 400));
+        assert_eq!(after(&[25_025, 400]), (false, 0));
+        assert_eq!(after(&[25_025, 401]), (true, 23_824));
+        assert_eq!(after(&[25_425]), (true, 23_825));
+        assert_eq!(after(&[49_250]), (true, 0));
+        assert_eq!(after(&[10_000, 40_050]), (true, 23_825));
         let mut cpu = cpu(0);
-        cpu.go_round(24_600);
-        assert_eq!(cpu.next_change(), at(24_600));
+        cpu.go_round(24_625);
+        assert_eq!(cpu.next_change(), at(24_625));
     }
 
-    /// 6.4 us each, one directly after the other.
+    /// Each counts after 4.1 us, and the interrupt takes 2.3 us more, and what the byte needs.
     #[test]
-    fn a_byte_is_received_when_its_interrupt_is_over() {
+    fn a_byte_counts_before_its_interrupt_is_over() {
         let mut cpu = cpu(0);
         assert!(!cpu.is_busy());
         cpu.receive(at(1_000), 7);
@@ -451,29 +513,54 @@ mod tests {
         assert!(cpu.is_busy());
         assert_eq!(cpu.next_change(), at(1_000));
         assert_eq!(steps(&mut cpu, 3_000, false), []);
-        assert_eq!((cpu.now(), cpu.next_change()), (at(3_000), at(7_400)));
-        let expected = [(7_400, received(1_000, 7)), (13_800, received(2_000, 8))];
+        assert_eq!((cpu.now(), cpu.next_change()), (at(3_000), at(5_062)));
+        let (now, first) = cpu.advance(at(30_000), false).expect("the first byte");
+        assert_eq!((now, first), (at(5_062), received(1_000, 7)));
+        cpu.work_on_byte(Duration::from_nanos(700));
+        let expected = [(5_062 + 2_250 + 700 + 4_062, received(2_000, 8))];
         assert_eq!(steps(&mut cpu, 30_000, false), expected);
         assert!(!cpu.is_busy());
-        // The main loop was held up by both.
-        assert_eq!((cpu.to_load, cpu.main_left), (true, 7_400));
+        // The main loop was held up by both: for 13.324 us.
+        assert_eq!(
+            (cpu.to_load, cpu.main_left),
+            (true, 24_625 - (30_000 - 13_324))
+        );
     }
 
-    /// The first byte is in the ring after 5 us of work and on the line 3 us later. The next bytes
-    /// follow every 10 us. The last one is in the ring after 1.8 us more of work.
+    /// The first byte is in the ring after 5 us of work and on the line 2.6 us later. The next
+    /// bytes follow every 10 us. The last one, the sum, is in the ring after 1.5 + 2.0 + 4.9 us
+    /// more, and the receiver listens after 1.4 us more.
     #[test]
     fn a_reply_goes_out_at_the_pace_of_the_line() {
         let mut cpu = cpu(0);
         cpu.reply(Duration::from_micros(5), &[1, 2, 3]);
         assert!(cpu.is_replying());
+        let replied = 7_562 + 1_500 + 2_000 + 4_875 + 1_437;
         let expected = [
-            (8_000, Step::Sent(1)),
-            (18_000, Step::Sent(2)),
-            (21_800, Step::Replied),
-            (28_000, Step::Sent(3)),
+            (7_562, Step::Sent(1)),
+            (replied, Step::Replied),
+            (17_562, Step::Sent(2)),
+            (27_562, Step::Sent(3)),
         ];
         assert_eq!(steps(&mut cpu, 40_000, false), expected);
         assert!(!cpu.is_replying());
+    }
+
+    /// Cycles of the chip's main loop between two bytes of a reply: a read of two bytes, one of
+    /// none, and an acknowledgement. 16 cycles are a microsecond.
+    #[test]
+    fn the_sum_of_a_reply_takes_longer_with_its_data() {
+        let cycles = |frame: &[u8]| {
+            let puts = puts(0, frame).into_iter().skip(1);
+            puts.map(|(before, _)| before * 16 / 1_000)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            cycles(&[0xAB, 10, 0x82, 0, 0, 1, 2]),
+            [32, 32, 54, 50, 128, 32]
+        );
+        assert_eq!(cycles(&[0xAB, 10, 0x80, 1, 2]), [32, 32, 96, 32]);
+        assert_eq!(cycles(&[0xAB, 10, 0, 1, 2]), [32, 32, 78, 32]);
     }
 
     /// 31 bytes are in the ring: one more waits, but not the end of a reply.
@@ -489,23 +576,23 @@ mod tests {
         assert!(!slice(30, &[1]) && !slice(31, &[]));
     }
 
-    /// A tick takes 0.1 ms, and counts 66 us behind its beginning; a byte that comes meanwhile is
-    /// received at once, and the count is late by that.
+    /// A tick takes 0.1 ms, lets nothing in for 8 us, and counts 89.9 us behind its beginning; a
+    /// byte that comes meanwhile is received then, and the count is late by that.
     #[test]
     fn a_tick_lets_bytes_in_and_holds_the_main_loop_up() {
         let mut cpu = cpu(0);
         let tick = cpu.advance(at(1_300_000), false);
         assert_eq!(tick, Some((at(1_004_000), Step::Tick)));
         cpu.begin_tick(Duration::from_micros(100), true);
-        assert_eq!(cpu.next_change(), at(1_070_000));
-        cpu.receive(at(1_010_000), 9);
+        assert_eq!(cpu.next_change(), at(1_012_000));
+        cpu.receive(at(1_005_000), 9);
         let expected = [
-            (1_016_400, received(1_010_000, 9)),
-            (1_076_400, Step::Count),
+            (1_016_062, received(1_005_000, 9)),
+            (1_093_900 + 6_312, Step::Count),
         ];
         assert_eq!(steps(&mut cpu, 1_300_000, false), expected);
-        // 1300 - 100 - 6.4 us are 48 passes and 12.8 us.
-        assert_eq!((cpu.to_load, cpu.main_left), (true, 11_800));
+        // 1300 - 100 - 6.312 us are 48 passes and 11.688 us.
+        assert_eq!((cpu.to_load, cpu.main_left), (true, 24_625 - 11_688));
         let tick = cpu.advance(at(2_100_000), false);
         assert_eq!(tick, Some((at(2_008_000), Step::Tick)));
     }

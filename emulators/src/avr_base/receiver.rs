@@ -59,6 +59,14 @@ impl Receiver {
         }
     }
 
+    /// Additional work of the receive interrupt for `byte`.
+    pub(super) fn work(&self, byte: u8) -> Duration {
+        match self {
+            Self::Interrupt(receiver) => receiver.work(byte),
+            Self::Buffered(_) => Duration::ZERO,
+        }
+    }
+
     /// Receives a byte that ended at `at` and adds its result to `heard`. The fielded receiver
     /// stores the data of a write in `memory` at once, if given.
     pub(super) fn byte(
@@ -176,6 +184,28 @@ impl Interrupt {
         }
         let bytes = core::mem::take(&mut self.frame);
         Some(Heard::Request(self.request(at, bytes, journal)))
+    }
+
+    /// Cycles of the interrupt beyond the 101 for a byte that it ignores: stray byte and start,
+    /// register, count, data, and the two bytes of the checksum.
+    fn work(&self, byte: u8) -> Duration {
+        let is_write = self.frame.get(2).is_some_and(|control| control & 0x80 != 0);
+        let data = self
+            .frame
+            .get(2)
+            .map_or(0, |control| usize::from(control & 0x7F));
+        let first_sum = 3 + if is_write { data } else { 0 };
+        let cycles = match self.frame.len() {
+            0 if byte == avr::START => 12,
+            0 => 4,
+            1 => 9,
+            2 => 25,
+            len if len < first_sum => 26,
+            len if len == first_sum && is_write => 36,
+            len if len == first_sum => 11,
+            _ => 16,
+        };
+        Duration::from_nanos(cycles * 125 / 2)
     }
 
     /// The count goes to its place in the memory, data and the first byte of the checksum behind

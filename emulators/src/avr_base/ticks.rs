@@ -26,18 +26,18 @@ pub(super) const ANALOG: Duration = Duration::from_nanos(50 * TICK_NANOS);
 pub(super) const CYCLE: Duration = Duration::from_nanos(200 * TICK_NANOS);
 
 /// The tick interrupt with the tasks of every tick.
-const TICK_WORK: Duration = Duration::from_nanos(97_400);
+const TICK_WORK: Duration = Duration::from_nanos(97_875);
 /// The tick interrupt once its tasks are gone. A guess.
 const BARE_TICK: Duration = Duration::from_micros(10);
 /// The divider's turn more.
-const DIVIDER_WORK: Duration = Duration::from_nanos(2_700);
+const DIVIDER_WORK: Duration = Duration::from_nanos(3_000);
 /// The regulator more, with both wheels standing and driven.
 const REGULATOR_WORK: [Duration; 2] = [Duration::from_micros(34), Duration::from_micros(140)];
 /// The tick interrupt with each of the analog task's three blocks.
 const ANALOG_WORK: [Duration; 3] = [
-    Duration::from_micros(967),
-    Duration::from_micros(967),
-    Duration::from_micros(538),
+    Duration::from_nanos(967_700),
+    Duration::from_nanos(967_700),
+    Duration::from_nanos(539_000),
 ];
 
 /// Phase of the tasks: they run at the multiples of their periods in a time that is `ahead` of the
@@ -180,11 +180,11 @@ mod tests {
             let due = AT_ZERO.due(Instant::from_nanos(nanos));
             due.work(0, true).as_nanos()
         };
-        assert_eq!(work(1_004_000), 97_400);
-        assert_eq!(work(25_100_000), 97_400 + 2_700);
-        assert_eq!(work(40_160_000), 97_400 + 140_000);
-        assert_eq!(work(50_200_000), 967_000 + 2_700);
-        assert_eq!(work(200_800_000), 967_000 + 2_700 + 140_000);
+        assert_eq!(work(1_004_000), 97_875);
+        assert_eq!(work(25_100_000), 97_875 + 3_000);
+        assert_eq!(work(40_160_000), 97_875 + 140_000);
+        assert_eq!(work(50_200_000), 967_700 + 3_000);
+        assert_eq!(work(200_800_000), 967_700 + 3_000 + 140_000);
     }
 
     /// A counter that starts with the run, or a whole cycle later, has no phase.

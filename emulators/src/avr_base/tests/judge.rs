@@ -145,7 +145,7 @@ fn requests_that_do_not_wait_for_the_reply_are_told() {
     };
     assert_eq!(told(FIELD, Duration::ZERO), [rules::BYTES_WHILE_BUSY]);
     // Listening again, but still answering: 15 bytes take 150 us.
-    let early = Duration::from_micros(110);
+    let early = Duration::from_micros(140);
     assert_eq!(told(FIELD, early), [rules::REQUEST_BEFORE_REPLY]);
     assert_eq!(told(FIELD, MS), NONE);
     assert_eq!(
