@@ -12,6 +12,7 @@
 
 #include <avr_adc.h>
 #include <avr_eeprom.h>
+#include <avr_extint.h>
 #include <avr_ioport.h>
 #include <avr_spi.h>
 #include <avr_timer.h>
@@ -174,6 +175,7 @@ struct chip {
     struct twi twi;
     struct spi spi;
     avr_adc_t *adc;
+    avr_extint_t *external;
     uint8_t adc_source[64];
     double volts[16];
     double vcc;

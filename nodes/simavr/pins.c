@@ -163,6 +163,68 @@ void pins_report(void) {
     }
 }
 
+/* An interrupt at low level, again and again while its pin is low. simavr looks at the pin in each
+ * cycle for it, also while the interrupt is off, which takes up to 20 times the work of a run. */
+static void look_at_level(int number) {
+    avr_t *avr = chip.avr;
+    avr_int_vector_t *vector = &chip.external->eint[number].vector;
+    const avr_regbit_t *sense = chip.external->eint[number].isc;
+    avr_irq_t *pin = avr_io_getirq(avr, chip.external->eint[number].port_ioctl,
+                                   chip.external->eint[number].port_pin);
+    bool is_at_level = sense[1].reg && !avr_regbit_get(avr, sense[0]) && !avr_regbit_get(avr, sense[1]);
+    if (!pin || !is_at_level)
+        return;
+    avr_clear_interrupt(avr, vector);
+    avr_regbit_clear(avr, vector->raised);
+    if (!pin->value && avr_regbit_get(avr, vector->enable))
+        avr_raise_interrupt(avr, vector);
+}
+
+static void on_level(struct avr_irq_t *irq, uint32_t value, void *param) {
+    (void)irq;
+    (void)value;
+    look_at_level((int)(intptr_t)param);
+}
+
+/* The end of an interrupt's routine; its beginning is no news. */
+static void on_routine(struct avr_irq_t *irq, uint32_t value, void *param) {
+    (void)irq;
+    if (!value)
+        look_at_level((int)(intptr_t)param);
+}
+
+/* Some interrupts are switched on or off. */
+static void on_enable(struct avr_irq_t *irq, uint32_t value, void *param) {
+    (void)irq;
+    (void)value;
+    (void)param;
+    for (int i = 0; i < EXTINT_COUNT; i++)
+        if (chip.external->eint[i].port_ioctl)
+            look_at_level(i);
+}
+
+static void forget_polling(void) {
+    for (uint8_t i = 0; chip.external && i < EXTINT_COUNT; i++)
+        avr_extint_set_strict_lvl_trig(chip.avr, i, 0);
+}
+
+static void attach_external(void) {
+    avr_extint_t *unit = chip.external;
+    if (!unit)
+        return;
+    forget_polling();
+    for (int i = 0; i < EXTINT_COUNT; i++) {
+        if (!unit->eint[i].port_ioctl)
+            continue;
+        void *number = (void *)(intptr_t)i;
+        avr_irq_t *running = avr_get_interrupt_irq(chip.avr, unit->eint[i].vector.vector);
+        avr_irq_register_notify(unit->io.irq + i, on_level, number);
+        avr_irq_register_notify(running + AVR_INT_IRQ_RUNNING, on_routine, number);
+    }
+    avr_io_addr_t enable = unit->eint[0].vector.enable.reg;
+    avr_irq_register_notify(avr_iomem_getirq(chip.avr, enable, NULL, AVR_IOMEM_IRQ_ALL), on_enable, NULL);
+}
+
 /* A reset makes all pins inputs: what they drove is let go. */
 void pins_reset(void) {
     for (int i = 0; i < chip.pin_count; i++) {
@@ -172,6 +234,7 @@ void pins_reset(void) {
         pin->value = NAN;
     }
     report_bridges();
+    forget_polling();
 }
 
 /* The sample is taken when the conversion begins. simavr scales by 1023, the converter by 1024. */
@@ -272,6 +335,7 @@ void pins_attach(void) {
         if (pin->output >= 0)
             avr_irq_register_notify(port->io.irq + pin->bit, on_edge, pin);
     }
+    attach_external();
     avr_adc_t *adc = chip.adc;
     if (!adc)
         return;

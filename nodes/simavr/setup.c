@@ -149,6 +149,8 @@ static void find_units(const struct json *board) {
             chip.spi.io = (avr_spi_t *)io;
         } else if (strcmp(io->kind, "adc") == 0) {
             chip.adc = (avr_adc_t *)io;
+        } else if (strcmp(io->kind, "extint") == 0) {
+            chip.external = (avr_extint_t *)io;
         }
     }
     const struct json *uarts = json_get(board, "uarts");

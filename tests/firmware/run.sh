@@ -47,10 +47,10 @@ done
 # The Leonardo's Serial is USB, which is not simulated.
 sed 's/Serial\b/Serial1/g' "$here/sketches/probe.cpp" >"$out/probe1.cpp"
 build "$out/probe1.cpp" probe1-leonardo.elf leonardo
-sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics)
+sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics level)
 for sketch in "${sketches[@]}"; do
     build "$here/sketches/$sketch.cpp" "$sketch.elf" mega
-    cp "$here/$sketch.toml" "$out/"
+    cp "$here/${sketch/level/mt_sics}.toml" "$out/$sketch.toml"
 done
 
 echo "== the node program by itself"
@@ -96,6 +96,10 @@ run pms5003 "$out/pms5003" it=serial1
 says "$out/pms5003" "pm2.5 1[0-9]" 8
 run mt_sics "$out/mt_sics" it=serial1
 says "$out/mt_sics" "stable 100.25" 8
+
+echo "== an interrupt at low level"
+run level "$out/level" it=serial1
+says "$out/level" "runs=(50|100|500)\r?$" 3
 
 echo "== firmware that is not seen to work"
 # fails OPTIONS.. WORDS: a sketch of which the check says WORDS.

@@ -291,8 +291,8 @@ impl Bench {
         self.poll(end);
     }
 
+    /// The world stands still, as the simulated chip's encoders do.
     fn poll(&mut self, now: Instant) {
-        self.world.advance(now);
         self.base.poll(now, &mut self.world);
         let mut buf = [0; 256];
         let len = self.base.transmit(AvrBase::BUS, &mut buf);
