@@ -126,11 +126,12 @@ pub(in crate::cli) const LEDGER: [Row; 27] = [
     Row {
         device: "avr-base",
         oracle: Chip,
-        source: "measurements on the fielded board, public source of its firmware",
+        source: "both builds of its firmware in simavr",
         agrees: "median latency of 33 us for a read and 37 us for a write, the chip's four \
                  quantiles; memory behind the register map byte for byte; 21 of 4,000 frames lost \
-                 beside a count (10 to 32 here)",
-        unknown: "requests back to back: 2.9 different answers over 8 phases on the chip, 1.2 here",
+                 beside a count (10 to 32 here); 100,125 random sequences as the chip agrees with \
+                 itself (`tests/avr_base/run.sh`)",
+        unknown: "the transmitter of a real chip, which simavr simplifies",
         tests: &[
             "point_12_latencies_are_distributed_as_observed",
             "point_10_21_of_4000_sound_frames_vanish_close_to_a_count",

@@ -421,15 +421,15 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
     }
     for (error, count) in search.reported() {
         println!(
-            "{count} times the program ended with its own error after altered bytes, which is no \
-             finding: {error}"
+            "{count} times the program ended by itself after altered bytes, which is no finding: \
+             {error}"
         );
     }
     let given_up = search.given_up();
     if given_up.cases > 0 {
         println!(
-            "{} conversations ended after {:.1} of {} inputs on average, because the program gave \
-             up; with more retries in the program a case has more inputs",
+            "{} conversations ended after {:.1} of {} inputs on average, because the program ended; \
+             if it asks again instead, a case has more inputs",
             given_up.cases,
             given_up.inputs as f64 / given_up.cases as f64,
             GivenUp::INPUTS_MAX

@@ -50,7 +50,7 @@ pub struct Progress {
 /// Captures of the last case, and of the last confirmation.
 pub(super) const RECORDINGS: [&str; 3] = [".last.pcapng", ".copy.pcapng", ".again.pcapng"];
 
-/// The conversations that the program ended with its own error.
+/// The conversations that the program ended by itself.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct GivenUp {
     /// Number of these conversations.

@@ -24,7 +24,7 @@ impl Search<'_> {
         &self.reported
     }
 
-    /// The conversations that the program ended with its own error.
+    /// The conversations that the program ended by itself.
     pub const fn given_up(&self) -> GivenUp {
         self.given_up
     }
