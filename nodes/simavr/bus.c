@@ -220,6 +220,7 @@ void twi_reset(void) {
 
 void twi_attach(void) {
     avr_irq_register_notify(chip.twi.io->io.irq + TWI_IRQ_OUTPUT, on_twi, NULL);
+    clear_by_one(&chip.twi.io->twi);
 }
 
 /* simavr takes 100 us for each byte: eight bits of fosc / 4, 16, 64, 128, half with SPI2X. */

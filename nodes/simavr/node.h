@@ -220,6 +220,8 @@ void run_until(uint64_t ns, uint64_t now_ns);
 uint64_t next_exchange(void);
 void restart(bool is_power_on);
 void begin_running(void);
+/* A one written to the flag of this interrupt clears it. */
+void clear_by_one(avr_int_vector_t *vector);
 void note(uint8_t kind, const char *rule, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 /* The timer of the chip's unit `param`; NULL if none runs. */

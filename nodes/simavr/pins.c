@@ -339,6 +339,7 @@ void pins_attach(void) {
     avr_adc_t *adc = chip.adc;
     if (!adc)
         return;
+    clear_by_one(&adc->adc);
     /* simavr has eight places for sixteen channels. */
     for (int i = 0; i < 64; i++) {
         chip.adc_source[i] = (uint8_t)adc->muxmode[i].src;

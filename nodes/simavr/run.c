@@ -47,6 +47,21 @@ avr_cycle_timer_slot_t *timer_of(const void *param) {
     return at;
 }
 
+/* A one written to a flag clears it, as the data sheets say; simavr keeps the flags of some units. */
+static void on_flags_written(struct avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    avr_int_vector_t *vector = param;
+    (void)avr;
+    (void)address;
+    if (!(value >> vector->raised.bit & 1))
+        return;
+    avr_clear_interrupt(chip.avr, vector);
+    avr_regbit_clear(chip.avr, vector->raised);
+}
+
+void clear_by_one(avr_int_vector_t *vector) {
+    avr_register_io_write(chip.avr, vector->raised.reg, on_flags_written, vector);
+}
+
 /* The core's own part of a reset, whatever causes it: watchdog, reset pin, power. */
 static void on_reset(struct avr_t *avr) {
     if (reset_of_core)

@@ -60,7 +60,8 @@ pub(super) struct Fidelity {
     /// xv11: second column: `emulated`, another capture, or `none` [default: emulated]
     #[arg(long, value_name = "FILE|emulated|none", requires = "device")]
     against: Option<PathBuf>,
-    /// xv11: firmware of the emulated sensor [default: fw2.4.13386]
+    /// xv11: firmware of the emulated sensor [default: fw2.1 for a capture of whole turns, else
+    /// fw2.4.13386]
     #[arg(long, value_name = "NAME", requires = "device",
           value_parser = Profile::ALL.map(Profile::name))]
     profile: Option<String>,
@@ -140,19 +141,25 @@ fn print_ledger(device: Option<&str>, is_markdown: bool) -> Result<Verdict, CliE
     out::write_text("the ledger", page.as_bytes())
 }
 
+/// The figure of a stream of firmware 2.1.
+const TURNS: &str = "turns of 1446 bytes";
 /// Windows of the capture below which chance decides.
 const WINDOWS_MIN: usize = 40;
 
 fn compare_lidars(args: &Fidelity) -> Result<Verdict, CliError> {
-    let name = args.profile.as_deref().unwrap_or("fw2.4.13386");
-    let profile =
-        Profile::from_name(name).ok_or_else(|| CliError::Usage(format!("--profile {name}")))?;
     let against = args.against.as_deref().unwrap_or(Path::new("emulated"));
     let bytes = args.capture.as_deref().map(read).transpose()?;
     let (real_name, real) = match &bytes {
         Some(bytes) => ("capture", Column::of(bytes)),
         None => ("published", Column::published()),
     };
+    // Only firmware 2.1 sends whole turns.
+    let sends_turns = real.value("packets").is_none_or(|count| count < 1.0)
+        && real.value(TURNS).is_some_and(|count| count >= 1.0);
+    let usual = if sends_turns { "fw2.1" } else { "fw2.4.13386" };
+    let name = args.profile.as_deref().unwrap_or(usual);
+    let profile =
+        Profile::from_name(name).ok_or_else(|| CliError::Usage(format!("--profile {name}")))?;
     let (ours_name, ours) = match against.to_str() {
         Some("none") => ("", None),
         Some("emulated") => {
@@ -297,7 +304,7 @@ fn lidar_bytes(path: &Path) -> Result<Vec<u8>, CliError> {
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     let bytes = lidar_bytes(path)?;
     let column = Column::of(&bytes);
-    let counts = ["packets", "turns of 1446 bytes"];
+    let counts = ["packets", TURNS];
     let frames = column
         .rows
         .iter()

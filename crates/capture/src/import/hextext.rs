@@ -136,7 +136,14 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
         return Some(if is_list { Look::Surely } else { Look::Perhaps });
     }
     // TX or RX before nothing but pairs of digits: not text that happens to be digits.
-    let is_told = |one: &Message<'_>| one.is_sent.is_some() && !one.is_arrow;
+    let has = |is_sent| {
+        whole
+            .messages
+            .iter()
+            .any(|one| one.is_sent == Some(is_sent))
+    };
+    let has_both = has(true) && has(false);
+    let is_told = |one: &Message<'_>| one.is_sent.is_some() && (!one.is_arrow || has_both);
     let is_hex = matches!(whole.base, Base::Hex) && bad.is_empty();
     let is_directed = is_hex && whole.messages.iter().all(is_told);
     let is_marked = whole.has_marks || whole.evident * 8 >= count || is_directed;
@@ -290,6 +297,13 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
                 continue;
             }
         };
+        let count = found.bytes.len();
+        if let Some(told) = prefix.told.filter(|&told| told > count && count > 0) {
+            bad.push(line.wrong(format!(
+                "the line announces {told} bytes but contains {count}: the log cuts them; log all \
+                 bytes"
+            )));
+        }
         whole.take(line, prefix, &mut open, found);
     }
     whole.messages.retain(|one| !one.bytes.is_empty());

@@ -44,11 +44,23 @@ impl Talk {
     /// The conversation of a capture.
     pub(super) fn captured(passage: &Passage) -> Self {
         let line = passage.line();
+        let requests = requests(passage, line);
+        // Some logs have the time of the first byte, not of the last one: a reply does not begin
+        // before the request that was logged before it.
+        let asked = |at: Instant| {
+            let count = requests.partition_point(|(end, _)| *end <= at);
+            requests[..count]
+                .last()
+                .map(|(end, _)| *end)
+                .unwrap_or_default()
+        };
         let pieces = passage.arrivals.iter().map(|arrival| {
             let time = line.bytes_time(arrival.bytes.len() as u64);
-            (earlier(arrival.at, time), arrival.bytes.clone())
+            let start = earlier(arrival.at, time).max(asked(arrival.at));
+            (start, arrival.bytes.clone())
         });
-        Self::of(requests(passage, line), pieces.collect(), line)
+        let pieces = pieces.collect();
+        Self::of(requests, pieces, line)
     }
 
     /// The same requests at the same times, to `peer`, which has run for `warm_up` before.

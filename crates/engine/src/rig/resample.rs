@@ -20,15 +20,15 @@ pub(crate) struct Resampler {
     /// End of the last bit, and the idle time that ends a character.
     end: Option<(Instant, Duration)>,
     rates: Option<(LineConfig, LineConfig)>,
-    /// Values read from the characters without a stop bit.
+    /// Values read from the characters that are left out.
     marks: Vec<Mark>,
 }
 
 impl Resampler {
     /// Replaces `bytes`, sent back to back from `start` on, by the bytes that the receiver has read
     /// by their end. A character that is still being sampled comes with the next call, or with
-    /// [`idle`](Self::idle). Returns the number of characters without a valid stop bit, which are
-    /// left out.
+    /// [`idle`](Self::idle). Returns the number of characters without a valid stop bit or with a
+    /// wrong parity bit, which are left out.
     pub(crate) fn feed(
         &mut self,
         bytes: &mut Vec<u8>,
@@ -94,7 +94,9 @@ impl Resampler {
         };
         let sender_bit = 2 * u64::from(receiver.baud);
         let receiver_bit = 2 * u64::from(sender.baud);
-        let frame_bits = u64::from(receiver.bits_per_byte());
+        // A receiver looks at one stop bit only.
+        let more_stops = u64::from(receiver.stop_bits.saturating_sub(1));
+        let frame_bits = u64::from(receiver.bits_per_byte()) - more_stops;
         let mut errors = 0;
         let mut at = self.phase;
         let level = |bits: &[bool], at: u64| {
@@ -126,7 +128,15 @@ impl Resampler {
             let byte = (0..receiver.data_bits).fold(0_u8, |byte, bit| {
                 byte | u8::from(sample(1 + u64::from(bit)) == Some(true)) << bit
             });
-            if sample(frame_bits - 1) == Some(true) {
+            let is_stopped = sample(frame_bits - 1) == Some(true);
+            let is_odd = (byte.count_ones() % 2 == 1)
+                != (sample(1 + u64::from(receiver.data_bits)) == Some(true));
+            let is_right = match receiver.parity {
+                Parity::None => true,
+                Parity::Even => !is_odd,
+                Parity::Odd => is_odd,
+            };
+            if is_stopped && is_right {
                 received.push(byte);
             } else {
                 errors += 1;
@@ -136,6 +146,7 @@ impl Resampler {
                     value: byte,
                     damage: match is_low {
                         true => MarkDamage::Break,
+                        false if is_stopped => MarkDamage::Parity,
                         false => MarkDamage::Framing,
                     },
                 });
@@ -395,7 +406,8 @@ mod tests {
         let sent = [0x41, 0x42, 0x43];
         assert_eq!(through(&sent, even, plain), (vec![0x41, 0x42, 0xC3], 0));
         assert_eq!(through(&sent, odd, plain), (vec![0xC1, 0xC2, 0x43], 0));
-        assert_eq!(through(&[0xC1, 0x43], plain, even), (vec![0x41, 0x43], 0));
+        assert_eq!(through(&[0x41, 0xC3], plain, even), (vec![0x41, 0x43], 0));
+        assert_eq!(through(&[0xC1, 0x43], plain, even), (vec![], 2));
     }
 
     /// Bits beyond a line's five do not count for its parity either: 0xE1 is sent as 00001, one
@@ -410,13 +422,26 @@ mod tests {
         assert_eq!(through(&[0xE1, 0xFF], short, short), (vec![0x01, 0x1F], 0));
     }
 
-    /// A second stop bit is a bit of idle line. A receiver with one stop bit only reads the same; a
-    /// receiver with two finds the next start bit in place of the second; an FF has no other edge.
+    /// A second stop bit is a bit of idle line, and a receiver looks at the first one only (16550,
+    /// ATmega328P: USBSn).
     #[test]
-    fn a_missing_second_stop_bit_is_a_framing_error() {
+    fn a_second_stop_bit_is_not_looked_at() {
         let (one, two) = (coding(8, Parity::None, 1), coding(8, Parity::None, 2));
         assert_eq!(through(&[0x55, 0xAA], two, one), (vec![0x55, 0xAA], 0));
-        assert_eq!(through(&[0xFF, 0xFF], one, two), (vec![], 1));
+        assert_eq!(through(&[0xFF, 0x55], one, two), (vec![0xFF, 0x55], 0));
+    }
+
+    /// Of 8N1 the stop bit is a parity bit to a receiver of 8E1, and the next start bit its stop
+    /// bit. 0x01 has odd ones, so the stop bit of the last character is a right parity bit.
+    #[test]
+    fn a_missing_parity_bit_is_an_error_of_most_characters() {
+        let (none, even) = (coding(8, Parity::None, 1), coding(8, Parity::Even, 1));
+        assert_eq!(through(&[0x01], none, even), (vec![0x01], 0));
+        assert_eq!(through(&[0x03], none, even), (vec![], 1));
+        assert_eq!(
+            through(&[0x03], even, coding(8, Parity::Odd, 1)),
+            (vec![], 1)
+        );
     }
 
     /// Bits of 100 us. A byte 2.4 ms later, 24 bits, is read separately. A receiver that is still

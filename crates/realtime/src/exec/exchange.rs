@@ -130,12 +130,22 @@ impl Ports {
 impl Port {
     /// Settings that changed the client's bytes, for the user.
     pub(super) fn acted(&self) -> Option<String> {
+        self.acted_of(|_| true)
+    }
+
+    /// The same, without the parity bit, which changes no byte.
+    pub(super) fn changed(&self) -> Option<String> {
+        self.acted_of(|setting| setting != Setting::Parity)
+    }
+
+    fn acted_of(&self, counts: fn(Setting) -> bool) -> Option<String> {
         let [to, from] = self.special;
         let effect = |setting: Setting| {
             let what = effect(setting, to, from)?;
             Some(format!("{} {what}", setting.name()))
         };
-        let acted: Vec<String> = self.settings.all().filter_map(effect).collect();
+        let settings = self.settings.all().filter(|setting| counts(*setting));
+        let acted: Vec<String> = settings.filter_map(effect).collect();
         (!acted.is_empty()).then(|| format!("{}: {}", self.name, acted.join(", ")))
     }
 

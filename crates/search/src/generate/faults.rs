@@ -252,6 +252,9 @@ impl Adversity {
         mission.fault = self.faults;
         mission.budget = self.budget;
         mission.phases = self.phases;
+        if let Some(phases) = &self.phases {
+            mission.duration = mission.duration.max(Span(phases.length()));
+        }
         // A damaged line is not the fault of its sender. This case does not judge the believed pose
         // while the robot has no measurements.
         mission.expect.violations_max = None;

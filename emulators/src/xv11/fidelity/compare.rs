@@ -54,7 +54,8 @@ impl Column {
         }
     }
 
-    fn value(&self, name: &str) -> Option<f64> {
+    /// The figure `name`, if the stream has it.
+    pub fn value(&self, name: &str) -> Option<f64> {
         self.rows.iter().find(|row| row.name == name)?.value
     }
 }

@@ -119,12 +119,66 @@ pub(in crate::import) fn plain(text: &[u8]) -> String {
     out
 }
 
+/// The text with masks in place of its dates and times, also of one that only begins the line.
+fn masked(text: &str) -> String {
+    let mut masked = times::masked(text);
+    let (prefix, rest) = prefix::split(text);
+    let mut head = text.len() - rest.len();
+    // Three pairs with colons are a time, too, if a word follows, and no byte.
+    let mut words = text.split_whitespace();
+    let is_time = words.next().is_some_and(prefix::is_time_of_day)
+        && words.next().is_some_and(|word| hex::bytes(word).is_none());
+    if is_time && prefix.at.is_none() {
+        head = text.find(|c: char| c.is_ascii_digit()).unwrap_or(0) + "12:11:23".len();
+    }
+    if (prefix.at.is_some() || is_time) && text.is_char_boundary(head) {
+        let kept = |c: char| if c.is_ascii_digit() { times::MASK } else { c };
+        masked = text[..head].chars().map(kept).collect::<String>() + &masked[head..];
+    }
+    masked
+}
+
+/// Bytes of a line that has several directions, each with bytes behind it; otherwise none.
+fn directed(text: &str) -> Vec<Piece> {
+    let masked = masked(text);
+    let (mut found, mut end, mut at) = (Vec::new(), 0, None);
+    for run in runs(&masked) {
+        let head = &text[end..run.start];
+        let prefix = prefix_of(head);
+        at = at.or(prefix.at);
+        // No bytes in angle brackets.
+        let arrow = head.trim_matches(' ');
+        let is_bracket = text[run.end..].starts_with('>');
+        let is_arrow =
+            matches!(arrow, "<" | ">") || ARROWS.iter().any(|(known, _)| *known == arrow);
+        let is_told = is_arrow || head.contains(char::is_alphanumeric);
+        let is_told = is_told && !is_bracket;
+        if prefix.is_sent.is_none() || !is_told || !is_head(&masked[end..run.start]) {
+            continue;
+        }
+        end = run.end;
+        found.push(Piece {
+            prefix: Prefix { at, ..prefix },
+            told: told(head),
+            bytes: run.bytes,
+            evident: run.evident,
+            has_marks: run.has_marks,
+            is_bare: false,
+        });
+    }
+    let is_whole = is_tail(&text[end..], &Run::default());
+    if found.len() < 2 || !is_whole {
+        found.clear();
+    }
+    found
+}
+
 /// Bytes of a line; `None` if it has none.
 fn piece(text: &str) -> Option<Piece> {
     if let Some(piece) = bracketed(text) {
         return Some(piece);
     }
-    let masked = times::masked(text);
+    let masked = masked(text);
     let run = best(&masked)?;
     let (head, tail) = (&text[..run.start], &text[run.end..]);
     if !is_head(&masked[..run.start]) || !is_tail(tail, &run) {
@@ -132,6 +186,19 @@ fn piece(text: &str) -> Option<Piece> {
     }
     let prefix = prefix_of(head);
     let is_bare = head.trim().is_empty();
+    // Words behind bytes without any head: a time of an unknown form, and a message.
+    if is_bare
+        && !is_tail(
+            tail,
+            &Run {
+                bytes: vec![0; run.bytes.len().min(2)],
+                ..Run::default()
+            },
+        )
+        && !is_shown(tail, &run)
+    {
+        return None;
+    }
     // A decimal figure after words without a direction.
     let is_figure = run.evident == 0 && !run.is_pairs && prefix.is_sent.is_none() && !is_bare;
     if is_figure {
@@ -290,6 +357,14 @@ fn best(text: &str) -> Option<Run> {
 
 /// Whether bytes may follow this text.
 fn is_head(head: &str) -> bool {
+    let padded = format!(" {}", head.trim_end());
+    if ARROWS
+        .iter()
+        .any(|(arrow, _)| padded.ends_with(&format!(" {arrow}")))
+        || padded.ends_with(" <")
+    {
+        return true;
+    }
     let head = head
         .trim_end()
         .trim_end_matches(['\'', '"', 'b', '[', '{', '(', '<']);
@@ -307,10 +382,18 @@ fn is_head(head: &str) -> bool {
 /// a run that is not by chance, any words may follow.
 fn is_tail(tail: &str, run: &Run) -> bool {
     let shown = tail.trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
+    // Half a byte: the line was cut.
+    let is_half = shown.len() == 1 && shown.bytes().all(|byte| byte.is_ascii_hexdigit());
     shown.is_empty()
         || run.bytes.len() >= 3
-        || shown.starts_with('(')
-        || shown.chars().count() <= run.bytes.len()
+        || shown.starts_with(['(', '<', '#'])
+        || (!is_half && is_shown(tail, run))
+}
+
+/// Whether `tail` may show the bytes as text.
+fn is_shown(tail: &str, run: &Run) -> bool {
+    let shown = tail.trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
+    shown.chars().count() <= run.bytes.len()
 }
 
 fn direction(word: &str) -> Option<bool> {
@@ -380,9 +463,12 @@ fn pieces(text: &str, has_literals: bool) -> Vec<Piece> {
     } else {
         Vec::new()
     };
-    match found.is_empty() {
-        true => piece(text).into_iter().collect(),
-        false => found,
+    if !found.is_empty() {
+        return found;
+    }
+    match directed(text) {
+        several if !several.is_empty() => several,
+        _ => piece(text).into_iter().collect(),
     }
 }
 
@@ -399,7 +485,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
         let found = pieces(&text, has_literals);
         if found.is_empty() {
             let prefix = prefix_of(&text);
-            error = error.or(close(open.take(), &mut whole));
+            error = error.or(close(open.take(), &mut whole, &mut rest));
             // A line with only a direction is the head of the lines below.
             if prefix.is_sent.is_some() {
                 open = Some(of(line, prefix, told(&text)));
@@ -413,7 +499,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
             let prefix = found.prefix;
             let goes_on = found.is_bare && prefix.is_sent.is_none() && prefix.at.is_none();
             if !goes_on || open.is_none() {
-                error = error.or(close(open.take(), &mut whole));
+                error = error.or(close(open.take(), &mut whole, &mut rest));
                 open = Some(of(line, prefix, found.told));
             }
             if let Some(open) = &mut open {
@@ -421,7 +507,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
             }
         }
     }
-    error = error.or(close(open.take(), &mut whole));
+    error = error.or(close(open.take(), &mut whole, &mut rest));
     (whole, rest, error)
 }
 
@@ -436,10 +522,15 @@ const fn of(line: Line<'_>, prefix: Prefix, told: Option<usize>) -> Open<'_> {
     Open { message, told }
 }
 
-fn close<'a>(open: Option<Open<'a>>, whole: &mut Whole<'a>) -> Option<ImportError> {
+fn close<'a>(
+    open: Option<Open<'a>>,
+    whole: &mut Whole<'a>,
+    rest: &mut Vec<Line<'a>>,
+) -> Option<ImportError> {
     let Open { message, told } = open?;
     let found = message.bytes.len();
     if found == 0 {
+        rest.push(message.line);
         return None;
     }
     let error = told.filter(|&told| told > found).map(|told| {
@@ -461,11 +552,19 @@ pub(in crate::import) fn look(bytes: &[u8]) -> Option<Look> {
     first
         .any(|line| !pieces(plain(line.text).trim_end(), true).is_empty())
         .then_some(())?;
-    let (whole, _, _) = parse(bytes);
+    let (whole, rest, _) = parse(bytes);
     let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
     let is_told = |one: &Message<'_>| one.is_sent.is_some() || one.at.is_some();
+    // Both directions, and hardly a line without bytes: not text that happens to be digits.
+    let has = |is_sent| {
+        whole
+            .messages
+            .iter()
+            .any(|one| one.is_sent == Some(is_sent))
+    };
+    let is_directed = has(true) && has(false) && rest.len() * 8 <= whole.messages.len();
     let is_sure = count >= 2
-        && (whole.has_marks || whole.evident * 8 >= count)
+        && (whole.has_marks || whole.evident * 8 >= count || is_directed)
         && whole.messages.iter().all(is_told);
     is_sure.then_some(Look::Surely)
 }
@@ -482,7 +581,7 @@ pub(in crate::import) fn read(
     if let Some(first) = rest.first() {
         let shown: String = plain(first.text).chars().take(40).collect();
         out.note(format!(
-            "{} lines without bytes are left out, the first is line {}: {shown}",
+            "{} lines without readable bytes are left out, the first is line {}: {shown}",
             rest.len(),
             first.number
         ));

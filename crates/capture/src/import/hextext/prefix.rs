@@ -22,6 +22,8 @@ pub(in crate::import) struct Prefix {
     /// Whether the direction is only an arrow to the right after the time, which the Arduino IDE
     /// and PlatformIO write before received text.
     pub(in crate::import) is_arrow: bool,
+    /// Number of bytes that the line states behind its direction.
+    pub(in crate::import) told: Option<usize>,
 }
 
 /// Words for bytes that the host sent.
@@ -60,10 +62,48 @@ pub(in crate::import) fn split(text: &str) -> (Prefix, &str) {
             (prefix.is_sent, rest) = (Some(is_sent), behind);
         } else if prefix != Prefix::default() && matches!(word, "-" | "|" | ":" | ",") {
             rest = behind;
+        } else if let Some((told, behind)) = stated(rest).filter(|_| prefix.is_sent.is_some()) {
+            (prefix.told, rest) = (Some(told), behind);
         } else {
             return (prefix, rest);
         }
     }
+}
+
+/// The number of bytes that a text begins with, and the rest: `(10):`, `[10]:`, `10:` or `len=10`;
+/// without the colon only if so many numbers follow.
+fn stated(text: &str) -> Option<(usize, &str)> {
+    let lower = text.get(..8).unwrap_or(text).to_ascii_lowercase();
+    let name = ["length=", "len=", "n=", "size="];
+    if let Some(name) = name.iter().find(|name| lower.starts_with(**name)) {
+        let (count, behind) = digits(&text[name.len()..])?;
+        return Some((count, behind.trim_start_matches([':', ',']).trim_start()));
+    }
+    let (count, behind) = match text.chars().next()? {
+        '(' => bracketed(&text[1..], ')')?,
+        '[' => bracketed(&text[1..], ']')?,
+        _ => {
+            let (count, behind) = digits(text)?;
+            behind.starts_with(": ").then_some((count, behind))?
+        }
+    };
+    let is_marked = behind.starts_with(':');
+    let behind = behind.trim_start_matches(':').trim_start();
+    let is_count = behind.split_whitespace().count() == count;
+    (is_marked || is_count).then_some((count, behind))
+}
+
+fn bracketed(text: &str, close: char) -> Option<(usize, &str)> {
+    let (count, behind) = digits(text)?;
+    Some((count, behind.strip_prefix(close)?))
+}
+
+/// A decimal number at the beginning, and the rest.
+fn digits(text: &str) -> Option<(usize, &str)> {
+    let end = text
+        .find(|c: char| !c.is_ascii_digit())
+        .unwrap_or(text.len());
+    Some((text[..end].parse().ok()?, &text[end..]))
 }
 
 /// The first word, which is a bracketed text or ends at a space, and the rest.
@@ -95,15 +135,25 @@ fn direction(word: &str) -> Option<bool> {
 fn time<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
     let word = word.trim_end_matches([':', ',']);
     // A bracket may contain both parts of a date.
-    if let Some((date, time)) = word.split_once([' ', 'T'])
-        && let Some(nanos) = date_and_time(date, time)
-    {
-        return Some(((nanos, Clock::Date), behind));
+    if let Some((date, time)) = word.split_once([' ', 'T']) {
+        let (time, half) = match time.split_once(' ') {
+            Some((time, half @ ("AM" | "PM"))) => (time, half),
+            _ => (time, ""),
+        };
+        if let Some(nanos) = date_and_time(date, time) {
+            return Some(((half_of_date(nanos, half), Clock::Date), behind));
+        }
     }
     if let Some((time, rest)) = next_word(behind)
         && let Some(nanos) = date_and_time(word, time.trim_end_matches([':', ',']))
     {
-        return Some(((nanos, Clock::Date), rest));
+        return Some(match next_word(rest) {
+            Some((half, rest)) if matches!(half.trim_end_matches(','), "AM" | "PM") => {
+                let half = half.trim_end_matches(',');
+                ((half_of_date(nanos, half), Clock::Date), rest)
+            }
+            _ => ((nanos, Clock::Date), rest),
+        });
     }
     if let Some((time, rest)) = next_word(behind)
         && matches!(time, "AM" | "PM")
@@ -125,6 +175,12 @@ fn time<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
         return None;
     }
     Some(((decimal_nanos(digits)? / unit, Clock::Seconds), behind))
+}
+
+/// Whether a word is a time of day without a fraction, also in brackets.
+pub(super) fn is_time_of_day(word: &str) -> bool {
+    let word = word.trim_matches(|c: char| "[](),:".contains(c));
+    word.len() == 8 && whole_of_day(word).is_some()
 }
 
 /// `12:11:23`, without a fraction.
@@ -161,6 +217,15 @@ fn half_of_day(nanos: u64, half: &str) -> u64 {
     match half {
         "PM" => nanos % HALF + HALF,
         _ => nanos % HALF,
+    }
+}
+
+/// Converts a date with a time of a twelve-hour clock, if `half` is one of its halves.
+fn half_of_date(nanos: u64, half: &str) -> u64 {
+    const DAY: u64 = 24 * 3_600 * 1_000_000_000;
+    match half {
+        "" => nanos,
+        _ => nanos - nanos % DAY + half_of_day(nanos % DAY, half),
     }
 }
 

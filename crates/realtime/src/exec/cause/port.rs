@@ -50,7 +50,7 @@ fn rate(port: &Port) -> Option<Cause> {
 
 /// Line settings that changed bytes or held them back.
 fn setting(port: &Port) -> Option<Cause> {
-    let acted = port.acted()?;
+    let acted = port.changed()?;
     Some(Cause::new(
         weight::SETTING,
         format!(

@@ -11,7 +11,7 @@ use super::wiring::Placed;
 use engine::rig::{Paced, Rig};
 use engine::run::Run;
 use realtime::clock::Clock;
-use realtime::exec::{Foreign, PORTS_VARIABLE, Seat};
+use realtime::exec::{Foreign, PORTS_VARIABLE, Seat, port_variable};
 use realtime::guest::{GuestError, Trial, TrialMoment};
 use realtime::held::Held;
 use realtime::process::{Ended, Patience, Process};
@@ -252,13 +252,18 @@ impl Live {
         ports: Vec<Placed>,
     ) -> Result<Self, HarnessError> {
         let mut realtime = Realtime::new(Held::at(run.rig.now()));
+        let mut names = Vec::new();
         for (end, port) in ports {
+            names.push(end.name.clone());
             realtime.serve(end, port);
         }
         let process = match &harness.whose {
             Whose::Command { command, dir } => {
-                let ports = (PORTS_VARIABLE.to_owned(), dir.clone().into());
-                Some(Process::start(&harness.command(command), &[ports], None))
+                let mut variables = vec![(PORTS_VARIABLE.to_owned(), dir.clone().into())];
+                let own = names.iter();
+                let own = own.map(|name| (port_variable(name), Path::new(dir).join(name).into()));
+                variables.extend(own);
+                Some(Process::start(&harness.command(command), &variables, None))
             }
             Whose::Ports(_) => None,
         };

@@ -112,3 +112,63 @@ fn dates_and_times_are_no_bytes() {
     let found = piece("rx: 12:11:23").map(|piece| piece.bytes);
     assert_eq!(found, Some(vec![0x12, 0x11, 0x23]));
 }
+
+/// Messages of a text in any form, as `true` for sent ones, and the notes of the import.
+fn imported(text: &str) -> (Vec<(bool, Vec<u8>)>, String) {
+    let format = Format::detect(text.as_bytes()).unwrap_or_else(|| panic!("{text}: no form"));
+    let found = read_format(text.as_bytes(), format, &Options::default());
+    let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+    let pair = |one: &crate::Record| (one.direction == Direction::ToDevice, one.bytes.to_vec());
+    let pairs = found.records().iter().map(pair).collect();
+    (pairs, found.notes.join("; "))
+}
+
+/// No time, length or word of a line becomes a byte, and no bytes or lines get lost without a note.
+#[test]
+fn a_line_gives_its_bytes_and_nothing_else() {
+    const REQUEST: [u8; 3] = [0x10, 0x5B, 0x01];
+    const REPLY: [u8; 2] = [0xE5, 0xAF];
+    let expected = [(true, REQUEST.to_vec()), (false, REPLY.to_vec())];
+    for text in [
+        "10:00:00 DEBUG TX: 10 5B 01\n10:00:01 ERROR timeout\n10:00:03 DEBUG RX: E5 AF\n",
+        "1774742394 TX: 10 5B 01\n1774742395 ERROR timeout\n1774742396 RX: E5 AF\n",
+        "20260328 100000 TX: 10 5B 01\n20260328 100001 no reply\n20260328 100002 RX: E5 AF\n",
+        "10:00:00 TX 10 5B 01\n10:00:01 RX E5 AF ok\n",
+        "10:00:00 TX 10 5B 01 (retry)\n10:00:01 RX E5 AF <ACK>\n",
+        "10:00:00.000 TX (3): 10 5B 01\n10:00:00.100 RX (2): E5 AF\n",
+        "TX [3]: 10 5B 01\nRX [2]: E5 AF\n",
+        "TX 3: 10 5B 01\nRX 2: E5 AF\n",
+        "TX len=3 10 5B 01\nRX len=02 E5 AF\n",
+        "ttyS0 >> 10 5B 01\nttyS0 << E5 AF\n",
+        "ttyS0 > 10 5B 01\nttyS0 < E5 AF\n",
+        "10:00:00.000 -> 10 5B 01\n10:00:00.100 <- E5 AF\n",
+        "0.000 TX: 10 5B 01 RX: E5 AF\n",
+        "10:00:00.000 -> 10 5B 01 <- E5 AF\n",
+    ] {
+        assert_eq!(imported(text).0, expected, "{text}");
+    }
+    // Printable bytes are bytes, too, behind directions.
+    let printable = "23:59:55.123 -> 02 73 52 4E 03\n23:59:55.153 <- 02 73 52 41 03\n";
+    let found = imported(printable).0;
+    assert_eq!(found[0], (true, vec![0x02, 0x73, 0x52, 0x4E, 0x03]));
+    for lost in ["RX E5 ACK", "RX: E5 02 ?? 16", "RX: E5 0"] {
+        let (found, notes) = imported(&format!("TX: 10 5B 01\n{lost}\nRX: E5 AF\n"));
+        assert_eq!(found, expected, "{lost}");
+        assert!(
+            notes.contains("line 2") && notes.contains("left out"),
+            "{lost}: {notes}"
+        );
+    }
+}
+
+/// Half a second before midnight, and after it; 1:05:02 in the afternoon.
+#[test]
+fn a_clock_of_twelve_hours_may_have_a_date() {
+    let at = |text: &str| prefix::split(text).0.at.expect("a time").0 / 1_000_000;
+    let day = 24 * 3_600 * 1_000;
+    let before = at("03/28/2026 11:59:59.500 PM RX E5");
+    assert_eq!(before % day, day - 500);
+    assert_eq!(at("03/29/2026 12:00:00.100 AM TX 10"), before + 600);
+    let afternoon = (13 * 3_600 + 5 * 60 + 2) * 1_000;
+    assert_eq!(at("[3/28/2026 1:05:02 PM] TX 10") % day, afternoon);
+}

@@ -9,8 +9,8 @@
 use core::time::Duration;
 
 use emulators::device::{Event, EventKind};
-use nodes::{NodeDevice, RECEIVER_OFF, Role, WATCHDOG_RESET};
-use protocols::Instant;
+use nodes::{NodeDevice, RECEIVER_OFF, Role, WATCHDOG_RESET, format_of};
+use protocols::{Instant, LineConfig};
 
 use super::super::Check;
 use super::{GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood};
@@ -232,7 +232,7 @@ impl GoesOn {
         Some(format!("{detail}: check --wire"))
     }
 
-    /// The first line on which most bytes were unreadable, because the rates differ.
+    /// The first line on which bytes were unreadable, because the rates or formats differ.
     fn garbled(&self, rig: &Rig) -> Option<String> {
         let link_of = |line: &Line| {
             let mut links = rig.links().iter();
@@ -241,12 +241,18 @@ impl GoesOn {
         self.own_lines(rig).find_map(|line| {
             let traffic = line.traffic();
             let [own, far] = rig.line_configs(line);
-            let is_other = u64::from(own.baud.abs_diff(far.baud)) * 20 > u64::from(far.baud);
+            let differs = own.data_bits != far.data_bits || own.parity != far.parity;
+            let is_other =
+                differs || u64::from(own.baud.abs_diff(far.baud)) * 20 > u64::from(far.baud);
             let unread = traffic.framing_errors + traffic.resampled.unsigned_abs();
             (is_other && traffic.sent > 0 && unread > 0).then(|| {
                 let name = link_of(line).map_or("", |link| &link.name);
-                let (own, far) = (own.baud, far.baud);
-                format!("{name}: program at {own} baud, expected {far}: both sides read garbage")
+                let line = |line: LineConfig| match differs {
+                    true => format!("{} baud {}", line.baud, format_of(line)),
+                    false => format!("{} baud", line.baud),
+                };
+                let (own, far) = (line(own), line(far));
+                format!("{name}: program at {own}, expected {far}: both sides read garbage")
             })
         })
     }
