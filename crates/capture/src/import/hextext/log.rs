@@ -17,6 +17,7 @@
 //! time.
 
 mod literals;
+mod runs;
 mod stated;
 mod times;
 
@@ -26,6 +27,7 @@ use crate::import::Look;
 use crate::import::imported::{ImportError, Imported, Options};
 use crate::import::text::{Line, lines};
 use engine::hex;
+use runs::{Run, best, runs};
 use stated::told;
 
 /// Bytes of a line, and the text before them.
@@ -39,17 +41,6 @@ struct Piece {
     told: Option<usize>,
     /// Whether no text precedes the bytes.
     is_bare: bool,
-}
-
-/// Consecutive hex numbers.
-#[derive(Clone, Debug, Default)]
-struct Run {
-    bytes: Vec<u8>,
-    evident: usize,
-    has_marks: bool,
-    is_pairs: bool,
-    start: usize,
-    end: usize,
 }
 
 /// Words for sent bytes, and for received ones.
@@ -256,103 +247,6 @@ fn bracketed(text: &str) -> Option<Piece> {
         });
     }
     None
-}
-
-/// Kinds of numbers, which are not mixed in one run.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
-    Pair,
-    Marked,
-    Digits,
-}
-
-fn number(token: &str) -> Option<(Kind, Vec<u8>)> {
-    let marked = token
-        .strip_prefix("0x")
-        .or_else(|| token.strip_prefix("0X"));
-    if let Some(digits) = marked {
-        let byte = hex::byte(format!("{digits:0>2}").as_bytes()).filter(|_| !digits.is_empty())?;
-        return Some((Kind::Marked, vec![byte]));
-    }
-    match token.len() {
-        2 => hex::byte(token.as_bytes()).map(|byte| (Kind::Pair, vec![byte])),
-        0..=3 => None,
-        _ => {
-            let has_digit = token.bytes().any(|byte| byte.is_ascii_digit());
-            let bytes = hex::bytes(token).filter(|_| has_digit)?;
-            Some((Kind::Digits, bytes))
-        }
-    }
-}
-
-/// All runs of a line.
-fn runs(text: &str) -> Vec<Run> {
-    let is_inside = |c: char| c.is_alphanumeric() || c == '.' || c == '_';
-    let (mut runs, mut last): (Vec<Run>, Option<(Kind, usize)>) = (Vec::new(), None);
-    let mut at = 0;
-    while at < text.len() {
-        let rest = &text[at..];
-        let len = rest.find(|c| !is_inside(c)).unwrap_or(rest.len());
-        if len == 0 {
-            at += rest.chars().next().map_or(1, char::len_utf8);
-            continue;
-        }
-        let token = rest[..len].trim_end_matches('.');
-        let found = number(token);
-        if let Some((kind, bytes)) = &found {
-            let gap = last.map(|(_, end)| &text[end..at]);
-            // Groups of eight bytes, the last of which is shorter.
-            let is_rest = gap == Some(" ")
-                && runs
-                    .last()
-                    .is_some_and(|run| run.bytes.len().is_multiple_of(8));
-            let is_kind = |(known, _): (Kind, usize)| {
-                known == *kind || (known == Kind::Digits && *kind == Kind::Pair && is_rest)
-            };
-            let goes_on = last.is_some_and(is_kind) && gap.is_some_and(is_gap);
-            if !goes_on {
-                let start = at;
-                runs.push(Run {
-                    start,
-                    ..Run::default()
-                });
-            }
-            if let Some(run) = runs.last_mut() {
-                let letters = token.as_bytes().chunks(2);
-                let letters = letters.filter(|two| two.iter().any(u8::is_ascii_alphabetic));
-                run.evident += match kind {
-                    Kind::Marked => 1,
-                    _ => letters.count(),
-                };
-                run.has_marks |= *kind == Kind::Marked;
-                run.is_pairs |= *kind == Kind::Pair;
-                run.bytes.extend(bytes);
-                run.end = at + token.len();
-            }
-        }
-        last = found.map(|(kind, _)| (kind, at + token.len()));
-        at += len;
-    }
-    runs
-}
-
-/// Whether `gap` may separate two numbers of a run: spaces, a comma, or one mark without spaces.
-fn is_gap(gap: &str) -> bool {
-    let marks = gap.trim();
-    gap.len() <= 3 && (marks.is_empty() || marks == "," || [":", "-", "|", ";"].contains(&gap))
-}
-
-/// The run at the end of the line, or the longest.
-fn best(text: &str) -> Option<Run> {
-    let all = runs(text);
-    let is_last = |run: &&Run| {
-        let tail =
-            text[run.end..].trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
-        tail.is_empty()
-    };
-    let last = all.iter().rfind(is_last).cloned();
-    last.filter(|run| run.has_marks || is_head(&text[..run.start]))
-        .or_else(|| all.into_iter().rev().max_by_key(|run| run.bytes.len()))
 }
 
 /// Whether bytes may follow this text.
