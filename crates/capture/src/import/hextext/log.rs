@@ -178,16 +178,7 @@ fn piece(text: &str) -> Option<Piece> {
     let prefix = prefix_of(head);
     let is_bare = head.trim().is_empty();
     // Words behind bytes without any head: a time of an unknown form, and a message.
-    if is_bare
-        && !is_tail(
-            tail,
-            &Run {
-                bytes: vec![0; run.bytes.len().min(2)],
-                ..Run::default()
-            },
-        )
-        && !is_shown(tail, &run)
-    {
+    if is_bare && !is_aside(tail) && !is_shown(tail, &run) {
         return None;
     }
     // A decimal figure after words without a direction.
@@ -273,15 +264,28 @@ fn is_head(head: &str) -> bool {
 }
 
 /// Whether `tail` may follow the bytes: nothing, the same bytes as text, or text in brackets. After
-/// a run that is not by chance, any words may follow.
+/// a run that is not by chance, any words may follow, but no damaged byte.
 fn is_tail(tail: &str, run: &Run) -> bool {
+    is_aside(tail) || (!is_damaged(tail) && (run.bytes.len() >= 3 || is_shown(tail, run)))
+}
+
+/// Whether a text is nothing, or a remark in brackets.
+fn is_aside(tail: &str) -> bool {
     let shown = tail.trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
-    // Half a byte: the line was cut.
-    let is_half = shown.len() == 1 && shown.bytes().all(|byte| byte.is_ascii_hexdigit());
-    shown.is_empty()
-        || run.bytes.len() >= 3
-        || shown.starts_with(['(', '<', '#'])
-        || (!is_half && is_shown(tail, run))
+    shown.is_empty() || shown.starts_with(['(', '<', '#'])
+}
+
+/// Whether a text begins with a byte that cannot be read, as the bytes before it: `0`, `??`, `1G`
+/// or `116`.
+fn is_damaged(tail: &str) -> bool {
+    let Some(rest) = tail.strip_prefix(' ').filter(|rest| !rest.starts_with(' ')) else {
+        return false;
+    };
+    let word = rest.split(' ').next().unwrap_or_default();
+    let digits = word.chars().filter(|c| c.is_ascii_hexdigit()).count();
+    let is_short = matches!(word.len(), 1..=3);
+    let is_number = word.starts_with(|c: char| c.is_ascii_digit() || c == '?');
+    is_short && is_number && digits + 1 >= word.len() || word == "??"
 }
 
 /// Whether `tail` may show the bytes as text.
@@ -475,7 +479,7 @@ pub(in crate::import) fn read(
     if let Some(first) = rest.first() {
         let shown: String = plain(first.text).chars().take(40).collect();
         out.note(format!(
-            "{} lines without readable bytes are left out, the first is line {}: {shown}",
+            "lines without readable bytes are left out: {}, the first is line {}: {shown}",
             rest.len(),
             first.number
         ));

@@ -151,7 +151,15 @@ fn a_line_gives_its_bytes_and_nothing_else() {
     let printable = "23:59:55.123 -> 02 73 52 4E 03\n23:59:55.153 <- 02 73 52 41 03\n";
     let found = imported(printable).0;
     assert_eq!(found[0], (true, vec![0x02, 0x73, 0x52, 0x4E, 0x03]));
-    for lost in ["RX E5 ACK", "RX: E5 02 ?? 16", "RX: E5 0"] {
+    for lost in [
+        "RX E5 ACK",
+        "RX: E5 02 ?? 16",
+        "RX: E5 0",
+        "RX: E5 02 03 ?? 16",
+        "RX: E5 02 03 1G 16",
+        "RX: E5 02 03 116 16",
+        "RX: E5 02 03 0",
+    ] {
         let (found, notes) = imported(&format!("TX: 10 5B 01\n{lost}\nRX: E5 AF\n"));
         assert_eq!(found, expected, "{lost}");
         assert!(
