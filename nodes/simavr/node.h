@@ -220,8 +220,13 @@ void run_until(uint64_t ns, uint64_t now_ns);
 uint64_t next_exchange(void);
 void restart(bool is_power_on);
 void begin_running(void);
-/* A one written to the flag of this interrupt clears it. */
+/* Called after each write to a register with its old value and the written one. */
+typedef void (*written)(avr_io_addr_t address, uint8_t old, uint8_t value, void *param);
+void after_write(avr_io_addr_t address, written after, void *param);
+/* A one written to the flag of this interrupt clears it, as the data sheets say. */
 void clear_by_one(avr_int_vector_t *vector);
+/* The register holds nothing but flags. */
+void flags_only(avr_io_addr_t address);
 void note(uint8_t kind, const char *rule, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 /* The timer of the chip's unit `param`; NULL if none runs. */

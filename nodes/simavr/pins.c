@@ -174,9 +174,13 @@ static void look_at_level(int number) {
     bool is_at_level = sense[1].reg && !avr_regbit_get(avr, sense[0]) && !avr_regbit_get(avr, sense[1]);
     if (!pin || !is_at_level)
         return;
-    avr_clear_interrupt(avr, vector);
-    avr_regbit_clear(avr, vector->raised);
-    if (!pin->value && avr_regbit_get(avr, vector->enable))
+    bool is_wanted = !pin->value && avr_regbit_get(avr, vector->enable);
+    if (!is_wanted && vector->pending)
+        avr_clear_interrupt(avr, vector);
+    /* No flag is set by a level. */
+    if (!vector->pending)
+        avr_regbit_clear(avr, vector->raised);
+    if (is_wanted && !vector->pending)
         avr_raise_interrupt(avr, vector);
 }
 
@@ -193,9 +197,10 @@ static void on_routine(struct avr_irq_t *irq, uint32_t value, void *param) {
         look_at_level((int)(intptr_t)param);
 }
 
-/* Some interrupts are switched on or off. */
-static void on_enable(struct avr_irq_t *irq, uint32_t value, void *param) {
-    (void)irq;
+/* Some interrupts are switched on or off, or get another sense. */
+static void on_switch(avr_io_addr_t address, uint8_t old, uint8_t value, void *param) {
+    (void)address;
+    (void)old;
     (void)value;
     (void)param;
     for (int i = 0; i < EXTINT_COUNT; i++)
@@ -208,21 +213,45 @@ static void forget_polling(void) {
         avr_extint_set_strict_lvl_trig(chip.avr, i, 0);
 }
 
+/* Follows a register once, however many interrupts have bits in it. */
+static bool is_first(avr_io_addr_t *known, size_t *count, avr_io_addr_t address) {
+    for (size_t i = 0; i < *count; i++)
+        if (known[i] == address)
+            return false;
+    known[(*count)++] = address;
+    return address != 0;
+}
+
 static void attach_external(void) {
+    avr_io_addr_t flags[EXTINT_COUNT + 16] = {0}, switches[3 * EXTINT_COUNT] = {0};
+    size_t flag_count = 0, switch_count = 0;
     avr_extint_t *unit = chip.external;
-    if (!unit)
-        return;
     forget_polling();
-    for (int i = 0; i < EXTINT_COUNT; i++) {
+    for (int i = 0; unit && i < EXTINT_COUNT; i++) {
+        avr_int_vector_t *vector = &unit->eint[i].vector;
         if (!unit->eint[i].port_ioctl)
             continue;
         void *number = (void *)(intptr_t)i;
-        avr_irq_t *running = avr_get_interrupt_irq(chip.avr, unit->eint[i].vector.vector);
+        avr_irq_t *running = avr_get_interrupt_irq(chip.avr, vector->vector);
         avr_irq_register_notify(unit->io.irq + i, on_level, number);
         avr_irq_register_notify(running + AVR_INT_IRQ_RUNNING, on_routine, number);
+        if (is_first(flags, &flag_count, vector->raised.reg))
+            flags_only(vector->raised.reg);
+        clear_by_one(vector);
+        const avr_io_addr_t own[] = {vector->enable.reg, unit->eint[i].isc[0].reg,
+                                     unit->eint[i].isc[1].reg};
+        for (size_t n = 0; n < ARRAY_SIZE(own); n++)
+            if (is_first(switches, &switch_count, own[n]))
+                after_write(own[n], on_switch, NULL);
     }
-    avr_io_addr_t enable = unit->eint[0].vector.enable.reg;
-    avr_irq_register_notify(avr_iomem_getirq(chip.avr, enable, NULL, AVR_IOMEM_IRQ_ALL), on_enable, NULL);
+    for (avr_io_t *io = chip.avr->io_port; io; io = io->next) {
+        avr_int_vector_t *vector = &((avr_ioport_t *)io)->pcint;
+        if (strcmp(io->kind, "port") != 0 || vector->vector == 0)
+            continue;
+        if (flag_count < ARRAY_SIZE(flags) && is_first(flags, &flag_count, vector->raised.reg))
+            flags_only(vector->raised.reg);
+        clear_by_one(vector);
+    }
 }
 
 /* A reset makes all pins inputs: what they drove is let go. */

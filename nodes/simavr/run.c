@@ -47,11 +47,39 @@ avr_cycle_timer_slot_t *timer_of(const void *param) {
     return at;
 }
 
-/* A one written to a flag clears it, as the data sheets say; simavr keeps the flags of some units. */
-static void on_flags_written(struct avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+/* What follows a write to a register. simavr itself shares only six registers of a chip. */
+static struct write {
+    avr_io_write_t before;
+    void *before_param;
+    written after;
+    void *param;
+} writes[32];
+
+static void on_write(struct avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    const struct write *write = param;
+    uint8_t old = avr->data[address];
+    if (write->before)
+        write->before(avr, address, value, write->before_param);
+    else
+        avr->data[address] = value;
+    write->after(address, old, value, write->param);
+}
+
+void after_write(avr_io_addr_t address, written after, void *param) {
+    static size_t count;
+    if (count == ARRAY_SIZE(writes))
+        refuse("a %s has more units than this program follows", chip.mcu);
+    struct write *write = &writes[count++];
+    *write = (struct write){chip.avr->io[AVR_DATA_TO_IO(address)].w.c,
+                            chip.avr->io[AVR_DATA_TO_IO(address)].w.param, after, param};
+    chip.avr->io[AVR_DATA_TO_IO(address)].w.c = on_write;
+    chip.avr->io[AVR_DATA_TO_IO(address)].w.param = write;
+}
+
+static void clear_flag(avr_io_addr_t address, uint8_t old, uint8_t value, void *param) {
     avr_int_vector_t *vector = param;
-    (void)avr;
     (void)address;
+    (void)old;
     if (!(value >> vector->raised.bit & 1))
         return;
     avr_clear_interrupt(chip.avr, vector);
@@ -59,7 +87,17 @@ static void on_flags_written(struct avr_t *avr, avr_io_addr_t address, uint8_t v
 }
 
 void clear_by_one(avr_int_vector_t *vector) {
-    avr_register_io_write(chip.avr, vector->raised.reg, on_flags_written, vector);
+    after_write(vector->raised.reg, clear_flag, vector);
+}
+
+/* Flags without another use: a zero leaves them. */
+static void keep_flags(avr_io_addr_t address, uint8_t old, uint8_t value, void *param) {
+    (void)param;
+    chip.avr->data[address] = old & (uint8_t)~value;
+}
+
+void flags_only(avr_io_addr_t address) {
+    after_write(address, keep_flags, NULL);
 }
 
 /* The core's own part of a reset, whatever causes it: watchdog, reset pin, power. */

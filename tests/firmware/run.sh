@@ -47,10 +47,14 @@ done
 # The Leonardo's Serial is USB, which is not simulated.
 sed 's/Serial\b/Serial1/g' "$here/sketches/probe.cpp" >"$out/probe1.cpp"
 build "$out/probe1.cpp" probe1-leonardo.elf leonardo
-sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics level)
+sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics level polled)
 for sketch in "${sketches[@]}"; do
     build "$here/sketches/$sketch.cpp" "$sketch.elf" mega
-    cp "$here/${sketch/level/mt_sics}.toml" "$out/$sketch.toml"
+    case $sketch in
+    level) cp "$here/mt_sics.toml" "$out/level.toml" ;;
+    polled) cp "$here/station.toml" "$out/polled.toml" ;;
+    *) cp "$here/$sketch.toml" "$out/" ;;
+    esac
 done
 
 echo "== the node program by itself"
@@ -100,6 +104,16 @@ says "$out/mt_sics" "stable 100.25" 8
 echo "== an interrupt at low level"
 run level "$out/level" it=serial1
 says "$out/level" "runs=(50|100|500)\r?$" 3
+
+# START, SLA+W, data, repeated START and SLA+R acknowledged, data not; WHO_AM_I. 1.1 of 5 V are 225
+# of 1024. The flag is clear, set by an edge, and clear.
+echo "== flags that a program polls"
+options=(--firmware-may-idle)
+run polled "$out/polled" ranger=i2c imu=i2c scale=serial1 pc=serial2
+options=()
+says "$out/polled" "bus 8 24 40 16 64 88 104" 10
+says "$out/polled" "analog 225 0 225 0" 10
+says "$out/polled" "flags 0 16 0" 10
 
 echo "== firmware that is not seen to work"
 # fails OPTIONS.. WORDS: a sketch of which the check says WORDS.
