@@ -9,6 +9,9 @@ use crate::support::folder;
 
 const HILRIG: &str = env!("CARGO_BIN_EXE_hilrig");
 const PROGRAM: &str = include_str!("programs/restarts.c");
+const POLLS: &str = include_str!("programs/polls.c");
+const METER: &str = "schema = 1\nname = \"meter\"\nrobot = \"none\"\nduration = \"2s\"\n\
+                     device.meter = { description = \"modbus-meter\" }\n";
 
 /// The output of a search of eight cases, each of 100 lines like `line`.
 fn search(name: &str, command: &str, line: &str) -> String {
@@ -69,4 +72,39 @@ fn a_finding_without_a_start_is_one_with_a_start() {
     let cause = folder("restarts-bug").join("out/findings/01-crash-sigabrt/cause.txt");
     let cause = fs::read_to_string(cause).expect(&said);
     assert!(cause.contains("1 turns left of"), "{cause}");
+}
+
+/// A program that polls with a timeout of 0 and a clock never blocks: its requests come one by one
+/// all the same, and each gets a reply of the case.
+#[test]
+fn a_program_that_polls_without_a_timeout_gets_its_inputs() {
+    let Some(program) = compiled("restarts-polls", "cc", POLLS, &[]) else {
+        return;
+    };
+    let dir = folder("restarts-polls");
+    fs::create_dir_all(&dir).expect("a fresh folder");
+    fs::write(dir.join("meter.toml"), METER).expect("a fresh folder");
+    let command = format!("exec {}", program.display());
+    let mut fuzz = Command::new(HILRIG);
+    fuzz.args(["fuzz", "--virtual", "--cases", "2", "--case", "200ms"])
+        .args([
+            "--scenario",
+            "meter.toml",
+            "--link",
+            "meter",
+            "--out",
+            "out",
+        ])
+        .args(["--exec", &command]);
+    let output = fuzz.current_dir(&dir).output().expect("it starts");
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    let all = [output.stdout, output.stderr].concat();
+    let all = String::from_utf8_lossy(&all).into_owned();
+    let inputs = said.split(" 2 cases with ").nth(1).expect(&all);
+    let inputs: u32 = inputs
+        .split(' ')
+        .next()
+        .and_then(|count| count.parse().ok())
+        .expect(&all);
+    assert!(inputs >= 10, "{all}");
 }

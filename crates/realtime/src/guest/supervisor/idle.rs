@@ -1,8 +1,10 @@
 //! Waiting by asking over and over: a thread that makes the same fruitless calls in a row, with
 //! nothing but looks at clocks between them, waits. Each further one takes longer, a fraction of
-//! the
-//! wait so far, but never past what happens next: so the wait ends when it would have, and costs
-//! hundreds of stops in place of millions.
+//! the wait so far, but never past what happens next: so the wait ends when it would have, and
+//! costs hundreds of stops in place of millions.
+//!
+//! The turn of the thread ends with each of these waits, like the turn of a thread that blocks:
+//! callers look at the ports between two turns, and one turn must not last for seconds.
 
 use core::time::Duration;
 
@@ -11,7 +13,7 @@ use nix::unistd::Pid;
 use protocols::Instant;
 
 use super::polls::{POLLFD, entries, watched};
-use super::{Flow, Memory, Next, Outcome, Supervisor, Thread};
+use super::{Flow, Memory, Next, Outcome, SLICE, Supervisor, Thread};
 use crate::guest::call::Call;
 use crate::guest::lent::LentCount;
 use crate::guest::task::{Fruitless, Idle};
@@ -82,7 +84,13 @@ impl Supervisor {
         if self.stage.take_delivered() {
             self.retry_files(None);
         }
-        None
+        let slice = self.threads.get(&tid).map_or(0, |thread| thread.slice);
+        // A debugger counts turns of its own. A thread with a full turn lets others run next.
+        if self.debugging.is_some() || slice >= SLICE {
+            return None;
+        }
+        self.held_over = Some((tid, Next::Attempt));
+        Some(Flow::Stays)
     }
 
     /// After a call of `tid`.

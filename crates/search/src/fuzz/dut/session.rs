@@ -306,8 +306,9 @@ impl<'a> Session<'a> {
         Ok(core::mem::take(&mut self.heard))
     }
 
-    /// The next bytes of the program on the raw link: until `is_whole` accepts them, or until a
-    /// silence of `quiet`. `None` if the program sends nothing within `most`.
+    /// The next bytes of the program on the raw link: until `is_whole` accepts them, until a silence
+    /// of `quiet`, or until `most` is over, for a program that sends without a pause. `None` if the
+    /// program sends nothing within `most`.
     pub(super) fn hear(
         &mut self,
         most: Duration,
@@ -317,10 +318,11 @@ impl<'a> Session<'a> {
         let until = self.now() + most;
         let (mut len, mut since) = (self.heard.len(), self.now());
         loop {
-            if is_whole(&self.heard) || (len > 0 && self.now() - since >= quiet) {
+            let (is_quiet, is_over) = (self.now() - since >= quiet, self.now() >= until);
+            if is_whole(&self.heard) || (len > 0 && (is_quiet || is_over)) {
                 return Ok(Some(core::mem::take(&mut self.heard)));
             }
-            if len == 0 && self.now() >= until {
+            if is_over {
                 return Ok(None);
             }
             self.turn()?;
