@@ -148,9 +148,9 @@ pub(in crate::cli) fn try_case(
         let (sound, left_out) = case.without_damage(&recorded, source);
         let again = out.join("without-damage");
         let without = play_to(&foreign, &sound, None, &Shown::of_case(case, &again), stop)?;
-        judgement.checks.extend(match left_out {
+        judgement.checks.extend(match left_out.is_empty() {
             // The rule was asked for: without damage that is seen, nothing shows that it holds.
-            0 => vec![Check::new(
+            true => vec![Check::new(
                 "ignores-damage",
                 false,
                 "not observed: the capture has no damaged frame of a known protocol; for a \
@@ -158,7 +158,7 @@ pub(in crate::cli) fn try_case(
                  --scenario), or use prints=, never-prints= or --sound"
                     .to_owned(),
             )],
-            _ => Case::judge_damage(&tried.links, &without.links, late),
+            false => Case::judge_damage(&tried.links, &without.links, &left_out, late),
         });
     }
     let end = tried.ended.map(|(how, at)| End {

@@ -1,6 +1,7 @@
 //! Judgement of a case by the bytes that a program sent at its ports, wherever the program runs.
 
 use core::time::Duration;
+use std::collections::BTreeMap;
 
 use protocols::{Instant, LineConfig};
 
@@ -104,11 +105,16 @@ impl Case {
         (judgement, unjudged.collect())
     }
 
-    /// Returns the recording without the damaged bytes to the program, and the number of these
-    /// bytes. Damaged bytes are those outside of valid frames of the link's protocol: the one of
-    /// the case's scenario, which a description may define, or the one that the bytes prove.
-    pub fn without_damage(&self, recorded: &Recorded, source: &Source) -> (Recorded, usize) {
-        let (mut sound, mut left_out) = (recorded.clone(), 0);
+    /// Returns the recording without the damaged bytes to the program, and the number of their
+    /// stretches on each link; links without damage are left out. Damaged bytes are those outside
+    /// of valid frames of the link's protocol: the one of the case's scenario, which a description
+    /// may define, or the one that the bytes prove.
+    pub fn without_damage(
+        &self,
+        recorded: &Recorded,
+        source: &Source,
+    ) -> (Recorded, BTreeMap<String, u32>) {
+        let (mut sound, mut left_out) = (recorded.clone(), BTreeMap::new());
         let wired = self.scenario.as_ref().and_then(|scenario| {
             robots::wire(scenario, source, Dut::Internal, PcEnd::Scripted).ok()
         });
@@ -137,11 +143,15 @@ impl Case {
                     is_bad[range].fill(true);
                 }
             }
+            let stretches = is_bad.chunk_by(|one, other| one == other);
+            let stretches = stretches.filter(|stretch| stretch[0]).count();
+            if let Some(count) = u32::try_from(stretches).ok().filter(|count| *count > 0) {
+                left_out.insert(passage.link.clone(), count);
+            }
             let mut place = 0;
             for arrival in &mut passage.arrivals {
                 let own = &is_bad[place..place + arrival.bytes.len()];
                 place += own.len();
-                left_out += own.iter().filter(|bad| **bad).count();
                 let mut flags = own.iter();
                 arrival
                     .bytes
@@ -153,8 +163,15 @@ impl Case {
     }
 
     /// Whether a program ignores damage. It sent `damaged` with the damage and `sound` without: the
-    /// requests must be equal, and none may be later by more than `late`.
-    pub fn judge_damage(damaged: &[Played], sound: &[Played], late: Duration) -> Vec<Check> {
+    /// requests must be equal, and none may be later by more than `late`, and by one pause for each
+    /// damaged frame of `left_out`. A program may pause after each reply, also after a damaged one,
+    /// and repeat a missing one earlier.
+    pub fn judge_damage(
+        damaged: &[Played],
+        sound: &[Played],
+        left_out: &BTreeMap<String, u32>,
+        late: Duration,
+    ) -> Vec<Check> {
         let pairs = damaged.iter().zip(sound);
         let checks = pairs.map(|(damaged, sound)| {
             let name = format!("ignores-damage-{}", damaged.link);
@@ -169,6 +186,8 @@ impl Case {
             let shortest = got.bytes().len().min(expected.bytes().len());
             let times = (0..shortest).filter_map(|byte| Some((byte, got.time_of(byte)?)));
             let shifted = times.filter_map(shift).max().unwrap_or_default();
+            let count = left_out.get(&damaged.link).copied().unwrap_or(0);
+            let late = late.saturating_add(usual_pause(expected).saturating_mul(count));
             let (shift_s, late_s) = (shifted.as_secs_f64(), late.as_secs_f64());
             let (is_same, detail) = if same < shortest {
                 let at = got.time_of(same).unwrap_or_default();
@@ -176,8 +195,9 @@ impl Case {
                     format!("byte {same}, at {at} s, is another one than without the damage");
                 (false, words)
             } else if shifted > late {
-                let words =
-                    format!("up to {shift_s:.3} s later than without the damage, limit {late_s} s");
+                let words = format!(
+                    "up to {shift_s:.3} s later than without the damage, limit {late_s:.3} s"
+                );
                 (false, words)
             } else {
                 let words =
@@ -188,6 +208,14 @@ impl Case {
         });
         checks.collect()
     }
+}
+
+/// The median pause between two requests of a program: most of them follow a good reply.
+fn usual_pause(sent: &Track) -> Duration {
+    let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
+    let mut pauses: Vec<Duration> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    pauses.sort_unstable();
+    pauses.get(pauses.len() / 2).copied().unwrap_or_default()
 }
 
 /// Longest pause of a program while it was sending; `None` if it did not send for long.
@@ -310,7 +338,8 @@ mod tests {
                     device.meter = { description = \"gps\" }\n";
         let (scenario, source) = Scenario::from_text(text).expect("sound");
         let (sound, left_out) = case.without_damage(&recorded, &source);
-        assert_eq!((left_out, sound.links[0].arrivals.len()), (5, 2));
+        assert_eq!(left_out.into_values().collect::<Vec<_>>(), [1]);
+        assert_eq!(sound.links[0].arrivals.len(), 2);
 
         // UBX of u-blox 8: class 1, message 2, no payload, and its checksum 03 0A. One poll is
         // damaged. Only the scenario tells the protocol of so few bytes.
@@ -331,7 +360,8 @@ mod tests {
         };
         let case = Case::of_outsider("x", &recorded, Some(&scenario));
         let (sound, left_out) = case.without_damage(&recorded, &source);
-        assert_eq!((left_out, sound.links[0].arrivals.len()), (8, 2));
+        assert_eq!(left_out.into_values().collect::<Vec<_>>(), [1]);
+        assert_eq!(sound.links[0].arrivals.len(), 2);
     }
 
     /// A byte each half second. A program that sends 0.3 s later because of the damage, or sends
@@ -352,12 +382,17 @@ mod tests {
             }]
         };
         let limit = Duration::from_millis(250);
-        let judge = |late, byte| {
-            let checks = Case::judge_damage(&played(late, byte), &played(0, 1), limit);
+        let judged = |late, byte, count| {
+            let left_out = BTreeMap::from([("base".to_owned(), count)]);
+            let checks = Case::judge_damage(&played(late, byte), &played(0, 1), &left_out, limit);
             checks[0].status
         };
+        let judge = |late, byte| judged(late, byte, 0);
         assert_eq!((judge(0, 1), judge(250, 1)), (Status::Pass, Status::Pass));
         assert_eq!((judge(251, 1), judge(0, 2)), (Status::Fail, Status::Fail));
+        // Two damaged frames may cost two of the usual pauses of 500 ms.
+        let paced = [judged(1_250, 1, 2), judged(1_251, 1, 2), judged(0, 2, 2)];
+        assert_eq!(paced, [Status::Pass, Status::Fail, Status::Fail]);
     }
 
     /// Each link is judged by its own name: on one the program sends to the end, on the other it
