@@ -12,6 +12,9 @@
 //! without times and directions, each line is a message, unless the lines are only wrapped.
 
 mod base;
+mod clock;
+mod column;
+mod ends;
 mod literal;
 pub(super) mod log;
 mod prefix;
@@ -22,8 +25,12 @@ use super::text::{Line, lines, utf8};
 use super::{LOCAL, Look};
 use crate::Kind;
 pub(super) use base::{Base, of as base_of};
+pub(super) use clock::Clock;
+use clock::Years;
+use column::without_column;
+pub(super) use ends::Ends;
 use prefix::Prefix;
-pub(super) use prefix::{Clock, split as split_prefix};
+pub(super) use prefix::{split as split_prefix, split_text};
 use tokens::Found;
 pub(super) use tokens::escape;
 
@@ -115,6 +122,8 @@ struct Whole<'a> {
     base: Base,
     /// Whether all directions were arrows without meaning.
     had_arrows: bool,
+    /// Notes about the names of the ends.
+    notes: Vec<String>,
 }
 
 /// Number of bytes without a letter among their digits from which on chance is no explanation: a
@@ -177,6 +186,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
 }
 
 fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
+    whole.notes.iter().for_each(|note| out.note(note));
     match whole.base {
         Base::Hex if whole.evident == 0 && !whole.has_marks => {
             out.note("no digit is a letter: the digits are taken as hex");
@@ -209,15 +219,24 @@ fn timed(whole: &Whole<'_>, options: &Options, out: &mut Imported) -> Result<(),
     let clock = first.map_or(Clock::Seconds, |(_, clock)| clock);
     match clock {
         Clock::Date => out.note(LOCAL),
+        Clock::Utc => {}
+        Clock::Year => {
+            out.note("the dates have no year: times count from 1 January of the first one");
+            out.clock = "virtual";
+        }
         Clock::Day | Clock::Seconds => out.clock = "virtual",
     }
     let (mut days, mut last) = (0, 0);
+    let mut years = Years::of(whole.messages.iter().filter_map(|one| Some(one.at?.0)));
     for one in &whole.messages {
         let Some((mut nanos, own)) = one.at else {
             return Err(one.line.wrong("expected a time, as the lines before have"));
         };
         if own != clock {
             return Err(one.line.wrong("expected a time of the same form as before"));
+        }
+        if own == Clock::Year {
+            nanos = years.nanos(nanos);
         }
         if own == Clock::Day {
             // Midnight: the time of day starts again.
@@ -274,7 +293,11 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
     let has_array = is_array(bytes);
     let texts: Vec<(Line<'_>, String)> = lines(bytes)
         .map(|line| {
-            let text = tokens::without_comments(utf8(line.text), &mut is_comment);
+            let text = match is_comment {
+                true => utf8(line.text),
+                false => without_column(utf8(line.text)),
+            };
+            let text = tokens::without_comments(text, &mut is_comment);
             let text = match has_array {
                 true => tokens::inside_braces(&text),
                 false => text,
@@ -283,6 +306,12 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
         })
         .filter(|(_, text)| !text.trim().is_empty())
         .collect();
+    let ends = Ends::of(texts.iter().map(|(_, text)| text.as_str()));
+    let texts: Vec<(Line<'_>, String)> = texts
+        .into_iter()
+        .map(|(line, text)| (line, ends.told(&text).into_owned()))
+        .collect();
+    whole.notes.clone_from(&ends.notes);
     match base::of(texts.iter().map(|(_, text)| prefix::split(text).1)) {
         Ok(base) => whole.base = base,
         Err(message) => bad.extend(texts.first().map(|(line, _)| line.wrong(message))),

@@ -134,12 +134,9 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let messages = entries.into_iter().map(|entry| {
         let at = entry.micros.saturating_mul(1_000);
         let bytes = [&entry.bytes, end].concat();
-        Message::new(entry.line, Some((at, Clock::Date)), None, bytes)
+        Message::new(entry.line, Some((at, Clock::Utc)), None, bytes)
     });
-    emit(messages.collect(), options, out)?;
-    // The times are UTC, unlike those of most logs.
-    out.notes.retain(|note| note != super::LOCAL);
-    Ok(())
+    emit(messages.collect(), options, out)
 }
 
 #[cfg(test)]

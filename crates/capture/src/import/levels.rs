@@ -39,6 +39,12 @@ pub(super) fn read(
                  --channel NAME chooses the channels"
             )));
         }
+        if read.last().is_some_and(|&(at, _)| at > levels.end) && levels.is_open {
+            out.note(
+                "the file ends with its last change: the line is taken as idle behind it, and the \
+                 last character as complete",
+            );
+        }
         let link = out.link_at(&role.link, line.baud);
         for (at, read) in read {
             let (kind, byte) = match read {

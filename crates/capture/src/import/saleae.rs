@@ -14,7 +14,7 @@ use super::Look;
 use super::cells::{CellRow, rows};
 use super::imported::{ImportError, Imported, Options};
 use super::roles::{Role, roles};
-use super::text::{DECIMAL_COMMA, Line, decimal_nanos, moment};
+use super::text::{DECIMAL_COMMA, Line, decimal_nanos, moment, zone};
 use crate::Kind;
 use engine::hex;
 use protocols::LineEvent;
@@ -228,11 +228,13 @@ fn byte(
 /// Parses nanoseconds; the flag is whether they count from 1970.
 fn time(text: &str) -> Option<(u64, bool)> {
     if let Some((date, time)) = text.split_once('T') {
-        let time = time.trim_end_matches('Z');
-        let time = time.strip_suffix("+00:00").unwrap_or(time);
+        let at = time.find(['Z', '+', '-']).unwrap_or(time.len());
+        let (time, east) = time.split_at(at);
+        let east = if east.is_empty() { 0 } else { zone(east)? };
         let (time, fraction) = time.split_once('.').unwrap_or((time, "0"));
-        let seconds = moment(date, time, '-')?.checked_mul(1_000_000_000)?;
-        return Some((seconds + decimal_nanos(&format!("0.{fraction}"))?, true));
+        let seconds = moment(date, time, '-')?.checked_add_signed(-east)?;
+        let nanos = seconds.checked_mul(1_000_000_000)?;
+        return Some((nanos + decimal_nanos(&format!("0.{fraction}"))?, true));
     }
     Some((decimal_nanos(text)?, false))
 }
@@ -300,6 +302,7 @@ mod tests {
         assert_eq!(time("1970-01-01T00:00:01.5Z"), date);
         assert_eq!(time("1970-01-01T00:00:01.5+00:00"), date);
         assert_eq!(time("1970-01-01T00:00:01"), Some((1_000_000_000, true)));
+        assert_eq!(time("1970-01-01T01:00:01.5+01:00"), date);
         assert_eq!(
             ["1970-01-01T", "x", "1970-01-01T00:00:01.5+01:00"].map(time),
             [None; 3]

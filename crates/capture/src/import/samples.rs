@@ -169,6 +169,8 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let mut channels: Vec<Channel> = Vec::new();
     let rate = options.sample_rate.or(head.rate);
     let mut count = 0;
+    // A file of samples has rows without a change.
+    let (mut last, mut is_of_changes): (Vec<String>, bool) = (Vec::new(), head.time.is_some());
     for row in rows(bytes).skip_while(|row| row.line.offset < head.rows_at) {
         if row.cells[0].starts_with("META") {
             continue;
@@ -183,6 +185,9 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         };
         count += 1;
         let first = head.skipped;
+        let own = row.cells.get(first..).unwrap_or_default();
+        is_of_changes &= own != last;
+        last = own.to_vec();
         for (index, name) in head.names.iter().enumerate() {
             let level = level(row.cell(first + index)).ok_or_else(|| wrong(row.line, &row))?;
             if channels.len() == index {
@@ -195,6 +200,9 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             }
             channels[index].levels.set(nanos, level);
         }
+    }
+    for channel in &mut channels {
+        channel.levels.is_open = is_of_changes;
     }
     levels::read(channels, options, out)
 }
@@ -272,6 +280,21 @@ mod tests {
             let expected = vec![(20, Direction::ToDevice, vec![0x41])];
             assert_eq!(told(text, 1_000_000), Ok(expected), "{text}");
         }
+    }
+
+    /// The same without a row behind the last bits, and with a second channel that changes last:
+    /// 0xF0 on RX ends at 25 us, its last change is at 20 us.
+    #[test]
+    fn the_last_character_of_each_channel_is_whole() {
+        let text = "Time [s],RX,TX\n0,1,1\n0.000010000,1,0\n0.000011000,1,1\n\
+                    0.000012000,1,0\n0.000015000,0,0\n0.000017000,0,1\n0.000018000,0,0\n\
+                    0.000019000,0,1\n0.000020000,1,1\n";
+        let [rx, tx] = [Direction::ToMaster, Direction::ToDevice];
+        let expected = vec![(20, tx, vec![0x41]), (25, rx, vec![0xF0])];
+        assert_eq!(told(text, 1_000_000), Ok(expected));
+        // Rows without a change are samples, which end within a character.
+        let samples = text.replace("0,1,1\n0.00001", "0,1,1\n0.000001,1,1\n0.00001");
+        assert_eq!(told(&samples, 1_000_000).map(|told| told.len()), Ok(1));
     }
 
     /// The same byte sample by sample, as sigrok-cli 0.7.2 writes it: 1 us each.

@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::Look;
 use super::cells;
-use super::hextext::{Base, Clock, Message, base_of, bytes_of, emit, is_sent, split_prefix};
+use super::hextext::{Base, Clock, Ends, Message, base_of, bytes_of, emit, is_sent, split_prefix};
 use super::imported::{ImportError, Imported, Options};
 use super::journal;
 use super::text::{DECIMAL_COMMA, Line, decimal_nanos, lines, utf8};
@@ -208,6 +208,12 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     if base == Base::Decimal {
         out.note("the numbers are taken as decimal: none has a letter or a 0x");
     }
+    let ways = columns.direction.map(|column| {
+        let ways = table.rows.iter().map(|(_, cells)| cells.get(column));
+        Ends::of(ways.flatten().map(String::as_str))
+    });
+    let ends = ways.unwrap_or_default();
+    ends.notes.iter().for_each(|note| out.note(note));
     let mut messages = Vec::new();
     for ((line, cells), text) in table.rows.iter().zip(&texts) {
         if text.is_empty() {
@@ -226,7 +232,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         };
         let way = columns.direction.map(|column| cell(cells, column));
         let way = match way {
-            Some(way) => Some(is_sent(&way).ok_or_else(|| {
+            Some(way) => Some(is_sent(&ends.told(&way)).ok_or_else(|| {
                 let way = way.escape_default().to_string();
                 line.wrong(format!(
                     "found \"{way}\" as the direction, expected TX, RX, read or write"
@@ -298,6 +304,15 @@ mod tests {
              {\"time_ms\": 1.5, \"direction\": \"received\", \"bytes\": [10]}]\n",
         ] {
             assert_eq!(told(text), Ok(expected.clone()), "{text}");
+        }
+        for ways in [
+            ["PC -> METER", "METER -> PC"],
+            ["master", "slave"],
+            ["out", "in"],
+        ] {
+            let [sent, received] = ways;
+            let text = format!("time_us,dir,bytes\n501,{sent},AB24\n1500,{received},0A\n");
+            assert_eq!(told(&text), Ok(expected.clone()), "{text}");
         }
         let error = told("time,dir,data\n0.1,up,AB\n").expect_err("a way");
         assert!(

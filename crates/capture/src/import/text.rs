@@ -77,6 +77,31 @@ pub(super) fn moment(date: &str, time: &str, mark: char) -> Option<u64> {
     Some(days(date, mark)? * 86_400 + seconds(time)?)
 }
 
+/// Seconds east of Greenwich of a zone: `Z`, `UTC`, `GMT`, `+02:00`, `-0530` or `+02`.
+pub(super) fn zone(text: &str) -> Option<i64> {
+    if matches!(text, "Z" | "UTC" | "GMT") {
+        return Some(0);
+    }
+    let sign = match text.as_bytes().first()? {
+        b'+' => 1,
+        b'-' => -1,
+        _ => return None,
+    };
+    let digits = match text[1..].split_once(':') {
+        Some((hours, minutes)) if hours.len() == 2 => format!("{hours}{minutes}"),
+        Some(_) => return None,
+        None => text[1..].to_owned(),
+    };
+    let (hours, minutes) = match digits.len() {
+        2 => (number(&digits)?, 0),
+        4 if digits.is_ascii() => (number(&digits[..2])?, number(&digits[2..])?),
+        _ => return None,
+    };
+    let fits = hours <= 14 && minutes < 60;
+    let seconds = i64::try_from(hours * 3_600 + minutes * 60).ok();
+    seconds.map(|seconds| sign * seconds).filter(|_| fits)
+}
+
 /// The note about times such as `0,001`.
 pub(super) const DECIMAL_COMMA: &str = "the comma in the times is taken as the decimal mark";
 
@@ -141,6 +166,26 @@ mod tests {
             .map(|l| (l.number, l.offset, l.text))
             .collect();
         assert_eq!(places, [(1, 0, &b"a"[..]), (2, 3, b""), (3, 4, b"bc")]);
+    }
+
+    #[test]
+    fn a_zone_is_hours_and_minutes() {
+        for (text, seconds) in [
+            ("Z", Some(0)),
+            ("UTC", Some(0)),
+            ("+02:00", Some(7_200)),
+            ("-0530", Some(-19_800)),
+            ("+14", Some(50_400)),
+            ("+15", None),
+            ("+0260", None),
+            ("+2:00", None),
+            ("+1:0000", None),
+            ("0200", None),
+            ("+\u{e9}\u{e9}", None),
+            ("", None),
+        ] {
+            assert_eq!(zone(text), seconds, "{text}");
+        }
     }
 
     /// `date -u -d ... +%s`: the ends of months and years, leap years of all kinds.

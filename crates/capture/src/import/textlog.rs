@@ -9,7 +9,7 @@
 //! bytes are not text, times and bytes cannot be distinguished, which is an error.
 
 use super::Look;
-use super::hextext::{Clock, Message, emit, split_prefix};
+use super::hextext::{Clock, Message, emit, split_text};
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, lines, utf8};
 
@@ -48,12 +48,16 @@ struct Stamped<'a> {
 
 fn stamped<'a>(line: Line<'a>) -> Option<Stamped<'a>> {
     let text = core::str::from_utf8(line.text).ok()?;
-    let (prefix, rest) = split_prefix(text);
-    text.starts_with(|c: char| c.is_ascii_digit() || c == '[' || c == '(')
-        .then_some(())?;
+    let (prefix, rest) = split_text(text);
+    let at = prefix.at?;
+    // A date may begin with a word.
+    let is_dated = matches!(at.1, Clock::Date | Clock::Utc | Clock::Year);
+    let is_begun = text.starts_with(|c: char| c.is_ascii_digit() || c == '[' || c == '(');
+    let is_word = text.starts_with(|c: char| c.is_ascii_alphabetic());
+    (is_begun || is_dated && is_word).then_some(())?;
     Some(Stamped {
         line,
-        at: prefix.at?,
+        at,
         is_sent: prefix.is_sent,
         is_arrow: prefix.is_arrow,
         text: rest,
@@ -172,6 +176,22 @@ mod tests {
                 .expect_err("bytes")
                 .contains("no text")
         );
+    }
+
+    /// A word of a direction is one only with a mark; `ts` writes dates without a year.
+    #[test]
+    fn the_text_keeps_its_first_word() {
+        let both = told("[0.5] device ready\n[0.6] in range\n").expect("sound");
+        let texts: Vec<&[u8]> = both.iter().map(|one| &*one.2).collect();
+        assert_eq!(texts, [&b"device ready\r\n"[..], b"in range\r\n"]);
+        let both = told("[0.5] [TX] AT\n[0.6] rx: OK\n").expect("sound");
+        let ways: Vec<_> = both.iter().map(|one| (one.1, &*one.2)).collect();
+        assert_eq!(ways, [(true, &b"AT\r\n"[..]), (false, b"OK\r\n")]);
+        let text = "Nov 27 23:00:00 temp 21\nNov 29 00:00:00 temp 22\n";
+        assert_eq!(Format::detect(text.as_bytes()), Some(Format::Text));
+        let dated = told(text).expect("sound");
+        assert_eq!(dated[1].0 - dated[0].0, 25 * 3_600_000);
+        assert_eq!(dated[0].2, b"temp 21\r\n");
     }
 
     #[test]

@@ -9,8 +9,11 @@ pub(super) struct Levels {
     pub(super) first: bool,
     /// Times of the changes, each to the other level.
     pub(super) changes: Vec<u64>,
-    /// End of the recording.
+    /// End of the recording, as far as the file tells it.
     pub(super) end: u64,
+    /// Whether the file holds only changes, and ends with the last one of all channels: the levels
+    /// stay behind it.
+    pub(super) is_open: bool,
 }
 
 impl Levels {
@@ -28,6 +31,12 @@ impl Levels {
         self.first ^ !self.changes.len().is_multiple_of(2)
     }
 
+    /// Whether the line stays idle behind the end, so that the last character is complete: its bits
+    /// behind the last change are high.
+    fn stays_idle(&self) -> bool {
+        self.is_open && self.last()
+    }
+
     /// The levels up to this many changes.
     pub(super) fn first_changes(&self, count: usize) -> Self {
         let changes = &self.changes[..self.changes.len().min(count)];
@@ -35,6 +44,7 @@ impl Levels {
             first: self.first,
             end: self.changes.get(count).copied().unwrap_or(self.end),
             changes: changes.to_vec(),
+            is_open: self.is_open && count >= self.changes.len(),
         }
     }
 
@@ -83,6 +93,10 @@ pub(super) fn doubt(levels: &Levels, line: LineConfig, read: &[(u64, Read)]) -> 
 /// All characters and events, each with the end of its last stop bit. Idle is high.
 pub(super) fn characters(levels: &Levels, line: LineConfig) -> Vec<(u64, Read)> {
     let mut out = Vec::new();
+    let recorded = match levels.stays_idle() {
+        true => u64::MAX,
+        false => levels.end,
+    };
     let mut cursor = Cursor { levels, passed: 0 };
     let bit = |bits2: u64| bits2 * 500_000_000 / u64::from(line.baud.max(1));
     let data_bits = u64::from(line.data_bits);
@@ -103,7 +117,7 @@ pub(super) fn characters(levels: &Levels, line: LineConfig) -> Vec<(u64, Read)> 
         let parity = has_parity.then(|| level(1 + data_bits));
         let has_stop = level(stop_at);
         let end = start + bit(2 * (stop_at + u64::from(line.stop_bits)));
-        if start + bit(2 * stop_at + 1) > levels.end {
+        if start + bit(2 * stop_at + 1) > recorded {
             return out;
         }
         if !has_stop {
@@ -219,6 +233,29 @@ mod tests {
         assert_eq!(read[0].0, 150_000);
     }
 
+    /// A file of changes ends with the last one, behind the fourth bit of 0xF0. Samples that end
+    /// there hold an incomplete character, and so does a line that is low at the end.
+    #[test]
+    fn the_last_character_of_a_file_of_changes_is_whole() {
+        let line = LineConfig::new_8n1(100_000);
+        for byte in [0x0F, 0xF0, 0x80, 0xFF, 0x41] {
+            let mut levels = levels(&[0x55, byte], 10_000, 10_000);
+            levels.end = *levels.changes.last().expect("a start bit");
+            levels.is_open = true;
+            assert_eq!(bytes(&characters(&levels, line)), [0x55, byte]);
+        }
+        let mut samples = levels(&[0x55, 0xF0], 10_000, 10_000);
+        samples.end = *samples.changes.last().expect("a start bit");
+        assert_eq!(bytes(&characters(&samples, line)), [0x55]);
+        let cut = Levels {
+            first: true,
+            changes: vec![10_000],
+            end: 10_000,
+            is_open: true,
+        };
+        assert_eq!(characters(&cut, line), []);
+    }
+
     /// 0x55 with a low stop bit is a framing error, a long low level a break; then reading
     /// continues. With parity: 0x03 has two ones, so its even parity bit is 0.
     #[test]
@@ -241,6 +278,7 @@ mod tests {
             first: true,
             changes: vec![10_000, 20_000, 40_000, 110_000],
             end: 500_000,
+            is_open: false,
         };
         assert_eq!(characters(&levels, even), [(120_000, Read::Byte(3))]);
         levels.changes = vec![10_000, 20_000, 40_000, 100_000];

@@ -116,7 +116,7 @@ fn changes<'a>(
     unit: Scale,
     wires: &mut [Wire],
 ) -> Result<(), ImportError> {
-    let mut now = 0;
+    let (mut now, mut has_changed) = (0, false);
     while let Some((line, word)) = words.next() {
         let (first, rest) = word.split_at_checked(1).unwrap_or((word, ""));
         match first {
@@ -126,9 +126,10 @@ fn changes<'a>(
                 if nanos < now {
                     return Err(line.wrong("the time goes back"));
                 }
-                now = nanos;
+                (now, has_changed) = (nanos, false);
             }
             "0" | "1" | "x" | "X" | "z" | "Z" if !rest.is_empty() => {
+                has_changed = true;
                 for wire in wires.iter_mut().filter(|wire| wire.id == rest) {
                     wire.set(now, first);
                 }
@@ -147,6 +148,8 @@ fn changes<'a>(
     }
     for wire in wires {
         wire.levels.end = wire.levels.end.max(now);
+        // A time without changes is the end of the recording.
+        wire.levels.is_open = has_changed;
     }
     Ok(())
 }

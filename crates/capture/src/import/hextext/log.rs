@@ -17,11 +17,15 @@
 //! time.
 
 mod literals;
-mod runs;
+pub(super) mod runs;
 mod stated;
 mod times;
+mod words;
 
-use super::prefix::{self, Clock, Prefix};
+use super::clock::{self, Clock};
+use super::column::without_column;
+use super::ends::{Ends, label};
+use super::prefix::{self, Prefix};
 use super::{Message, Whole, emit};
 use crate::import::Look;
 use crate::import::imported::{ImportError, Imported, Options};
@@ -29,6 +33,7 @@ use crate::import::text::{Line, lines};
 use engine::hex;
 use runs::{Run, best, runs};
 use stated::told;
+use words::{direction, told_by};
 
 /// Bytes of a line, and the text before them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -43,45 +48,6 @@ struct Piece {
     is_bare: bool,
 }
 
-/// Words for sent bytes, and for received ones.
-const SENT: [&str; 16] = [
-    "tx",
-    "txd",
-    "send",
-    "sent",
-    "sending",
-    "write",
-    "writes",
-    "wrote",
-    "writing",
-    "written",
-    "request",
-    "query",
-    "transmit",
-    "transmitted",
-    "outgoing",
-    "output",
-];
-const RECEIVED: [&str; 18] = [
-    "got",
-    "rx",
-    "rxd",
-    "recv",
-    "receive",
-    "received",
-    "receiving",
-    "rcv",
-    "rcvd",
-    "read",
-    "reads",
-    "reading",
-    "response",
-    "reply",
-    "answer",
-    "incoming",
-    "input",
-    "recvd",
-];
 /// Arrows; arrows of one character count only directly before the bytes.
 const ARROWS: [(&str, bool); 10] = [
     (">>>", true),
@@ -117,7 +83,7 @@ fn masked(text: &str) -> String {
     let mut head = text.len() - rest.len();
     // Three pairs with colons are a time, too, if a word follows, and no byte.
     let mut words = text.split_whitespace();
-    let is_time = words.next().is_some_and(prefix::is_time_of_day)
+    let is_time = words.next().is_some_and(clock::is_time_of_day)
         && words.next().is_some_and(|word| hex::bytes(word).is_none());
     if is_time && prefix.at.is_none() {
         head = text.find(|c: char| c.is_ascii_digit()).unwrap_or(0) + "12:11:23".len();
@@ -260,7 +226,8 @@ fn is_head(head: &str) -> bool {
     }
     let word = head.rsplit(|c: char| !c.is_alphanumeric()).next();
     let word = word.unwrap_or_default().to_ascii_lowercase();
-    direction(&word).is_some() || matches!(word.as_str(), "bytes" | "data" | "frame" | "packet")
+    direction(&word).or_else(|| label(&word)).is_some()
+        || matches!(word.as_str(), "bytes" | "data" | "frame" | "packet")
 }
 
 /// Whether `tail` may follow the bytes: nothing, the same bytes as text, or text in brackets. After
@@ -294,20 +261,11 @@ fn is_shown(tail: &str, run: &Run) -> bool {
     shown.chars().count() <= run.bytes.len()
 }
 
-fn direction(word: &str) -> Option<bool> {
-    let plain = word.trim_end_matches(|c: char| c.is_ascii_digit());
-    let ends = |ends: &[&str]| ends.iter().any(|end| plain.ends_with(end));
-    if SENT.contains(&plain) || ends(&["sent", "send"]) {
-        return Some(true);
-    }
-    (RECEIVED.contains(&plain) || ends(&["received", "recv"])).then_some(false)
-}
-
 /// Time and direction in the text before the bytes: the first time, the last direction.
 fn prefix_of(head: &str) -> Prefix {
     let (mut prefix, rest) = prefix::split(head);
     if prefix.at.is_none() {
-        prefix.at = prefix::within(head);
+        prefix.at = clock::within(head);
     }
     prefix.is_arrow = false;
     let before = head
@@ -324,14 +282,14 @@ fn prefix_of(head: &str) -> Prefix {
         _ => None,
     };
     let words = rest.split(|c: char| !c.is_alphanumeric());
-    let mut word = words
+    let words: Vec<String> = words
+        .filter(|word| !word.is_empty())
         .map(str::to_ascii_lowercase)
-        .filter_map(|word| direction(&word));
-    let told = word
-        .next_back()
-        .or(arrow.map(|(_, is_sent)| *is_sent))
-        .or(single);
-    prefix.is_sent = told.or(prefix.is_sent);
+        .collect();
+    let told = told_by(&words);
+    let own = || words.last().and_then(|word| label(word));
+    let told = told.or(arrow.map(|(_, is_sent)| *is_sent)).or(single);
+    prefix.is_sent = told.or(prefix.is_sent).or_else(own);
     prefix
 }
 
@@ -356,6 +314,7 @@ struct Open<'a> {
 
 /// All bytes of a line, literals first if the file has some.
 fn pieces(text: &str, has_literals: bool) -> Vec<Piece> {
+    let text = without_column(text);
     let found = if has_literals {
         literals::pieces(text)
     } else {
@@ -374,9 +333,14 @@ fn pieces(text: &str, has_literals: bool) -> Vec<Piece> {
 fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
     let (mut whole, mut rest, mut error) = (Whole::default(), Vec::new(), None);
     let mut open: Option<Open<'_>> = None;
-    let has_literals = lines(bytes).any(|line| literals::is_in(&plain(line.text)));
-    for line in lines(bytes) {
-        let text = plain(line.text).trim_end().to_owned();
+    let texts: Vec<(Line<'_>, String)> = lines(bytes)
+        .map(|line| (line, plain(line.text).trim_end().to_owned()))
+        .collect();
+    let has_literals = texts.iter().any(|(_, text)| literals::is_in(text));
+    let ends = Ends::of(texts.iter().map(|(_, text)| text.as_str()));
+    whole.notes.clone_from(&ends.notes);
+    for (line, text) in texts {
+        let text = ends.told(&text).into_owned();
         if text.is_empty() {
             continue;
         }
@@ -488,7 +452,16 @@ pub(in crate::import) fn read(
     let clock = |one: &Message<'_>| one.at.map(|at| at.1);
     let first = whole.messages.first().and_then(clock);
     let is_timed = first.is_some() && whole.messages.iter().all(|one| clock(one) == first);
+    whole.notes.iter().for_each(|note| out.note(note));
     if !is_timed {
+        let other = whole.messages.iter().find(|one| clock(one) != first);
+        if let Some(other) = other {
+            out.note(format!(
+                "line {} has no time, or one of another form than the first bytes: all times are \
+                 left out",
+                other.line.number
+            ));
+        }
         whole.messages.iter_mut().for_each(|one| one.at = None);
     }
     emit(whole.messages, options, out)

@@ -126,10 +126,13 @@ fn text_column(text: &str) -> Option<(&str, &str)> {
     Some((&text[..at], shown.strip_suffix('|').unwrap_or(shown)))
 }
 
-/// Whether `shown` may be the text of `bytes`: one character each; an unprintable byte may be any
-/// character.
+/// Whether `shown` may be the text of `bytes`: one character each; an unprintable byte is any
+/// character but a letter or a digit of ASCII, which would be a hex digit or a word.
 fn shows(shown: &str, bytes: &[u8]) -> bool {
-    let fits = |(c, &byte): (char, &u8)| !matches!(byte, b'!'..=b'~') || c == char::from(byte);
+    let fits = |(c, &byte): (char, &u8)| match byte {
+        b'!'..=b'~' => c == char::from(byte),
+        _ => !c.is_ascii_alphanumeric(),
+    };
     shown.chars().count() == bytes.len() && shown.chars().zip(bytes).all(fits)
 }
 

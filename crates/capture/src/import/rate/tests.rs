@@ -194,6 +194,7 @@ fn what_is_no_uart_has_no_rate() {
         first: true,
         end: changes.last().map_or(0, |last| last + 1_000_000),
         changes,
+        is_open: false,
     };
     assert_eq!(derived(&Levels::default(), None, None), None);
     let clock = of((1..2_000).map(|at| at * 500).collect());

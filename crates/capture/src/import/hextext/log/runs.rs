@@ -6,13 +6,13 @@ use super::is_head;
 
 /// Consecutive hex numbers.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Run {
-    pub(super) bytes: Vec<u8>,
+pub(in crate::import::hextext) struct Run {
+    pub(in crate::import::hextext) bytes: Vec<u8>,
     pub(super) evident: usize,
     pub(super) has_marks: bool,
     pub(super) is_pairs: bool,
     pub(super) start: usize,
-    pub(super) end: usize,
+    pub(in crate::import::hextext) end: usize,
 }
 
 /// Kinds of numbers, which are not mixed in one run.
@@ -43,7 +43,7 @@ fn number(token: &str) -> Option<(Kind, Vec<u8>)> {
 }
 
 /// All runs of a line.
-pub(super) fn runs(text: &str) -> Vec<Run> {
+pub(in crate::import::hextext) fn runs(text: &str) -> Vec<Run> {
     let is_inside = |c: char| c.is_alphanumeric() || c == '.' || c == '_';
     let (mut runs, mut last): (Vec<Run>, Option<(Kind, usize)>) = (Vec::new(), None);
     let mut at = 0;

@@ -144,9 +144,27 @@ fn a_line_gives_its_bytes_and_nothing_else() {
         "10:00:00.000 -> 10 5B 01\n10:00:00.100 <- E5 AF\n",
         "0.000 TX: 10 5B 01 RX: E5 AF\n",
         "10:00:00.000 -> 10 5B 01 <- E5 AF\n",
+        "PC -> METER: 10 5B 01\nMETER -> PC: E5 AF\n",
+        "[10:00:00.000] PC -> METER 10 5B 01\n[10:00:00.100] METER -> PC E5 AF\n",
+        "Nov 27 10:00:00 pi N1->N2: [105B01]\nNov 27 10:00:01 pi N2->N1: [E5AF]\n",
+        "10:00:00 DEBUG bus host > dev 10 5B 01\n10:00:01 DEBUG bus dev > host E5 AF\n",
+        "master: 10 5B 01\nslave: E5 AF\n",
+        "host: 10 5B 01\ndevice: E5 AF\n",
+        "client: 10 5B 01\nserver: E5 AF\n",
+        "request: 10 5B 01\nresponse: E5 AF\n",
+        "out: 10 5B 01\nin: E5 AF\n",
+        "send: 10 5B 01\nrecv: E5 AF\n",
+        "[bus] master: 10 5B 01\n[bus] slave: E5 AF\n",
+        "2026-11-27 10:00:00 cmd: 10 5B 01 try 1\n2026-11-27 10:00:01 ack: E5 AF try 1\n",
+        "modbus slave rx: 10 5B 01\nmodbus slave tx: E5 AF\n",
+        "TX: 10 5B 01  .[.\nRX: E5 AF  \u{e5}\u{af}\n",
     ] {
         assert_eq!(imported(text).0, expected, "{text}");
     }
+    // Characters that look like bytes.
+    let shown = "TX: 10 5B 01  .[.\n1.5 s later RX: 41 42 |AB|\nRX: 30 31 41 42  01AB\n";
+    let found: Vec<Vec<u8>> = imported(shown).0.into_iter().map(|one| one.1).collect();
+    assert_eq!(found[1..], [b"AB".to_vec(), b"01AB".to_vec()]);
     // Printable bytes are bytes, too, behind directions.
     let printable = "23:59:55.123 -> 02 73 52 4E 03\n23:59:55.153 <- 02 73 52 41 03\n";
     let found = imported(printable).0;
@@ -167,6 +185,74 @@ fn a_line_gives_its_bytes_and_nothing_else() {
             "{lost}: {notes}"
         );
     }
+}
+
+/// Times in seconds of the records from the first one on, and the notes.
+fn times(text: &str) -> (Vec<u64>, u64, String) {
+    let format = Format::detect(text.as_bytes()).unwrap_or_else(|| panic!("{text}: no form"));
+    let found = read_format(text.as_bytes(), format, &Options::default());
+    let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+    let at: Vec<u64> = found
+        .records()
+        .iter()
+        .map(|one| one.at.as_millis() / 1_000)
+        .collect();
+    let apart = at.iter().map(|one| one - at[0]).collect();
+    (apart, at[0], found.notes.join("; "))
+}
+
+/// 1,795,773,600 s by `date -u -d '2026-11-27 10:00:00' +%s`. A zone is subtracted, and a log that
+/// changes its zone stays in order; only times without a zone are local ones.
+#[test]
+fn a_zone_counts() {
+    const AT: u64 = 1_795_773_600;
+    for (first, second, is_local) in [
+        (
+            "2026-11-27T12:00:00.0+02:00",
+            "2026-11-27T12:00:01.0+02:00",
+            false,
+        ),
+        (
+            "2026-11-27 12:00:00 +0200",
+            "2026-11-27 11:00:01 +0100",
+            false,
+        ),
+        (
+            "[2026-11-27T10:00:00.0Z]",
+            "[2026-11-27T10:00:01.0Z]",
+            false,
+        ),
+        (
+            "2026-11-27T05:00:00-05:00 pi x:",
+            "2026-11-27T05:00:01-05:00 pi x:",
+            false,
+        ),
+        ("2026-11-27 10:00:00.0", "2026-11-27 10:00:01.0", true),
+    ] {
+        let text = format!("{first} TX 10 5B 01\n{second} RX E5 AF\n");
+        let (apart, begin, notes) = times(&text);
+        assert_eq!((apart, begin), (vec![0, 1], AT), "{text}");
+        assert_eq!(notes.contains("local times"), is_local, "{text}: {notes}");
+    }
+}
+
+/// 10:00 on one day and 11:00 on the next are 25 hours apart, also from one year to the next.
+#[test]
+fn days_without_a_year_count() {
+    for (first, second) in [
+        ("Nov 27 10:00:00 pi", "Nov 28 11:00:00 pi"),
+        ("Dec 31 10:00:00", "Jan  1 11:00:00"),
+        ("11-27 10:00:00.000", "11-28 11:00:00.000"),
+        ("27.11. 10:00:00", "28.11. 11:00:00"),
+        ("[main] Nov 27 10:00:00", "[main] Nov 28 11:00:00"),
+        ("Fri Nov 27 10:00:00 2026", "Sat Nov 28 11:00:00 2026"),
+    ] {
+        let text = format!("{first} TX: 10 5B 01\n{second} RX: E5 AF\n");
+        assert_eq!(times(&text).0, [0, 25 * 3_600], "{text}");
+    }
+    // Times of several forms are left out, and a note says so.
+    let (_, _, notes) = times("10:00:00.5 TX: 10 5B 01\nnext: RX: E5 AF\n");
+    assert!(notes.contains("line 2 has no time"), "{notes}");
 }
 
 /// Half a second before midnight, and after it; 1:05:02 in the afternoon.

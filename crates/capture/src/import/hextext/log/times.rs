@@ -66,11 +66,18 @@ fn of_day(bytes: &[u8], needs_fraction: bool) -> usize {
         Some(b':') if digits == 3 => 1 + digits,
         _ => 0,
     };
-    let zone = usize::from(rest.get(fraction) == Some(&b'Z'));
+    let zone = zone_len(&rest[fraction..]);
     let is_time = (fraction > 0 || !needs_fraction) && is_end(&rest[fraction + zone..]);
     if is_time {
         SECONDS + fraction + zone
     } else {
         0
     }
+}
+
+/// Length of the zone at the beginning: `Z`, `+02:00`, `-0530`, `+02`; 0 if there is none.
+fn zone_len(bytes: &[u8]) -> usize {
+    let forms = ["+dd:dd", "-dd:dd", "+dddd", "-dddd", "+dd", "-dd", "Z"];
+    let is_zone = |form: &&&str| fits(bytes, form) && is_end(&bytes[form.len()..]);
+    forms.iter().find(is_zone).map_or(0, |form| form.len())
 }

@@ -1,0 +1,429 @@
+//! Dates and times of lines: with or without a year, a zone, a fraction, a twelve-hour clock.
+//!
+//! ```text
+//! 2026-11-27 12:11:23.5    2026-11-27T12:11:23+02:00    11/27/2026 12:11:23 PM
+//! Fri Nov 27 12:11:23 2026      27-Nov-2026 12:11:23      Nov 27 12:11:23, without a year
+//! 12:11:23.000501      12:11:23:501      0.000501      +1.5s
+//! ```
+
+use super::prefix::next_word;
+use crate::import::text::{decimal_nanos, moment, zone};
+
+/// Origin of a time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::import) enum Clock {
+    /// 1970, for a date with a time in the zone of the tool's computer.
+    Date,
+    /// 1970, for a date with a time whose zone is known.
+    Utc,
+    /// The beginning of an unknown year, which has a 29 February.
+    Year,
+    /// Midnight, for a time of day.
+    Day,
+    /// The start of the recording.
+    Seconds,
+}
+
+const SECOND: u64 = 1_000_000_000;
+const HALF: u64 = 12 * 3_600 * SECOND;
+const DAY: u64 = 2 * HALF;
+/// Maximum number of words before a time within a line.
+const WORDS_MAX: usize = 6;
+const MONTHS: [&str; 12] = [
+    "jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec",
+];
+const WEEKDAYS: [&str; 7] = ["mon", "tue", "wed", "thu", "fri", "sat", "sun"];
+/// Punctuation behind the words of a date.
+const MARKS: [char; 5] = [':', ',', ']', ')', '.'];
+
+/// A time that `text` begins with, and the rest of the text; `word` is its first word, and `behind`
+/// the text behind that.
+pub(super) fn at_beginning<'a>(
+    text: &'a str,
+    word: &str,
+    behind: &'a str,
+) -> Option<((u64, Clock), &'a str)> {
+    // A bracket may contain all parts of a date.
+    if word.contains([' ', 'T'])
+        && let Some((at, "")) = dated(word)
+    {
+        return Some((at, behind));
+    }
+    if let Some(found) = dated(text) {
+        return Some(found);
+    }
+    let word = word.trim_end_matches([':', ',']);
+    if let Some((half, rest)) = next_word(behind)
+        && let Some(is_afternoon) = half_of(half)
+        && let Some(nanos) = of_day(word).or_else(|| whole_of_day(word))
+    {
+        return Some(((turned(nanos, is_afternoon), Clock::Day), rest));
+    }
+    if let Some(nanos) = of_day(word) {
+        return Some(((nanos, Clock::Day), behind));
+    }
+    let (digits, unit) = match word.strip_suffix("ms") {
+        Some(digits) => (digits, 1_000),
+        None => (word.strip_suffix('s').unwrap_or(word), 1),
+    };
+    let digits = digits.strip_prefix('+').unwrap_or(digits);
+    let (whole, fraction) = digits.split_once('.')?;
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    if !is_number(whole) || !is_number(fraction) {
+        return None;
+    }
+    Some(((decimal_nanos(digits)? / unit, Clock::Seconds), behind))
+}
+
+/// A time among the first words of a line: with a date, `12:11:23` in brackets or after other
+/// words, or the milliseconds of ESP-IDF, `I (357)`.
+pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
+    let is_divider = |c: char| c.is_whitespace() || "[]".contains(c);
+    let words = text.split(is_divider).filter(|word| !word.is_empty());
+    let words: Vec<&str> = words.take(WORDS_MAX).collect();
+    let start = |word: &str| word.as_ptr() as usize - text.as_ptr() as usize;
+    let mut dates = words.iter().filter_map(|word| dated(&text[start(word)..]));
+    if let Some((at, _)) = dates.next() {
+        return Some(at);
+    }
+    let of_word = |word: &&str| {
+        let word = word.trim_end_matches([':', ',']);
+        of_day(word).or_else(|| whole_of_day(word))
+    };
+    if let Some(nanos) = words.iter().find_map(of_word) {
+        return Some((nanos, Clock::Day));
+    }
+    let [level, ticks, ..] = words[..] else {
+        return None;
+    };
+    let ticks = ticks
+        .strip_prefix('(')
+        .and_then(|ticks| ticks.strip_suffix(')'));
+    let millis: u64 = ticks.filter(|_| level.len() == 1)?.parse().ok()?;
+    Some((millis.checked_mul(1_000_000)?, Clock::Seconds))
+}
+
+/// Whether a word is a time of day without a fraction, also in brackets.
+pub(super) fn is_time_of_day(word: &str) -> bool {
+    let word = word.trim_matches(|c: char| "[](),:".contains(c));
+    word.len() == 8 && whole_of_day(word).is_some()
+}
+
+/// A year, if it is known, a month and a day.
+type Date = (Option<u64>, u64, u64);
+
+/// A date and a time that `text` begins with, and the rest of the text.
+fn dated(text: &str) -> Option<((u64, Clock), &str)> {
+    let (first, behind) = cut(text)?;
+    if let Some((date, time)) = first.split_once('T')
+        && let Some(date) = numeric(date)
+    {
+        return finished(date, time, behind);
+    }
+    let (second, behind_second) = cut(behind)?;
+    if let Some(date) = numeric(first.trim_end_matches(MARKS)) {
+        // Two numbers and a time without a fraction may also be bytes.
+        let is_sure = date.0.is_some() || !first.contains('-') || second.contains(['.', ',']);
+        return finished(date, second, behind_second).filter(|_| is_sure);
+    }
+    let (first, behind) = match is_one_of(first, &WEEKDAYS) {
+        Some(_) => (second, behind_second),
+        None => (first, behind),
+    };
+    let ((month, day), behind) = match first.split_once('-') {
+        // 27-Nov-2026
+        Some((day, rest)) => {
+            let (month, year) = rest.split_once('-')?;
+            let date = (Some(number(year, 4)?), month_of(month)?, number(day, 2)?);
+            let (time, behind) = cut(behind)?;
+            return finished(date, time, behind);
+        }
+        None => {
+            let (second, behind) = cut(behind)?;
+            let pair = match month_of(first) {
+                Some(month) => (month, number(second.trim_end_matches(MARKS), 2)?),
+                None => (month_of(second)?, number(first.trim_end_matches(MARKS), 2)?),
+            };
+            (pair, behind)
+        }
+    };
+    let (word, behind) = cut(behind)?;
+    if let Some(year) = number(word.trim_end_matches(MARKS), 4) {
+        let (time, behind) = cut(behind)?;
+        return finished((Some(year), month, day), time, behind);
+    }
+    // The year may stand behind the time.
+    let last =
+        cut(behind).and_then(|(year, rest)| Some((number(year.trim_end_matches(MARKS), 4)?, rest)));
+    match last.filter(|(year, _)| (1970..=2500).contains(year)) {
+        Some((year, rest)) => finished((Some(year), month, day), word, rest),
+        None => finished((None, month, day), word, behind),
+    }
+}
+
+/// The time on a date, with the half of the day and the zone behind it, and the rest of the text.
+fn finished<'a>(date: Date, time: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
+    let time = time.trim_end_matches([':', ',', ']', ')']);
+    let (time, mut east) = without_zone(time);
+    let mut nanos = of_day(time).or_else(|| whole_of_day(time))?;
+    let mut rest = behind;
+    if let Some((half, behind)) = cut(rest)
+        && let Some(is_afternoon) = half_of(half)
+    {
+        (nanos, rest) = (turned(nanos, is_afternoon), behind.trim_start());
+    }
+    if let Some((word, behind)) = cut(rest).filter(|_| east.is_none())
+        && let word = word.trim_end_matches(MARKS)
+        && (word.len() >= "+0200".len() || word.starts_with(['U', 'G']))
+        && let Some(found) = zone(word)
+    {
+        (east, rest) = (Some(found), behind);
+    }
+    let (year, month, day) = date;
+    // A leap year has all dates.
+    let on = |year: u64| moment(&format!("{year}-{month}-{day}"), "00:00:00", '-');
+    let Some(year) = year else {
+        let day = on(1972)? - on_first(1972)?;
+        return Some(((day * SECOND + nanos, Clock::Year), rest));
+    };
+    let nanos = on(year)?.checked_mul(SECOND)?.checked_add(nanos)?;
+    let Some(east) = east else {
+        return Some(((nanos, Clock::Date), rest));
+    };
+    let nanos = nanos.checked_add_signed(east.checked_neg()?.checked_mul(1_000_000_000)?)?;
+    Some(((nanos, Clock::Utc), rest))
+}
+
+/// Seconds from 1970 to the first of January.
+fn on_first(year: u64) -> Option<u64> {
+    moment(&format!("{year}-1-1"), "00:00:00", '-')
+}
+
+/// The first word, and the rest.
+fn cut(text: &str) -> Option<(&str, &str)> {
+    let text = text.trim_start();
+    let end = text.find([' ', '\t']).unwrap_or(text.len());
+    let (word, rest) = text.split_at(end);
+    (!word.is_empty()).then(|| (word, rest.trim_start()))
+}
+
+/// A number of at most `most` digits, and of two at least if it may have more.
+fn number(text: &str, most: usize) -> Option<u64> {
+    let is_number = text.bytes().all(|byte| byte.is_ascii_digit());
+    let fits = if most > 2 {
+        text.len() == most
+    } else {
+        text.len() <= most
+    };
+    text.parse().ok().filter(|_| is_number && fits)
+}
+
+/// The index of a word in `names`, which may be longer.
+fn is_one_of(word: &str, names: &[&str]) -> Option<usize> {
+    let word = word.trim_end_matches(MARKS);
+    let is_word = word.len() >= 3 && word.bytes().all(|byte| byte.is_ascii_alphabetic());
+    let begin = word.get(..3)?.to_ascii_lowercase();
+    let found = names.iter().position(|name| *name == begin);
+    found.filter(|_| is_word && word.len() <= "wednesday".len())
+}
+
+/// The number of a month from its name.
+fn month_of(word: &str) -> Option<u64> {
+    is_one_of(word, &MONTHS).map(|index| index as u64 + 1)
+}
+
+/// A date of numbers: 2026-11-27, 2026/11/27, 27.11.2026, 27/11/2026 or 11/27/2026; 11-27, 27.11
+/// or 27/11 without a year.
+fn numeric(date: &str) -> Option<Date> {
+    let parts = date
+        .split(['-', '.', '/'])
+        .map(|part| number(part, part.len().max(2)));
+    let parts: Option<Vec<u64>> = parts.collect();
+    let has_year_first = date
+        .get(..5)
+        .is_some_and(|year| !year[..4].contains(['-', '.', '/']));
+    let (year, pair) = match parts?[..] {
+        [year, month, day] if has_year_first => return Some((Some(year), month, day)),
+        [first, second, year] if year >= 1970 => (Some(year), [first, second]),
+        [first, second] => (None, [first, second]),
+        _ => return None,
+    };
+    // The day comes first, unless the second number cannot be a month; behind the style of ISO
+    // 8601, with dashes, the month does.
+    let [first, second] = pair;
+    let is_month_first = second > 12 || (year.is_none() && date.contains('-') && first <= 12);
+    let (month, day) = if is_month_first {
+        (first, second)
+    } else {
+        (second, first)
+    };
+    ((1..=12).contains(&month) && (1..=31).contains(&day)).then_some((year, month, day))
+}
+
+/// Whether a word is the second half of a twelve-hour clock, or the first.
+fn half_of(word: &str) -> Option<bool> {
+    match word.trim_end_matches(MARKS).to_ascii_uppercase().as_str() {
+        "AM" => Some(false),
+        "PM" => Some(true),
+        _ => None,
+    }
+}
+
+/// A time of a twelve-hour clock.
+const fn turned(nanos: u64, is_afternoon: bool) -> u64 {
+    nanos % HALF + if is_afternoon { HALF } else { 0 }
+}
+
+/// `12:11:23`, without a fraction.
+fn whole_of_day(word: &str) -> Option<u64> {
+    Some(moment("1970-01-01", word, '-')? * SECOND)
+}
+
+/// `12:11:23.000501`, `12:11:23:501` or `12:11:23.000,501`; the fraction is required, because three
+/// pairs may also be bytes.
+fn of_day(word: &str) -> Option<u64> {
+    let (word, _) = without_zone(word);
+    let colons = word.matches(':').count();
+    let (time, fraction) = match word.rsplit_once(':') {
+        Some((time, fraction)) if colons == 3 && fraction.len() == 3 => (time, fraction),
+        _ => word.split_once(['.', ','])?,
+    };
+    let fraction = fraction.replacen(',', "", 1);
+    let seconds = moment("1970-01-01", time, '-')?;
+    let is_number = !fraction.is_empty() && fraction.bytes().all(|byte| byte.is_ascii_digit());
+    let fraction = decimal_nanos(&format!("0.{fraction}")).filter(|_| is_number)?;
+    Some(seconds * SECOND + fraction)
+}
+
+/// A time without its zone, and the zone's seconds east of Greenwich: `Z`, `+01:00`, `-0500`, `+01`.
+fn without_zone(time: &str) -> (&str, Option<i64>) {
+    let at = time.find(['+', '-', 'Z']).unwrap_or(time.len());
+    match zone(&time[at..]) {
+        Some(east) => (&time[..at], Some(east)),
+        None => (time, None),
+    }
+}
+
+/// Puts the times of a file of an unknown year in order: without a 29 February, the later dates are
+/// a day earlier; behind December comes the next year.
+pub(super) struct Years {
+    leap_day: u64,
+    before: u64,
+    last: u64,
+}
+
+impl Years {
+    /// The years of these times.
+    pub(super) fn of(times: impl Iterator<Item = u64>) -> Self {
+        const LEAP_DAY: u64 = 31 + 28;
+        let mut times = times;
+        Self {
+            leap_day: match times.any(|at| at / DAY == LEAP_DAY) {
+                true => u64::MAX,
+                false => LEAP_DAY,
+            },
+            before: 0,
+            last: 0,
+        }
+    }
+
+    /// Nanoseconds from the beginning of the first year.
+    pub(super) fn nanos(&mut self, at: u64) -> u64 {
+        let is_later = at / DAY > self.leap_day;
+        let at = at - if is_later { DAY } else { 0 };
+        let days = if self.leap_day == u64::MAX { 366 } else { 365 };
+        if at + self.before + days / 2 * DAY < self.last {
+            self.before += days * DAY;
+        }
+        self.last = at + self.before;
+        self.last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn time(text: &str) -> Option<(u64, Clock)> {
+        let (word, behind) = next_word(text)?;
+        let ((nanos, clock), _) = at_beginning(text, word, behind)?;
+        Some((nanos / 1_000_000, clock))
+    }
+
+    /// 1,795,781,483 s by `date -u -d '2026-11-27 12:11:23' +%s`; two hours are 7,200 s.
+    #[test]
+    fn a_date_may_have_words_and_a_zone() {
+        const AT: u64 = 1_795_781_483_000;
+        for text in [
+            "2026-11-27 12:11:23 x",
+            "2026/11/27 12:11:23: x",
+            "27.11.2026 12:11:23 x",
+            "11/27/2026 12:11:23 PM x",
+            "[27/11/2026 12:11:23] x",
+            "Fri Nov 27 12:11:23 2026 x",
+            "[Fri Nov 27 12:11:23 2026] x",
+            "Nov 27, 2026 12:11:23 PM x",
+            "27 Nov 2026 12:11:23 x",
+            "Friday, 27 November 2026 12:11:23 x",
+            "27-Nov-2026 12:11:23 x",
+        ] {
+            assert_eq!(time(text), Some((AT, Clock::Date)), "{text}");
+        }
+        for (text, hours) in [
+            ("2026-11-27T12:11:23Z x", 0),
+            ("2026-11-27T12:11:23.000+02:00 x", 2),
+            ("2026-11-27 12:11:23+0200 x", 2),
+            ("2026-11-27 12:11:23 +0200 x", 2),
+            ("[2026-11-27 12:11:23.0 +02:00] x", 2),
+            ("2026-11-27 12:11:23-05 x", -5),
+            ("27-Nov-2026 12:11:23 UTC x", 0),
+        ] {
+            let expected = AT.saturating_add_signed(-3_600_000 * hours);
+            assert_eq!(time(text), Some((expected, Clock::Utc)), "{text}");
+        }
+        assert_eq!(
+            within("main: [2026-11-27 12:11:23] tx"),
+            Some((AT * 1_000_000, Clock::Date))
+        );
+    }
+
+    /// 27 November is day 331 of a leap year, from 0 on.
+    #[test]
+    fn a_date_may_lack_its_year() {
+        const AT: u64 = (331 * 24 + 12) * 3_600_000 + (11 * 60 + 23) * 1_000;
+        for text in [
+            "Nov 27 12:11:23 pi x",
+            "27 Nov 12:11:23.000 x",
+            "11-27 12:11:23.000 x",
+            "27.11. 12:11:23 x",
+            "27/11 12:11:23 x",
+            "11/27 12:11:23 x",
+        ] {
+            assert_eq!(time(text), Some((AT, Clock::Year)), "{text}");
+        }
+        // Five bytes with two kinds of dividers.
+        assert_eq!(time("11-27 12:11:23 AB"), None);
+    }
+
+    /// 28 February and 1 March are one day apart in most years; a year has 365 days.
+    #[test]
+    fn days_of_an_unknown_year_are_in_order() {
+        let apart = |texts: &[&str]| {
+            let at = |text: &&str| time(text).expect("a date").0 * 1_000_000;
+            let times: Vec<u64> = texts.iter().map(at).collect();
+            let mut years = Years::of(times.iter().copied());
+            let times: Vec<u64> = times.into_iter().map(|at| years.nanos(at)).collect();
+            times
+                .windows(2)
+                .map(|pair| (pair[1] - pair[0]) / DAY)
+                .collect::<Vec<_>>()
+        };
+        let [feb, leap, mar] = ["Feb 28 01:00:00 x", "Feb 29 01:00:00 x", "Mar 1 01:00:00 x"];
+        assert_eq!(apart(&[feb, mar]), [1]);
+        assert_eq!(apart(&[feb, leap, mar]), [1, 1]);
+        assert_eq!(
+            apart(&["Dec 31 01:00:00 x", "Jan 1 01:00:00 x", feb]),
+            [1, 58]
+        );
+    }
+}
