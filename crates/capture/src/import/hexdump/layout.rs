@@ -238,40 +238,44 @@ fn shown_beside(behind: &str, bytes: &[u8]) -> bool {
             return true;
         }
     }
+    let visible = text.trim_start().chars();
+    let count = visible.clone().count();
     // Wireshark separates the text of a conversation after eight characters.
-    let undivided: String = text
-        .trim_start()
-        .char_indices()
-        .filter(|(at, _)| *at != 8)
-        .map(|(_, c)| c)
-        .collect();
-    if bytes.len() > 8 && shows(&undivided, bytes) {
-        return true;
+    if bytes.len() > 8 && count == bytes.len() + 1 {
+        let undivided = visible.enumerate().filter(|(at, _)| *at != 8);
+        if undivided
+            .zip(bytes)
+            .all(|((_, c), byte)| shows_byte(c, *byte))
+        {
+            return true;
+        }
     }
-    let count = behind.chars().count();
-    let least = text.chars().count();
-    (least..=least + bytes.len()).any(|end| {
-        let Some(skip) = end.checked_sub(bytes.len()).filter(|&skip| skip >= 1) else {
-            return false;
-        };
-        let (gap, shown): (String, String) = {
-            let padded = behind
-                .chars()
-                .chain(core::iter::repeat_n(' ', end.saturating_sub(count)));
-            let all: Vec<char> = padded.take(end).collect();
-            let (gap, shown) = all.split_at(skip);
-            (gap.iter().collect(), shown.iter().collect())
-        };
-        gap.trim().is_empty() && shows(&shown, bytes)
+    // Further cells are longer than a text of these bytes.
+    if count > bytes.len() {
+        return false;
+    }
+    let all: Vec<char> = behind.chars().collect();
+    let blanks = all.iter().take_while(|c| c.is_whitespace()).count();
+    // The first bytes may be blanks.
+    (1..=blanks).any(|skip| {
+        let end = skip + bytes.len();
+        let shown = (skip..end).map(|at| all.get(at).copied().unwrap_or(' '));
+        let mut pairs = shown.zip(bytes);
+        end >= blanks + count && pairs.all(|(c, byte)| shows_byte(c, *byte))
     })
 }
 
 fn shows(shown: &str, bytes: &[u8]) -> bool {
-    let fits = |(c, &byte): (char, &u8)| match byte {
+    let mut pairs = shown.chars().zip(bytes);
+    shown.chars().count() == bytes.len() && pairs.all(|(c, byte)| shows_byte(c, *byte))
+}
+
+/// Whether a tool shows a byte as this character.
+fn shows_byte(c: char, byte: u8) -> bool {
+    match byte {
         b' '..=b'~' => c == char::from(byte),
         _ => c == '.' || !c.is_ascii_alphanumeric(),
-    };
-    shown.chars().count() == bytes.len() && shown.chars().zip(bytes).all(fits)
+    }
 }
 
 /// Decodes `  \0   A 377`: each character in four columns. Trailing spaces of a line may be lost.
