@@ -62,9 +62,9 @@ impl Section {
         });
     }
 
-    /// Whether the recorded client ran inside this process: only such a run has a virtual clock.
+    /// Whether the recorded client ran inside this process. Imported logs may have its clock, too.
     pub fn is_of_own_program(&self) -> bool {
-        self.fact("clock") == Some("virtual")
+        self.fact("clock") == Some("virtual") && matches!(self.fact("imported"), None | Some("csv"))
     }
 
     /// Time of the beginning of the run: zero in virtual time; UTC since 1970 in real time.

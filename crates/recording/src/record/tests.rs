@@ -164,6 +164,8 @@ fn a_section_knows_its_facts() {
     assert_eq!(own.fact("name"), Some("a=b"));
     assert_eq!((own.fact("seed"), own.fact("see")), (Some("7"), None));
     assert!(own.is_of_own_program() && !section("clock=utc").is_of_own_program());
+    let imported = |format: &str| section(&format!("imported={format}\nclock=virtual"));
+    assert!(!imported("log").is_of_own_program() && imported("csv").is_of_own_program());
     assert_eq!(own.start(), Instant::ZERO);
     assert_eq!(section("start_ns=12").start(), Instant::from_nanos(12));
     assert_eq!(section("start_ns=x").start(), Instant::ZERO);
