@@ -8,11 +8,12 @@ use super::replay::{judge_case, sound_of, try_case};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
 use crate::capture::case::{Case, CaseError, Judgement, Play, Rule};
-use crate::capture::replay::Recorded;
+use crate::capture::replay::{Recorded, scenario_of};
 use crate::capture::{Capture, Section};
 use crate::run::check::Status;
 use crate::scenario::{Scenario, Source, Span};
 use crate::show::shell::word;
+use engine::near;
 
 /// Make regression tests from captures.
 #[derive(Debug, Args)]
@@ -131,8 +132,12 @@ fn from(args: &From) -> Result<Verdict, CliError> {
         .unwrap_or("case");
     let is_own = |section: &Section| section.is_of_own_program();
     let concluded = capture.conclusion.as_ref();
+    // Without a robot there is no program of its own.
+    let has_robot =
+        args.scenario.is_some() || !matches!(scenario_of(&capture, &args.file), Ok(None));
     let is_foreign = args.program.exec.is_some()
         || concluded.is_some_and(|one| one.is_foreign())
+        || !has_robot
         || !capture.sections.iter().all(is_own);
     let is_asked = is_foreign && (args.program.exec.is_some() || concluded.is_some());
     let (mut case, source) = match (recorded.is_one_way() && !is_asked, is_foreign) {
@@ -148,6 +153,7 @@ fn from(args: &From) -> Result<Verdict, CliError> {
     let talking = case.expect.talks.clone();
     for rule in &args.expect {
         case.expect.add(rule.clone(), &talking);
+        check_rule(rule, &case, &source)?;
     }
     if let Some(command) = &args.sound {
         let stop = Stop::new(None)?;
@@ -194,6 +200,22 @@ fn from(args: &From) -> Result<Verdict, CliError> {
     }
     report(args, now.as_ref());
     Ok(Verdict::Pass)
+}
+
+/// Rejects a rule about a link that the case does not have.
+fn check_rule(rule: &Rule, case: &Case, source: &Source) -> Result<(), CliError> {
+    let Some(link) = rule.link() else {
+        return Ok(());
+    };
+    let known = case.links(source);
+    let all: Vec<&str> = known.iter().flatten().map(String::as_str).collect();
+    match known.is_none() || all.contains(&link) {
+        true => Ok(()),
+        false => Err(CliError::Usage(format!(
+            "--expect: the link {}",
+            near::expected(link, &all)
+        ))),
+    }
 }
 
 /// Creates a case of the user's own program.
@@ -398,6 +420,11 @@ fn say_what_is_expected(args: &From, case: &Case, failed: Option<Vec<&str>>) {
 
 fn report(args: &From, now: Option<&Judgement>) {
     let (out, exec) = (args.out.display(), args.program.repeat());
+    let exec = if now.is_none() {
+        " --exec CMD".to_owned()
+    } else {
+        exec
+    };
     let repeat = format!("hilrig run {}{exec}", word(&args.out));
     let color = now.map(|now| if now.passed() { "green" } else { "red" });
     if let (Some(color), true) = (color, args.program.exec.is_some()) {

@@ -17,6 +17,7 @@ mod bytes;
 mod decoder;
 mod expectation;
 mod foreign;
+mod names;
 mod rules;
 mod sound;
 
@@ -175,13 +176,14 @@ impl Case {
     /// Reads a case from `text`; `path` is for messages and relative files.
     ///
     /// # Errors
-    /// If `text` is no case.
+    /// If `text` is no case, or if an expectation names an unknown link or device.
     pub fn parse(path: &Path, text: String) -> Result<(Self, Source), CaseError> {
         let path = path.to_owned();
         let source = Source { path, text };
         let read =
             |document: Document<'_>| Self::deserialize(toml::de::Deserializer::from(document));
         let case = read_whole(&source, read).map_err(CaseError::File)?;
+        case.check_names(&source)?;
         Ok((case, source))
     }
 

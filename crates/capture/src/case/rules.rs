@@ -85,6 +85,11 @@ impl FromStr for Rule {
     }
 }
 
+/// The link that the text of some bytes names.
+pub(super) fn link_of(text: &str) -> Option<&str> {
+    pattern(text)?.0
+}
+
 /// The bytes, and their link if the text names one.
 fn pattern(text: &str) -> Option<(Option<&str>, Vec<u8>)> {
     let (link, digits) = match text.split_once(':') {
@@ -94,6 +99,17 @@ fn pattern(text: &str) -> Option<(Option<&str>, Vec<u8>)> {
     let joined: String = digits.split_ascii_whitespace().collect();
     let bytes = hex::bytes(&joined)?;
     (!bytes.is_empty()).then_some((link, bytes))
+}
+
+impl Rule {
+    /// The link that the rule names.
+    pub fn link(&self) -> Option<&str> {
+        match self {
+            Self::Talks(link) => link.as_deref(),
+            Self::Sends(bytes) | Self::NeverSends(bytes) => link_of(bytes),
+            _ => None,
+        }
+    }
 }
 
 impl Expectation {
