@@ -234,8 +234,23 @@ impl Framing {
         }
     }
 
-    /// The body of a frame.
+    /// The body of a frame. The bits of a length that shares its field with the message are 0, as
+    /// the message writes them.
     pub(crate) fn body<'a>(&self, frame: &'a [u8]) -> Option<Cow<'a, [u8]>> {
+        let mut body = self.all_of_body(frame)?;
+        if let Some((at, length)) = self.shared_length() {
+            let field = at..at + usize::from(length.number.bytes);
+            let field = body.to_mut().get_mut(field)?;
+            let mut bytes = Vec::new();
+            let own = length.number.bits(field) & !length.mask;
+            length.number.put(own, &mut bytes);
+            field.copy_from_slice(&bytes);
+        }
+        Some(body)
+    }
+
+    /// The bytes of a frame that are not in holes.
+    fn all_of_body<'a>(&self, frame: &'a [u8]) -> Option<Cow<'a, [u8]>> {
         let content = self.content(frame).ok()?;
         let len = content.len().checked_sub(self.trailer)?;
         if self.holes.is_empty() {
@@ -330,8 +345,31 @@ impl Framing {
 
     /// Whether the length field has bits that belong to the message.
     pub(crate) fn shares_length(&self) -> bool {
-        matches!(&self.cut, Cut::Length(length)
-            if length.mask.count_ones() < 8 * u32::from(length.number.bytes))
+        self.shared_length().is_some()
+    }
+
+    /// The length field that has bits of the message, and its offset in the body.
+    pub(crate) fn shared_length(&self) -> Option<(usize, &Length)> {
+        let Cut::Length(length) = &self.cut else {
+            return None;
+        };
+        let bits = 8 * u32::from(length.number.bytes);
+        let before = self.holes.iter().filter(|(at, _)| *at < length.at);
+        let before: usize = before.map(|(_, len)| len).sum();
+        let at = length.at.checked_sub(before)?;
+        (length.mask.count_ones() < bits).then_some((at, length))
+    }
+
+    /// The offset of such a field in the body, and its bits that stay, as a key of a Lua table.
+    pub(crate) fn shared_in_lua(&self) -> String {
+        let Some((at, length)) = self.shared_length() else {
+            return String::new();
+        };
+        let mut keep = Vec::new();
+        length.number.put(!length.mask, &mut keep);
+        let keep: Vec<String> = keep.iter().map(u8::to_string).collect();
+        let keep = keep.join(", ");
+        format!(", shared = {{ at = {at}, keep = {{ {keep} }} }}")
     }
 
     /// Writes the length of `content` into its length field.

@@ -152,7 +152,7 @@ fn frame(framing: &Framing, sender: &str) -> String {
         "{{ {}, least = {least}, max = {max}, trailer = {trailer}, sync = {}, last = {}, \
          is_hex = {}, is_modbus = {}, has_blank = {}, from = {sender},\n\
          holes = {{ {}}}, checks = {{ {checks}}} }},\n",
-        cut(&framing.cut),
+        cut(&framing.cut) + &framing.shared_in_lua(),
         quoted(&framing.sync),
         quoted(&framing.end),
         framing.is_hex,

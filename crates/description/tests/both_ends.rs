@@ -352,3 +352,75 @@ fn a_length_can_stand_twice() {
     other[2] = 6;
     assert_eq!(found(&other), 0);
 }
+
+/// A length in some bits of a field, of one byte and of two: the other bits are the message's. The
+/// frames are worked out by hand: 55, the field, the tag, for the reply 07, and the sum of all.
+#[test]
+fn a_length_may_share_its_field_with_the_message() {
+    for (kind, mask, values, ask, tell) in [
+        (
+            "u8",
+            "0x1F",
+            ["0x20", "0x40"],
+            &[0x55, 0x24, 0x01, 0x7A][..],
+            &[0x55, 0x45, 0x01, 0x07, 0xA2][..],
+        ),
+        (
+            "u16be",
+            "0x03FF",
+            ["0x4000", "0x8400"],
+            &[0x55, 0x40, 0x05, 0x01, 0x9B],
+            &[0x55, 0x84, 0x06, 0x01, 0x07, 0xE7],
+        ),
+    ] {
+        let [asks, tells] = values;
+        let text = format!(
+            r#"
+            name = "shared"
+            about = "a length beside flags"
+            line = {{ baud = 9600 }}
+            frame = {{ sync = [0x55], length = {{ at = 1, type = "{kind}", mask = {mask}, \
+             counts = "frame" }}, checksum = "sum8" }}
+            message = [
+              {{ name = "ask", from = "host", fields = [{{ type = "{kind}", value = {asks} }}, \
+               {{ name = "tag", type = "u8" }}] }},
+              {{ name = "tell", from = "device", fields = [{{ type = "{kind}", value = {tells} }}, \
+               {{ name = "tag", type = "u8" }}, {{ type = "u8", value = 7 }}] }},
+            ]
+            on = [{{ message = "ask", reply = "tell" }}]
+            "#
+        )
+        .replace("\\\n", "");
+        let of = parse(&text);
+        let mut cutter = of.cutter();
+        let frame = cutter.push(ask).next().expect("a frame").expect("sound");
+        let (message, record) = of.message(&frame, From::Host).expect("known");
+        assert_eq!(
+            (message.name(), record.get("tag")),
+            ("ask", Some(&Value::Int(1)))
+        );
+        assert_eq!(of.frame(message, &record).as_deref(), Some(ask));
+        let (mut device, mut world) = (device(&text), world());
+        device.receive(Described::UART, Instant::ZERO, ask);
+        let (mut now, end) = (Instant::ZERO, Instant::from_millis(200));
+        let mut out = Vec::new();
+        while now < end {
+            device.poll(now, &mut world);
+            let mut buf = [0; 64];
+            let len = device.transmit(Described::UART, &mut buf);
+            out.extend_from_slice(&buf[..len]);
+            now = next_poll(&device, now, end);
+        }
+        assert_eq!(out, tell, "{kind}");
+        let wrong = text.replace(&format!("value = {asks}"), &format!("value = {asks} + 1"));
+        let wrong = wrong
+            .replace("0x20 + 1", "0x21")
+            .replace("0x4000 + 1", "0x4001");
+        let none = |_: &str| Err("no file".to_owned());
+        let error = Description::parse("test.toml", &wrong, &none).expect_err("bits of the length");
+        assert!(
+            error.to_string().contains("0 in the bits of the length"),
+            "{error}"
+        );
+    }
+}

@@ -793,7 +793,14 @@ local function body(framing, frame)
     at = hole[1] + hole[2]
   end
   out[#out + 1] = s:sub(at + 1, #s - framing.trailer)
-  return table.concat(out)
+  local inner, shared = table.concat(out), framing.shared
+  if not shared then return inner end
+  -- The bits of a length in a field of the message are 0.
+  local field = {}
+  for i = 1, #shared.keep do
+    field[i] = string.char(D.op.band(inner:byte(shared.at + i), shared.keep[i]))
+  end
+  return inner:sub(1, shared.at) .. table.concat(field) .. inner:sub(shared.at + #shared.keep + 1)
 end
 
 -- Messages ----------------------------------------------------------------------------------------
