@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use protocols::{LineConfig, Parity};
@@ -7,6 +7,7 @@ use super::answer::Imported;
 use super::{CliError, Verdict, out};
 use crate::capture::import::{self, Format, Options};
 use crate::realtime::playback::Side as PlayedSide;
+use crate::show::shell::word;
 
 /// Turn a file of another tool into a capture.
 ///
@@ -75,6 +76,28 @@ fn coding(text: &str) -> Result<LineConfig, String> {
         stop_bits: stop - b'0',
         ..LineConfig::new_8n1(1)
     })
+}
+
+/// The next step for a file that is no capture of hilrig: the command that imports it, or the
+/// reason why it cannot be imported.
+pub(super) fn next_step(path: &Path) -> String {
+    let out = path.with_extension("imported.pcapng");
+    let [file, out] = [path, &out].map(word);
+    let bytes = std::fs::read(path).unwrap_or_default();
+    let format = match import::open(&bytes, path) {
+        Ok(opened) => opened.format,
+        Err(error) => return error.to_string(),
+    };
+    match format {
+        Some(format) => format!(
+            "expected a capture of hilrig, found {}; import it first: hilrig import {file} -o {out}",
+            format.name()
+        ),
+        None => format!(
+            "expected a capture of hilrig; if these are the bytes of a port, import them first: \
+             hilrig import {file} --format raw --baud N -o {out}"
+        ),
+    }
 }
 
 pub(super) fn run(args: ImportArgs) -> Result<Verdict, CliError> {

@@ -6,7 +6,8 @@ mod links;
 mod play;
 
 use core::time::Duration;
-use std::io;
+use std::fs::File;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
@@ -15,6 +16,7 @@ use clap::Args;
 use protocols::Instant;
 
 use super::answer::ReplayEnded;
+use super::decode::source::PCAPNG;
 use super::exec::ExecArgs;
 use super::place::{self, NamedPort};
 use super::ports::Ports;
@@ -127,11 +129,28 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     into_ports(&args, &recorded)
 }
 
+/// Whether a file begins with the mark of a pcapng capture.
+fn begins_as_capture(path: &Path) -> bool {
+    let mut first = [0; PCAPNG.len()];
+    let read = File::open(path).and_then(|mut file| file.read_exact(&mut first));
+    read.is_ok() && first == PCAPNG
+}
+
+/// Refuses a file of another tool with the command that imports it.
+pub(super) fn refuse_foreign(path: &Path, capture: &Capture) -> Result<(), CliError> {
+    let is_foreign = capture.links.iter().any(|link| !link.is_serial());
+    match is_foreign || (capture.records.is_empty() && !begins_as_capture(path)) {
+        true => Err(CliError::content(path, super::import::next_step(path))),
+        false => Ok(()),
+    }
+}
+
 /// Reads a capture with the other files of its recording; reports a truncated capture.
 pub(super) fn read(path: &Path) -> Result<Capture, CliError> {
     let shown = path.display();
     let read = Capture::read_recording(path);
     let (capture, files) = read.map_err(|error| CliError::read(path, error))?;
+    refuse_foreign(path, &capture)?;
     if files > 1 {
         eprintln!("{shown} is one of {files} files of a recording; they are read as one");
     }

@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::answer::Shrunk;
 use super::exec::{ExecArgs, refuse_programs};
+use super::replay::refuse_foreign;
 use super::run::{Clocking, Talk, judged_run};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
@@ -283,6 +284,7 @@ fn judge<'a>(
 fn shrink_capture(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     let read = Capture::read(&args.file);
     let whole = read.map_err(|error| CliError::read(&args.file, error))?;
+    refuse_foreign(&args.file, &whole)?;
     let units = shrink::units(&whole);
     let cause = match &args.command {
         Some(command) => format!("{command} exits with 0"),

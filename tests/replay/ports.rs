@@ -243,8 +243,48 @@ fn a_file_that_is_no_capture_is_refused() {
     assert_eq!(status.code(), Some(2));
     assert_eq!(
         said,
-        "error: x.bin: at byte 0: no pcapng section header: expected a pcapng capture\n"
+        "error: x.bin: expected a capture of hilrig; if these are the bytes of a port, import them \
+         first: hilrig import x.bin --format raw --baud N -o x.imported.pcapng\n"
     );
+}
+
+/// A log and a capture of another tool name the command that imports them, and that works.
+#[test]
+fn a_file_of_another_tool_is_to_be_imported_first() {
+    let folder = folder("foreign-capture");
+    std::fs::write(folder.join("bus.log"), "TX: 01 03 AB\nRX: 01 83 02\n").expect("written");
+    // A pcap of the link type USER0: its head, and one packet of two bytes.
+    let words: [u32; 10] = [0xA1B2_C3D4, 0x0004_0002, 0, 0, 0xFFFF, 147, 1, 0, 2, 2];
+    let mut pcap: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
+    pcap.extend([0xAB, 0x24]);
+    std::fs::write(folder.join("bus.pcap"), pcap).expect("written");
+    for (file, format) in [("bus.log", "hex"), ("bus.pcap", "pcap")] {
+        for command in [&["replay", file][..], &["case", "from", file]] {
+            let (status, _, said) = hilrig(&folder, command);
+            assert_eq!(status.code(), Some(2));
+            let expected = format!(
+                "error: {file}: expected a capture of hilrig, found {format}; import it first: \
+                 hilrig import {file} -o bus.imported.pcapng\n"
+            );
+            assert_eq!(said, expected);
+        }
+        let (status, _, said) = hilrig(&folder, &["import", file, "-o", "bus.imported.pcapng"]);
+        assert_eq!(status.code(), Some(0), "{said}");
+    }
+    // Without dates, the log is a case of a program of your own.
+    hilrig(&folder, &["import", "bus.log", "-o", "bus.pcapng"]);
+    let (status, said, error) = hilrig(&folder, &["case", "from", "bus.pcapng"]);
+    assert_eq!(status.code(), Some(0), "{error}");
+    assert!(
+        said.contains("run it with: hilrig run case.toml --exec CMD"),
+        "{said}"
+    );
+    let rule = ["case", "from", "bus.pcapng", "--expect", "talks=lime"];
+    let (status, _, said) = hilrig(&folder, &rule);
+    assert_eq!(status.code(), Some(2));
+    let expected =
+        "error: --expect: the link is \"lime\", did you mean \"line\"? Expected one of line\n";
+    assert_eq!(said, expected);
 }
 
 #[test]
