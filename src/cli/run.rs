@@ -1,13 +1,13 @@
 mod broken;
 mod exec;
 mod firmware;
+mod folders;
 mod guest;
 mod judged;
 mod node;
 mod twice;
 
 use core::time::Duration;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -18,7 +18,7 @@ use super::exec::{ExecArgs, is_bare};
 use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
-use super::{CliError, Verdict, default_out, out};
+use super::{CliError, Verdict, out};
 use crate::capture::case::{Case, Judgement};
 use crate::realtime::exec::Cpu;
 use crate::robots;
@@ -32,6 +32,7 @@ use broken::Broken;
 pub(super) use exec::ports_in;
 use exec::{Placement, judged_exec};
 use firmware::FirmwareArgs;
+use folders::{Folders, check_folders, folder_of};
 pub(super) use guest::{Beginning, report};
 use guest::{Guest, judged_guest};
 use judged::judged_with;
@@ -149,12 +150,13 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     }
     let several = args.scenarios.len() > 1;
     let (mut ended, mut answers) = (Vec::new(), Runs::default());
-    let mut wall = Duration::ZERO;
+    let (mut wall, mut folders) = (Duration::ZERO, Folders::default());
     for (path, file) in files {
         let file = match file {
             Runnable::Scenario(scenario) => *scenario,
             Runnable::Case(case) => {
-                let judgement = match one_case(&args, &case, &stop) {
+                let out = folders.of_case(args.out.as_deref(), &case.0.name, several);
+                let judgement = match one_case(&args, &case, &out, &stop) {
                     Ok(judgement) => judgement,
                     Err(error) => {
                         broken.keep(args.junit.is_some(), path, error)?;
@@ -163,7 +165,7 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
                 };
                 let repeat = format!("hilrig run {}{}", word(path), args.program.repeat());
                 answers.runs.push(answer_of(&judgement, &repeat));
-                ended.push(Ended::Case(judgement, repeat));
+                ended.push(Finished::new(path, Ended::Case(judgement, repeat)));
                 continue;
             }
         };
@@ -187,19 +189,19 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
             eprintln!("repeat with: {repeat}");
         }
         answers.runs.push(ran.answer(&out, repeat));
-        ended.push(Ended::Run(Box::new(ran)));
+        ended.push(Finished::new(path, Ended::Run(Box::new(ran))));
         if stop.signal().is_some() {
             break;
         }
     }
     out::answer(&answers);
     if let Some(path) = args.junit {
-        let suites = ended.iter().map(Ended::suite).chain(broken.suites());
+        let suites = ended.iter().map(Finished::suite).chain(broken.suites());
         let text = junit(suites, wall);
         safefs::write(&path, text).map_err(|source| FolderError { path, source })?;
     }
     broken.end()?;
-    let verdicts: Vec<Verdict> = ended.iter().map(Ended::verdict).collect();
+    let verdicts: Vec<Verdict> = ended.iter().map(|one| one.ended.verdict()).collect();
     Ok(match stop.signal() {
         Some(signal) => Verdict::Interrupted(signal),
         None if verdicts.contains(&Verdict::Fail) => Verdict::Fail,
@@ -224,15 +226,6 @@ pub(super) fn warn(scenario: &Scenario, source: &Source, cpu: Option<Cpu>) {
         let span = source.find("computing");
         let warning = source.invalid(span, "computing".to_owned(), message);
         eprintln!("warning: {warning}");
-    }
-}
-
-/// The result folder of a scenario.
-fn folder_of(args: &RunArgs, name: &str, seed: u64, several: bool) -> PathBuf {
-    match &args.out {
-        Some(out) if several => out.join(format!("{name}-{seed}")),
-        Some(out) => out.clone(),
-        None => default_out(name, seed),
     }
 }
 
@@ -310,12 +303,15 @@ fn one(
 }
 
 /// Plays one case of bytes, to a foreign program if one is given.
-fn one_case(args: &RunArgs, case: &(Case, Source), stop: &Stop) -> Result<Judgement, CliError> {
+fn one_case(
+    args: &RunArgs,
+    case: &(Case, Source),
+    out: &Path,
+    stop: &Stop,
+) -> Result<Judgement, CliError> {
     args.program.refuse_cpu("run with a case of bytes")?;
     if let Some(foreign) = args.program.foreign() {
-        let out = args.out.clone();
-        let out = out.unwrap_or_else(|| PathBuf::from("hilrig-out").join(&case.0.name));
-        return judge_case(case, &foreign, &out, stop);
+        return judge_case(case, &foreign, out, stop);
     }
     let judgement = case.0.run(&case.1)?;
     println!("{judgement}");
@@ -393,32 +389,6 @@ fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), 
     }
 }
 
-/// Rejects two runs with the same result folder; names the file that writes no folder.
-fn check_folders(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
-    let mut taken = BTreeMap::new();
-    for (path, file) in files {
-        match file {
-            Runnable::Scenario(scenario) => {
-                let seed = args.seed.unwrap_or(scenario.0.seed);
-                let first = taken.insert((&scenario.0.name, seed), path);
-                if let Some(first) = first {
-                    let (name, first, path) = (&scenario.0.name, first.display(), path.display());
-                    return Err(CliError::Usage(format!(
-                        "{first} and {path} are both \"{name}\" with seed {seed} and would write the \
-                         same result folder; change one of the names, or run one file at a time"
-                    )));
-                }
-            }
-            Runnable::Case(_) if args.out.is_some() && args.program.exec.is_none() => {
-                let path = path.display();
-                eprintln!("{path}: a case of bytes writes no result folder, so --out is ignored");
-            }
-            Runnable::Case(_) => {}
-        }
-    }
-    Ok(())
-}
-
 /// A file with a scenario or a case.
 pub(super) enum Runnable {
     Scenario(Box<(Scenario, Source)>),
@@ -449,6 +419,12 @@ enum Ended {
     Case(Judgement, String),
 }
 
+/// A finished file.
+struct Finished {
+    path: PathBuf,
+    ended: Ended,
+}
+
 impl Ended {
     fn verdict(&self) -> Verdict {
         match self {
@@ -457,12 +433,24 @@ impl Ended {
             Self::Case(..) => Verdict::Fail,
         }
     }
+}
+
+impl Finished {
+    fn new(path: &Path, ended: Ended) -> Self {
+        let path = path.to_owned();
+        Self { path, ended }
+    }
 
     fn suite(&self) -> Suite<'_> {
-        match self {
-            Self::Run(ran) => Suite::from(&ran.outcome),
-            Self::Case(Judgement { name, checks, .. }, again) => Suite {
+        let file = Some(&*self.path);
+        match &self.ended {
+            Ended::Run(ran) => Suite {
+                file,
+                ..Suite::from(&ran.outcome)
+            },
+            Ended::Case(Judgement { name, checks, .. }, again) => Suite {
                 name,
+                file,
                 seed: None,
                 checks,
                 unproved: Vec::new(),

@@ -1,6 +1,7 @@
 //! Verdicts as JUnit XML, which every CI displays.
 
 use core::time::Duration;
+use std::path::Path;
 
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
@@ -13,6 +14,8 @@ use engine::run::check::{Check, Status};
 pub struct Suite<'a> {
     /// Name of the scenario or case.
     pub name: &'a str,
+    /// Its file. It tells suites of equal names apart.
+    pub file: Option<&'a Path>,
     /// Seed of the run, if it had one.
     pub seed: Option<u64>,
     /// All verdicts.
@@ -29,6 +32,7 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
     fn from(outcome: &'a Outcome) -> Self {
         Self {
             name: &outcome.case.name,
+            file: None,
             seed: Some(outcome.seed),
             checks: &outcome.checks,
             unproved: match outcome.is_judged() {
@@ -41,24 +45,48 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
     }
 }
 
+/// The names of `suites`, each different from all others: equal names get their files, and equal
+/// files numbers. Many tools merge suites of one name, so verdicts would get lost.
+fn names(suites: &[Suite<'_>]) -> Vec<String> {
+    let mut taken: Vec<String> = Vec::new();
+    for suite in suites {
+        let is_same = |other: &&Suite<'_>| (other.name, other.seed) == (suite.name, suite.seed);
+        let is_alone = suites.iter().filter(is_same).count() == 1;
+        let name = match suite.file.filter(|_| !is_alone) {
+            Some(file) => format!("{} ({})", suite.name, file.display()),
+            None => suite.name.to_owned(),
+        };
+        let seeded = |name: &str| match suite.seed {
+            Some(seed) => format!("{name} seed {seed}"),
+            None => name.to_owned(),
+        };
+        let numbered = (2..).map(|number| seeded(&format!("{name} {number}")));
+        let mut all = core::iter::once(seeded(&name)).chain(numbered);
+        taken.extend(all.find(|name| !taken.contains(name)));
+    }
+    taken
+}
+
 /// The verdicts of `suites` as JUnit XML: one suite per run, one test case per check. `wall` is the
 /// total wall time.
 pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
     let mut report = Report::new(TOOL);
     report.set_time(wall);
-    for Suite {
-        name,
-        seed,
-        checks,
-        unproved,
-        again,
-        probable_cause,
-    } in suites
-    {
-        let mut suite = TestSuite::new(match seed {
-            Some(seed) => format!("{name} seed {seed}"),
-            None => name.to_owned(),
-        });
+    let suites: Vec<Suite<'_>> = suites.into_iter().collect();
+    let names = names(&suites);
+    for (suite, suite_name) in suites.into_iter().zip(names) {
+        let Suite {
+            name,
+            seed,
+            checks,
+            unproved,
+            again,
+            probable_cause,
+            ..
+        } = suite;
+        let end = seed.map_or(String::new(), |seed| format!(" seed {seed}"));
+        let class = suite_name.strip_suffix(&end).unwrap_or(name).to_owned();
+        let mut suite = TestSuite::new(suite_name);
         for check in checks {
             let status = match check.status {
                 Status::Pass => TestCaseStatus::success(),
@@ -81,10 +109,51 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
                 }
             };
             let mut case = TestCase::new(check.name.clone(), status);
-            case.set_classname(name.to_owned());
+            case.set_classname(class.clone());
             suite.add_test_case(case);
         }
         report.add_test_suite(suite);
     }
     report.to_string().expect("written to memory")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Cases of one name in two folders, one of them given twice, and a scenario with two seeds.
+    #[test]
+    fn each_suite_has_a_name_of_its_own() {
+        let checks = [Check::new("lives", true, "to the end")];
+        let suite = |name, file: &'static str, seed| Suite {
+            name,
+            file: Some(Path::new(file)),
+            seed,
+            checks: &checks,
+            unproved: Vec::new(),
+            again: None,
+            probable_cause: None,
+        };
+        let suites = [
+            suite("case", "a/case.toml", None),
+            suite("case", "b/case.toml", None),
+            suite("case", "b/case.toml", None),
+            suite("other", "a/other.toml", None),
+            suite("flat", "flat.toml", Some(1)),
+            suite("flat", "flat.toml", Some(2)),
+        ];
+        let expected = [
+            "case (a/case.toml)",
+            "case (b/case.toml)",
+            "case (b/case.toml) 2",
+            "other",
+            "flat seed 1",
+            "flat seed 2",
+        ];
+        assert_eq!(names(&suites), expected);
+        let text = junit(suites, Duration::ZERO);
+        for class in ["case (b/case.toml)", "case (b/case.toml) 2", "flat"] {
+            assert!(text.contains(&format!("classname=\"{class}\"")), "{text}");
+        }
+    }
 }

@@ -34,6 +34,7 @@ impl Broken {
     pub(super) fn suites(&self) -> impl Iterator<Item = Suite<'_>> {
         self.0.iter().map(|(name, checks, _)| Suite {
             name,
+            file: None,
             seed: None,
             checks,
             unproved: Vec::new(),
