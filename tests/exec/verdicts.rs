@@ -141,3 +141,48 @@ fn a_port_that_there_is_not_cannot_be_needed() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("--exec-needs radar: no such port"), "{said}");
 }
+
+/// A device that is off, or whose line to it is cut, to the end: its driver was not observed. The
+/// time before the fault is enough, and so is a device that hears and is not heard.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_driver_of_a_device_that_is_off_to_the_end_is_not_passed() {
+    let meter = "schema = 1\nname = \"sonar\"\nrobot = \"none\"\nduration = \"2s\"\n\
+                 device.sonar = { description = \"modbus-meter\" }\n[[fault]]\n";
+    let asks = "import select\nfd = port()\nwhile True:\n    \
+                os.write(fd, bytes.fromhex('010300000002c40b'))\n    \
+                while select.select([fd], [], [], 0.1)[0]:\n        \
+                os.read(fd, 99)\n";
+    for (name, fault, is_observed) in [
+        ("off", "kind = \"off\"\ndevice = \"sonar\"", false),
+        (
+            "cut-to",
+            "kind = \"cut\"\nlink = \"sonar\"\ndirection = \"to-device\"",
+            false,
+        ),
+        (
+            "cut-from",
+            "kind = \"cut\"\nlink = \"sonar\"\ndirection = \"to-master\"",
+            true,
+        ),
+        (
+            "off-later",
+            "kind = \"off\"\ndevice = \"sonar\"\nfrom = \"500ms\"",
+            true,
+        ),
+    ] {
+        let bench = Bench::new(name, "2s", asks);
+        let file = bench.folder.join("sonar.toml");
+        std::fs::write(&file, format!("{meter}{fault}\n")).expect("a rig");
+        let ended = bench.run(&["--virtual"]);
+        let is_said = ended.said.contains("nothing was observed");
+        assert_eq!(is_said, !is_observed, "{name}: {}", ended.said);
+        let expected: &[&str] = if is_observed {
+            &[]
+        } else {
+            &["program-goes-on"]
+        };
+        assert_eq!(ended.failed(), expected, "{name}: {}", ended.said);
+        assert_eq!(ended.code, Some(i32::from(!is_observed)), "{name}");
+    }
+}

@@ -98,6 +98,8 @@ pub struct Rig {
     pub budget: Budget,
     /// Active effects other than damage to bytes.
     disturbed: Vec<Disturbance>,
+    /// Whether a device that is on has received a byte.
+    was_heard: bool,
     /// Buffer for the bytes that nodes send.
     room: [u8; line::MESSAGE_MAX],
     /// Deadlines, computed again at the begin of a run.
@@ -123,6 +125,7 @@ impl Rig {
             excused_counts: 0,
             budget: Budget::default(),
             disturbed: Vec::new(),
+            was_heard: false,
             room: [0; line::MESSAGE_MAX],
             plan: Plan::default(),
         }
@@ -237,6 +240,7 @@ impl Rig {
             excused_counts: self.excused_counts,
             budget: self.budget.clone(),
             disturbed: self.disturbed.clone(),
+            was_heard: self.was_heard,
             room: self.room,
             plan: Plan::default(),
         })

@@ -30,7 +30,10 @@ impl fmt::Display for Summary<'_> {
         if !outcome.is_judged() {
             let why = match outcome.was_asked {
                 true => "no check observed anything",
-                false => "no program sent a byte to a device; --exec CMD starts one",
+                false => {
+                    "no device received a byte: no program sent one, or each device was off or \
+                     unplugged; --exec CMD starts a program"
+                }
             };
             writeln!(f, "  nothing was judged, so not passed: {why}")?;
         }

@@ -6,6 +6,9 @@ use super::{Body, Rig};
 use crate::rig::fault::{FaultId, Window};
 use crate::rig::line::Direction;
 
+/// The fault of a device without supply.
+const OFF: &str = "off";
+
 /// Actions on a rig at the begin and end of a fault, except those on bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Disturbance {
@@ -88,6 +91,13 @@ impl Rig {
             Some(Body::Device(device)) if !is_program => device.known_faults(),
             _ => &[],
         }
+    }
+
+    /// Whether a fault has switched the device of this node off.
+    pub(super) fn is_off(&self, node: usize) -> bool {
+        let name = &self.nodes[node].name;
+        let mut faults = self.disturbed.iter().filter_map(Disturbance::ailment);
+        faults.any(|(device, fault, _)| device == name && fault == OFF)
     }
 
     /// Ends a fault's effects on lines at `at`.

@@ -43,6 +43,7 @@ impl Rig {
             excused_counts: 0,
             budget: self.budget.clone(),
             disturbed: self.disturbed.clone(),
+            was_heard: self.was_heard,
             room: self.room,
             plan: super::Plan::default(),
         };

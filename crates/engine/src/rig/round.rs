@@ -89,6 +89,9 @@ impl Rig {
 
     /// Delivers all bytes that have arrived on one line.
     fn deliver_on(&mut self, index: usize, direction: Direction) {
+        let may_hear = !self.was_heard && direction == Direction::ToDevice;
+        let may_hear =
+            may_hear && !self.is_off(self.links[index].lines[direction as usize].to.node);
         let line = &mut self.links[index].lines[direction as usize];
         let node = &mut self.nodes[line.to.node];
         while let Some(delivery) = line.deliver(self.now) {
@@ -105,6 +108,7 @@ impl Rig {
             }
             node.mark(&delivery.marks);
             if !delivery.bytes.is_empty() {
+                self.was_heard |= may_hear;
                 let bytes = &delivery.bytes;
                 self.trace
                     .record(index, direction, Side::Received, delivery.at, bytes);

@@ -3,14 +3,19 @@
 use emulators::BrokenRules;
 use protocols::Instant;
 
-use super::{Direction, Rig};
+use super::Rig;
 
 impl Rig {
-    /// Whether anything could break a rule of a device: a program runs, or a byte was sent to it.
+    /// Whether anything could break a rule of a device: a program runs in the rig, or a device has
+    /// [received](Self::was_heard) a byte.
     pub fn was_asked(&self) -> bool {
-        let mut links = self.links.iter();
-        self.program().is_some()
-            || links.any(|link| link.line(Direction::ToDevice).traffic().sent > 0)
+        self.program().is_some() || self.was_heard
+    }
+
+    /// Whether a device has received a byte. A device that is switched off or unplugged receives
+    /// none.
+    pub const fn was_heard(&self) -> bool {
+        self.was_heard
     }
 
     /// Number of rules that masters broke: each break counts, also if several breaks share one

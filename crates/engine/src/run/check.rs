@@ -23,7 +23,7 @@ pub use at_work::AtWorkAgain;
 pub(crate) use goes_on::node::{GoesOn, Rest};
 pub use goes_on::{
     GOES_ON, NOT_UNDERSTOOD, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, is_struck,
-    misunderstood,
+    misunderstood, unheard,
 };
 #[cfg(feature = "described")]
 pub use masters::{REQUESTS_ANSWERED, must_answer};

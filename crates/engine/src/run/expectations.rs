@@ -188,7 +188,7 @@ impl Run {
             }
             let is_asked = self.rig.was_asked();
             if !is_asked && found == 0 {
-                detail = "no byte was sent to a device".to_owned();
+                detail = "no device received a byte".to_owned();
             }
             checks.push(Check::new(VIOLATIONS, found <= max, detail).if_observed(is_asked));
         }

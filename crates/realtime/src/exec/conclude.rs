@@ -135,6 +135,7 @@ impl Ending<'_> {
             may_idle: foreign.may_idle,
             is_told,
             checks: &outcome.checks,
+            was_heard: outcome.was_asked || outcome.team.iter().any(|(_, end)| end.was_asked),
             misunderstood: {
                 let broken = outcome.broken_rules.iter();
                 let broken = broken.map(|(device, rule, count)| (&**device, *rule, *count));

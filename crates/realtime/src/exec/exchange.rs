@@ -11,7 +11,7 @@ use protocols::Instant;
 use super::ports::{Port, Ports};
 use crate::transport::{Setting, Special};
 use engine::run::check::{
-    Check, GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood,
+    Check, GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, unheard,
 };
 
 /// Options that allow silence.
@@ -34,6 +34,8 @@ pub(crate) struct Rest<'a> {
     pub is_told: bool,
     /// The other checks of the run.
     pub checks: &'a [Check],
+    /// Whether a device received a byte.
+    pub was_heard: bool,
     /// Number of broken rules that mean that a device does not understand its input.
     pub misunderstood: u64,
 }
@@ -62,6 +64,13 @@ impl Ports {
                 0 => "no byte passed in either direction: nothing was observed".to_owned(),
                 _ => format!("it sent nothing and read nothing; {brought} B arrived for it"),
             });
+        }
+        if sent > 0
+            && brought == 0
+            && !rest.was_heard
+            && let Some(why) = unheard(rest.checks)
+        {
+            return fail(format!("{passed}; {why}"));
         }
         if sent == 0 && rest.is_mute && !may_rest {
             return fail(format!(

@@ -64,6 +64,21 @@ pub const fn is_misunderstood(times: u64, sent: u64, arrived: u64) -> bool {
     (arrived == 0 && times > 0) || (times >= FEW && times * FRAME >= sent)
 }
 
+/// Why nothing was observed of a program whose bytes no device received, if no rule of the scenario
+/// observed it.
+pub fn unheard(checks: &[Check]) -> Option<&'static str> {
+    let is_observed = |check: &Check| {
+        let is_own = ["rule-", "mission-step-"]
+            .iter()
+            .any(|own| check.name.starts_with(own));
+        is_own && check.status == Status::Pass
+    };
+    let why = "no device received a byte, because each was off, unplugged or cut off to the end: \
+               nothing was observed; let the fault end earlier, or add a rule that observes the \
+               program";
+    (!checks.iter().any(is_observed)).then_some(why)
+}
+
 /// Whether the checks of the mission show that the program's work is done: then it may rest.
 pub fn is_done(checks: &[Check]) -> bool {
     let says = |check: &Check| {

@@ -109,6 +109,18 @@ mod tests {
         );
     }
 
+    /// A device that is off to the end has observed nothing of its master.
+    #[test]
+    fn a_device_that_is_off_to_the_end_is_not_passed() {
+        let meter = "[device]\nmeter = { description = \"modbus-meter\" }\n";
+        let off = "of = \"meter\"\n[[fault]]\nkind = \"off\"\ndevice = \"meter\"\n";
+        let later = format!("{off}from = \"1s\"\n");
+        let [off, later] = [off, &later].map(|text| outcome(meter, text));
+        assert_eq!((off.passed(), off.is_judged()), (false, false));
+        assert!(later.passed());
+        assert_eq!(check(off).status, Status::NotObserved);
+    }
+
     /// A program has no part in a device that does not answer its master.
     #[test]
     fn a_mute_device_is_no_fault_of_a_program() {

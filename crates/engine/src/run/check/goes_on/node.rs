@@ -13,7 +13,7 @@ use nodes::{NodeDevice, RECEIVER_OFF, Role, WATCHDOG_RESET, format_of};
 use protocols::{Instant, LineConfig};
 
 use super::super::Check;
-use super::{GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood};
+use super::{GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, unheard};
 use crate::rig::Rig;
 use crate::rig::line::Line;
 
@@ -140,6 +140,13 @@ impl GoesOn {
         if sent + reports + arrived == 0 {
             let detail = "no byte passed in either direction: nothing was observed";
             return fail(detail.to_owned());
+        }
+        if sent > 0
+            && arrived == 0
+            && !rig.was_heard()
+            && let Some(why) = unheard(rest.checks)
+        {
+            return fail(format!("{passed}; {why}"));
         }
         let unused = self.unused(rig).filter(|_| !may_idle);
         if let Some(unused) = unused {
