@@ -376,3 +376,104 @@ fn markers_are_learned_whatever_the_pauses() {
         }
     }
 }
+
+/// SLIP of RFC 1055 by hand, with a marker at both ends or only behind a frame.
+fn slip(content: &[u8], begins: bool) -> Vec<u8> {
+    let mut out = if begins { vec![0xC0] } else { Vec::new() };
+    for byte in content {
+        match byte {
+            0xC0 => out.extend([0xDB, 0xDC]),
+            0xDB => out.extend([0xDB, 0xDD]),
+            byte => out.push(*byte),
+        }
+    }
+    out.push(0xC0);
+    out
+}
+
+/// Frames without a checksum are learned by their stuffing, also from a stream without pauses.
+/// Markers without any escape are a guess.
+#[test]
+fn stuffing_is_learned_without_a_checksum() {
+    let coded = |name: &str| {
+        let text = format!(
+            "name = \"x\"\nabout = \"x\"\nline = {{ baud = 9600 }}\n[frame]\nstuffing = \"{name}\"\n\
+             [[message]]\nname = \"m\"\nfrom = \"device\"\nfields = [{{ name = \"all\", type = \
+             \"bytes\", size = \"rest\" }}]\nperiod = \"1s\"\n"
+        );
+        parse(&text)
+    };
+    let others = ["cobs", "hdlc", "dle"].map(|name| (name, coded(name)));
+    let ways = [
+        "slip at both ends",
+        "slip",
+        "slip without escapes",
+        "cobs",
+        "hdlc",
+        "dle",
+    ];
+    for way in ways {
+        for is_stream in [false, true] {
+            let (mut tape, dice) = (Tape::new(9_600), &mut dice(9));
+            let (mut at, mut whole, mut all) = (Instant::ZERO, Vec::new(), Vec::new());
+            for number in 0..60 {
+                let mut content = vec![0x81, number];
+                let specials = [0xC0, 0xDB, 0x10, 0x7E, 0x7D, 0x00, 5, 200];
+                content.extend(
+                    (0..3 + dice(6)).map(|_| specials[usize::try_from(dice(8)).expect("small")]),
+                );
+                if way == "slip without escapes" {
+                    content.retain(|byte| ![0xC0, 0xDB].contains(byte));
+                }
+                let frame = match way {
+                    "slip" => slip(&content, false),
+                    way if way.starts_with("slip") => slip(&content, true),
+                    way => {
+                        let (_, of) = others.iter().find(|(name, _)| *name == way).expect("one");
+                        of.frame_of(0, &content).expect("it fits")
+                    }
+                };
+                at += Duration::from_millis(100);
+                if !is_stream {
+                    tape.add(at, Direction::ToMaster, &frame);
+                }
+                whole.extend(&frame);
+                all.push(content);
+            }
+            for read in whole.chunks(32).filter(|_| is_stream) {
+                at += Duration::from_micros(1_042 * read.len() as u64);
+                tape.add(at, Direction::ToMaster, read);
+            }
+            let learned = tape.learned();
+            let name = way.split(' ').next().expect("a word");
+            let claim = &learned
+                .claims
+                .first()
+                .unwrap_or_else(|| panic!("{way} {is_stream}"));
+            let words = format!("frames coded with {}", name.to_uppercase());
+            assert_eq!(
+                claim.words, words,
+                "{way} {is_stream}: {:#?}",
+                learned.claims
+            );
+            let is_sure = way != "slip without escapes";
+            assert_eq!(
+                claim.confidence == Confidence::Sure,
+                is_sure,
+                "{way}: {claim}"
+            );
+            let draft = parse(&learned.draft.expect("a draft"));
+            let found = frames(&draft, &whole);
+            let bodies: Vec<Vec<u8>> = found
+                .iter()
+                .filter_map(|bytes| {
+                    let mut cutter = draft.cutter_of(From::Device);
+                    let frame = cutter.push(bytes).next()?.ok()?;
+                    draft.body(&frame)
+                })
+                .collect();
+            let share = bodies.iter().filter(|body| all.contains(body)).count();
+            assert!(share * 10 >= all.len() * 9, "{way} {is_stream}: {share}");
+        }
+    }
+}

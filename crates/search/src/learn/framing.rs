@@ -114,6 +114,14 @@ fn tried(format: Format, chunks: &[Vec<u8>]) -> Option<(f64, Format, Vec<Vec<u8>
         .filter(|frame| frame.ends_with(&format.end) && frame.len() > format.end.len())
         .map(<[u8]>::to_vec)
         .collect();
+    // SLIP has its marker at one end of a frame, or at both.
+    let flagged = frames
+        .iter()
+        .filter(|frame| frame.starts_with(&format.flag));
+    let is_flagged = flagged.count() * DAMAGED_SHARE >= frames.len() * (DAMAGED_SHARE - 1);
+    if format.coding == Coding::Slip && !is_flagged {
+        return None;
+    }
     let sound = frames.iter().filter(|frame| format.body(frame).is_some());
     let sound = sound.count();
     if sound == 0 || sound * DAMAGED_SHARE < frames.len() * (DAMAGED_SHARE - 1) {
@@ -164,7 +172,7 @@ fn score(format: &Format) -> f64 {
     let ended = if format.end.is_empty() { 0.0 } else { 1.0 };
     // Of two fitting end markers prefers the longer one: the shorter one would leave a byte of it
     // in each frame.
-    let ended = ended + format.end.len() as f64 * 0.1;
+    let ended = ended + (format.end.len() + format.flag.len()) as f64 * 0.1;
     let text = if format.is_text { 8.0 } else { 0.0 };
     checksum + stuffed + ended + text + format.lengths.len() as f64
 }

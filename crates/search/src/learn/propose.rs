@@ -7,6 +7,7 @@
 mod form;
 mod frame;
 mod message;
+mod stuffed;
 mod written;
 
 use core::fmt;

@@ -8,6 +8,7 @@ use super::super::marked::{Marked, Summed};
 use super::super::stream::{Cutting, How};
 use super::super::sums;
 use super::form::skeleton;
+use super::stuffed::{STUFFED_BITS, STUFFED_SURE, Stuffed};
 use super::{Claim, Confidence};
 
 /// A frame format as text.
@@ -135,6 +136,10 @@ pub(super) fn proposed(found: &Found, is_asked: bool) -> Option<Proposed> {
     let covers = match &found.cut {
         Cut::Stream(cutting) => cutting.share >= SHARE_SURE,
         Cut::Marked(marked, _) => marked.share >= SHARE_SURE,
+        Cut::Format(format) if format.coding != Coding::Raw => {
+            let stuffed = Stuffed::of(format, &found.frames);
+            stuffed.bits + stuffed.flags >= STUFFED_BITS
+        }
         Cut::Format(format) => is_text && (is_asked || format.has_prompt() || forms(&found.frames)),
     };
     let is_any = is_any || covers;
@@ -284,7 +289,13 @@ fn of_format(
             text += &format!("start = {}\n", bytes(&format.flag));
         }
         let words = format!("frames coded with {}", name.to_uppercase());
-        return Some((text, 0, claim(words, evidence, is_summed)));
+        let stuffed = Stuffed::of(format, &found.frames);
+        let evidence = match format.coding {
+            Coding::Cobs => evidence,
+            _ => format!("{evidence}, {} escapes", stuffed.escapes),
+        };
+        let is_sure = is_summed || stuffed.bits >= STUFFED_SURE;
+        return Some((text, 0, claim(words, evidence, is_sure)));
     }
     if format.is_text {
         let is_formed = forms(&found.frames);
