@@ -398,8 +398,8 @@ fn stuffing_is_learned_without_a_checksum() {
     let coded = |name: &str| {
         let text = format!(
             "name = \"x\"\nabout = \"x\"\nline = {{ baud = 9600 }}\n[frame]\nstuffing = \"{name}\"\n\
-             [[message]]\nname = \"m\"\nfrom = \"device\"\nfields = [{{ name = \"all\", type = \
-             \"bytes\", size = \"rest\" }}]\nperiod = \"1s\"\n"
+             [[message]]\nname = \"m\"\nfrom = \"both\"\nfields = [{{ name = \"all\", type = \
+             \"bytes\", size = \"rest\" }}]\n[[on]]\nmessage = \"m\"\nreply = \"m\"\n"
         );
         parse(&text)
     };

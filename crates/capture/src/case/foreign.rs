@@ -210,10 +210,14 @@ impl Case {
     }
 }
 
+/// Pause between two pieces of one request, at most.
+const WITHIN: Duration = Duration::from_millis(20);
+
 /// The median pause between two requests of a program: most of them follow a good reply.
 fn usual_pause(sent: &Track) -> Duration {
     let times: Vec<Instant> = sent.pieces().map(|(at, _)| at).collect();
-    let mut pauses: Vec<Duration> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let pauses = times.windows(2).map(|pair| pair[1] - pair[0]);
+    let mut pauses: Vec<Duration> = pauses.filter(|pause| *pause > WITHIN).collect();
     pauses.sort_unstable();
     pauses.get(pauses.len() / 2).copied().unwrap_or_default()
 }

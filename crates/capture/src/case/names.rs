@@ -1,5 +1,5 @@
-//! Names of links and devices in the expectations of a case. An unknown one is an error of the file:
-//! as a verdict it would blame the program, and "never" would hold.
+//! Names of links and devices in the expectations of a case. An unknown one is an error of the
+//! file: as a verdict it would blame the program, and "never" would hold.
 
 use std::collections::BTreeSet;
 

@@ -6,7 +6,6 @@
 //! 12:11:23.000501      12:11:23:501      0.000501      +1.5s
 //! ```
 
-use super::prefix::next_word;
 use crate::import::text::{decimal_nanos, moment, zone};
 
 /// Origin of a time.
@@ -101,6 +100,21 @@ pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
         .and_then(|ticks| ticks.strip_suffix(')'));
     let millis: u64 = ticks.filter(|_| level.len() == 1)?.parse().ok()?;
     Some((millis.checked_mul(1_000_000)?, Clock::Seconds))
+}
+
+/// The first word, which is a bracketed text or ends at a space, and the rest.
+pub(super) fn next_word(text: &str) -> Option<(&str, &str)> {
+    for (open, close) in [('[', ']'), ('(', ')')] {
+        if let Some(inside) = text.strip_prefix(open)
+            && let Some((word, behind)) = inside.split_once(close)
+        {
+            let behind = behind.trim_start_matches([':', ',']);
+            return Some((word.trim(), behind.trim_start()));
+        }
+    }
+    let end = text.find([' ', '\t']).unwrap_or(text.len());
+    let (word, behind) = text.split_at(end);
+    (!word.is_empty()).then(|| (word, behind.trim_start()))
 }
 
 /// Whether a word is a time of day without a fraction, also in brackets.
@@ -295,7 +309,8 @@ fn of_day(word: &str) -> Option<u64> {
     Some(seconds * SECOND + fraction)
 }
 
-/// A time without its zone, and the zone's seconds east of Greenwich: `Z`, `+01:00`, `-0500`, `+01`.
+/// A time without its zone, and the zone's seconds east of Greenwich: `Z`, `+01:00`, `-0500` or
+/// `+01`.
 fn without_zone(time: &str) -> (&str, Option<i64>) {
     let at = time.find(['+', '-', 'Z']).unwrap_or(time.len());
     match zone(&time[at..]) {

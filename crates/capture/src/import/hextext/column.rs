@@ -29,7 +29,8 @@ pub(super) fn without_column(text: &str) -> &str {
     bodies.into_iter().next().unwrap_or(text)
 }
 
-/// Places at which such a column may begin, the last one first: wide gaps, and blanks before a mark.
+/// Places at which such a column may begin, the last one first: wide gaps, and blanks before a
+/// mark.
 fn gaps(text: &str) -> impl Iterator<Item = usize> {
     let bytes = text.as_bytes();
     let is_blank = |at: usize| bytes.get(at).is_some_and(|byte| b" \t".contains(byte));

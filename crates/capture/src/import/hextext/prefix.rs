@@ -1,6 +1,6 @@
 //! Time and direction before the bytes of a line.
 
-use super::clock::{self, Clock};
+use super::clock::{self, Clock, next_word};
 use super::ends::label;
 
 /// Text before the bytes.
@@ -112,21 +112,6 @@ fn digits(text: &str) -> Option<(usize, &str)> {
         .find(|c: char| !c.is_ascii_digit())
         .unwrap_or(text.len());
     Some((text[..end].parse().ok()?, &text[end..]))
-}
-
-/// The first word, which is a bracketed text or ends at a space, and the rest.
-pub(super) fn next_word(text: &str) -> Option<(&str, &str)> {
-    for (open, close) in [('[', ']'), ('(', ')')] {
-        if let Some(inside) = text.strip_prefix(open)
-            && let Some((word, behind)) = inside.split_once(close)
-        {
-            let behind = behind.trim_start_matches([':', ',']);
-            return Some((word.trim(), behind.trim_start()));
-        }
-    }
-    let end = text.find([' ', '\t']).unwrap_or(text.len());
-    let (word, behind) = text.split_at(end);
-    (!word.is_empty()).then(|| (word, behind.trim_start()))
 }
 
 /// The first word of a text with its brackets and marks; `behind` is the text behind it.

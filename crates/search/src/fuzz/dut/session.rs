@@ -306,9 +306,9 @@ impl<'a> Session<'a> {
         Ok(core::mem::take(&mut self.heard))
     }
 
-    /// The next bytes of the program on the raw link: until `is_whole` accepts them, until a silence
-    /// of `quiet`, or until `most` is over, for a program that sends without a pause. `None` if the
-    /// program sends nothing within `most`.
+    /// The next bytes of the program on the raw link: until `is_whole` accepts them, until a
+    /// silence of `quiet`, or until `most` is over, for a program that sends without a pause.
+    /// `None` if the program sends nothing within `most`.
     pub(super) fn hear(
         &mut self,
         most: Duration,

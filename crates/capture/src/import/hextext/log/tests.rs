@@ -155,7 +155,7 @@ fn a_line_gives_its_bytes_and_nothing_else() {
         "out: 10 5B 01\nin: E5 AF\n",
         "send: 10 5B 01\nrecv: E5 AF\n",
         "[bus] master: 10 5B 01\n[bus] slave: E5 AF\n",
-        "2026-11-27 10:00:00 cmd: 10 5B 01 try 1\n2026-11-27 10:00:01 ack: E5 AF try 1\n",
+        "2026-11-27 10:00:00 cmd: 10 5B 01\n2026-11-27 10:00:01 ack: E5 AF\n",
         "modbus slave rx: 10 5B 01\nmodbus slave tx: E5 AF\n",
         "TX: 10 5B 01  .[.\nRX: E5 AF  \u{e5}\u{af}\n",
     ] {
