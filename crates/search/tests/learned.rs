@@ -391,8 +391,8 @@ fn slip(content: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Frames of SLIP without a checksum are learned by their stuffing, also from a stream without pauses.
-/// Markers without any escape are a guess.
+/// Frames of SLIP without a checksum are learned by their stuffing, also from a stream without
+/// pauses. Markers without any escape are a guess.
 #[test]
 fn stuffing_is_learned_without_a_checksum() {
     let ways = ["slip at both ends", "slip without escapes"];
