@@ -3,10 +3,10 @@
 #
 # usage: bash tests/run.sh [--all] [--since REV]
 #
-#   (nothing)     the checks of each landing: format, lints, all tests of the workspace, examples,
-#                 the package for Python, the demo
-#   --since REV   also the proofs whose files changed since REV
-#   --all         all seeds and cases of each test, and all proofs: docs of the crates, bare metal,
+#   (nothing)     the checks of each landing: format, lints, the tests of the workspace but those of
+#                 tests/long.txt, examples, the package for Python, the demo
+#   --since REV   also the proofs and long tests whose files changed since REV
+#   --all         all seeds and cases of all tests, and all proofs: docs of the crates, bare metal,
 #                 portable builds, coverage, a release beside other builds, simulated
 #                 microcontrollers, clients of other languages, drivers with a defect, sessions of
 #                 public drivers, a robot in a crate of its own
@@ -195,6 +195,12 @@ $all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
 # others compute. What computes yields to what waits: two processors are never idle, and nothing
 # that runs in real time is late.
 waiting=(cli exec page transport)
+# Tests that a landing leaves out.
+skipped=()
+while read -r paths name; do
+    # shellcheck disable=SC2086 # Paths with spaces between.
+    [[ -z $paths || $paths == \#* ]] || proof ${paths//,/ } || skipped+=(--skip "$name")
+done <tests/long.txt
 names='import json, sys
 targets = [t for p in json.load(sys.stdin)["packages"] for t in p["targets"] if t["kind"] == ["test"]]
 print("\n".join(sorted({t["name"] for t in targets} - set(sys.argv[1:]))))'
@@ -203,16 +209,16 @@ cargo metadata --locked --no-deps --format-version 1 |
 computing() {
     renice -n 10 -p "$BASHPID" >/dev/null
     # shellcheck disable=SC2046 # One name a line.
-    tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing")
+    tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing") -- "${skipped[@]}"
     tests --doc
 }
-pages() { tests --no-fail-fast --test cli --test page --test transport; }
+pages() { tests --no-fail-fast --test cli --test page --test transport -- "${skipped[@]}"; }
 built=$target/debug
 # Programs in virtual time. Then what users run: the examples, the package for Python, the programs
 # of the docs, the described devices as pip's drivers read them, the demo. All of it is built by the
 # tests.
 programs() {
-    tests --no-fail-fast --test exec
+    tests --no-fail-fast --test exec -- "${skipped[@]}"
     for example in examples/*.rs; do
         # A client of a rig, for tests/exec/many.sh.
         [[ $example == examples/rust_client.rs ]] ||
@@ -370,4 +376,5 @@ finish_step
 printf '\n%8s  %s\n' seconds step
 for i in "${!steps[@]}"; do printf '%8d  %s\n' "${seconds[i]}" "${steps[i]}"; done
 printf '%8d  %s\n' "$SECONDS" "all checks passed"
-$all || echo "not run: most seeds of some tests, and the proofs of --all (bash tests/run.sh --help)"
+$all || echo "not run: $((${#skipped[@]} / 2)) long tests (tests/long.txt), most seeds of some others," \
+    "and the proofs of --all (bash tests/run.sh --help)"

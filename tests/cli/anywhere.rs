@@ -7,6 +7,7 @@ use std::process::{Child, Output, Stdio};
 
 use rustix::process::{Pid, Signal, kill_process};
 
+use super::thorough::every;
 use super::verbs::{Bench, VERBS, wait};
 use super::{text, wait_until};
 
@@ -22,7 +23,7 @@ fn complaints(line: &str, stderr: &[u8]) -> Vec<String> {
 #[test]
 fn a_reader_that_goes_ends_nothing() {
     let bench = Bench::new("reader-goes");
-    for verb in &VERBS {
+    for verb in every(3, 0, &VERBS) {
         bench.clear();
         let mut command = bench.command(verb.line);
         command.stdout(Stdio::piped()).stderr(Stdio::piped());
@@ -51,7 +52,7 @@ fn a_reader_that_goes_ends_nothing() {
 #[test]
 fn an_output_that_is_full_is_told_once() {
     let bench = Bench::new("full-output");
-    for verb in &VERBS {
+    for verb in every(3, 1, &VERBS) {
         bench.clear();
         let full = std::fs::File::options().write(true).open("/dev/full");
         let mut command = bench.command(verb.line);
@@ -102,7 +103,7 @@ fn a_full_disk_below_both_outputs_ends_nothing() {
 #[test]
 fn a_folder_that_cannot_be_written_is_one_line() {
     let bench = Bench::new("read-only");
-    for verb in VERBS.iter().filter(|verb| verb.writes) {
+    for verb in every(2, 0, VERBS.iter().filter(|verb| verb.writes)) {
         bench.clear();
         let line = verb.line.replace(" o/", " /sys/o/");
         let output = bench.command(&line).output().expect("starts");
@@ -133,7 +134,7 @@ fn is_whole(name: &str, bytes: &[u8]) -> bool {
 #[test]
 fn a_full_disk_leaves_no_torn_file() {
     let bench = Bench::new("full-disk");
-    for verb in VERBS.iter().filter(|verb| verb.writes) {
+    for verb in every(2, 1, VERBS.iter().filter(|verb| verb.writes)) {
         bench.clear();
         let line = format!("trap '' XFSZ; ulimit -f 4; exec \"$0\" {}", verb.line);
         let mut command = std::process::Command::new("bash");

@@ -14,6 +14,17 @@ pub(crate) fn few<T>(few: usize, all: impl IntoIterator<Item = T>) -> Vec<T> {
     all.into_iter().take(most).collect()
 }
 
+/// Every `step`th of `all` from `first` on, or all of them. Tests over the same list that begin at
+/// different places cover it together.
+pub(crate) fn every<T>(
+    step: usize,
+    first: usize,
+    all: impl IntoIterator<Item = T>,
+) -> impl Iterator<Item = T> {
+    let (step, first) = if is_thorough() { (1, 0) } else { (step, first) };
+    all.into_iter().skip(first).step_by(step)
+}
+
 /// An eighth of `all` generated cases, or all of them.
 pub(crate) fn cases(all: u32) -> proptest::test_runner::Config {
     let cases = if is_thorough() { all } else { all.div_ceil(8) };

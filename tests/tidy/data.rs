@@ -116,6 +116,31 @@ fn the_tests_that_the_fidelity_page_names_exist() {
     }
 }
 
+/// A landing would run a long test that its list names wrongly, and `--since` would never run one
+/// whose paths are wrong.
+#[test]
+fn the_long_tests_and_their_paths_exist() {
+    let list = std::fs::read_to_string(root().join("tests/long.txt")).expect("the list");
+    let sources = all(&[".rs"]);
+    let defined: BTreeSet<&str> = sources
+        .iter()
+        .flat_map(|file| functions(&file.text))
+        .collect();
+    let rows: Vec<_> = list
+        .lines()
+        .filter(|line| !line.is_empty() && !line.starts_with('#'))
+        .map(|line| line.split_once(' ').expect("paths and a name"))
+        .collect();
+    assert!(!rows.is_empty());
+    for (paths, test) in rows {
+        let name = test.rsplit("::").next().unwrap_or(test);
+        assert!(defined.contains(name), "there is no {test}");
+        for path in paths.split(',') {
+            assert!(root().join(path).exists(), "{test}: there is no {path}");
+        }
+    }
+}
+
 /// The last column of the ledger names tests, or a file with them.
 #[test]
 fn the_tests_that_the_ledger_names_exist() {

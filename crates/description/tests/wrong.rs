@@ -139,11 +139,14 @@ fn what_is_wrong_is_told_with_file_line_and_key() {
     let texts = ["cobs-sensor", "gps", "modbus-meter"];
     let texts = texts.map(|name| shipped::text(name).expect("shipped"));
     let texts = texts.into_iter().chain([EVERYTHING, FRAMES]);
+    // Every fourth mutant at a landing, all of them with `tests/run.sh --all`.
+    let is_whole = std::env::var("HILRIG_TESTS").is_ok_and(|tests| tests == "all");
+    let step = if is_whole { 1 } else { 4 };
     let (mut refused, mut tried) = (0_u32, 0_u32);
     let mut wrong = std::collections::BTreeSet::new();
     for text in texts {
         let table: Table = text.parse().expect("TOML");
-        for mutant in mutants(&table) {
+        for mutant in mutants(&table).into_iter().step_by(step) {
             tried += 1;
             let text = toml::to_string(&mutant).expect("a table");
             if let Err(error) = parse(&text) {

@@ -158,8 +158,12 @@ fn is_right(of: &Description, draft: &str) -> (bool, bool) {
 /// Framing and checksum of most devices are found; no certain claim is wrong. The table is printed.
 #[test]
 fn devices_are_learned_and_nothing_wrong_is_sure() {
-    let (mut right, mut wrong) = (0, Vec::new());
-    for (name, text) in description::shipped::ALL {
+    // Every third device at a landing, all of them with `tests/run.sh --all`.
+    let is_whole = std::env::var("HILRIG_TESTS").is_ok_and(|tests| tests == "all");
+    let step = if is_whole { 1 } else { 3 };
+    let (mut tried, mut right, mut wrong) = (0, 0, Vec::new());
+    for (name, text) in description::shipped::ALL.iter().step_by(step) {
+        tried += 1;
         let of = parse(text);
         let learned = conversation(&of).learned();
         let Some(draft) = &learned.draft else {
@@ -186,7 +190,7 @@ fn devices_are_learned_and_nothing_wrong_is_sure() {
         right += usize::from(is_cut && is_summed);
     }
     assert!(wrong.is_empty(), "sure and wrong:\n{}", wrong.join("\n"));
-    assert!(right >= 20, "{right} right");
+    assert!(right * 3 >= tried * 2, "{right} of {tried} right");
 }
 
 /// Random chunks of many lengths, and prose in lines.

@@ -243,8 +243,11 @@ mod tests {
         let mut paths: Vec<_> = files.map(|file| file.expect("a file").path()).collect();
         paths.retain(|path| path.extension().is_some_and(|end| end == "toml"));
         paths.sort();
+        // Every third scenario at a landing, all of them with `tests/run.sh --all`.
+        let is_whole = std::env::var("HILRIG_TESTS").is_ok_and(|tests| tests == "all");
+        let step = if is_whole { 1 } else { 3 };
         let mut tried = 0;
-        for path in paths {
+        for path in paths.into_iter().step_by(step) {
             let (shipped, source) = Scenario::read(&path).expect("sound");
             let mut dice = Dice::of_seed(7, &shipped.name);
             let mut made =
@@ -261,7 +264,7 @@ mod tests {
             assert_eq!(again, record, "{name}");
             tried += 1;
         }
-        assert!(tried >= 20, "{tried}");
+        assert!(tried * step >= 20, "{tried}");
     }
 
     #[test]

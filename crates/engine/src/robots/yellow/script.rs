@@ -16,7 +16,7 @@ const AXLE_M: f64 = 0.18;
 pub(super) const WHEEL_MAX_M_S: f64 = 1.8;
 /// Delay between connecting and driving to a mission's waypoints.
 const ORDER_AFTER: Duration = Duration::from_millis(200);
-/// A pose that is set within this time after the first order is sent before that order.
+/// A mission that sets the pose within this time after its first order sends the pose first.
 const EARLY: Duration = Duration::from_secs(1);
 
 /// A wish of the operator.

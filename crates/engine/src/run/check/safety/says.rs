@@ -12,9 +12,9 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Alarm, Instruments};
 
-/// Number of valid frames after which a device is at work, two turns of a lidar, and their minimum
-/// duration: a program does not use a device at once.
+/// A device counts as at work after this number of valid frames (two turns of a lidar).
 const AT_WORK: u64 = 180;
+/// It must also have sent for this long, because a program does not use a new device at once.
 const AT_WORK_FOR: Duration = Duration::from_secs(2);
 
 /// The program counts a failure of each device that was at work and fell silent.
