@@ -55,10 +55,13 @@ impl Bounds {
         let width = side / BLOCK;
         let plane = |phase: i32| {
             let (px, py) = (phase % BLOCK, phase / BLOCK);
-            let cells = (0..width).flat_map(|y| (0..width).map(move |x| (x, y)));
-            cells
-                .map(|(x, y)| blocks[at(x * BLOCK + px, y * BLOCK + py)])
-                .collect()
+            let mut plane = Vec::with_capacity((width * width).cast_unsigned() as usize);
+            for y in 0..width {
+                let row = at(0, y * BLOCK + py)..at(width * BLOCK, y * BLOCK + py);
+                let (fours, _) = blocks[row].as_chunks::<{ BLOCK as usize }>();
+                plane.extend(fours.iter().map(|four| four[px.cast_unsigned() as usize]));
+            }
+            plane
         };
         let planes = (0..BLOCK * BLOCK).map(plane).collect();
         Self { planes, width }

@@ -67,18 +67,16 @@ fn best_at(
     });
     let side = walls.side();
     let corner = walls.corner();
-    let starts: Vec<usize> = spots
-        .iter()
-        .filter_map(|spot| {
-            let at = frame.place(spot.at);
-            let (x, y) = (
-                cell(at[0]) - corner[0] - reach,
-                cell(at[1]) - corner[1] - reach,
-            );
-            let fits = x >= 0 && y >= 0 && x + SPAN <= side && y + 2 * reach < side;
-            fits.then(|| (y * side + x).cast_unsigned() as usize)
-        })
-        .collect();
+    let mut starts: Vec<usize> = Vec::with_capacity(spots.len());
+    starts.extend(spots.iter().filter_map(|spot| {
+        let at = frame.place(spot.at);
+        let (x, y) = (
+            cell(at[0]) - corner[0] - reach,
+            cell(at[1]) - corner[1] - reach,
+        );
+        let fits = x >= 0 && y >= 0 && x + SPAN <= side && y + 2 * reach < side;
+        fits.then(|| (y * side + x).cast_unsigned() as usize)
+    }));
     let scale = 1.0 / (255.0 * spots.len().max(1) as f64);
     let [per_m, per_rad] = prior.deviation.map(|sigma| 1.0 / (sigma * sigma));
     let turn = wrap_angle(theta - prior.pose.theta);

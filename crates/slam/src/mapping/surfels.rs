@@ -63,8 +63,9 @@ pub(crate) fn cell(metres: f32) -> i32 {
     let cells = metres * (1.0 / CELL_M);
     #[expect(clippy::cast_possible_truncation, reason = "saturates, far outside")]
     let towards_zero = cells as i32;
-    // Rounds down without a function call.
-    towards_zero.saturating_sub(i32::from((towards_zero as f32) > cells))
+    // Rounds down without a function call. Beyond the range of `i32` the result wraps: such a point
+    // is outside of each square anyway.
+    towards_zero.wrapping_sub(i32::from((towards_zero as f32) > cells))
 }
 
 impl Surfels {
@@ -87,6 +88,18 @@ impl Surfels {
 
     fn corner_for(&self, middle: [f32; 2]) -> [i32; 2] {
         middle.map(|m| cell(m) - self.side / 2)
+    }
+
+    /// An empty square of the same size around `middle`.
+    pub(crate) fn empty_at(&self, middle: [f32; 2]) -> Self {
+        let mut surfels = Self {
+            side: self.side,
+            index: vec![0; self.index.len()],
+            likely: vec![0; self.likely.len()],
+            ..Self::default()
+        };
+        surfels.corner = surfels.corner_for(middle);
+        surfels
     }
 
     /// Clears the square and moves it to another position.
@@ -217,7 +230,8 @@ impl Surfels {
     /// The cell of a point, possibly outside the square.
     #[inline]
     fn cell(&self, [x, y]: [f32; 2]) -> (i32, i32) {
-        (cell(x) - self.corner[0], cell(y) - self.corner[1])
+        let [left, low] = self.corner;
+        (cell(x).wrapping_sub(left), cell(y).wrapping_sub(low))
     }
 
     /// A point relative to the corner.

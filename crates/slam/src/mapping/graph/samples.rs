@@ -4,7 +4,7 @@
 use emulators::rng::Rng;
 use emulators::world::{Pose, wrap_angle};
 
-use super::{Graph, Kind, Part, weight};
+use super::{Edge, Graph, Kind, Part, weight};
 use crate::mapping::matrix::{Matrix, applied, scaled, transposed};
 use crate::mapping::sparse::Plan;
 
@@ -21,6 +21,18 @@ pub(crate) struct Errors {
     pub(crate) length: f64,
 }
 
+/// An edge with all that its variants have in common.
+struct Varied<'a> {
+    edge: &'a Edge,
+    information: Matrix,
+    /// Root of the information.
+    root: Matrix,
+    /// Transposed derivatives of the error by the two poses.
+    slopes: [Matrix; 2],
+    unseen: f64,
+    way_m: f64,
+}
+
 impl Graph {
     /// `count` variants of all poses, each with other errors of the edges; `None` if the poses are
     /// not determined. `unseen` is the share of each pose's scan that lay on no known wall.
@@ -35,28 +47,42 @@ impl Graph {
         let free = part.edges.iter().filter_map(|edge| part.ends(edge));
         let plan = Plan::new(all.len(), free);
         let factored = self.system(&part, &plan, true).factored()?;
+        let edges: Vec<Varied> = part
+            .edges
+            .iter()
+            .map(|edge| {
+                let (off, from, to) = self.slopes(edge);
+                let information = scaled(&edge.information, weight(edge, off));
+                Varied {
+                    edge,
+                    root: root(&information),
+                    information,
+                    slopes: [transposed(&from), transposed(&to)],
+                    // Two shares of unknown walls: few walls hold a scan, and they hold it badly.
+                    unseen: unseen[edge.to] * unseen[edge.to],
+                    way_m: libm::hypot(edge.way.x, edge.way.y),
+                }
+            })
+            .collect();
         let mut rng = Rng::stream(1, "slam.accuracy");
         let samples = (0..count).map(|_| {
             let [seen, bend, length] = [0, 1, 2].map(|_: u8| rng.gauss());
             let mut right = factored.right();
-            for edge in &part.edges {
-                let (off, from, to) = self.slopes(edge);
-                let information = scaled(&edge.information, weight(edge, off));
-                // Two shares of unknown walls: few walls hold a scan, and they hold it badly.
-                let unseen = unseen[edge.to] * unseen[edge.to];
-                let way_m = libm::hypot(edge.way.x, edge.way.y);
+            for varied in &edges {
+                let (edge, unseen, way_m) = (varied.edge, varied.unseen, varied.way_m);
                 let turn = way_m * (errors.bend[0] * seen + unseen * errors.bend[1] * bend);
                 let part = unseen * errors.length * length;
                 let drawn = [0, 1, 2].map(|_: u8| errors.scale * rng.gauss());
-                let random = applied(&root(&information), drawn);
+                let random = applied(&varied.root, drawn);
                 let shift = [part * edge.way.x, part * edge.way.y, turn];
                 let common = match edge.kind {
-                    Kind::Way | Kind::Wheels => applied(&information, shift),
+                    Kind::Way | Kind::Wheels => applied(&varied.information, shift),
                     Kind::Loop | Kind::Unknown => [0.0; 3],
                 };
                 let by = [0, 1, 2].map(|axis| random[axis] + common[axis]);
-                factored.add_right(&mut right, edge.from, applied(&transposed(&from), by));
-                factored.add_right(&mut right, edge.to, applied(&transposed(&to), by));
+                let [from, to] = &varied.slopes;
+                factored.add_right(&mut right, edge.from, applied(from, by));
+                factored.add_right(&mut right, edge.to, applied(to, by));
             }
             let by = factored.solve(right);
             let poses = self.poses.iter().zip(by);

@@ -346,8 +346,7 @@ impl Mapper {
         }
         // The same in the other direction.
         let last = self.graph.poses[lately.end - 1];
-        let mut seen = walls.clone();
-        seen.clear(Frame::new(fit.pose).at);
+        let mut seen = walls.empty_at(Frame::new(fit.pose).at);
         let mut free = Free::like(&seen);
         for key in lately {
             let pose = moved(fit.pose, between(last, self.graph.poses[key]));

@@ -85,8 +85,7 @@ impl Mapper {
             free.draw(self.graph.poses[key], &self.keyframes[key].cloud);
         }
         let stands = free.denied(&self.walls, cloud.spots(), self.pose);
-        let mut seen = self.walls.clone();
-        seen.clear(Frame::new(self.pose).at);
+        let mut seen = self.walls.empty_at(Frame::new(self.pose).at);
         seen.draw(self.pose, cloud);
         let mut free = Free::like(&seen);
         free.draw(self.pose, cloud);
