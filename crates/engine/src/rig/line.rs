@@ -185,7 +185,7 @@ impl Line {
     /// Delivery time of bytes that arrive at `at`, and the receiver's buffer size until then.
     #[inline]
     fn release(&self, at: Instant) -> (Instant, Option<usize>) {
-        if self.faults.is_clean() {
+        if self.faults.is_clean() || self.faults.is_calm(at) {
             return (at, None);
         }
         self.release_late(at)
@@ -226,7 +226,8 @@ impl Line {
             self.traffic.lost += len as u64;
             return ends;
         }
-        let is_clean = self.faults.is_clean();
+        let first = self.traffic.sent;
+        let is_clean = self.faults.spare(first, len as u64, start, agreed);
         let is_at_once = self.latency == Duration::ZERO;
         if is_clean && is_at_once && sender.agrees_with(receiver) {
             return self.take_clean(start, sender, sent);
@@ -242,7 +243,6 @@ impl Line {
             passed.bytes.extend_from_slice(sent);
         } else {
             sender = self.faults.sender_line(agreed, start);
-            let first = self.traffic.sent;
             self.faults
                 .pass(first, sent, start, sender, budget, &mut passed);
         }

@@ -92,6 +92,20 @@ impl Activity {
         spell.contains(now).then_some(spell)
     }
 
+    /// The next time after `now` at which the fault begins to be active; `None` if there is none,
+    /// or if it depends on an event.
+    pub(super) fn next_begin(&self, now: Instant) -> Option<Instant> {
+        if self.trigger.is_some() || self.is_over(now) {
+            return None;
+        }
+        let spells = self.spells.as_ref();
+        let every = spells.map_or(u64::MAX, |spells| nanos(spells.every).max(1));
+        let since = now.as_nanos().saturating_sub(self.window.from.as_nanos());
+        let number = u128::from(since / every);
+        let begins = [number, number + 1].map(|number| Some(self.spell(number)?.from));
+        begins.into_iter().flatten().find(|&from| from > now)
+    }
+
     /// Whether the fault is never active from `now` on.
     pub(super) fn is_over(&self, now: Instant) -> bool {
         self.trigger.is_none() && self.window.until <= now

@@ -1,5 +1,6 @@
 //! All faults of one direction of a link.
 
+mod calm;
 mod message;
 
 use core::time::Duration;
@@ -36,6 +37,8 @@ struct Order {
     others: Vec<usize>,
     /// Entries that wait for an event.
     waiting: Vec<usize>,
+    /// A time in which no entry is active.
+    calm: Option<Window>,
 }
 
 /// All faults of one direction of a link.
@@ -318,8 +321,10 @@ impl LineFaults {
         }
         let len = sent.len() as u64;
         if hosts.is_empty() && self.is_harmless(first, len) {
-            self.counted += len;
-            self.wire.quiet_from = start + line.bytes_time(len);
+            self.count(len, start, line);
+            if passed.effects.is_empty() {
+                self.order.calm = self.calm_from(start);
+            }
             if !is_cut {
                 passed.bytes.extend_from_slice(sent);
             }
@@ -332,6 +337,12 @@ impl LineFaults {
                 self.wire.apply(byte, &damages, passed);
             }
         }
+        self.wire.quiet_from = start + line.bytes_time(len);
+    }
+
+    /// Counts `len` bytes that no fault changes.
+    fn count(&mut self, len: u64, start: Instant, line: LineConfig) {
+        self.counted += len;
         self.wire.quiet_from = start + line.bytes_time(len);
     }
 
