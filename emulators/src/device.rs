@@ -188,9 +188,11 @@ pub fn next_poll(device: &(impl Device + ?Sized), now: Instant, end: Instant) ->
 /// Moves bytes from the front of `queue` to `buf` until `buf` is full; returns how many.
 pub fn take(queue: &mut VecDeque<u8>, buf: &mut [u8]) -> usize {
     let len = buf.len().min(queue.len());
-    for (slot, byte) in buf.iter_mut().zip(queue.drain(..len)) {
-        *slot = byte;
-    }
+    let (front, back) = queue.as_slices();
+    let first = front.len().min(len);
+    buf[..first].copy_from_slice(&front[..first]);
+    buf[first..len].copy_from_slice(&back[..len - first]);
+    queue.drain(..len);
     len
 }
 

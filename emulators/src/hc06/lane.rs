@@ -181,7 +181,9 @@ impl Lane {
             .min(self.queue.len())
             .min(self.frame_max - burst.bytes.len())
             .min(self.window - self.under_way - self.ready.len());
-        burst.bytes.extend(self.queue.drain(..count));
+        let held = burst.bytes.len();
+        burst.bytes.resize(held + count, 0);
+        take(&mut self.queue, &mut burst.bytes[held..]);
         self.under_way += count;
         self.moves_at = at + step * u32::try_from(count).unwrap_or(u32::MAX);
         if burst.bytes.len() == self.frame_max {

@@ -9,6 +9,8 @@ use std::collections::VecDeque;
 
 use protocols::{Instant, LineConfig, xv11};
 
+use crate::device::take;
+
 /// Line coding of the UART, always the same.
 pub(super) const LINE: LineConfig = LineConfig::new_8n1(xv11::BAUD);
 /// Bytes that may be waiting, those on the line included.
@@ -110,13 +112,7 @@ impl Uart {
     }
 
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
-        let taken = self.out.len().min(buf.len());
-        let (front, back) = self.out.as_slices();
-        let first = front.len().min(taken);
-        buf[..first].copy_from_slice(&front[..first]);
-        buf[first..taken].copy_from_slice(&back[..taken - first]);
-        self.out.drain(..taken);
-        taken
+        take(&mut self.out, buf)
     }
 
     /// Packets dropped since power-on because the ring was full.
