@@ -182,6 +182,11 @@ impl BaseLink {
         self.tick(now);
     }
 
+    /// Whether bytes wait for the bus.
+    pub const fn has_output(&self) -> bool {
+        !self.tx.is_empty()
+    }
+
     /// Moves bytes for the bus into `buf`; returns how many.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         self.tx.pop(buf)
@@ -425,9 +430,9 @@ impl<T: Copy> Queue<T> {
     }
 
     fn pop(&mut self) -> Option<T> {
-        let first = self.slots[0].take();
+        let first = self.slots[0].take()?;
         self.slots.rotate_left(1);
-        first
+        Some(first)
     }
 
     const fn is_empty(&self) -> bool {

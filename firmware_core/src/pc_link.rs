@@ -309,6 +309,11 @@ impl PcLink {
         (self.decoder.pending() > 0).then_some(self.received_at + IDLE_GAP)
     }
 
+    /// Whether bytes wait for the line that need not wait any longer.
+    pub const fn has_output(&self) -> bool {
+        self.tx.len() > self.held
+    }
+
     /// Moves bytes for the line into `buf`; returns how many.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         let was_full = self.tx.len() > ROWS_BELOW;

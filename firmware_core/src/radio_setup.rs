@@ -135,6 +135,11 @@ impl RadioSetup {
         }
     }
 
+    /// Whether bytes wait for the radio.
+    pub const fn has_output(&self) -> bool {
+        !self.tx.is_empty()
+    }
+
     /// Moves bytes for the module into `buf`; returns how many.
     pub fn transmit(&mut self, buf: &mut [u8]) -> usize {
         self.tx.pop(buf)

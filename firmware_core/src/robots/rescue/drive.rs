@@ -186,6 +186,10 @@ impl Drive {
         self.take_completions();
     }
 
+    pub(super) const fn has_output(&self) -> bool {
+        self.link.has_output()
+    }
+
     pub(super) fn transmit(&mut self, buf: &mut [u8]) -> usize {
         self.link.transmit(buf)
     }

@@ -112,10 +112,14 @@ impl Master for Rescue {
 
     fn may_send(&self, port: Port) -> bool {
         match port {
-            Self::LIDAR => false,
+            Self::BASE => self.drive.has_output(),
+            Self::RADIO => match &self.radio_setup {
+                Some(setup) => setup.has_output(),
+                None => self.pc.has_output(),
+            },
             Self::DISPLAY => self.screen.has_output(),
             Self::MOTOR => self.motor_duty.is_some(),
-            _ => true,
+            _ => false,
         }
     }
 
