@@ -511,6 +511,14 @@ impl Device for AvrBase {
         }
     }
 
+    fn may_send(&self, port: Port) -> bool {
+        match port {
+            Self::BUS => self.bus.has_ready(self.now),
+            Self::DEBUG => self.debug.has_ready(self.now),
+            _ => false,
+        }
+    }
+
     fn poll_at(&self) -> Option<Instant> {
         let fresh = (self.start.counters != Counters::Running).then_some(self.now);
         let job = Some(self.next_job().0);

@@ -42,6 +42,11 @@ impl Sender {
         self.queue.clear();
     }
 
+    /// Whether a byte is ready at `now`.
+    pub(super) fn has_ready(&self, now: Instant) -> bool {
+        self.queue.front().is_some_and(|&(at, _)| at <= now)
+    }
+
     /// Moves the bytes that are ready at `now` into `buf`.
     pub(super) fn take(&mut self, now: Instant, buf: &mut [u8]) -> usize {
         let ready = self.queue.iter().take_while(|&&(at, _)| at <= now).count();

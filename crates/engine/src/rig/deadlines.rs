@@ -113,7 +113,9 @@ impl LineSet {
     #[inline]
     pub(super) fn clear(&mut self) {
         self.first = 0;
-        self.more.fill(0);
+        if !self.more.is_empty() {
+            self.more.fill(0);
+        }
     }
 
     #[inline]
@@ -142,6 +144,9 @@ impl LineSet {
         {
             self.first &= !(rest & rest.wrapping_neg());
             return Some(rest.trailing_zeros() as usize);
+        }
+        if self.more.is_empty() {
+            return None;
         }
         self.take_more(from.saturating_sub(64))
     }

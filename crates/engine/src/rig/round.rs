@@ -60,6 +60,14 @@ impl Rig {
         self.plan.polls.set(index, self.nodes[index].polled_at);
     }
 
+    /// Plans the next time of a line after an event.
+    #[inline]
+    fn note_line(&mut self, link: usize, direction: Direction) {
+        let due = self.links[link].lines[direction as usize].next_at(self.now);
+        let number = 2 * link + direction as usize;
+        self.plan.lines_due.set(number, due);
+    }
+
     /// Does all work due now, until nothing changes any more; returns the time of the next event
     /// without further input.
     pub(super) fn settle(&mut self) -> Option<Instant> {
@@ -82,7 +90,9 @@ impl Rig {
         let mut from = 0;
         while let Some(number) = self.plan.lines_due.due_from(from, self.now) {
             self.plan.asked.insert(number);
-            self.deliver_on(number / 2, Direction::BOTH[number % 2]);
+            let (link, direction) = (number / 2, Direction::BOTH[number % 2]);
+            self.deliver_on(link, direction);
+            self.note_line(link, direction);
             from = number + 1;
         }
     }
@@ -133,7 +143,6 @@ impl Rig {
             self.plan.polls.set(index, node.polled_at);
             if let Body::Device(device) = &mut node.body {
                 let events = device.take_events();
-                let counts = device.broken_rules().is_some();
                 if self.now < self.excused_until
                     && let Some(broken) = device.broken_rules()
                 {
@@ -143,6 +152,7 @@ impl Rig {
                     self.excused_counts += fresh;
                 }
                 if !events.is_empty() {
+                    let counts = device.broken_rules().is_some();
                     let is_kept = !device.logs().is_empty();
                     let name = node.name.clone();
                     for event in events {
@@ -162,11 +172,10 @@ impl Rig {
             let End { node, port } = self.links[link].lines[direction as usize].from;
             if self.nodes[node].may_send(port) {
                 self.ask(link, direction);
+                self.note_line(link, direction);
             } else {
                 debug_assert!(self.nodes[node].is_silent(port), "it said it was");
             }
-            let line = &self.links[link].lines[direction as usize];
-            self.plan.lines_due.set(number, line.next_at(self.now));
         }
         // A node that is touched after its own line was polled is handled at its next poll.
         self.plan.asked.clear();
