@@ -63,11 +63,12 @@ pub(crate) struct Ending<'a> {
 
 impl Ending<'_> {
     /// Whether each program was there as long as it had to be.
-    fn alive(&self) -> Check {
+    fn alive(&self, now: Instant) -> Check {
         let (foreign, farewell) = (self.foreign, self.farewell);
+        let over = self.is_over.then_some(now);
         let one = |name: &str, ended| {
             let may_end = foreign.may_end_of(name);
-            alive(ended, self.is_over, may_end, farewell)
+            alive(ended, over, may_end, farewell)
         };
         if let [(name, ended)] = &self.each[..] {
             return one(name, *ended);
@@ -148,7 +149,7 @@ impl Ending<'_> {
         self.judge_all_motors(outcome, goes_on.status == Status::Fail);
         let mut own = vec![
             connected,
-            self.alive(),
+            self.alive(Instant::ZERO + outcome.ran),
             reads,
             goes_on,
             ports.settings(),

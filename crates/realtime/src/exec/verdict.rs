@@ -1,14 +1,20 @@
 //! Checks of a program's life and end.
 
+use core::time::Duration;
+
 use protocols::Instant;
 
 use crate::process::{Ended, Farewell, Left};
 use engine::run::check::Check;
 
-/// The verdict on a program's end and its time; `is_over`: whether the run was over.
+/// A program that counts the run's duration itself ends before the run, by the time between its start
+/// and the opening of its ports: at most this, and at most a tenth of the run.
+const EARLY_MAX: Duration = Duration::from_millis(500);
+
+/// The verdict on a program's end and its time; `over`: the end of the run, if the run came to it.
 pub fn alive(
     ended: Option<(Ended, Instant)>,
-    is_over: bool,
+    over: Option<Instant>,
     may_end: bool,
     farewell: &Farewell,
 ) -> Check {
@@ -19,7 +25,11 @@ pub fn alive(
     let (pass, detail) = match ended {
         None => (true, format!("to the end{stubborn}")),
         Some((ended, at)) => {
-            let is_fine = ended == Ended::Code(0) && (is_over || may_end);
+            let is_last = over.is_some_and(|over| {
+                let early = EARLY_MAX.min((over - Instant::ZERO) / 10);
+                at + early >= over
+            });
+            let is_fine = ended == Ended::Code(0) && (is_last || may_end);
             (is_fine, format!("ended with {ended} at {at} s"))
         }
     };
@@ -40,4 +50,23 @@ pub fn childless(left: &[Left]) -> Check {
         (false, _) => format!("left running, had to be killed: {killed}"),
     };
     Check::new("no-children-left", killed.is_empty(), detail)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use engine::run::check::Status;
+
+    /// A program that leaves in the last seconds of a run has left too early.
+    #[test]
+    fn only_the_very_end_of_a_run_is_no_early_end() {
+        let judged = |run_ms, end_ms, may_end| {
+            let ended = Some((Ended::Code(0), Instant::from_millis(end_ms)));
+            let over = Some(Instant::from_millis(run_ms));
+            alive(ended, over, may_end, &Farewell::default()).status == Status::Pass
+        };
+        assert!(judged(20_000, 19_500, false) && !judged(20_000, 19_499, false));
+        assert!(judged(2_000, 1_800, false) && !judged(2_000, 1_799, false));
+        assert!(!judged(2_000, 10, false) && judged(2_000, 10, true));
+    }
 }

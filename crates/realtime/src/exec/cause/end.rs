@@ -80,8 +80,8 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
         Ended::Code(0) => Cause::new(
             weight::ENDED,
             format!(
-                "the program ended with exit code 0 at {at} s, before the run was over; if that is \
-                 right, allow it with --exec-may-end, or in a file with may_end of its exec table"
+                "the program ended with exit code 0 at {at} s{after}, before the run was over; if that \
+                 is right, allow it with --exec-may-end, or in a file with may_end of its exec table"
             ),
         ),
         Ended::Code(_) => Cause::new(
