@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::expr::{Expr, Scope};
-use crate::number::Number;
+use crate::number::{Number, NumberKind};
 use crate::value::{Record, Value};
 
 pub(crate) use decode::{TextEnd, TextPlace, decode, number_value, places, texts};
@@ -157,6 +157,13 @@ impl Field {
             None => Cow::Borrowed(value),
             Some(_) => Cow::Owned(self.unscaled(value.clone())),
         }
+    }
+
+    /// Whether a value may have a fraction.
+    pub(crate) fn takes_fractions(&self) -> bool {
+        let is_float =
+            matches!(&self.kind, Kind::Number(number) if number.kind == NumberKind::Float);
+        is_float || self.scale.is_some()
     }
 
     /// Converts a value to a count.

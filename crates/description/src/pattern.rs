@@ -227,6 +227,17 @@ pub(crate) fn source(pieces: &[Piece]) -> String {
     pieces.collect()
 }
 
+/// The format of the field `name`.
+pub(crate) fn form(pieces: &[Piece], name: &str) -> Form {
+    let mut holes = pieces.iter().filter_map(|piece| match piece {
+        Piece::Hole(hole) => Some(hole),
+        Piece::Words(_) => None,
+    });
+    holes
+        .find(|hole| hole.name == name)
+        .map_or(Form::Plain, |hole| hole.form)
+}
+
 /// The values in `text`, if it fits the pieces.
 pub(crate) fn decode(pieces: &[Piece], fields: &[Field], text: &str) -> Option<Record> {
     let mut record = Record::default();

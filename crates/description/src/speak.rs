@@ -17,6 +17,7 @@ use crate::description::Description;
 use crate::field::{self, Field, Kind};
 use crate::framing::Frame;
 use crate::message::{Layout, Message};
+use crate::pattern::{self, Form};
 use crate::schema::message::From;
 use crate::value::{Record, Value};
 
@@ -97,6 +98,9 @@ impl Description {
                 .split_once('=')
                 .ok_or_else(|| format!("\"{pair}\": expected FIELD=VALUE; {}", phrase(message)))?;
             let value = value_of(message, key, text)?;
+            if values.get(key).is_some() {
+                return Err(format!("{key} is given twice"));
+            }
             values.set(key, value);
         }
         let request = self.request(message, &values)?;
@@ -236,10 +240,10 @@ fn value_of(message: &Message, key: &str, text: &str) -> Result<Value, String> {
         ));
     }
     let Some(field) = field::find(message.fields(), key) else {
-        return Ok(match message.layout {
-            Layout::Text { .. } => number(text).unwrap_or_else(|| Value::Text(text.to_owned())),
-            Layout::Fields(_) => Value::Text(text.to_owned()),
-        });
+        return match &message.layout {
+            Layout::Text { pieces, .. } => of_form(pattern::form(pieces, key), key, text),
+            Layout::Fields(_) => Ok(Value::Text(text.to_owned())),
+        };
     };
     if let Some(constant) = &field.constant {
         return Err(format!(
@@ -253,6 +257,23 @@ fn value_of(message: &Message, key: &str, text: &str) -> Result<Value, String> {
         return Ok(Value::List(values?));
     }
     one(field, key, text)
+}
+
+/// Parses `text` as a value in a text.
+fn of_form(form: Form, key: &str, text: &str) -> Result<Value, String> {
+    let wanted = match form {
+        Form::Text => return Ok(Value::Text(text.to_owned())),
+        Form::Plain | Form::Fixed => "a number",
+        Form::Decimal => "a whole number",
+        Form::Hex | Form::SmallHex => "a whole number from 0 on",
+    };
+    let fits = |value: &Value| match (form, value) {
+        (Form::Plain | Form::Fixed, _) => true,
+        (Form::Decimal, value) => matches!(value, Value::Int(_)),
+        (_, value) => matches!(value, Value::Int(0..)),
+    };
+    let value = number(text).filter(fits);
+    value.ok_or_else(|| format!("{key}=\"{text}\": expected {wanted}"))
 }
 
 fn one(field: &Field, key: &str, text: &str) -> Result<Value, String> {
@@ -292,13 +313,20 @@ fn one(field: &Field, key: &str, text: &str) -> Result<Value, String> {
                 format!("{key}=\"{text}\": expected bytes as two hexadecimal digits each")
             })
         }
-        _ => number(text).ok_or_else(|| {
-            let names = field.names.as_ref().map_or_else(String::new, |names| {
-                let names: Vec<_> = names.values().map(String::as_str).collect();
-                format!(", or one of: {}", names.join(", "))
-            });
-            format!("{key}=\"{text}\": expected a number{names}")
-        }),
+        _ => number(text)
+            .filter(|value| field.takes_fractions() || value.is_whole())
+            .ok_or_else(|| {
+                let what = if number(text).is_some() {
+                    "a whole number"
+                } else {
+                    "a number"
+                };
+                let names = field.names.as_ref().map_or_else(String::new, |names| {
+                    let names: Vec<_> = names.values().map(String::as_str).collect();
+                    format!(", or one of: {}", names.join(", "))
+                });
+                format!("{key}=\"{text}\": expected {what}{names}")
+            }),
     }
 }
 
@@ -314,4 +342,91 @@ fn number(text: &str) -> Option<Value> {
     }
     let float = text.parse::<f64>().ok()?;
     float.is_finite().then_some(Value::Float(float))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A value that the device would read as another one is refused, also in a text.
+    #[test]
+    fn a_value_that_does_not_fit_is_refused() {
+        let nothing = |_: &str| Err("no file".to_owned());
+        let own = r#"
+            name = "heater"
+            about = "A heater"
+            line = { baud = 9600 }
+            frame = { terminator = "\r", max = 60 }
+            [[message]]
+            name = "set"
+            from = "host"
+            text = "SP={target:.1f} {steps:d} {flags:02X} {gain} {label:s}"
+            [[message]]
+            name = "done"
+            from = "device"
+            text = "OK"
+            [[on]]
+            message = "set"
+            reply = "done"
+        "#;
+        let heater = Description::parse("heater", own, &nothing).unwrap_or_else(|e| panic!("{e}"));
+        let request = |words: &[&str]| heater.requests(&[&["set"], words].concat());
+        let sound = [
+            "target=4.5",
+            "steps=-3",
+            "flags=0x1F",
+            "gain=0.25",
+            "label=0 7",
+        ];
+        let sent = request(&sound).expect("all fit");
+        assert_eq!(sent[0].bytes, b"SP=4.5 -3 1F 0.25 0 7\r");
+        for (word, expected) in [
+            ("target=abc", "target=\"abc\": expected a number"),
+            ("target=4,5", "target=\"4,5\": expected a number"),
+            ("target=nan", "target=\"nan\": expected a number"),
+            ("target=", "target=\"\": expected a number"),
+            ("steps=1.5", "steps=\"1.5\": expected a whole number"),
+            (
+                "flags=-1",
+                "flags=\"-1\": expected a whole number from 0 on",
+            ),
+            ("gain=much", "gain=\"much\": expected a number"),
+        ] {
+            assert_eq!(request(&[word]).err().as_deref(), Some(expected));
+        }
+        let twice = request(&["steps=1", "steps=2"]);
+        assert_eq!(twice.err().as_deref(), Some("steps is given twice"));
+    }
+
+    /// A whole number in bytes cannot have a fraction; one with a scale is rounded to its step.
+    #[test]
+    fn a_fraction_needs_a_scale() {
+        let nothing = |_: &str| Err("no file".to_owned());
+        let own = r#"
+            name = "pump"
+            about = "A pump"
+            line = { baud = 9600 }
+            frame = { sync = [0xA5], size = 6 }
+            [[message]]
+            name = "set"
+            from = "host"
+            fields = [
+                { name = "flow", type = "i16" },
+                { name = "level", type = "i16", scale = 0.1 },
+                { name = "on", type = "u8" },
+            ]
+        "#;
+        let pump = Description::parse("pump", own, &nothing).unwrap_or_else(|e| panic!("{e}"));
+        let request = |word: &str| {
+            pump.requests(&["set", word])
+                .map(|sent| sent[0].bytes.clone())
+        };
+        assert_eq!(
+            request("on=1.5").err().as_deref(),
+            Some("on=\"1.5\": expected a whole number")
+        );
+        assert!(request("flow=-1.5").is_err() && request("flow=2.0").is_ok());
+        // 12 steps of 0.1.
+        assert_eq!(request("level=1.24").expect("rounded")[3], 12);
+    }
 }

@@ -92,6 +92,15 @@ impl Value {
         }
     }
 
+    /// Whether the value is a number without a fraction.
+    pub(crate) fn is_whole(&self) -> bool {
+        match self {
+            Self::Int(_) | Self::Bool(_) => true,
+            Self::Float(float) => float.fract() == 0.0,
+            _ => false,
+        }
+    }
+
     /// Whether the value counts as true: not 0, not empty.
     pub fn is_true(&self) -> bool {
         match self {
