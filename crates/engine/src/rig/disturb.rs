@@ -74,6 +74,13 @@ impl Rig {
         })
     }
 
+    /// Whether the node is the device `name`. The end of a program outside has the name of its
+    /// device, too.
+    pub(crate) fn is_device(&self, node: usize, name: &str) -> bool {
+        let node = &self.nodes[node];
+        node.name == name && matches!(node.body, Body::Device(_))
+    }
+
     /// The names of the devices. Unlike [`devices`](Self::devices), this starts no program that
     /// plays a device.
     pub fn device_names(&self) -> impl Iterator<Item = &str> {

@@ -53,10 +53,10 @@ impl Rig {
             (None, Some(device), _) if fault.kind == FaultKind::Delayed => {
                 let sends = |(index, link): (usize, &Link)| {
                     let directions = [Direction::ToMaster, Direction::ToDevice];
-                    let from = |direction| self.node_name(link.line(direction).from.node);
+                    let from = |direction| link.line(direction).from.node;
                     let sent = directions
                         .into_iter()
-                        .filter(|&d| from(d) == device.as_str());
+                        .filter(|&d| self.is_device(from(d), device));
                     sent.map(|direction| (index, direction)).collect::<Vec<_>>()
                 };
                 Ok(self.links().iter().enumerate().flat_map(sends).collect())
