@@ -91,6 +91,37 @@ fn a_robot_that_nobody_drives_does_not_pass() {
     assert_eq!(status("program-alive"), Some(Status::NotObserved));
 }
 
+const CART: &str = "schema = 1\nname = \"cart\"\nrobot = \"custom\"\nduration = \"1s\"\n\
+    [chassis.differential]\n[device.wheels.registers]\nbaud = 115200\nwatchdog = \"500ms\"\n\
+    register = [\n\
+    { address = 1, name = \"left\", width = \"i8\", access = \"write\", limits = [-30, 30], \
+    safe = 0, drives = { actuator = \"left\", speed_m_s = 0.01 } },\n\
+    { address = 2, name = \"right\", width = \"i8\", access = \"write\", limits = [-30, 30], \
+    safe = 0, drives = { actuator = \"right\", speed_m_s = 0.01 } },\n]\n\
+    [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }\n\
+    [[world.wall]]\npath_m = [[0,0],[2,0],[2,2],[0,2],[0,0]]\n\
+    [[expect.rule]]\nname = \"slow\"\n\
+    always = { robot = { of = \"speed-m-s\", op = \"<=\", value = 0.12 } }\n";
+
+/// A robot that stands keeps each rule; that shows nothing of a program.
+#[test]
+fn rules_of_a_robot_that_nobody_drives_are_not_judged() {
+    let drive = Frame::write(1, &[5, 5], ChecksumOrder::LowFirst);
+    let outcome = |is_driven: bool| {
+        let (mut run, ends) = run_of(read(CART).expect("sound"));
+        let wheels = ends[0].node;
+        run.rig
+            .set_line_config(wheels, LineConfig::new_8n1(115_200));
+        if is_driven {
+            run.rig.inject(wheels, drive.as_bytes());
+        }
+        run.finish()
+    };
+    let [stands, drives] = [false, true].map(outcome);
+    assert!(!stands.is_judged() && !stands.passed());
+    assert!(drives.is_judged());
+}
+
 const GRIPPER: &str = "schema = 1\nname = \"gripper\"\nrobot = \"none\"\nduration = \"1s\"\n\
     [device.gripper.registers]\nbaud = 115200\n[[device.gripper.registers.register]]\n\
     address = 4\nname = \"way\"\nwidth = \"u8\"\naccess = \"write\"\n";
@@ -167,4 +198,25 @@ fn f15_a_board_without_its_encoder_is_refused() {
     );
     let sound = text("ackermann", &format!("[device.car.car-board]\n{odometer}"));
     run_of(read(&sound).expect("sound"));
+}
+
+/// Only what a device sends is late, not what it receives.
+#[test]
+fn a_delayed_device_hears_at_once() {
+    let late = "[[fault]]\nkind = \"delayed\"\ndevice = \"gripper\"\nby = \"100ms\"\n";
+    let (mut run, ends) = run_of(read(&format!("{GRIPPER}{late}")).expect("sound"));
+    let node = ends[0].node;
+    let order = Frame::write(4, &[77], ChecksumOrder::LowFirst);
+    run.rig.inject(node, order.as_bytes());
+    let heard = [100, 120].map(|at| {
+        run.go_on_until(Instant::from_millis(at));
+        run.rig.take_output(node).len()
+    });
+    assert_eq!(
+        heard,
+        [
+            0,
+            Frame::read(4, 0, ChecksumOrder::LowFirst).as_bytes().len()
+        ]
+    );
 }

@@ -45,6 +45,9 @@ impl fmt::Display for Summary<'_> {
                 unobserved.join(", ")
             )?;
         }
+        for fault in &outcome.unbegun {
+            writeln!(f, "  never began: {fault}")?;
+        }
         if let Some(cause) = &outcome.probable_cause {
             writeln!(f, "  probable cause: {cause}")?;
         }

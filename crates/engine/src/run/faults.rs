@@ -249,6 +249,24 @@ impl Run {
         })
     }
 
+    /// The faults that have not begun, each with the reason.
+    pub(super) fn unbegun(&self) -> impl Iterator<Item = String> {
+        let planned = self.faults().filter(|one| one.state == FaultState::Planned);
+        planned.map(|FaultReport { id, fault, .. }| {
+            let what = if fault.byte.is_some() || fault.at_byte.is_some() {
+                "byte did not come"
+            } else if fault.at_frame.is_some() {
+                "frame did not come"
+            } else if fault.waits_for_condition() {
+                "condition did not come true"
+            } else {
+                "time did not come"
+            };
+            let (FaultId(number), kind, place) = (id, fault.kind.name(), fault.place());
+            format!("fault[{number}], {kind} on {place}: its {what}")
+        })
+    }
+
     pub(super) fn line_of(&self, fault: &FaultSpec) -> Option<&Line> {
         let link = self.rig.link(fault.link.as_deref()?)?;
         Some(link.line(fault.direction?.into()))
@@ -425,6 +443,28 @@ mod tests {
         });
         let expected = [Planned, Planned, Active, Active, Over];
         assert_eq!(told, expected.map(|state| vec![state]));
+    }
+
+    /// A fault that never begins tests nothing: the outcome names it.
+    #[test]
+    fn faults_that_never_began_are_named() {
+        let mut run = run();
+        for keys in [
+            "kind = \"cut\"\nfrom = \"200ms\"\nuntil = \"300ms\"\n",
+            "kind = \"flip\"\nbyte = 100000000\n",
+            "kind = \"cut\"\nfrom = \"60s\"\n",
+            "kind = \"cut\"\nbegins_when = { robot = { of = \"x-m\", op = \">\", value = 99 } }\n",
+        ] {
+            run.inject(on_the_bus(keys)).expect("sound");
+        }
+        run.go_on_until(Instant::from_secs(1));
+        let told: Vec<String> = run.unbegun().collect();
+        let expected = [
+            "fault[1], flip on base: its byte did not come",
+            "fault[2], cut on base: its time did not come",
+            "fault[3], cut on base: its condition did not come true",
+        ];
+        assert_eq!(told, expected);
     }
 
     /// A bus is cut from the time at which the robot drives until the base has stopped its motors.

@@ -14,7 +14,7 @@ use super::{Run, scene};
 use crate::picture::Picture;
 use crate::rig::Logged;
 use crate::robots::{Axis, KeptMap, Panel};
-use crate::scenario::{Expect, Scenario};
+use crate::scenario::{Expect, NO_ROBOT, Scenario};
 
 /// The end of a run.
 pub struct Outcome {
@@ -62,6 +62,8 @@ pub struct Outcome {
     pub was_asked: bool,
     /// Number of violations of device rules by the program.
     pub violations: u64,
+    /// Faults that never began, each with the reason.
+    pub unbegun: Vec<String>,
     /// Violated rules with their devices and counts.
     pub broken_rules: Vec<(String, &'static str, u64)>,
     /// Masters at ports of their own that asked and got no reply.
@@ -95,8 +97,14 @@ impl Outcome {
     }
 
     /// Whether a check was judged. If no program asked a device, the check of the rig's own work
-    /// does not count.
+    /// does not count; and a robot without any program breaks no rule, so none of its checks counts.
     pub fn is_judged(&self) -> bool {
+        let alive =
+            |check: &Check| check.name == "program-alive" && check.status != Status::NotObserved;
+        let is_supervised = || self.checks.iter().any(alive);
+        if self.case.robot != NO_ROBOT && !self.was_asked && !is_supervised() {
+            return false;
+        }
         let mut judged = self.checks.iter();
         judged.any(|check| {
             check.status != Status::NotObserved && (self.was_asked || check.name != BYTES_CONSERVED)
@@ -172,6 +180,7 @@ impl Run {
             events: self.rig.events().to_vec(),
             was_asked: self.rig.was_asked(),
             violations: self.rig.violations(),
+            unbegun: self.unbegun().collect(),
             broken_rules: self.broken_rules(),
             #[cfg(feature = "described")]
             unanswered: super::check::unanswered(&self.rig, &self.scenario),
