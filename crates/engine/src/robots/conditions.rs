@@ -13,8 +13,8 @@ use crate::rig::Rig;
 use crate::rig::direction::Direction;
 use crate::scenario::device::DeviceValue;
 use crate::scenario::{
-    Action, AxisCondition, Condition, DeviceSpec, EventCondition, Figure, Flaw, FrameCondition,
-    Operand, Quantity, RegisterCondition, RobotCondition,
+    Action, AxisCondition, Condition, DeviceSpec, DirectionSpec, EventCondition, Figure, Flaw,
+    FrameCondition, Operand, Quantity, RegisterCondition, RobotCondition,
 };
 
 /// A cell of a map that was never seen.
@@ -241,10 +241,14 @@ impl Moment<'_> {
         let codec = self.instruments.codec_towards(self.rig, name, direction);
         codec.ok_or_else(|| {
             let spec = self.devices.get(name);
+            let way = match frame.direction {
+                DirectionSpec::ToMaster => "to-master",
+                DirectionSpec::ToDevice => "to-device",
+            };
             let message = match spec.map(DeviceSpec::kind) {
                 Some("text") => format!(
                     "is the line of a text device, which has no frames with fields: expected `bytes`, \
-                     e.g. {{ bytes = {{ link = \"{name}\", .., contains = \"D=\" }} }}, or the \
+                     e.g. {{ bytes = {{ link = \"{name}\", direction = \"{way}\", hex = \"44 3D\" }} }}, or the \
                      condition `register` on a variable of {name}; a device with a description has \
                      fields"
                 ),
