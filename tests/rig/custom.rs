@@ -220,3 +220,42 @@ fn a_delayed_device_hears_at_once() {
         ]
     );
 }
+
+/// A step by hand that the device cannot take is refused, and the run is as before.
+#[test]
+fn a_refused_order_changes_nothing() {
+    let order = |text: &str| serde_json::from_str(text).expect("an action");
+    let limits = GRIPPER.replace("access", "limits = [0, 50]\naccess");
+    let (mut run, _) = run_of(read(&limits).expect("sound"));
+    for (text, word) in [
+        (
+            r#"{"set":{"device":"grippr","name":"way","value":3}}"#,
+            "did you mean",
+        ),
+        (
+            r#"{"set":{"device":"gripper","name":"wy","value":3}}"#,
+            "did you mean",
+        ),
+        (
+            r#"{"set":{"device":"gripper","name":"way","value":99}}"#,
+            "50",
+        ),
+        (
+            r#"{"set":{"device":"gripper","name":"way","value":1.5}}"#,
+            "1.5",
+        ),
+        (
+            r#"{"inject":{"link":"grippr","direction":"to-device","hex":"AB"}}"#,
+            "did you mean",
+        ),
+    ] {
+        let refused = run.command(order(text)).expect_err(text).to_string();
+        assert!(refused.contains(word), "{text}: {refused}");
+    }
+    let sound = r#"{"set":{"device":"gripper","name":"way","value":3}}"#;
+    run.command(order(sound)).expect("sound");
+    assert_eq!(run.case().mission.step.len(), 1);
+    let outcome = run.finish();
+    let mut checks = outcome.checks.iter();
+    assert!(checks.all(|check| check.status != Status::Fail));
+}

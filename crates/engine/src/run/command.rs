@@ -27,6 +27,8 @@ impl Run {
     /// mission; returns this time.
     pub(super) fn order(&mut self, number: usize, action: Action) -> Result<Instant, CommandError> {
         if action.is_of_the_rig() {
+            let possible = self.try_deed(&action);
+            possible.map_err(|flaw| CommandError::Script(flaw.to_string()))?;
             let at = Span::from_millis(self.rig.now().as_millis() + 1).instant();
             self.deeds.add(at, number, action);
             return Ok(at);

@@ -4,7 +4,7 @@ use protocols::Instant;
 
 use super::Run;
 use crate::rig::Rig;
-use crate::scenario::{Action, Flaw, InjectSpec, Mission, SetSpec};
+use crate::scenario::{Action, Flaw, InjectSpec, Mission, Scenario, SetSpec};
 
 /// Future steps, the next one first.
 #[derive(Clone, Debug, Default)]
@@ -46,7 +46,7 @@ impl Run {
             let (_, number, action) = self.deeds.0.remove(0);
             let done = match &action {
                 Action::Inject(inject) => put(&mut self.rig, inject),
-                Action::Set(set) => self.set(set),
+                Action::Set(one) => set(&self.scenario, &mut self.rig, one),
                 _ => Ok(()),
             };
             match (done, action) {
@@ -69,12 +69,27 @@ impl Run {
         }
     }
 
-    fn set(&mut self, set: &SetSpec) -> Result<(), Flaw> {
-        let spec = self.scenario.device.get(&set.device);
-        let spec = spec.ok_or_else(|| Flaw::new("device", "is no device of the scenario"))?;
-        let done = spec.set(&mut self.rig, &set.device, &set.name, &set.value);
-        done.map_err(|message| Flaw::new("name", message))
+    /// Whether the rig can execute a step. It is tried on a copy, so that a refused one changes
+    /// nothing.
+    pub(super) fn try_deed(&self, action: &Action) -> Result<(), Flaw> {
+        self.moment().check_action(action)?;
+        match action {
+            Action::Inject(inject) => inject.bytes().map(drop),
+            Action::Set(one) => {
+                let copy = self.rig.fork();
+                copy.map_or(Ok(()), |mut copy| set(&self.scenario, &mut copy, one))
+            }
+            _ => Ok(()),
+        }
     }
+}
+
+/// Sets a value of a device.
+fn set(scenario: &Scenario, rig: &mut Rig, one: &SetSpec) -> Result<(), Flaw> {
+    let spec = scenario.device.get(&one.device);
+    let spec = spec.ok_or_else(|| Flaw::new("device", "is no device of the scenario"))?;
+    let done = spec.set(rig, &one.device, &one.name, &one.value);
+    done.map_err(|message| Flaw::new("name", message))
 }
 
 /// Puts bytes on a line, at its rate.
