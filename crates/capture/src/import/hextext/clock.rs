@@ -253,9 +253,8 @@ fn numeric(date: &str) -> Option<Date> {
         .split(['-', '.', '/'])
         .map(|part| number(part, part.len().max(2)));
     let parts: Option<Vec<u64>> = parts.collect();
-    let has_year_first = date
-        .get(..5)
-        .is_some_and(|year| !year[..4].contains(['-', '.', '/']));
+    let year = date.as_bytes().get(..4).filter(|_| date.len() > 4);
+    let has_year_first = year.is_some_and(|year| year.iter().all(u8::is_ascii_digit));
     let (year, pair) = match parts?[..] {
         [year, month, day] if has_year_first => return Some((Some(year), month, day)),
         [first, second, year] if year >= 1970 => (Some(year), [first, second]),

@@ -19,7 +19,12 @@ const MARKS: [(char, char); 7] = [
 ];
 
 /// The text without a column at its end that shows the last bytes before it, one character each.
+///
+/// A line of a dump with an offset keeps its column: behind the offset it would look like bytes.
 pub(super) fn without_column(text: &str) -> &str {
+    if begins_with_offset(text) {
+        return text;
+    }
     let bodies = gaps(text).filter_map(|at| {
         let (body, shown) = text.split_at(at);
         let run = runs(body).pop()?;
@@ -27,6 +32,14 @@ pub(super) fn without_column(text: &str) -> &str {
         (is_last && is_shown(shown, &run.bytes)).then(|| body.trim_end())
     });
     bodies.into_iter().next().unwrap_or(text)
+}
+
+/// Whether a line begins with an offset of a dump: `0010:`, `00000010:` or `00000010`.
+fn begins_with_offset(text: &str) -> bool {
+    let word = text.split_whitespace().next().unwrap_or_default();
+    let digits = word.strip_suffix(':').unwrap_or(word);
+    let least = if digits.len() < word.len() { 4 } else { 6 };
+    digits.len() >= least && digits.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
 /// Places at which such a column may begin, the last one first: wide gaps, and blanks before a
@@ -108,6 +121,9 @@ mod tests {
             "41 42  AC",
             "41 42 (AB CD)",
             "TX  41 42",
+            "00000000: 4142  AB",
+            "0010: 41 42  AB",
+            "00000010  41 42  |AB|",
             "",
         ] {
             assert_eq!(without_column(text), text, "{text}");
