@@ -20,10 +20,12 @@ impl Line<'_> {
     }
 }
 
+/// Lines that end with LF or CR LF; with CR if the bytes contain no LF.
 pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
     let mut offset = 0;
+    let end = line_end(bytes);
     bytes
-        .split_inclusive(|&byte| byte == b'\n')
+        .split_inclusive(move |&byte| byte == end)
         .zip(1..)
         .map(move |(whole, number)| {
             let text = whole.strip_suffix(b"\n").unwrap_or(whole);
@@ -36,6 +38,11 @@ pub(super) fn lines(bytes: &[u8]) -> impl Iterator<Item = Line<'_>> {
             offset += whole.len();
             line
         })
+}
+
+/// The last byte of each line: LF, or CR if the bytes contain no LF.
+pub(super) fn line_end(bytes: &[u8]) -> u8 {
+    if bytes.contains(&b'\n') { b'\n' } else { b'\r' }
 }
 
 /// Text of a line; a line that is not UTF-8 becomes empty and fits no format.
@@ -166,6 +173,17 @@ mod tests {
             .map(|l| (l.number, l.offset, l.text))
             .collect();
         assert_eq!(places, [(1, 0, &b"a"[..]), (2, 3, b""), (3, 4, b"bc")]);
+    }
+
+    #[test]
+    fn a_line_may_end_with_cr_alone() {
+        let texts = |bytes| lines(bytes).map(|l| (l.number, l.offset, l.text)).collect();
+        let expected: Vec<_> = vec![(1, 0, &b"a"[..]), (2, 2, b"b")];
+        let found: Vec<_> = texts(b"a\rb\r");
+        assert_eq!(found, expected);
+        // With an LF in the file, a CR within a line is a character.
+        let found: Vec<_> = texts(b"a\rb\n");
+        assert_eq!(found, [(1, 0, &b"a\rb"[..])]);
     }
 
     #[test]

@@ -11,7 +11,7 @@
 use super::Look;
 use super::hextext::{Clock, Message, emit, split_text};
 use super::imported::{ImportError, Imported, Options, Untimed};
-use super::text::{Line, lines, utf8};
+use super::text::{Line, line_end, lines, utf8};
 
 /// Whether a line is PuTTY's own: its head, or an entry of its event log.
 pub(super) fn is_of_putty(text: &str) -> bool {
@@ -124,7 +124,7 @@ fn session_bytes(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<
         "the session of a terminal: its text counts as received, without times; bytes that the \
          terminal does not show may be missing",
     );
-    let mut own = Vec::new();
+    let (mut own, last) = (Vec::new(), line_end(bytes));
     for line in lines(bytes) {
         if is_raw(line.text) {
             return Err(line.wrong(
@@ -135,7 +135,7 @@ fn session_bytes(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<
         if session(line.text) || is_end(line.text) {
             continue;
         }
-        let end = bytes[line.offset..].iter().position(|byte| *byte == b'\n');
+        let end = bytes[line.offset..].iter().position(|byte| *byte == last);
         let end = end.map_or(bytes.len(), |end| line.offset + end + 1);
         own.extend_from_slice(&bytes[line.offset..end]);
     }
