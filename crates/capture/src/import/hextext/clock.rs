@@ -3,8 +3,10 @@
 //! ```text
 //! 2026-11-27 12:11:23.5    2026-11-27T12:11:23+02:00    11/27/2026 12:11:23 PM
 //! Fri Nov 27 12:11:23 2026      27-Nov-2026 12:11:23      Nov 27 12:11:23, without a year
-//! 12:11:23.000501      12:11:23:501      0.000501      +1.5s
+//! 12:11:23.000501      12:11:23:501      0.000501      +1.5s      24 ms
 //! ```
+
+mod elapsed;
 
 use crate::import::text::{decimal_nanos, moment, zone};
 
@@ -61,17 +63,7 @@ pub(super) fn at_beginning<'a>(
     if let Some(nanos) = of_day(word) {
         return Some(((nanos, Clock::Day), behind));
     }
-    let (digits, unit) = match word.strip_suffix("ms") {
-        Some(digits) => (digits, 1_000),
-        None => (word.strip_suffix('s').unwrap_or(word), 1),
-    };
-    let digits = digits.strip_prefix('+').unwrap_or(digits);
-    let (whole, fraction) = digits.split_once('.')?;
-    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
-    if !is_number(whole) || !is_number(fraction) {
-        return None;
-    }
-    Some(((decimal_nanos(digits)? / unit, Clock::Seconds), behind))
+    elapsed::read(word, behind)
 }
 
 /// A time among the first words of a line: with a date, `12:11:23` in brackets or after other

@@ -61,6 +61,9 @@ fn times_and_directions_before_the_bytes_are_read() {
         "[0.000501] > AB\n[0.001500] < 24 0A",
         "00:00:00.000501 -> AB\n00:00:00.001500 <- 24 0A",
         "(0.501ms) send AB\n(1.5ms) recv 24 0A",
+        "0.501 ms TX AB\n1.500 ms RX 24 0A",
+        "+501 us TX AB\n+1500 us RX 24 0A",
+        "[501us] TX AB\n[1500us] RX 24 0A",
         "[TX] 0.000501 AB\n[RX] 0.001500 24 0A",
         "0.000501 out AB\n0.0015 in 240A",
         "0.000501 TX:\nAB\n0.001500 RX:\n24 0A\n",
@@ -170,4 +173,16 @@ fn a_zone_is_no_part_of_the_bytes() {
             (1_000, &[0xAA, 1][..], &[0x55][..])
         );
     }
+}
+
+/// Each line keeps its own time if the file ends its lines with CR alone.
+#[test]
+fn lines_may_end_with_cr_alone() {
+    assert_eq!(
+        told("0.000501 TX: AB\r0.001500 RX: 24 0A\r"),
+        Ok(vec![
+            (501, true, vec![0xAB]),
+            (1_500, false, vec![0x24, 0x0A])
+        ])
+    );
 }
