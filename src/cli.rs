@@ -30,6 +30,7 @@ mod map;
 mod needs;
 mod new;
 mod node;
+mod outputs;
 mod place;
 mod port;
 mod ports;
@@ -269,7 +270,9 @@ pub fn main() -> ExitCode {
         Err(told) => return explain(&told),
     };
     out::begin(cli.json);
-    let result = needs::check(&command, &matches).and_then(|()| match cfg!(feature = "large") {
+    let checked = needs::check(&command, &matches);
+    let checked = checked.and_then(|()| outputs::check(&command, &matches));
+    let result = checked.and_then(|()| match cfg!(feature = "large") {
         true => thread::scope(|scope| workers::spawn(scope, || perform(cli.command)).join())
             .unwrap_or_else(|panic| resume_unwind(panic)),
         false => perform(cli.command),

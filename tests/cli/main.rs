@@ -17,6 +17,7 @@ mod fuzz;
 mod json;
 mod mutated;
 mod nodes;
+mod outputs;
 mod prepared;
 mod results;
 mod robots;
