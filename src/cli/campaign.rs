@@ -22,6 +22,7 @@ use super::stop::Stop;
 use super::{CliError, Verdict};
 use crate::realtime::clock::{Clock, WallClock};
 use crate::realtime::exec::Foreign;
+use crate::realtime::guest::files_named;
 use crate::run::Outcome;
 use crate::scenario::{Scenario, Source, Span};
 use crate::search::campaign::{
@@ -189,6 +190,11 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
         profile: (!profile.is_gentle()).then(|| profile.kept.clone()),
         exec: args.program.exec.as_ref().map(|_| args.program.repeat()),
         cpu: args.program.cpu().map(|cpu| cpu.to_string()),
+        programs: args
+            .program
+            .exec
+            .as_deref()
+            .map_or_else(BTreeMap::new, files_named),
     };
     let mut store = Store::create(&args.out, &plan)?;
     let todo: Vec<(&str, u64)> = plan
@@ -206,6 +212,10 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     let stop = Stop::new(args.budget.map(|budget| budget.0))?;
     let ended = run_all(&todo, &args, made, &mut store, &stop)?;
     let left = todo.len() - ended;
+    let earlier_runs = store.len() - ended;
+    if earlier_runs > 0 {
+        println!("{ended} runs made now, {earlier_runs} from earlier calls");
+    }
     let ended_by = stop.signal().filter(|_| left > 0);
     if left > 0 {
         eprintln!("{left} runs are left; the same command continues");

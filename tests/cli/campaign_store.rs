@@ -326,3 +326,33 @@ fn what_was_merged_is_merged_again_and_gone_on_with() {
     assert!(lines("half").starts_with(&half), "its runs were not kept");
     assert_eq!(lines("half").lines().count(), 6);
 }
+
+/// A changed program makes the runs of the folder stale.
+#[test]
+fn a_campaign_does_not_continue_with_a_changed_program() {
+    let session = Session::new("campaign-changed");
+    calm(&session);
+    session.write("driver.sh", "exit 0\n");
+    let campaign = |program: &str| {
+        let line = "campaign calm.toml --seeds 0..2 --virtual --out n --exec";
+        let mut words: Vec<&str> = line.split(' ').collect();
+        words.push(program);
+        let output = session.hilrig(&words);
+        let said = [&output.stdout, &output.stderr].map(|bytes| text(bytes).to_owned());
+        (output.status.code(), said)
+    };
+    let program = "sh ./driver.sh";
+    let (code, [stdout, stderr]) = campaign(program);
+    assert_eq!(code, Some(1), "{stderr}");
+    assert!(!stdout.contains("from earlier calls"), "{stdout}");
+    let (_, [stdout, _]) = campaign(program);
+    let expected = "0 runs made now, 2 from earlier calls\n";
+    assert!(stdout.starts_with(expected), "{stdout}");
+
+    session.write("driver.sh", "exit 1\n");
+    let (code, [_, stderr]) = campaign(program);
+    assert_eq!(code, Some(2), "{stderr}");
+    let expected = "error: n/plan.json: the program ./driver.sh has changed since these runs; use \
+                    another --out or delete the folder\n";
+    assert_eq!(stderr, expected);
+}

@@ -49,7 +49,6 @@ mod open_file;
 mod pending;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod place;
-#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod programs;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod settings;
@@ -89,6 +88,7 @@ pub use error::GuestError;
 pub use launch::{LINES_VERB, VERB, become_guest, become_guest_with_lines};
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub use lines::{become_shell_with_lines, run_with_lines};
+pub use programs::files_named;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 pub use trial::{Played, Trial, TrialMoment};
 

@@ -1,6 +1,9 @@
 //! Fingerprints of the files that run: each executable, and the script that an interpreter runs. A
-//! case with recorded computing shows by them that a program has changed since.
+//! case with recorded computing, and the plan of a campaign, show by them that a program has
+//! changed since.
 
+use std::collections::BTreeMap;
+use std::env;
 use std::fs::{self, File};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
@@ -18,6 +21,10 @@ const SCRIPTS: [&str; 16] = [
 ];
 
 /// The files that the process `pid` runs, which has just executed a program: `NAME FINGERPRINT`.
+#[cfg_attr(
+    not(all(target_os = "linux", target_arch = "x86_64")),
+    expect(dead_code, reason = "only virtual time follows processes")
+)]
 pub(super) fn files_of(pid: i32) -> Vec<String> {
     let exe = PathBuf::from(format!("/proc/{pid}/exe"));
     let name = fs::read_link(&exe).unwrap_or_default();
@@ -29,6 +36,44 @@ pub(super) fn files_of(pid: i32) -> Vec<String> {
         Some(format!("{name} {print:016x}"))
     });
     files.collect()
+}
+
+/// The files that a shell command names: each word that is a file, except the target of a
+/// redirection, and each program that the shell finds in `PATH`; with their fingerprints.
+pub fn files_named(command: &str) -> BTreeMap<String, String> {
+    let spaced = command.replace(['\'', '"', '(', ')', '`', '$'], " ");
+    let spaced = [";", "|", "&", ">", "<"].iter().fold(spaced, |text, mark| {
+        text.replace(mark, &format!(" {mark} "))
+    });
+    let (mut files, mut is_program, mut is_target) = (BTreeMap::new(), true, false);
+    for word in spaced.split_whitespace() {
+        match word {
+            ";" | "|" | "&" => is_program = true,
+            ">" => is_target = true,
+            "<" => {}
+            _ if core::mem::take(&mut is_target) => {}
+            // An assignment before the program, or a word that starts another program.
+            _ if is_program && (word.contains('=') || ["exec", "env"].contains(&word)) => {}
+            _ => {
+                let path = match is_program && !word.contains('/') {
+                    true => in_path(word),
+                    false => Some(PathBuf::from(word)).filter(|path| path.is_file()),
+                };
+                is_program = false;
+                if let Some(print) = path.and_then(|path| fingerprint(&path).ok()) {
+                    files.insert(word.to_owned(), format!("{print:016x}"));
+                }
+            }
+        }
+    }
+    files
+}
+
+/// The first file of this name in `PATH`.
+fn in_path(name: &str) -> Option<PathBuf> {
+    let folders = env::var_os("PATH")?;
+    let mut paths = env::split_paths(&folders).map(|folder| folder.join(name));
+    paths.find(|path| path.is_file())
 }
 
 /// The script of an interpreter: the first argument that is a file and looks like one.
@@ -114,6 +159,23 @@ mod tests {
         prints.dedup();
         assert_eq!(prints.len(), count);
         fs::remove_dir_all(&folder).expect("ours");
+    }
+
+    #[test]
+    fn a_command_names_its_programs_and_its_files() {
+        let exe = env::current_exe().expect("it runs");
+        let exe = exe.to_str().expect("text");
+        for (command, expected) in [
+            (exe.to_owned(), vec![exe]),
+            (format!("A=1 exec '{exe}' --fast /nowhere"), vec![exe]),
+            (format!("sh -c \"{exe} 2>&1\""), vec![exe, "sh"]),
+            (format!("sh 2>{exe}"), vec!["sh"]),
+            (format!("cat sh | sh {exe}"), vec![exe, "cat", "sh"]),
+            ("cd /; no-such-program sh".to_owned(), vec![]),
+        ] {
+            let found: Vec<String> = files_named(&command).into_keys().collect();
+            assert_eq!(found, expected, "{command}");
+        }
     }
 
     /// The test itself: its own executable, and no script.

@@ -170,7 +170,10 @@ pub fn merge(dirs: &[PathBuf], out: &Path) -> Result<Store, StoreError> {
         path: out.to_owned(),
         message: "nothing to merge, expected at least one folder".to_owned(),
     })?;
-    if let Some(other) = stores.iter().find(|store| store.plan() != first.plan()) {
+    if let Some(other) = stores
+        .iter()
+        .find(|store| first.plan().difference(store.plan()).is_some())
+    {
         return Err(StoreError::Content {
             path: other.dir().to_owned(),
             message: format!("is of another campaign than {}", first.dir().display()),

@@ -84,6 +84,9 @@ pub struct CampaignPlan {
     /// Scale of the measured computing of the program; `exec` repeats what a case has recorded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cpu: Option<String>,
+    /// Name and fingerprint of each file that the command of the program names.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub programs: BTreeMap<String, String>,
 }
 
 impl CampaignPlan {
@@ -99,6 +102,31 @@ impl CampaignPlan {
                 let names = names.clone().into_iter().enumerate();
                 names.map(move |(index, name)| (round + index, name, seed))
             })
+    }
+
+    /// Why runs of `other` are not runs of this plan: in words; `None` if they are. A file that is
+    /// new since this plan was made does not count: the program may have written it.
+    pub(super) fn difference(&self, other: &Self) -> Option<String> {
+        let programs = self.programs.clone();
+        let same_programs = Self {
+            programs,
+            ..other.clone()
+        };
+        if &same_programs != self {
+            let message = "is of another campaign, expected the same scenarios, seeds, --vary, \
+                --profile, --exec and version, or another --out";
+            return Some(message.to_owned());
+        }
+        let advice = "use another --out or delete the folder";
+        if self.programs.is_empty() && !other.programs.is_empty() {
+            return Some(format!(
+                "does not record which program made these runs; {advice}"
+            ));
+        }
+        let mut programs = self.programs.iter();
+        let changed = programs.find(|(name, print)| other.programs.get(*name) != Some(print));
+        changed
+            .map(|(name, _)| format!("the program {name} has changed since these runs; {advice}"))
     }
 
     /// Name of the fault profile.
@@ -171,6 +199,7 @@ mod tests {
             profile: None,
             exec: None,
             cpu: None,
+            programs: BTreeMap::new(),
         };
         assert_eq!(plan.runs().count(), 80);
         for shard in [
@@ -204,6 +233,7 @@ mod tests {
                 profile: None,
                 exec: None,
                 cpu: None,
+                programs: BTreeMap::new(),
             };
             let all: Vec<_> = plan.runs().collect();
             assert_eq!(all.len(), 67 * count);
@@ -235,6 +265,7 @@ mod tests {
                 profile: Some(kept.to_owned()),
                 exec: None,
                 cpu: None,
+                programs: BTreeMap::new(),
             };
             plan.profile_name()
         };

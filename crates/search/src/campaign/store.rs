@@ -73,10 +73,8 @@ impl Store {
         };
         let (plan_path, runs_path) = (dir.join(PLAN), dir.join(RUNS));
         if plan_path.exists() {
-            if &CampaignPlan::read(&plan_path)? != plan {
-                let message = "is of another campaign, expected the same scenarios, seeds, --vary, \
-                    --profile, --exec and version, or another --out";
-                return Err(wrong(&plan_path, message));
+            if let Some(message) = CampaignPlan::read(&plan_path)?.difference(plan) {
+                return Err(wrong(&plan_path, &message));
             }
         } else if runs_path.exists() {
             let message = "has no plan.json in its folder, expected both files or another --out";
