@@ -202,8 +202,16 @@ fn from(args: &From) -> Result<Verdict, CliError> {
     Ok(Verdict::Pass)
 }
 
-/// Rejects a rule about a link that the case does not have.
+/// Rejects a rule about a link that the case does not have, and a rule that is never judged.
 fn check_rule(rule: &Rule, case: &Case, source: &Source) -> Result<(), CliError> {
+    if let (Rule::IgnoresDamage, Some(why)) = (rule, case.why_damage_is_not_judged()) {
+        return Err(CliError::Usage(format!("--expect ignores-damage: {why}")));
+    }
+    if let (Rule::IgnoresDamage, false) = (rule, case.is_foreign) {
+        let error = "--expect ignores-damage: is judged only with your own program; expected \
+                     --exec CMD";
+        return Err(CliError::Usage(error.to_owned()));
+    }
     let Some(link) = rule.link() else {
         return Ok(());
     };

@@ -183,6 +183,7 @@ impl Case {
         let read =
             |document: Document<'_>| Self::deserialize(toml::de::Deserializer::from(document));
         let case = read_whole(&source, read).map_err(CaseError::File)?;
+        case.check_play(&source)?;
         case.check_names(&source)?;
         Ok((case, source))
     }

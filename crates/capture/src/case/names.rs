@@ -69,6 +69,28 @@ impl Case {
         named
     }
 
+    /// Why `ignores_damage` cannot be judged: devices answer anew and send no captured damage.
+    pub fn why_damage_is_not_judged(&self) -> Option<&'static str> {
+        (self.play == Some(Play::Devices)).then_some(
+            "is not judged if the devices answer, because the captured damage does not arrive; \
+             use --play conversation, or --sound CMD in place of this rule",
+        )
+    }
+
+    /// Checks that the source of the answers lets each expectation be judged.
+    ///
+    /// # Errors
+    /// For an expectation that would never be judged.
+    pub(super) fn check_play(&self, source: &Source) -> Result<(), CaseError> {
+        let why = self.why_damage_is_not_judged();
+        why.filter(|_| self.expect.ignores_damage)
+            .map_or(Ok(()), |why| {
+                let span = source.find("ignores_damage");
+                let key = "expect.ignores_damage".to_owned();
+                Err(CaseError::File(source.invalid(span, key, why.to_owned())))
+            })
+    }
+
     /// Checks that the case has the links and devices that its expectations name.
     ///
     /// # Errors
@@ -137,6 +159,16 @@ mod tests {
             );
             assert_eq!(error, expected);
         }
+    }
+
+    #[test]
+    fn a_rule_that_is_never_judged_is_an_error() {
+        let rule = "ignores_damage = true";
+        assert_eq!(error("conversation", rule, LINKS), None);
+        let error = error("devices", rule, ROBOT).expect("not judged");
+        let expected = "x.toml:7: expect.ignores_damage: is not judged if the devices answer";
+        assert!(error.starts_with(expected), "{error}");
+        assert!(error.contains("--play conversation"), "{error}");
     }
 
     /// The devices of a scenario give the links and judge.
