@@ -120,7 +120,8 @@ fn play_in_real_time(
         None => "opened all ports".to_owned(),
     };
     let connected = Check::new("program-connected", unopened.is_none(), connected);
-    let is_over = playback.is_over();
+    // The playback is followed to the program's end: what is over by then was over before.
+    let over = ended.filter(|_| playback.is_over()).map(|(_, at)| at);
     let farewell = process.end(Patience::FAIR);
     let baud = |name: &str| {
         let passage = passages.iter().find(|one| one.link == name);
@@ -129,7 +130,7 @@ fn play_in_real_time(
     kept::write(playback.sockets(), baud, shown.scenario, shown.out)?;
     let mut checks = vec![
         connected,
-        alive(ended, is_over, foreign.may_end, &farewell),
+        alive(ended, over, foreign.may_end, &farewell),
         childless(&farewell.left),
     ];
     checks.extend(stuck.map(|stuck| Check::new("program-reads", false, stuck)));

@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_fingerprint_is_of_all_bytes() {
-        let folder = std::env::temp_dir().join(format!("hilrig-print-{}", std::process::id()));
+        let folder = env::temp_dir().join(format!("hilrig-print-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a free name");
         let path = folder.join("program");
         let mut prints = Vec::new();
@@ -183,7 +183,7 @@ mod tests {
     fn a_process_runs_its_executable() {
         let own = std::process::id().cast_signed();
         let files = files_of(own);
-        let exe = std::env::current_exe().expect("it runs");
+        let exe = env::current_exe().expect("it runs");
         let name = exe
             .file_name()
             .expect("a file")
@@ -194,7 +194,7 @@ mod tests {
 
     #[test]
     fn a_script_is_known_by_its_ending_or_its_first_line() {
-        let folder = std::env::temp_dir().join(format!("hilrig-script-{}", std::process::id()));
+        let folder = env::temp_dir().join(format!("hilrig-script-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a free name");
         for (name, text, expected) in [
             ("a.py", "", true),
