@@ -214,7 +214,7 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     let left = todo.len() - ended;
     let earlier_runs = store.len() - ended;
     if earlier_runs > 0 {
-        println!("{ended} runs made now, {earlier_runs} from earlier calls");
+        eprintln!("{ended} runs made now, {earlier_runs} from earlier calls");
     }
     let ended_by = stop.signal().filter(|_| left > 0);
     if left > 0 {

@@ -576,7 +576,9 @@ fn judge(bytes: &[u8]) -> Result<(), TestCaseError> {
             Err(error) => {
                 prop_assert!(error.line >= 1 && error.offset <= bytes.len(), "{}", error);
                 let before = &bytes[..error.offset];
-                let lines = before.iter().filter(|&&byte| byte == b'\n').count();
+                // A file without LF may end its lines with CR.
+                let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+                let lines = before.iter().filter(|&&byte| byte == end).count();
                 prop_assert_eq!(lines + 1, error.line);
             }
         }
