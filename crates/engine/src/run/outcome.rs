@@ -97,12 +97,14 @@ impl Outcome {
     }
 
     /// Whether a check was judged. If no program asked a device, the check of the rig's own work
-    /// does not count; and a robot without any program breaks no rule, so none of its checks counts.
+    /// does not count; and a robot without any program breaks no rule, so no passed check counts.
     pub fn is_judged(&self) -> bool {
         let alive =
             |check: &Check| check.name == "program-alive" && check.status != Status::NotObserved;
         let is_supervised = || self.checks.iter().any(alive);
-        if self.case.robot != NO_ROBOT && !self.was_asked && !is_supervised() {
+        let is_driven = self.case.robot == NO_ROBOT || self.was_asked || is_supervised();
+        let has_failed = || self.checks.iter().any(|one| one.status == Status::Fail);
+        if !is_driven && !has_failed() {
             return false;
         }
         let mut judged = self.checks.iter();
