@@ -405,6 +405,7 @@ mod tests {
         let own = r#"
             name = "pump"
             about = "A pump"
+            endian = "little"
             line = { baud = 9600 }
             frame = { sync = [0xA5], size = 6 }
             [[message]]

@@ -127,7 +127,7 @@ mod tests {
                          [[link]]\nname = \"radio\"\nbaud = 9600\nto_program = \"10 AB\"\n";
     const ROBOT: &str = "[scenario]\nschema = 1\nname = \"s\"\nrobot = \"none\"\n\
                          duration = \"2s\"\n[scenario.device]\n\
-                         meter = { description = \"modbus-meter\" }\n";
+                         meter = { description = \"gps\" }\n";
 
     fn error(play: &str, expect: &str, rest: &str) -> Option<String> {
         let text = format!("{HEAD}play = \"{play}\"\n[expect]\n{expect}\n{rest}");

@@ -451,7 +451,7 @@ mod tests {
         let mut run = run();
         for keys in [
             "kind = \"cut\"\nfrom = \"200ms\"\nuntil = \"300ms\"\n",
-            "kind = \"flip\"\nbyte = 100000000\n",
+            "kind = \"flip\"\nbyte = 100000000\nbit = 1\n",
             "kind = \"cut\"\nfrom = \"60s\"\n",
             "kind = \"cut\"\nbegins_when = { robot = { of = \"x-m\", op = \">\", value = 99 } }\n",
         ] {
