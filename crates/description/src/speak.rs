@@ -416,6 +416,13 @@ mod tests {
                 { name = "level", type = "i16", scale = 0.1 },
                 { name = "on", type = "u8" },
             ]
+            [[message]]
+            name = "done"
+            from = "device"
+            fields = [{ type = "u32", value = 7 }, { type = "u8", value = 0 }]
+            [[on]]
+            message = "set"
+            reply = "done"
         "#;
         let pump = Description::parse("pump", own, &nothing).unwrap_or_else(|e| panic!("{e}"));
         let request = |word: &str| {
