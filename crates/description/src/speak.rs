@@ -397,44 +397,4 @@ mod tests {
         let twice = request(&["steps=1", "steps=2"]);
         assert_eq!(twice.err().as_deref(), Some("steps is given twice"));
     }
-
-    /// A whole number in bytes cannot have a fraction; one with a scale is rounded to its step.
-    #[test]
-    fn a_fraction_needs_a_scale() {
-        let nothing = |_: &str| Err("no file".to_owned());
-        let own = r#"
-            name = "pump"
-            about = "A pump"
-            endian = "little"
-            line = { baud = 9600 }
-            frame = { sync = [0xA5], size = 6 }
-            [[message]]
-            name = "set"
-            from = "host"
-            fields = [
-                { name = "flow", type = "i16" },
-                { name = "level", type = "i16", scale = 0.1 },
-                { name = "on", type = "u8" },
-            ]
-            [[message]]
-            name = "done"
-            from = "device"
-            fields = [{ type = "u32", value = 7 }, { type = "u8", value = 0 }]
-            [[on]]
-            message = "set"
-            reply = "done"
-        "#;
-        let pump = Description::parse("pump", own, &nothing).unwrap_or_else(|e| panic!("{e}"));
-        let request = |word: &str| {
-            pump.requests(&["set", word])
-                .map(|sent| sent[0].bytes.clone())
-        };
-        assert_eq!(
-            request("on=1.5").err().as_deref(),
-            Some("on=\"1.5\": expected a whole number")
-        );
-        assert!(request("flow=-1.5").is_err() && request("flow=2.0").is_ok());
-        // 12 steps of 0.1.
-        assert_eq!(request("level=1.24").expect("rounded")[3], 12);
-    }
 }
