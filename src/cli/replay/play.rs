@@ -120,7 +120,7 @@ fn play_in_real_time(
         None => "opened all ports".to_owned(),
     };
     let connected = Check::new("program-connected", unopened.is_none(), connected);
-    // The playback is followed to the program's end: what is over by then was over before.
+    // The loop above ends with the program.
     let over = ended.filter(|_| playback.is_over()).map(|(_, at)| at);
     let farewell = process.end(Patience::FAIR);
     let baud = |name: &str| {

@@ -7,8 +7,8 @@ use protocols::Instant;
 use crate::process::{Ended, Farewell, Left};
 use engine::run::check::Check;
 
-/// A program that counts the run's duration itself ends before the run, by the time between its start
-/// and the opening of its ports: at most this, and at most a tenth of the run.
+/// A program that counts the run's duration itself ends before the run, by the time between its
+/// start and the opening of its ports: at most this, and at most a tenth of the run.
 const EARLY_MAX: Duration = Duration::from_millis(500);
 
 /// The verdict on a program's end and its time; `over`: the end of the run, if the run came to it.
