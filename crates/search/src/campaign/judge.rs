@@ -146,10 +146,14 @@ pub fn words_of_panic(panic: &(dyn Any + Send)) -> (String, String) {
 }
 
 /// The first failed check, without and with figures. Checks of the whole run precede checks of the
-/// final state.
+/// final state. A run without any judged check has not passed either.
 pub(crate) fn cause_of(outcome: &Outcome) -> Option<(String, String)> {
     let failed = |check: &&engine::run::check::Check| check.status == Status::Fail;
-    let check = outcome.checks.iter().find(failed)?;
+    let Some(check) = outcome.checks.iter().find(failed) else {
+        let cause = "nothing was judged".to_owned();
+        let detail = format!("{cause}: no program sent a byte that a device received");
+        return (!outcome.is_judged()).then_some((cause, detail));
+    };
     let detail = format!("{}: {}", check.name, check.detail);
     let how = manner::of(&check.name, outcome).map(str::to_owned);
     let cause = match how.or_else(|| first_rule(&check.name, outcome)) {
@@ -265,6 +269,24 @@ mod tests {
             tried += 1;
         }
         assert!(tried * step >= 20, "{tried}");
+    }
+
+    /// A robot without a program keeps each rule, and has shown nothing.
+    #[test]
+    fn a_run_without_a_judged_check_has_not_passed() {
+        let text = "schema = 1\nname = \"cart\"\nrobot = \"custom\"\nduration = \"1s\"\n\
+            [chassis.differential]\n[device.wheels.registers]\nbaud = 9600\nregister = [\n\
+            { address = 1, name = \"left\", width = \"i8\", access = \"write\", \
+            drives = { actuator = \"left\", speed_m_s = 0.01 } },\n\
+            { address = 2, name = \"right\", width = \"i8\", access = \"write\", \
+            drives = { actuator = \"right\", speed_m_s = 0.01 } },\n]\n\
+            [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }\n\
+            [[world.wall]]\npath_m = [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0]]\n\
+            [[expect.rule]]\nname = \"slow\"\n\
+            always = { robot = { of = \"speed-m-s\", op = \"<=\", value = 0.1 } }\n";
+        let (scenario, source) = Scenario::from_text(text).expect("sound");
+        let (record, _) = run(&scenario, &source).expect("can be wired");
+        assert_eq!(record.cause.as_deref(), Some("nothing was judged"));
     }
 
     #[test]
