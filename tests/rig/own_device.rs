@@ -5,6 +5,8 @@ use std::path::Path;
 
 use hilrig::rig::Rig;
 use hilrig::robots::{self, Dut, PcEnd, Wired};
+use hilrig::run::Run;
+use hilrig::run::check::Status;
 use hilrig::scenario::{Scenario, ScenarioError, Source};
 
 use super::{in_a_room, run_to_end, shipped};
@@ -178,6 +180,109 @@ fn a_wrong_master_is_told_with_its_key() {
         let told = refusal(&text);
         assert!(told.contains(wanted), "{wanted}: {told}");
     }
+}
+
+/// A heater whose state has names.
+const HEATER: &str = r#"
+name = "heater"
+about = "Heater"
+line = { baud = 9600 }
+[enums]
+mode = { 0 = "idle", 1 = "heating", 2 = "fault" }
+[frame]
+terminator = "\r"
+[state]
+mode = { initial = 0, enum = "mode" }
+[[message]]
+name = "ask"
+from = "host"
+text = "S?"
+[[message]]
+name = "report"
+from = "device"
+text = "S={mode:d}"
+fields = [{ name = "mode", enum = "mode" }]
+[[on]]
+message = "ask"
+reply = "report"
+"#;
+
+/// A condition that compares a value with a name that it cannot have would never hold, or always.
+#[test]
+fn a_name_that_no_value_has_is_refused_in_every_condition() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-device-names");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    std::fs::write(folder.join("heater.toml"), HEATER).expect("a file");
+    let bench = |more: &str| {
+        let text = format!(
+            "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+             device.heater = {{ description = \"heater.toml\" }}\n{more}"
+        );
+        Scenario::parse(&folder.join("s.toml"), text).expect("well-formed")
+    };
+    let error = |condition: &str| {
+        let rule = format!("[[expect.rule]]\nname = \"r\"\nnever = {{ {condition} }}\n");
+        let (scenario, source) = bench(&rule);
+        let wired = Run::new(scenario, &source, None);
+        wired.err().map(|error| error.to_string())
+    };
+    let value = |name: &str| {
+        format!("register = {{ device = \"heater\", name = \"mode\", value = {name} }}")
+    };
+    let frame =
+        |keys: &str| format!("frame = {{ link = \"heater\", direction = \"to-master\", {keys} }}");
+    let inner = |condition: String| format!("all = [{{ {condition} }}]");
+    for sound in [
+        value("\"heating\""),
+        frame("field = \"mode\", value = \"fault\""),
+        frame("contains = \"heat\""),
+        frame("contains = \"report: mode 3\""),
+        frame("contains = \"unknown message: AB 1C\""),
+    ] {
+        assert_eq!(error(&sound), None, "{sound}");
+    }
+    for (wrong, words) in [
+        (
+            value("\"heatng\""),
+            "value: is \"heatng\", did you mean \"heating\"?",
+        ),
+        (
+            inner(value("\"off\"")),
+            "expected one of idle, heating, fault",
+        ),
+        (
+            frame("field = \"mode\", value = \"falt\""),
+            "did you mean \"fault\"?",
+        ),
+        (
+            frame("contains = \"heatng\""),
+            "contains: has \"heatng\", did you mean \"heating\"?",
+        ),
+        (
+            inner(frame("contains = \"report: overheated\"")),
+            "which no frame of heater contains",
+        ),
+    ] {
+        let error = error(&wrong).unwrap_or_default();
+        assert!(error.contains(words), "{wrong}: {error}");
+    }
+    // A step sets the value by its name.
+    let step = "[[mission.step]]\nat = \"300ms\"\n\
+                do = { set = { device = \"heater\", name = \"mode\", value = \"heating\" } }\n";
+    let rule = format!(
+        "[[expect.rule]]\nname = \"r\"\nfrom = \"200ms\"\neventually = {{ {} }}\n",
+        value("\"heating\"")
+    );
+    let heats = |more: &str| {
+        let outcome = run_to_end(bench(more));
+        let mut checks = outcome.checks.iter();
+        checks
+            .find(|check| check.name == "rule-r")
+            .expect("judged")
+            .status
+            == Status::Pass
+    };
+    assert!(heats(&format!("{step}{rule}")) && !heats(&rule));
 }
 
 /// A kind of device from another crate: it sends its settings over a datagram link.

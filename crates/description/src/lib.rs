@@ -53,6 +53,7 @@ pub mod speak;
 mod state;
 mod texts;
 pub mod value;
+mod vocabulary;
 pub mod wire;
 
 pub use compile::Files;

@@ -205,6 +205,17 @@ impl State {
                 "{name} has its own source, expected a stored value"
             ));
         }
+        let value = match (value, &self.known[index].names) {
+            (Value::Text(text), Some(names)) => {
+                let named = names.iter().find(|(_, name)| **name == text);
+                let (number, _) = named.ok_or_else(|| {
+                    let known: Vec<&str> = names.values().map(String::as_str).collect();
+                    format!("{name} is \"{text}\", expected one of {}", known.join(", "))
+                })?;
+                Value::Int(*number)
+            }
+            (value, _) => value,
+        };
         let is_number = |value: &Value| value.as_f64().is_some();
         let was = &self.values[index];
         if is_number(was) != is_number(&value) {

@@ -93,6 +93,20 @@ impl Wire {
         }
     }
 
+    /// The names of the values of a variable, which of several devices is `DEVICE.NAME`; `None` if
+    /// it can have other values.
+    pub fn names_of_value(&self, name: &str) -> Option<Vec<&str>> {
+        if let [(_, only)] = &self.units[..] {
+            return only.description().names_of_variable(name);
+        }
+        let mut units = self.units.iter();
+        let (device, inner) = units.find_map(|(unit, device)| {
+            let inner = name.strip_prefix(unit.as_str())?.strip_prefix('.')?;
+            Some((device, inner))
+        })?;
+        device.description().names_of_variable(inner)
+    }
+
     /// The variables of all devices: address of the register, name, value, value in words.
     pub fn values(&self, now: Instant, world: &World) -> Vec<(Option<u32>, String, Value, String)> {
         let is_single = self.units.len() == 1;

@@ -43,7 +43,7 @@ impl Compiler<'_> {
             initial,
             unit: spec.unit.clone(),
             limits: spec.limits,
-            names: None,
+            names: self.names(key, spec.names.as_deref()),
             source,
             safe: spec.safe.clone().map(|plain| plain.0),
             keeps: spec.keeps,
@@ -252,6 +252,7 @@ impl Compiler<'_> {
         let state = StateSpec {
             initial: spec.initial.clone(),
             unit: spec.unit.clone(),
+            names: spec.names.clone(),
             limits: spec.limits,
             source: spec.source.clone(),
             value: spec.value.clone(),
@@ -260,7 +261,6 @@ impl Compiler<'_> {
             about: spec.about.clone(),
         };
         let mut variable = self.state_variable(key, &spec.name, &state);
-        variable.names = self.names(key, spec.names.as_deref());
         let is_text = matches!(kind, CellKind::Text(_));
         let initial_is_text = matches!(variable.initial, Value::Text(_));
         if is_text != initial_is_text && spec.initial.is_some() {

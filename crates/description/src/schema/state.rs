@@ -18,6 +18,9 @@ pub struct StateSpec {
     /// Unit, for display.
     #[serde(default)]
     pub unit: String,
+    /// Names of values: the name of a table of `[enums]`.
+    #[serde(default, rename = "enum")]
+    pub names: Option<String>,
     /// Least and greatest value.
     #[serde(default)]
     pub limits: Option<[f64; 2]>,

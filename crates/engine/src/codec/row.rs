@@ -68,6 +68,17 @@ pub trait OwnFormat: Send + Sync {
     fn pause(&self) -> Pause {
         Pause::Discards
     }
+
+    /// The names of the values of a field; `None` if it can have other values.
+    fn names_of_field(&self, _field: &str) -> Option<Vec<&str>> {
+        None
+    }
+
+    /// All words in which frames are printed, without numbers; `None` if a frame can contain any
+    /// text.
+    fn vocabulary(&self) -> Option<Vec<&str>> {
+        None
+    }
 }
 
 /// The use of a pause of the line for the frames of a format.
@@ -292,6 +303,23 @@ impl Codec {
         let other: &'static dyn OwnFormat = Box::leak(format.other_order()?);
         let row = Self::own(self.name, self.about, other).with_idle(self.idle);
         Some(Box::leak(Box::new(row)))
+    }
+
+    /// The names of the values of a field; `None` if it can have other values or if its values are
+    /// unknown.
+    pub fn names_of_field(&self, field: &str) -> Option<Vec<&'static str>> {
+        match self.format {
+            Format::Typed { .. } => None,
+            Format::Own(format) => format.names_of_field(field),
+        }
+    }
+
+    /// All words in which frames are printed, without numbers; `None` if they are unknown.
+    pub fn vocabulary(&self) -> Option<Vec<&'static str>> {
+        match self.format {
+            Format::Typed { .. } => None,
+            Format::Own(format) => format.vocabulary(),
+        }
     }
 
     /// Its part of the dissector, if it has one.

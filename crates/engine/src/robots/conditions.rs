@@ -8,6 +8,7 @@ use super::axis::Axis;
 use super::instruments::Instruments;
 use super::log_rules;
 pub(crate) use super::log_rules::Known;
+use crate::codec::Codec;
 use crate::near;
 use crate::rig::Rig;
 use crate::rig::direction::Direction;
@@ -173,7 +174,7 @@ impl Moment<'_> {
     pub(crate) fn check(&self, condition: &Condition) -> Result<(), Flaw> {
         match condition {
             Condition::Bytes(bytes) => self.link(&bytes.link).map(drop),
-            Condition::Frame(frame) => self.codec(frame).map(drop),
+            Condition::Frame(frame) => check_frame(frame, self.codec(frame)?),
             Condition::Register(register) => self.check_register(register),
             Condition::Event(event) => self.check_event(event),
             Condition::Axis(axis) => self.check_axis(axis),
@@ -231,10 +232,7 @@ impl Moment<'_> {
     }
 
     /// The codec of the line of `frame`.
-    pub(crate) fn codec(
-        &self,
-        frame: &FrameCondition,
-    ) -> Result<&'static crate::codec::Codec, Flaw> {
+    pub(crate) fn codec(&self, frame: &FrameCondition) -> Result<&'static Codec, Flaw> {
         let link = self.link(&frame.link)?;
         let name = &self.rig.links()[link].name;
         let direction = Direction::from(frame.direction);
@@ -269,7 +267,7 @@ impl Moment<'_> {
             );
             return match is_wrong {
                 true => Err(Flaw::new("value", message)),
-                false => Ok(()),
+                false => self.check_name_of_value(register),
             };
         }
         let known: Vec<&str> = self.rig.device_names().collect();
@@ -296,6 +294,14 @@ impl Moment<'_> {
         };
         let names: Vec<&str> = values.iter().map(|value| &*value.name).collect();
         Err(Flaw::new("name", near::expected(name, &names)))
+    }
+
+    /// Checks that the value of `register` can have the wanted name.
+    fn check_name_of_value(&self, register: &RegisterCondition) -> Result<(), Flaw> {
+        let RegisterCondition { device, name, .. } = register;
+        let own = self.devices.get(device).zip(name.as_ref());
+        let names = own.and_then(|(own, name)| own.names_of_value(self.rig, device, name));
+        check_name(&register.value, names)
     }
 
     fn check_axis(&self, axis: &AxisCondition) -> Result<(), Flaw> {
@@ -397,5 +403,39 @@ impl Moment<'_> {
     fn may_get_a_map(&self) -> bool {
         let station = self.instruments.station(self.rig);
         station.is_some_and(|station| station.has_whole_map().is_some())
+    }
+}
+
+/// Checks that frames of `codec` can have the wanted value and words.
+fn check_frame(frame: &FrameCondition, codec: &Codec) -> Result<(), Flaw> {
+    if let (Some(field), Some(value)) = (&frame.field, &frame.value) {
+        check_name(value, codec.names_of_field(field))?;
+    }
+    let Some(known) = codec.vocabulary() else {
+        return Ok(());
+    };
+    let is_part = |c: char| c.is_alphanumeric() || "_-".contains(c);
+    let is_number = |word: &str| word.chars().all(|c| c.is_ascii_hexdigit() || c == '-');
+    // The wanted text may begin or end within a word.
+    let is_printed = |word: &str| is_number(word) || known.iter().any(|one| one.contains(word));
+    let mut words = frame.contains.split(|c| !is_part(c));
+    let Some(word) = words.find(|word| !is_printed(word)) else {
+        return Ok(());
+    };
+    let link = &frame.link;
+    let message = match near::meant(word, &known) {
+        Some(meant) => format!("has \"{word}\", did you mean \"{meant}\"?"),
+        None => format!("has \"{word}\", which no frame of {link} contains: see \"hilrig decode\""),
+    };
+    Err(Flaw::new("contains", message))
+}
+
+/// Checks a wanted text if a value has only `names`.
+fn check_name(wanted: &Operand, names: Option<Vec<&str>>) -> Result<(), Flaw> {
+    match (wanted, names) {
+        (Operand::Text(text), Some(names)) if !names.contains(&text.as_str()) => {
+            Err(Flaw::new("value", near::expected(text, &names)))
+        }
+        _ => Ok(()),
     }
 }

@@ -297,6 +297,16 @@ impl DeviceSpec {
         self.kind.value_names(self.settings.as_ref(), rig, name)
     }
 
+    /// The names that `value` of the device `name` can have; `None` if it can have other values.
+    pub fn names_of_value<'a>(
+        &self,
+        rig: &'a Rig,
+        name: &str,
+        value: &str,
+    ) -> Option<Vec<&'a str>> {
+        self.kind.names_of_value(rig, name, value)
+    }
+
     /// Values of the device `name` in `rig`, for display.
     pub fn rows(&self, rig: &Rig, name: &str) -> Vec<ValueRow> {
         self.kind.rows(self.settings.as_ref(), rig, name)

@@ -94,6 +94,10 @@ impl DeviceKind for DescriptionKind {
         values.map(value).collect()
     }
 
+    fn names_of_value<'a>(&self, rig: &'a Rig, name: &str, value: &str) -> Option<Vec<&'a str>> {
+        rig.device::<Wire>(name)?.names_of_value(value)
+    }
+
     fn set(&self, rig: &mut Rig, name: &str, value: &str, to: &Operand) -> Result<(), String> {
         let to = match to {
             Operand::Flag(is) => Value::Bool(*is),

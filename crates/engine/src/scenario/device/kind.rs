@@ -77,6 +77,12 @@ pub trait DeviceKind: Send + Sync {
         values.map(|value| value.name).collect()
     }
 
+    /// The names of the values that `value` of the device `name` can have; `None` if it can have
+    /// others, or if they are unknown.
+    fn names_of_value<'a>(&self, _rig: &'a Rig, _name: &str, _value: &str) -> Option<Vec<&'a str>> {
+        None
+    }
+
     /// Whether the names of its [`values`](Self::values) are known only after the run has started.
     fn has_late_values(&self) -> bool {
         false

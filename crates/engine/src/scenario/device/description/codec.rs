@@ -91,6 +91,14 @@ impl OwnFormat for Described {
         }
     }
 
+    fn names_of_field(&self, field: &str) -> Option<Vec<&str>> {
+        self.0.names_of_field(field)
+    }
+
+    fn vocabulary(&self) -> Option<Vec<&str>> {
+        self.0.vocabulary()
+    }
+
     fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
         let other = self.0.with_swapped_checksums()?;
         Some(Box::new(Self(other)))
