@@ -85,12 +85,16 @@ const DRIVES: &[&str] = match cfg!(all(target_os = "linux", target_arch = "x86_6
 /// In real time.
 const REAL: &[&str] = &[];
 
+const SCENARIO: &str = include_str!("../../scenarios/custom-robot.toml");
+
 fn start(name: &str, duration: &str, program: &str, more: &[&str]) -> Child {
+    start_in(&SCENARIO.replace("\"20s\"", duration), name, program, more)
+}
+
+fn start_in(scenario: &str, name: &str, program: &str, more: &[&str]) -> Child {
     let folder = folder_of(name);
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).expect("a fresh folder");
-    let scenario = include_str!("../../scenarios/custom-robot.toml");
-    let scenario = scenario.replace("\"20s\"", duration);
     fs::write(folder.join("robot.toml"), scenario).expect("a fresh file");
     fs::write(folder.join("robot.py"), format!("{WIRES}{program}")).expect("a fresh file");
     Command::new(env!("CARGO_BIN_EXE_hilrig"))
@@ -141,5 +145,55 @@ fn a_robot_of_data_gets_the_verdict_that_its_program_deserves() {
     assert!(detail.contains("wheels"), "{detail}");
     for failing in [wall, hangs, exits, never] {
         failing.assert_is_failure();
+    }
+}
+
+/// Safety checks of a program at ports. Its lidar is cut off for 2 s: a program that waits for it
+/// does not feed its wheels meanwhile. Another one sends bytes that are no frame.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn the_lines_of_a_program_at_ports_are_judged() {
+    let scenario = format!(
+        "{SCENARIO}\n[expect.safety]\nsends_within = \"1s\"\nsound_frames = true\n\
+         [[fault]]\nlink = \"lidar\"\ndirection = \"to-master\"\nkind = \"cut\"\nfrom = \"7s\"\n\
+         until = \"9s\"\n"
+    );
+    let scenario = scenario.replace("\"20s\"", "\"10s\"");
+    let rests = |wait: &str, more: &str| {
+        format!(
+            "import select\nlidar, wheels = opened('LIDAR'), opened('WHEELS')\nwhile True:\n    \
+             if select.select([lidar], [], [], {wait})[0]:\n        ahead_mm()\n    {more}drive(0, 0)\n"
+        )
+    };
+    for (name, wait, more, expected) in [
+        (
+            "fed",
+            "0.05",
+            "",
+            [("sends-on", "pass"), ("sends-sound-frames", "pass")],
+        ),
+        (
+            "starved",
+            "None",
+            "",
+            [("sends-on", "fail"), ("sends-sound-frames", "pass")],
+        ),
+        (
+            "junk",
+            "0.05",
+            "os.write(wheels, b'~~~~~~~~')\n    ",
+            [("sends-on", "pass"), ("sends-sound-frames", "fail")],
+        ),
+    ] {
+        let child = start_in(&scenario, name, &rests(wait, more), DRIVES);
+        let ended = ended_in(&folder_of(name), child.wait_with_output().expect("it ends"));
+        for (check, status) in expected {
+            assert_eq!(
+                ended.check(check).0,
+                status,
+                "{name} {check}\n{}",
+                ended.said
+            );
+        }
     }
 }

@@ -3,8 +3,8 @@
 
 use protocols::LineConfig;
 
-use super::Rig;
 use super::node::{Body, Node, Outside, Program};
+use super::{Link, Rig};
 use crate::rig::line::{Direction, End, Line, NEVER};
 
 impl Rig {
@@ -14,6 +14,23 @@ impl Rig {
         let ends = self.links.iter().map(|link| link.lines[0].to.node);
         let own = (0..).zip(ends).filter(|&(_, node)| is_program(node));
         own.map(|(link, _)| link).collect()
+    }
+
+    /// The links whose master end is a program under test, by their numbers: the robot's own, one
+    /// outside of the rig, or a node program. A link of `station` with an outside end leads to the
+    /// operator.
+    pub(crate) fn links_under_test(&self, station: &[&str]) -> Vec<usize> {
+        let is_tested = |link: &&Link| {
+            let node = &self.nodes[link.lines[0].to.node];
+            match node.body {
+                Body::Program { .. } => true,
+                Body::Outside(_) => !station.contains(&link.name.as_str()),
+                Body::Device(_) => self.node_programs().any(|(name, _)| name == node.name),
+            }
+        };
+        let links = self.links.iter().enumerate();
+        let tested = links.filter(|(_, link)| is_tested(link));
+        tested.map(|(number, _)| number).collect()
     }
 
     /// The lines of the link with this number: towards the program, then towards the device.

@@ -2,7 +2,7 @@
 
 use super::Robot;
 use crate::scenario::world::BodySpec;
-use crate::scenario::{ProgramSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{Condition, ProgramSpec, Scenario, ScenarioError, Source};
 
 /// Keys of `[program]` that only the rescue robot reads.
 pub(super) const OF_RESCUE: [&str; 5] = [
@@ -13,6 +13,21 @@ pub(super) const OF_RESCUE: [&str; 5] = [
     "program.tuning",
 ];
 
+/// Keys of `[expect.safety]` about the counters, orders and pose of a built-in program: nothing of
+/// them is known of your own.
+const OF_BUILT_IN: [&str; 10] = [
+    "expect.safety.true_telemetry",
+    "expect.safety.true_counts",
+    "expect.safety.sends_cyclically",
+    "expect.safety.asks_again",
+    "expect.safety.true_complaints",
+    "expect.safety.says_within",
+    "expect.safety.pose_within_mm",
+    "expect.safety.motion_within_percent",
+    "expect.safety.short_turns",
+    "expect.safety.obeys_within",
+];
+
 /// The keys and tables of `scenario` that `robot` ignores.
 pub(super) fn warnings(
     robot: &dyn Robot,
@@ -20,6 +35,19 @@ pub(super) fn warnings(
     source: &Source,
 ) -> Vec<ScenarioError> {
     let (program, usual) = (&scenario.program, ProgramSpec::default());
+    let safety = scenario.expect.safety.clone().unwrap_or_default();
+    let of_safety = [
+        safety.true_telemetry,
+        safety.true_counts,
+        safety.sends_cyclically,
+        safety.asks_again,
+        safety.true_complaints,
+        safety.says_within.is_some(),
+        safety.pose_within_mm.is_some(),
+        safety.motion_within_percent.is_some(),
+        safety.short_turns,
+        safety.obeys_within.is_some(),
+    ];
     let given = [
         ("program.mapper", program.mapper != usual.mapper),
         ("program.cpu", program.cpu != usual.cpu),
@@ -30,15 +58,45 @@ pub(super) fn warnings(
         ("mission.connect", !scenario.mission.connects_as_usual()),
     ];
     let ignored = robot.ignores(scenario);
-    let given = given.into_iter().filter(|(_, is_given)| *is_given);
-    let given = given.filter(|(key, _)| ignored.contains(key));
-    given
-        .map(|(key, _)| {
-            let span = source.find(key.rsplit('.').next().unwrap_or(key));
-            let message = format!("has no effect: the robot \"{}\" ignores it", robot.name());
-            source.invalid(span, key, message)
-        })
-        .collect()
+    let given = given
+        .into_iter()
+        .chain(OF_BUILT_IN.into_iter().zip(of_safety));
+    let given = given.filter(|(_, is_given)| *is_given);
+    let is_foreign = !robot.takes_orders();
+    let given =
+        given.filter(|(key, _)| ignored.contains(key) || is_foreign && OF_BUILT_IN.contains(key));
+    let unjudged = is_foreign.then(|| of_unjudged_waypoints(scenario, source));
+    let ignored = given.map(|(key, _)| {
+        let span = source.find(key.rsplit('.').next().unwrap_or(key));
+        let message = match OF_BUILT_IN.contains(&key) {
+            true => "has no effect: nothing of it can be observed of your own program".to_owned(),
+            false => format!("has no effect: the robot \"{}\" ignores it", robot.name()),
+        };
+        source.invalid(span, key, message)
+    });
+    ignored.chain(unjudged.flatten()).collect()
+}
+
+/// Waypoints of a robot that gets no orders, if no expectation or condition counts them.
+fn of_unjudged_waypoints(scenario: &Scenario, source: &Source) -> Option<ScenarioError> {
+    fn counts(condition: &Condition) -> bool {
+        match condition {
+            Condition::Visited(_) => true,
+            Condition::All(parts) | Condition::Any(parts) => parts.iter().any(counts),
+            Condition::Not(inner) => counts(inner),
+            _ => false,
+        }
+    }
+    let is_counted = scenario.expect.visit_within_mm.is_some()
+        || scenario
+            .conditions()
+            .any(|(.., condition)| counts(condition));
+    (!is_counted && !scenario.mission.waypoints_m.is_empty()).then(|| {
+        let message = "has no effect: your own program gets no orders, and nothing judges the \
+                       waypoints; set expect.visit_within_mm";
+        let span = source.find("waypoints_m");
+        source.invalid(span, "mission.waypoints_m", message)
+    })
 }
 
 /// Limits of random faults without such a fault, and an order of less than two waypoints.
@@ -61,6 +119,7 @@ pub(super) fn of_nothing(scenario: &Scenario, source: &Source) -> Vec<ScenarioEr
 mod tests {
     use std::path::Path;
 
+    use super::OF_BUILT_IN;
     use crate::robots;
     use crate::scenario::Scenario;
 
@@ -128,6 +187,26 @@ mod tests {
                 };
                 assert_eq!(keys(robot, more), expected, "{robot}: {more}");
             }
+        }
+        for key in OF_BUILT_IN {
+            let name = key.rsplit('.').next().expect("a key");
+            let value = match name {
+                "pose_within_mm" | "motion_within_percent" => "9",
+                "says_within" | "obeys_within" => "\"2s\"",
+                _ => "true",
+            };
+            let more = format!("[expect.safety]\n{name} = {value}");
+            assert_eq!(keys("custom", &more), [key]);
+            assert_eq!(keys("rescue", &more), [""; 0], "{key}");
+        }
+        let way = "[mission]\nwaypoints_m = [[1.5, 1.5]]\n";
+        assert_eq!(keys("custom", way), ["mission.waypoints_m"]);
+        assert_eq!(keys("rescue", way), [""; 0]);
+        for judge in [
+            "[expect]\nvisit_within_mm = 90",
+            "[[expect.rule]]\nname = \"r\"\neventually = { any = [{ visited = 1 }] }",
+        ] {
+            assert_eq!(keys("custom", &format!("{way}{judge}")), [""; 0], "{judge}");
         }
         let car = "[world.body]\naxle_m = 0.2\n[chassis.ackermann]";
         assert_eq!(keys("custom", car), ["world.body"]);

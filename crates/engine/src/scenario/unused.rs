@@ -41,6 +41,28 @@ impl Scenario {
     }
 }
 
+impl Scenario {
+    /// All conditions, each with its list, its number there, and its key.
+    pub(crate) fn conditions(
+        &self,
+    ) -> impl Iterator<Item = (&'static str, usize, &'static str, &Condition)> {
+        let rules = self.expect.rule.iter().enumerate();
+        let rules = rules.flat_map(|(index, rule)| {
+            let all = rule.get_ref().conditions();
+            all.map(move |(key, one)| ("expect.rule", index, key, one))
+        });
+        let steps = self.mission.step.iter().enumerate();
+        let steps = steps
+            .filter_map(|(index, step)| Some(("mission.step", index, "when", step.when.as_ref()?)));
+        let faults = self.fault.iter().enumerate();
+        let faults = faults.flat_map(|(index, fault)| {
+            let all = fault.conditions();
+            all.map(move |(key, one)| ("fault", index, key, one))
+        });
+        rules.chain(steps).chain(faults)
+    }
+}
+
 struct Warnings<'a> {
     source: &'a Source,
     found: Vec<ScenarioError>,
@@ -204,20 +226,7 @@ impl Warnings<'_> {
 
     /// Conditions on registers that are always true, or never.
     fn of_conditions(&mut self, scenario: &Scenario) {
-        let rules = scenario.expect.rule.iter().enumerate();
-        let rules = rules.flat_map(|(index, rule)| {
-            let all = rule.get_ref().conditions();
-            all.map(move |(key, one)| ("expect.rule", index, key, one))
-        });
-        let steps = scenario.mission.step.iter().enumerate();
-        let steps = steps
-            .filter_map(|(index, step)| Some(("mission.step", index, "when", step.when.as_ref()?)));
-        let faults = scenario.fault.iter().enumerate();
-        let faults = faults.flat_map(|(index, fault)| {
-            let all = fault.conditions();
-            all.map(move |(key, one)| ("fault", index, key, one))
-        });
-        for (list, index, key, condition) in rules.chain(steps).chain(faults) {
+        for (list, index, key, condition) in scenario.conditions() {
             for message in constants(scenario, condition) {
                 let span = self.source.find_in_list(list, index, key);
                 let key = format!("{list}[{index}].{key}");

@@ -143,12 +143,7 @@ fn of_the_program(
         checkers.push(Box::new(SendsSoundFrames::listening(rig, instruments)));
     }
     if let Some(within) = spec.sends_within {
-        checkers.push(Box::new(SendsOn::new(
-            scenario,
-            rig,
-            instruments.sporadic_links(),
-            within.0,
-        )));
+        checkers.push(Box::new(SendsOn::new(scenario, rig, instruments, within.0)));
     }
     if let Some(within) = spec.commands_within {
         let links = instruments.drive_links();

@@ -34,7 +34,7 @@ struct Ear {
 impl SendsSoundFrames {
     /// Observes the links of `rig` whose frames are known.
     pub fn listening(rig: &mut Rig, instruments: &dyn Instruments) -> Self {
-        let program = rig.program_links();
+        let program = rig.links_under_test(instruments.station_links());
         let ears: Vec<Ear> = program
             .into_iter()
             .filter_map(|link| {
@@ -107,7 +107,7 @@ impl Checker for SendsSoundFrames {
             None if ears.is_empty() => "no link of the program whose frames are known".to_owned(),
             None => format!("{framed} bytes in valid frames"),
         };
-        Check::new(name, broken.is_none(), detail).if_observed(framed > 0)
+        Check::new(name, broken.is_none(), detail).if_observed(framed > 0 || broken.is_some())
     }
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {

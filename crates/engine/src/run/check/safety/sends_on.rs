@@ -8,6 +8,7 @@ use super::super::{Check, Checker, Look};
 use super::Calm;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
+use crate::robots::Instruments;
 use crate::scenario::Scenario;
 
 /// Time in which a line is observed before it is judged. The program uses it steadily if it is
@@ -38,10 +39,17 @@ struct Watched {
 
 impl SendsOn {
     /// Observes the lines of the program in `rig`; it must not be silent for longer than `within`.
-    /// A line with `sporadic` messages may be silent.
-    pub fn new(scenario: &Scenario, rig: &Rig, sporadic: &[&str], within: Duration) -> Self {
+    /// A line with sporadic messages may be silent.
+    pub fn new(
+        scenario: &Scenario,
+        rig: &Rig,
+        instruments: &dyn Instruments,
+        within: Duration,
+    ) -> Self {
+        let sporadic = instruments.sporadic_links();
         let name = |link: usize| rig.links()[link].name.clone();
-        let links = rig.program_links().into_iter();
+        let links = rig.links_under_test(instruments.station_links());
+        let links = links.into_iter();
         let links = links.filter(|&link| !sporadic.contains(&&*name(link)));
         let watched = links.map(|link| {
             let name = name(link);
