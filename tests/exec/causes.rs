@@ -409,6 +409,37 @@ fn who_works_listens_or_ends_with_its_work_done_passes() {
     }
 }
 
+/// A sonar sends lines without requests, and its reply to one `ping` is lost. A program that reads
+/// on for ever in place of asking again does not pass.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_wait_for_a_lost_reply_is_found_beside_unsolicited_lines() {
+    let bench = format!(
+        "{BENCH}\n[[fault]]\nlink = \"sonar\"\ndirection = \"to-master\"\nkind = \"drop\"\nrate = 1.0\n\
+         from = \"2s\"\nuntil = \"2.4s\"\n"
+    );
+    let asks = |times: u32, timeout: &str| {
+        format!(
+            "fd = opened('SONAR', termios.B9600)\n\
+             for _ in range({times}):\n    os.write(fd, b'ping\\r\\n')\n    got = b''\n    \
+             end = time.monotonic() + {timeout}\n    \
+             while b'pong' not in got and time.monotonic() < end:\n        \
+             if select.select([fd], [], [], 0.1)[0]:\n            got += os.read(fd, 99)\n    \
+             time.sleep(0.1)\n\
+             while True:\n    print(os.read(fd, 99), flush=True)\n"
+        )
+    };
+    let judged = |name: &str, python: &str| run_in(&bench, name, "sonar", python, &["--virtual"]);
+    let hangs = judged("asks-once", &asks(1000, "1e9"));
+    let words = "does not ask again: it sent on sonar last at";
+    assert_eq!(flaw(&hangs, "asks-once", words), None);
+    assert!(hangs.said.contains("drop on sonar (byte"), "{}", hangs.said);
+    for (name, times, timeout) in [("asks-again", 1000, "0.5"), ("only-listens", 3, "0.5")] {
+        let sound = judged(name, &asks(times, timeout));
+        assert_eq!(sound.code, Some(0), "{name}\n{}", sound.said);
+    }
+}
+
 /// In real time, only the system knows the reason for a program's wait; the cause is named as well.
 #[test]
 fn in_real_time_the_cause_is_named_as_well() {

@@ -136,6 +136,7 @@ impl Ending<'_> {
             may_idle: foreign.may_idle,
             is_told,
             checks: &outcome.checks,
+            faults: &outcome.case.fault,
             was_heard: outcome.was_asked || outcome.team.iter().any(|(_, end)| end.was_asked),
             misunderstood: {
                 let broken = outcome.broken_rules.iter();

@@ -13,9 +13,19 @@ use crate::transport::{Setting, Special};
 use engine::run::check::{
     Check, GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, unheard,
 };
+use engine::scenario::FaultSpec;
 
 /// Options that allow silence.
 pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle; in a file: may_idle of its exec table)";
+
+/// Minimum number of times that a program sends, and minimum time from the first to the last one,
+/// if it sends regularly.
+const SENT_MIN: usize = 5;
+const SENT_FOR: Duration = Duration::from_secs(1);
+/// Time before a fault's effect within which the program sent the request that it strikes.
+const BEFORE: Duration = Duration::from_millis(100);
+/// Time within which a device replies.
+const REPLY: Duration = Duration::from_secs(1);
 
 /// Observations of the run besides the ports.
 #[derive(Clone, Copy, Debug)]
@@ -38,6 +48,8 @@ pub(crate) struct Rest<'a> {
     pub was_heard: bool,
     /// Number of broken rules that mean that a device does not understand its input.
     pub misunderstood: u64,
+    /// The faults of the run, each struck byte as one of its own.
+    pub faults: &'a [FaultSpec],
 }
 
 impl Ports {
@@ -91,6 +103,17 @@ impl Ports {
                 "{passed}: {times} times a device did not understand it"
             ));
         }
+        if let (Some(port), false) = (
+            self.stalled(rest.now, rest.faults),
+            rest.has_ended || may_rest,
+        ) {
+            let (name, at) = (&port.name, port.sent_at.unwrap_or_default());
+            let seconds = (rest.now - at).as_secs_f64();
+            return fail(format!(
+                "{passed}; it sent regularly on {name} until a fault at {at} s, and nothing in the \
+                 {seconds:.1} s since then; {ALLOW_IT}"
+            ));
+        }
         let Some(silent_for) = self.silent_for(rest.now).filter(|_| !rest.has_ended) else {
             return Check::new(GOES_ON, true, passed);
         };
@@ -102,6 +125,37 @@ impl Ports {
             return Check::new(GOES_ON, true, detail);
         }
         fail(format!("{detail}; {ALLOW_IT}"))
+    }
+
+    /// A port on which the program sent regularly, and nothing more since a fault struck its last
+    /// request or the reply. It may still read: a device can send without requests.
+    pub(super) fn stalled(&self, now: Instant, faults: &[FaultSpec]) -> Option<&Port> {
+        self.all.iter().filter(|port| port.is_open).find(|port| {
+            let sent = port.sent();
+            let ([first, .., last], true) = (sent.as_slice(), sent.len() >= SENT_MIN) else {
+                return false;
+            };
+            let pauses = sent.windows(2).map(|pair| pair[1] - pair[0]);
+            let longest = pauses.max().unwrap_or_default();
+            let is_regular = *last - *first >= SENT_FOR.max(longest * 4);
+            let is_silent = now - *last > SILENT_MAX.max(longest * PAUSES_MAX);
+            let strikes = |fault: &FaultSpec| {
+                let (begin, end) = match fault.byte {
+                    Some(_) => {
+                        let at = port.struck_at(fault, faults);
+                        (at, at)
+                    }
+                    None => {
+                        let window = fault.window();
+                        (Some(window.from), Some(window.until))
+                    }
+                };
+                fault.is_at(&port.name)
+                    && begin.is_some_and(|begin| *first < begin && begin <= *last + REPLY)
+                    && end.is_some_and(|end| end + BEFORE >= *last)
+            };
+            is_regular && is_silent && faults.iter().any(strikes)
+        })
     }
 
     /// Time during which the program neither sent nor read although a device had bytes for it or

@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use crate::Sign;
 use crate::transport::{Counters, Modes, Special};
 use engine::run::check::Check;
+use engine::scenario::{DirectionSpec, FaultKind, FaultSpec};
 
 /// Maximum rig time for which bytes may wait at an open port without a read.
 const UNREAD_MAX: Duration = Duration::from_secs(2);
@@ -235,9 +236,35 @@ impl Port {
         self.passed.push(([now; 2], bytes));
     }
 
+    /// Times at which the client has sent.
+    pub(super) fn sent(&self) -> Vec<Instant> {
+        let mut before = 0;
+        let passed = self.passed.iter();
+        let sent = passed.filter(|(_, [sent, _])| core::mem::replace(&mut before, *sent) < *sent);
+        sent.map(|([at, _], _)| *at).collect()
+    }
+
+    /// Time of the last observation before the byte of `fault` passed, which is one of `faults`;
+    /// `None` if it has no byte, or if the byte has not passed. Bytes for the client are counted
+    /// behind the faults, so without those that were lost before.
+    pub(super) fn struck_at(&self, fault: &FaultSpec, faults: &[FaultSpec]) -> Option<Instant> {
+        let byte = fault.byte?;
+        let is_from_client = fault.direction == Some(DirectionSpec::ToDevice);
+        let is_lost = |other: &&FaultSpec| {
+            let is_same = other.link == fault.link && other.direction == fault.direction;
+            let is_before = other.byte.is_some_and(|other| other < byte);
+            is_same && is_before && other.kind == FaultKind::Drop
+        };
+        let lost = match is_from_client {
+            true => 0,
+            false => faults.iter().filter(is_lost).count() as u64,
+        };
+        self.passed_at(is_from_client, byte - lost)
+    }
+
     /// Time of the last observation before byte number `byte` passed, counted from 0; `None` if the
     /// byte has not passed.
-    pub(super) fn passed_at(&self, is_from_client: bool, byte: u64) -> Option<Instant> {
+    fn passed_at(&self, is_from_client: bool, byte: u64) -> Option<Instant> {
         let side = usize::from(!is_from_client);
         let index = self
             .passed

@@ -50,14 +50,18 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     if !failed.any(|check| check.status == Status::Fail && is_about(&check.name)) {
         return Vec::new();
     }
+    // What comes after a collision does not explain it.
+    let is_first = |error: &Error| outcome.collided_at.is_none_or(|at| error.time[0] < at);
     let mut causes = Vec::new();
     let cause = |weight| {
         move |Error { text, time }: Error| Cause::new(weight, text + &around(evidence, time))
     };
     if let Some(goal) = next_goal(outcome) {
-        causes.extend(towards(&goal, encoders(outcome).as_deref()).map(cause(weight::MOTION)));
+        let error = towards(&goal, encoders(outcome).as_deref());
+        causes.extend(error.filter(is_first).map(cause(weight::MOTION)));
     } else {
-        causes.extend(goes_on(outcome).map(cause(weight::MOTION)));
+        let error = goes_on(outcome);
+        causes.extend(error.filter(is_first).map(cause(weight::MOTION)));
     }
     let collision = outcome.collided_at.map(|at| Error {
         text: format!("the robot drove into something at {at} s and was not stopped before that"),

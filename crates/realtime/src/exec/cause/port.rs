@@ -27,6 +27,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     causes.extend(held_up(evidence));
     causes.extend(silent(evidence));
     causes.extend(not_back(evidence));
+    causes.extend(stalled(evidence));
     causes
 }
 
@@ -200,7 +201,7 @@ fn not_back(evidence: &Evidence<'_>) -> Option<Cause> {
     let silent = |port: &&Port| check.detail.contains(&format!("{} to-device", port.name));
     let port = evidence.ports.all.iter().find(silent)?;
     let (name, at) = (&port.name, port.sent_at?);
-    let trigger = Trigger::of_silence(evidence, at);
+    let trigger = Trigger::of_silence_at(evidence, at, name);
     let remedy = trigger.as_ref().and_then(Trigger::remedy);
     let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
     let remedy = remedy.unwrap_or("let it ask again after a timeout");
@@ -210,6 +211,28 @@ fn not_back(evidence: &Evidence<'_>) -> Option<Cause> {
         format!(
             "the program does not go back to work: it sent on {name} last at {at} s{after}{waits}; \
              {remedy}"
+        ),
+    ))
+}
+
+/// A program that still reads, but sends nothing since a fault.
+fn stalled(evidence: &Evidence<'_>) -> Option<Cause> {
+    let mut checks = evidence.outcome.checks.iter();
+    checks.find(|check| check.name == GOES_ON && check.status == Status::Fail)?;
+    if evidence.ended.is_some() {
+        return None;
+    }
+    let now = Instant::ZERO + evidence.outcome.ran;
+    let port = evidence.ports.stalled(now, &evidence.outcome.case.fault)?;
+    let (name, at) = (&port.name, port.sent_at?);
+    let trigger = Trigger::of_silence_at(evidence, at, name);
+    let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
+    let waits = what_for(evidence);
+    Some(Cause::new(
+        weight::SILENT,
+        format!(
+            "the program does not ask again: it sent on {name} last at {at} s{after}{waits}; give \
+             the wait for a reply a timeout, and ask again"
         ),
     ))
 }
@@ -254,10 +277,17 @@ fn silent(evidence: &Evidence<'_>) -> Option<Cause> {
         port.map_or_else(|| path.display().to_string(), |port| port.name.clone())
     };
     let open = ports.names(|port| port.is_open);
+    let read = evidence.waits.iter().find_map(|wait| match wait {
+        Wait::Read(path) => ports.all.iter().find(|port| port.path == *path),
+        _ => None,
+    });
     let since = ports.active_at.map_or_else(
         || "it neither sent nor read anything".to_owned(),
         |at| {
-            let trigger = Trigger::of_silence(evidence, at);
+            let trigger = match read {
+                Some(port) => Trigger::of_silence_at(evidence, at, &port.name),
+                None => Trigger::of_silence(evidence, at),
+            };
             let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
             format!("the last it sent or read was at {at} s{after}")
         },

@@ -34,6 +34,16 @@ impl<'a> Trigger<'a> {
         Self::before(evidence, at + NEXT)
     }
 
+    /// The same for a program that waits at the port of `device`: a fault there, otherwise another.
+    pub(super) fn of_silence_at(
+        evidence: &'a Evidence<'_>,
+        at: Instant,
+        device: &str,
+    ) -> Option<Self> {
+        Self::before_on(evidence, at + NEXT, |fault| fault.is_at(device))
+            .or_else(|| Self::of_silence(evidence, at))
+    }
+
     /// The same, limited to faults that change the bytes of `device` or their times.
     pub(super) fn from_device(
         evidence: &'a Evidence<'_>,
@@ -189,7 +199,7 @@ pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
         let (kind, place) = (fault.kind.name(), fault.place());
         let from = fault.window().from;
         match fault.byte {
-            Some(byte) if has_passed(evidence, fault, byte) => {
+            Some(_) if has_passed(evidence, fault) => {
                 // A truncated frame is counted as the byte at which it ends: its rest is not known.
                 let bytes = match fault.kind {
                     FaultKind::Burst => fault.len.unwrap_or(1),
@@ -215,13 +225,13 @@ pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
     (!all.is_empty()).then(|| all.join(", ") + &more)
 }
 
-/// Whether the byte number `byte` of the line of `fault` has passed. A line without an observed
+/// Whether the byte of `fault` has passed. A line without an observed
 /// port counts: its bytes are unknown.
-fn has_passed(evidence: &Evidence<'_>, fault: &FaultSpec, byte: u64) -> bool {
+fn has_passed(evidence: &Evidence<'_>, fault: &FaultSpec) -> bool {
     let mut ports = evidence.ports.all.iter();
     let port = ports.find(|port| Some(&*port.name) == fault.link.as_deref());
-    let is_to_device = fault.direction == Some(DirectionSpec::ToDevice);
-    port.is_none_or(|port| port.passed_at(is_to_device, byte).is_some())
+    let faults = &evidence.outcome.case.fault;
+    port.is_none_or(|port| port.struck_at(fault, faults).is_some())
 }
 
 /// Whether `fault` waits for a byte, a frame or a condition, so that its begin is unknown.
@@ -236,17 +246,17 @@ pub(super) fn after(evidence: &Evidence<'_>, at: Instant) -> String {
 
 /// Begin of `fault`; `None` if it has not begun, or if the begin is unknown.
 fn begin(evidence: &Evidence<'_>, fault: &FaultSpec) -> Option<Instant> {
-    let Some(byte) = fault.byte else {
+    if fault.byte.is_none() {
         let is_unknown = waits(fault);
         // A fault that is active from the start is no event.
         return fault
             .from
             .filter(|from| !is_unknown && !from.0.is_zero())
             .map(|from| Instant::ZERO + from.0);
-    };
+    }
     let link = fault.link.as_deref()?;
     let port = evidence.ports.all.iter().find(|port| port.name == link)?;
-    port.passed_at(fault.direction == Some(DirectionSpec::ToDevice), byte)
+    port.struck_at(fault, &evidence.outcome.case.fault)
 }
 
 #[cfg(test)]
@@ -384,6 +394,42 @@ mod tests {
             said.contains("drove into something") && said.contains(after),
             "{said}"
         );
+        // The turn from 7.5 s on and the stop at 8 s come after a collision at 7 s, and before one at
+        // 9 s.
+        for (turns, effect) in [(true, "turned too far"), (false, "does not drive it")] {
+            for (second, cause_of_it) in [(7, "drove into something"), (9, effect)] {
+                let mut outcome = outcome("");
+                outcome.truth = path(turns);
+                outcome.waypoints = [0, 1];
+                outcome.collided_at = Some(Instant::from_secs(second));
+                let said = cause(outcome, "no-collision-at-speed");
+                assert!(said.contains(cause_of_it), "{second}: {said}");
+            }
+        }
+    }
+
+    /// A program waits for a reply on one link, while a later fault begins on another one.
+    #[test]
+    fn a_fault_on_the_port_itself_is_named_before_one_elsewhere() {
+        let other = "[[fault]]\nlink = \"eye\"\ndirection = \"to-master\"\nkind = \"cut\"\n\
+                     from = \"6.5s\"\n";
+        let at = Instant::from_secs(6);
+        for (faults, link) in [
+            (format!("{FLIP}{other}"), "drive"),
+            (other.to_owned(), "eye"),
+        ] {
+            let outcome = outcome(&faults);
+            let evidence = Evidence {
+                ports: &ports(),
+                waits: &[],
+                ended: None,
+                said: "",
+                outcome: &outcome,
+            };
+            let trigger = Trigger::of_silence_at(&evidence, at, "drive").expect("a fault");
+            let words = trigger.words(at);
+            assert!(words.contains(&format!(" on {link} ")), "{words}");
+        }
     }
 
     /// A watchdog that fires at 5 s explains a failure at 8 s, not one at 12 s nor an earlier one;
