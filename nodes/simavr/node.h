@@ -229,6 +229,11 @@ void clear_by_one(avr_int_vector_t *vector);
 void flags_only(avr_io_addr_t address);
 void note(uint8_t kind, const char *rule, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
+/* power.c: time of the EEPROM, and clocks that stand in sleep. */
+void power_begin(void);
+/* Puts the chip to sleep again if only units without a clock have woken it. */
+void sleep_on(void);
+
 /* The timer of the chip's unit `param`; NULL if none runs. */
 avr_cycle_timer_slot_t *timer_of(const void *param);
 

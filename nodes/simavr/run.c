@@ -181,7 +181,10 @@ static void step(avr_cycle_count_t end) {
         twi_settle();
     if (!avr->gdb)
         avr->run_cycle_limit = end > avr->cycle ? end - avr->cycle : 1;
+    bool was_asleep = avr->state == cpu_Sleeping;
     avr_cycle_count_t sleep = avr_cycle_timer_process(avr);
+    if (was_asleep && avr->state == cpu_Running)
+        sleep_on();
     avr->pc = next;
     if (avr->state == cpu_Sleeping) {
         avr_cycle_count_t left = end > avr->cycle ? end - avr->cycle : 1;

@@ -359,6 +359,7 @@ void setup(const struct json *hello) {
     read_board(settings);
     load_firmware();
     find_units(board);
+    power_begin();
     read_ports(hello, json_get(settings, "wires"));
     read_pins(board);
     choose_outputs(settings);

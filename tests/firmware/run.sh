@@ -47,11 +47,11 @@ done
 # The Leonardo's Serial is USB, which is not simulated.
 sed 's/Serial\b/Serial1/g' "$here/sketches/probe.cpp" >"$out/probe1.cpp"
 build "$out/probe1.cpp" probe1-leonardo.elf leonardo
-sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics level polled)
+sketches=(station base tfmini lx16a mh_z19 pms5003 mt_sics level polled sleeps)
 for sketch in "${sketches[@]}"; do
     build "$here/sketches/$sketch.cpp" "$sketch.elf" mega
     case $sketch in
-    level) cp "$here/mt_sics.toml" "$out/level.toml" ;;
+    level | sleeps) cp "$here/mt_sics.toml" "$out/$sketch.toml" ;;
     polled) cp "$here/station.toml" "$out/polled.toml" ;;
     *) cp "$here/$sketch.toml" "$out/" ;;
     esac
@@ -133,6 +133,17 @@ fails "$out/tfmini.toml" --firmware "$out/tfmini.elf" --wire=it=serial2 "to seri
 printf '%s\n' 'schema = 1' 'name = "rate"' 'robot = "none"' 'duration = "5s"' '[device.it.text]' \
     'baud = 19200' 'command = [{ request = "SI", reply = "S S 100.25 g" }]' >"$out/other_rate.toml"
 fails "$out/other_rate.toml" --firmware "$out/mt_sics.elf" --wire=it=serial1 "both sides read garbage"
+
+
+# Data sheet of the ATmega2560: 3.4 ms to erase and write, 1.8 ms for one of them; the clock of Timer 1
+# stands in power-down.
+echo "== the time of the EEPROM, and sleep"
+fails "$out/sleeps.toml" --firmware "$out/sleeps.elf" --wire=it=serial1 "timer . cannot wake the chip from power-down"
+says "$out/fails" "written us=34[0-2][0-9]" 1
+says "$out/fails" "written us=18[0-2][0-9]" 2
+says "$out/fails" "idle: ticked" 1
+says "$out/fails" "power-down: barked" 1
+! grep -q "power-down: ticked" "$out/fails/node-program.log" || fail "Timer 1 woke the chip"
 
 echo "== an AVR program as the base of the robot rescue"
 "$hilrig" run "$out/base.toml" --out "$out/base"

@@ -34,6 +34,7 @@ sources! {
     "main.c",
     "node.h",
     "pins.c",
+    "power.c",
     "run.c",
     "setup.c",
     "uart.c",

@@ -38,7 +38,7 @@ pub use device::{FAILED, NodeDevice, Slowness, Stopwatch};
 pub use error::{Ending, NodeError};
 pub use host::set_form;
 pub use intern::forever;
-pub use message::{Form, Input, Item, Output, RECEIVER_OFF, WATCHDOG_RESET};
+pub use message::{Form, Input, Item, Output, RECEIVER_OFF, SLEEPS_ON, WATCHDOG_RESET};
 pub use process::last_words;
 pub use spec::{
     Drive, NUMBERS_MAX, NodePort, NodeSpec, PATIENCE, Quantity, Role, format_of, line_of,

@@ -127,10 +127,13 @@ pub const WATCHDOG_RESET: &str = "watchdog-reset";
 /// Note of a board that received a byte at a port that the firmware does not use.
 pub const RECEIVER_OFF: &str = "receiver-off";
 
+/// Note of a board that a unit without a clock could not wake from sleep.
+pub const SLEEPS_ON: &str = "sleeps-on";
+
 impl Note {
     /// Whether the program itself reports its work: neither a broken rule nor a note of its board.
     pub fn is_report(&self) -> bool {
-        !self.is_violation && ![WATCHDOG_RESET, RECEIVER_OFF].contains(&&*self.rule)
+        !self.is_violation && ![WATCHDOG_RESET, RECEIVER_OFF, SLEEPS_ON].contains(&&*self.rule)
     }
 
     /// The entry of the log at the time `at`.

@@ -9,7 +9,7 @@
 use core::time::Duration;
 
 use emulators::device::{Event, EventKind};
-use nodes::{NodeDevice, RECEIVER_OFF, Role, WATCHDOG_RESET, format_of};
+use nodes::{NodeDevice, RECEIVER_OFF, Role, SLEEPS_ON, WATCHDOG_RESET, format_of};
 use protocols::{Instant, LineConfig};
 
 use super::super::Check;
@@ -159,6 +159,9 @@ impl GoesOn {
                 false => "it sent and showed nothing, and the device sends only at its start",
             };
             if is_mute || !self.is_streamed() {
+                if let Some(note) = self.notes(rig, SLEEPS_ON).next() {
+                    return fail(format!("{passed}; {wrong}; {}", note.detail));
+                }
                 return fail(format!(
                     "{passed}; {wrong}: its use of the bytes was not observed; check the wiring, let \
                      it print its readings, or {ALLOW_IT}"
@@ -187,8 +190,10 @@ impl GoesOn {
             return Check::new(GOES_ON, true, passed);
         }
         let seconds = silent_for.as_secs_f64();
+        let sleeps = self.notes(rig, SLEEPS_ON).next();
+        let sleeps = sleeps.map_or_else(String::new, |note| format!("; {}", note.detail));
         let detail = format!(
-            "{passed}; its last sign of life was at {active} s, {seconds:.1} s before the end"
+            "{passed}; its last sign of life was at {active} s, {seconds:.1} s before the end{sleeps}"
         );
         let may_rest = may_idle || self.is_listener() || is_done(rest.checks);
         match may_rest {
