@@ -176,6 +176,9 @@ impl Case {
         let checks = pairs.map(|(damaged, sound)| {
             let name = format!("ignores-damage-{}", damaged.link);
             let (got, expected) = (&damaged.got, &sound.got);
+            if got.bytes().is_empty() && expected.bytes().is_empty() {
+                return Check::not_observed(&name, "the program sent nothing");
+            }
             let pairs = got.bytes().iter().zip(expected.bytes());
             let same = pairs.take_while(|(got, expected)| got == expected).count();
             let shift = |(end, at): (usize, Instant)| {

@@ -149,8 +149,8 @@ impl Requests {
     }
 
     /// The exchange of `request`. The last one is repeated if another request is due; otherwise the
-    /// next one, then one that was omitted, then the last one made. A repeated request gets a reply
-    /// if it ever had one.
+    /// next one, then one that was omitted, then the last one made. A repeated request gets a sound
+    /// reply if it ever had one: a device does not damage the next one, too.
     fn exchange_of(&self, request: &[u8], exchanges: &[Exchange]) -> Option<usize> {
         let is = |index: usize| exchanges[index].request == request;
         let is_due = self.expected().is_some_and(is);
@@ -165,9 +165,11 @@ impl Requests {
                     .chain(all.range(self.next..).rev())
             };
             let made_before = || made().filter(|index| !self.left.contains(*index));
+            let is_sound = |index: &&usize| exchanges[**index].is_answered;
             let is_answered = |index: &&usize| !exchanges[**index].answers.is_empty();
             made_before()
-                .find(is_answered)
+                .find(is_sound)
+                .or_else(|| made_before().find(is_answered))
                 .or_else(|| made_before().next())
         };
         next.or_else(made).copied()

@@ -10,6 +10,8 @@ use super::cut::{Cut, Piece};
 use super::unsolicited::{are_unsolicited, kind};
 use crate::divergence::Track;
 use crate::replay::Passage;
+use engine::codec::Codec;
+use engine::rig::line::Direction;
 
 /// Bytes of the other side that belong together.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -53,6 +55,8 @@ pub(super) struct Exchange {
     pub(super) byte: usize,
     /// The messages that follow.
     pub(super) answers: Vec<Message>,
+    /// Whether there is a reply, and no byte of it is damaged, as far as its protocol is known.
+    pub(super) is_answered: bool,
     /// The end of a stream that the request started; it is repeated until the next request.
     pub(super) tail: Option<Tail>,
 }
@@ -155,6 +159,7 @@ impl Script {
                 at,
                 byte: first,
                 answers: Vec::new(),
+                is_answered: false,
                 tail: None,
             }
         });
@@ -230,9 +235,20 @@ impl Script {
         }
         for exchange in &mut self.exchanges {
             mark_replies(&mut exchange.answers, self.line);
+            exchange.is_answered = is_sound(&exchange.answers, cut);
         }
         mark_pushed(&mut self.exchanges, &kinds);
     }
+}
+
+/// Whether `answers` begin with a reply without a damaged byte.
+fn is_sound(answers: &[Message], cut: Cut) -> bool {
+    let reply = answers.iter().filter(|message| message.is_reply);
+    let parts = reply.flat_map(|message| &message.parts);
+    let bytes: Vec<u8> = parts.flat_map(|(_, bytes)| bytes).copied().collect();
+    let is_whole =
+        |codec: &Codec| codec.framed_towards(&bytes, Direction::ToMaster) == bytes.len() as u64;
+    !bytes.is_empty() && cut.codec().is_none_or(is_whole)
 }
 
 /// Marks messages that the device sends by itself. Their kinds follow the replies to different
