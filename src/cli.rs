@@ -4,6 +4,7 @@
 mod out;
 
 mod answer;
+mod bench;
 mod bugs;
 mod campaign;
 mod case;
@@ -21,10 +22,12 @@ mod experiment;
 mod export;
 mod fault;
 mod fidelity;
+mod firmware;
 mod fuzz;
 mod import;
 mod learn;
 mod link;
+mod lockstep;
 mod man;
 mod map;
 mod needs;
@@ -56,7 +59,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread;
 
-use clap::{ArgMatches, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 use crate::capture::case::CaseError;
 use crate::capture::replay::ReplayError;
@@ -127,6 +130,7 @@ enum Command {
     Experiment(experiment::ExperimentArgs),
     Slam(slam::SlamArgs),
     Map(map::MapArgs),
+    Bench(bench::BenchArgs),
     Schema(schema::SchemaArgs),
     Wireshark(wireshark::Wireshark),
     Completions(completions::CompletionsArgs),
@@ -263,11 +267,11 @@ pub fn main() -> ExitCode {
     let command = Cli::command();
     let matches = match command.clone().try_get_matches() {
         Ok(matches) => matches,
-        Err(told) => return explain(&told),
+        Err(told) => return explain(&told, &command),
     };
     let cli = match Cli::from_arg_matches(&matches) {
         Ok(cli) => cli,
-        Err(told) => return explain(&told),
+        Err(told) => return explain(&told, &command),
     };
     out::begin(cli.json);
     let checked = needs::check(&command, &matches);
@@ -291,15 +295,37 @@ pub fn main() -> ExitCode {
         Err(_) => 2,
     };
     match out::is_json() {
-        true => print_document(&matches, &result, exit_code),
+        true => {
+            let command = matches.subcommand_name().unwrap_or_default();
+            print_document(command, &result, exit_code)
+        }
         false => ExitCode::from(exit_code),
     }
 }
 
 /// Prints help, version, or the error in the arguments; help that cannot be written is an error.
-fn explain(told: &clap::Error) -> ExitCode {
+fn explain(told: &clap::Error, command: &clap::Command) -> ExitCode {
     let printed = told.print().and_then(|()| io::stdout().flush());
     let code = if told.use_stderr() { 2 } else { 0 };
+    // Words after two dashes belong to another program.
+    let words = std::env::args_os().skip(1).take_while(|word| word != "--");
+    let words: Vec<String> = words
+        .map(|word| word.to_string_lossy().into_owned())
+        .collect();
+    if code != 0 && words.iter().any(|word| word == "--json") {
+        let mut named = words
+            .iter()
+            .filter_map(|word| command.find_subcommand(word));
+        let name = named.next().map_or("", clap::Command::get_name);
+        let text = told.to_string();
+        let text = text.split("\n\nUsage:").next().unwrap_or_default();
+        let error = text
+            .strip_prefix("error: ")
+            .unwrap_or(text)
+            .trim()
+            .to_owned();
+        return print_document(name, &Err(CliError::Usage(error)), code);
+    }
     match printed {
         Err(error) if code == 0 && error.kind() != ErrorKind::BrokenPipe => {
             eprintln!("error: cannot write to standard output: {error}");
@@ -310,12 +336,7 @@ fn explain(told: &clap::Error) -> ExitCode {
 }
 
 /// Prints the object of `--json`; an output that cannot be written is an error of its own.
-fn print_document(
-    matches: &ArgMatches,
-    result: &Result<Verdict, CliError>,
-    exit_code: u8,
-) -> ExitCode {
-    let command = matches.subcommand_name().unwrap_or_default();
+fn print_document(command: &str, result: &Result<Verdict, CliError>, exit_code: u8) -> ExitCode {
     let document = answer::document(command, result, exit_code, out::take_answer());
     match out::write_all(format!("{document:#}\n").as_bytes()) {
         Ok(()) => ExitCode::from(exit_code),
@@ -358,6 +379,7 @@ fn perform(command: Command) -> Result<Verdict, CliError> {
         Command::Experiment(args) => experiment::run(&args),
         Command::Slam(args) => slam::run(args),
         Command::Map(args) => map::run(args),
+        Command::Bench(args) => bench::run(&args),
         Command::Schema(args) => schema::run(&args),
         Command::Wireshark(args) => wireshark::run(args),
         Command::Completions(args) => completions::run(&args),

@@ -2,6 +2,7 @@
 //! --output` prints its schema. New keys may be added; [`FORMAT`] changes when a key is removed or
 //! changes its meaning.
 
+mod bench;
 mod campaign;
 mod case;
 mod described;
@@ -13,6 +14,7 @@ use schemars::{JsonSchema, Schema, json_schema};
 use serde::Serialize;
 use serde_json::{Value, json};
 
+pub(super) use bench::{Benched, ScenarioBenched};
 pub(super) use campaign::{CampaignEnded, MutantJudged};
 pub(super) use case::{CaseChecked, CaseMade, CaseTry, CasesChecked};
 pub(super) use described::{
@@ -103,8 +105,14 @@ fn done_or_judged(generator: &mut SchemaGenerator) -> Schema {
     json_schema!({ "anyOf": forms })
 }
 
+/// Schema for a command line without a known command, which has no result.
+fn nothing(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({ "type": "null" })
+}
+
 /// The results of the commands.
-const RESULTS: [(&str, Subschema); 33] = [
+const RESULTS: [(&str, Subschema); 35] = [
+    ("", nothing),
     ("demo", of::<Runs>),
     ("run", of::<Runs>),
     ("debug", of::<Runs>),
@@ -126,6 +134,7 @@ const RESULTS: [(&str, Subschema); 33] = [
     ("conform", of::<Conformed>),
     ("node", of::<NodeChecked>),
     ("bugs", of::<Bugs>),
+    ("bench", of::<Benched>),
     ("campaign", of::<CampaignEnded>),
     ("fuzz", of::<FuzzEnded>),
     ("shrink", of::<Shrunk>),

@@ -16,6 +16,7 @@ pub(super) use self::scope::{can_have_faults, needs_faults};
 use self::scope::{check_faults, covered, earlier, measures_cpu, profile, shard_of, vary_schedule};
 use super::answer::CampaignEnded;
 use super::exec::{ExecArgs, is_bare, read_without_programs};
+use super::lockstep::LockstepArgs;
 use super::out::answer;
 use super::progress::is_watched;
 use super::stop::Stop;
@@ -50,6 +51,7 @@ use safefs::Dir;
     hilrig campaign scenarios/empty-room.toml --seeds 0..20 --exec './my-robot \"$HILRIG_DIR\"'\n  \
     hilrig campaign scenarios/*.toml --profile harsh --seeds 0..200 --out harsh\n  \
     hilrig campaign bench.toml --seeds 0..200 --exec ./driver --virtual --vary schedule   # races\n  \
+    hilrig campaign bench.toml --seeds 0..200 --vary faults --firmware sketch.elf --board arduino-uno\n  \
     hilrig campaign scenarios/*.toml --mutants --seeds 0..50   # how much does it find?"
 )]
 pub(super) struct CampaignArgs {
@@ -75,7 +77,7 @@ pub(super) struct CampaignArgs {
         value_parser = Profile::names().collect::<Vec<_>>())]
     print_profile: Option<String>,
     /// Enable the planted defects of the robots one by one, and print the share that is found
-    #[arg(long, conflicts_with_all = ["shard", "exec", "against", "all_situations"])]
+    #[arg(long, conflicts_with_all = ["shard", "exec", "firmware", "node", "against", "all_situations"])]
     mutants: bool,
     /// With --mutants: only this defect, by its ID in "hilrig bugs"; may be repeated
     #[arg(long = "defect", value_name = "ID", requires = "mutants")]
@@ -98,6 +100,8 @@ pub(super) struct CampaignArgs {
     jobs: Option<core::num::NonZeroUsize>,
     #[command(flatten)]
     program: ExecArgs,
+    #[command(flatten)]
+    lockstep: LockstepArgs,
     /// Folder of the results; an existing campaign there is continued
     #[arg(long, value_name = "DIR", default_value = "hilrig-out/campaign")]
     out: PathBuf,
@@ -166,6 +170,8 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     needs_faults(args.profile.as_deref(), vary)?;
     vary_schedule(&mut args.program, vary)?;
     measures_cpu(&args.program)?;
+    args.lockstep
+        .check("campaign", args.program.exec.is_some())?;
     if args.mutants {
         let mut read = read_all(&args.scenarios)?;
         leave_out_bare(&mut read)?;
@@ -175,7 +181,8 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
     let shard = shard_of(&args)?;
     let earlier = earlier(args.against.as_deref())?;
     let mut read = read_all(&args.scenarios)?;
-    if args.program.exec.is_none() {
+    let is_given = args.program.exec.is_some() || args.lockstep.is_given();
+    if !is_given {
         leave_out_bare(&mut read)?;
     }
     check_faults(&read, vary, &profile)?;
@@ -188,13 +195,12 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
         seeds: args.seeds.clone(),
         vary: vary.to_string(),
         profile: (!profile.is_gentle()).then(|| profile.kept.clone()),
-        exec: args.program.exec.as_ref().map(|_| args.program.repeat()),
+        exec: is_given.then(|| args.program.repeat() + &args.lockstep.repeat()),
         cpu: args.program.cpu().map(|cpu| cpu.to_string()),
-        programs: args
-            .program
-            .exec
-            .as_deref()
-            .map_or_else(BTreeMap::new, files_named),
+        programs: match &args.program.exec {
+            Some(command) => files_named(command),
+            None => args.lockstep.files(),
+        },
     };
     let mut store = Store::create(&args.out, &plan)?;
     let todo: Vec<(&str, u64)> = plan
@@ -336,6 +342,7 @@ fn run_all<'a>(
             let goes_on = move || stop.signal().is_none();
             let worker = Worker {
                 foreign: foreign.as_ref(),
+                lockstep: Some(&args.lockstep).filter(|args| args.is_given()),
                 out: &args.out,
                 job,
             };
@@ -377,6 +384,7 @@ fn jobs(args: &CampaignArgs, is_foreign: bool) -> usize {
 /// A worker.
 struct Worker<'a> {
     foreign: Option<&'a Foreign>,
+    lockstep: Option<&'a LockstepArgs>,
     out: &'a Path,
     job: usize,
 }
@@ -395,7 +403,13 @@ impl Worker<'_> {
                 None => return Ok(None),
             },
             None => {
-                let (record, outcome) = campaign::run(scenario, source)?;
+                let (record, outcome) = match self.lockstep {
+                    Some(program) => {
+                        let begin = || program.run(scenario.clone(), source, None);
+                        campaign::run_from(scenario, begin, |_| {})?
+                    }
+                    None => campaign::run(scenario, source)?,
+                };
                 // A run that panicked has no expanded case; its scenario is used instead.
                 let case = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
                 (record, case)

@@ -138,7 +138,8 @@ fn print_ledger(device: Option<&str>, is_markdown: bool) -> Result<Verdict, CliE
         ledger: rows,
         ..Figures::default()
     });
-    out::write_text("the ledger", page.as_bytes())
+    print!("{page}");
+    Ok(Verdict::Pass)
 }
 
 /// The figure of a stream of firmware 2.1.

@@ -6,12 +6,12 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use boards::{Board, PortKind, Tier};
+use boards::{Board, Machine, PortKind, Tier};
 use clap::Args;
 use nodes::{NodeDevice, NodePort, Role};
 use serde_json::Value;
 
-use super::super::CliError;
+use super::CliError;
 use crate::realtime::exec::{Foreign, pc_end};
 use crate::rig::LinkKind;
 use crate::robots::{self, Dut, OpenEnd, PcEnd, Wired};
@@ -47,9 +47,6 @@ pub(super) struct FirmwareArgs {
     /// Allow the watchdog of an AVR board to reset the firmware, e.g. if it restarts on purpose
     #[arg(long, requires = "firmware")]
     firmware_may_reset: bool,
-    /// Wait for gdb on this TCP port; the rig's time stands while gdb holds the program
-    #[arg(long, value_name = "PORT", requires = "firmware", value_parser = clap::value_parser!(u16).range(1..))]
-    gdb: Option<u16>,
 }
 
 impl FirmwareArgs {
@@ -83,6 +80,7 @@ impl FirmwareArgs {
         &self,
         scenario: &Scenario,
         source: &Source,
+        gdb: Option<u16>,
     ) -> Result<Option<Foreign>, CliError> {
         let (elf, board) = self.loaded()?;
         if self.firmware_may_reset && board.qemu.is_some() {
@@ -99,7 +97,7 @@ impl FirmwareArgs {
         else {
             return Ok(None);
         };
-        if self.gdb.is_some() {
+        if gdb.is_some() {
             return Err(CliError::Usage(format!(
                 "--gdb: the board {} runs in real time, which cannot stand still; expected a board \
                  in lockstep",
@@ -115,8 +113,28 @@ impl FirmwareArgs {
         Ok(Some(foreign))
     }
 
-    /// A run of `scenario` with the firmware at its open ends.
-    pub(super) fn run(&self, scenario: Scenario, source: &Source) -> Result<Run, CliError> {
+    /// Rejects a board whose firmware runs in real time: `command` makes many runs in lockstep.
+    pub(super) fn refuse_real_time(&self, command: &str) -> Result<(), CliError> {
+        let (_, board) = self.loaded()?;
+        let is_real_time = |machine: &Machine| machine.firmware == Tier::RealTime;
+        match board.qemu.as_ref().is_some_and(is_real_time) {
+            true => Err(CliError::Usage(format!(
+                "--firmware: the board {} runs in real time, expected a board in lockstep for \
+                 {command}; \"hilrig run\" has both",
+                board.name
+            ))),
+            false => Ok(()),
+        }
+    }
+
+    /// A run of `scenario` with the firmware at its open ends. `gdb`: the TCP port on which it waits
+    /// for a debugger.
+    pub(super) fn run(
+        &self,
+        scenario: Scenario,
+        source: &Source,
+        gdb: Option<u16>,
+    ) -> Result<Run, CliError> {
         let (elf, board) = self.loaded()?;
         // Wired as for a native program: the run differs only in the program.
         let mut wired = robots::wire(&scenario, source, Dut::External, PcEnd::Scripted)?;
@@ -125,7 +143,7 @@ impl FirmwareArgs {
             Some(machine) => {
                 let told = robots::of(&scenario, source)?.board_settings(&scenario, source)?;
                 let words = qemu::words(&wired.rig, &ends, &self.wires()?, board.clock_hz, &told)?;
-                qemu::node(NODE, machine, elf, &words, self.gdb)?
+                qemu::node(NODE, machine, elf, &words, gdb)?
             }
             None => {
                 warn_of_program(&scenario, &board);
@@ -133,7 +151,7 @@ impl FirmwareArgs {
                 by_character(&mut wired, &ends);
                 let mut spec = node_of(NODE, elf, &board, self.wired(&board, &wanted)?)
                     .map_err(|message| CliError::Usage(format!("--firmware: {message}")))?;
-                if let Some(port) = self.gdb {
+                if let Some(port) = gdb {
                     spec.settings.insert("gdb".to_owned(), port.into());
                 }
                 spec
@@ -151,7 +169,7 @@ impl FirmwareArgs {
                 carries_messages: kind_of(&wired, end).is_some_and(LinkKind::carries_messages),
             })
             .collect();
-        if let Some(port) = self.gdb {
+        if let Some(port) = gdb {
             spec.patience = HELD_MAX;
             eprintln!("waiting for gdb: target remote :{port}");
         }

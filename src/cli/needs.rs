@@ -17,7 +17,9 @@ struct Needs {
 }
 
 const WITH_PROGRAM: [&str; 6] = ["run", "campaign", "shrink", "replay", "from", "check"];
-const NEEDS: [Needs; 23] = [
+/// Commands that run firmware and node programs.
+const IN_LOCKSTEP: [&str; 3] = ["run", "campaign", "shrink"];
+const NEEDS: [Needs; 24] = [
     Needs {
         commands: &WITH_PROGRAM,
         options: &OF_EXEC,
@@ -45,22 +47,21 @@ const NEEDS: [Needs; 23] = [
     },
     Needs {
         commands: &["run"],
-        options: &[
-            "board",
-            "wire",
-            "gdb",
-            "firmware_may_idle",
-            "firmware_may_reset",
-        ],
+        options: &["gdb"],
         needed: "firmware",
     },
     Needs {
-        commands: &["run"],
+        commands: &IN_LOCKSTEP,
+        options: &["board", "wire", "firmware_may_idle", "firmware_may_reset"],
+        needed: "firmware",
+    },
+    Needs {
+        commands: &IN_LOCKSTEP,
         options: &["node_may_idle"],
         needed: "node",
     },
     Needs {
-        commands: &["run"],
+        commands: &IN_LOCKSTEP,
         options: &["firmware"],
         needed: "board",
     },

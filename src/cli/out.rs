@@ -45,7 +45,11 @@ pub(super) fn is_json() -> bool {
 pub(super) fn answer(answer: &impl Serialize) {
     if is_json() {
         let value = serde_json::to_value(answer).expect("plain data with string keys");
-        *ANSWER.lock().unwrap_or_else(PoisonError::into_inner) = Some(value);
+        let before = ANSWER
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .replace(value);
+        debug_assert!(before.is_none(), "a command has one result");
     }
 }
 

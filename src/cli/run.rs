@@ -1,10 +1,8 @@
 mod broken;
 mod exec;
-mod firmware;
 mod folders;
 mod guest;
 mod judged;
-mod node;
 mod twice;
 
 use core::time::Duration;
@@ -15,6 +13,7 @@ use clap::Args;
 use super::answer::{RunEnded, Runs};
 use super::ends::EndArgs;
 use super::exec::{ExecArgs, is_bare};
+use super::lockstep::LockstepArgs;
 use super::replay::judge_case;
 use super::show::{Show, ShowArgs};
 use super::stop::Stop;
@@ -26,12 +25,11 @@ use crate::run::check::Status;
 use crate::scenario::{Scenario, Source, text_of};
 use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
-use crate::show::shell::{quoted, word};
+use crate::show::shell::word;
 
 use broken::Broken;
 pub(super) use exec::ports_in;
 use exec::{Placement, judged_exec};
-use firmware::FirmwareArgs;
 use folders::{Folders, check_folders, folder_of};
 pub(super) use guest::{Beginning, report};
 use guest::{Guest, judged_guest};
@@ -72,15 +70,16 @@ pub(super) struct RunArgs {
     #[command(flatten)]
     program: ExecArgs,
     #[command(flatten)]
-    firmware: FirmwareArgs,
-    /// Start this shell command as a node program in the place of the robot's own: it speaks the
-    /// node protocol on its standard input and output (docs/nodes.md)
-    #[arg(long, value_name = "CMD", help_heading = "Your program")]
-    node: Option<String>,
-    /// Allow the node program to send and show nothing, or to fall silent; the run then proves
-    /// little
-    #[arg(long, requires = "node", help_heading = "Your program")]
-    node_may_idle: bool,
+    lockstep: LockstepArgs,
+    /// Wait for gdb on this TCP port; the rig's time stands while gdb holds the program
+    #[arg(
+        long,
+        value_name = "PORT",
+        requires = "firmware",
+        help_heading = "Firmware without a board"
+    )]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..))]
+    gdb: Option<u16>,
     /// Run the program twice in virtual time; if the runs differ, name the first different call
     #[arg(long, requires = "is_virtual")]
     check: bool,
@@ -114,12 +113,7 @@ pub(super) struct RunArgs {
 impl RunArgs {
     /// The options that choose the program under test and its ports, each after a blank.
     fn repeat(&self) -> String {
-        let node = self.node.as_ref();
-        let mut node = node.map_or(String::new(), |node| format!(" --node {}", quoted(node)));
-        if self.node_may_idle {
-            node += " --node-may-idle";
-        }
-        self.program.repeat() + &self.firmware.repeat() + &node + &self.ends.repeat()
+        self.program.repeat() + &self.lockstep.repeat() + &self.ends.repeat()
     }
 }
 
@@ -253,18 +247,15 @@ fn one(
     stop: &Stop,
 ) -> Result<Ran, CliError> {
     scenario.seed = args.seed.unwrap_or(scenario.seed);
-    let node = args.node.as_ref();
+    let lockstep = &args.lockstep;
     let again = Some(repeat_of_case(args, out));
-    let foreign = match args.firmware.is_given() {
-        true => args.firmware.foreign(&scenario, &source)?,
+    let foreign = match lockstep.firmware.is_given() {
+        true => lockstep.firmware.foreign(&scenario, &source, args.gdb)?,
         false => args.program.foreign(),
     };
     let foreign = foreign.or_else(|| args.program.of_file(&scenario));
-    if node.is_some() || (args.firmware.is_given() && foreign.is_none()) {
-        let run = match node {
-            Some(command) => node::run(scenario, &source, command, args.node_may_idle)?,
-            None => args.firmware.run(scenario, &source)?,
-        };
+    if lockstep.is_given() && foreign.is_none() {
+        let run = lockstep.run(scenario, &source, args.gdb)?;
         let pace = match args.realtime {
             true => Clocking::Realtime(show),
             false => Clocking::Virtual,
@@ -348,19 +339,10 @@ fn check(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError>
     Err(CliError::Usage(wrong.to_owned()))
 }
 
-/// Rejects two programs under test, and a program to which a case of bytes could not be played. The
-/// conflicts of `clap` cannot be used: they would switch off requirements of options, so options of
-/// `--exec` would be ignored.
+/// Rejects two programs under test, and a program to which a case of bytes could not be played.
 fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), CliError> {
-    let given = [
-        ("--exec", args.program.exec.is_some()),
-        ("--firmware", args.firmware.is_given()),
-        ("--node", args.node.is_some()),
-    ];
-    let mut given = given
-        .iter()
-        .filter(|(_, is_given)| *is_given)
-        .map(|(name, _)| *name);
+    let has_exec = args.program.exec.is_some();
+    let mut given = args.lockstep.names(has_exec);
     let Some(first) = given.next() else {
         return Ok(());
     };
@@ -372,11 +354,7 @@ fn check_programs(args: &RunArgs, files: &[(&PathBuf, Runnable)]) -> Result<(), 
             path.display()
         )));
     }
-    if let Some(second) = given.next() {
-        return Err(CliError::Usage(format!(
-            "{second}: {first} is given too, expected one program under test; remove one of them"
-        )));
-    }
+    args.lockstep.refuse_second(has_exec)?;
     let mut cases = files
         .iter()
         .filter(|(_, file)| matches!(file, Runnable::Case(_)));

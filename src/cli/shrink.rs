@@ -8,6 +8,7 @@ use clap::Args;
 
 use super::answer::Shrunk;
 use super::exec::{ExecArgs, refuse_programs};
+use super::lockstep::LockstepArgs;
 use super::replay::refuse_foreign;
 use super::run::{Clocking, Talk, judged_run};
 use super::stop::Stop;
@@ -45,6 +46,7 @@ use safefs::Dir;
     hilrig shrink capture.pcapng --while 'my-parser --crashes' --out small\n  \
     hilrig shrink field.pcapng --scenario scenarios/rescue-flat.toml\n  \
     hilrig shrink case.toml --exec 'python3 driver.py' --virtual\n  \
+    hilrig shrink night/cases/0.toml --firmware sketch.elf --board arduino-uno\n  \
     hilrig shrink case.toml --exec './driver-1.0' --sound './driver-1.1' --virtual\n  \
     hilrig shrink hilrig-out/rescue-flat-1/case.toml --exec './my-robot \"$HILRIG_DIR\"'")]
 pub(super) struct ShrinkArgs {
@@ -52,7 +54,7 @@ pub(super) struct ShrinkArgs {
     #[arg(value_name = "CASE|CAPTURE")]
     file: PathBuf,
     /// Shrink while this command exits with 0, given the file as last argument
-    #[arg(long = "while", value_name = "CMD", conflicts_with = "exec")]
+    #[arg(long = "while", value_name = "CMD", conflicts_with_all = ["exec", "firmware", "node"])]
     command: Option<String>,
     /// Scenario of the robot in the capture: its built-in program is tested
     #[arg(long, value_name = "FILE", conflicts_with = "command")]
@@ -62,6 +64,8 @@ pub(super) struct ShrinkArgs {
     keep_checksums: bool,
     #[command(flatten)]
     program: ExecArgs,
+    #[command(flatten)]
+    lockstep: LockstepArgs,
     /// Shell command of a fixed program, with which the smaller case must pass
     #[arg(long, value_name = "CMD", requires = "exec")]
     sound: Option<String>,
@@ -77,6 +81,11 @@ const TRIES_EXEC: u32 = 100;
 
 pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
     args.program.refuse_cpu("shrink")?;
+    args.lockstep.check("shrink", args.program.exec.is_some())?;
+    let is_capture = args.file.extension().is_some_and(|end| end == "pcapng");
+    if args.lockstep.is_given() && is_capture {
+        return Err(in_lockstep(args));
+    }
     make_folder(&args.out)?;
     match args.file.extension().and_then(|name| name.to_str()) {
         Some("pcapng") if args.program.exec.is_some() || args.scenario.is_some() => {
@@ -89,6 +98,14 @@ pub(super) fn run(args: &ShrinkArgs) -> Result<Verdict, CliError> {
         }
         _ => shrink_file(args),
     }
+}
+
+/// The error for bytes of a capture, which only a program at ports gets.
+fn in_lockstep(args: &ShrinkArgs) -> CliError {
+    let option = args.lockstep.names(false).next().unwrap_or_default();
+    let file = args.file.display();
+    let error = format!("{option}: {file} has bytes of a capture, which need a program of --exec");
+    CliError::Usage(error)
 }
 
 /// A case or a scenario.
@@ -109,6 +126,7 @@ fn shrink_file(args: &ShrinkArgs) -> Result<Verdict, CliError> {
             Err(CliError::Case(CaseError::NeedsProgram { path }))
         }
         (Some(Play::Devices), Some(scenario)) => shrink_case(args, scenario.clone(), &source),
+        _ if args.lockstep.is_given() => Err(in_lockstep(args)),
         _ => bytes::of_case(args, case, source),
     }
 }
@@ -171,22 +189,22 @@ fn shrink_case(
 ) -> Result<Verdict, CliError> {
     let (stop, clock) = (Stop::new(None)?, WallClock::start());
     let is_over = || stop.is_due(clock.now());
-    let foreign = args.program.foreign();
+    let is_yours = args.program.exec.is_some() || args.lockstep.is_given();
     if let Some(failed) = failure_of_sound(args, &scenario, source, &is_over)? {
         return Err(not_sound(&failed));
     }
-    let (branches, record, outcome) = match &foreign {
-        Some(foreign) => match run_foreign(args, foreign, &scenario, source, &is_over)? {
-            Some((record, outcome)) => (Branches::new(source, ""), record, Some(outcome)),
+    let (branches, record, outcome) = match is_yours {
+        true => match run_yours(args, &scenario, source, &is_over)? {
+            Some((record, outcome)) => (Branches::new(source, ""), record, outcome),
             None => return Ok(Verdict::Interrupted(stop.signal().unwrap_or_default())),
         },
-        None => Branches::begin(source, &scenario)?,
+        false => Branches::begin(source, &scenario)?,
     };
     // Written as the bytes that they hit, random faults can be removed one by one.
     let expanded = outcome.map_or_else(|| scenario.clone(), |outcome| outcome.case);
     let cause = record.cause.unwrap_or_default();
     let path = args.out.join("case.toml");
-    let tries = if foreign.is_some() { TRIES_EXEC } else { TRIES };
+    let tries = if is_yours { TRIES_EXEC } else { TRIES };
     let mut effort = Effort::until(tries, &is_over);
     let mut judge = judge(args, source, branches, &cause, &path, &is_over);
     let start = [expanded.clone(), scenario]
@@ -201,7 +219,7 @@ fn shrink_case(
         &args.out.join("cause.txt"),
         format!("{cause}\n{said}\n").as_bytes(),
     )?;
-    if foreign.is_none() {
+    if !is_yours {
         let text = small.to_toml();
         let (pace, talk, stop) = (Clocking::Virtual, Talk::Verdict, Stop::new(None)?);
         judged_run(small, source, None, &args.out, pace, talk, &stop)?;
@@ -214,7 +232,7 @@ fn shrink_case(
         "{} faults left of {}, {tries} tries. {said}",
         faults[1], faults[0]
     );
-    let exec = args.program.repeat();
+    let exec = args.program.repeat() + &args.lockstep.repeat();
     let repeat = format!("hilrig run {}{exec}", word(&path));
     println!("repeat with: {repeat}");
     out::answer(&Shrunk {
@@ -225,6 +243,27 @@ fn shrink_case(
         repeat,
     });
     Ok(Verdict::Pass)
+}
+
+/// A finished run; without an outcome if the rig panicked.
+type Ended = (Record, Option<Box<Outcome>>);
+
+/// Runs the user's program; `None` if it is time to stop.
+fn run_yours(
+    args: &ShrinkArgs,
+    scenario: &Scenario,
+    source: &Source,
+    is_over: &dyn Fn() -> bool,
+) -> Result<Option<Ended>, CliError> {
+    if let Some(foreign) = args.program.foreign() {
+        let ran = run_foreign(args, &foreign, scenario, source, is_over)?;
+        return Ok(ran.map(|(record, outcome)| (record, Some(outcome))));
+    }
+    if is_over() {
+        return Ok(None);
+    }
+    let begin = || args.lockstep.run(scenario.clone(), source, None);
+    campaign::run_from(scenario, begin, |_| {}).map(Some)
 }
 
 /// Runs the foreign program; `None` if it is time to stop.
@@ -256,10 +295,10 @@ fn judge<'a>(
     path: &'a Path,
     is_over: &'a dyn Fn() -> bool,
 ) -> impl FnMut(&Scenario) -> Judged + 'a {
-    let foreign = args.program.foreign();
+    let is_yours = args.program.exec.is_some() || args.lockstep.is_given();
     let of = |record: Record| Judged::of(record.cause.as_deref(), cause);
-    move |candidate| match (&args.command, &foreign) {
-        (_, Some(foreign)) => match run_foreign(args, foreign, candidate, source, is_over) {
+    move |candidate| match (&args.command, is_yours) {
+        (_, true) => match run_yours(args, candidate, source, is_over) {
             Ok(Some((record, _))) => match of(record) {
                 Judged::FailsAlike
                     if !matches!(failure_of_sound(args, candidate, source, is_over), Ok(None)) =>
@@ -270,14 +309,14 @@ fn judge<'a>(
             },
             _ => Judged::FailsOtherwise,
         },
-        (Some(command), None) => {
+        (Some(command), false) => {
             let is_written = safefs::write(path, candidate.to_toml()).is_ok();
             match is_written && is_bad(command, path) {
                 true => Judged::FailsAlike,
                 false => Judged::Passes,
             }
         }
-        (None, None) => branches.judge(candidate),
+        (None, false) => branches.judge(candidate),
     }
 }
 

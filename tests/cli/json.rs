@@ -153,7 +153,15 @@ fn every_command_prints_one_object_as_its_schema_says() {
         assert_eq!(has_result, verb.code < 2, "{line}: {said}");
     }
     // Other forms of these commands.
-    for line in ["wireshark --print", "man", "bugs", "experiment"] {
+    for line in [
+        "wireshark --print",
+        "man",
+        "bugs",
+        "experiment",
+        "fidelity",
+        "fidelity hc06",
+        "fidelity --markdown",
+    ] {
         let output = bench.command(&format!("{line} --json")).output();
         let said = serde_json::from_slice(&output.expect("starts").stdout).expect("JSON");
         assert_eq!(
@@ -161,6 +169,33 @@ fn every_command_prints_one_object_as_its_schema_says() {
             Vec::<String>::new(),
             "{line}"
         );
+    }
+    // Errors in the arguments, and a command that does not exist.
+    for (line, command) in [
+        ("run --json", "run"),
+        ("campaign s.toml --sedes 0..2 --json", "campaign"),
+        ("--json fidelity xv11 --seed minus", "fidelity"),
+        ("--json frobnicate", ""),
+    ] {
+        let output = bench.command(line).output().expect("starts");
+        let said: Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        assert_eq!(
+            wrong(&schema, &said, &schema, ""),
+            Vec::<String>::new(),
+            "{line}"
+        );
+        assert_eq!(
+            (&said["command"], &said["exit_code"]),
+            (&command.into(), &2.into()),
+            "{line}"
+        );
+        assert!(
+            said["error"]
+                .as_str()
+                .is_some_and(|error| !error.is_empty()),
+            "{line}: {said}"
+        );
+        assert_eq!(output.status.code(), Some(2), "{line}");
     }
     // The result of another command does not match this one's schema.
     let output = bench

@@ -57,14 +57,14 @@ fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
     assert_eq!(traces[0], traces[1]);
 }
 
-/// A driver that asks each 100 ms, asks some times and then hangs, asks once and listens, only
-/// prints what it hears, or does nothing.
+/// A driver that asks each 100 ms, asks 100 ms after each reply, asks some times and then hangs, asks
+/// once and listens, only prints what it hears, or does nothing.
 const DRIVER: &str = r#"
 import sys
 from hilrig.device import Device, main
 
 KIND = sys.argv[1]
-ASKS = {"asks": 1000, "hangs": 25, "listens": 1}.get(KIND, 0)
+ASKS = {"asks": 1000, "waits": 1000, "hangs": 25, "listens": 1}.get(KIND, 0)
 
 class Driver(Device):
     ends = b"\r\n"
@@ -75,10 +75,13 @@ class Driver(Device):
 
     def ask(self):
         self.asked += 1
-        self.after(0.1, self.ask)
+        if KIND != "waits":
+            self.after(0.1, self.ask)
         return b"volts\r\n" if self.asked <= ASKS else None
 
     def hear(self, line, now):
+        if KIND == "waits":
+            self.after(0.1, self.ask)
         if KIND == "prints":
             print(line.decode(), file=sys.stderr, flush=True)
 
@@ -175,6 +178,83 @@ fn a_driver_that_does_not_work_fails() {
             "{kind}"
         );
     }
+}
+
+/// A lost reply stops a driver that waits for it. A campaign finds this, its case repeats it, and it
+/// is shrunk to the one fault; the other driver passes. A campaign is not continued with a changed
+/// program.
+#[test]
+fn campaigns_and_shrink_run_a_node_program() {
+    let session = Session::new("nodes-campaign");
+    session.write("driver.py", DRIVER);
+    let fault = |kind: &str, more: &str| {
+        format!("[[fault]]\nlink = \"it\"\ndirection = \"to-master\"\nkind = \"{kind}\"\n{more}\n")
+    };
+    let drop = fault("drop", "rate = 1.0\nfrom = \"2s\"\nuntil = \"2.3s\"");
+    let late = fault("latency", "by = \"1ms\"\nfrom = \"1s\"\nuntil = \"1.5s\"");
+    session.write(
+        "asked.toml",
+        &format!(
+            "schema = 1\nname = \"asked\"\nrobot = \"none\"\nduration = \"5s\"\n\
+             [device.it.text]\nbaud = 9600\n\
+             command = [{{ request = \"volts\", reply = \"230.1 V\" }}]\n{drop}{late}"
+        ),
+    );
+    let src = root().join("python/src");
+    let program =
+        |kind: &str| format!("PYTHONPATH={} exec python3 driver.py {kind}", src.display());
+    let told = |arguments: &[&str], code: i32| {
+        let output = session.hilrig(arguments);
+        assert_eq!(
+            output.status.code(),
+            Some(code),
+            "{arguments:?}: {output:?}"
+        );
+        format!("{}{}", text(&output.stdout), text(&output.stderr))
+    };
+    let campaign = ["campaign", "asked.toml", "--seeds", "0..2", "--node"];
+    told(
+        &[&campaign[..], &[&program("asks"), "--out", "sound"]].concat(),
+        0,
+    );
+    let waits = program("waits");
+    let found = told(&[&campaign[..], &[&waits, "--out", "night"]].concat(), 1);
+    assert!(
+        found.contains("2 failed") && found.contains("program-goes-on"),
+        "{found}"
+    );
+    let case = found
+        .lines()
+        .find_map(|line| line.trim().strip_prefix("repeat with: hilrig run "));
+    let case = case
+        .and_then(|rest| rest.split(' ').next())
+        .expect("a case");
+    let again = told(&["run", case, "--node", &waits, "--out", "again"], 1);
+    assert!(again.contains("its last sign of life was at 2."), "{again}");
+    let small = told(&["shrink", case, "--node", &waits, "--out", "small"], 0);
+    assert!(
+        small.contains("drop") && !small.contains("latency"),
+        "{small}"
+    );
+    let both = told(
+        &[
+            "shrink", case, "--node", &waits, "--exec", "true", "--out", "both",
+        ],
+        2,
+    );
+    assert!(both.contains("expected one program under test"), "{both}");
+    session.write("driver.py", &format!("{DRIVER}# changed\n"));
+    let more = [
+        "campaign",
+        "asked.toml",
+        "--seeds",
+        "0..3",
+        "--node",
+        &waits,
+        "--out",
+        "night",
+    ];
+    told(&more, 2);
 }
 
 /// A master polls the program, which sends, but never a reply.

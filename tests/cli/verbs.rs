@@ -51,7 +51,7 @@ impl Verb {
 }
 
 /// All commands. `base` is the folder of an earlier run; a rig runs in `live`.
-pub(crate) const VERBS: [Verb; 33] = [
+pub(crate) const VERBS: [Verb; 34] = [
     verb("demo", "demo --out o/demo"),
     verb("run", "run s.toml --out o/run --junit o/junit.xml"),
     // A shell without another program cannot be debugged.
@@ -93,6 +93,7 @@ pub(crate) const VERBS: [Verb; 33] = [
     // The program exits before it answers.
     verb("node", "node check false").reads_only().fails(),
     verb("bugs", "bugs PU-01").reads_only(),
+    verb("bench", "bench s.toml --rounds 1 --no-instructions").reads_only(),
     verb("campaign", "campaign s.toml --seeds 0..2 --out o/campaign"),
     verb("fuzz", "fuzz pcui --cases 100 --out o/fuzz"),
     verb("shrink", "shrink bad.toml --out o/shrunk"),

@@ -19,7 +19,7 @@ mod store;
 mod strip;
 
 pub use compare::{Change, Comparison, compare};
-pub use judge::{Record, run, run_foreign};
+pub use judge::{Record, run, run_foreign, run_from};
 pub use judge::{without_figures, words_of_panic};
 pub use merge::{Demand, Merged, merge, summarise};
 pub use page::{live_page, page};

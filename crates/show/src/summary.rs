@@ -5,6 +5,7 @@ use core::time::Duration;
 use std::path::Path;
 
 use engine::run::Outcome;
+use engine::run::check::VIOLATIONS;
 
 use crate::folder::{Metrics, factor};
 
@@ -45,6 +46,9 @@ impl fmt::Display for Summary<'_> {
                 unobserved.join(", ")
             )?;
         }
+        if let Some(broken) = unjudged(outcome) {
+            writeln!(f, "  not judged without expect.violations_max: {broken}")?;
+        }
         for fault in &outcome.unbegun {
             writeln!(f, "  never began: {fault}")?;
         }
@@ -68,4 +72,21 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "  trace {}", outcome.trace_hash)?;
         writeln!(f, "  results in {}", self.folder.display())
     }
+}
+
+/// The rules that the program broke, if no check counts them; at most three.
+fn unjudged(outcome: &Outcome) -> Option<String> {
+    let is_judged = outcome.checks.iter().any(|check| check.name == VIOLATIONS);
+    if is_judged || outcome.violations == 0 {
+        return None;
+    }
+    let broken = outcome.broken_rules.iter();
+    let words = broken.map(|(device, rule, count)| format!("{count} times {rule} of {device}"));
+    let mut words: Vec<String> = words.collect();
+    let more = words.len().saturating_sub(3);
+    words.truncate(3);
+    if more > 0 {
+        words.push(format!("{more} more"));
+    }
+    Some(words.join(", "))
 }

@@ -8,7 +8,7 @@ use boards::{Machine, check_image};
 use nodes::NodeSpec;
 use serde_json::Value;
 
-use super::super::super::CliError;
+use super::super::CliError;
 use crate::realtime::exec::{Foreign, port_variable};
 use crate::rig::Rig;
 use crate::robots::OpenEnd;

@@ -52,11 +52,11 @@ pub fn run(
 ///
 /// # Errors
 /// Those of `begin`.
-pub(crate) fn run_from(
+pub fn run_from<E>(
     scenario: &Scenario,
-    begin: impl FnOnce() -> Result<Run, ScenarioError>,
+    begin: impl FnOnce() -> Result<Run, E>,
     mut watch: impl FnMut(&Run),
-) -> Result<(Record, Option<Box<Outcome>>), ScenarioError> {
+) -> Result<(Record, Option<Box<Outcome>>), E> {
     let judged = catch_unwind(AssertUnwindSafe(|| {
         let mut run = begin()?;
         while !run.is_over() {
