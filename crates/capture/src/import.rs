@@ -388,6 +388,7 @@ pub fn read(bytes: &[u8], format: Format, options: &Options) -> Result<Imported,
     let mut imported = Imported::new();
     let row = format.row();
     (row.read)(bytes, options, &mut imported)?;
+    imported.note_backwards();
     if imported.records().is_empty() {
         return Err(ImportError {
             line: 1,

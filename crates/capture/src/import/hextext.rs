@@ -14,7 +14,9 @@
 mod base;
 mod clock;
 mod column;
+mod ellipsis;
 mod ends;
+mod leading;
 mod literal;
 pub(super) mod log;
 mod prefix;
@@ -24,10 +26,11 @@ use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, lines, utf8};
 use super::{LOCAL, Look};
 use crate::Kind;
-pub(super) use base::{Base, of as base_of};
-pub(super) use clock::Clock;
+pub(super) use base::{Around, Base, of as base_of};
 use clock::Years;
+pub(super) use clock::{Clock, Turns, scaled};
 use column::without_column;
+use ellipsis::Cuts;
 pub(super) use ends::Ends;
 use prefix::Prefix;
 pub(super) use prefix::{split as split_prefix, split_text};
@@ -65,7 +68,9 @@ pub(super) fn doubt(bytes: &[u8]) -> Option<String> {
     let text = core::str::from_utf8(bytes).ok()?;
     let is_number = |c: char| c.is_ascii_digit() || c.is_whitespace() || ",;:-".contains(c);
     let is_numbers = !text.is_empty() && text.chars().all(is_number);
-    base_of(text.lines()).err().filter(|_| is_numbers)
+    base_of(text.lines(), Around::Nothing)
+        .err()
+        .filter(|_| is_numbers)
 }
 
 /// Decodes the bytes of a text in a base.
@@ -87,11 +92,13 @@ pub(super) fn emit(
     options: &Options,
     out: &mut Imported,
 ) -> Result<(), ImportError> {
-    let whole = Whole {
+    let mut whole = Whole {
         messages,
         has_marks: true,
         ..Whole::default()
     };
+    whole.add_pauses();
+    whole.messages.retain(|one| !one.bytes.is_empty());
     let has_directions = whole.messages.iter().any(|one| one.is_sent.is_some());
     let lost = whole.messages.iter().find(|one| one.is_sent.is_none());
     if let Some(lost) = lost.filter(|_| has_directions) {
@@ -224,35 +231,28 @@ fn timed(whole: &Whole<'_>, options: &Options, out: &mut Imported) -> Result<(),
             out.note("the dates have no year: times count from 1 January of the first one");
             out.clock = "virtual";
         }
-        Clock::Day | Clock::Seconds => out.clock = "virtual",
+        Clock::Day | Clock::Hour | Clock::Seconds | Clock::Plus => out.clock = "virtual",
     }
-    let (mut days, mut last) = (0, 0);
-    let mut years = Years::of(whole.messages.iter().filter_map(|one| Some(one.at?.0)));
+    let times = || whole.messages.iter().filter_map(|one| Some(one.at?.0));
+    let (mut years, mut turns) = (Years::of(times()), Turns::of(clock, times()));
     for one in &whole.messages {
-        let Some((mut nanos, own)) = one.at else {
+        let Some((nanos, own)) = one.at else {
             return Err(one.line.wrong("expected a time, as the lines before have"));
         };
         if own != clock {
             return Err(one.line.wrong("expected a time of the same form as before"));
         }
-        if own == Clock::Year {
-            nanos = years.nanos(nanos);
-        }
-        if own == Clock::Day {
-            // Midnight: the time of day starts again.
-            if nanos + days + HALF_DAY < last {
-                days += 2 * HALF_DAY;
-            }
-            nanos += days;
-        }
-        last = nanos;
+        let nanos = match own {
+            Clock::Year => years.nanos(nanos),
+            _ => turns.nanos(nanos, one.line.number),
+        };
         let direction = options.way(!one.is_sent.unwrap_or(false));
+        out.line = one.line.number;
         out.push(link, nanos, direction, Kind::Data, &one.bytes);
     }
+    turns.note().into_iter().for_each(|note| out.note(note));
     Ok(())
 }
-
-const HALF_DAY: u64 = 12 * 3_600 * 1_000_000_000;
 
 fn untimed(whole: &Whole<'_>, options: &Options, out: &mut Imported) {
     let mut times = Untimed::new(options, out);
@@ -288,7 +288,7 @@ fn is_wrapped(whole: &Whole<'_>) -> bool {
 /// All messages, and the errors of invalid lines.
 fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
     let (mut whole, mut bad) = (Whole::default(), Vec::new());
-    let mut open: Option<Prefix> = None;
+    let mut open: Option<(Line<'_>, Prefix)> = None;
     let mut is_comment = false;
     let has_array = is_array(bytes);
     let texts: Vec<(Line<'_>, String)> = lines(bytes)
@@ -307,12 +307,30 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
         .filter(|(_, text)| !text.trim().is_empty())
         .collect();
     let ends = Ends::of(texts.iter().map(|(_, text)| text.as_str()));
-    let texts: Vec<(Line<'_>, String)> = texts
+    let mut cuts = Cuts::default();
+    let mut texts: Vec<(Line<'_>, String)> = texts
         .into_iter()
-        .map(|(line, text)| (line, ends.told(&text).into_owned()))
+        .map(|(line, text)| {
+            let text = ends.told(&text);
+            let shown = ellipsis::without(&text).inspect(|_| cuts.add(line.number));
+            (line, shown.unwrap_or(&text).to_owned())
+        })
         .collect();
     whole.notes.clone_from(&ends.notes);
-    match base::of(texts.iter().map(|(_, text)| prefix::split(text).1)) {
+    whole.notes.extend(cuts.note());
+    match leading::remove(&mut texts) {
+        Ok(note) => whole.notes.extend(note),
+        Err((index, message)) => bad.push(texts[index].0.wrong(message)),
+    }
+    let is_marked = texts
+        .iter()
+        .any(|(_, text)| prefix::split(text).0 != Prefix::default());
+    let around = if is_marked {
+        Around::Marks
+    } else {
+        Around::Nothing
+    };
+    match base::of(texts.iter().map(|(_, text)| prefix::split(text).1), around) {
         Ok(base) => whole.base = base,
         Err(message) => bad.extend(texts.first().map(|(line, _)| line.wrong(message))),
     }
@@ -335,6 +353,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
         }
         whole.take(line, prefix, &mut open, found);
     }
+    whole.add_pauses();
     whole.messages.retain(|one| !one.bytes.is_empty());
     whole.drop_arrows();
     (whole, bad)
@@ -357,23 +376,79 @@ impl<'a> Whole<'a> {
         self.messages.iter_mut().for_each(|one| one.is_sent = None);
     }
 
-    fn take(&mut self, line: Line<'a>, prefix: Prefix, open: &mut Option<Prefix>, found: Found) {
+    /// Adds up the times with a plus sign if they are pauses since the line before: they decrease,
+    /// or all are the same. Messages without bytes are pauses, too.
+    fn add_pauses(&mut self) {
+        let mut times: Vec<(usize, u64)> = Vec::new();
+        for one in &self.messages {
+            match one.at {
+                Some((nanos, Clock::Plus)) => times.push((one.line.number, nanos)),
+                Some(_) => return,
+                None => {}
+            }
+        }
+        times.dedup_by_key(|(line, _)| *line);
+        let [(_, first), .., (_, last)] = times[..] else {
+            return;
+        };
+        let is_sorted = times.is_sorted_by_key(|(_, nanos)| *nanos);
+        if is_sorted && (first != last || first == 0) {
+            self.notes.push(
+                "the times with a plus sign never decrease: they are taken as times since the start"
+                    .to_owned(),
+            );
+            return;
+        }
+        self.notes.push(
+            "the times with a plus sign are taken as pauses since the line before, because they \
+             do not increase"
+                .to_owned(),
+        );
+        let (mut line, mut sum) = (0, 0_u64);
+        for one in &mut self.messages {
+            let Some((nanos, _)) = one.at else { continue };
+            if one.line.number != line {
+                (line, sum) = (one.line.number, sum.saturating_add(nanos));
+            }
+            one.at = Some((sum, Clock::Seconds));
+        }
+    }
+
+    /// Adds a line without bytes whose time may be a pause.
+    fn pause(&mut self, line: Line<'a>, at: Option<(u64, Clock)>) {
+        if let Some((_, Clock::Plus)) = at {
+            self.messages.push(Message::new(line, at, None, Vec::new()));
+        }
+    }
+
+    fn take(
+        &mut self,
+        line: Line<'a>,
+        prefix: Prefix,
+        open: &mut Option<(Line<'a>, Prefix)>,
+        found: Found,
+    ) {
         self.evident += found.evident;
         self.groups += found.groups;
         self.has_marks |= found.has_marks;
         let is_new = prefix.at.is_some() || prefix.is_sent.is_some();
         // A line with only a time or a direction is the head of the lines below.
         if is_new && found.bytes.is_empty() {
-            *open = Some(prefix);
+            self.pause(line, prefix.at);
+            *open = Some((line, prefix));
             return;
         }
-        let head = if is_new { Some(prefix) } else { open.take() };
+        let head = if is_new {
+            Some((line, prefix))
+        } else {
+            open.take()
+        };
         match (head, self.messages.last_mut()) {
             (None, Some(last)) if last.at.is_some() || last.is_sent.is_some() => {
                 last.bytes.extend(found.bytes);
             }
             (head, _) => {
-                let head = head.unwrap_or_default();
+                let (line, head) = head.unwrap_or((line, Prefix::default()));
                 self.messages.push(Message {
                     line,
                     at: head.at,

@@ -118,6 +118,17 @@ pub struct Imported {
     pub notes: Vec<String>,
     pub(super) clock: &'static str,
     is_untimed: bool,
+    /// Line of the next record, from 1; 0 if the file has no lines.
+    pub(super) line: usize,
+    /// Records whose time is before that of the previous record of their link.
+    backwards: Vec<Place>,
+}
+
+/// Place of a record in its file.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    line: usize,
+    record: usize,
 }
 
 impl Imported {
@@ -128,6 +139,8 @@ impl Imported {
             notes: Vec::new(),
             clock: "utc",
             is_untimed: false,
+            line: 0,
+            backwards: Vec::new(),
         }
     }
 
@@ -192,6 +205,13 @@ impl Imported {
         bytes: &[u8],
     ) {
         let number = self.records.len() as u64;
+        let last = self.records.iter().rfind(|record| record.link == link);
+        if last.is_some_and(|last| nanos < last.at.as_nanos()) {
+            self.backwards.push(Place {
+                line: self.line,
+                record: self.records.len() + 1,
+            });
+        }
         self.records.push(Record {
             link,
             sequence: Some(number),
@@ -205,8 +225,27 @@ impl Imported {
         });
     }
 
+    /// Notes the records whose time is before that of the previous record.
+    pub(super) fn note_backwards(&mut self) {
+        let Some(first) = self.backwards.first() else {
+            return;
+        };
+        let place = match first.line {
+            0 => format!("record {}", first.record),
+            line => format!("line {line}"),
+        };
+        let more = match self.backwards.len() {
+            1 => String::new(),
+            count => format!(", and at {} more places", count - 1),
+        };
+        self.note(format!(
+            "the times go backwards at {place}{more}: the order of the file and its times are kept"
+        ));
+    }
+
     /// Sorts the records by time and numbers them.
     pub(super) fn sort(&mut self) {
+        self.backwards.clear();
         self.records.sort_by_key(|record| record.at);
         for (number, record) in (0..).zip(&mut self.records) {
             record.sequence = Some(number);

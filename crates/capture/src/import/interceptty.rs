@@ -9,21 +9,23 @@
 //! The format is known from the program's source. Without -T there are no times.
 
 use super::Look;
+use super::hextext::{Clock, Turns};
 use super::imported::{ImportError, Imported, Options, Untimed};
-use super::text::{decimal_nanos, lines, moment};
+use super::text::{Line, decimal_nanos, lines, moment};
 use crate::Kind;
 use engine::hex;
 
 struct Row {
+    line: usize,
     /// Time since midnight; `None` for a row that continues, or without -T.
     nanos: Option<u64>,
     is_received: bool,
     bytes: Vec<u8>,
 }
 
-fn row(text: &[u8]) -> Option<Row> {
+fn row(line: &Line<'_>) -> Option<Row> {
     // A byte above 127 is written unchanged as text, which is not valid UTF-8.
-    let text = &*String::from_utf8_lossy(text);
+    let text = &*String::from_utf8_lossy(line.text);
     let (nanos, rest) = match text.strip_prefix('[') {
         Some(inside) => {
             let (time, rest) = inside.split_once(']')?;
@@ -50,6 +52,7 @@ fn row(text: &[u8]) -> Option<Row> {
         };
     }
     (!bytes.is_empty()).then_some(Row {
+        line: line.number,
         nanos,
         is_received,
         bytes,
@@ -83,18 +86,19 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     let rows = lines(bytes).filter(|line| !is_note(line.text));
     let mut rows = rows.take(super::LINES_LOOKED_AT).peekable();
     rows.peek()?;
-    let is_own = |text: &[u8]| {
+    let is_own = |line: Line<'_>| {
+        let text = line.text;
         let is_prefixed = text.windows(2).any(|two| two == b"0x") || text.starts_with(b"[");
-        is_prefixed && row(text).is_some()
+        is_prefixed && row(&line).is_some()
     };
-    rows.all(|line| is_own(line.text)).then_some(Look::Surely)
+    rows.all(is_own).then_some(Look::Surely)
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     let rows = lines(bytes).filter(|line| !is_note(line.text));
     let expected = "expected \"> 0xAB (.)\" or \"< 0xAB (.)\", as interceptty writes";
     let rows: Result<Vec<Row>, ImportError> = rows
-        .map(|line| row(line.text).ok_or_else(|| line.wrong(expected)))
+        .map(|line| row(&line).ok_or_else(|| line.wrong(expected)))
         .collect();
     let rows = rows?;
     if rows.iter().any(|row| row.nanos.is_some()) {
@@ -115,15 +119,11 @@ fn timed(rows: &[Row], options: &Options, out: &mut Imported) {
     out.clock = "virtual";
     out.note("interceptty's times are of the day: the capture counts from midnight");
     let link = out.link(&options.link, options);
-    const DAY: u64 = 86_400 * 1_000_000_000;
-    let (mut days, mut last) = (0, 0);
+    let (mut turns, mut last) = (Turns::of(Clock::Day, core::iter::empty()), 0);
     for row in rows {
-        let mut nanos = row.nanos.map_or(last, |nanos| nanos + days);
-        if nanos + DAY / 2 < last {
-            days += DAY;
-            nanos += DAY;
-        }
+        let nanos = row.nanos.map_or(last, |nanos| turns.nanos(nanos, row.line));
         last = nanos;
+        out.line = row.line;
         out.push(
             link,
             nanos,
@@ -132,6 +132,7 @@ fn timed(rows: &[Row], options: &Options, out: &mut Imported) {
             &row.bytes,
         );
     }
+    turns.note().into_iter().for_each(|note| out.note(note));
 }
 
 #[cfg(test)]

@@ -45,6 +45,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
                 alias
             };
             let link = out.link(name, options);
+            out.line = line.number;
             block = Some((nanos, link, Vec::new()));
             continue;
         }

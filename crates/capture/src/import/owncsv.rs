@@ -49,6 +49,7 @@ fn record(row: &CellRow<'_>, options: &Options, out: &mut Imported) -> Result<()
     let kind = kind(event).ok_or_else(|| wrong("data or an event as \"port closed\""))?;
     let bytes = hex::bytes(bytes).ok_or_else(|| wrong("bytes as pairs of hex digits"))?;
     let link = out.link(link, options);
+    out.line = row.line.number;
     out.push(link, nanos, direction, kind, &bytes);
     if let Some(last) = out.records.last_mut() {
         last.comment.clone_from(comment);

@@ -78,6 +78,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             None => {
                 if let Some(head) = head(line.text) {
                     let bytes = Vec::new();
+                    out.line = line.number;
                     block = Some(Block { head, bytes });
                 } else if [b"> ", b"< "]
                     .iter()

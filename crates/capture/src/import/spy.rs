@@ -81,6 +81,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             None if offset > 0 => return Err(line.wrong("expected offset 0000 first")),
             _ => {
                 flush(link, open.take(), options, out);
+                out.line = line.number;
                 open = Some((row.nanos, is_received, bytes));
             }
         }

@@ -13,7 +13,9 @@ use serde_json::Value;
 
 use super::Look;
 use super::cells;
-use super::hextext::{Base, Clock, Ends, Message, base_of, bytes_of, emit, is_sent, split_prefix};
+use super::hextext::{
+    Around, Base, Clock, Ends, Message, base_of, bytes_of, emit, is_sent, scaled, split_prefix,
+};
 use super::imported::{ImportError, Imported, Options};
 use super::journal;
 use super::text::{DECIMAL_COMMA, Line, decimal_nanos, lines, utf8};
@@ -182,7 +184,7 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
             .iter()
             .filter_map(|(_, cells)| cells.get(columns.bytes))
     };
-    let base = base_of(texts().map(String::as_str)).ok()?;
+    let base = base_of(texts().map(String::as_str), Around::Marks).ok()?;
     let sound = texts().filter(|text| !text.is_empty() && bytes_of(text, base).is_ok());
     (sound.count() > 0).then_some(Look::Surely)
 }
@@ -204,7 +206,8 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         .iter()
         .map(|(_, cells)| cell(cells, columns.bytes))
         .collect();
-    let base = base_of(texts.iter().map(String::as_str)).map_err(ImportError::of_file)?;
+    let base = base_of(texts.iter().map(String::as_str), Around::Marks);
+    let base = base.map_err(ImportError::of_file)?;
     if base == Base::Decimal {
         out.note("the numbers are taken as decimal: none has a letter or a 0x");
     }
@@ -214,9 +217,17 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     });
     let ends = ways.unwrap_or_default();
     ends.notes.iter().for_each(|note| out.note(note));
-    let mut messages = Vec::new();
+    let (mut messages, mut skipped) = (Vec::new(), 0);
     for ((line, cells), text) in table.rows.iter().zip(&texts) {
         if text.is_empty() {
+            skipped += 1;
+            // The pause before a row without bytes counts.
+            let at = columns
+                .time
+                .map(|column| (cell(cells, column), &table.names[column]));
+            let at = at.and_then(|(text, name)| time(&text, name, *line).ok());
+            let pause = at.filter(|(_, clock)| *clock == Clock::Plus);
+            messages.extend(pause.map(|at| Message::new(*line, Some(at), None, Vec::new())));
             continue;
         }
         let found = bytes_of(text, base).map_err(|message| line.wrong(message))?;
@@ -242,31 +253,48 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         };
         messages.push(Message::new(*line, at, way, found));
     }
-    let left = table.rows.len() - messages.len();
-    if left > 0 {
-        out.note(format!("{left} rows without bytes are skipped"));
+    if skipped > 0 {
+        out.note(format!("{skipped} rows without bytes are skipped"));
     }
     emit(messages, options, out)
 }
 
 /// Parses the time in a cell: a number in the unit of its column, or a date.
 fn time(text: &str, name: &str, line: Line<'_>) -> Result<(u64, Clock), ImportError> {
-    if let (Some(at), "") = (split_prefix(text).0.at, split_prefix(text).1)
+    let plain = text.strip_prefix('+').unwrap_or(text);
+    if let (Some(at), "") = (split_prefix(plain).0.at, split_prefix(plain).1)
+        && !is_number(plain)
         && at.1 != Clock::Seconds
     {
         return Ok(at);
     }
     let wrong = || line.wrong("expected a number, a date or a time of the day as the time");
-    let number = decimal_nanos(text).ok_or_else(wrong)?;
-    let whole = number / 1_000_000_000;
-    // The size shows whether a time is seconds, milliseconds, microseconds or nanoseconds since
-    // 1970.
-    let unit = unit(name).unwrap_or(match whole {
-        0..100_000_000_000 => 1_000_000_000,
-        100_000_000_000..100_000_000_000_000 => 1_000_000,
-        _ => 1_000,
+    // The number of digits shows whether a time is seconds, milliseconds, microseconds or
+    // nanoseconds since 1970.
+    let unit = unit(name).unwrap_or(match plain.find(['.', ',']).unwrap_or(plain.len()) {
+        0..=11 => 1_000_000_000,
+        12..=14 => 1_000_000,
+        15..=17 => 1_000,
+        _ => 1,
     });
-    Ok((number / (1_000_000_000 / unit), Clock::Seconds))
+    let nanos = scaled(plain, unit)
+        .or_else(|| Some(decimal_nanos(plain)? / (1_000_000_000 / unit)))
+        .ok_or_else(wrong)?;
+    let clock = match nanos {
+        _ if plain != text => Clock::Plus,
+        SINCE_1970.. => Clock::Utc,
+        _ => Clock::Seconds,
+    };
+    Ok((nanos, clock))
+}
+
+/// Nanoseconds from 1970 to 2001: longer times count from 1970.
+const SINCE_1970: u64 = 1_000_000_000_000_000_000;
+
+/// Whether a cell is a number, whose unit the name of the column tells.
+fn is_number(text: &str) -> bool {
+    text.bytes()
+        .all(|byte| byte.is_ascii_digit() || byte == b'.')
 }
 
 #[cfg(test)]

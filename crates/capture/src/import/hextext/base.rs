@@ -18,6 +18,15 @@ pub(in crate::import) enum Base {
     Text,
 }
 
+/// Text around the numbers of a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::import) enum Around {
+    /// Nothing: a dump may have written them.
+    Nothing,
+    /// Times, directions or other columns, as logs and tables have; they have no octal numbers.
+    Marks,
+}
+
 /// Counts of number forms in a text.
 #[derive(Default)]
 struct Shape {
@@ -45,7 +54,10 @@ struct Shape {
 ///
 /// # Errors
 /// If two bases are possible.
-pub(in crate::import) fn of<'a>(bodies: impl Iterator<Item = &'a str>) -> Result<Base, String> {
+pub(in crate::import) fn of<'a>(
+    bodies: impl Iterator<Item = &'a str>,
+    around: Around,
+) -> Result<Base, String> {
     let mut shape = Shape::default();
     let (mut is_list, mut is_text, mut is_quoted) = (false, false, false);
     for body in bodies {
@@ -59,7 +71,7 @@ pub(in crate::import) fn of<'a>(bodies: impl Iterator<Item = &'a str>) -> Result
     match (is_text, is_quoted) {
         (true, _) => Ok(Base::Text),
         (_, true) => Ok(Base::Hex),
-        _ => shape.base(is_list),
+        _ => shape.base(is_list, around),
     }
 }
 
@@ -100,7 +112,7 @@ impl Shape {
         self.is_last_short = token.len() == 1;
     }
 
-    fn base(&self, is_list: bool) -> Result<Base, String> {
+    fn base(&self, is_list: bool, around: Around) -> Result<Base, String> {
         let [ones, twos, threes] = self.lens;
         if self.is_marked || self.all == 0 {
             return Ok(Base::Hex);
@@ -112,12 +124,23 @@ impl Shape {
                 whole_ones > 0 && self.padded == 0 && ones + twos == self.all && self.negative == 0;
             return Ok(if is_loose { Base::Loose } else { Base::Hex });
         }
-        if threes == self.all && self.octal == threes && self.zeros > 0 {
-            return Ok(Base::Octal);
-        }
+        let is_padded = threes == self.all && self.zeros > 0;
         let are_bytes = self.decimal == threes && self.longer == 0 && self.padded == 0;
-        if are_bytes && self.zeros == 0 && (threes > 0 || self.negative > 0) {
-            return Ok(Base::Decimal);
+        let is_decimal =
+            are_bytes && (is_padded || self.zeros == 0) && (threes > 0 || self.negative > 0);
+        let is_octal = is_padded && self.octal == threes;
+        match (is_octal, is_decimal) {
+            (true, true) if is_list || around == Around::Marks => return Ok(Base::Decimal),
+            (true, true) => {
+                return Err(
+                    "numbers of three digits, which may be decimal or octal: write them as \
+                     0x0A, or as [010, 005] if they are decimal"
+                        .to_owned(),
+                );
+            }
+            (true, false) => return Ok(Base::Octal),
+            (false, true) => return Ok(Base::Decimal),
+            (false, false) => {}
         }
         if self.words == self.all && self.all >= 4 {
             return Err(
@@ -144,7 +167,7 @@ mod tests {
     use super::*;
 
     fn base(text: &str) -> Option<Base> {
-        of(text.lines()).ok()
+        of(text.lines(), Around::Nothing).ok()
     }
 
     #[test]
@@ -164,10 +187,17 @@ mod tests {
             ("[1, 3, 0, 0, 0, 2]", Some(Base::Decimal)),
             ("[10, 20, 30]", Some(Base::Decimal)),
             ("253 044 012 000 331", Some(Base::Octal)),
+            ("001 003 196 011", Some(Base::Decimal)),
+            ("001 003 000 009", Some(Base::Decimal)),
+            ("[001, 003, 000, 255]", Some(Base::Decimal)),
+            ("001 003 000 255", None),
             ("1 3 0 10", None),
             ("022253 000012 125731 020044", None),
         ] {
             assert_eq!(base(text), expected, "{text}");
         }
+        let of_log = |text: &str| of(text.lines(), Around::Marks).ok();
+        assert_eq!(of_log("001 003 000 255"), Some(Base::Decimal));
+        assert_eq!(of_log("001 003 000 377"), Some(Base::Octal));
     }
 }

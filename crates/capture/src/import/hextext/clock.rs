@@ -3,12 +3,15 @@
 //! ```text
 //! 2026-11-27 12:11:23.5    2026-11-27T12:11:23+02:00    11/27/2026 12:11:23 PM
 //! Fri Nov 27 12:11:23 2026      27-Nov-2026 12:11:23      Nov 27 12:11:23, without a year
-//! 12:11:23.000501      12:11:23:501      0.000501      +1.5s      24 ms
+//! 12:11:23.000501      12:11:23:501      59:58.02      0.000501      +1.5s      24 ms
+//! 1682942398.5, 1682942398500      seconds or milliseconds since 1970
 //! ```
 
 mod elapsed;
 
-use crate::import::text::{decimal_nanos, moment, zone};
+pub(in crate::import) use elapsed::scaled;
+
+use crate::import::text::{decimal_nanos, moment, number as digits, zone};
 
 /// Origin of a time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,13 +24,18 @@ pub(in crate::import) enum Clock {
     Year,
     /// Midnight, for a time of day.
     Day,
+    /// The full hour or the start of the recording, for minutes and seconds.
+    Hour,
     /// The start of the recording.
     Seconds,
+    /// The start of the recording or the line before, for a number with a plus sign.
+    Plus,
 }
 
 const SECOND: u64 = 1_000_000_000;
 const HALF: u64 = 12 * 3_600 * SECOND;
 const DAY: u64 = 2 * HALF;
+const HOUR: u64 = 3_600 * SECOND;
 /// Maximum number of words before a time within a line.
 const WORDS_MAX: usize = 6;
 const MONTHS: [&str; 12] = [
@@ -63,11 +71,14 @@ pub(super) fn at_beginning<'a>(
     if let Some(nanos) = of_day(word) {
         return Some(((nanos, Clock::Day), behind));
     }
+    if let Some(nanos) = of_hour(word) {
+        return Some(((nanos, Clock::Hour), behind));
+    }
     elapsed::read(word, behind)
 }
 
 /// A time among the first words of a line: with a date, `12:11:23` in brackets or after other
-/// words, or the milliseconds of ESP-IDF, `I (357)`.
+/// words, a number since 1970 or with a plus sign, or the milliseconds of ESP-IDF, `I (357)`.
 pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
     let is_divider = |c: char| c.is_whitespace() || "[]".contains(c);
     let words = text.split(is_divider).filter(|word| !word.is_empty());
@@ -83,6 +94,9 @@ pub(super) fn within(text: &str) -> Option<(u64, Clock)> {
     };
     if let Some(nanos) = words.iter().find_map(of_word) {
         return Some((nanos, Clock::Day));
+    }
+    if let Some(found) = words.iter().find_map(|word| elapsed::within(word)) {
+        return Some(found);
     }
     let [level, ticks, ..] = words[..] else {
         return None;
@@ -300,6 +314,16 @@ fn of_day(word: &str) -> Option<u64> {
     Some(seconds * SECOND + fraction)
 }
 
+/// `59:58.02`, minutes and seconds; the fraction is required, as in [`of_day`].
+fn of_hour(word: &str) -> Option<u64> {
+    let (minutes, rest) = word.split_once(':')?;
+    let (seconds, fraction) = rest.split_once(['.', ','])?;
+    let minutes = digits(minutes).filter(|_| minutes.len() <= 4)?;
+    let seconds = number(seconds, 2).filter(|&seconds| seconds <= 60)?;
+    let fraction = digits(fraction).and(decimal_nanos(&format!("0.{fraction}")))?;
+    Some((minutes * 60 + seconds) * SECOND + fraction)
+}
+
 /// A time without its zone, and the zone's seconds east of Greenwich: `Z`, `+01:00`, `-0500` or
 /// `+01`.
 fn without_zone(time: &str) -> (&str, Option<i64>) {
@@ -343,6 +367,67 @@ impl Years {
         }
         self.last = at + self.before;
         self.last
+    }
+}
+
+/// Puts the times of a clock in order that begins again at midnight or at the full hour.
+pub(in crate::import) struct Turns {
+    /// Time after which the clock begins again.
+    period: Option<u64>,
+    before: u64,
+    last: u64,
+    /// Line of the first turn, and the number of turns.
+    lines: Option<(usize, usize)>,
+}
+
+impl Turns {
+    /// The turns of a clock with these times.
+    pub(in crate::import) fn of(clock: Clock, times: impl Iterator<Item = u64>) -> Self {
+        let mut times = times;
+        let period = match clock {
+            Clock::Day => Some(DAY),
+            // Minutes above 59 are counted from the start.
+            Clock::Hour => (!times.any(|at| at >= HOUR)).then_some(HOUR),
+            _ => None,
+        };
+        Self {
+            period,
+            before: 0,
+            last: 0,
+            lines: None,
+        }
+    }
+
+    /// Nanoseconds from the beginning of the first period, of a time in a line.
+    pub(in crate::import) fn nanos(&mut self, at: u64, line: usize) -> u64 {
+        let Some(period) = self.period else {
+            return at;
+        };
+        if at + self.before + period / 2 < self.last {
+            self.before += period;
+            let (first, count) = self.lines.unwrap_or((line, 0));
+            self.lines = Some((first, count + 1));
+        }
+        let here = at + self.before;
+        // A line that is late by less than a second may belong before the turn.
+        let earlier = here.saturating_sub(period);
+        let is_late = self.before > 0 && earlier < self.last && earlier + SECOND > self.last;
+        self.last = if is_late { earlier } else { here };
+        self.last
+    }
+
+    /// The note about the turns.
+    pub(in crate::import) fn note(&self) -> Option<String> {
+        let (first, count) = self.lines?;
+        let clock = match self.period? {
+            DAY => "time of day begins again, as at midnight",
+            _ => "minutes begin again, as at the full hour",
+        };
+        let more = match count {
+            1 => String::new(),
+            _ => format!(" (in the whole file {count} times)"),
+        };
+        Some(format!("line {first}: the {clock}{more}"))
     }
 }
 

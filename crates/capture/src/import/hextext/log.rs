@@ -24,13 +24,16 @@ mod words;
 
 use super::clock::{self, Clock};
 use super::column::without_column;
+use super::ellipsis::{self, Cuts};
 use super::ends::{Ends, label};
+use super::leading;
 use super::prefix::{self, Prefix};
 use super::{Message, Whole, emit};
 use crate::import::Look;
 use crate::import::imported::{ImportError, Imported, Options};
 use crate::import::text::{Line, lines};
 use engine::hex;
+use literals::Forms;
 use runs::{Run, best, runs};
 use stated::told;
 use words::{direction, told_by};
@@ -46,6 +49,8 @@ struct Piece {
     told: Option<usize>,
     /// Whether no text precedes the bytes.
     is_bare: bool,
+    /// Whether the tool cut the bytes.
+    is_cut: bool,
 }
 
 /// Arrows; arrows of one character count only directly before the bytes.
@@ -121,6 +126,7 @@ fn directed(text: &str) -> Vec<Piece> {
             evident: run.evident,
             has_marks: run.has_marks,
             is_bare: false,
+            is_cut: ellipsis::begins(&text[run.end..]),
         });
     }
     let is_whole = is_tail(&text[end..], &Run::default());
@@ -156,6 +162,7 @@ fn piece(text: &str) -> Option<Piece> {
         prefix,
         told: told(head).or_else(|| told(tail)),
         is_bare,
+        is_cut: ellipsis::begins(tail),
         bytes: run.bytes,
         evident: run.evident,
         has_marks: run.has_marks,
@@ -312,14 +319,9 @@ struct Open<'a> {
     told: Option<usize>,
 }
 
-/// All bytes of a line, literals first if the file has some.
-fn pieces(text: &str, has_literals: bool) -> Vec<Piece> {
-    let text = without_column(text);
-    let found = if has_literals {
-        literals::pieces(text)
-    } else {
-        Vec::new()
-    };
+/// All bytes of a line, literals and lists first if the file has some.
+fn pieces(text: &str, forms: Forms) -> Vec<Piece> {
+    let found = literals::pieces(text, forms);
     if !found.is_empty() {
         return found;
     }
@@ -333,27 +335,38 @@ fn pieces(text: &str, has_literals: bool) -> Vec<Piece> {
 fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
     let (mut whole, mut rest, mut error) = (Whole::default(), Vec::new(), None);
     let mut open: Option<Open<'_>> = None;
-    let texts: Vec<(Line<'_>, String)> = lines(bytes)
+    let mut texts: Vec<(Line<'_>, String)> = lines(bytes)
         .map(|line| (line, plain(line.text).trim_end().to_owned()))
         .collect();
-    let has_literals = texts.iter().any(|(_, text)| literals::is_in(text));
+    let forms = Forms::of(texts.iter().map(|(_, text)| text.as_str()));
     let ends = Ends::of(texts.iter().map(|(_, text)| text.as_str()));
     whole.notes.clone_from(&ends.notes);
+    for (_, text) in &mut texts {
+        *text = ends.told(without_column(text)).into_owned();
+    }
+    // In a log, a marked number may be anything.
+    whole
+        .notes
+        .extend(leading::remove(&mut texts).ok().flatten());
+    let mut cuts = Cuts::default();
     for (line, text) in texts {
-        let text = ends.told(&text).into_owned();
         if text.is_empty() {
             continue;
         }
-        let found = pieces(&text, has_literals);
+        let found = pieces(&text, forms);
         if found.is_empty() {
             let prefix = prefix_of(&text);
             error = error.or(close(open.take(), &mut whole, &mut rest));
+            whole.pause(line, prefix.at);
             // A line with only a direction is the head of the lines below.
             if prefix.is_sent.is_some() {
                 open = Some(of(line, prefix, told(&text)));
             } else {
                 rest.push(line);
             }
+        }
+        if found.iter().any(|found| found.is_cut) {
+            cuts.add(line.number);
         }
         for found in found {
             whole.evident += found.evident;
@@ -370,6 +383,9 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
         }
     }
     error = error.or(close(open.take(), &mut whole, &mut rest));
+    whole.notes.extend(cuts.note());
+    whole.add_pauses();
+    whole.messages.retain(|one| !one.bytes.is_empty());
     (whole, rest, error)
 }
 
@@ -410,10 +426,14 @@ pub(in crate::import) fn look(bytes: &[u8]) -> Option<Look> {
         return None;
     }
     const LINES: usize = 200;
-    let mut first = lines(head).take(LINES);
-    first
-        .any(|line| !pieces(plain(line.text).trim_end(), true).is_empty())
-        .then_some(())?;
+    let mut first: Vec<(Line<'_>, String)> = lines(head)
+        .take(LINES)
+        .map(|line| (line, without_column(plain(line.text).trim_end()).to_owned()))
+        .collect();
+    // Only the lines matter here, not the note.
+    drop(leading::remove(&mut first));
+    let has_bytes = |(_, text): &(Line<'_>, String)| !pieces(text, Forms::ALL).is_empty();
+    first.iter().any(has_bytes).then_some(())?;
     let (whole, rest, _) = parse(bytes);
     let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
     let is_told = |one: &Message<'_>| one.is_sent.is_some() || one.at.is_some();

@@ -12,7 +12,7 @@ pub(in crate::import) struct Prefix {
     /// Whether the direction is only an arrow to the right after the time, which the Arduino IDE
     /// and PlatformIO write before received text.
     pub(in crate::import) is_arrow: bool,
-    /// Number of bytes that the line states behind its direction.
+    /// Number of bytes that the line states before them.
     pub(in crate::import) told: Option<usize>,
 }
 
@@ -70,7 +70,11 @@ fn split_with(text: &str, direction: fn(&str) -> Option<bool>) -> (Prefix, &str)
             (prefix.is_sent, rest) = (Some(is_sent), behind);
         } else if prefix != Prefix::default() && matches!(word, "-" | "|" | ":" | ",") {
             rest = behind;
-        } else if let Some((told, behind)) = stated(rest).filter(|_| prefix.is_sent.is_some()) {
+        } else if let Some((told, behind)) = stated(rest)
+            .filter(|_| prefix.is_sent.is_some())
+            .or_else(|| named(rest))
+            .filter(|_| prefix.told.is_none())
+        {
             (prefix.told, rest) = (Some(told), behind);
         } else {
             return (prefix, rest);
@@ -78,27 +82,28 @@ fn split_with(text: &str, direction: fn(&str) -> Option<bool>) -> (Prefix, &str)
     }
 }
 
-/// The number of bytes that a text begins with, and the rest: `(10):`, `[10]:`, `10:` or `len=10`;
-/// without the colon only if so many numbers follow.
+/// The number of bytes that a text begins with, and the rest: `(10):`, `[10]:` or `10:`. Numbers
+/// without a colon need all lines, see [`super::leading`].
 fn stated(text: &str) -> Option<(usize, &str)> {
-    let lower = text.get(..8).unwrap_or(text).to_ascii_lowercase();
-    let name = ["length=", "len=", "n=", "size="];
-    if let Some(name) = name.iter().find(|name| lower.starts_with(**name)) {
-        let (count, behind) = digits(&text[name.len()..])?;
-        return Some((count, behind.trim_start_matches([':', ',']).trim_start()));
-    }
     let (count, behind) = match text.chars().next()? {
         '(' => bracketed(&text[1..], ')')?,
         '[' => bracketed(&text[1..], ']')?,
-        _ => {
-            let (count, behind) = digits(text)?;
-            behind.starts_with(": ").then_some((count, behind))?
-        }
+        _ => digits(text).filter(|(_, behind)| behind.starts_with(": "))?,
     };
-    let is_marked = behind.starts_with(':');
-    let behind = behind.trim_start_matches(':').trim_start();
-    let is_count = behind.split_whitespace().count() == count;
-    (is_marked || is_count).then_some((count, behind))
+    Some((count, behind.strip_prefix(':')?.trim_start()))
+}
+
+/// The number of bytes that a text names, and the rest: `len=10`, `length: 10`, `[len 10]`.
+fn named(text: &str) -> Option<(usize, &str)> {
+    let inside = text.trim_start_matches(['(', '[']);
+    let names = ["length", "len", "n", "size", "count"];
+    let end = inside.find(|c: char| !c.is_ascii_alphabetic())?;
+    let (name, behind) = inside.split_at(end);
+    let is_name = names.contains(&name.to_ascii_lowercase().as_str());
+    let behind = behind.trim_start_matches([' ', '=', ':']);
+    let (count, behind) = digits(behind).filter(|_| is_name)?;
+    let behind = behind.trim_start_matches([':', ',', ')', ']']);
+    (behind.is_empty() || behind.starts_with(' ')).then(|| (count, behind.trim_start()))
 }
 
 fn bracketed(text: &str, close: char) -> Option<(usize, &str)> {

@@ -186,3 +186,197 @@ fn lines_may_end_with_cr_alone() {
         ])
     );
 }
+
+/// Times in microseconds of a text in any form, and the notes.
+fn times(text: &str) -> (Vec<u64>, String) {
+    let format = Format::detect(text.as_bytes()).unwrap_or_else(|| panic!("{text}: no form"));
+    let found = read_format(text.as_bytes(), format, &Options::default());
+    let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+    let times = found.records().iter().map(|one| one.at.as_nanos() / 1000);
+    (times.collect(), found.notes.join("; "))
+}
+
+/// 500, 500 + 1,000 and 1,500 + 200 us. A line without bytes is a pause, too.
+#[test]
+fn times_with_a_plus_sign_are_pauses_if_they_do_not_increase() {
+    for text in [
+        "+0.0005 TX AB\n+0.001 RX 24\n+0.0002 TX 0A\n",
+        "+500us TX AB\n+1000us RX 24\n+200us TX 0A\n",
+        "[+0.0005] TX AB\n[+0.001] RX 24\n[+0.0002] TX 0A\n",
+        "+0.0005 TX:\nAB\n+0.001 RX:\n24\n+0.0002 TX: 0A\n",
+        "+0.0003 # open\n+0.0002 TX AB\n+0.001 RX 24\n+0.0002 TX 0A\n",
+        "Time,Direction,Data\n+0.0005,TX,AB\n+0.0009,,\n+0.0001,RX,24\n+0.0002,TX,0A\n",
+        "time_us,dir,data\n+500,TX,AB\n+1000,RX,24\n+200,TX,0A\n",
+        "TRACE +0.0005 Write 2 bytes: AB01\nTRACE +0.0004 no reply\nTRACE +0.0006 Read 2 bytes: \
+         24AF\nTRACE +0.0002 Write 2 bytes: 0AFF\n",
+    ] {
+        let (at, notes) = times(text);
+        assert_eq!(at, [500, 1_500, 1_700], "{text}");
+        let is_noted = notes.contains("pauses") && !notes.contains("backwards");
+        assert!(is_noted, "{text}: {notes}");
+    }
+    assert_eq!(times("+0.0005 TX AB\n+0.0005 RX 24\n").0, [500, 1_000]);
+    let (at, notes) = times("+0.0005 TX AB\n+0.001 RX 24\n");
+    assert_eq!(at, [500, 1_000]);
+    assert!(notes.contains("since the start"), "{notes}");
+}
+
+/// The clock was set back, or the lines are out of order: counted, with the first line.
+#[test]
+fn times_that_go_backwards_are_noted_in_all_forms() {
+    for text in [
+        "0.002 TX AB\n0.001 RX 24\n0.003 TX 0A\n",
+        "00:00:00.002 TX AB\n00:00:00.001 RX 24\n00:00:00.003 TX 0A\n",
+        "0.002 sent AB CD EF ok\n0.001 read AB CD EF ok\n0.003 sent AB CD EF ok\n",
+        "1970/01/01 00:00:00.002 TX AB\n1970/01/01 00:00:00.001 RX 24\n1970/01/01 00:00:00.003 TX 0A\n",
+        "0.002,TX,AB\n0.001,RX,24\n0.003,TX,0A\n",
+        "[0.002] TX: Hello\n[0.001] RX: You\n[0.003] TX: Bye\n",
+        "000000.002 TX   0000  AB\n000000.001 RX   0000  24\n000000.003 TX   0000  0A\n",
+    ] {
+        let head = if text.starts_with("0.002,") {
+            "time,dir,data\n"
+        } else {
+            ""
+        };
+        let (at, notes) = times(&format!("{head}{text}"));
+        assert_eq!(at, [2_000, 1_000, 3_000], "{text}");
+        let line = if head.is_empty() { 2 } else { 3 };
+        let expected = format!("go backwards at line {line}:");
+        assert!(notes.contains(&expected), "{text}: {notes}");
+    }
+    let (_, notes) = times("0.3 TX AB\n0.2 RX 24\n0.1 TX 0A\n");
+    assert!(notes.contains("line 2, and at 1 more places"), "{notes}");
+}
+
+/// Half a second before a turn of the clock, and after it; lines that are a little late stay so.
+#[test]
+fn a_clock_may_begin_again() {
+    for (first, second) in [
+        ("23:59:59.9", "00:00:00.4"),
+        ("59:59.90", "00:00.40"),
+        ("59:59.90", "60:00.40"),
+        ("1:59:59.9", "2:00:00.4"),
+        ("11/27/2026 11:59:59.900 PM", "11/28/2026 12:00:00.400 AM"),
+    ] {
+        let (at, notes) = times(&format!("{first} TX AB\n{second} RX 24\n"));
+        assert_eq!(at[1] - at[0], 500_000, "{first}");
+        assert!(!notes.contains("backwards"), "{notes}");
+        assert_eq!(notes.contains("begin"), second.starts_with("00"), "{notes}");
+    }
+    let (at, notes) = times("23:59:59.8 TX AB\n00:00:00.1 RX 24\n23:59:59.9 TX 0A\n");
+    assert_eq!([at[1] - at[0], at[1] - at[2]], [300_000, 200_000]);
+    assert!(notes.contains("backwards at line 3"), "{notes}");
+    assert_eq!(
+        times("59:58.02 TX AB\n59:59.03 RX 24").0,
+        [3_598_020_000, 3_599_030_000]
+    );
+}
+
+/// 1,732,871,400 s by `date -u`.
+#[test]
+fn seconds_since_1970_are_a_date() {
+    for text in [
+        "[1732871400.5] TX: AB 24\n",
+        "(1732871400.5) TX: AB 24\n",
+        "1732871400.5 TX: AB 24\n",
+        "1732871400.500000: TX: AB 24\n",
+        "1732871400500 TX AB 24\n",
+        "[DEBUG] [1732871400.500000000] [base]: Sent 3 bytes: AB 24 0A\n",
+        "ts,dir,data\n1732871400.5,TX,AB24\n",
+        "ts,dir,data\n1732871400500,TX,AB24\n",
+    ] {
+        let (at, _) = times(text);
+        assert_eq!(at, [1_732_871_400_500_000], "{text}");
+        let format = Format::detect(text.as_bytes()).expect("a form");
+        let found = read_format(text.as_bytes(), format, &Options::default()).expect("sound");
+        assert_eq!(found.clock, "utc", "{text}");
+    }
+}
+
+/// The bytes of these messages are shown in part: each line is counted.
+#[test]
+fn bytes_that_the_tool_cut_are_noted() {
+    for (lines, count) in [
+        (["TX: 01 03 00 ...", "RX: 01 03 04"], 1),
+        (["TX: 01 03 00...", "RX: 01 03 04..."], 2),
+        (["TX: 01 03 00 \u{2026}", "RX: 01 03 04"], 1),
+        (["TX: [0x01, 0x03, 0x00, ...]", "RX: [0x01, 0x03, 0x04]"], 1),
+        (["sent 01 03 00 ... C4 0B", "read 01 03 04"], 1),
+        (["sent 01 03 00 (5 more bytes)", "read 01 03 04"], 1),
+        (["sent 01 03 00 (truncated)", "read 01 03 04"], 1),
+        (
+            [
+                "log: sent b'\\x01\\x03\\x00'...",
+                "log: read b'\\x01\\x03\\x04'",
+            ],
+            1,
+        ),
+    ] {
+        let text = lines.join("\n");
+        let format = Format::detect(text.as_bytes()).unwrap_or_else(|| panic!("{text}: no form"));
+        let found = read_format(text.as_bytes(), format, &Options::default());
+        let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+        let bytes: Vec<&[u8]> = found.records().iter().map(|one| &*one.bytes).collect();
+        assert_eq!(bytes, [&[1, 3, 0][..], &[1, 3, 4]], "{text}");
+        let expected = format!("of {count} messages");
+        let notes = found.notes.join("; ");
+        assert!(
+            notes.contains(&expected) && notes.contains("is line 1"),
+            "{text}: {notes}"
+        );
+    }
+    let (_, notes) = times("0.1 TX: 01 02 03 04  ....\n0.2 RX: 30 31 00  01.\n");
+    assert!(!notes.contains("only the first"), "{notes}");
+}
+
+/// A number that states how many bytes follow, in all forms; 001 is decimal in a log.
+#[test]
+fn numbers_of_other_kinds_are_no_hex_bytes() {
+    for (text, expected) in [
+        (
+            "TX 3 10 5B 01\nRX 2 E5 AF\n",
+            [&[0x10, 0x5B, 1][..], &[0xE5, 0xAF]],
+        ),
+        (
+            "(3) 10 5B 01\n(2) E5 AF\n",
+            [&[0x10, 0x5B, 1], &[0xE5, 0xAF]],
+        ),
+        (
+            "len=3: 10 5B 01\nlen=2: E5 AF\n",
+            [&[0x10, 0x5B, 1], &[0xE5, 0xAF]],
+        ),
+        (
+            "TX [len 3] 10 5B 01\nRX [len 2] E5 AF\n",
+            [&[0x10, 0x5B, 1], &[0xE5, 0xAF]],
+        ),
+        (
+            "01: 10 5B 01\n02: E5 AF\n",
+            [&[0x10, 0x5B, 1], &[0xE5, 0xAF]],
+        ),
+        (
+            "port TX 3 10 5B 01\nopened\nport RX 2 E5 AF\n",
+            [&[0x10, 0x5B, 1], &[0xE5, 0xAF]],
+        ),
+        ("TX: 001 003 000\nRX: 001 255\n", [&[1, 3, 0], &[1, 255]]),
+        ("TX: 001 003 000\nRX: 001 011\n", [&[1, 3, 0], &[1, 11]]),
+        ("TX: [10, 30, 0]\nRX: [1, 255]\n", [&[10, 30, 0], &[1, 255]]),
+        (
+            "INFO sent [10, 30, 20] ok\nINFO got [1, 255] ok\n",
+            [&[10, 30, 20], &[1, 255]],
+        ),
+        (
+            "INFO sent [10, 30, 5]\nINFO wait\nINFO got [-1, 12]\n",
+            [&[10, 30, 5], &[255, 12]],
+        ),
+        (
+            "INFO sent [0a, 30, 05]\nINFO wait\nINFO got [10, 12]\n",
+            [&[10, 48, 5], &[16, 18]],
+        ),
+    ] {
+        let format = Format::detect(text.as_bytes()).unwrap_or_else(|| panic!("{text}: no form"));
+        let found = read_format(text.as_bytes(), format, &Options::default());
+        let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+        let bytes: Vec<&[u8]> = found.records().iter().map(|one| &*one.bytes).collect();
+        assert_eq!(bytes, expected, "{text}");
+    }
+}

@@ -2,7 +2,10 @@
 //!
 //! ```text
 //! 24.185 ms    24ms    [24 ms]    335215us    +0.024s    0.024185
+//! 1682942398.5      1682942398500      seconds or milliseconds since 1970
 //! ```
+
+use engine::hex;
 
 use super::{Clock, next_word};
 use crate::import::text::number;
@@ -10,7 +13,14 @@ use crate::import::text::number;
 /// Time that `word` holds, perhaps with its unit in the next word, and the rest of the text.
 /// A number without a unit counts in seconds and needs a fraction: other numbers may be bytes.
 pub(super) fn read<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a str)> {
-    let word = word.strip_prefix('+').unwrap_or(word);
+    let next = next_word(behind).map(|(word, _)| word.trim_end_matches([':', ',']));
+    if let Some(nanos) = since_1970(word, next) {
+        return Some(((nanos, Clock::Utc), behind));
+    }
+    let (word, clock) = match word.strip_prefix('+') {
+        Some(word) => (word, Clock::Plus),
+        None => (word, Clock::Seconds),
+    };
     let end = word.find(|c: char| !c.is_ascii_digit() && c != '.');
     let (digits, unit) = word.split_at(end.unwrap_or(word.len()));
     let (nanos, behind) = if unit.is_empty() {
@@ -26,7 +36,33 @@ pub(super) fn read<'a>(word: &str, behind: &'a str) -> Option<((u64, Clock), &'a
     } else {
         (scaled(digits, unit_nanos(unit.trim_start())?)?, behind)
     };
-    Some(((nanos, Clock::Seconds), behind))
+    Some(((nanos, clock), behind))
+}
+
+/// Time in a word among others: since 1970, or with a plus sign and a fraction.
+pub(super) fn within(word: &str) -> Option<(u64, Clock)> {
+    let word = word.trim_end_matches([':', ',']);
+    if let Some(nanos) = since_1970(word, None) {
+        return Some((nanos, Clock::Utc));
+    }
+    let is_plus = word.starts_with('+') && word.contains('.');
+    is_plus.then(|| read(word, "")).flatten().map(|(at, _)| at)
+}
+
+/// Nanoseconds since 1970 of `1682942398.5`, or of thirteen digits, milliseconds, or nineteen,
+/// nanoseconds. Ten digits may be bytes, unless a word that is no hex number stands behind them.
+fn since_1970(word: &str, next: Option<&str>) -> Option<u64> {
+    let is_before_word = next.is_some_and(|next| {
+        next.starts_with(|c: char| c.is_ascii_alphabetic()) && hex::bytes(next).is_none()
+    });
+    let unit = match word.find('.').unwrap_or(word.len()) {
+        10 if word.len() > "1682942398.".len() || is_before_word => SECOND,
+        13 => 1_000_000,
+        19 if word.len() == 19 => 1,
+        _ => return None,
+    };
+    // From 2001 to 2033.
+    scaled(word, unit).filter(|_| word.starts_with('1'))
 }
 
 const SECOND: u64 = 1_000_000_000;
@@ -46,7 +82,7 @@ fn unit_nanos(word: &str) -> Option<u64> {
 }
 
 /// Nanoseconds of a decimal number of units; digits below one nanosecond are cut.
-fn scaled(digits: &str, unit: u64) -> Option<u64> {
+pub(in crate::import) fn scaled(digits: &str, unit: u64) -> Option<u64> {
     let (whole, fraction) = match digits.split_once('.') {
         Some((whole, fraction)) => (whole, fraction),
         None => (digits, "0"),
@@ -98,6 +134,37 @@ mod tests {
         assert_eq!(time("2 min TX"), Some((120_000_000_000, "TX")));
         // Nine digits of a fraction count.
         assert_eq!(time("1.9999999999 ns TX"), Some((1, "TX")));
+    }
+
+    /// 1,682,942,398 s by `date -u -d '2023-05-01 11:59:58' +%s`.
+    #[test]
+    fn numbers_since_1970_count_in_the_unit_of_their_digits() {
+        for text in [
+            "1682942398.500000000 TX",
+            "[1682942398.5] TX",
+            "(1682942398.5) TX",
+            "1682942398.5: TX",
+            "1682942398500 TX",
+            "1682942398500: TX",
+            "1682942398500000000 TX",
+        ] {
+            let (word, behind) = next_word(text).expect("a word");
+            let expected = Some(((1_682_942_398_500_000_000, Clock::Utc), "TX"));
+            assert_eq!(read(word.trim_end_matches(':'), behind), expected, "{text}");
+        }
+        assert_eq!(
+            time("1682942398 TX 01"),
+            Some((1_682_942_398 * SECOND, "TX 01"))
+        );
+        for bytes in [
+            "1682942398",
+            "1682942398 AB",
+            "1682942398500000",
+            "9682942398500",
+            "168294239850x",
+        ] {
+            assert_eq!(time(bytes), None, "{bytes}");
+        }
     }
 
     #[test]

@@ -1,12 +1,14 @@
-//! Literals of bytes among the words of a line, as Python and Rust print them.
+//! Literals and lists of bytes among the words of a line, as Python, Rust and Java print them.
 //!
 //! ```text
 //! 2026-11-28 16:00:00.001 DEBUG port wrote b'~\x12\x01\x01=p~'
 //! sent b'AT\r\n', got b'OK\r\n'
+//! sent [1, 3, 0, 255]                                   decimal numbers
 //! ```
 
 use super::stated::told;
 use super::{Piece, prefix_of};
+use crate::import::hextext::ellipsis;
 use crate::import::hextext::tokens::escape;
 use engine::hex;
 
@@ -17,8 +19,84 @@ struct Literal {
     bytes: Vec<u8>,
 }
 
+/// What the file contains.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Forms {
+    /// Literals with more than digits.
+    has_literals: bool,
+    /// Lists of numbers all of which are decimal.
+    has_lists: bool,
+}
+
+impl Forms {
+    /// All forms, for a first look.
+    pub(super) const ALL: Self = Self {
+        has_literals: true,
+        has_lists: true,
+    };
+
+    /// The forms in `texts`.
+    pub(super) fn of<'a>(texts: impl Iterator<Item = &'a str> + Clone) -> Self {
+        let lists = || texts.clone().flat_map(lists);
+        Self {
+            has_literals: texts.clone().any(is_in),
+            has_lists: lists().any(|list| decimals(list).is_some())
+                && lists().all(|list| decimals(list).is_some() || hex_list(list).is_none()),
+        }
+    }
+}
+
+/// Insides of all brackets.
+fn lists(text: &str) -> impl Iterator<Item = &str> {
+    let behind = text.split('[').skip(1);
+    behind.filter_map(|behind| Some(behind.split_once(']')?.0))
+}
+
+/// Bytes of a list of two or more decimal numbers without leading zeros, perhaps with a sign.
+fn decimals(list: &str) -> Option<Vec<u8>> {
+    let byte = |word: &str| {
+        let word = word.trim();
+        let digits = word.strip_prefix('-').unwrap_or(word);
+        let is_plain = digits == "0" || !digits.starts_with(['0', '+']);
+        let signed = word.parse::<i8>().map(i8::cast_unsigned);
+        word.parse().or(signed).ok().filter(|_| is_plain)
+    };
+    list.contains(',')
+        .then(|| list.split(',').map(byte).collect())?
+}
+
+/// Bytes of a list of pairs of hex digits.
+fn hex_list(list: &str) -> Option<Vec<u8>> {
+    let words = list
+        .split(',')
+        .map(|word| hex::byte(word.trim().as_bytes()));
+    list.contains(',').then(|| words.collect())?
+}
+
+/// The first literal or list from `from` on.
+fn next(text: &str, from: usize, forms: Forms) -> Option<Literal> {
+    let literal = forms.has_literals.then(|| literal(text, from)).flatten();
+    let list = forms.has_lists.then(|| list(text, from)).flatten();
+    match (literal, list) {
+        (Some(literal), Some(list)) if list.start < literal.start => Some(list),
+        (literal, list) => literal.or(list),
+    }
+}
+
+/// The first list from `from` on.
+fn list(text: &str, from: usize) -> Option<Literal> {
+    lists(&text[from..]).find_map(|list| {
+        let start = list.as_ptr() as usize - text.as_ptr() as usize - 1;
+        Some(Literal {
+            start,
+            end: start + list.len() + "[]".len(),
+            bytes: decimals(list)?,
+        })
+    })
+}
+
 /// The first literal from `from` on.
-fn next(text: &str, from: usize) -> Option<Literal> {
+fn literal(text: &str, from: usize) -> Option<Literal> {
     let opens = text[from..].match_indices(['\'', '"']);
     opens
         .filter_map(|(at, quote)| {
@@ -53,9 +131,9 @@ fn decoded(text: &str, quote: char) -> Option<(Vec<u8>, usize)> {
 
 /// Whether a line holds a literal with more than digits. A text of hex digits alone may be digits
 /// in quotes.
-pub(super) fn is_in(text: &str) -> bool {
+fn is_in(text: &str) -> bool {
     let mut from = 0;
-    while let Some(found) = next(text, from) {
+    while let Some(found) = literal(text, from) {
         let shown = core::str::from_utf8(&found.bytes).unwrap_or("?");
         if !found.bytes.is_empty() && hex::bytes(shown).is_none() {
             return true;
@@ -65,12 +143,12 @@ pub(super) fn is_in(text: &str) -> bool {
     false
 }
 
-/// The literals of a line. The time before the first one holds for all of them; the direction holds
+/// The literals and lists of a line. The time before the first one holds for all of them; the direction holds
 /// until another one follows.
-pub(super) fn pieces(text: &str) -> Vec<Piece> {
+pub(super) fn pieces(text: &str, forms: Forms) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
     let mut from = 0;
-    while let Some(found) = next(text, from) {
+    while let Some(found) = next(text, from, forms) {
         let head = &text[from..found.start];
         let mut prefix = prefix_of(head);
         if let Some(last) = pieces.last() {
@@ -83,6 +161,7 @@ pub(super) fn pieces(text: &str) -> Vec<Piece> {
             has_marks: true,
             told: told(head),
             is_bare: pieces.is_empty() && head.trim().is_empty(),
+            is_cut: ellipsis::begins(&text[found.end..]),
             bytes: found.bytes,
         });
         from = found.end;

@@ -1,0 +1,124 @@
+//! Marks of tools that show only the first bytes of a message.
+//!
+//! ```text
+//! RX: 01 03 20 00 ...          also an ellipsis of one character, or (truncated)
+//! RX: 01 03 20 00 (28 more bytes)
+//! ```
+
+const ELLIPSES: [&str; 2] = ["...", "\u{2026}"];
+const CLOSERS: &[char] = &[' ', '\t', ']', ')', '}', '>'];
+const OPENERS: &[char] = &[' ', '\t', '[', '(', '{', '<'];
+
+/// The text without such a mark at its end; `None` if it has none.
+pub(super) fn without(text: &str) -> Option<&str> {
+    let inside = text.trim_end_matches(CLOSERS);
+    let before = ELLIPSES.iter().find_map(|mark| inside.strip_suffix(mark));
+    let before = before.filter(|before| !before.ends_with('.')).or_else(|| {
+        let at = inside.rfind(OPENERS)?;
+        is_word(&inside[at..]).then(|| &inside[..at])
+    });
+    before.map(|before| before.trim_end_matches(OPENERS))
+}
+
+/// Whether such a mark begins the text behind some bytes.
+pub(super) fn begins(tail: &str) -> bool {
+    let is_around = |c: char| CLOSERS.contains(&c) || OPENERS.contains(&c) || "\"',".contains(c);
+    let inside = tail.trim_start_matches(is_around);
+    let is_ellipsis = |mark: &&str| {
+        let behind = inside.strip_prefix(*mark);
+        behind.is_some_and(|behind| behind.is_empty() || behind.starts_with(is_around))
+    };
+    let words = inside.trim_start_matches(|c: char| c.is_ascii_digit() || "+ ".contains(c));
+    ELLIPSES.iter().any(|mark| is_ellipsis(&mark)) || is_word(inside) || is_more(words)
+}
+
+fn is_word(text: &str) -> bool {
+    let word = text.trim_matches(|c| OPENERS.contains(&c) || CLOSERS.contains(&c));
+    word.eq_ignore_ascii_case("truncated")
+}
+
+/// Whether a text is "more" or "more bytes".
+fn is_more(text: &str) -> bool {
+    let lower = text.to_ascii_lowercase();
+    let mut words = lower.split(|c: char| !c.is_ascii_alphabetic());
+    words.next() == Some("more") && matches!(words.next(), None | Some("" | "byte" | "bytes"))
+}
+
+/// Lines whose bytes the tool cut.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Cuts {
+    first: Option<usize>,
+    count: usize,
+}
+
+impl Cuts {
+    pub(super) fn add(&mut self, line: usize) {
+        self.first.get_or_insert(line);
+        self.count += 1;
+    }
+
+    /// The note about these lines.
+    pub(super) fn note(&self) -> Option<String> {
+        let (first, count) = (self.first?, self.count);
+        Some(format!(
+            "the log shows only the first bytes of {count} messages (\"...\" behind them), the \
+             first is line {first}: their frames are not complete"
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mark_behind_bytes_is_known() {
+        for (text, body) in [
+            ("01 03 ...", "01 03"),
+            ("01 03...", "01 03"),
+            ("01 03 \u{2026}", "01 03"),
+            ("01 03 [...]", "01 03"),
+            ("[01 03 ...]", "[01 03"),
+            ("01 03 (truncated)", "01 03"),
+            ("01 03 <Truncated>", "01 03"),
+        ] {
+            assert_eq!(without(text), Some(body), "{text}");
+            assert!(begins(&text[body.len()..]), "{text}");
+        }
+        for tail in [
+            " ... C4 0B",
+            "' ...",
+            " (28 more bytes)",
+            " +28 more",
+            "...)",
+        ] {
+            assert!(begins(tail), "{tail}");
+        }
+    }
+
+    /// A column of unprintable characters, and words of other meaning.
+    #[test]
+    fn other_text_is_no_mark() {
+        for text in [
+            "01 03 ....",
+            "01 03  ...A",
+            "'AB...'",
+            "01 03",
+            "not truncated at all",
+            "",
+        ] {
+            assert_eq!(without(text), None, "{text}");
+        }
+        for tail in [
+            " ....",
+            " ...A",
+            " (8 bytes)",
+            " no more",
+            " (retry)",
+            " moreover",
+            "",
+        ] {
+            assert!(!begins(tail), "{tail}");
+        }
+    }
+}
