@@ -14,6 +14,7 @@ use std::collections::BTreeMap;
 
 use super::Look;
 use super::hextext::escape;
+use super::hextext::{Clock, Turns};
 use super::imported::{ImportError, Imported, Options};
 use super::roles::link_of_path;
 use super::text::{Line, decimal_nanos, lines, moment, number};
@@ -23,7 +24,7 @@ use crate::Kind;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Call {
     pid: u64,
-    nanos: Option<u64>,
+    at: Option<(u64, Clock)>,
     name: String,
     /// The file descriptor, and its path if the line contains it.
     fd: Option<u64>,
@@ -48,7 +49,8 @@ struct Transfer<'a> {
     is_cut: bool,
 }
 
-fn call(text: &str) -> Option<Call> {
+/// The process and the time that a line begins with, and the rest.
+fn head(text: &str) -> Option<(Call, &str)> {
     let mut call = Call::default();
     let mut rest = text.trim_start();
     if let Some((pid, behind)) = rest
@@ -62,14 +64,19 @@ fn call(text: &str) -> Option<Call> {
         let Some((word, behind)) = rest.split_once(' ') else {
             break;
         };
-        if let Some(nanos) = time(word) {
-            (call.nanos, rest) = (Some(nanos), behind.trim_start());
+        if let Some(at) = time(word) {
+            (call.at, rest) = (Some(at), behind.trim_start());
         } else if let Some(pid) = number(word).filter(|_| call.pid == 0) {
             (call.pid, rest) = (pid, behind.trim_start());
         } else {
             break;
         }
     }
+    Some((call, rest))
+}
+
+fn call(text: &str) -> Option<Call> {
+    let (mut call, rest) = head(text)?;
     let arguments = match rest.strip_prefix("<... ") {
         Some(resumed) => {
             let (name, behind) = resumed.split_once(" resumed>")?;
@@ -107,13 +114,49 @@ fn call(text: &str) -> Option<Call> {
 }
 
 /// `12:11:23.000501`, `12:11:23`, or seconds.
-fn time(word: &str) -> Option<u64> {
+fn time(word: &str) -> Option<(u64, Clock)> {
     let (whole, fraction) = word.split_once('.').unwrap_or((word, "0"));
     if whole.contains(':') {
         let seconds = moment("1970-01-01", whole, '-')?;
-        return Some(seconds * 1_000_000_000 + decimal_nanos(&format!("0.{fraction}"))?);
+        let nanos = seconds * 1_000_000_000 + decimal_nanos(&format!("0.{fraction}"))?;
+        return Some((nanos, Clock::Day));
     }
-    decimal_nanos(word).filter(|_| word.contains('.'))
+    let nanos = decimal_nanos(word).filter(|_| word.contains('.'))?;
+    Some((nanos, Clock::Seconds))
+}
+
+/// Times of the lines from the first one on, which may be distances (`strace -r`) or go past
+/// midnight; notes about them.
+fn times(bytes: &[u8], out: &mut Imported) -> BTreeMap<usize, u64> {
+    let at = |line: Line<'_>| {
+        let (head, _) = head(core::str::from_utf8(line.text).ok()?)?;
+        Some((line.number, head.at?))
+    };
+    let all: Vec<(usize, (u64, Clock))> = lines(bytes).filter_map(at).collect();
+    let Some((_, (_, clock))) = all.first().copied() else {
+        return BTreeMap::new();
+    };
+    let nanos = || all.iter().map(|(_, (nanos, _))| *nanos);
+    // Distances are never dates.
+    const SINCE_2001: u64 = 1_000_000_000_000_000_000;
+    let are_distances =
+        clock == Clock::Seconds && !nanos().is_sorted() && nanos().all(|at| at < SINCE_2001);
+    if are_distances {
+        out.note("the times are taken as distances from the line before (strace -r)");
+    }
+    let (mut turns, mut sum) = (Turns::of(clock, nanos()), 0_u64);
+    let times = all.iter().map(|&(line, (nanos, _))| {
+        sum = sum.saturating_add(nanos);
+        let at = if are_distances {
+            sum
+        } else {
+            turns.nanos(nanos, line)
+        };
+        (line, at)
+    });
+    let times = times.collect();
+    turns.note().into_iter().for_each(|note| out.note(note));
+    times
 }
 
 impl Call {
@@ -177,6 +220,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     let mut rates: BTreeMap<u64, u32> = BTreeMap::new();
     let mut started: BTreeMap<(u64, String), Call> = BTreeMap::new();
     let mut transfers: Vec<Transfer<'_>> = Vec::new();
+    let times = times(bytes, out);
     for line in lines(bytes) {
         let Some(mut call) = core::str::from_utf8(line.text).ok().and_then(call) else {
             continue;
@@ -214,7 +258,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         bytes.truncate(count);
         transfers.push(Transfer {
             line,
-            nanos: call.nanos,
+            nanos: times.get(&line.number).copied(),
             fd,
             is_read,
             bytes,
@@ -301,22 +345,15 @@ fn emit(
             .wrong("strace cut these bytes (\"...\"): trace again with -s 99999"));
     }
     let is_timed = own().all(|one| one.nanos.is_some());
-    // With -r a time is the distance from the previous call.
-    let is_relative = own()
-        .filter_map(|one| one.nanos)
-        .is_sorted_by(|a, b| a <= b);
     if !is_timed {
         out.note("the log has no times: calls follow each other each millisecond; strace -tt");
-    } else if !is_relative {
-        out.note("the times go back: at midnight, or because they are distances (strace -r)");
     }
-    let mut last = 0;
     for (index, one) in (0_u64..).zip(own()) {
         let nanos = match one.nanos.filter(|_| is_timed) {
-            Some(nanos) => nanos.max(last),
+            Some(nanos) => nanos,
             None => index * 1_000_000,
         };
-        last = nanos;
+        out.line = one.line.number;
         out.push(
             link_of(one.fd).unwrap_or(0),
             nanos,
@@ -342,6 +379,31 @@ mod tests {
             (one.at.as_nanos() / 1_000, is_sent, one.bytes.to_vec())
         };
         Ok(found.records().iter().map(one).collect())
+    }
+
+    /// 10 and 11 ms after the start with -r, where each line counts; 100 ms past midnight.
+    #[test]
+    fn times_are_distances_or_go_past_midnight() {
+        let apart = |text: &str| {
+            let found = told(text).expect("sound");
+            found
+                .iter()
+                .map(|one| one.0 - found[0].0)
+                .collect::<Vec<_>>()
+        };
+        let relative = "\
+     0.000000 openat(AT_FDCWD, \"/dev/ttyUSB0\", O_RDWR) = 3
+     0.005000 write(3, \"\\x01\\x03\", 2) = 2
+     0.007000 --- SIGALRM {si_signo=SIGALRM} ---
+     0.003000 read(3, \"\\x01\\x83\", 64) = 2
+     0.001000 write(3, \"\\x01\\x03\", 2) = 2
+";
+        assert_eq!(apart(relative), [0, 10_000, 11_000]);
+        let midnight = "\
+23:59:59.950000 write(3, \"\\x01\\x03\", 2) = 2
+00:00:00.050000 read(3, \"\\x01\\x83\", 64) = 2
+";
+        assert_eq!(apart(midnight), [0, 100_000]);
     }
 
     /// 12:11:23 is 43,883 s after midnight. The format is that of strace 6.1, with -xx and without.
