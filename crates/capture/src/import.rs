@@ -6,6 +6,7 @@
 //! byte, because a partly understood dump would test events that never happened.
 
 mod cells;
+mod controls;
 mod decoded;
 mod foreign;
 mod hexdump;

@@ -22,7 +22,7 @@ mod layout;
 mod lines;
 
 use super::Look;
-use super::hextext::{Ends, Message, emit, log};
+use super::hextext::{Dates, Ends, Message, emit, log};
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::Line;
 use super::textlog;
@@ -111,16 +111,21 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             "the dump begins at offset {first}: the bytes before it are missing"
         ));
     }
-    let ends = Ends::of(rows.iter().filter_map(|(_, row)| words(row)));
-    ends.notes.iter().for_each(|note| out.note(note));
+    let heads = || rows.iter().filter_map(|(_, row)| words(row));
+    let heads = Heads {
+        ends: Ends::of(heads()),
+        dates: Dates::of(heads()),
+    };
+    let notes = heads.ends.notes.iter().cloned().chain(heads.dates.note());
+    notes.for_each(|note| out.note(note));
     if let [chunk] = &chunks[..] {
-        let prefix = prefix(chunk, &rows, &ends);
+        let prefix = prefix(chunk, &rows, &heads);
         if prefix.at.is_none() && prefix.is_sent.is_none() {
             Untimed::new(options, out).stream(options.direction, &chunk.bytes, out);
             return Ok(());
         }
     }
-    let messages = messages(chunks, &rows, &ends, out);
+    let messages = messages(chunks, &rows, &heads, out);
     emit(messages, options, out)
 }
 
@@ -151,19 +156,27 @@ fn words(row: &Row) -> Option<&str> {
     }
 }
 
+/// What all heads together tell.
+struct Heads {
+    ends: Ends,
+    dates: Dates,
+}
+
 /// Time and direction of a chunk from its head, or from the text before its first row.
-fn prefix(chunk: &Chunk, rows: &[(Line<'_>, Row)], ends: &Ends) -> log::Stamp {
+fn prefix(chunk: &Chunk, rows: &[(Line<'_>, Row)], heads: &Heads) -> log::Stamp {
     let head = chunk.head.and_then(|head| rows.get(head));
     let own = rows.get(chunk.first);
     let text = [head, own].into_iter().flatten();
     let text = text.into_iter().find_map(|(_, row)| words(row));
-    text.map_or_else(log::Stamp::default, |text| log::stamp(&ends.told(text)))
+    text.map_or_else(log::Stamp::default, |text| {
+        log::stamp(&heads.dates.told(&heads.ends.told(text)))
+    })
 }
 
 fn messages<'a>(
     chunks: Vec<Chunk>,
     rows: &[(Line<'a>, Row)],
-    ends: &Ends,
+    heads: &Heads,
     out: &mut Imported,
 ) -> Vec<Message<'a>> {
     let has_lanes = chunks.iter().any(|chunk| chunk.is_indented)
@@ -172,7 +185,7 @@ fn messages<'a>(
         out.note("indented rows are taken as from the device, the others as to it");
     }
     let message = |chunk: Chunk| {
-        let prefix = prefix(&chunk, rows, ends);
+        let prefix = prefix(&chunk, rows, heads);
         let lane = has_lanes.then_some(!chunk.is_indented);
         let line = rows[chunk.head.unwrap_or(chunk.first)].0;
         Message::new(line, prefix.at, lane.or(prefix.is_sent), chunk.bytes)

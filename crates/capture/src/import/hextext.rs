@@ -14,6 +14,7 @@
 mod base;
 mod clock;
 mod column;
+mod dates;
 mod ellipsis;
 mod ends;
 mod leading;
@@ -30,6 +31,7 @@ pub(super) use base::{Around, Base, of as base_of};
 use clock::Years;
 pub(super) use clock::{Clock, Turns, scaled};
 use column::without_column;
+pub(super) use dates::Dates;
 use ellipsis::Cuts;
 pub(super) use ends::Ends;
 use prefix::Prefix;
@@ -147,9 +149,15 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     if count == 0 || bad.len() * 10 > whole.messages.len() {
         return None;
     }
-    if matches!(whole.base, Base::Decimal | Base::Octal) {
+    if matches!(whole.base, Base::Decimal | Base::Octal | Base::Binary) {
         let is_list = bytes.trim_ascii_start().starts_with(b"[");
-        return Some(if is_list { Look::Surely } else { Look::Perhaps });
+        let is_told = whole.messages.iter().all(|one| one.is_sent.is_some());
+        let is_binary = whole.base == Base::Binary && is_told;
+        return Some(if is_list || is_binary {
+            Look::Surely
+        } else {
+            Look::Perhaps
+        });
     }
     // TX or RX before nothing but pairs of digits: not text that happens to be digits.
     let has = |is_sent| {
@@ -201,6 +209,7 @@ fn say_doubts(whole: &Whole<'_>, out: &mut Imported) {
         Base::Hex | Base::Text => {}
         Base::Loose => out.note("hex without leading zeros: each number is taken as a byte"),
         Base::Decimal => out.note("the numbers are taken as decimal: none has a letter or a 0x"),
+        Base::Binary => out.note("the numbers are taken as binary: eight digits of 0 and 1 each"),
         Base::Octal => out.note("the numbers are taken as octal: three digits each, as od -b"),
     }
     if whole.had_arrows {
@@ -307,16 +316,19 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
         .filter(|(_, text)| !text.trim().is_empty())
         .collect();
     let ends = Ends::of(texts.iter().map(|(_, text)| text.as_str()));
+    let dates = Dates::of(texts.iter().map(|(_, text)| text.as_str()));
     let mut cuts = Cuts::default();
     let mut texts: Vec<(Line<'_>, String)> = texts
         .into_iter()
         .map(|(line, text)| {
+            let text = dates.told(&text);
             let text = ends.told(&text);
             let shown = ellipsis::without(&text).inspect(|_| cuts.add(line.number));
             (line, shown.unwrap_or(&text).to_owned())
         })
         .collect();
     whole.notes.clone_from(&ends.notes);
+    whole.notes.extend(dates.note());
     whole.notes.extend(cuts.note());
     match leading::remove(&mut texts) {
         Ok(note) => whole.notes.extend(note),

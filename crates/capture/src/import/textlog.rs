@@ -9,7 +9,8 @@
 //! bytes are not text, times and bytes cannot be distinguished, which is an error.
 
 use super::Look;
-use super::hextext::{Clock, Message, emit, split_text};
+use super::controls::Notation;
+use super::hextext::{Clock, Dates, Message, emit, split_text};
 use super::imported::{ImportError, Imported, Options, Untimed};
 use super::text::{Line, line_end, lines, utf8};
 
@@ -46,10 +47,10 @@ struct Stamped<'a> {
     text: &'a str,
 }
 
-fn stamped<'a>(line: Line<'a>) -> Option<Stamped<'a>> {
+fn stamped<'a>(line: Line<'a>, dates: Dates) -> Option<Stamped<'a>> {
     let text = core::str::from_utf8(line.text).ok()?;
     let (prefix, rest) = split_text(text);
-    let at = prefix.at?;
+    let at = split_text(&dates.told(text)).0.at?;
     // A date may begin with a word.
     let is_dated = matches!(at.1, Clock::Date | Clock::Utc | Clock::Year);
     let is_begun = text.starts_with(|c: char| c.is_ascii_digit() || c == '[' || c == '(');
@@ -67,7 +68,13 @@ fn stamped<'a>(line: Line<'a>) -> Option<Stamped<'a>> {
 /// All lines of a log with times.
 fn all(bytes: &[u8]) -> Option<Vec<Stamped<'_>>> {
     let full = lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
-    full.map(stamped).collect()
+    let dates = dates(bytes);
+    full.map(|line| stamped(line, dates)).collect()
+}
+
+/// The order of the dates before the lines.
+fn dates(bytes: &[u8]) -> Dates {
+    Dates::of(lines(bytes).map(|line| utf8(line.text)))
 }
 
 /// Whether every line has a time and the rest is text.
@@ -107,15 +114,28 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
              --format raw, or log in hex",
         ));
     }
-    out.note("each line is taken to have ended with CR LF, which the log does not show");
+    let notation = Notation::of(all.iter().map(|one| one.text));
+    out.note(match notation {
+        Some(_) => "control characters are read as the log writes them, e.g. <CR> or \\r",
+        None => "each line is taken to have ended with CR LF, which the log does not show",
+    });
+    dates(bytes)
+        .note()
+        .into_iter()
+        .for_each(|note| out.note(note));
     let are_arrows = all.iter().all(|one| one.is_sent.is_none() || one.is_arrow);
     let messages = all.into_iter().map(|one| {
         let is_sent = one.is_sent.filter(|_| !are_arrows);
-        let text = [one.text.as_bytes(), b"\r\n"].concat();
-        Message::new(one.line, Some(one.at), is_sent, text)
+        let text = match notation {
+            Some(notation) => notation.bytes(one.text).ok_or_else(|| {
+                one.line
+                    .wrong("found a backslash, expected an escape as \\r")
+            })?,
+            None => [one.text.as_bytes(), b"\r\n"].concat(),
+        };
+        Ok(Message::new(one.line, Some(one.at), is_sent, text))
     });
-    let messages = messages.collect();
-    emit(messages, options, out)
+    emit(messages.collect::<Result<_, ImportError>>()?, options, out)
 }
 
 /// The bytes of a session, without the terminal's own lines.

@@ -14,6 +14,8 @@ pub(in crate::import) enum Base {
     Decimal,
     /// Three octal digits each.
     Octal,
+    /// Eight binary digits each.
+    Binary,
     /// Literals of bytes, of which some are not digits.
     Text,
 }
@@ -46,6 +48,8 @@ struct Shape {
     decimal: usize,
     /// Numbers of six octal digits, as od writes words.
     words: usize,
+    /// Numbers of eight binary digits.
+    binary: usize,
     is_marked: bool,
     is_last_short: bool,
 }
@@ -109,6 +113,8 @@ impl Shape {
         }
         let is_word = token.len() == 6 && is_octal && token <= "177777";
         self.words += usize::from(is_word);
+        let is_binary = token.len() == 8 && token.bytes().all(|byte| matches!(byte, b'0' | b'1'));
+        self.binary += usize::from(is_binary);
         self.is_last_short = token.len() == 1;
     }
 
@@ -123,6 +129,9 @@ impl Shape {
             let is_loose =
                 whole_ones > 0 && self.padded == 0 && ones + twos == self.all && self.negative == 0;
             return Ok(if is_loose { Base::Loose } else { Base::Hex });
+        }
+        if self.binary == self.all && self.all > 1 {
+            return Ok(Base::Binary);
         }
         let is_padded = threes == self.all && self.zeros > 0;
         let are_bytes = self.decimal == threes && self.longer == 0 && self.padded == 0;
@@ -191,6 +200,8 @@ mod tests {
             ("001 003 000 009", Some(Base::Decimal)),
             ("[001, 003, 000, 255]", Some(Base::Decimal)),
             ("001 003 000 255", None),
+            ("00000001 00000011 11111111", Some(Base::Binary)),
+            ("00000001 00000012", Some(Base::Hex)),
             ("1 3 0 10", None),
             ("022253 000012 125731 020044", None),
         ] {

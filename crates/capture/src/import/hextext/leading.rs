@@ -53,7 +53,8 @@ pub(super) fn remove(texts: &mut [(Line<'_>, String)]) -> Result<Option<String>,
         if !is_sure {
             let note = "the first number of each line is the number of bytes behind it: it is \
                         taken as a byte, as a protocol may send it";
-            return Ok((all.len() > 1).then(|| note.to_owned()));
+            let may_be_count = all.len() > 1 && leads().any(|one| one.count > 1);
+            return Ok(may_be_count.then(|| note.to_owned()));
         }
         "the number before the bytes of each line is their count, and no byte"
     } else if is_marked && all.len() > 1 && is_index(leads()) {

@@ -24,6 +24,7 @@ mod words;
 
 use super::clock::{self, Clock};
 use super::column::without_column;
+use super::dates::Dates;
 use super::ellipsis::{self, Cuts};
 use super::ends::{Ends, label};
 use super::leading;
@@ -234,13 +235,17 @@ fn is_head(head: &str) -> bool {
     let word = head.rsplit(|c: char| !c.is_alphanumeric()).next();
     let word = word.unwrap_or_default().to_ascii_lowercase();
     direction(&word).or_else(|| label(&word)).is_some()
-        || matches!(word.as_str(), "bytes" | "data" | "frame" | "packet")
+        || matches!(
+            word.as_str(),
+            "bytes" | "data" | "frame" | "packet" | "buffer" | "payload" | "hex"
+        )
 }
 
 /// Whether `tail` may follow the bytes: nothing, the same bytes as text, or text in brackets. After
 /// a run that is not by chance, any words may follow, but no damaged byte.
 fn is_tail(tail: &str, run: &Run) -> bool {
-    is_aside(tail) || (!is_damaged(tail) && (run.bytes.len() >= 3 || is_shown(tail, run)))
+    let is_sure = run.bytes.len() >= 3 || run.has_marks || is_shown(tail, run);
+    is_aside(tail) || (!is_damaged(tail) && is_sure)
 }
 
 /// Whether a text is nothing, or a remark in brackets.
@@ -341,8 +346,11 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
     let forms = Forms::of(texts.iter().map(|(_, text)| text.as_str()));
     let ends = Ends::of(texts.iter().map(|(_, text)| text.as_str()));
     whole.notes.clone_from(&ends.notes);
+    let dates = Dates::of(texts.iter().map(|(_, text)| text.as_str()));
+    whole.notes.extend(dates.note());
+    whole.notes.extend(forms.note());
     for (_, text) in &mut texts {
-        *text = ends.told(without_column(text)).into_owned();
+        *text = dates.told(&ends.told(without_column(text))).into_owned();
     }
     // In a log, a marked number may be anything.
     whole
@@ -386,6 +394,13 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
     whole.notes.extend(cuts.note());
     whole.add_pauses();
     whole.messages.retain(|one| !one.bytes.is_empty());
+    let repeats = drop_repeats(&mut whole.messages);
+    whole.notes.extend(repeats.first().map(|first| {
+        let count = repeats.len();
+        format!(
+            "lines that show received bytes again are left out: {count}, the first is line {first}"
+        )
+    }));
     (whole, rest, error)
 }
 
@@ -485,6 +500,25 @@ pub(in crate::import) fn read(
         whole.messages.iter_mut().for_each(|one| one.at = None);
     }
     emit(whole.messages, options, out)
+}
+
+/// Drops messages without a direction that show the last received bytes again, as pymodbus does in
+/// "Processing"; returns their lines.
+fn drop_repeats(messages: &mut Vec<Message<'_>>) -> Vec<usize> {
+    let (mut received, mut lines) = (Vec::new(), Vec::new());
+    messages.retain(|one| {
+        match one.is_sent {
+            Some(true) => received.clear(),
+            Some(false) => received.extend_from_slice(&one.bytes),
+            None if received.ends_with(&one.bytes) => {
+                lines.push(one.line.number);
+                return false;
+            }
+            None => {}
+        }
+        true
+    });
+    lines
 }
 
 #[cfg(test)]

@@ -380,3 +380,68 @@ fn numbers_of_other_kinds_are_no_hex_bytes() {
         assert_eq!(bytes, expected, "{text}");
     }
 }
+
+/// 1 December is four days behind 27 November; with the day first, it is in January.
+#[test]
+fn all_dates_of_a_file_have_one_order() {
+    const DAYS: u64 = 4 * 86_400 * 1_000_000;
+    for text in [
+        "11/27/2026 10:00:00.5 TX AB 24\n12/01/2026 10:00:00.5 RX AB 24\n",
+        "[11/27/2026 10:00:00 AM] port TX AB 24 0A\n[12/1/2026 10:00:00 AM] port RX AB 24 0A\n",
+        "time,dir,data\n11/27/2026 10:00:00,TX,AB24\n12/01/2026 10:00:00,RX,AB24\n",
+        "11/27/2026 10:00:00 Hello\n12/01/2026 10:00:00 World\n",
+        "11/27/2026 10:00:00 TX\n0000: AB 24 0A 00\n12/01/2026 10:00:00 RX\n0000: AB 24 0A 00\n",
+    ] {
+        let (at, notes) = times(text);
+        assert_eq!(at[1] - at[0], DAYS, "{text}");
+        assert!(!notes.contains("day/month"), "{text}: {notes}");
+        let unknown = text.replace("11/27", "11/06").replace("12/01", "12/06");
+        let (_, notes) = times(&unknown.replace("12/1/", "12/06/"));
+        assert!(notes.contains("day/month/year"), "{text}: {notes}");
+    }
+}
+
+/// The frame stands behind the direction; other hex numbers of the line are remarks.
+#[test]
+fn the_bytes_behind_a_direction_are_those_of_the_line() {
+    for (text, expected) in [
+        (
+            "TX: 01 03 C4 | CRC=0BC4\nRX: 01 03 DA | CRC=DA31\n",
+            [&[1, 3, 0xC4][..], &[1, 3, 0xDA]],
+        ),
+        (
+            "send: 0x1 0x3 0xc4\nrecv: 0xda 0x31 old_data: 0x1 0x3 0x4 0x0 addr=None\n",
+            [&[1, 3, 0xC4], &[0xDA, 0x31]],
+        ),
+        (
+            "send: 0x1 0x3 0xc4\nrecv: 0x1 0x3\nProcessing: 0x1 0x3\n",
+            [&[1, 3, 0xC4], &[1, 3]],
+        ),
+        (
+            "bus write <Buffer 01 03 c4>\nbus read <Buffer 01 03>\n",
+            [&[1, 3, 0xC4], &[1, 3]],
+        ),
+        (
+            "log sent [10 30 20]\nlog received [10 40]\n",
+            [&[10, 30, 20], &[10, 40]],
+        ),
+        (
+            "TX 00000001 11111111\nRX 10000000 00000000",
+            [&[1, 255], &[128, 0]],
+        ),
+        (
+            "10:00:00.5 [TX] - AT<CR><LF>\n10:00:00.6 [RX] - OK<CR><LF>\n",
+            [b"AT\r\n", b"OK\r\n"],
+        ),
+        (
+            "[0.5] TX: AT\\r\\n\n[0.6] RX: OK\\r\\n\n",
+            [b"AT\r\n", b"OK\r\n"],
+        ),
+    ] {
+        let format = Format::detect(text.as_bytes()).unwrap_or_else(|| panic!("{text}: no form"));
+        let found = read_format(text.as_bytes(), format, &Options::default());
+        let found = found.unwrap_or_else(|error| panic!("{text}: {error}"));
+        let bytes: Vec<&[u8]> = found.records().iter().map(|one| &*one.bytes).collect();
+        assert_eq!(bytes, expected, "{text}");
+    }
+}

@@ -141,6 +141,7 @@ impl Found {
         let byte = match base {
             Base::Hex | Base::Text => None,
             Base::Loose => Some(hex::byte(format!("{token:0>2}").as_bytes())),
+            Base::Binary => Some(u8::from_str_radix(token, 2).ok()),
             Base::Octal => Some(u8::from_str_radix(token, 8).ok()),
             Base::Decimal => {
                 let signed = token.parse::<i8>().map(i8::cast_unsigned);

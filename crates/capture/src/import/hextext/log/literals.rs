@@ -44,6 +44,12 @@ impl Forms {
                 && lists().all(|list| decimals(list).is_some() || hex_list(list).is_none()),
         }
     }
+
+    /// The note about lists.
+    pub(super) fn note(self) -> Option<String> {
+        let note = "the numbers of lists in brackets are taken as decimal: none is 0A or 05";
+        self.has_lists.then(|| note.to_owned())
+    }
 }
 
 /// Insides of all brackets.
@@ -55,22 +61,25 @@ fn lists(text: &str) -> impl Iterator<Item = &str> {
 /// Bytes of a list of two or more decimal numbers without leading zeros, perhaps with a sign.
 fn decimals(list: &str) -> Option<Vec<u8>> {
     let byte = |word: &str| {
-        let word = word.trim();
         let digits = word.strip_prefix('-').unwrap_or(word);
         let is_plain = digits == "0" || !digits.starts_with(['0', '+']);
         let signed = word.parse::<i8>().map(i8::cast_unsigned);
         word.parse().or(signed).ok().filter(|_| is_plain)
     };
-    list.contains(',')
-        .then(|| list.split(',').map(byte).collect())?
+    let bytes: Vec<u8> = words(list).map(byte).collect::<Option<_>>()?;
+    (bytes.len() > 1).then_some(bytes)
+}
+
+/// The words between commas or blanks.
+fn words(list: &str) -> impl Iterator<Item = &str> {
+    list.split([',', ' ']).filter(|word| !word.is_empty())
 }
 
 /// Bytes of a list of pairs of hex digits.
 fn hex_list(list: &str) -> Option<Vec<u8>> {
-    let words = list
-        .split(',')
-        .map(|word| hex::byte(word.trim().as_bytes()));
-    list.contains(',').then(|| words.collect())?
+    let bytes = words(list).map(|word| hex::byte(word.as_bytes()));
+    let bytes: Vec<u8> = bytes.collect::<Option<_>>()?;
+    (bytes.len() > 1).then_some(bytes)
 }
 
 /// The first literal or list from `from` on.

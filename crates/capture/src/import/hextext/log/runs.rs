@@ -2,7 +2,7 @@
 
 use engine::hex;
 
-use super::is_head;
+use super::{is_head, prefix_of};
 
 /// Consecutive hex numbers.
 #[derive(Clone, Debug, Default)]
@@ -99,9 +99,21 @@ fn is_gap(gap: &str) -> bool {
     gap.len() <= 3 && (marks.is_empty() || marks == "," || [":", "-", "|", ";"].contains(&gap))
 }
 
-/// The run at the end of the line, or the longest.
+/// The first run directly behind a direction, otherwise the one at the end of the line, or the
+/// longest.
 pub(super) fn best(text: &str) -> Option<Run> {
     let all = runs(text);
+    let starts = core::iter::once(0).chain(all.iter().map(|run| run.end));
+    let mut heads = starts
+        .zip(&all)
+        .map(|(start, run)| (&text[start..run.start], run));
+    let is_directed = |head: &str| is_head(head) && prefix_of(head).is_sent.is_some();
+    let longest = all.iter().map(|run| run.bytes.len()).max()?;
+    if let Some((_, run)) = heads
+        .find(|(head, run)| is_directed(head) && (run.has_marks || 2 * run.bytes.len() >= longest))
+    {
+        return Some(run.clone());
+    }
     let is_last = |run: &&Run| {
         let tail =
             text[run.end..].trim_matches(|c: char| c.is_whitespace() || "]})>'\"|.,;".contains(c));
