@@ -14,7 +14,8 @@ use serde_json::Value;
 use super::Look;
 use super::cells;
 use super::hextext::{
-    Around, Base, Clock, Ends, Message, base_of, bytes_of, emit, is_sent, scaled, split_prefix,
+    Around, Base, Clock, Dates, Ends, Message, base_of, bytes_of, emit, is_sent, scaled,
+    split_prefix,
 };
 use super::imported::{ImportError, Imported, Options};
 use super::journal;
@@ -48,6 +49,17 @@ const DIRECTIONS: [&str; 9] = [
     "way",
     "request",
 ];
+/// Times since the row before.
+const PAUSES: [&str; 7] = [
+    "delta",
+    "deltatime",
+    "timedelta",
+    "deltat",
+    "dt",
+    "interval",
+    "pause",
+];
+const LENGTHS: [&str; 5] = ["length", "len", "size", "count", "bytecount"];
 const BYTES: [&str; 15] = [
     "data", "bytes", "hex", "payload", "rawdata", "raw", "message", "frame", "datahex", "hexdata",
     "packet", "content", "msg", "buffer", "rawbytes",
@@ -62,6 +74,9 @@ struct Table<'a> {
 /// Indexes of the columns.
 struct Columns {
     time: Option<usize>,
+    /// Whether the times are those since the row before.
+    are_pauses: bool,
+    length: Option<usize>,
     direction: Option<usize>,
     bytes: usize,
 }
@@ -76,11 +91,23 @@ fn columns(names: &[String]) -> Option<Columns> {
     let names: Vec<String> = names.iter().map(|name| plain(name)).collect();
     let find = |known: &[&str]| names.iter().position(|name| known.contains(&name.as_str()));
     let columns = Columns {
-        time: find(&TIMES),
+        time: find(&TIMES).or_else(|| names.iter().position(|name| is_pause(name))),
+        are_pauses: find(&TIMES).is_none(),
+        length: find(&LENGTHS),
         direction: find(&DIRECTIONS),
         bytes: find(&BYTES)?,
     };
     (columns.time.is_some() || columns.direction.is_some()).then_some(columns)
+}
+
+/// Whether a column has times since the row before; its name may end with a unit.
+fn is_pause(name: &str) -> bool {
+    let units = ["", "s", "ms", "us", "\u{b5}s", "ns"];
+    let plain = |unit: &&str| {
+        name.strip_suffix(unit)
+            .is_some_and(|plain| PAUSES.contains(&plain))
+    };
+    units.iter().any(|unit| plain(unit))
 }
 
 /// Nanoseconds per unit, from the name of a time column.
@@ -216,31 +243,49 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
         Ends::of(ways.flatten().map(String::as_str))
     });
     let ends = ways.unwrap_or_default();
+    let dates = columns.time.map(|column| {
+        let cells = table.rows.iter().filter_map(|(_, cells)| cells.get(column));
+        Dates::of(cells.map(String::as_str))
+    });
+    let dates = dates.unwrap_or_default();
+    dates.note().into_iter().for_each(|note| out.note(note));
     ends.notes.iter().for_each(|note| out.note(note));
-    let (mut messages, mut skipped) = (Vec::new(), 0);
+    let (mut messages, mut skipped, mut sum) = (Vec::new(), 0, 0_u64);
+    let mut lengths = Vec::new();
+    if columns.are_pauses && columns.time.is_some() {
+        out.note("each time is taken as the pause since the row before");
+    }
     for ((line, cells), text) in table.rows.iter().zip(&texts) {
+        let at = columns.time.map(|column| {
+            let text = cell(cells, column);
+            time(&dates.told(&text), &table.names[column], *line)
+        });
+        let mut at = at.transpose();
+        if columns.are_pauses
+            && let Ok(Some((pause, clock))) = &mut at
+        {
+            sum = sum.saturating_add(*pause);
+            (*pause, *clock) = (sum, Clock::Seconds);
+        }
         if text.is_empty() {
             skipped += 1;
             // The pause before a row without bytes counts.
-            let at = columns
-                .time
-                .map(|column| (cell(cells, column), &table.names[column]));
-            let at = at.and_then(|(text, name)| time(&text, name, *line).ok());
-            let pause = at.filter(|(_, clock)| *clock == Clock::Plus);
+            let pause = at.ok().flatten().filter(|at| at.1 == Clock::Plus);
             messages.extend(pause.map(|at| Message::new(*line, Some(at), None, Vec::new())));
             continue;
         }
+        let at = at?;
         let found = bytes_of(text, base).map_err(|message| line.wrong(message))?;
+        lengths.extend(columns.length.and_then(|column| {
+            let told: usize = cell(cells, column).trim().parse().ok()?;
+            Some((*line, told, found.len()))
+        }));
         if columns
             .time
             .is_some_and(|column| cell(cells, column).contains(','))
         {
             out.note(DECIMAL_COMMA);
         }
-        let at = match columns.time {
-            Some(column) => Some(time(&cell(cells, column), &table.names[column], *line)?),
-            None => None,
-        };
         let way = columns.direction.map(|column| cell(cells, column));
         let way = match way {
             Some(way) => Some(is_sent(&ends.told(&way)).ok_or_else(|| {
@@ -252,6 +297,15 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             None => None,
         };
         messages.push(Message::new(*line, at, way, found));
+    }
+    // A column that mostly differs from the number of bytes states something else.
+    let same = lengths.iter().filter(|(_, told, found)| told == found);
+    if same.count() * 2 >= lengths.len()
+        && let Some((line, told, found)) = lengths.iter().find(|(_, told, found)| told > found)
+    {
+        return Err(line.wrong(format!(
+            "the row announces {told} bytes but contains {found}: export all bytes"
+        )));
     }
     if skipped > 0 {
         out.note(format!("{skipped} rows without bytes are skipped"));
@@ -364,6 +418,30 @@ mod tests {
         }
         assert!(told("Time;Data\n1,234,567;41\n").is_err());
         assert!(told("Time;Data\n1.234,5;41\n").is_err());
+    }
+
+    /// 501 us, and 999 us later; a row without bytes has a time, too.
+    #[test]
+    fn a_column_of_pauses_is_added_up() {
+        let expected = vec![(501, true, vec![0xAB, 0x24]), (1_500, false, vec![0x0A])];
+        for text in [
+            "No;Delta;Direction;Data\n1;0.000501;TX;AB 24\n2;0.000999;RX;0A\n",
+            "delta_us,dir,bytes\n501,write,AB24\n500,,\n499,read,0A\n",
+            "Delta [ms],dir,bytes\n0.501,write,AB24\n0.999,read,0A\n",
+        ] {
+            assert_eq!(told(text), Ok(expected.clone()), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_row_that_announces_more_bytes_than_it_has_is_an_error() {
+        let text = "time,dir,length,data\n0.1,TX,2,AB24\n0.2,RX,8,0A0B\n";
+        let error = told(text).expect_err("cut");
+        assert!(
+            error.starts_with("line 3") && error.contains("announces 8"),
+            "{error}"
+        );
+        assert!(told(&text.replace(",2,", ",66,")).is_ok());
     }
 
     #[test]
