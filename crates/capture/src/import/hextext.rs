@@ -171,11 +171,20 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     let is_hex = matches!(whole.base, Base::Hex) && bad.is_empty();
     let is_directed = is_hex && whole.messages.iter().all(is_told);
     let is_marked = whole.has_marks || whole.evident * 8 >= count || is_directed;
+    // Times before pairs of digits: few devices send text like this.
+    let is_timed = is_hex && whole.groups == 0 && whole.messages.iter().all(|one| one.at.is_some());
+    let has_zeros = || {
+        whole
+            .messages
+            .iter()
+            .any(|one| one.bytes.iter().any(|byte| *byte < 0x10))
+    };
     match count {
         0..2 => is_marked.then_some(Look::Perhaps),
         _ if is_marked => Some(Look::Surely),
+        _ if is_timed && whole.evident > 0 => Some(Look::Surely),
         2..PLAIN_MAX => Some(Look::Perhaps),
-        _ => None,
+        _ => (is_timed && has_zeros()).then_some(Look::Perhaps),
     }
 }
 
@@ -323,8 +332,9 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
         .map(|(line, text)| {
             let text = dates.told(&text);
             let text = ends.told(&text);
-            let shown = ellipsis::without(&text).inspect(|_| cuts.add(line.number));
-            (line, shown.unwrap_or(&text).to_owned())
+            let text = leading::without_count_behind(&text);
+            let shown = ellipsis::without(text).inspect(|_| cuts.add(line.number));
+            (line, shown.unwrap_or(text).to_owned())
         })
         .collect();
     whole.notes.clone_from(&ends.notes);

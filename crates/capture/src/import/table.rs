@@ -107,7 +107,7 @@ fn is_pause(name: &str) -> bool {
         name.strip_suffix(unit)
             .is_some_and(|plain| PAUSES.contains(&plain))
     };
-    units.iter().any(|unit| plain(unit))
+    units.iter().any(plain)
 }
 
 /// Nanoseconds per unit, from the name of a time column.

@@ -29,7 +29,7 @@ pub(super) fn begins(tail: &str) -> bool {
         behind.is_some_and(|behind| behind.is_empty() || behind.starts_with(is_around))
     };
     let words = inside.trim_start_matches(|c: char| c.is_ascii_digit() || "+ ".contains(c));
-    ELLIPSES.iter().any(|mark| is_ellipsis(&mark)) || is_word(inside) || is_more(words)
+    ELLIPSES.iter().any(is_ellipsis) || is_word(inside) || is_more(words)
 }
 
 fn is_word(text: &str) -> bool {

@@ -1,7 +1,8 @@
-//! Numbers before the bytes of each line that are no bytes.
+//! Numbers before or behind the bytes of each line that are no bytes.
 //!
 //! ```text
 //! TX 8 01 03 00 00 00 02 C4 0B      the number of bytes; also (8) or [8]
+//! TX 01 03 00 (3)
 //! 1: 01 03 00                       the index of the line; also (1), [1] or 1)
 //! ```
 //!
@@ -91,6 +92,16 @@ pub(super) fn remove(texts: &mut [(Line<'_>, String)]) -> Result<Option<String>,
     Ok(Some(note.to_owned()))
 }
 
+/// The text without `(3)` at its end, if that is the number of the bytes before it.
+pub(super) fn without_count_behind(text: &str) -> &str {
+    let count = || {
+        let (before, count) = text.trim_end().strip_suffix(')')?.rsplit_once('(')?;
+        let counts = before.split_ascii_whitespace().rev().map_while(bytes_in);
+        (number(count)? == counts.sum::<usize>() as u64).then_some(before)
+    };
+    count().unwrap_or(text)
+}
+
 /// Whether each number is the next one.
 fn is_index<'a>(leads: impl Iterator<Item = &'a Leading>) -> bool {
     let values: Vec<usize> = leads.map(|one| one.value).collect();
@@ -177,10 +188,10 @@ fn parts(word: &str) -> impl Iterator<Item = &str> {
 
 /// Number of bytes that a word shows; `None` if it shows something else.
 fn bytes_in(word: &str) -> Option<usize> {
-    let counts = parts(word).map(|part| match part.len() {
+    let counts = parts(word).map(|part| match part.trim_end_matches(['h', 'H']).len() {
         _ if part.starts_with("0x") => Some(1),
         1 | 3 => number(part).map(|_| 1),
-        len => hex::bytes(part).map(|_| len / 2),
+        len => hex::bytes(&part[..len]).map(|_| len / 2),
     });
     let count = counts.sum::<Option<usize>>()?;
     (count > 0).then_some(count)
@@ -230,6 +241,19 @@ mod tests {
         assert_eq!(texts, ["TX 01 02 03 04 05 06 07 08 09 0A", "RX AA"]);
         let (texts, _) = removed(&["x Length 2: AB CD", "TX 16 AB"]);
         assert_eq!(texts, ["x Length 2: AB CD", "TX 16 AB"]);
+    }
+
+    #[test]
+    fn a_count_behind_the_bytes_is_none_of_them() {
+        for (text, body) in [
+            ("(>>) 01h 03h 00h (3)", "(>>) 01h 03h 00h "),
+            ("TX: 010300 (3) ", "TX: 010300 "),
+            ("TX: 01 03 00 (2)", "TX: 01 03 00 (2)"),
+            ("TX: 01 03 00", "TX: 01 03 00"),
+            (") (", ") ("),
+        ] {
+            assert_eq!(without_count_behind(text), body);
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@
 //! time.
 
 mod literals;
+mod repeats;
 pub(super) mod runs;
 mod stated;
 mod times;
@@ -394,13 +395,7 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<Line<'_>>, Option<ImportError>) {
     whole.notes.extend(cuts.note());
     whole.add_pauses();
     whole.messages.retain(|one| !one.bytes.is_empty());
-    let repeats = drop_repeats(&mut whole.messages);
-    whole.notes.extend(repeats.first().map(|first| {
-        let count = repeats.len();
-        format!(
-            "lines that show received bytes again are left out: {count}, the first is line {first}"
-        )
-    }));
+    whole.notes.extend(repeats::drop(&mut whole.messages));
     (whole, rest, error)
 }
 
@@ -500,25 +495,6 @@ pub(in crate::import) fn read(
         whole.messages.iter_mut().for_each(|one| one.at = None);
     }
     emit(whole.messages, options, out)
-}
-
-/// Drops messages without a direction that show the last received bytes again, as pymodbus does in
-/// "Processing"; returns their lines.
-fn drop_repeats(messages: &mut Vec<Message<'_>>) -> Vec<usize> {
-    let (mut received, mut lines) = (Vec::new(), Vec::new());
-    messages.retain(|one| {
-        match one.is_sent {
-            Some(true) => received.clear(),
-            Some(false) => received.extend_from_slice(&one.bytes),
-            None if received.ends_with(&one.bytes) => {
-                lines.push(one.line.number);
-                return false;
-            }
-            None => {}
-        }
-        true
-    });
-    lines
 }
 
 #[cfg(test)]
