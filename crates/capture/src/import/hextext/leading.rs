@@ -7,7 +7,7 @@
 //! ```
 //!
 //! All lines together decide: each number is the number of the bytes behind it, or the next index.
-//! A number in the form of the bytes that may also be their first one is a byte, and a note says so.
+//! A number that may also be the first byte, because it has the same form, is a byte, with a note.
 
 use engine::hex;
 
@@ -49,8 +49,10 @@ pub(super) fn remove(texts: &mut [(Line<'_>, String)]) -> Result<Option<String>,
     let note = if all.is_empty() {
         return Ok(None);
     } else if is_each(|one| one.value == one.count) {
+        // From ten on, decimal and hex differ; the same number on all lines may be a start byte.
+        let is_decimal = leads().any(|one| one.are_pairs && one.value >= 10);
         let is_sure = leads().any(|one| one.is_marked || (one.are_pairs && one.digits % 2 == 1))
-            || (all.len() > 1 && leads().any(|one| one.are_pairs && one.value >= 10));
+            || (is_decimal && leads().any(|one| one.value != all[0].1.value));
         if !is_sure {
             let note = "the first number of each line is the number of bytes behind it: it is \
                         taken as a byte, as a protocol may send it";
@@ -281,6 +283,13 @@ mod tests {
             (&["TX 3 1 2 171", "RX 2 1 2"], "taken as a byte"),
             (&["TX 0C 10 5B 01", "RX 02 E5 AF"], ""),
             (&["TX 02 E5 AF"], ""),
+            (
+                &[
+                    "10 01 02 03 04 05 06 07 08 09 0A",
+                    "10 01 02 03 04 05 06 07 08 09 0A",
+                ],
+                "taken as a byte",
+            ),
             (&["12 34 56"], ""),
             (&["[1, 3, 0, 255]", "[1, 3]"], ""),
             (&["no bytes", ""], ""),

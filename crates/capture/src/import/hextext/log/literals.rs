@@ -152,8 +152,8 @@ fn is_in(text: &str) -> bool {
     false
 }
 
-/// The literals and lists of a line. The time before the first one holds for all of them; the direction holds
-/// until another one follows.
+/// The literals and lists of a line. The time before the first one applies to all of them; the
+/// direction applies until another one follows.
 pub(super) fn pieces(text: &str, forms: Forms) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
     let mut from = 0;
