@@ -99,6 +99,17 @@ def test_a_program_is_run_and_judged(scenario: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "program.log").read_text().strip() == "3"
 
 
+def test_firmware_that_is_missing_is_an_error_with_its_name(tmp_path: Path) -> None:
+    bench = tmp_path / "bench.toml"
+    bench.write_text(
+        'schema = 1\nname = "bench"\nrobot = "none"\nduration = "1s"\n'
+        'device.air = { description = "mh-z19" }\n'
+    )
+    wires = {"air": "serial1"}
+    with pytest.raises(hilrig.RigError, match=r"missing\.elf"):
+        hilrig.firmware(bench, "missing.elf", "arduino-mega", wires=wires, out=tmp_path / "out")
+
+
 def test_the_binary_is_the_one_that_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HILRIG", "/nowhere/hilrig")
     assert hilrig.find_binary() == "/nowhere/hilrig"

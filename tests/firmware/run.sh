@@ -145,6 +145,17 @@ says "$out/fails" "idle: ticked" 1
 says "$out/fails" "power-down: barked" 1
 ! grep -q "power-down: ticked" "$out/fails/node-program.log" || fail "Timer 1 woke the chip"
 
+echo "== from Python"
+PYTHONPATH=$PWD/python/src HILRIG=$hilrig python3 - "$out" <<'PYTHON'
+import pathlib, sys, hilrig
+
+out = pathlib.Path(sys.argv[1])
+wires = {"it": "serial1"}
+result = hilrig.firmware(out / "mh_z19.toml", out / "mh_z19.elf", "arduino-mega", wires=wires, out=out / "python")
+result.assert_passed()
+assert (result.folder / "node-program.log").read_text().count("ppm 6") >= 4
+PYTHON
+
 echo "== an AVR program as the base of the robot rescue"
 "$hilrig" run "$out/base.toml" --out "$out/base"
 

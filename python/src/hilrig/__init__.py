@@ -10,7 +10,7 @@ from .bench import Bench
 from .binary import BinaryNotFound, find_binary
 from .control import Control, Refused
 from .result import Check, Result
-from .rig import Rig, Running, run
+from .rig import Rig, Running, firmware, run
 from .session import Fault, RigError
 from .strategies import strategies
 
@@ -26,6 +26,7 @@ __all__ = [
     "RigError",
     "Running",
     "find_binary",
+    "firmware",
     "run",
     "strategies",
 ]

@@ -28,7 +28,7 @@ import pytest
 from .binary import find_binary
 from .bench import Bench
 from .result import Result
-from .rig import Rig, Running, run
+from .rig import Rig, Running, firmware, run
 from .session import PathLike, RigError, Session, needed
 
 
@@ -88,7 +88,23 @@ class RigFactory:
     def run(self, program: str, scenario: Optional[PathLike] = None, **settings: Any) -> Result:
         """Runs and judges a program in the folder of the test's file, see ``hilrig.run``."""
         path, settings = self._program_settings(scenario, settings)
-        result = run(path, program, out=self._folder(), **settings)
+        return self._ran(run(path, program, out=self._folder(), **settings))
+
+    def firmware(
+        self,
+        elf: PathLike,
+        board: str,
+        scenario: Optional[PathLike] = None,
+        **settings: Any,
+    ) -> Result:
+        """Runs and judges firmware on a simulated board, see ``hilrig.firmware``; the path ``elf``
+        begins at the test's file."""
+        path, settings = self._program_settings(scenario, settings)
+        # It has no other time.
+        settings.pop("virtual", None)
+        return self._ran(firmware(path, elf, board, out=self._folder(), **settings))
+
+    def _ran(self, result: Result) -> Result:
         runs = result.raw["result"]["runs"]
         self._seeds.extend(int(one["seed"]) for one in runs if one["seed"] is not None)
         return result

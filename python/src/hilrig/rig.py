@@ -8,7 +8,7 @@ import subprocess
 import tempfile
 import threading
 from pathlib import Path
-from typing import List, Optional, Sequence, Tuple
+from typing import List, Mapping, Optional, Sequence, Tuple
 
 from .binary import find_binary
 from .result import Result
@@ -111,6 +111,37 @@ def run(
     work, ports = _ports()
     words = _run_words(command, (scenario, program, out, ports), options)
     words += _chosen(command, seed, virtual, may_end)
+    try:
+        return _judged(words, cwd)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def firmware(
+    scenario: PathLike,
+    elf: PathLike,
+    board: str,
+    *,
+    out: PathLike,
+    wires: Optional[Mapping[str, str]] = None,
+    seed: Optional[int] = None,
+    options: Sequence[str] = (),
+    cwd: Optional[PathLike] = None,
+    binary: Optional[str] = None,
+) -> Result:
+    """Runs the firmware ``elf`` on a simulated board in virtual time and judges it, like ``hilrig
+    run --firmware``. ``wires`` connects ports of the rig to ports of the board, for example
+    ``{"air": "serial1"}``. ``elf`` is relative to ``cwd``."""
+    words = [binary or find_binary(), "run", os.path.abspath(scenario)]
+    words += ["--firmware", os.fspath(elf), "--board", board]
+    words += [f"--wire={port}={to}" for port, to in (wires or {}).items()]
+    words += ["--out", os.path.abspath(out), "--until-eof", "--json", *options]
+    words += [] if seed is None else ["--seed", str(seed)]
+    return _judged(words, cwd)
+
+
+def _judged(words: Sequence[str], cwd: Optional[PathLike]) -> Result:
+    """Runs ``hilrig run`` to its end."""
     # The input stays open, without data, while this process is running.
     with subprocess.Popen(
         words,
@@ -126,8 +157,6 @@ def run(
         except BaseException:
             process.kill()
             raise
-        finally:
-            shutil.rmtree(work, ignore_errors=True)
     return result_of(said, told)
 
 
