@@ -275,7 +275,7 @@ impl Untimed {
         if options.baud.is_none() {
             options.baud = Some(ASSUMED_BAUD);
             out.note(format!(
-                "the file has no times: bytes follow each other at an assumed {ASSUMED_BAUD} baud; \
+                "no times are known of the file: bytes follow each other at an assumed {ASSUMED_BAUD} baud; \
                  --baud N sets another rate"
             ));
         }
