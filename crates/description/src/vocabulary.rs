@@ -70,20 +70,23 @@ impl Description {
 impl Message {
     /// Whether a field can contain any text.
     fn is_free(&self) -> bool {
-        let mut is_free = match &self.layout {
-            Layout::Fields(_) => false,
+        match &self.layout {
+            Layout::Fields(fields) => {
+                let mut is_free = false;
+                each(fields, &mut |field| {
+                    is_free |= matches!(
+                        field.kind,
+                        Kind::Str(_) | Kind::StrZ | Kind::Prefixed { is_text: true, .. }
+                    );
+                });
+                is_free
+            }
+            // The fields of a text have no types.
             Layout::Text { pieces, .. } => pieces.iter().any(|piece| match piece {
                 Piece::Hole(hole) => hole.form == Form::Text,
                 Piece::Words(_) => false,
             }),
-        };
-        each(self.fields(), &mut |field| {
-            is_free |= matches!(
-                field.kind,
-                Kind::Str(_) | Kind::StrZ | Kind::Prefixed { is_text: true, .. }
-            );
-        });
-        is_free
+        }
     }
 }
 
