@@ -35,7 +35,7 @@ static avr_cycle_timer_slot_t *writing(void) {
     return at;
 }
 
-/* simavr clears the bit at once; the chip does so when the byte is written. */
+/* simavr clears the bit at once, the chip only when the byte is written. */
 static void on_control(avr_io_addr_t address, uint8_t old, uint8_t value, void *param) {
     avr_t *avr = chip.avr;
     (void)address;

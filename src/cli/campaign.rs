@@ -13,9 +13,12 @@ use clap::{Args, Subcommand};
 
 use self::live::Live;
 pub(super) use self::scope::{can_have_faults, needs_faults};
-use self::scope::{check_faults, covered, earlier, measures_cpu, profile, shard_of, vary_schedule};
+use self::scope::{
+    check_faults, covered, earlier, leave_out_bare, measures_cpu, profile, read_all, shard_of,
+    vary_schedule,
+};
 use super::answer::CampaignEnded;
-use super::exec::{ExecArgs, is_bare, read_without_programs};
+use super::exec::ExecArgs;
 use super::lockstep::LockstepArgs;
 use super::out::answer;
 use super::progress::is_watched;
@@ -283,40 +286,6 @@ fn report_shard(store: &Store, left: usize, out: &Path) -> Result<Verdict, CliEr
     } else {
         Verdict::Fail
     })
-}
-
-/// The scenarios in `paths` by their names.
-fn read_all(paths: &[PathBuf]) -> Result<BTreeMap<String, (Scenario, Source)>, CliError> {
-    let mut read = BTreeMap::new();
-    for path in paths {
-        let (scenario, source) = read_without_programs("campaign", path)?;
-        let name = scenario.name.clone();
-        if read.insert(name.clone(), (scenario, source)).is_some() {
-            let message = format!("{}: a second scenario \"{name}\"", path.display());
-            return Err(CliError::Usage(format!(
-                "{message}, expected each name once"
-            )));
-        }
-    }
-    Ok(read)
-}
-
-/// Removes robots without a built-in program, unless all are such: without `--exec` each of their
-/// runs would fail.
-fn leave_out_bare(read: &mut BTreeMap<String, (Scenario, Source)>) -> Result<(), CliError> {
-    let mut bare = Vec::new();
-    for (name, (scenario, source)) in &*read {
-        if is_bare(scenario, source)? {
-            bare.push(name.clone());
-        }
-    }
-    if bare.len() < read.len() {
-        for name in bare {
-            read.remove(&name);
-            eprintln!("{name} is skipped: its robot has no program; --exec CMD starts one");
-        }
-    }
-    Ok(())
 }
 
 /// A finished run: its result, and its case if it failed.

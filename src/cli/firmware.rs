@@ -127,8 +127,8 @@ impl FirmwareArgs {
         }
     }
 
-    /// A run of `scenario` with the firmware at its open ends. `gdb`: the TCP port on which it waits
-    /// for a debugger.
+    /// A run of `scenario` with the firmware at its open ends. `gdb`: the TCP port on which it
+    /// waits for a debugger.
     pub(super) fn run(
         &self,
         scenario: Scenario,

@@ -1,5 +1,5 @@
-//! A program that runs in lockstep with the rig's time, in the place of the robot's own: firmware on
-//! a simulated board, or a node program.
+//! A program that runs in lockstep with the rig's time, in the place of the robot's own: firmware
+//! on a simulated board, or a node program.
 
 use std::collections::BTreeMap;
 

@@ -57,8 +57,8 @@ fn a_driver_is_a_node_program_in_the_place_of_the_robots() {
     assert_eq!(traces[0], traces[1]);
 }
 
-/// A driver that asks each 100 ms, asks 100 ms after each reply, asks some times and then hangs, asks
-/// once and listens, only prints what it hears, or does nothing.
+/// A driver that asks each 100 ms, asks 100 ms after each reply, asks some times and then hangs,
+/// asks once and listens, only prints what it hears, or does nothing.
 const DRIVER: &str = r#"
 import sys
 from hilrig.device import Device, main
@@ -180,8 +180,8 @@ fn a_driver_that_does_not_work_fails() {
     }
 }
 
-/// A lost reply stops a driver that waits for it. A campaign finds this, its case repeats it, and it
-/// is shrunk to the one fault; the other driver passes. A campaign is not continued with a changed
+/// A lost reply stops a driver that waits for it. A campaign finds this, its case repeats it and is
+/// shrunk to the one fault; the other driver passes. A campaign is not continued with a changed
 /// program.
 #[test]
 fn campaigns_and_shrink_run_a_node_program() {

@@ -135,8 +135,8 @@ printf '%s\n' 'schema = 1' 'name = "rate"' 'robot = "none"' 'duration = "5s"' '[
 fails "$out/other_rate.toml" --firmware "$out/mt_sics.elf" --wire=it=serial1 "both sides read garbage"
 
 
-# Data sheet of the ATmega2560: 3.4 ms to erase and write, 1.8 ms for one of them; the clock of Timer 1
-# stands in power-down.
+# Data sheet of the ATmega2560: 3.4 ms to erase and write, 1.8 ms for one of them; the clock of
+# Timer 1 stands in power-down.
 echo "== the time of the EEPROM, and sleep"
 fails "$out/sleeps.toml" --firmware "$out/sleeps.elf" --wire=it=serial1 "timer . cannot wake the chip from power-down"
 says "$out/fails" "written us=34[0-2][0-9]" 1

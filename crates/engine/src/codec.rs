@@ -24,6 +24,7 @@
 //! Each process has one table: built-in formats first, then registered ones in their order. If two
 //! formats fit some bytes equally well, the earlier one is used.
 
+mod answers;
 mod bus;
 mod car_board;
 mod evidence;
@@ -47,6 +48,7 @@ pub mod words;
 mod xv11;
 mod xv11_turn;
 
+pub use answers::Answers;
 pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, NamedRegister, RegisterNames, bus};
 pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
 pub use evidence::Evidence;
@@ -60,7 +62,7 @@ pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
 pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
 pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
-pub use row::{Answers, AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat, Pause};
+pub use row::{AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat, Pause};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, FrameBytes, Stream, Stretch, What};
 #[cfg(feature = "robots")]

@@ -1,10 +1,10 @@
-//! The fault profile of a campaign, and its coverage.
+//! The scenarios of a campaign, its fault profile, and its coverage.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::super::CliError;
-use super::super::exec::ExecArgs;
+use super::super::exec::{ExecArgs, is_bare, read_without_programs};
 use super::CampaignArgs;
 use crate::realtime::exec::Cpu;
 use crate::scenario::{Scenario, Source};
@@ -132,4 +132,42 @@ pub(super) fn measures_cpu(program: &ExecArgs) -> Result<(), CliError> {
 pub(super) fn earlier(dir: Option<&Path>) -> Result<Option<(PathBuf, Store)>, CliError> {
     let Some(dir) = dir else { return Ok(None) };
     Ok(Some((dir.to_owned(), Store::open(dir)?)))
+}
+
+/// The scenarios in `paths` by their names.
+pub(super) fn read_all(
+    paths: &[PathBuf],
+) -> Result<BTreeMap<String, (Scenario, Source)>, CliError> {
+    let mut read = BTreeMap::new();
+    for path in paths {
+        let (scenario, source) = read_without_programs("campaign", path)?;
+        let name = scenario.name.clone();
+        if read.insert(name.clone(), (scenario, source)).is_some() {
+            let message = format!("{}: a second scenario \"{name}\"", path.display());
+            return Err(CliError::Usage(format!(
+                "{message}, expected each name once"
+            )));
+        }
+    }
+    Ok(read)
+}
+
+/// Removes robots without a built-in program, unless all are such: without `--exec` each of their
+/// runs would fail.
+pub(super) fn leave_out_bare(
+    read: &mut BTreeMap<String, (Scenario, Source)>,
+) -> Result<(), CliError> {
+    let mut bare = Vec::new();
+    for (name, (scenario, source)) in &*read {
+        if is_bare(scenario, source)? {
+            bare.push(name.clone());
+        }
+    }
+    if bare.len() < read.len() {
+        for name in bare {
+            read.remove(&name);
+            eprintln!("{name} is skipped: its robot has no program; --exec CMD starts one");
+        }
+    }
+    Ok(())
 }

@@ -394,8 +394,8 @@ mod tests {
             said.contains("drove into something") && said.contains(after),
             "{said}"
         );
-        // The turn from 7.5 s on and the stop at 8 s come after a collision at 7 s, and before one at
-        // 9 s.
+        // The turn from 7.5 s on and the stop at 8 s come after a collision at 7 s, and before one
+        // at 9 s.
         for (turns, effect) in [(true, "turned too far"), (false, "does not drive it")] {
             for (second, cause_of_it) in [(7, "drove into something"), (9, effect)] {
                 let mut outcome = outcome("");
