@@ -255,6 +255,18 @@ fn a_name_that_no_value_has_is_refused_in_every_condition() {
             "did you mean \"fault\"?",
         ),
         (
+            frame("field = \"mode\", value = 1"),
+            "is 1, but the value has names",
+        ),
+        (
+            frame("contains = \"ask\""),
+            "which no frame of heater contains",
+        ),
+        (
+            frame("contains = \"report: mode heatin \""),
+            "did you mean \"heating\"?",
+        ),
+        (
             frame("contains = \"heatng\""),
             "contains: has \"heatng\", did you mean \"heating\"?",
         ),

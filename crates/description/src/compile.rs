@@ -66,6 +66,12 @@ impl<'a> Compiler<'a> {
         {
             self.wrong("line.address", message);
         }
+        if schema.watchdog.is_some_and(|span| span.0.is_zero()) {
+            self.wrong(
+                "watchdog",
+                "is 0s and would expire at once, expected a time, or leave it out",
+            );
+        }
         self.variables();
         let registers = self.registers(protocol);
         self.computed();

@@ -17,6 +17,7 @@ use crate::description::Description;
 use crate::field::{self, Field, Kind};
 use crate::framing::Frame;
 use crate::message::{Layout, Message};
+use crate::number::NumberKind;
 use crate::pattern::{self, Form};
 use crate::schema::message::From;
 use crate::value::{Record, Value};
@@ -251,12 +252,45 @@ fn value_of(message: &Message, key: &str, text: &str) -> Result<Value, String> {
             field.words(constant)
         ));
     }
+    if let Layout::Text { pieces, .. } = &message.layout {
+        let names = field.names.iter().flat_map(|names| names.iter());
+        let named = { names }.find(|(_, name)| *name == text);
+        let value = match named {
+            Some((number, _)) => Value::Int(*number),
+            None => of_form(pattern::form(pieces, key), key, text)?,
+        };
+        return within(field, key, text, value);
+    }
+    let one = |text| within(field, key, text, one(field, key, text)?);
     if field.repeat.is_some() {
         let values = text.split(',').filter(|part| !part.is_empty());
-        let values: Result<Vec<_>, _> = values.map(|part| one(field, key, part)).collect();
-        return Ok(Value::List(values?));
+        return Ok(Value::List(values.map(one).collect::<Result<_, _>>()?));
     }
-    one(field, key, text)
+    one(text)
+}
+
+/// `value`, if it is within the limits of its field and a whole number of its steps.
+fn within(field: &Field, key: &str, text: &str, value: Value) -> Result<Value, String> {
+    let Some(found) = value.as_f64() else {
+        return Ok(value);
+    };
+    if let Some([least, most]) = field.limits
+        && !(least..=most).contains(&found)
+    {
+        return Err(format!("{key}={text}: expected {least} to {most}"));
+    }
+    let is_float = matches!(&field.kind, Kind::Number(number) if number.kind == NumberKind::Float);
+    if let (Some([scale, offset]), false) = (field.scale, is_float) {
+        let count = (found - offset) / scale;
+        let nearest = libm::round(count);
+        if (count - nearest).abs() > 1e-6 * count.abs().max(1.0) {
+            let nearest = Value::Float(nearest * scale + offset);
+            return Err(format!(
+                "{key}={text}: the field has steps of {scale}, the nearest value is {nearest}"
+            ));
+        }
+    }
+    Ok(value)
 }
 
 /// Parses `text` as a value in a text.
@@ -393,6 +427,39 @@ mod tests {
             ("gain=much", "gain=\"much\": expected a number"),
         ] {
             assert_eq!(request(&[word]).err().as_deref(), Some(expected));
+        }
+        // A text with settings of its fields, and numbers of steps of 0.1 from 1 to 50.
+        let limited = own.replace(
+            "[[message]]\n            name = \"done\"",
+            "fields = [{ name = \"steps\", limits = [1, 50] }]\n            [[message]]\n            \
+             name = \"done\"",
+        );
+        let flow = own.replace(
+            "text = \"SP={target:.1f} {steps:d} {flags:02X} {gain} {label:s}\"",
+            "fields = [{ name = \"flow\", type = \"u16\", scale = 0.1, limits = [1, 50] }]",
+        );
+        for (text, sound, wrong) in [
+            (
+                &limited,
+                "steps=50",
+                [("steps=51", "1 to 50"), ("steps=x", "whole number")],
+            ),
+            (
+                &flow,
+                "flow=25.1",
+                [
+                    ("flow=2555", "1 to 50"),
+                    ("flow=25.04", "nearest value is 25"),
+                ],
+            ),
+        ] {
+            let device = Description::parse("limited", text, &nothing);
+            let device = device.unwrap_or_else(|error| panic!("{error}"));
+            assert!(device.requests(&["set", sound]).is_ok(), "{sound}");
+            for (word, expected) in wrong {
+                let error = device.requests(&["set", word]).err().unwrap_or_default();
+                assert!(error.contains(expected), "{word}: {error}");
+            }
         }
         let twice = request(&["steps=1", "steps=2"]);
         assert_eq!(twice.err().as_deref(), Some("steps is given twice"));

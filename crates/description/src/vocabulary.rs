@@ -6,6 +6,7 @@ use crate::description::Description;
 use crate::field::{Field, Kind};
 use crate::message::{Layout, Message};
 use crate::pattern::{Form, Piece};
+use crate::schema::message::From;
 
 /// Words of values without names, and of frames that are no message.
 const PLAIN: [&str; 5] = ["false", "inf", "nan", "true", "unknown message"];
@@ -42,14 +43,14 @@ impl Description {
         Some(names.values().map(String::as_str).collect())
     }
 
-    /// All words in which frames are printed, without numbers; `None` if a frame can contain any
-    /// text, or if the description has no messages of its own.
-    pub fn vocabulary(&self) -> Option<Vec<&str>> {
+    /// All words in which frames that `from` sends are printed, without numbers; `None` if one can
+    /// contain any text, or if the description has no messages of its own.
+    pub fn vocabulary(&self, from: From) -> Option<Vec<&str>> {
         if self.protocol.is_some() || self.messages.is_empty() {
             return None;
         }
         let mut words = BTreeSet::from(PLAIN);
-        for message in &self.messages {
+        for message in self.messages.iter().filter(|message| message.is_from(from)) {
             if message.is_free() {
                 return None;
             }

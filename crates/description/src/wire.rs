@@ -93,6 +93,15 @@ impl Wire {
         }
     }
 
+    /// The rules that the descriptions name in `violation`.
+    pub fn own_rules(&self) -> Vec<&'static str> {
+        let all = self
+            .units
+            .iter()
+            .flat_map(|(_, device)| &device.description().on);
+        all.filter_map(|on| on.violation).collect()
+    }
+
     /// The names of the values of a variable, which of several devices is `DEVICE.NAME`; `None` if
     /// it can have other values.
     pub fn names_of_value(&self, name: &str) -> Option<Vec<&str>> {

@@ -40,6 +40,7 @@ use engine::run::check::{Check, NODE_PROGRAMS, Status};
 use engine::run::{Outcome, Run};
 use engine::scenario::{Scenario, Source};
 
+pub use cause::in_lockstep;
 pub use companion::{Companion, Supervision};
 pub(crate) use conclude::Ending;
 pub use cpu::Cpu;

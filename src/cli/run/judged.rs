@@ -123,8 +123,8 @@ pub(in crate::cli) fn judged_run(
     judged_with(run, out, pace, talk, None, stop)
 }
 
-/// Runs and judges a run that is already wired. `again` is the command that repeats it, if this is
-/// not the usual command.
+/// Runs and judges a run that is already wired. `again` is the command that repeats it with its
+/// program in lockstep; `None` for the robot's own program.
 pub(super) fn judged_with(
     mut run: Run,
     out: &Path,
@@ -161,6 +161,9 @@ pub(super) fn judged_with(
     let recorded = run.finish_taps();
     let mut outcome = run.judge();
     outcome.checks.extend(was_cut);
+    if again.is_some() {
+        outcome.probable_cause = exec::in_lockstep(&outcome);
+    }
     outcome.again = again;
     let wall = clock.now() - Instant::ZERO;
     let signal = stop.signal();

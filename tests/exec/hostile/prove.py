@@ -158,9 +158,11 @@ def judged(words, is_tame, program, folder, verbose=False):
     ended = [word for word in own if word not in ("hangs", "goes on")]
     last = own[-1] if own and own[-1] != "goes on" else next(reversed(ended), "nothing")
     has_passed = run.returncode == 0
-    # Whether a process hangs is seen at its port, unless another thread reads there.
+    # Whether a process hangs is seen at its port, unless another thread reads there or the port is
+    # closed: it may rest.
     is_alive = alive.startswith("to the end") and (
-        last in ("nothing", "reads") or any(line.endswith(" reads") for line in lines))
+        last in ("nothing", "reads") or any(line.endswith(" reads") for line in lines)
+        or "closes" in words)
     if has_passed and not is_alive and last not in ("exits", "leaves", "thread ends"):
         wrong.append(f"has passed, though the first process {last}; {alive}")
     if has_passed and lines and lines[-1].endswith(" spins"):

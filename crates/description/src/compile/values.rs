@@ -38,12 +38,23 @@ impl Compiler<'_> {
             self.check_within(&format!("{key}.safe"), safe, spec.limits);
         }
         let source = self.source(key, spec.source.as_ref(), spec.value.as_deref());
+        let names = self.names(key, spec.names.as_deref());
+        if let (Some(names), Some(Plain(initial))) = (&names, &spec.initial)
+            && initial.as_int().is_none_or(|int| !names.contains_key(&int))
+        {
+            let known: Vec<String> = names
+                .iter()
+                .map(|(int, name)| format!("{int} ({name})"))
+                .collect();
+            let message = format!("is {initial}, expected one of {}", known.join(", "));
+            self.wrong(format!("{key}.initial"), message);
+        }
         Variable {
             name: Arc::from(name),
             initial,
             unit: spec.unit.clone(),
             limits: spec.limits,
-            names: self.names(key, spec.names.as_deref()),
+            names,
             source,
             safe: spec.safe.clone().map(|plain| plain.0),
             keeps: spec.keeps,

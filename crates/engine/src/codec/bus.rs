@@ -6,8 +6,9 @@ use core::marker::PhantomData;
 use protocols::Decode as _;
 use protocols::avr::{self, ChecksumOrder, ERROR_REGISTER, registers};
 
+use super::answers::Answers;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec, OtherOrder};
+use super::row::{Codec, OtherOrder};
 use super::wire::{Broken, Choices, Wire, made_again};
 
 /// The register bus as documented.

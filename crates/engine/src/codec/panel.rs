@@ -3,9 +3,10 @@
 use protocols::Decode;
 use protocols::panel::{self, Command, Contact, HEADER_LEN, Window};
 
+use super::answers::Answers;
 use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec};
+use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
 
 /// Frames to and from a touch panel.

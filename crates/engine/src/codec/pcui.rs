@@ -7,9 +7,10 @@ use protocols::pcui::message::MapRow;
 use protocols::pcui::{self, Message};
 use protocols::{Decode, rle};
 
+use super::answers::Answers;
 use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec, OtherOrder};
+use super::row::{Codec, OtherOrder};
 use super::wire::{Broken, Choices, Wire, made_again};
 
 /// Messages between robot and PC.

@@ -4,6 +4,7 @@ use core::time::Duration;
 
 use protocols::{Decode, FrameError};
 
+use super::answers::Answers;
 use super::floor::Floor;
 use super::lua::Lua;
 use super::wire::{Choices, Target, Wire};
@@ -74,9 +75,9 @@ pub trait OwnFormat: Send + Sync {
         None
     }
 
-    /// All words in which frames are printed, without numbers; `None` if a frame can contain any
-    /// text.
-    fn vocabulary(&self) -> Option<Vec<&str>> {
+    /// All words in which frames in this direction are printed, without numbers; `None` if a frame
+    /// can contain any text.
+    fn vocabulary(&self, _direction: Direction) -> Option<Vec<&str>> {
         None
     }
 }
@@ -289,11 +290,12 @@ impl Codec {
         }
     }
 
-    /// All words in which frames are printed, without numbers; `None` if they are unknown.
-    pub fn vocabulary(&self) -> Option<Vec<&'static str>> {
+    /// All words in which frames in this direction are printed, without numbers; `None` if they are
+    /// unknown.
+    pub fn vocabulary(&self, direction: Direction) -> Option<Vec<&'static str>> {
         match self.format {
             Format::Typed { .. } => None,
-            Format::Own(format) => format.vocabulary(),
+            Format::Own(format) => format.vocabulary(direction),
         }
     }
 

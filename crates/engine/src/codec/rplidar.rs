@@ -10,9 +10,10 @@ use protocols::rplidar::{
     UltraCapsule, kind,
 };
 
+use super::answers::Answers;
 use super::floor::Floor;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec};
+use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
 use crate::hex;
 

@@ -5,8 +5,9 @@ mod words;
 use protocols::{Decode, FrameError, telemetry};
 use telemetry::{ESCAPE, PAYLOAD_MAX, START};
 
+use super::answers::Answers;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec};
+use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
 
 /// Frames of the telemetry link.

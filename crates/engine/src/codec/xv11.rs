@@ -4,10 +4,11 @@ use core::fmt::Write as _;
 
 use protocols::xv11::{self, RawReading, Reading, SpeedWord};
 
+use super::answers::Answers;
 use super::floor::Floor;
 use super::lidar::Lidar;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec, OtherOrder};
+use super::row::{Codec, OtherOrder};
 use super::wire::{Broken, Choices, Wire, made_again};
 
 /// Packets of an XV-11 lidar.

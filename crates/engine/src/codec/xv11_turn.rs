@@ -2,10 +2,11 @@
 
 use protocols::xv11::{RawReading, Reading, turn};
 
+use super::answers::Answers;
 use super::floor::Floor;
 use super::lidar::Lidar;
 use super::lua::{Lua, LuaField, field};
-use super::row::{Answers, Codec};
+use super::row::Codec;
 use super::wire::{Broken, Choices, Wire, made_again};
 use super::xv11;
 

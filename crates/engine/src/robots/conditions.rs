@@ -339,9 +339,16 @@ impl Moment<'_> {
         let kind = device.map(DeviceSpec::kind);
         let declared = device.and_then(DeviceSpec::events);
         match log_rules::unknown(kind, declared, &event.rule) {
-            Some(message) => Err(Flaw::new("rule", message)),
-            None => Ok(()),
+            Some(message) if !self.is_own_rule(event) => Err(Flaw::new("rule", message)),
+            _ => Ok(()),
         }
+    }
+
+    /// Whether the description of the source, or of any device, names the rule of `event`.
+    fn is_own_rule(&self, event: &EventCondition) -> bool {
+        let is_meant = |name: &str| event.source.as_ref().is_none_or(|source| source == name);
+        let mut devices = self.devices.iter().filter(|(name, _)| is_meant(name));
+        devices.any(|(name, device)| device.own_rules(self.rig, name).contains(&&*event.rule))
     }
 
     /// The knowledge of the rule of `event` by its name and source.
@@ -350,6 +357,9 @@ impl Moment<'_> {
         let device = source.and_then(|source| self.devices.get(source));
         if device.and_then(DeviceSpec::events).is_some() {
             // The wiring has checked the name.
+            return Known::Logged;
+        }
+        if self.is_own_rule(event) {
             return Known::Logged;
         }
         log_rules::known(device.map(DeviceSpec::kind), &event.rule)
@@ -411,17 +421,33 @@ fn check_frame(frame: &FrameCondition, codec: &Codec) -> Result<(), Flaw> {
     if let (Some(field), Some(value)) = (&frame.field, &frame.value) {
         check_name(value, codec.names_of_field(field))?;
     }
-    let Some(known) = codec.vocabulary() else {
+    let Some(known) = codec.vocabulary(frame.direction.into()) else {
         return Ok(());
     };
     let is_part = |c: char| c.is_alphanumeric() || "_-".contains(c);
     let is_number = |word: &str| word.chars().all(|c| c.is_ascii_hexdigit() || c == '-');
-    // The wanted text may begin or end within a word.
-    let is_printed = |word: &str| is_number(word) || known.iter().any(|one| one.contains(word));
-    let mut words = frame.contains.split(|c| !is_part(c));
-    let Some(word) = words.find(|word| !is_printed(word)) else {
-        return Ok(());
+    let single: Vec<&str> = known
+        .iter()
+        .flat_map(|one| one.split(|c| !is_part(c)))
+        .collect();
+    // The wanted text may begin within its first word and end within its last one.
+    let (mut words, mut place) = (frame.contains.split(|c| !is_part(c)).peekable(), 0);
+    let unprinted = loop {
+        let Some(word) = words.next() else {
+            return Ok(());
+        };
+        let is_printed = |one: &&str| match (place == 0, words.peek().is_none()) {
+            (true, true) => one.contains(word),
+            (true, false) => one.ends_with(word),
+            (false, true) => one.starts_with(word),
+            (false, false) => *one == word,
+        };
+        if !is_number(word) && !single.iter().any(is_printed) {
+            break word;
+        }
+        place += 1;
     };
+    let word = unprinted;
     let link = &frame.link;
     let message = match near::meant(word, &known) {
         Some(meant) => format!("has \"{word}\", did you mean \"{meant}\"?"),
@@ -435,6 +461,11 @@ fn check_name(wanted: &Operand, names: Option<Vec<&str>>) -> Result<(), Flaw> {
     match (wanted, names) {
         (Operand::Text(text), Some(names)) if !names.contains(&text.as_str()) => {
             Err(Flaw::new("value", near::expected(text, &names)))
+        }
+        (Operand::Number(number), Some(names)) => {
+            let names = names.join(", ");
+            let message = format!("is {number}, but the value has names: expected one of {names}");
+            Err(Flaw::new("value", message))
         }
         _ => Ok(()),
     }

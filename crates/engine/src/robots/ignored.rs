@@ -65,7 +65,10 @@ pub(super) fn warnings(
     let is_foreign = !robot.takes_orders();
     let given =
         given.filter(|(key, _)| ignored.contains(key) || is_foreign && OF_BUILT_IN.contains(key));
-    let unjudged = is_foreign.then(|| of_unjudged_waypoints(scenario, source));
+    let unjudged = is_foreign.then(|| {
+        let waypoints = of_unjudged_waypoints(scenario, source);
+        waypoints.into_iter().chain(of_orders(scenario, source))
+    });
     let ignored = given.map(|(key, _)| {
         let span = source.find(key.rsplit('.').next().unwrap_or(key));
         let message = match OF_BUILT_IN.contains(&key) {
@@ -74,7 +77,18 @@ pub(super) fn warnings(
         };
         source.invalid(span, key, message)
     });
-    ignored.chain(unjudged.flatten()).collect()
+    ignored.chain(unjudged.into_iter().flatten()).collect()
+}
+
+/// Orders of a robot whose link of orders is unknown.
+fn of_orders(scenario: &Scenario, source: &Source) -> Option<ScenarioError> {
+    let safety = scenario.expect.safety.as_ref()?;
+    (safety.sound_orders && safety.orders_link.is_none()).then(|| {
+        let message = "has no effect without orders_link: the link that carries the orders to your \
+                       own program is unknown";
+        let span = source.find("sound_orders");
+        source.invalid(span, "expect.safety.sound_orders", message)
+    })
 }
 
 /// Waypoints of a robot that gets no orders, if no expectation or condition counts them.
@@ -199,6 +213,10 @@ mod tests {
             assert_eq!(keys("custom", &more), [key]);
             assert_eq!(keys("rescue", &more), [""; 0], "{key}");
         }
+        let orders = "[expect.safety]\nsound_orders = true\n";
+        assert_eq!(keys("custom", orders), ["expect.safety.sound_orders"]);
+        let named = format!("{orders}orders_link = \"pc\"");
+        assert_eq!(keys("custom", &named), [""; 0]);
         let way = "[mission]\nwaypoints_m = [[1.5, 1.5]]\n";
         assert_eq!(keys("custom", way), ["mission.waypoints_m"]);
         assert_eq!(keys("rescue", way), [""; 0]);

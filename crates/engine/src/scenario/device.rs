@@ -297,6 +297,11 @@ impl DeviceSpec {
         self.kind.value_names(self.settings.as_ref(), rig, name)
     }
 
+    /// Rules that the device `name` logs besides those of its kind.
+    pub fn own_rules(&self, rig: &Rig, name: &str) -> Vec<&'static str> {
+        self.kind.own_rules(rig, name)
+    }
+
     /// The names that `value` of the device `name` can have; `None` if it can have other values.
     pub fn names_of_value<'a>(
         &self,

@@ -185,6 +185,19 @@ impl Warnings<'_> {
                 self.found.push(self.source.invalid(span, key, late(at)));
             }
         }
+        let safety = scenario.expect.safety.clone().unwrap_or_default();
+        for (name, within) in [
+            ("rests_within", safety.rests_within),
+            ("obeys_within", safety.obeys_within),
+            ("commands_within", safety.commands_within),
+            ("sends_within", safety.sends_within),
+            ("says_within", safety.says_within),
+        ] {
+            if within.is_some_and(|within| within >= end) {
+                let message = format!("has no effect: the run ends at {end}");
+                self.add(name, format!("expect.safety.{name}"), &message);
+            }
+        }
         for (index, push) in scenario.world.push.iter().enumerate() {
             if push.at >= end {
                 let span = self.source.find_in_list("world.push", index, "at");

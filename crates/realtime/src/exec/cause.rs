@@ -104,6 +104,26 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     })
 }
 
+/// The probable cause of the failure of a program that has no ports of the system: firmware on a
+/// simulated board, or a node program. `None` if the run passed or no rule explains the failure.
+pub fn in_lockstep(outcome: &Outcome) -> Option<String> {
+    let mut checks = outcome.checks.iter();
+    checks.find(|check| check.status == Status::Fail)?;
+    let evidence = Evidence {
+        ports: &Ports::default(),
+        waits: &[],
+        ended: None,
+        said: "",
+        outcome,
+    };
+    let mut causes = devices::causes(&evidence);
+    causes.extend(motion::causes(&evidence));
+    // The failed node program is the one under test.
+    causes.retain(|cause| cause.weight != weight::DEVICE);
+    causes.sort_by_key(|cause| core::cmp::Reverse(cause.weight));
+    causes.into_iter().next().map(|cause| cause.text)
+}
+
 /// The observations, if no rule explains the failure.
 fn unknown(evidence: &Evidence<'_>) -> String {
     let seen = evidence.ports.all.iter().filter(|port| port.was_opened);

@@ -131,14 +131,15 @@ impl Ports {
     /// request or the reply. It may still read: a device can send without requests.
     pub(super) fn stalled(&self, now: Instant, faults: &[FaultSpec]) -> Option<&Port> {
         self.all.iter().filter(|port| port.is_open).find(|port| {
-            let sent = port.sent();
-            let ([first, .., last], true) = (sent.as_slice(), sent.len() >= SENT_MIN) else {
+            let Some(Regular {
+                first,
+                last,
+                longest,
+            }) = port.regular()
+            else {
                 return false;
             };
-            let pauses = sent.windows(2).map(|pair| pair[1] - pair[0]);
-            let longest = pauses.max().unwrap_or_default();
-            let is_regular = *last - *first >= SENT_FOR.max(longest * 4);
-            let is_silent = now - *last > SILENT_MAX.max(longest * PAUSES_MAX);
+            let is_silent = now - last > SILENT_MAX.max(longest * PAUSES_MAX);
             let strikes = |fault: &FaultSpec| {
                 let (begin, end) = match fault.byte {
                     Some(_) => {
@@ -151,16 +152,16 @@ impl Ports {
                     }
                 };
                 fault.is_at(&port.name)
-                    && begin.is_some_and(|begin| *first < begin && begin <= *last + REPLY)
-                    && end.is_some_and(|end| end + BEFORE >= *last)
+                    && begin.is_some_and(|begin| first < begin && begin <= last + REPLY)
+                    && end.is_some_and(|end| end + BEFORE >= last)
             };
-            is_regular && is_silent && faults.iter().any(strikes)
+            is_silent && faults.iter().any(strikes)
         })
     }
 
     /// Time during which the program neither sent nor read although a device had bytes for it or
     /// waited for a request. `None` if the program only listens to devices that are silent
-    /// themselves.
+    /// themselves, and sends regularly to no other.
     fn silent_for(&self, now: Instant) -> Option<Duration> {
         let active = self.active_at?;
         let open = || self.all.iter().filter(|port| port.is_open);
@@ -171,7 +172,8 @@ impl Ports {
             port.heard_at.is_some_and(|heard| heard > sent + STREAM)
                 && port.read_at >= port.heard_at
         };
-        (!open().any(is_stream)).then(|| now - active)
+        let may_listen = open().any(is_stream) && !open().any(|port| port.regular().is_some());
+        (!may_listen).then(|| now - active)
     }
 }
 
@@ -190,7 +192,32 @@ impl Ports {
     }
 }
 
+/// The times at which a program sends regularly.
+struct Regular {
+    first: Instant,
+    last: Instant,
+    /// The longest pause between two of them.
+    longest: Duration,
+}
+
 impl Port {
+    /// The times at which the program has sent, if they are regular.
+    fn regular(&self) -> Option<Regular> {
+        let sent = self.sent();
+        let ([first, .., last], true) = (sent.as_slice(), sent.len() >= SENT_MIN) else {
+            return None;
+        };
+        let pauses = sent.windows(2).map(|pair| pair[1] - pair[0]);
+        let longest = pauses.max().unwrap_or_default();
+        let (first, last) = (*first, *last);
+        let regular = Regular {
+            first,
+            last,
+            longest,
+        };
+        (last - first >= SENT_FOR.max(longest * 4)).then_some(regular)
+    }
+
     /// Settings that changed the client's bytes, for the user.
     pub(super) fn acted(&self) -> Option<String> {
         self.acted_of(|_| true)

@@ -60,7 +60,8 @@ pub(crate) fn asked_for(
     if let Some(within) = spec.rests_within {
         let drive = instruments.drive_links();
         let needs = needs(spec, instruments);
-        let rests = RestsAfterSilence::new(needs, drive, within.0);
+        let calm = Calm::of(scenario, rig, &|link| drive.iter().any(|own| own == link));
+        let rests = RestsAfterSilence::new(needs, drive, calm, within.0);
         checkers.push(Box::new(rests.with_eyes(rig, shared)));
     }
     if spec.sound_orders {

@@ -94,6 +94,10 @@ impl DeviceKind for DescriptionKind {
         values.map(value).collect()
     }
 
+    fn own_rules(&self, rig: &Rig, name: &str) -> Vec<&'static str> {
+        rig.device::<Wire>(name).map_or(Vec::new(), Wire::own_rules)
+    }
+
     fn names_of_value<'a>(&self, rig: &'a Rig, name: &str, value: &str) -> Option<Vec<&'a str>> {
         rig.device::<Wire>(name)?.names_of_value(value)
     }

@@ -77,6 +77,11 @@ pub trait DeviceKind: Send + Sync {
         values.map(|value| value.name).collect()
     }
 
+    /// Rules that the device `name` logs besides those of its kind.
+    fn own_rules(&self, _rig: &Rig, _name: &str) -> Vec<&'static str> {
+        Vec::new()
+    }
+
     /// The names of the values that `value` of the device `name` can have; `None` if it can have
     /// others, or if they are unknown.
     fn names_of_value<'a>(&self, _rig: &'a Rig, _name: &str, _value: &str) -> Option<Vec<&'a str>> {

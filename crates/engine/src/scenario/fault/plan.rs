@@ -147,7 +147,14 @@ impl FaultSpec {
     /// If a detail is missing or makes no sense.
     pub fn strike(&self) -> Result<Option<Strike>, Flaw> {
         let Some(byte) = self.byte else {
-            return Ok(None);
+            return match (self.kind, self.bit) {
+                (FaultKind::Flip, Some(_)) => {
+                    let message =
+                        "has no effect without byte: other flips choose the bit by chance";
+                    Err(Flaw::new("bit", message))
+                }
+                _ => Ok(None),
+            };
         };
         if let Some(key) = self
             .given()
@@ -166,6 +173,12 @@ impl FaultSpec {
                 return Err(Flaw::new(
                     "value",
                     "an insertion at one byte needs its value",
+                ));
+            }
+            (DamageKind::Burst { .. }, _, Some(0)) => {
+                return Err(Flaw::new(
+                    "value",
+                    "is 0, which changes no bit; expected 1 to 255",
                 ));
             }
             (DamageKind::Burst { len }, _, mask) => Damage::Burst {

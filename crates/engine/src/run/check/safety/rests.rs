@@ -6,6 +6,7 @@ use std::sync::Arc;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::Calm;
 use super::eyes::Eyes;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
@@ -16,8 +17,8 @@ const BRAKES: Duration = Duration::from_millis(500);
 /// Maximum speed of a resting robot, m/s and rad/s: noise of the drive train.
 pub(super) const REST_M_S: f64 = 0.03;
 pub(super) const REST_RAD_S: f64 = 0.15;
-/// Minimum time for which commands must have reached the drive's device. A device without commands
-/// stops by itself; the check `motors-stop-after-silence` covers that case.
+/// Time within which commands have reached the drive's device. Without them, while a fault acts on
+/// the drive, the program cannot stop the robot; `motors-stop-after-silence` covers that case.
 const COMMANDS: Duration = Duration::from_millis(300);
 
 /// The robot rests after a link that it needs has been silent for too long.
@@ -27,6 +28,8 @@ pub struct RestsAfterSilence {
     eyes: Option<Eyes>,
     instruments: Option<Arc<dyn Instruments>>,
     drive: Vec<String>,
+    /// Whether a fault acts on the drive.
+    calm: Calm,
     within: Duration,
     commanded: Heard,
     has_moved: bool,
@@ -71,8 +74,9 @@ struct Watched {
 
 impl RestsAfterSilence {
     /// Observes a robot that must rest `within` this time after one of the links in `needs` fell
-    /// silent. `drive` are the links with the commands of its drive.
-    pub fn new(needs: Vec<Need>, drive: Vec<String>, within: Duration) -> Self {
+    /// silent. `drive` are the links with the commands of its drive; they are `calm` while no fault
+    /// acts on them.
+    pub fn new(needs: Vec<Need>, drive: Vec<String>, calm: Calm, within: Duration) -> Self {
         let watched = needs.into_iter().map(|need| Watched {
             need,
             heard: Heard::NEVER,
@@ -87,6 +91,7 @@ impl RestsAfterSilence {
             eyes: None,
             instruments: None,
             drive,
+            calm,
             within,
             commanded: Heard::NEVER,
             has_moved: false,
@@ -132,7 +137,7 @@ impl Checker for RestsAfterSilence {
         let sent = self.drive.iter();
         let sent = sent.map(|link| delivered(rig, link, Direction::ToDevice));
         let unreached = self.commanded.take(now, sent.sum());
-        let is_reached = self.drive.is_empty() || unreached < COMMANDS;
+        let is_reached = self.drive.is_empty() || unreached < COMMANDS || self.calm.is(now);
         let world = &rig.world;
         let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
         self.has_moved |= is_moving;
@@ -198,6 +203,7 @@ impl Checker for RestsAfterSilence {
             eyes: eyes.and_then(|(eyes, instruments)| eyes.fork(rig, &**instruments)),
             instruments: self.instruments.clone(),
             drive: self.drive.clone(),
+            calm: self.calm.clone(),
             ..*self
         }))
     }

@@ -77,7 +77,7 @@ fn three_wrong_reports_in_a_row_are_a_failure() {
 #[test]
 fn nothing_is_observed_without_links() {
     let within = Duration::from_secs(1);
-    let mut rests = RestsAfterSilence::new(Vec::new(), Vec::new(), within);
+    let mut rests = RestsAfterSilence::new(Vec::new(), Vec::new(), Calm::default(), within);
     let check = observed(&mut rests, 3);
     assert_eq!(check.status, Status::NotObserved);
     assert!(check.detail.ends_with("set rests_without"));

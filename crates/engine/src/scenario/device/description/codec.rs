@@ -51,17 +51,21 @@ impl AnyDecoder for Reader {
     }
 }
 
+/// The end that sends the bytes in this direction.
+const fn sender(direction: Direction) -> From {
+    match direction {
+        Direction::ToMaster => From::Device,
+        Direction::ToDevice => From::Host,
+    }
+}
+
 impl OwnFormat for Described {
     fn decoder(&self) -> Box<dyn AnyDecoder> {
         Box::new(Reader::new(&self.0, From::Both))
     }
 
     fn decoder_towards(&self, direction: Direction) -> Box<dyn AnyDecoder> {
-        let from = match direction {
-            Direction::ToMaster => From::Device,
-            Direction::ToDevice => From::Host,
-        };
-        Box::new(Reader::new(&self.0, from))
+        Box::new(Reader::new(&self.0, sender(direction)))
     }
 
     fn repair(&self, frame: &mut [u8]) {
@@ -95,8 +99,8 @@ impl OwnFormat for Described {
         self.0.names_of_field(field)
     }
 
-    fn vocabulary(&self) -> Option<Vec<&str>> {
-        self.0.vocabulary()
+    fn vocabulary(&self, direction: Direction) -> Option<Vec<&str>> {
+        self.0.vocabulary(sender(direction))
     }
 
     fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
