@@ -4,7 +4,6 @@ mod scope;
 
 use core::ops::Range;
 use core::sync::atomic::{AtomicUsize, Ordering};
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 use std::thread;

@@ -436,7 +436,7 @@ mod tests {
         );
         let flow = own.replace(
             "text = \"SP={target:.1f} {steps:d} {flags:02X} {gain} {label:s}\"",
-            "fields = [{ name = \"flow\", type = \"u16\", scale = 0.1, limits = [1, 50] }]",
+            "fields = [{ name = \"flow\", type = \"u16le\", scale = 0.1, limits = [1, 50] }]",
         );
         for (text, sound, wrong) in [
             (

@@ -18,7 +18,7 @@ use engine::codec::wire::{Piece, Stream};
 use engine::rig::Logged;
 use engine::run::Run;
 use engine::run::check::Status;
-use engine::scenario::Scenario;
+use engine::scenario::{Scenario, TextSpec};
 use realtime::LATE;
 use realtime::clock::{Clock as _, WallClock};
 
@@ -382,11 +382,39 @@ pub(super) fn judge(
 }
 
 /// Broken rules, each once, and failed checks. Violations at a device do not count if the program
-/// opened no port through which it can reach the device; `opens` lists its ports.
+/// opened no port through which it can reach the device; `opens` lists its ports. A master whose
+/// requests are damaged or have no reader yet gets no replies, and a device without any command
+/// knows no request.
 fn broken(run: Run, opens: &[&str]) -> Vec<Cause> {
     let mut causes: Vec<Cause> = Vec::new();
     let events = run.rig.events().iter();
-    let is_its_own = |one: &&Logged| one.is_violation() && run.rig.reaches(opens, &one.source);
+    let case = run.case();
+    let opened_at = |device: &str| {
+        let mut opened = run.rig.events().iter();
+        let opened = opened.find(|one| one.source == device && one.event.rule == "port-opened");
+        opened.map(|one| one.event.at)
+    };
+    let is_judged = |one: &&Logged| {
+        let Some(spec) = case.device.get(&one.source) else {
+            return true;
+        };
+        match spec.kind() {
+            "master" => {
+                let is_struck = case.fault.iter().any(|fault| fault.is_at(&one.source));
+                let is_early = opened_at(&one.source).is_none_or(|opened| one.event.at < opened);
+                !is_struck && !is_early
+            }
+            "text" => {
+                let knows_any = spec
+                    .settings::<TextSpec>()
+                    .is_none_or(|it| !it.command.is_empty());
+                knows_any || one.event.rule != "unknown-request"
+            }
+            _ => true,
+        }
+    };
+    let is_its_own =
+        |one: &&Logged| one.is_violation() && run.rig.reaches(opens, &one.source) && is_judged(one);
     for logged in events.filter(is_its_own) {
         let cause = Cause::Rule {
             device: logged.source.clone(),
