@@ -7,7 +7,7 @@ use clap::Args;
 use super::answer::{Benched, ScenarioBenched};
 use super::exec::refuse_programs;
 use super::{CliError, Verdict, out, progress};
-use crate::realtime::clock::process_cpu_time;
+use crate::realtime::clock::thread_cpu_time;
 use crate::run::Run;
 use crate::scenario::{Scenario, Source};
 
@@ -115,9 +115,9 @@ fn measured(
 ) -> Result<ScenarioBenched, CliError> {
     let (mut ran, mut least) = (Duration::ZERO, Duration::MAX);
     for _ in 0..args.rounds {
-        let before = process_cpu_time();
+        let before = cpu_time()?;
         ran = judged(Run::new(scenario.clone(), source, None)?);
-        least = least.min(process_cpu_time().saturating_sub(before));
+        least = least.min(cpu_time()?.saturating_sub(before));
     }
     let (virtual_s, cpu_s) = (ran.as_secs_f64(), least.as_secs_f64());
     Ok(ScenarioBenched {
@@ -131,6 +131,12 @@ fn measured(
             false => instructions(path, &scenario.name),
         },
     })
+}
+
+/// Processor time so far. A run has one thread.
+fn cpu_time() -> Result<Duration, CliError> {
+    let message = "bench: this system does not tell the processor time of a thread";
+    thread_cpu_time().ok_or_else(|| CliError::Usage(message.to_owned()))
 }
 
 /// Runs to the end and judges; returns the virtual time.

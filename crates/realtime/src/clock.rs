@@ -148,13 +148,6 @@ pub fn thread_cpu_time() -> Option<Duration> {
     Some(Duration::from_nanos(nanos))
 }
 
-/// Processor time of all threads of this process so far. For information beside a result, never for
-/// a verdict.
-pub fn process_cpu_time() -> Duration {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::ProcessCPUTime);
-    Duration::try_from(now).unwrap_or_default()
-}
-
 /// Processor time that a process has used so far; `None` if there is no such process.
 /// Each charge that is made of it is recorded, so that a run can be repeated.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
