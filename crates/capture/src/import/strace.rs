@@ -6,17 +6,21 @@
 //! 1234 <... read resumed>"\x31", 1) = 1
 //! ```
 //!
-//! The port is the file descriptor whose path is a terminal, from -y or from its `open`. Without a
-//! path, the port is the only descriptor of the log. A time is that of the beginning of the call;
-//! for a resumed call, that of its end.
+//! A descriptor belongs to one file from `open` to `close`. The port is the file that is a terminal,
+//! by its path or by its calls; else the file that is both read and written; else the only one that
+//! is open for both, or the only one of the log. A time is that of the beginning of the call; for a
+//! resumed call, that of its end.
+
+mod files;
 
 use std::collections::BTreeMap;
+
+use files::{Files, Opening};
 
 use super::Look;
 use super::hextext::escape;
 use super::hextext::{Clock, Turns};
 use super::imported::{ImportError, Imported, Options};
-use super::roles::link_of_path;
 use super::text::{Line, decimal_nanos, lines, moment, number};
 use crate::Kind;
 
@@ -37,13 +41,39 @@ struct Call {
     is_unfinished: bool,
     /// The baud rate of a TCSETS.
     baud: Option<u32>,
+    /// The path that -y prints behind the result.
+    result_path: Option<String>,
+    /// The two descriptors of a pipe.
+    pair: Option<[u64; 2]>,
+    words: Words,
 }
 
-/// A transfer of a descriptor.
+/// Words of a call's arguments.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Words {
+    is_read_write: bool,
+    is_terminal: bool,
+    is_duplicate: bool,
+    shares_files: bool,
+}
+
+impl Words {
+    fn of(arguments: &str) -> Self {
+        Self {
+            is_read_write: arguments.contains("O_RDWR"),
+            is_terminal: arguments.contains(", TC"),
+            is_duplicate: arguments.contains("F_DUPFD"),
+            shares_files: arguments.contains("CLONE_FILES"),
+        }
+    }
+}
+
+/// A transfer of a file.
 struct Transfer<'a> {
     line: Line<'a>,
     nanos: Option<u64>,
-    fd: u64,
+    /// Index of the file.
+    file: usize,
     is_read: bool,
     bytes: Vec<u8>,
     is_cut: bool,
@@ -96,13 +126,23 @@ fn call(text: &str) -> Option<Call> {
         }
     };
     call.is_unfinished = arguments.contains("<unfinished ...>");
-    call.result = arguments.rsplit_once(" = ").and_then(|(_, result)| {
-        let word = result.split([' ', '<']).next()?;
-        word.parse().ok()
+    if let Some((_, result)) = arguments.rsplit_once(" = ") {
+        let word = result.split([' ', '<']).next();
+        call.result = word.and_then(|word| word.parse().ok());
+        call.result_path = shown_path(result.trim_start_matches(|c: char| c.is_ascii_digit()));
+    }
+    call.words = match call.name.as_str() {
+        "read" | "write" => Words::default(),
+        _ => Words::of(arguments),
+    };
+    call.pair = arguments.split_once('[').and_then(|(_, pair)| {
+        let (first, second) = pair.split_once(']')?.0.split_once(", ")?;
+        let fd = |text: &str| number(text.split('<').next()?);
+        Some([fd(first)?, fd(second)?])
     });
     let is_transfer =
         ["read", "write", "pread64", "pwrite64", "readv", "writev"].contains(&call.name.as_str());
-    if is_transfer || call.name.starts_with("open") {
+    if is_transfer || call.name.starts_with("open") || call.name == "creat" {
         call.data(arguments)?;
     }
     let rate = arguments.split_once("{B").filter(|_| call.name == "ioctl");
@@ -111,6 +151,13 @@ fn call(text: &str) -> Option<Call> {
         rate[..end].parse().ok()
     });
     Some(call)
+}
+
+/// The path that -y prints behind a descriptor: `</dev/ttyUSB0>`, with -yy
+/// `</dev/ttyUSB0<char 188:0>>`.
+fn shown_path(text: &str) -> Option<String> {
+    let (path, _) = text.strip_prefix('<')?.split_once('>')?;
+    Some(path.split('<').next()?.to_owned())
 }
 
 /// `12:11:23.000501`, `12:11:23`, or seconds.
@@ -163,8 +210,7 @@ impl Call {
     fn descriptor(&mut self, arguments: &str) {
         let end = arguments.find(|c: char| !c.is_ascii_digit()).unwrap_or(0);
         self.fd = number(&arguments[..end]);
-        let path = arguments[end..].strip_prefix('<');
-        self.path = path.and_then(|path| Some(path.split_once('>')?.0.to_owned()));
+        self.path = shown_path(&arguments[end..]);
     }
 
     /// Decodes the consecutive texts in quotes.
@@ -187,21 +233,6 @@ impl Call {
     }
 }
 
-/// Whether a path is that of a terminal.
-fn is_port(path: &str) -> bool {
-    [
-        "/dev/tty",
-        "/dev/serial",
-        "/dev/pts/",
-        "/dev/cu",
-        "/dev/rfcomm",
-        "COM",
-    ]
-    .iter()
-    .any(|start| path.starts_with(start))
-        && path != "/dev/tty"
-}
-
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     let head = lines(bytes).take(400);
     let is_transfer = |line: &Line<'_>| {
@@ -216,11 +247,32 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
 }
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
-    let mut paths: BTreeMap<u64, String> = BTreeMap::new();
-    let mut rates: BTreeMap<u64, u32> = BTreeMap::new();
+    let times = times(bytes, out);
+    let (files, transfers) = transfers(bytes, &times);
+    let chosen = chosen(&transfers, files.all(), options)?;
+    // A port that was opened twice is one link.
+    let name = |file: usize| files.all()[file].link();
+    let is_one = chosen.iter().all(|&file| name(file) == name(chosen[0]));
+    let mut links = BTreeMap::new();
+    for &file in &chosen {
+        let rates = chosen.iter().filter(|&&other| name(other) == name(file));
+        let rate = rates.filter_map(|&other| files.all()[other].baud).next();
+        let baud = options.baud.or(rate).unwrap_or(0);
+        let link = match is_one {
+            true => out.link_at(&options.link, baud),
+            false => out.link_at(&name(file), baud),
+        };
+        links.insert(file, link);
+    }
+    note_others(&transfers, files.all(), &chosen, out);
+    emit(&transfers, &links, options, out)
+}
+
+/// The files of the log, and all reads and writes with bytes.
+fn transfers<'a>(bytes: &'a [u8], times: &BTreeMap<usize, u64>) -> (Files, Vec<Transfer<'a>>) {
+    let mut files = Files::default();
     let mut started: BTreeMap<(u64, String), Call> = BTreeMap::new();
     let mut transfers: Vec<Transfer<'_>> = Vec::new();
-    let times = times(bytes, out);
     for line in lines(bytes) {
         let Some(mut call) = core::str::from_utf8(line.text).ok().and_then(call) else {
             continue;
@@ -236,131 +288,157 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
             call.path = begun.path.or(call.path);
             call.bytes = begun.bytes.or(call.bytes);
             call.is_cut |= begun.is_cut;
+            call.baud = begun.baud.or(call.baud);
+            call.words = begun.words;
         }
-        if call.name.starts_with("open") {
-            let path = call.bytes.and_then(|bytes| String::from_utf8(bytes).ok());
-            let fd = call.result.and_then(|fd| u64::try_from(fd).ok());
-            paths.extend(fd.zip(path));
+        let is_read = call.name.contains("read");
+        if !is_read && !call.name.contains("write") {
+            files.follow(&call);
             continue;
         }
-        let Some(fd) = call.fd else { continue };
-        paths.extend(call.path.take().map(|path| (fd, path)));
-        rates.extend(call.baud.map(|baud| (fd, baud)));
-        let is_read = call.name.contains("read");
         let count = call.result.and_then(|count| usize::try_from(count).ok());
-        let (Some(mut bytes), Some(count)) = (call.bytes, count) else {
+        let (Some(mut bytes), Some(count), Some(_)) = (call.bytes.take(), count, call.fd) else {
             continue;
         };
-        if !is_read && !call.name.contains("write") {
-            continue;
-        }
         let is_cut = call.is_cut && bytes.len() < count;
         bytes.truncate(count);
+        if bytes.is_empty() {
+            continue;
+        }
         transfers.push(Transfer {
             line,
             nanos: times.get(&line.number).copied(),
-            fd,
+            file: files.of_transfer(&call, &bytes),
             is_read,
             bytes,
             is_cut,
         });
     }
-    transfers.retain(|one| !one.bytes.is_empty());
-    let chosen = chosen(&transfers, &paths, options)?;
-    // A port that was opened twice is one link.
-    let (mut names, mut links) = (Vec::<String>::new(), Vec::new());
-    for &fd in &chosen {
-        let name = match (chosen.len(), paths.get(&fd)) {
-            (1, _) => options.link.clone(),
-            (_, Some(path)) => link_of_path(path),
-            (_, None) => format!("fd-{fd}"),
-        };
-        let known = names.iter().position(|known| *known == name);
-        links.push((fd, known.unwrap_or(names.len())));
-        if known.is_none() {
-            let baud = options.baud.or(rates.get(&fd).copied()).unwrap_or(0);
-            out.link_at(&name, baud);
-            names.push(name);
-        }
-    }
-    emit(&transfers, &links, options, out)
+    (files, transfers)
 }
 
-/// The descriptors that are ports.
+/// The files that are ports.
 fn chosen(
     transfers: &[Transfer<'_>],
-    paths: &BTreeMap<u64, String>,
+    files: &[Opening],
     options: &Options,
-) -> Result<Vec<u64>, ImportError> {
-    let mut all: Vec<u64> = transfers.iter().map(|one| one.fd).collect();
+) -> Result<Vec<usize>, ImportError> {
+    let mut all: Vec<usize> = transfers.iter().map(|one| one.file).collect();
     all.sort_unstable();
     all.dedup();
-    let path = |fd: &u64| paths.get(fd).map_or("", String::as_str);
+    let only = |of: &[usize], is: &dyn Fn(usize) -> bool| -> Vec<usize> {
+        of.iter().copied().filter(|&file| is(file)).collect()
+    };
     if !options.channels.is_empty() {
-        let is = |fd: &u64, name: &String| fd.to_string() == *name || path(fd) == name;
-        all.retain(|fd| options.channels.iter().any(|name| is(fd, name)));
-        return match all.is_empty() {
-            true => Err(ImportError::of_file(
+        let names = &options.channels;
+        let named = only(&all, &|file| {
+            names.iter().any(|name| files[file].is_named(name))
+        });
+        let streams = only(&named, &|file| !files[file].is_seekable());
+        return match (&named[..], &streams[..]) {
+            ([], _) => Err(ImportError::of_file(
                 "--channel: expected the number or the path of a file descriptor of the log",
             )),
-            false => Ok(all),
+            (_, []) => Ok(named),
+            _ => Ok(streams),
         };
     }
-    let ports: Vec<u64> = all.iter().copied().filter(|fd| is_port(path(fd))).collect();
-    let others: Vec<u64> = all.iter().copied().filter(|&fd| fd > 2).collect();
-    match (&ports[..], &others[..], &all[..]) {
-        ([_, ..], _, _) => Ok(ports),
-        (_, [_], _) => Ok(others),
-        (_, [], [_]) => Ok(all),
-        _ => {
-            let named = all
-                .iter()
-                .map(|fd| format!("{fd} {}", path(fd)).trim_end().to_owned());
-            let named = named.collect::<Vec<_>>().join(", ");
-            Err(ImportError::of_file(format!(
-                "the file descriptor of the port is not clear: {named}; --channel FD selects \
-                 one, or trace with strace -y, which prints the paths"
-            )))
+    let own = only(&all, &|file| !files[file].is_standard());
+    let ports = only(&own, &|file| files[file].is_port());
+    if !ports.is_empty() {
+        return Ok(ports);
+    }
+    let rest = match &own[..] {
+        [] => all.clone(),
+        _ => only(&own, &|file| !files[file].is_seekable()),
+    };
+    let has = |file: usize, is_read: bool| {
+        let is_same = |one: &&Transfer<'_>| files[one.file].name() == files[file].name();
+        let mut of = transfers.iter().filter(is_same);
+        of.any(|one| one.is_read == is_read && !files[one.file].is_seekable())
+    };
+    let both = only(&rest, &|file| has(file, true) && has(file, false));
+    let open_for_both = only(&rest, &|file| files[file].is_read_write());
+    let candidates = [both, open_for_both, rest];
+    let candidates = candidates.into_iter().find(|found| !found.is_empty());
+    let candidates = candidates.unwrap_or_default();
+    let first = candidates.first().map(|&file| files[file].name());
+    if candidates
+        .iter()
+        .all(|&file| Some(files[file].name()) == first)
+    {
+        return Ok(candidates);
+    }
+    let mut labels: Vec<String> = all.iter().map(|&file| files[file].label()).collect();
+    labels.sort_unstable();
+    labels.dedup();
+    let named = labels.join(", ");
+    Err(ImportError::of_file(format!(
+        "the file descriptor of the port is not clear: {named}; --channel FD selects \
+         one, or trace with strace -y, which prints the paths"
+    )))
+}
+
+/// Files that a note names.
+const NAMED: usize = 3;
+
+/// Notes the files that are left out, and the number of their bytes.
+fn note_others(
+    transfers: &[Transfer<'_>],
+    files: &[Opening],
+    chosen: &[usize],
+    out: &mut Imported,
+) {
+    let mut others: Vec<(String, usize)> = Vec::new();
+    for one in transfers.iter().filter(|one| !chosen.contains(&one.file)) {
+        let name = files[one.file].name();
+        match others.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, count)) => *count += one.bytes.len(),
+            None => others.push((name, one.bytes.len())),
         }
     }
+    if others.is_empty() {
+        return;
+    }
+    let named = others.iter().take(NAMED);
+    let named = named.map(|(name, count)| format!("{count} bytes of {name}"));
+    let named = named.collect::<Vec<_>>().join(", ");
+    let more = match others.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(", and {more} more files"),
+    };
+    out.note(format!("other files are left out: {named}{more}"));
 }
 
 fn emit(
     transfers: &[Transfer<'_>],
-    links: &[(u64, usize)],
+    links: &BTreeMap<usize, usize>,
     options: &Options,
     out: &mut Imported,
 ) -> Result<(), ImportError> {
     out.clock = "virtual";
-    let link_of = |fd| {
-        links
+    let own = || {
+        transfers
             .iter()
-            .find(|(of, _)| *of == fd)
-            .map(|(_, link)| *link)
+            .filter_map(|one| Some((one, *links.get(&one.file)?)))
     };
-    let own = || transfers.iter().filter(|one| link_of(one.fd).is_some());
-    if let Some(cut) = own().find(|one| one.is_cut) {
+    if let Some((cut, _)) = own().find(|(one, _)| one.is_cut) {
         return Err(cut
             .line
             .wrong("strace cut these bytes (\"...\"): trace again with -s 99999"));
     }
-    let is_timed = own().all(|one| one.nanos.is_some());
+    let is_timed = own().all(|(one, _)| one.nanos.is_some());
     if !is_timed {
         out.note("the log has no times: calls follow each other each millisecond; strace -tt");
     }
-    for (index, one) in (0_u64..).zip(own()) {
+    for (index, (one, link)) in (0_u64..).zip(own()) {
         let nanos = match one.nanos.filter(|_| is_timed) {
             Some(nanos) => nanos,
             None => index * 1_000_000,
         };
         out.line = one.line.number;
-        out.push(
-            link_of(one.fd).unwrap_or(0),
-            nanos,
-            options.way(one.is_read),
-            Kind::Data,
-            &one.bytes,
-        );
+        let way = options.way(one.is_read);
+        out.push(link, nanos, way, Kind::Data, &one.bytes);
     }
     Ok(())
 }
@@ -428,6 +506,83 @@ mod tests {
             ),
         ];
         assert_eq!(told(text), Ok(expected));
+    }
+
+    /// Imports `text`; the bytes of all records in a row, and the notes.
+    fn taken(text: &str, channel: Option<&str>) -> (Vec<u8>, Vec<String>) {
+        let options = Options {
+            channels: channel.into_iter().map(str::to_owned).collect(),
+            ..Options::default()
+        };
+        let found = read_format(text.as_bytes(), Format::Strace, &options).expect("sound");
+        let bytes = found.records().iter().flat_map(|one| one.bytes.to_vec());
+        (bytes.collect(), found.notes.clone())
+    }
+
+    const LOADED: &str = "\
+1.0 openat(AT_FDCWD, \"/lib/libc.so.6\", O_RDONLY|O_CLOEXEC) = 3
+1.1 read(3, \"\\x7f\\x45\\x4c\\x46\"..., 832) = 832
+";
+    const MEASURED: &str = "\
+2.0 openat(AT_FDCWD, \"/tmp/ports/meter\", O_RDWR|O_NOCTTY) = 3
+2.1 write(3, \"\\xc0\\x01\", 2) = 2
+2.2 read(3, \"\\xc0\", 1) = 1
+2.3 write(1, \"ok\\n\", 3) = 3
+";
+
+    /// Descriptor 3 is libc, then the port, then a table; the cut read of libc is not the port's.
+    #[test]
+    fn a_descriptor_is_another_file_after_each_opening() {
+        let after = "\
+2.4 close(3) = 0
+2.5 openat(AT_FDCWD, \"/tmp/table\", O_RDONLY) = 3
+2.6 read(3, \"abcd\", 4096) = 4
+";
+        let (bytes, notes) = taken(&format!("{LOADED}{MEASURED}{after}"), None);
+        assert_eq!(bytes, [0xC0, 0x01, 0xC0]);
+        assert_eq!(
+            notes,
+            [
+                "other files are left out: 4 bytes of /lib/libc.so.6, 3 bytes of file descriptor \
+                 1, 4 bytes of /tmp/table"
+            ]
+        );
+        // A log of reads and writes alone has neither openings nor closings.
+        let of_transfers = |text: &str| -> String {
+            let lines = text.lines().filter(|line| !line.contains("openat"));
+            lines.map(|line| format!("{line}\n")).collect()
+        };
+        let (bytes, _) = taken(&of_transfers(&format!("{LOADED}{MEASURED}")), None);
+        assert_eq!(bytes, [0xC0, 0x01, 0xC0]);
+    }
+
+    /// The number of a descriptor names the file of it that can be a port; a path names one file.
+    #[test]
+    fn a_channel_is_a_number_or_a_path() {
+        let text = format!("{LOADED}{MEASURED}");
+        assert_eq!(taken(&text, Some("3")).0, [0xC0, 0x01, 0xC0]);
+        assert_eq!(taken(&text, Some("/tmp/ports/meter")).0, [0xC0, 0x01, 0xC0]);
+        assert_eq!(taken(&text, Some("1")).0, *b"ok\n");
+    }
+
+    /// Descriptor 5 is a copy of the port; a child's own 3 is another file; a terminal call marks a
+    /// port that is read only.
+    #[test]
+    fn copies_and_processes_keep_their_files() {
+        let text = "\
+7 1.0 openat(AT_FDCWD, \"/tmp/port\", O_RDONLY) = 3
+7 1.1 ioctl(3, TCGETS, {B2400 opost}) = 0
+7 1.2 dup(3) = 5
+7 1.3 fork() = 8
+8 1.4 close(3) = 0
+8 1.5 openat(AT_FDCWD, \"/tmp/log\", O_RDWR) = 3
+8 1.6 read(3, \"x\", 1) = 1
+8 1.7 write(3, \"y\", 1) = 1
+7 1.8 read(3, \"a\", 1) = 1
+7 1.9 read(5, \"b\", 1) = 1
+8 2.0 read(5, \"c\", 1) = 1
+";
+        assert_eq!(taken(text, None).0, *b"abc");
     }
 
     #[test]

@@ -1,0 +1,251 @@
+//! Files of a traced program: a descriptor's number means another file after each close and open.
+
+use std::collections::BTreeMap;
+
+use super::Call;
+use crate::import::roles::link_of_path;
+
+/// A file from its opening to its closing.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Opening {
+    /// Number of the first descriptor.
+    pub(super) fd: u64,
+    /// Path in the call that opened the file.
+    path: Option<String>,
+    /// Path that `strace -y` prints.
+    shown: Option<String>,
+    /// The baud rate of the last TCSETS.
+    pub(super) baud: Option<u32>,
+    is_read_write: bool,
+    /// Whether a call that only terminals support succeeded.
+    is_terminal: bool,
+    /// Whether the file has positions (pread) or is a library: no serial port.
+    is_seekable: bool,
+}
+
+impl Opening {
+    fn path(&self) -> Option<&str> {
+        self.shown.as_deref().or(self.path.as_deref())
+    }
+
+    /// Whether the option `--channel` names this file.
+    pub(super) fn is_named(&self, name: &str) -> bool {
+        self.fd.to_string() == name
+            || [&self.path, &self.shown]
+                .into_iter()
+                .flatten()
+                .any(|path| path == name)
+    }
+
+    /// Whether the program has inherited this standard stream.
+    pub(super) fn is_standard(&self) -> bool {
+        self.fd <= 2 && self.path.is_none()
+    }
+
+    pub(super) fn is_port(&self) -> bool {
+        let paths = || [&self.path, &self.shown].into_iter().flatten();
+        !self.is_seekable
+            && !paths().any(|path| path == "/dev/tty")
+            && (self.is_terminal || paths().any(|path| is_port(path)))
+    }
+
+    pub(super) const fn is_read_write(&self) -> bool {
+        self.is_read_write
+    }
+
+    pub(super) const fn is_seekable(&self) -> bool {
+        self.is_seekable
+    }
+
+    /// Name in messages: the number and the path, if known.
+    pub(super) fn label(&self) -> String {
+        format!("{} {}", self.fd, self.path().unwrap_or(""))
+            .trim_end()
+            .to_owned()
+    }
+
+    /// Name in a note.
+    pub(super) fn name(&self) -> String {
+        let path = self.path().map(str::to_owned);
+        path.unwrap_or_else(|| format!("file descriptor {}", self.fd))
+    }
+
+    /// Name of the link; a port that was opened twice is one link.
+    pub(super) fn link(&self) -> String {
+        let path = self.path().map(link_of_path);
+        path.unwrap_or_else(|| format!("fd-{}", self.fd))
+    }
+}
+
+/// Whether a path is that of a terminal.
+fn is_port(path: &str) -> bool {
+    [
+        "/dev/tty",
+        "/dev/serial",
+        "/dev/pts/",
+        "/dev/cu",
+        "/dev/rfcomm",
+        "COM",
+    ]
+    .iter()
+    .any(|start| path.starts_with(start))
+}
+
+/// Calls besides `open` whose result is a new descriptor.
+const OPENING: [&str; 12] = [
+    "socket",
+    "accept",
+    "accept4",
+    "epoll_create",
+    "epoll_create1",
+    "eventfd",
+    "eventfd2",
+    "memfd_create",
+    "timerfd_create",
+    "signalfd4",
+    "inotify_init1",
+    "pidfd_open",
+];
+
+/// First bytes of a library or program.
+const ELF: &[u8] = b"\x7fELF";
+
+/// Descriptors of one process; `None` after a close.
+type Table = BTreeMap<u64, Option<usize>>;
+
+/// All files of the log and the descriptors of its processes.
+#[derive(Debug, Default)]
+pub(super) struct Files {
+    openings: Vec<Opening>,
+    tables: Vec<Table>,
+    /// Table of each process; threads share one.
+    table_of: BTreeMap<u64, usize>,
+    /// The last file of each descriptor, for a thread whose creation is not in the log.
+    latest: Table,
+}
+
+impl Files {
+    pub(super) fn all(&self) -> &[Opening] {
+        &self.openings
+    }
+
+    /// Follows a finished call that is no transfer.
+    pub(super) fn follow(&mut self, call: &Call) {
+        let result = call.result.and_then(|result| u64::try_from(result).ok());
+        let (Some(result), name) = (result, call.name.as_str()) else {
+            return;
+        };
+        match (name, call.fd) {
+            ("close", Some(fd)) => self.close(call.pid, fd),
+            ("dup" | "dup2" | "dup3", Some(_)) => self.duplicate(call, result),
+            ("fcntl" | "fcntl64", Some(_)) if call.words.is_duplicate => {
+                self.duplicate(call, result);
+            }
+            ("fork" | "vfork" | "clone" | "clone3", _) => {
+                self.clone_table(call.pid, result, call.words.shares_files);
+            }
+            ("ioctl", Some(_)) => {
+                let file = self.of(call);
+                self.openings[file].is_terminal |= call.words.is_terminal;
+                self.openings[file].baud = call.baud.or(self.openings[file].baud);
+            }
+            ("pipe" | "pipe2", _) => {
+                for fd in call.pair.into_iter().flatten() {
+                    self.open(call.pid, fd, Opening::default());
+                }
+            }
+            _ if name.starts_with("open") || name == "creat" || OPENING.contains(&name) => {
+                let path = call.bytes.clone().filter(|_| !OPENING.contains(&name));
+                let opening = Opening {
+                    path: path.and_then(|bytes| String::from_utf8(bytes).ok()),
+                    shown: call.result_path.clone(),
+                    is_read_write: call.words.is_read_write,
+                    ..Opening::default()
+                };
+                self.open(call.pid, result, opening);
+            }
+            _ => {}
+        }
+    }
+
+    /// File of a transfer.
+    pub(super) fn of_transfer(&mut self, call: &Call, bytes: &[u8]) -> usize {
+        let is_positioned = call.name.starts_with('p');
+        let mut file = self.of(call);
+        if !is_positioned && bytes.starts_with(ELF) && call.name == "read" {
+            // The loader opens a library, reads its header first and closes it; a log of reads and
+            // writes alone shows neither opening nor closing.
+            if self.openings[file].path().is_none() {
+                file = self.open(call.pid, call.fd.unwrap_or(0), Opening::default());
+            }
+            self.openings[file].is_seekable = true;
+        } else if is_positioned {
+            self.openings[file].is_seekable = true;
+        } else if self.openings[file].is_seekable && self.openings[file].path().is_none() {
+            file = self.open(call.pid, call.fd.unwrap_or(0), Opening::default());
+        }
+        file
+    }
+
+    /// File of the call's descriptor.
+    fn of(&mut self, call: &Call) -> usize {
+        let fd = call.fd.unwrap_or(0);
+        let own = self.table(call.pid).get(&fd).copied().flatten();
+        let known = own.or_else(|| self.latest.get(&fd).copied().flatten());
+        let shown = call.path.as_ref();
+        let is_other = |file: &usize| {
+            let known = self.openings[*file].shown.as_ref();
+            known.is_some() && shown.is_some() && known != shown
+        };
+        let file = match known.filter(|file| !is_other(file)) {
+            Some(file) => file,
+            None => self.open(call.pid, fd, Opening::default()),
+        };
+        if let Some(shown) = shown {
+            self.openings[file].shown = Some(shown.clone());
+        }
+        file
+    }
+
+    fn table(&mut self, pid: u64) -> &mut Table {
+        let next = self.tables.len();
+        let table = *self.table_of.entry(pid).or_insert(next);
+        if table == next {
+            self.tables.push(Table::new());
+        }
+        &mut self.tables[table]
+    }
+
+    fn open(&mut self, pid: u64, fd: u64, opening: Opening) -> usize {
+        let file = self.openings.len();
+        self.openings.push(Opening { fd, ..opening });
+        self.table(pid).insert(fd, Some(file));
+        self.latest.insert(fd, Some(file));
+        file
+    }
+
+    fn close(&mut self, pid: u64, fd: u64) {
+        // Another process may still have the file open.
+        let own = self.table(pid).insert(fd, None).flatten();
+        if own.is_some() && self.latest.get(&fd) == Some(&own) {
+            self.latest.insert(fd, None);
+        }
+    }
+
+    fn duplicate(&mut self, call: &Call, to: u64) {
+        let file = self.of(call);
+        self.table(call.pid).insert(to, Some(file));
+        self.latest.insert(to, Some(file));
+    }
+
+    fn clone_table(&mut self, parent: u64, child: u64, is_shared: bool) {
+        let copied = self.table(parent).clone();
+        let table = match is_shared {
+            true => self.table_of[&parent],
+            false => self.tables.len(),
+        };
+        if *self.table_of.entry(child).or_insert(table) == self.tables.len() {
+            self.tables.push(copied);
+        }
+    }
+}
