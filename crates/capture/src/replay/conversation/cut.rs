@@ -191,35 +191,83 @@ const HEAD: usize = 2;
 const FORM_MIN: usize = 10;
 const FORM_SHARE: usize = 50;
 
-/// Splits messages without silence between them, if they have the form of most messages: the same
-/// two first bytes and the same length.
-fn cut_by_form(bytes: &[u8], ends: &mut BTreeSet<usize>) {
-    let mut forms: BTreeMap<(&[u8], usize), usize> = BTreeMap::new();
-    let mut from = 0;
-    let mut messages = Vec::new();
-    for &end in &*ends {
-        let message = &bytes[from..end];
-        if let Some(head) = message.get(..2) {
-            *forms.entry((head, message.len())).or_default() += 1;
+/// One in this many messages may differ from the others: a pause of the recorder has divided it, or
+/// another message follows it without a silence.
+const ODD: usize = 10;
+
+/// The form of most messages of a stream.
+struct Form<'a> {
+    head: &'a [u8],
+    len: usize,
+    /// The last byte, if it is the same in all messages of the form: it marks the end.
+    last: Option<u8>,
+}
+
+impl<'a> Form<'a> {
+    /// The form of most of `messages`; `None` if messages with this head have several lengths.
+    fn of(messages: &[&'a [u8]]) -> Option<Self> {
+        let mut forms: BTreeMap<(&[u8], usize), usize> = BTreeMap::new();
+        for message in messages {
+            if let Some(head) = message.get(..HEAD) {
+                *forms.entry((head, message.len())).or_default() += 1;
+            }
         }
-        messages.push(from..end);
-        from = end;
+        let ((head, len), count) = forms.into_iter().max_by_key(|&(_, count)| count)?;
+        if count < FORM_MIN || count * 100 < messages.len() * FORM_SHARE || len <= HEAD {
+            return None;
+        }
+        let own = || messages.iter().filter(|message| message.starts_with(head));
+        let mut lasts: BTreeMap<u8, usize> = BTreeMap::new();
+        for message in own().filter(|message| message.len() == len) {
+            *lasts.entry(message[len - 1]).or_default() += 1;
+        }
+        let last = lasts.into_iter().max_by_key(|&(_, count)| count);
+        let last = last.filter(|&(_, alike)| alike + count / ODD >= count);
+        let form = Self {
+            head,
+            len,
+            last: last.map(|(last, _)| last),
+        };
+        let is_odd = |message: &&&[u8]| {
+            let mut rest = **message;
+            while form.begins(rest) {
+                rest = &rest[len..];
+            }
+            rest.len() < message.len() && !rest.is_empty() && !rest.starts_with(head)
+        };
+        (own().filter(is_odd).count() * ODD <= count).then_some(form)
     }
-    let Some(((head, len), count)) = forms.into_iter().max_by_key(|&(_, count)| count) else {
+
+    /// Whether `bytes` begin with a message of this form.
+    fn begins(&self, bytes: &[u8]) -> bool {
+        bytes.starts_with(self.head)
+            && bytes.len() >= self.len
+            && self.last.is_none_or(|last| bytes[self.len - 1] == last)
+    }
+}
+
+/// Splits messages without silence between them, if they have the form of most messages: the same
+/// two first bytes, the same length, and the same last byte if that is constant.
+fn cut_by_form(bytes: &[u8], ends: &mut BTreeSet<usize>) {
+    let mut from = 0;
+    let ranges = ends
+        .iter()
+        .map(|&end| core::mem::replace(&mut from, end)..end);
+    let ranges: Vec<Range<usize>> = ranges.collect();
+    let messages: Vec<&[u8]> = ranges.iter().map(|range| &bytes[range.clone()]).collect();
+    let Some(form) = Form::of(&messages) else {
         return;
     };
-    if count < FORM_MIN || count * 100 < messages.len() * FORM_SHARE || len < 3 {
-        return;
-    }
-    for range in messages {
+    for range in ranges {
         let mut place = range.start;
-        while place + len <= range.end {
-            if !bytes[place..].starts_with(head) {
+        while place + form.len <= range.end {
+            if !form.begins(&bytes[place..range.end]) {
                 place += 1;
                 continue;
             }
-            ends.extend([place, place + len].into_iter().filter(|&end| end > 0));
-            place += len;
+            let both = [place, place + form.len];
+            ends.extend(both.into_iter().filter(|&end| end > 0));
+            place += form.len;
         }
     }
 }
@@ -344,6 +392,32 @@ mod tests {
             bytes.collect::<Vec<_>>().concat()
         };
         assert_eq!(messages.iter().map(join).collect::<Vec<_>>(), expected);
+    }
+
+    /// Fifteen requests of SLIP, each 200 ms apart. One has an escape, so it is one byte longer:
+    /// the form of six bytes would leave its last byte as a request of its own. Without a
+    /// marker, three longer messages of fifteen show that the length varies.
+    #[test]
+    fn a_longer_request_is_not_cut_by_the_form_of_the_others() {
+        let pieces = |short: &'static [u8], long: &'static [u8], longer: &[u64]| {
+            let one = |at: u64| match longer.contains(&at) {
+                true => (at * 200, long),
+                false => (at * 200, short),
+            };
+            (1..=15).map(one).collect::<Vec<_>>()
+        };
+        let slip = b"\xC0\x01\xD0\x69\x7D\xC0";
+        let escaped = b"\xC0\x01\xDB\xDC\xED\x8A\xC0";
+        for (short, long, longer) in [
+            (&slip[..], &escaped[..], &[7][..]),
+            (b"\x01\x06abcd", b"\x01\x06abcdefg", &[3, 7, 11]),
+            // Binary with a marker at the end only.
+            (b"\x01\x06ab\x00", b"\x01\x06abcd\x00", &[7]),
+        ] {
+            let pieces = pieces(short, long, longer);
+            let expected: Vec<_> = pieces.iter().map(|(_, bytes)| bytes.to_vec()).collect();
+            assert_eq!(cut(&pieces, &[]), expected);
+        }
     }
 
     #[test]
