@@ -152,6 +152,10 @@ pub trait Format {
 
     /// Makes the frame; called only with bytes that were judged complete.
     fn frame(&self, bytes: &[u8]) -> Self::Frame;
+
+    /// Notes bytes that leave the buffer: a frame, or one discarded byte. A format whose frames may
+    /// begin without a marker needs them to know whether a frame can begin at the next byte.
+    fn passed(&mut self, _bytes: &[u8], _is_frame: bool) {}
 }
 
 /// The decoder of every format: a buffer of `N` bytes, at least the longest frame.
@@ -193,10 +197,14 @@ impl<F: Format, const N: usize> Decoder<F, N> {
     /// The frame that consists of all `bytes`, if no bytes are pending. Feeding the bytes, in any
     /// pieces, would give this frame with the last of them, and nothing else. With `None` nothing
     /// has changed.
-    pub fn whole(&self, bytes: &[u8]) -> Option<F::Frame> {
+    pub fn whole(&mut self, bytes: &[u8]) -> Option<F::Frame> {
         let is_free = self.start == self.end && !bytes.is_empty() && bytes.len() <= N;
-        let is_whole = is_free && self.format.judge(bytes) == Candidate::Complete(bytes.len());
-        is_whole.then(|| self.format.frame(bytes))
+        if !is_free || self.format.judge(bytes) != Candidate::Complete(bytes.len()) {
+            return None;
+        }
+        let frame = self.format.frame(bytes);
+        self.format.passed(bytes, true);
+        Some(frame)
     }
 
     /// Judges the pending bytes. `Some` if there is a result; skipped noise alone is none.
@@ -216,6 +224,7 @@ impl<F: Format, const N: usize> Decoder<F, N> {
                 }
                 Candidate::Complete(len) => {
                     let frame = self.format.frame(&bytes[..len]);
+                    self.format.passed(&bytes[..len], true);
                     self.start += len;
                     return Some(Ok(frame));
                 }
@@ -234,6 +243,8 @@ impl<F: Format, const N: usize> Decoder<F, N> {
     }
 
     fn discard_one(&mut self) {
+        self.format
+            .passed(&self.buf[self.start..=self.start], false);
         self.start += 1;
         self.discarded += 1;
     }

@@ -344,3 +344,30 @@ fn tshark_agrees_with_decode_on_every_field() {
     }
     assert!(all.is_empty(), "{}", all.join("\n"));
 }
+
+/// The sum of 01 02 is 03, that of 02 alone is 02: between two frames, 40 02 02 C0 is no frame,
+/// although its end has a correct sum.
+#[test]
+fn no_frame_begins_within_a_damaged_one() {
+    let text = r#"
+name = "slip"
+about = "Frames between two C0"
+line = { baud = 9600 }
+frame = { stuffing = "slip", checksum = "sum8" }
+message = [{ name = "told", from = "device", fields = [
+  { name = "all", type = "bytes", size = "rest" },
+] }]
+every = [{ period = "1s", send = "told" }]
+"#;
+    let sound = [0xC0, 1, 2, 3, 0xC0];
+    let bytes = [&sound[..], &[0x40, 2, 2, 0xC0], &sound].concat();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("dissected-damaged");
+    fs::create_dir_all(&folder).expect("a folder");
+    let of = parse("slip", text);
+    fs::write(folder.join("c.pcapng"), capture(&[(From::Device, bytes)])).expect("writable");
+    fs::write(folder.join("d.lua"), dissector_of(&[of])).expect("writable");
+    let fields = ["hilrig.words", "hilrig.bad"].map(str::to_owned);
+    if let Some(rows) = tshark(&folder, &fields) {
+        assert_eq!(rows, [["told: all [01 02]~told: all [01 02]", "4"]]);
+    }
+}

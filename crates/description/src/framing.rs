@@ -3,6 +3,7 @@
 //! The *content* of a frame is its bytes without markers and stuffing. The *body* is the content
 //! without sync bytes, length field and checksums; messages decode the body.
 
+mod before;
 mod bytes;
 mod cut;
 mod head;

@@ -42,7 +42,8 @@ end
 -- Formats ----------------------------------------------------------------------------------------
 --
 -- judge(s, state) says how long the frame at the start of s is; 0 for none, nil for "more"; state is
--- the line's own table, for formats whose frames say what the next ones are. tell(s) returns a title
+-- the line's own table, for formats whose frames say what the next ones are; state.before is the byte
+-- before s, nil at the start of the line. tell(s) returns a title
 -- and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which half a
 -- frame is given up, per cent of the bytes in frames below which it is not guessed; of a described
 -- device a function that says whether a frame is a message of it.
@@ -95,6 +96,7 @@ local function cut(line, out, quiet)
     else
       at = at + 1
     end
+    line.state.before = line.buf:sub(at - 1, at - 1)
   end
   tell_bad(out, line.buf:sub(from, at - 1))
   line.buf = line.buf:sub(at)
@@ -112,6 +114,7 @@ local function guess(buf, from, quiet)
         framed = framed + length
       end
       at = at + math.max(length or 1, 1)
+      state.before = buf:sub(at - 1, at - 1)
     end
     local is_later = best and best[6] and not format[6]
     if not is_later and framed > most and framed * 100 >= format[5] * #buf then

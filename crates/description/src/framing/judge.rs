@@ -4,12 +4,13 @@ use std::sync::Arc;
 
 use protocols::{Candidate, Decoder, Format, FrameError};
 
+use super::before::Before;
 use super::{Cut, FRAME_MAX, FrameBytes, Framing, Length, Lengths};
 use crate::schema::wire::Stuffing;
 
 /// The frame formats of a description.
 #[derive(Clone, Debug)]
-pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked);
+pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked, Before);
 
 /// The number of formats that are tried.
 #[derive(Clone, Copy, Debug)]
@@ -74,7 +75,7 @@ impl Frames {
     /// the result does not depend on the chunks in which bytes arrive.
     fn verdict(&self, bytes: &[u8], is_last: bool) -> (usize, Candidate) {
         if let Looked::One(index) = self.2 {
-            let found = match self.0[index].judge(bytes, is_last) {
+            let found = match self.0[index].judge(bytes, is_last, self.3) {
                 Candidate::Incomplete if is_last => Candidate::Rejected(FrameError::Truncated {
                     found: len_u32(bytes.len()),
                 }),
@@ -84,7 +85,7 @@ impl Frames {
         }
         let mut rejected = None;
         for (index, framing) in self.used() {
-            match framing.judge(bytes, is_last) {
+            match framing.judge(bytes, is_last, self.3) {
                 Candidate::Noise => {}
                 Candidate::Rejected(error) => {
                     rejected.get_or_insert((index, Candidate::Rejected(error)));
@@ -104,7 +105,8 @@ impl Frames {
 impl Frames {
     /// All of these formats.
     pub(crate) fn of(formats: Arc<Vec<Framing>>) -> Self {
-        Self(formats, Unused::default(), Looked::Many).without(Unused::default())
+        let before = Before::default();
+        Self(formats, Unused::default(), Looked::Many, before).without(Unused::default())
     }
 
     /// The formats that are tried, with their indices.
@@ -122,12 +124,12 @@ impl Frames {
 
     /// The same selection of other formats.
     pub(crate) fn with_formats(&self, formats: Arc<Vec<Framing>>) -> Self {
-        Self(formats, self.1, self.2)
+        Self(formats, self.1, self.2, self.3)
     }
 
     /// The same formats without the `unused` ones.
     pub(crate) fn without(&self, unused: Unused) -> Self {
-        let mut frames = Self(self.0.clone(), unused, Looked::Many);
+        let mut frames = Self(self.0.clone(), unused, Looked::Many, self.3);
         let only = {
             let mut used = frames.used().map(|(index, _)| index);
             used.next().filter(|_| used.next().is_none())
@@ -185,7 +187,7 @@ impl Format for Frames {
 
     fn judge(&self, bytes: &[u8]) -> Candidate {
         match self.2 {
-            Looked::One(index) => self.0[index].judge(bytes, false),
+            Looked::One(index) => self.0[index].judge(bytes, false, self.3),
             Looked::Many => self.verdict(bytes, false).1,
         }
     }
@@ -202,6 +204,15 @@ impl Format for Frames {
         let bytes = bytes.into();
         Frame { format, bytes }
     }
+
+    fn passed(&mut self, bytes: &[u8], is_frame: bool) {
+        if let Some(&last) = bytes.last() {
+            self.3 = match is_frame {
+                true => Before::Frame(last),
+                false => Before::Discarded(last),
+            };
+        }
+    }
 }
 
 fn len_u32(bytes: usize) -> u32 {
@@ -209,12 +220,13 @@ fn len_u32(bytes: usize) -> u32 {
 }
 
 impl Framing {
-    /// Checks whether a frame begins at the first byte; `is_last` if no more bytes will come.
+    /// Checks whether a frame begins at the first byte, behind `before`; `is_last` if no more bytes
+    /// will come.
     #[inline]
-    pub(super) fn judge(&self, bytes: &[u8], is_last: bool) -> Candidate {
+    pub(super) fn judge(&self, bytes: &[u8], is_last: bool, before: Before) -> Candidate {
         match self.sound(bytes) {
             Some(found) => found,
-            None => self.judge_all(bytes, is_last),
+            None => self.judge_all(bytes, is_last, before),
         }
     }
 
@@ -259,9 +271,14 @@ impl Framing {
 
     /// Like [`judge`](Self::judge), for every format. Not inlined: a sound frame needs none of it.
     #[inline(never)]
-    pub(super) fn judge_all(&self, bytes: &[u8], is_last: bool) -> Candidate {
-        if let Cut::Marked { .. } = self.cut {
-            return self.judge_marked(bytes);
+    pub(super) fn judge_all(&self, bytes: &[u8], is_last: bool, before: Before) -> Candidate {
+        if let Cut::Marked { start, end, .. } = &self.cut {
+            // The end marker of a rejected frame could also begin a frame, but none has come.
+            let is_end = start == end && start == bytes && matches!(before, Before::Discarded(_));
+            return match is_last && is_end {
+                true => Candidate::Noise,
+                false => self.judge_marked(bytes, before),
+            };
         }
         // For a few bytes a loop is faster than a call.
         if bytes
@@ -374,7 +391,7 @@ impl Framing {
         Candidate::Incomplete
     }
 
-    fn judge_marked(&self, bytes: &[u8]) -> Candidate {
+    fn judge_marked(&self, bytes: &[u8], before: Before) -> Candidate {
         let Cut::Marked {
             start,
             end,
@@ -386,8 +403,9 @@ impl Framing {
         };
         let seen = start.len().min(bytes.len());
         let has_start = bytes[..seen] == start[..seen];
-        // Two adjacent frames may share a marker.
-        let may_lack_start = start == end;
+        // Two adjacent frames may share a marker. Within a frame, whose first byte may be damaged,
+        // none begins.
+        let may_lack_start = start == end && before.may_share(end);
         if !has_start && !may_lack_start {
             return Candidate::Noise;
         }
@@ -395,9 +413,9 @@ impl Framing {
             return Candidate::Incomplete;
         }
         let from = if has_start { start.len() } else { 0 };
-        let reject = |error| match has_start {
+        let reject = |error| match has_start || matches!(before, Before::Frame(_)) {
             true => Candidate::Rejected(error),
-            // Without its start marker this was not a candidate.
+            // Behind a discarded marker, this frame was rejected with its marker already.
             false => Candidate::Noise,
         };
         let inner = &bytes[from..];

@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use protocols::{Candidate, Decode as _};
 
-use super::Framing;
+use super::before::Before;
+use super::{Cutter, Framing};
 use crate::Description;
 
 /// How a frame ends, with its markers.
@@ -96,10 +97,10 @@ fn the_fast_route_judges_as_the_slow_one() {
         }
         let same = |bytes: &[u8]| {
             for is_last in [false, true] {
-                let found = fast.judge(bytes, is_last);
+                let found = fast.judge(bytes, is_last, Before::Nothing);
                 assert_eq!(
                     found,
-                    slow.judge_all(bytes, is_last),
+                    slow.judge_all(bytes, is_last, Before::Nothing),
                     "{keys}\n{bytes:02X?}"
                 );
             }
@@ -110,7 +111,9 @@ fn the_fast_route_judges_as_the_slow_one() {
             assert_eq!(frame, slow.frame(&body), "{keys}\n{body:02X?}");
             let Some(frame) = frame else { continue };
             made += 1;
-            sound += usize::from(fast.judge(&frame, false) == Candidate::Complete(frame.len()));
+            sound += usize::from(
+                fast.judge(&frame, false, Before::Nothing) == Candidate::Complete(frame.len()),
+            );
             (0..=frame.len()).for_each(|end| same(&frame[..end]));
             same(&[&frame[..], &[0x11, 0]].concat());
             for at in 0..frame.len() {
@@ -152,5 +155,62 @@ fn a_whole_delivery_is_taken_as_single_bytes() {
         cutter.idle();
         single.extend(cutter.push(&[]));
         assert_eq!(single.iter().flatten().count(), 1, "{format} {body:02X?}");
+    }
+}
+
+/// The frames in `bytes`, and the number of rejected candidates.
+fn decoded(framing: &str, bytes: &[u8]) -> (Vec<Vec<u8>>, usize) {
+    let text = format!(
+        "name = \"x\"\nabout = \"x\"\nline = {{ baud = 9600 }}\n[frame]\n{framing}\n\
+         checksum = \"sum8\"\n[[message]]\nname = \"m\"\nfrom = \"both\"\n\
+         fields = [{{ name = \"all\", type = \"bytes\", size = \"rest\" }}]\n\
+         [[on]]\nmessage = \"m\"\nreply = \"m\"\n"
+    );
+    let description = Description::parse("x", &text, &|_| Err(String::new()));
+    let mut cutter: Cutter = description
+        .unwrap_or_else(|error| panic!("{error}"))
+        .cutter();
+    let mut all: Vec<_> = cutter.push(bytes).collect();
+    cutter.idle();
+    all.extend(cutter.push(&[]));
+    let errors = all.iter().filter(|one| one.is_err()).count();
+    let frames = all.into_iter().flatten().map(|one| one.bytes.to_vec());
+    (frames.collect(), errors)
+}
+
+/// The sum of 01 02 is 03, and that of 02 alone is 02: behind a damaged first byte, the rest of a
+/// frame can have a correct sum, but no frame begins within another one.
+#[test]
+fn no_frame_begins_within_a_damaged_one() {
+    for (framing, mark) in [("stuffing = \"slip\"", 0xC0), ("stuffing = \"hdlc\"", 0x7E)] {
+        let sound = [mark, 1, 2, 3, mark];
+        let shared = [1, 2, 3, mark];
+        let inner = [2, 2, mark];
+        for (bytes, frames, errors) in [
+            // Two frames with a marker between them, or with a marker each.
+            ([&sound[..], &shared].concat(), vec![&sound[..], &shared], 0),
+            ([&sound[..], &sound].concat(), vec![&sound[..], &sound], 0),
+            // A byte too many behind the marker; a damaged marker.
+            (
+                [&[mark, 0x40], &inner[..], &sound].concat(),
+                vec![&sound[..]],
+                1,
+            ),
+            (
+                [&sound[..], &[0x40], &inner, &sound].concat(),
+                vec![&sound[..]; 2],
+                1,
+            ),
+            // The marker behind a rejected frame is no cut frame.
+            ([&sound[..], &[0x40], &inner].concat(), vec![&sound[..]], 1),
+            (vec![mark, 1, 2, 4, mark], vec![], 1),
+            // The stream begins within a frame, or with one.
+            ([&[0x40], &inner[..], &sound].concat(), vec![&sound[..]], 0),
+            ([&shared[..], &sound].concat(), vec![&shared[..], &sound], 0),
+        ] {
+            let (found, bad) = decoded(framing, &bytes);
+            assert_eq!(found, frames, "{bytes:02X?}");
+            assert_eq!(bad, errors, "{bytes:02X?}");
+        }
     }
 }

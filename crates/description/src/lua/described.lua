@@ -706,11 +706,13 @@ local function judge_silence(framing, s, is_last)
   return nil
 end
 
-local function judge_marked(framing, s)
+local function judge_marked(framing, s, before)
   local start, finish = framing.start, framing.finish
   local seen = math.min(#start, #s)
   local has_start = s:sub(1, seen) == start:sub(1, seen)
-  if not has_start and start ~= finish then return 0 end
+  -- Two adjacent frames may share a marker; within a damaged frame, none begins.
+  local may_share = start == finish and (not before or before == finish:sub(-1))
+  if not has_start and not may_share then return 0 end
   if has_start and seen < #start then return nil end
   local from = has_start and #start or 0
   local inner = s:sub(from + 1)
@@ -738,8 +740,8 @@ local function judge_marked(framing, s)
   return len
 end
 
-local function judge_one(framing, s, is_last)
-  if framing.cut == "marked" then return judge_marked(framing, s) end
+local function judge_one(framing, s, is_last, before)
+  if framing.cut == "marked" then return judge_marked(framing, s, before) end
   local sync = framing.sync
   local seen = math.min(#sync, #s)
   if s:sub(1, seen) ~= sync:sub(1, seen) then return 0 end
@@ -771,12 +773,12 @@ local function judge_one(framing, s, is_last)
 end
 
 -- Formats of the end that sends come first, the others last: a capture may have its ends mixed up.
-local function judge(device, s, is_last, from)
+local function judge(device, s, is_last, from, before)
   for _, is_other in ipairs(from and { false, true } or { false }) do
     for index, framing in ipairs(device.frames) do
       local is_own = not from or not framing.from or framing.from == from
       if is_own ~= is_other then
-        local found = judge_one(framing, s, is_last)
+        local found = judge_one(framing, s, is_last, before)
         if found == nil and not is_last then return nil end
         if found and found > 0 then return found, index end
       end
@@ -1168,7 +1170,7 @@ function D.row(device)
   end
   return {
     device.name,
-    function(s, state, is_last) return (judge(device, s, is_last, state.from)) end,
+    function(s, state, is_last) return (judge(device, s, is_last, state.from, state.before)) end,
     function(s, state)
       local message, record, inner = of(s, state.from)
       local title, items
