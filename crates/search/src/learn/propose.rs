@@ -72,7 +72,10 @@ pub struct Proposal {
 #[derive(Clone, Debug)]
 struct Chunk {
     is_host: bool,
-    at: u64,
+    /// Time at which the first byte begins, nanoseconds; at an unknown rate, that of its end.
+    begins: u64,
+    /// Time of the end of the last byte, nanoseconds.
+    ends: u64,
     bytes: Vec<u8>,
 }
 
@@ -119,13 +122,15 @@ impl Proposal {
                 "there are no bytes on {link}, expected some of the device"
             ));
         }
-        Ok(Self::of_bytes(&spoken, baud))
+        let is_known = capture.links[at].baud > 0;
+        Ok(Self::of_bytes(&spoken, baud, is_known))
     }
 
-    fn of_bytes(spoken: &[Spoken], baud: u32) -> Self {
+    /// `is_known`: the rate is that of the capture, so a byte is as long as it says.
+    fn of_bytes(spoken: &[Spoken], baud: u32, is_known: bool) -> Self {
         let character = Duration::from_secs(10) / baud.max(300);
         let gap = (character * GAP_CHARACTERS).max(GAP_MIN);
-        let chunks = chunks(spoken, [character, gap].map(whole_nanos));
+        let chunks = chunks(spoken, [character, gap].map(whole_nanos), is_known);
         let all: usize = spoken.iter().map(|one| one.bytes.len()).sum();
         let nothing = Self {
             claims: Vec::new(),
@@ -209,8 +214,9 @@ fn whole_nanos(time: Duration) -> u64 {
 }
 
 /// Joins bytes that were sent at once, in order of time. A record has the time of its end: the time
-/// of its own characters before it is no silence.
-fn chunks(spoken: &[Spoken], [character, gap]: [u64; 2]) -> Vec<Chunk> {
+/// of its own characters before it is no silence. At an unknown rate, the time is also that of its
+/// begin.
+fn chunks(spoken: &[Spoken], [character, gap]: [u64; 2], is_known: bool) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut last_at = 0;
     for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
@@ -220,13 +226,44 @@ fn chunks(spoken: &[Spoken], [character, gap]: [u64; 2]) -> Vec<Chunk> {
         match chunks.last_mut() {
             Some(chunk) if chunk.is_host == one.is_program && is_close => {
                 chunk.bytes.extend(&one.bytes);
+                chunk.ends = one.at;
             }
             _ => chunks.push(Chunk {
                 is_host: one.is_program,
-                at: one.at,
+                begins: one.at.saturating_sub(if is_known { own } else { 0 }),
+                ends: one.at,
                 bytes: one.bytes.clone(),
             }),
         }
     }
     chunks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// At 2,400 baud a character takes 4,166,666 ns. A request of 3 bytes ends at 100 ms, in two
+    /// records; the reply of 32 bytes begins 20 ms later and ends after 133,333,312 ns more.
+    #[test]
+    fn the_latency_of_a_reply_does_not_contain_its_bytes() {
+        const CHARACTER: u64 = 4_166_666;
+        let spoken = |is_program, at, len| Spoken {
+            is_program,
+            at,
+            bytes: vec![0x41; len],
+        };
+        let all = [
+            spoken(true, 100_000_000 - CHARACTER, 2),
+            spoken(true, 100_000_000, 1),
+            spoken(false, 120_000_000 + 32 * CHARACTER, 32),
+        ];
+        let latency = |is_known| {
+            let chunks = chunks(&all, [CHARACTER, 3 * CHARACTER], is_known);
+            assert_eq!(chunks.len(), 2);
+            chunks[1].begins - chunks[0].ends
+        };
+        assert_eq!(latency(true), 20_000_000);
+        assert_eq!(latency(false), 20_000_000 + 32 * CHARACTER);
+    }
 }

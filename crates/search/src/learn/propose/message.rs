@@ -81,7 +81,7 @@ pub(super) fn messages(
 ) -> (String, Vec<Claim>) {
     let spoken = bodies(of, chunks);
     let mut kinds: Vec<Kind> = Vec::new();
-    let mut order: Vec<(usize, u64)> = Vec::new();
+    let mut order: Vec<(usize, [u64; 2])> = Vec::new();
     let keys: Vec<(bool, usize, Vec<u8>)> = keys(&spoken, formats);
     let mut index: BTreeMap<&(bool, usize, Vec<u8>), usize> = BTreeMap::new();
     for (key, (is_host, at, format, body)) in keys.iter().zip(&spoken) {
@@ -135,8 +135,8 @@ pub(super) fn messages(
     (text + &behaviour, all)
 }
 
-/// A body with its sender, time and format.
-type Body = (bool, u64, usize, Vec<u8>);
+/// A body with its sender, the begin and the end of its chunk, and its format.
+type Body = (bool, [u64; 2], usize, Vec<u8>);
 
 /// The bodies of all frames in order of time.
 fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<Body> {
@@ -149,7 +149,8 @@ fn bodies(of: &Description, chunks: &[Chunk]) -> Vec<Body> {
         frames.extend(cutter.push(&[]).flatten());
         for frame in frames {
             if let Some(body) = of.body(&frame) {
-                all.push((chunk.is_host, chunk.at, frame.format, body));
+                let times = [chunk.begins, chunk.ends];
+                all.push((chunk.is_host, times, frame.format, body));
             }
         }
     }
@@ -331,11 +332,12 @@ fn counter(bodies: &[Vec<u8>], at: usize) -> Option<(&'static str, usize)> {
 }
 
 /// Replies to requests, and periods of unsolicited messages.
-fn behaviour(kinds: &[Kind], order: &[(usize, u64)]) -> (String, Vec<Claim>) {
+/// A latency is the time from the end of the request to the begin of the reply.
+fn behaviour(kinds: &[Kind], order: &[(usize, [u64; 2])]) -> (String, Vec<Claim>) {
     let (mut text, mut claims) = (String::new(), Vec::new());
     let mut pairs: BTreeMap<usize, Vec<(usize, u64)>> = BTreeMap::new();
     for pair in order.windows(2) {
-        let [(first, asked), (second, answered)] = pair else {
+        let [(first, [_, asked]), (second, [answered, _])] = pair else {
             continue;
         };
         let time = answered.saturating_sub(*asked);
@@ -375,7 +377,7 @@ fn behaviour(kinds: &[Kind], order: &[(usize, u64)]) -> (String, Vec<Claim>) {
             let at: Vec<u64> = order
                 .iter()
                 .filter(|(of, _)| *of == index)
-                .map(|(_, at)| *at)
+                .map(|(_, [begin, _])| *begin)
                 .collect();
             let mut gaps: Vec<u64> = at
                 .windows(2)
