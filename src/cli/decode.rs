@@ -6,17 +6,18 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use protocols::{FrameError, Instant};
+use protocols::Instant;
 
 use super::answer::{Decoded, EntryDecoded, LineDecoded};
 use super::{CliError, Verdict, described, out};
 use crate::capture::Capture;
 use crate::capture::decode::diagnose::{Damage, Line, diagnose};
+use crate::capture::decode::framed::Framed;
 use crate::capture::decode::pause::Pauses;
 use crate::capture::decode::profile::Profile;
-use crate::capture::decode::transcript::{Entry, Known, Said, Sum, Transcript};
+use crate::capture::decode::transcript::{Entry, Known, Sum, Transcript};
 use crate::capture::import::Format;
-use crate::codec::{self, Codec, What};
+use crate::codec::{self, Codec};
 use crate::rig::line::Direction;
 use crate::scenario::Span;
 use crate::scenario::device::description;
@@ -164,8 +165,8 @@ fn line(
     lane: &Lane,
     lanes: &[Lane],
 ) -> LineDecoded {
-    let (capture, known) = source;
-    let codec = codec_of(args, known, lane);
+    let (capture, _) = source;
+    let codec = codec_of(args, source, lane);
     let damages = match args.diagnose {
         true => damages(args, capture, lane, lanes),
         false => Vec::new(),
@@ -174,24 +175,28 @@ fn line(
         name: lane.name.clone(),
         bytes: lane.bytes.len() as u64,
         protocol: codec.map(|codec| codec.name().to_owned()),
-        framed: codec.map_or(0, |codec| framed(codec, lane)),
+        framed: codec.map_or(0, |codec| framed(codec, capture, lane).framed),
         figures: codec.and_then(|codec| codec.figures(&lane.bytes)),
         damages: damages.iter().map(ToString::to_string).collect(),
     }
 }
 
 /// Bytes of a line in valid frames of its direction.
-fn framed(codec: &Codec, lane: &Lane) -> u64 {
-    codec.framed_towards(&lane.bytes, lane.direction)
+fn framed(codec: &'static Codec, capture: &Capture, lane: &Lane) -> Framed {
+    Framed::of(codec, capture, lane.link, lane.direction)
 }
 
 /// The protocol of a line: the named one, or that of the capture's scenario if the line has frames
 /// of it, or the one that the bytes prove.
-fn codec_of(args: &DecodeArgs, known: &[Known], lane: &Lane) -> Option<&'static Codec> {
+fn codec_of(
+    args: &DecodeArgs,
+    (capture, known): (&Capture, &[Known]),
+    lane: &Lane,
+) -> Option<&'static Codec> {
     let is_own = |known: &&Known| lane.is_of(&known.link, known.direction);
     let expected = || {
         let codec = known.iter().find(is_own)?.codec?;
-        (framed(codec, lane) > 0).then_some(codec)
+        (framed(codec, capture, lane).framed > 0).then_some(codec)
     };
     let expected = args.protocol.or_else(expected);
     expected.or_else(|| codec::guess(&lane.bytes))
@@ -235,7 +240,7 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
     if args.diagnose || args.summary {
         let lanes = lanes(&source.capture, wanted);
         return match args.diagnose {
-            true => print_damages(args, &source.capture, &lanes, out),
+            true => print_damages(args, (&source.capture, &known), &lanes, out),
             false => print_sums(args, &source, &known, &lanes, out),
         };
     }
@@ -267,7 +272,7 @@ fn print(args: &DecodeArgs, out: &mut dyn Write) -> Result<(), Failure> {
         }
     }
     for lane in lanes(&source.capture, wanted) {
-        let codec = codec_of(args, &known, &lane);
+        let codec = codec_of(args, (&source.capture, &known), &lane);
         if let Some(figures) = codec.and_then(|codec| codec.figures(&lane.bytes)) {
             eprintln!("{figures}");
         }
@@ -318,12 +323,12 @@ fn print_sums(
 ) -> Result<(), Failure> {
     for lane in lanes {
         let (name, len) = (&lane.name, lane.bytes.len());
-        let Some(codec) = codec_of(args, known, lane) else {
+        let Some(codec) = codec_of(args, (&source.capture, known), lane) else {
             writeln!(out, "{name}: {len} bytes, {UNKNOWN}")?;
             writeln!(out, "{}", profile(source, lane.link, lane.direction))?;
             continue;
         };
-        let framed = framed(codec, lane);
+        let framed = framed(codec, &source.capture, lane).framed;
         let of = codec.name();
         writeln!(
             out,
@@ -355,7 +360,7 @@ fn text_words(bytes: &[u8]) -> Option<String> {
 fn damages(args: &DecodeArgs, capture: &Capture, lane: &Lane, lanes: &[Lane]) -> Vec<Damage> {
     let swapped = args.protocol.and_then(|own| {
         let other = own.own_other_order()?;
-        let [other, expected] = [other, own].map(|codec| frames(codec, capture, lane));
+        let [other, expected] = [other, own].map(|codec| framed(codec, capture, lane).frames);
         let is_other = other >= FRAMES_OTHER && other > expected * 10;
         is_other.then_some(Damage::ChecksumOrder { other, expected })
     });
@@ -375,37 +380,26 @@ fn damages(args: &DecodeArgs, capture: &Capture, lane: &Lane, lanes: &[Lane]) ->
 /// Minimum number of frames with a swapped checksum for a diagnosis.
 const FRAMES_OTHER: u64 = 8;
 
-/// Number of frames of a line, some of which only a silence ends.
-fn frames(codec: &'static Codec, capture: &Capture, lane: &Lane) -> u64 {
-    let mut transcript = transcript(Some(codec), capture);
-    let mut count = 0;
-    let mut add = |entries: &mut dyn Iterator<Item = Entry>| {
-        count += entries
-            .filter(|entry| matches!(entry.said, Said::Frame(_)))
-            .count() as u64;
-    };
-    let own = capture.records.iter();
-    for record in own.filter(|one| one.link == lane.link && one.direction == lane.direction) {
-        transcript.record(record, &capture.links[record.link]);
-        add(&mut transcript.ready(record.at));
-    }
-    add(&mut transcript.finish());
-    count
-}
-
 fn print_damages(
     args: &DecodeArgs,
-    capture: &Capture,
+    source: (&Capture, &[Known]),
     lanes: &[Lane],
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     for lane in lanes {
-        let damages = damages(args, capture, lane, lanes);
+        let damages = damages(args, source.0, lane, lanes);
         let name = &lane.name;
         if damages.is_empty() {
-            let words = args.protocol.and_then(|codec| no_frame(codec, lane));
+            let doubt = |codec: &'static Codec| {
+                framed(codec, source.0, lane).doubt(codec.name(), args.protocol.is_none())
+            };
+            let codec = codec_of(args, source, lane);
+            let words = codec.and_then(doubt);
             let words = words.unwrap_or_else(|| "no systematic damage found".to_owned());
-            writeln!(out, "{name}: {words}")?;
+            match codec.is_none() && text_words(&lane.bytes).is_none() {
+                true => writeln!(out, "{name}: {UNKNOWN}; {words}")?,
+                false => writeln!(out, "{name}: {words}")?,
+            }
         }
         if args.protocol.is_none()
             && let Some(what) = text_words(&lane.bytes)
@@ -417,35 +411,4 @@ fn print_damages(
         }
     }
     Ok(())
-}
-
-/// The reasons why a line has no valid frame of the protocol that it should have; `None` if it has
-/// one.
-fn no_frame(codec: &'static Codec, lane: &Lane) -> Option<String> {
-    if lane.bytes.is_empty() || framed(codec, lane) > 0 {
-        return None;
-    }
-    let found = codec.found_towards(&lane.bytes, lane.direction);
-    let errors: Vec<FrameError> = found
-        .into_iter()
-        .flat_map(|one| match one.what {
-            What::Bad(errors) => errors,
-            What::Frame(_) => Vec::new(),
-        })
-        .collect();
-    let is_sum = |error: &&FrameError| matches!(error, FrameError::Checksum { .. });
-    let sums = errors.iter().filter(is_sum).count();
-    let reason = match (errors.iter().find(is_sum), errors.first()) {
-        (Some(first), _) => format!("{sums} candidates have a wrong checksum, the first: {first}"),
-        (None, Some(first)) => format!(
-            "{} candidates are no frames, the first: {first}",
-            errors.len()
-        ),
-        (None, None) => "nothing in them begins a frame".to_owned(),
-    };
-    let (len, of) = (lane.bytes.len(), codec.name());
-    Some(format!(
-        "none of the {len} bytes is in a valid frame of {of}: {reason}; check the description, the \
-         direction and the baud rate"
-    ))
 }
