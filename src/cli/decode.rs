@@ -14,7 +14,7 @@ use crate::capture::Capture;
 use crate::capture::decode::diagnose::{Damage, Line, diagnose};
 use crate::capture::decode::framed::Framed;
 use crate::capture::decode::pause::Pauses;
-use crate::capture::decode::profile::Profile;
+use crate::capture::decode::profile::{Profile, messages};
 use crate::capture::decode::transcript::{Entry, Known, Sum, Transcript};
 use crate::capture::import::Format;
 use crate::codec::{self, Codec};
@@ -368,12 +368,19 @@ fn damages(args: &DecodeArgs, capture: &Capture, lane: &Lane, lanes: &[Lane]) ->
         return vec![swapped];
     }
     let opposite = lanes.iter().find(|other| lane.is_opposite(other));
+    let of = |codec| framed(codec, capture, lane).framed;
+    let link = &capture.links[lane.link];
+    let messages = args
+        .protocol
+        .map(|_| messages(&capture.records, lane.link, link, lane.direction));
     diagnose(&Line {
         bytes: &lane.bytes,
         opposite: opposite.map_or(&[], |other| &other.bytes),
         codec: args.protocol,
         direction: Some(lane.direction),
         framing_errors: lane.framing_errors,
+        framed: args.protocol.map(of),
+        messages: messages.as_deref().unwrap_or_default(),
     })
 }
 

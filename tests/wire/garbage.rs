@@ -100,8 +100,7 @@ fn judge_dump(bytes: &[u8], opposite: &[u8]) {
             bytes,
             opposite,
             codec,
-            direction: None,
-            framing_errors: 0,
+            ..Line::default()
         });
     }
     let figures = [Lidar::of_packets(bytes), Lidar::of_turns(bytes)];

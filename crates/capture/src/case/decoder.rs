@@ -171,12 +171,15 @@ fn decode(passage: &Passage, direction: Direction, codec: &'static Codec) -> Dec
         found.extend(stream.push(piece));
     }
     found.extend(stream.idle());
+    let frames = found.iter().filter(|stretch| stretch.is_frame());
+    let framed = frames.map(|one| one.bytes.end - one.bytes.start).sum();
     let damages = diagnose(&diagnose::Line {
         bytes: &bytes,
-        opposite: &[],
         codec: Some(codec),
         direction: Some(direction),
         framing_errors,
+        framed: Some(framed),
+        ..diagnose::Line::default()
     });
     let lines = found.into_iter().map(|stretch| line(&bytes, stretch));
     Decoded {

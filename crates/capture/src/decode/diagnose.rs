@@ -5,10 +5,13 @@
 //! whatever it contains; only an echo consists of valid frames.
 
 mod evidence;
+mod undone;
 
 use engine::codec::{self, Codec};
 use engine::rig::line::Direction;
 use evidence::{Counts, doubled, echoed, other_order, slow_sender, swapped};
+
+pub use undone::Change;
 
 /// One direction of a link, as a whole.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,6 +26,11 @@ pub struct Line<'a> {
     pub direction: Option<Direction>,
     /// Number of characters without a stop bit, if the capture records them.
     pub framing_errors: u64,
+    /// Bytes in valid frames by the times of the capture, if it has times: only a silence shows the
+    /// end of some frames.
+    pub framed: Option<u64>,
+    /// The messages between silences, if known.
+    pub messages: &'a [Vec<u8>],
 }
 
 /// Damage of all bytes of a line, with the evidence.
@@ -94,6 +102,15 @@ pub enum Damage {
         /// Counts of their neighbours.
         expected: u64,
     },
+    /// Bytes that are in no frame become valid frames if this change is undone.
+    Undone {
+        /// The change.
+        change: Change,
+        /// Bytes in valid frames after the change is undone.
+        framed: u64,
+        /// Bytes in all that were examined.
+        bytes: u64,
+    },
 }
 
 impl core::fmt::Display for Damage {
@@ -153,6 +170,14 @@ impl core::fmt::Display for Damage {
                 "the host does software flow control: XON and XOFF are missing (0 times 0x11 and \
                  0x13, their neighbours {expected} times)"
             ),
+            Self::Undone {
+                change,
+                framed,
+                bytes,
+            } => write!(
+                f,
+                "{change} (put right, {framed} of {bytes} bytes are in valid frames)"
+            ),
         }
     }
 }
@@ -176,9 +201,10 @@ pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
         return damages;
     }
     let codec = line.codec.or_else(|| codec::guess(bytes));
-    let framed = codec.map_or(0, |codec| match line.direction {
-        Some(direction) => codec.framed_towards(bytes, direction),
-        None => codec.framed(bytes),
+    let framed = codec.map_or(0, |codec| match (line.framed, line.direction) {
+        (Some(framed), _) => framed,
+        (None, Some(direction)) => codec.framed_towards(bytes, direction),
+        (None, None) => codec.framed(bytes),
     });
     if len < BYTES_MIN || framed * 100 >= len * 98 {
         return damages;
@@ -187,11 +213,16 @@ pub fn diagnose(line: &Line<'_>) -> Vec<Damage> {
     let whole = doubled(sample)
         .or_else(|| swapped(sample, framed * (sample.len() as u64) / len))
         .or_else(|| other_order(sample, line.codec))
+        .or_else(|| undone::of_all(line, framed))
         .or_else(|| slow_sender(sample));
     if let Some(damage) = whole {
         damages.push(damage);
     } else {
-        damages.extend(missing(&Counts::of(bytes)));
+        let missing = missing(&Counts::of(bytes));
+        if missing.is_empty() {
+            damages.extend(undone::of_values(line));
+        }
+        damages.extend(missing);
     }
     damages
 }

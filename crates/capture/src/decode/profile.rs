@@ -113,6 +113,19 @@ impl Profile {
     }
 }
 
+/// The messages in `direction` of the link with this index: bytes between silences or bytes of the
+/// other direction.
+pub fn messages(
+    records: &[Record],
+    index: usize,
+    link: &Interface,
+    direction: Direction,
+) -> Vec<Vec<u8>> {
+    let all = pieces(records, index, link).into_iter();
+    let own = all.filter(|piece| piece.direction == direction);
+    own.map(|piece| piece.bytes).collect()
+}
+
 /// The pieces of both directions of a link.
 fn pieces(records: &[Record], index: usize, link: &Interface) -> Vec<Piece> {
     let rate = LineConfig::new_8n1(link.baud.max(1));
