@@ -6,10 +6,10 @@
 //! 1234 <... read resumed>"\x31", 1) = 1
 //! ```
 //!
-//! A descriptor belongs to one file from `open` to `close`. The port is the file that is a terminal,
-//! by its path or by its calls; else the file that is both read and written; else the only one that
-//! is open for both, or the only one of the log. A time is that of the beginning of the call; for a
-//! resumed call, that of its end.
+//! A descriptor belongs to one file from `open` to `close`. The port is the file that is a
+//! terminal, by its path or by its calls; else the file that is both read and written; else the
+//! only one that is open for both, or the only one of the log. A time is that of the beginning of
+//! the call; for a resumed call, that of its end.
 
 mod files;
 
