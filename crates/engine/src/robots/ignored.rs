@@ -5,6 +5,7 @@ use crate::scenario::world::BodySpec;
 use crate::scenario::{Condition, ProgramSpec, Scenario, ScenarioError, Source};
 
 /// Keys of `[program]` that only the rescue robot reads.
+#[cfg(feature = "robots")]
 pub(super) const OF_RESCUE: [&str; 5] = [
     "program.mapper",
     "program.cpu",
