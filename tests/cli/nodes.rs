@@ -64,7 +64,8 @@ import sys
 from hilrig.device import Device, main
 
 KIND = sys.argv[1]
-ASKS = {"asks": 1000, "waits": 1000, "hangs": 25, "listens": 1}.get(KIND, 0)
+ASK = b"watts\r\n" if KIND == "asks-wrongly" else b"volts\r\n"
+ASKS = {"asks": 1000, "asks-wrongly": 1000, "waits": 1000, "hangs": 25, "listens": 1}.get(KIND, 0)
 
 class Driver(Device):
     ends = b"\r\n"
@@ -77,7 +78,7 @@ class Driver(Device):
         self.asked += 1
         if KIND != "waits":
             self.after(0.1, self.ask)
-        return b"volts\r\n" if self.asked <= ASKS else None
+        return ASK if self.asked <= ASKS else None
 
     def hear(self, line, now):
         if KIND == "waits":
@@ -112,6 +113,12 @@ fn a_driver_that_does_not_work_fails() {
     }
     let idle = "--node-may-idle";
     for (scenario, kind, option, expected) in [
+        (
+            "asked",
+            "asks-wrongly",
+            None,
+            Err("times a device did not understand it"),
+        ),
         ("asked", "asks", None, Ok("sent 344 B")),
         (
             "asked",
@@ -170,6 +177,12 @@ fn a_driver_that_does_not_work_fails() {
             Ok(words) => ("ok  ", words),
             Err(words) => ("FAIL", words),
         };
+        if kind == "asks-wrongly" {
+            assert!(
+                said.contains("probable cause: it does not understand"),
+                "{said}"
+            );
+        }
         let is_right = line.is_some_and(|line| line.contains(mark) && line.contains(words));
         assert!(is_right, "{scenario} {kind} {option:?}: {words}\n{said}");
         assert_eq!(

@@ -440,6 +440,36 @@ fn a_wait_for_a_lost_reply_is_found_beside_unsolicited_lines() {
     }
 }
 
+/// The lines of a sonar end at 2 s. A program that polls the slave and waits for ever for the next
+/// line leaves the slave alone; one that only listens to the sonar may wait.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_wait_for_one_device_does_not_excuse_the_other() {
+    let cut = "kind = \"cut\"\nfrom = \"2s\"\n";
+    let bench = format!("{BENCH}\n[[fault]]\nlink = \"sonar\"\ndirection = \"to-master\"\n{cut}");
+    let program = |polls: &str, wait: &str| {
+        format!(
+            "sonar = opened('SONAR', termios.B9600)\n{polls}while True:\n    \
+             if select.select([sonar], [], [], {wait})[0]:\n        \
+             print(os.read(sonar, 99), flush=True)\n"
+        ) + if polls.is_empty() {
+            ""
+        } else {
+            "    os.write(grip, ASK)\n    reply(grip)\n"
+        }
+    };
+    let grip = "grip = opened('GRIP')\n";
+    for (name, port, polls, wait, passes) in [
+        ("polls-and-waits", "grip,sonar", grip, "None", false),
+        ("polls-on", "grip,sonar", grip, "0.2", true),
+        ("only-listens-on", "sonar", "", "None", true),
+    ] {
+        let ended = run_in(&bench, name, port, &program(polls, wait), &["--virtual"]);
+        let (status, _) = ended.check("program-goes-on");
+        assert_eq!(status == "pass", passes, "{name}\n{}", ended.said);
+    }
+}
+
 /// In real time, only the system knows the reason for a program's wait; the cause is named as well.
 #[test]
 fn in_real_time_the_cause_is_named_as_well() {

@@ -148,6 +148,34 @@ fn a_robot_of_data_gets_the_verdict_that_its_program_deserves() {
     }
 }
 
+/// The lidar is cut off at 4 s, and the watchdog of the wheels lets them turn for 5 s without a
+/// command: a program that sends none keeps the robot moving.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_robot_that_gets_no_commands_any_more_is_seen_to_move() {
+    let scenario = format!(
+        "{SCENARIO}\n[expect.safety]\nrests_within = \"1s\"\n\
+         [[fault]]\nlink = \"lidar\"\ndirection = \"to-master\"\nkind = \"cut\"\nfrom = \"4s\"\n"
+    );
+    let scenario = scenario
+        .replace("\"20s\"", "\"9s\"")
+        .replace("\"500ms\"", "\"5s\"");
+    for (name, silent, status) in [
+        ("leaves-it", "continue", "fail"),
+        ("stops-it", "speed = 0", "pass"),
+    ] {
+        let program = format!(
+            "import select\nlidar, wheels = opened('LIDAR'), opened('WHEELS')\nwhile True:\n    \
+             speed = 10\n    if select.select([lidar], [], [], 0.3)[0]:\n        ahead_mm()\n    \
+             else:\n        {silent}\n    drive(speed, speed)\n"
+        );
+        let child = start_in(&scenario, name, &program, DRIVES);
+        let ended = ended_in(&folder_of(name), child.wait_with_output().expect("it ends"));
+        let (found, _) = ended.check("rests-after-silence");
+        assert_eq!(found, status, "{name}\n{}", ended.said);
+    }
+}
+
 /// Safety checks of a program at ports. Its lidar is cut off for 2 s: a program that waits for it
 /// does not feed its wheels meanwhile. Another one sends bytes that are no frame.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]

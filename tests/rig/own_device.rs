@@ -202,9 +202,16 @@ name = "report"
 from = "device"
 text = "S={mode:d}"
 fields = [{ name = "mode", enum = "mode" }]
+[[message]]
+name = "heat"
+from = "host"
+text = "H"
 [[on]]
 message = "ask"
 reply = "report"
+[[on]]
+message = "heat"
+violation = "heats-unasked"
 "#;
 
 /// A condition that compares a value with a name that it cannot have would never hold, or always.
@@ -277,6 +284,49 @@ fn a_name_that_no_value_has_is_refused_in_every_condition() {
     ] {
         let error = error(&wrong).unwrap_or_default();
         assert!(error.contains(words), "{wrong}: {error}");
+    }
+    // A rule that the description names, with and without the device.
+    for source in ["", ", source = \"heater\""] {
+        let event = format!("event = {{ rule = \"heats-unasked\"{source} }}");
+        assert_eq!(error(&event), None, "{event}");
+    }
+    let misspelt = error("event = { rule = \"heats-unaskd\", source = \"heater\" }");
+    assert!(misspelt.is_some_and(|error| error.contains("rule: is \"heats-unaskd\"")));
+    // Values that would never be, and damage that changes nothing.
+    for (from, to, words) in [
+        (
+            "initial = 0, enum",
+            "initial = 5, enum",
+            "is 5, expected one of 0 (idle), 1 (heating)",
+        ),
+        ("[enums]", "watchdog = \"0s\"\n[enums]", "watchdog: is 0s"),
+    ] {
+        std::fs::write(folder.join("heater.toml"), HEATER.replace(from, to)).expect("a file");
+        let (scenario, source) = bench("");
+        let error = Run::new(scenario, &source, None)
+            .err()
+            .expect("wrong")
+            .to_string();
+        assert!(error.contains(words), "{error}");
+    }
+    std::fs::write(folder.join("heater.toml"), HEATER).expect("a file");
+    for (damage, words) in [
+        (
+            "kind = \"flip\"\nrate = 0.1\nbit = 3",
+            "bit: has no effect without byte",
+        ),
+        (
+            "kind = \"burst\"\nbyte = 3\nvalue = 0",
+            "value: is 0, which changes no bit",
+        ),
+    ] {
+        let fault = format!("[[fault]]\nlink = \"heater\"\ndirection = \"to-master\"\n{damage}\n");
+        let (scenario, source) = bench(&fault);
+        let error = Run::new(scenario, &source, None)
+            .err()
+            .expect("wrong")
+            .to_string();
+        assert!(error.contains(words), "{error}");
     }
     // A step sets the value by its name.
     let step = "[[mission.step]]\nat = \"300ms\"\n\
