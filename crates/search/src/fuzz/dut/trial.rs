@@ -451,11 +451,28 @@ mod tests {
     /// responsible.
     fn rules(opens: &[&str]) -> Vec<String> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/empty-room.toml");
-        let (scenario, source) = Scenario::read(&path).expect("sound");
+        rules_of(Scenario::read(&path).expect("sound"), opens, 30, b"")
+    }
+
+    /// The same for 1 s of these devices; `sent` are the bytes of a program at their first port.
+    fn rules_of_devices(devices: &str, opens: &[&str], sent: &[u8]) -> Vec<String> {
+        let head = "schema = 1\nname = \"t\"\nrobot = \"none\"\nduration = \"1s\"\n";
+        let read = Scenario::from_text(&format!("{head}{devices}"));
+        rules_of(read.expect("sound"), opens, 1, sent)
+    }
+
+    fn rules_of(
+        (scenario, source): (Scenario, engine::scenario::Source),
+        opens: &[&str],
+        seconds: u64,
+        sent: &[u8],
+    ) -> Vec<String> {
         let wired = robots::wire(&scenario, &source, Dut::External, PcEnd::Scripted);
         let wired = wired.expect("can be wired");
+        let node = wired.open_ends.first().map(|end| end.node);
         let mut run = Run::with_rig(scenario, wired.rig, wired.instruments);
-        run.go_on_until(Instant::from_secs(30));
+        run.rig.inject(node.expect("has a port"), sent);
+        run.go_on_until(Instant::from_secs(seconds));
         let rule = |cause| match cause {
             Cause::Rule { rule, .. } => Some(rule),
             _ => None,
@@ -471,5 +488,22 @@ mod tests {
         assert!(rules(&["radio"]).contains(&rule), "{:?}", rules(&["radio"]));
         assert_eq!(rules(&["lidar"]), [""; 0]);
         assert_eq!(rules(&[]), [""; 0]);
+    }
+
+    /// A device that knows no request cannot miss one, and a master is not answered before the
+    /// program has its port open.
+    #[test]
+    fn a_rule_is_not_broken_where_nothing_could_keep_it() {
+        let text =
+            |commands: &str| format!("[device.it.text]\nbaud = 9600\ncommand = [{commands}]\n");
+        let known = text("{ request = \"ping\", reply = \"pong\" }");
+        assert_eq!(
+            rules_of_devices(&known, &["it"], b"pnig\r\n"),
+            ["unknown-request"]
+        );
+        assert_eq!(rules_of_devices(&text(""), &["it"], b"pnig\r\n"), [""; 0]);
+        let master = "[device.plc.master]\ndescription = \"modbus-meter\"\n\
+                      requests = [\"read voltage\"]\nperiod = \"100ms\"\n";
+        assert_eq!(rules_of_devices(master, &["plc"], b""), [""; 0]);
     }
 }
