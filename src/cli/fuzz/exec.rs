@@ -290,6 +290,13 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     report(args, &search);
     let started = done.cases.get() - search.saved_starts();
     println!("{}", cost(args, harness.spent(), started));
+    if done.cases.get() > 0 && !done.has_spoken.get() {
+        eprintln!(
+            "note: the program never sent a byte, so only crashes, hangs and endless waits were \
+             observed. If it plays the device, a corpus needs the requests of its master in the \
+             direction to-master"
+        );
+    }
     if search.saved_starts() > 0 {
         let saved = search.saved_starts();
         println!("{saved} cases began at the program's first wait, without a start");

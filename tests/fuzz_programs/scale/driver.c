@@ -1,5 +1,6 @@
 /* A driver of the scale, which gives up after five tries. With CARELESS it does not verify the
-   checksum of replies. */
+   checksum of replies. With POLLS it sends one and the same request, every 400 ms, and repeats it
+   at once; with COUNTS only the counter tells the next request from a repeated one. */
 #include <fcntl.h>
 #include <poll.h>
 #include <stdint.h>
@@ -35,7 +36,14 @@ int main(int count, char **words)
     cfsetspeed(&settings, B9600);
     tcsetattr(port, TCSANOW, &settings);
     for (int tries = 0; tries < 5; tries++) {
-        uint8_t request[4] = { 0x55, what, ++tag, (uint8_t)(0x55 + what + tag) };
+#ifndef POLLS
+#ifdef COUNTS
+        tag += tries == 0;
+#else
+        tag++;
+#endif
+#endif
+        uint8_t request[4] = { 0x55, what, tag, (uint8_t)(0x55 + what + tag) };
         if (write(port, request, 4) != 4)
             exit(4);
         int is_whole = receive(reply) == 4 && reply[0] == 0x55 && reply[1] == 0x81;
@@ -45,11 +53,17 @@ int main(int count, char **words)
         int is_sound = reply[3] == (uint8_t)(reply[0] + reply[1] + reply[2]);
 #endif
         if (is_whole && is_sound && reply[2] == tag) {
-            what = 3 - what;
             tries = -1;
+#ifdef POLLS
+            usleep(400000);
+#else
+#ifndef COUNTS
+            what = 3 - what;
+#endif
             usleep(50000);
         } else {
             usleep(200000);
+#endif
             tcflush(port, TCIFLUSH);
         }
     }

@@ -31,17 +31,32 @@ enum Phase {
     Missing,
 }
 
-/// The reaction of the program: the kind of its next request, and the time until that.
+/// The reaction of the program: the kind of its next request, whether that is the same request
+/// byte by byte, and the time until it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Reaction {
     next: Option<Hex>,
+    repeats: bool,
     after: Duration,
 }
 
 impl Reaction {
     fn is_like(&self, other: &Self) -> bool {
-        let apart = self.after.abs_diff(other.after);
-        self.next == other.next && apart <= SAME.max(self.after.max(other.after) / 5)
+        let is_same = self.next == other.next && self.repeats == other.repeats;
+        is_same && self.after.abs_diff(other.after) <= Self::slack(self.after.max(other.after))
+    }
+
+    /// The difference up to which times count as the same.
+    fn slack(after: Duration) -> Duration {
+        SAME.max(after / 5)
+    }
+
+    /// Whether this is a repetition of a request of the kind `asked`, unlike the `usual` reaction:
+    /// another request, one with another counter, or the same one after a longer pause.
+    fn is_repetition(&self, asked: &Hex, usual: &Self) -> bool {
+        let is_sooner = self.after + Self::slack(usual.after) < usual.after;
+        self.next.as_ref() == Some(asked)
+            && (self.next != usual.next || self.repeats && !usual.repeats || is_sooner)
     }
 }
 
@@ -77,7 +92,7 @@ pub(super) fn try_replies(
 /// Whether a request of the kind `asked` was repeated after a missing reply, unlike usual.
 fn is_repeated(asked: &Hex, seen: &[Reaction], usual: &[Reaction]) -> bool {
     let mut both = seen.iter().zip(usual);
-    both.any(|(one, other)| one.next.as_ref() == Some(asked) && one.next != other.next)
+    both.any(|(one, other)| one.is_repetition(asked, other))
 }
 
 struct Trial<'a, 'b, 'c> {
@@ -167,8 +182,13 @@ impl Trial<'_, '_, '_> {
                 // The program may wait forever for the reply.
                 self.say(&reply.bytes)?;
             }
+            let repeats = next.as_ref() == Some(&asked);
             let next = next.map(|heard| self.kind(&heard));
-            seen.push(Reaction { next, after });
+            seen.push(Reaction {
+                next,
+                repeats,
+                after,
+            });
         }
         Ok(Some(seen))
     }

@@ -43,6 +43,8 @@ pub struct Progress {
     pub findings: Cell<usize>,
     /// Number of inputs: frames, lines, turns of a conversation.
     pub inputs: Cell<u64>,
+    /// Whether the program has sent any byte in one of these cases.
+    pub has_spoken: Cell<bool>,
     /// Number of tries that confirm and minimise a finding; 0 while there is none.
     pub tries: Cell<u32>,
 }

@@ -108,6 +108,7 @@ impl<'a> Restarts<'a> {
             (live.played, live.held) = (played, held);
             return trial::conclude(harness, live, case, acted, causes).map(Some);
         }
+        let has_spoken = live.has_spoken();
         let is_back = live.put_back(&kept.moment);
         self.note(is_back);
         if is_back {
@@ -130,6 +131,7 @@ impl<'a> Restarts<'a> {
             played,
             held,
             reported: None,
+            has_spoken,
         }))
     }
 

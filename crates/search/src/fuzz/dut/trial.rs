@@ -43,6 +43,8 @@ pub struct TrialOutcome {
     pub held: Held,
     /// An error that the program reported on purpose before it ended.
     pub reported: Option<Cause>,
+    /// Whether the program has sent any byte.
+    pub has_spoken: bool,
 }
 
 /// Maximum time for an answer to a frame.
@@ -337,7 +339,7 @@ pub(super) fn judge(
     mut causes: Vec<Cause>,
     is_altered: bool,
 ) -> Result<TrialOutcome, HarnessError> {
-    let known = live.known(live.now());
+    let (known, has_spoken) = (live.known(live.now()), live.has_spoken());
     let was_late = live.late() > LATE;
     if acted.is_err() {
         live.note_reached(harness);
@@ -378,6 +380,7 @@ pub(super) fn judge(
         played,
         held,
         reported,
+        has_spoken,
     })
 }
 
