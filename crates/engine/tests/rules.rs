@@ -275,7 +275,7 @@ const UNPROVED: [(&str, Status, &str); 3] = [
     ),
     (
         "never = { all = [{ frame = { link = \"scale\", direction = \"to-master\", \
-         field = \"wieght\", value = 1 } }, { axis = { name = \"left\", op = \">\", value = 9 } }] }",
+         field = \"reading\", value = 1 } }, { axis = { name = \"left\", op = \">\", value = 9 } }] }",
         Status::NotObserved,
         "frames arrived on scale, the last: ",
     ),
@@ -324,6 +324,10 @@ fn what_was_not_observed_is_not_passed() {
         let error = wired(porter() + &more).err().expect("refused").to_string();
         assert!(error.contains(says), "{error}");
     }
+    let wrong = "\n[[expect.rule]]\nname = \"name\"\nnever = { frame = { link = \"scale\", \
+                 direction = \"to-master\", field = \"wieght\", value = 1 } }\n";
+    let error = wired(porter() + wrong).err().expect("refused").to_string();
+    assert!(error.contains("did you mean \"weight\"?"), "{error}");
     let wrong = "\n[[expect.rule]]\nname = \"type\"\nnever = { register = { device = \"wheels\", \
                  name = \"left\", value = \"fast\" } }\n";
     let error = wired(porter() + wrong).err().expect("refused").to_string();

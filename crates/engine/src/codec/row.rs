@@ -80,6 +80,12 @@ pub trait OwnFormat: Send + Sync {
     fn vocabulary(&self, _direction: Direction) -> Option<Vec<&str>> {
         None
     }
+
+    /// As [`vocabulary`](Self::vocabulary), without the contents of texts; `None` if frames can have
+    /// other names.
+    fn words_beside_texts(&self, _direction: Direction) -> Option<Vec<&str>> {
+        None
+    }
 }
 
 /// The use of a pause of the line for the frames of a format.
@@ -296,6 +302,15 @@ impl Codec {
         match self.format {
             Format::Typed { .. } => None,
             Format::Own(format) => format.vocabulary(direction),
+        }
+    }
+
+    /// All words in which frames in this direction are printed, without numbers and the contents of
+    /// texts; `None` if they are unknown.
+    pub fn words_beside_texts(&self, direction: Direction) -> Option<Vec<&'static str>> {
+        match self.format {
+            Format::Typed { .. } => None,
+            Format::Own(format) => format.words_beside_texts(direction),
         }
     }
 

@@ -103,6 +103,10 @@ impl OwnFormat for Described {
         self.0.vocabulary(sender(direction))
     }
 
+    fn words_beside_texts(&self, direction: Direction) -> Option<Vec<&str>> {
+        self.0.words_beside_texts(sender(direction))
+    }
+
     fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
         let other = self.0.with_swapped_checksums()?;
         Some(Box::new(Self(other)))
