@@ -56,6 +56,11 @@ pub trait Device {
         &[]
     }
 
+    /// Whether a `figure` changes what this fault does.
+    fn takes_figure(&self, fault: &str) -> bool {
+        !matches!(fault, "off" | "restart" | "garbage")
+    }
+
     /// Begins or ends one of [`known_faults`](Self::known_faults) at `now`; others are ignored.
     /// `figure` is its severity, if it has one. The device is polled next.
     fn set_fault(&mut self, _now: Instant, _fault: &str, _figure: Option<f64>, _begins: bool) {}

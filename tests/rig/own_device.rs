@@ -212,6 +212,12 @@ reply = "report"
 [[on]]
 message = "heat"
 violation = "heats-unasked"
+[faults.overheats]
+about = "the relay sticks"
+set = { mode = 2 }
+[faults.drifts]
+about = "the mode moves"
+set = { mode = "self + factor" }
 "#;
 
 /// A condition that compares a value with a name that it cannot have would never hold, or always.
@@ -264,6 +270,10 @@ fn a_name_that_no_value_has_is_refused_in_every_condition() {
         (
             frame("field = \"mode\", value = 1"),
             "is 1, but the value has names",
+        ),
+        (
+            frame("field = \"mod\", value = 1"),
+            "field: is \"mod\", did you mean \"mode\"?",
         ),
         (
             frame("contains = \"ask\""),
@@ -319,14 +329,32 @@ fn a_name_that_no_value_has_is_refused_in_every_condition() {
             "kind = \"burst\"\nbyte = 3\nvalue = 0",
             "value: is 0, which changes no bit",
         ),
+        (
+            "kind = \"device\"\nfault = \"overheats\"\nfactor = 3",
+            "factor: has no effect: the fault overheats of heater has no figure",
+        ),
+        (
+            "kind = \"device\"\nfault = \"off\"\nfactor = 3",
+            "factor: has no effect",
+        ),
     ] {
-        let fault = format!("[[fault]]\nlink = \"heater\"\ndirection = \"to-master\"\n{damage}\n");
+        let place = match damage.contains("device") {
+            true => "device = \"heater\"",
+            false => "link = \"heater\"\ndirection = \"to-master\"",
+        };
+        let fault = format!("[[fault]]\n{place}\n{damage}\n");
         let (scenario, source) = bench(&fault);
         let error = Run::new(scenario, &source, None)
             .err()
             .expect("wrong")
             .to_string();
         assert!(error.contains(words), "{error}");
+    }
+    for sound in ["kind = \"device\"\nfault = \"drifts\"", "kind = \"slow\""] {
+        let (scenario, source) = bench(&format!(
+            "[[fault]]\ndevice = \"heater\"\n{sound}\nfactor = 3\n"
+        ));
+        assert!(Run::new(scenario, &source, None).is_ok(), "{sound}");
     }
     // A step sets the value by its name.
     let step = "[[mission.step]]\nat = \"300ms\"\n\

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use protocols::{FrameError, LineConfig};
 
-use crate::behaviour::{After, Every, Fault, On};
+use crate::behaviour::{After, Every, Fault, On, Trigger};
 use crate::compile::{Compiler, Files};
 use crate::error::{DescriptionError, Places};
 use crate::framing::{Cutter, Frame, Frames, Unused, cutter};
@@ -183,6 +183,32 @@ impl Description {
             let own = self.faults.iter().find(|fault| fault.name == name);
             (name, own.map_or("", |fault| fault.about.as_str()))
         })
+    }
+
+    /// Whether the key `factor` of a scenario changes what this fault does.
+    pub(crate) fn takes_figure(&self, fault: &str) -> bool {
+        let own = self.faults.iter().find(|own| own.name == fault);
+        own.map_or(matches!(fault, "wrong" | "slow"), |own| {
+            let mut set = own.set.iter();
+            set.any(|(_, expr)| expr.names().contains(&"factor"))
+        })
+    }
+
+    /// Whether the device measures this variable, as far as the description shows: it has a source,
+    /// or a unit and no request sets it.
+    pub(crate) fn is_reading(&self, index: usize) -> bool {
+        let variable = &self.variables[index];
+        if variable.is_measured() {
+            return true;
+        }
+        let mut on = self.on.iter();
+        let is_set = on.any(|on| {
+            !matches!(on.trigger, Trigger::Event(_))
+                && on.deed.set.iter().any(|(set, _)| *set == index)
+        });
+        let mut cells = self.registers.iter().flat_map(Registers::cells);
+        let is_written = cells.any(|cell| cell.is_writable && cell.variable == index);
+        !variable.unit.is_empty() && !is_set && !is_written
     }
 
     /// An empty decoder of the device's frames.

@@ -428,6 +428,10 @@ impl Device for Described {
         self.description.fault_names
     }
 
+    fn takes_figure(&self, fault: &str) -> bool {
+        self.description.takes_figure(fault)
+    }
+
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         self.change_fault(now, fault, figure, begins);
     }

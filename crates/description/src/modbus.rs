@@ -25,6 +25,8 @@ pub(crate) struct Answer {
     pub(crate) changes: Vec<(usize, Value)>,
     /// The error of the driver, if any.
     pub(crate) wrong: Option<Wrong>,
+    /// Variables, by index, whose values do not fit the registers that are read.
+    pub(crate) cut: Vec<usize>,
 }
 
 /// An error of the driver.
@@ -45,11 +47,13 @@ fn word(bytes: &[u8], at: usize) -> Option<u16> {
 /// The answer of `registers` to a request without address and checksum.
 pub(crate) fn answer(registers: &Registers, request: &[u8], values: Values<'_>) -> Answer {
     let function = request.first().copied().unwrap_or(0);
-    match respond(registers, request, values) {
+    let mut cut = Vec::new();
+    match respond(registers, request, values, &mut cut) {
         Ok((body, changes)) => Answer {
             response: [&[function][..], &body].concat(),
             changes,
             wrong: None,
+            cut,
         },
         Err(wrong) => {
             let code = match &wrong {
@@ -61,6 +65,7 @@ pub(crate) fn answer(registers: &Registers, request: &[u8], values: Values<'_>) 
                 response: vec![function | 0x80, code],
                 changes: Vec::new(),
                 wrong: Some(wrong),
+                cut: Vec::new(),
             }
         }
     }
@@ -68,7 +73,12 @@ pub(crate) fn answer(registers: &Registers, request: &[u8], values: Values<'_>) 
 
 type Response = (Vec<u8>, Vec<(usize, Value)>);
 
-fn respond(registers: &Registers, request: &[u8], values: Values<'_>) -> Result<Response, Wrong> {
+fn respond(
+    registers: &Registers,
+    request: &[u8],
+    values: Values<'_>,
+    cut: &mut Vec<usize>,
+) -> Result<Response, Wrong> {
     let function = request.first().copied().unwrap_or(0);
     let is_known = registers.functions.is_empty() || registers.functions.contains(&function);
     let table = match function {
@@ -105,13 +115,13 @@ fn respond(registers: &Registers, request: &[u8], values: Values<'_>) -> Result<
         1 | 2 => {
             exact(5)?;
             let count = counted(field(3)?, READ_BITS_MAX)?;
-            let bits = read(table, at, count, values)?;
+            let bits = read(table, at, count, values, cut)?;
             Ok((prefixed(&pack(&bits)), Vec::new()))
         }
         3 | 4 => {
             exact(5)?;
             let count = counted(field(3)?, READ_WORDS_MAX)?;
-            Ok((prefixed(&read(table, at, count, values)?), Vec::new()))
+            Ok((prefixed(&read(table, at, count, values, cut)?), Vec::new()))
         }
         5 => {
             exact(5)?;
@@ -150,7 +160,7 @@ fn respond(registers: &Registers, request: &[u8], values: Values<'_>) -> Result<
         22 => {
             exact(7)?;
             let (and, or) = (field(3)?, field(5)?);
-            let old = read(table, at, 1, values)?;
+            let old = read(table, at, 1, values, cut)?;
             let old = word(&old, 0).unwrap_or(0);
             let new = (old & and) | (or & !and);
             let changes = write(table, at, &new.to_be_bytes(), values)?;
@@ -170,7 +180,7 @@ fn respond(registers: &Registers, request: &[u8], values: Values<'_>) -> Result<
                     .find(|(changed, _)| *changed == variable);
                 new.map_or_else(|| values(variable), |(_, value)| value.clone())
             };
-            let bytes = read(table, at, count, &changed)?;
+            let bytes = read(table, at, count, &changed, cut)?;
             Ok((prefixed(&bytes), changes))
         }
     }
@@ -190,9 +200,15 @@ fn prefixed(bytes: &[u8]) -> Vec<u8> {
     [&[len][..], bytes].concat()
 }
 
-fn read(table: &Table, at: u16, count: u16, values: Values<'_>) -> Result<Vec<u8>, Wrong> {
+fn read(
+    table: &Table,
+    at: u16,
+    count: u16,
+    values: Values<'_>,
+    cut: &mut Vec<usize>,
+) -> Result<Vec<u8>, Wrong> {
     table
-        .read(at.into(), count.into(), values)
+        .read(at.into(), count.into(), values, cut)
         .map_err(Wrong::Register)
 }
 

@@ -90,8 +90,8 @@ impl Cell {
         bytes
     }
 
-    /// Appends the bytes of the register.
-    fn put(&self, value: &Value, out: &mut Vec<u8>) {
+    /// Appends the bytes of the register; returns whether they hold the value.
+    fn put(&self, value: &Value, out: &mut Vec<u8>) -> bool {
         let scaled = self.scale.and_then(|[scale, offset]| {
             let value = value.as_f64()?;
             Some(Value::Float((value - offset) / scale))
@@ -99,9 +99,7 @@ impl Cell {
         let raw = scaled.as_ref().unwrap_or(value);
         match self.kind {
             CellKind::Bit => out.push(u8::from(raw.is_true())),
-            CellKind::Number(number) => {
-                put_number(number, raw, out);
-            }
+            CellKind::Number(number) => return put_number(number, raw, out),
             CellKind::Text(len) => {
                 let text = match raw {
                     Value::Text(text) => text.clone(),
@@ -110,8 +108,10 @@ impl Cell {
                 let end = out.len() + len;
                 out.extend_from_slice(&text.as_bytes()[..text.len().min(len)]);
                 out.resize(end, 0);
+                return text.len() <= len;
             }
         }
+        true
     }
 
     /// The bytes of the register for a value that a user orders.
@@ -134,6 +134,18 @@ impl Cell {
             true => Ok(self.bytes(value)),
             false => Err(self.allowed()),
         }
+    }
+
+    /// The allowed values in words, if the register cannot hold `value`.
+    pub(crate) fn beyond(&self, value: &Value) -> Option<String> {
+        let CellKind::Number(number) = self.kind else {
+            return None;
+        };
+        let wanted = value.as_f64()?;
+        // A limit of -0.5 to 10.5 is that of 0 to 10.
+        let rounded = Value::Float(wanted.round());
+        let value = if self.scale.is_none() { &rounded } else { value };
+        (!self.holds(number, value, wanted)).then(|| self.allowed())
     }
 
     /// Whether a number fits the type and the limits of the register.
@@ -216,8 +228,8 @@ impl Cell {
 }
 
 impl Registers {
-    /// The address of a variable.
-    pub(crate) fn address_of(&self, variable: usize) -> Option<u32> {
+    /// The registers of all tables.
+    pub(crate) fn cells(&self) -> impl Iterator<Item = &Cell> {
         let tables = [
             &self.coils,
             &self.discrete,
@@ -225,10 +237,13 @@ impl Registers {
             &self.holding,
             &self.bytes,
         ];
-        let mut cells = tables.into_iter().flat_map(|table| &table.cells);
-        cells
-            .find(|cell| cell.variable == variable)
-            .map(|cell| cell.at)
+        tables.into_iter().flat_map(|table| &table.cells)
+    }
+
+    /// The address of a variable.
+    pub(crate) fn address_of(&self, variable: usize) -> Option<u32> {
+        let found = self.cells().find(|cell| cell.variable == variable);
+        found.map(|cell| cell.at)
     }
 }
 
@@ -249,12 +264,14 @@ impl Table {
         (cell.at <= at && at - cell.at < cell.len).then_some(cell)
     }
 
-    /// The bytes of `count` addresses from `at` on.
+    /// The bytes of `count` addresses from `at` on. `cut` gets the variables whose values do not
+    /// fit their registers.
     pub(crate) fn read<V: Borrow<Value>>(
         &self,
         at: u32,
         count: u32,
         values: &dyn Fn(usize) -> V,
+        cut: &mut Vec<usize>,
     ) -> Result<Vec<u8>, Refusal> {
         let mut out = Vec::with_capacity(count as usize * self.unit);
         let end = u64::from(at) + u64::from(count);
@@ -278,7 +295,9 @@ impl Table {
                 continue;
             };
             let start = out.len();
-            cell.put(values(cell.variable).borrow(), &mut out);
+            if !cell.put(values(cell.variable).borrow(), &mut out) {
+                cut.push(cell.variable);
+            }
             // Of a register that is read in part, only the requested bytes are returned.
             let first = (place - cell.at) as usize * self.unit;
             if first > 0 {

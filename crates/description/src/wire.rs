@@ -191,6 +191,18 @@ impl Device for Wire {
         self.fault_names
     }
 
+    fn takes_figure(&self, fault: &str) -> bool {
+        let mut units = self.units.iter();
+        if let [(_, only)] = &self.units[..] {
+            return only.takes_figure(fault);
+        }
+        units.any(|(name, unit)| {
+            let own = fault.strip_prefix(name.as_str());
+            own.and_then(|rest| rest.strip_prefix('.'))
+                .is_some_and(|own| unit.takes_figure(own))
+        })
+    }
+
     fn set_fault(&mut self, now: Instant, fault: &str, figure: Option<f64>, begins: bool) {
         let is_single = self.units.len() == 1;
         for (name, unit) in &mut self.units {

@@ -307,8 +307,18 @@ fn faults_change_what_a_driver_reads() {
     set(&mut meter, "wrong-current", None, false);
     set(&mut meter, "wrong", Some(2.0), true);
     assert_eq!(current(&mut meter), Some(7.0));
+    // What a driver sets is no reading: 250 V in units of 0.1 V.
+    let alarm = meter.ask(&with_crc(&[1, 3, 0, 1, 0, 1]));
+    assert_eq!(alarm, with_crc(&[1, 3, 2, 0x09, 0xC4]));
     set(&mut meter, "wrong", None, false);
     assert_eq!(current(&mut meter), Some(3.5));
+    // 1000 Hz in units of 0.01 Hz are more than 16 bits.
+    assert_eq!(meter.rules(), [""; 0]);
+    set(&mut meter, "wrong", Some(20.0), true);
+    let frequency = meter.ask(&with_crc(&[1, 4, 0, 7, 0, 1]));
+    assert_eq!(frequency, with_crc(&[1, 4, 2, 0xFF, 0xFF]));
+    assert_eq!(meter.rules(), ["value-cut"]);
+    set(&mut meter, "wrong", None, false);
     // 20 ms times 10 exceed the driver's timeout.
     set(&mut meter, "slow", None, true);
     assert_eq!(current(&mut meter), None);

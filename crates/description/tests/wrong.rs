@@ -337,6 +337,50 @@ holding = [
 ]
 "#;
 
+/// Limits and initial values that the type of a register cannot hold would be cut on the wire.
+#[test]
+fn a_register_of_another_type_than_its_values_is_refused() {
+    for (register, more, says) in [
+        (
+            "\"u16\"",
+            "limits = [0, 100000]",
+            "limits: is 100000, expected a whole number from 0 to 65535",
+        ),
+        (
+            "\"u16\"",
+            "initial = -1",
+            "initial: is -1, expected a whole number from 0 to 65535",
+        ),
+        (
+            "type = \"i16\"",
+            "limits = [-40000, 0]",
+            "limits: is -40000, expected a whole number from -32768",
+        ),
+        (
+            "offset = -40",
+            "limits = [-50, 10]",
+            "limits: is -50, expected a number from -40 to 6513.5",
+        ),
+        (
+            "scale = -0.5",
+            "initial = 20000",
+            "initial: is 20000, expected a number from -16383.5 to 16384",
+        ),
+    ] {
+        let text = REGISTERS.replacen(register, &format!("{register}, {more}"), 1);
+        let error = parse(&text).expect_err(more).to_string();
+        assert!(error.contains(says), "{more}: {error}");
+    }
+    for (register, more) in [
+        ("\"u16\"", "limits = [0, 65535], initial = 65535"),
+        ("\"u16\"", "limits = [-0.4, 65535.4]"),
+        ("offset = -40", "limits = [-40, 6513.5]"),
+    ] {
+        let text = REGISTERS.replacen(register, &format!("{register}, {more}"), 1);
+        assert!(parse(&text).is_ok(), "{more}");
+    }
+}
+
 /// A value that a register cannot hold is refused with the allowed values, computed by hand; cut to
 /// the register's type, it would be another order. A value at the end of the range is accepted.
 #[test]

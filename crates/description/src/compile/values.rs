@@ -282,15 +282,29 @@ impl Compiler<'_> {
             variable.initial = Value::Text(String::new());
         }
         let scale = self.scale(key, spec.scale, spec.offset);
+        let initial = variable.initial.clone();
         self.variables.push(variable);
-        Cell {
+        let cell = Cell {
             at: spec.at,
             len,
             variable: self.variables.len() - 1,
             kind,
             is_writable: access == Access::Write,
             scale,
+            limits: None,
+        };
+        // What the type cannot hold would be cut on the wire.
+        let limits = spec.limits.iter().flatten();
+        let limits = limits.map(|limit| ("limits", Value::Float(*limit)));
+        let initial = spec.initial.is_some().then_some(("initial", initial));
+        for (what, value) in limits.chain(initial) {
+            if let Some(allowed) = cell.beyond(&value) {
+                self.wrong(format!("{key}.{what}"), format!("is {value}, {allowed}"));
+            }
+        }
+        Cell {
             limits: spec.limits,
+            ..cell
         }
     }
 

@@ -304,6 +304,13 @@ impl<'d> Doer<'d> {
             Some(Wrong::Register(refusal)) => self.refused(at, refusal),
             Some(Wrong::Malformed(detail)) => self.wrong(at, "bad-request", detail.clone()),
         }
+        for variable in answer.cut {
+            let value = self.device.state.read(variable, at, self.world);
+            let name = &description.variables[variable].name;
+            let detail = || format!("register {name} cannot be {value}");
+            let log = &mut self.device.log;
+            log.repeated(at, EventKind::Note, "value-cut", detail);
+        }
         for (variable, value) in answer.changes {
             self.device.state.write(variable, value);
         }

@@ -90,10 +90,8 @@ impl Described {
         };
         let mut overlays = Vec::new();
         for &(name, figure) in &self.faults.active {
-            let measured = description.variables.iter().enumerate();
-            let measured = measured
-                .filter(|(_, variable)| variable.is_measured() || !variable.unit.is_empty());
-            let measured = measured.map(|(variable, _)| variable);
+            let all = 0..description.variables.len();
+            let measured = all.filter(|variable| description.is_reading(*variable));
             match name {
                 "stuck" => overlays.extend(measured.map(|variable| Overlay {
                     variable,

@@ -44,7 +44,9 @@ impl Scope for Seen<'_> {
         let (at, count) = (u32::try_from(address).ok()?, u32::try_from(count).ok()?);
         let Reading { state, now, world } = self.reading;
         let values = |index: usize| state.look(index, now, world);
-        registers.bytes.read(at, count.min(4_096), &values).ok()
+        let cut = &mut Vec::new();
+        let bytes = registers.bytes.read(at, count.min(4_096), &values, cut);
+        bytes.ok()
     }
 }
 

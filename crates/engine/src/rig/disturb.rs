@@ -74,6 +74,15 @@ impl Rig {
         })
     }
 
+    /// Whether a figure changes what this fault of the device `name` does.
+    pub(crate) fn takes_figure(&self, name: &str, fault: &str) -> bool {
+        let mut nodes = self.nodes.iter();
+        nodes.any(|node| match &node.body {
+            Body::Device(device) => node.name == name && device.takes_figure(fault),
+            _ => false,
+        })
+    }
+
     /// Whether the node is the device `name`. The end of a program outside has the name of its
     /// device, too.
     pub(crate) fn is_device(&self, node: usize, name: &str) -> bool {

@@ -124,7 +124,7 @@ kinds! {
     /// The device measures wrong values.
     Wrong "wrong" Device NONE ["factor"],
     /// The device works too slowly.
-    Slow "slow" Device NONE [],
+    Slow "slow" Device NONE ["factor"],
     /// All bytes of the device are sent late.
     Delayed "delayed" Device NONE ["by"],
     /// A fault specific to this device.

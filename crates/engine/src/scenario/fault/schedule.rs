@@ -199,6 +199,10 @@ impl Rig {
             let message = format!("is {figure}, expected -1000000 to 1000000");
             return Err(Flaw::new("factor", message));
         }
+        if figure.is_some() && !self.takes_figure(name, fault) {
+            let message = format!("has no effect: the fault {fault} of {name} has no figure");
+            return Err(Flaw::new("factor", message));
+        }
         Ok(Disturbance::Device {
             name: name.to_owned(),
             fault: fault.to_owned(),
