@@ -243,9 +243,28 @@ impl Imported {
         ));
     }
 
-    /// Sorts the records by time and numbers them.
+    /// Sorts the records by time and numbers them. Several lines may follow each other in the file;
+    /// one line whose times go backwards is noted.
     pub(super) fn sort(&mut self) {
         self.backwards.clear();
+        let mut latest: Vec<(usize, Direction, Instant)> = Vec::new();
+        let mut is_late = |record: &Record| {
+            let mut lines = latest.iter_mut();
+            let line = lines.find(|line| (line.0, line.1) == (record.link, record.direction));
+            match line {
+                Some((.., last)) if record.at < *last => return true,
+                Some((.., last)) => *last = record.at,
+                None => latest.push((record.link, record.direction, record.at)),
+            }
+            false
+        };
+        let late = self.records.iter().filter(|record| is_late(record)).count();
+        if late > 0 {
+            self.note(format!(
+                "the times of a line go backwards, {late} records come too late in the file: they \
+                 are sorted by time"
+            ));
+        }
         self.records.sort_by_key(|record| record.at);
         for (number, record) in (0..).zip(&mut self.records) {
             record.sequence = Some(number);

@@ -101,7 +101,8 @@ fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option
     let after = at.map_or_else(String::new, |at| after(evidence, at));
     let text = format!(
         "the program does not wait for {device}: {told}{after}; send the next request after the \
-         reply, or after a timeout"
+         reply or a timeout, and discard what was received until then: a late reply is not the \
+         reply to the next request"
     );
     Some(Cause::new(weight::ORDER, text))
 }
