@@ -144,7 +144,11 @@ impl Cell {
         let wanted = value.as_f64()?;
         // A limit of -0.5 to 10.5 is that of 0 to 10.
         let rounded = Value::Float(wanted.round());
-        let value = if self.scale.is_none() { &rounded } else { value };
+        let value = if self.scale.is_none() {
+            &rounded
+        } else {
+            value
+        };
         (!self.holds(number, value, wanted)).then(|| self.allowed())
     }
 

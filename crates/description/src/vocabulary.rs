@@ -43,26 +43,18 @@ impl Description {
         Some(names.values().map(String::as_str).collect())
     }
 
-    /// All words in which frames that `from` sends are printed, without numbers; `None` if one can
-    /// contain any text, or if the description has no messages of its own.
-    pub fn vocabulary(&self, from: From) -> Option<Vec<&str>> {
-        match self.printed(from).any(Message::is_free) {
-            true => None,
-            false => self.words_beside_texts(from),
-        }
-    }
-
     /// The messages that `from` sends, or that a device repeats to its host.
     fn printed(&self, from: From) -> impl Iterator<Item = &Message> {
         let messages = self.messages.iter();
         messages.filter(move |message| message.is_from(from) || self.echoes)
     }
 
-    /// All words in which frames that `from` sends are printed, without numbers and the contents of
-    /// texts: whatever a frame has a value for is one of them. `None` if the description has no
-    /// messages of its own.
-    pub fn words_beside_texts(&self, from: From) -> Option<Vec<&str>> {
-        if self.protocol.is_some() || self.messages.is_empty() {
+    /// All words in which frames that `from` sends are printed, without numbers: whatever a frame
+    /// has a value for is one of them. `None` if a frame can contain any text, unless its words
+    /// `beside_texts` are asked for, or if the description has no messages of its own.
+    pub fn vocabulary(&self, from: From, beside_texts: bool) -> Option<Vec<&str>> {
+        let is_known = self.protocol.is_none() && !self.messages.is_empty();
+        if !is_known || !beside_texts && self.printed(from).any(Message::is_free) {
             return None;
         }
         let mut words = BTreeSet::from(PLAIN);

@@ -425,11 +425,6 @@ impl Device for NodeDevice {
         });
     }
 
-    /// A program may use the figure of any fault.
-    fn takes_figure(&self, _fault: &str) -> bool {
-        true
-    }
-
     fn poll(&mut self, now: Instant, world: &mut World) {
         self.now = now;
         let quiet_at = self.listener.as_ref().and_then(Listener::quiet_at);

@@ -75,15 +75,9 @@ pub trait OwnFormat: Send + Sync {
         None
     }
 
-    /// All words in which frames in this direction are printed, without numbers; `None` if a frame
-    /// can contain any text.
-    fn vocabulary(&self, _direction: Direction) -> Option<Vec<&str>> {
-        None
-    }
-
-    /// As [`vocabulary`](Self::vocabulary), without the contents of texts; `None` if frames can have
-    /// other names.
-    fn words_beside_texts(&self, _direction: Direction) -> Option<Vec<&str>> {
+    /// All words in which frames in this direction are printed, without numbers. `None` if a frame
+    /// can have other names or contain any text; with `beside_texts`, texts do not count.
+    fn vocabulary(&self, _direction: Direction, _beside_texts: bool) -> Option<Vec<&str>> {
         None
     }
 }
@@ -296,21 +290,11 @@ impl Codec {
         }
     }
 
-    /// All words in which frames in this direction are printed, without numbers; `None` if they are
-    /// unknown.
-    pub fn vocabulary(&self, direction: Direction) -> Option<Vec<&'static str>> {
+    /// As [`OwnFormat::vocabulary`]; `None` for a built-in format.
+    pub fn vocabulary(&self, towards: Direction, beside_texts: bool) -> Option<Vec<&'static str>> {
         match self.format {
             Format::Typed { .. } => None,
-            Format::Own(format) => format.vocabulary(direction),
-        }
-    }
-
-    /// All words in which frames in this direction are printed, without numbers and the contents of
-    /// texts; `None` if they are unknown.
-    pub fn words_beside_texts(&self, direction: Direction) -> Option<Vec<&'static str>> {
-        match self.format {
-            Format::Typed { .. } => None,
-            Format::Own(format) => format.words_beside_texts(direction),
+            Format::Own(format) => format.vocabulary(towards, beside_texts),
         }
     }
 

@@ -74,13 +74,16 @@ impl Rig {
         })
     }
 
-    /// Whether a figure changes what this fault of the device `name` does.
+    /// Whether a figure changes what this fault of the device `name` does. A program may use the
+    /// figure of any fault.
     pub(crate) fn takes_figure(&self, name: &str, fault: &str) -> bool {
+        let is_program = self.node_programs().any(|(program, _)| program == name);
         let mut nodes = self.nodes.iter();
-        nodes.any(|node| match &node.body {
-            Body::Device(device) => node.name == name && device.takes_figure(fault),
-            _ => false,
-        })
+        is_program
+            || nodes.any(|node| match &node.body {
+                Body::Device(device) => node.name == name && device.takes_figure(fault),
+                _ => false,
+            })
     }
 
     /// Whether the node is the device `name`. The end of a program outside has the name of its

@@ -421,13 +421,13 @@ fn check_frame(frame: &FrameCondition, codec: &Codec) -> Result<(), Flaw> {
     if let (Some(field), Some(value)) = (&frame.field, &frame.value) {
         check_name(value, codec.names_of_field(field))?;
     }
-    let names = codec.words_beside_texts(frame.direction.into());
+    let names = codec.vocabulary(frame.direction.into(), true);
     if let (Some(field), Some(names)) = (&frame.field, &names)
         && !names.contains(&field.as_str())
     {
         return Err(Flaw::new("field", near::expected(field, names)));
     }
-    let Some(known) = codec.vocabulary(frame.direction.into()) else {
+    let Some(known) = codec.vocabulary(frame.direction.into(), false) else {
         return Ok(());
     };
     let is_part = |c: char| c.is_alphanumeric() || "_-".contains(c);

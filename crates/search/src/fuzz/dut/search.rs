@@ -122,7 +122,9 @@ impl<'a> Search<'a> {
         self.state.next += 1;
         self.progress.cases.set(self.progress.cases.get() + 1);
         self.late += u64::from(seen.was_late);
-        self.progress.has_spoken.set(self.progress.has_spoken.get() | seen.has_spoken);
+        self.progress
+            .has_spoken
+            .set(self.progress.has_spoken.get() | seen.has_spoken);
         let inputs = match &case.told.raw {
             Some(raw) if raw.turn.is_empty() => raw.chunks(),
             _ => seen.played.len(),

@@ -99,12 +99,8 @@ impl OwnFormat for Described {
         self.0.names_of_field(field)
     }
 
-    fn vocabulary(&self, direction: Direction) -> Option<Vec<&str>> {
-        self.0.vocabulary(sender(direction))
-    }
-
-    fn words_beside_texts(&self, direction: Direction) -> Option<Vec<&str>> {
-        self.0.words_beside_texts(sender(direction))
+    fn vocabulary(&self, direction: Direction, beside_texts: bool) -> Option<Vec<&str>> {
+        self.0.vocabulary(sender(direction), beside_texts)
     }
 
     fn other_order(&self) -> Option<Box<dyn OwnFormat>> {
