@@ -371,3 +371,37 @@ every = [{ period = "1s", send = "told" }]
         assert_eq!(rows, [["told: all [01 02]~told: all [01 02]", "4"]]);
     }
 }
+
+/// The CRC of a reply that ends with 0 also holds without its last byte: the reply would be cut into
+/// a request and a byte.
+#[test]
+fn a_modbus_reply_is_not_cut_into_a_request() {
+    let text = description::shipped::text("modbus-meter").expect("shipped");
+    let of = parse("modbus-meter", text);
+    let frame = |body: &[u8]| of.frame_of(0, body).expect("it fits");
+    let reply = frame(&[1, 4, 4, 0x43, 0x63, 0x1C, 0x29]);
+    assert_eq!(reply.last(), Some(&0));
+    let sent = [
+        (From::Host, frame(&[1, 4, 0, 0, 0, 2])),
+        (From::Device, reply),
+        (From::Host, frame(&[1, 1, 3, 0, 0, 2])),
+        (From::Device, frame(&[1, 1, 3, 0, 0, 2])),
+    ];
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("dissected-reply");
+    fs::create_dir_all(&folder).expect("a folder");
+    fs::write(folder.join("c.pcapng"), capture(&sent)).expect("writable");
+    fs::write(
+        folder.join("d.lua"),
+        dissector_of(core::slice::from_ref(&of)),
+    )
+    .expect("writable");
+    let wanted = sent.iter().map(|one| told(&of, one).expect("a frame").0);
+    let wanted: Vec<_> = wanted.map(|words| vec![words, String::new()]).collect();
+    assert!(
+        wanted[1][0].contains("read input registers: 17251 7209"),
+        "{wanted:?}"
+    );
+    if let Some(rows) = tshark(&folder, &["hilrig.words", "hilrig.bad"].map(str::to_owned)) {
+        assert_eq!(rows, wanted);
+    }
+}

@@ -3,6 +3,7 @@
 
 mod behave;
 mod checks;
+mod dead;
 mod fields;
 mod frames;
 mod kinds;
@@ -115,6 +116,7 @@ impl<'a> Compiler<'a> {
         };
         if self.places.is_sound() {
             self.check(&description);
+            self.check_effects(&description);
         }
         match self.places.is_sound() {
             true => Ok(description),

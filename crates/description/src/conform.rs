@@ -20,6 +20,8 @@ use core::time::Duration;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use protocols::{LineConfig, Parity};
+
 use crate::description::Description;
 use crate::device::{Described, Place};
 use crate::field;
@@ -67,6 +69,8 @@ pub struct Difference {
 /// Kinds of differences.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum DifferenceKind {
+    /// The line has another rate or format.
+    Line,
     /// The device does not answer a request.
     NoReply,
     /// The device answers a request that it should ignore.
@@ -95,6 +99,7 @@ impl DifferenceKind {
     /// The name of the kind.
     pub const fn name(self) -> &'static str {
         match self {
+            Self::Line => "line",
             Self::NoReply => "no-reply",
             Self::UnexpectedReply => "unexpected-reply",
             Self::OtherReply => "other-reply",
@@ -223,8 +228,32 @@ pub fn conform(
     listen_again(description, peer, &probes, (&twins, &mut found))?;
     let mut conformity = judge::judge(&probes, &twins, &found, strictness);
     conformity.left_out = left_out.len();
+    let other = peer.line().filter(|line| *line != description.line);
+    let line = other.map(|line| Difference {
+        kind: DifferenceKind::Line,
+        place: "line".to_owned(),
+        expected: line_in_words(description.line),
+        found: line_in_words(line),
+    });
+    conformity.differences.splice(0..0, line);
     conformity.unseen = after::unseen(description, &probes, &twins, &found);
     Ok(conformity)
+}
+
+/// A line as in a description, e.g. `9600 baud, 8E1`.
+fn line_in_words(line: LineConfig) -> String {
+    let parity = match line.parity {
+        Parity::None => 'N',
+        Parity::Even => 'E',
+        Parity::Odd => 'O',
+    };
+    let LineConfig {
+        baud,
+        data_bits,
+        stop_bits,
+        ..
+    } = line;
+    format!("{baud} baud, {data_bits}{parity}{stop_bits}")
 }
 
 /// Listens to a port again, twice as long, if the number of its messages differs.

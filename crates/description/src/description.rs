@@ -219,7 +219,7 @@ impl Description {
     /// The frame formats that `from` uses: those with a message of that end, or without any
     /// message.
     pub(crate) fn frames_of(&self, from: From) -> Frames {
-        self.frames.without(self.unsent(from))
+        self.frames.without(self.unsent(from)).sent_by(from)
     }
 
     /// The formats with messages of the other end only.
@@ -238,7 +238,8 @@ impl Description {
     /// An empty decoder of bytes that `from` probably sent. It tries the formats of that end first,
     /// then all others, because a capture may have mixed up its ends.
     pub fn cutter_for(&self, from: From) -> Cutter {
-        cutter(self.frames.without(self.unsent(from).last()))
+        let frames = self.frames.without(self.unsent(from).last());
+        cutter(frames.sent_by(from))
     }
 
     /// An empty decoder of the frames that `from` sends.
@@ -331,7 +332,7 @@ impl Description {
             return "no frame".to_owned();
         };
         if self.protocol.is_some() {
-            return modbus::words(&body);
+            return modbus::words(&body, from);
         }
         let own = self.decode(frame.format, &body, from);
         match own.or_else(|| self.decode(frame.format, &body, From::Both)) {

@@ -4,6 +4,7 @@ mod act;
 mod faults;
 mod hear;
 mod scope;
+mod shared;
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -16,13 +17,14 @@ use emulators::world::World;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::description::{Description, Protocol};
-use crate::framing::Cutter;
+use crate::framing::{Cutter, Overlong};
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
 use crate::state::State;
 use crate::value::Value;
 use act::{Doer, Timer};
 use faults::Faults;
+use shared::Heard;
 
 /// Maximum number of queued replies.
 const QUEUE_MAX: usize = 32;
@@ -62,6 +64,9 @@ pub struct Described {
     quiet_at: Option<Instant>,
     /// Bytes of a frame that a silence will end.
     silent: Vec<u8>,
+    /// Number of its bytes, also of those that are not kept.
+    silent_len: u64,
+    overlong: Overlong,
     watchdog_at: Option<Instant>,
     /// Frames to be sent, with their times.
     pending: VecDeque<(Instant, Vec<u8>)>,
@@ -77,47 +82,8 @@ pub struct Described {
     faults: Faults,
     dice: Rng,
     log: EventLog,
-    /// Messages that the device knows and frames that it does not, on a shared wire.
+    /// Frames that the device knows and those that it does not, on a shared wire.
     heard: Heard,
-}
-
-/// A frame that breaks a rule as such, whatever device it is for.
-#[derive(Clone, Debug)]
-struct Complaint {
-    at: Instant,
-    rule: &'static str,
-    detail: String,
-    bytes: Vec<u8>,
-}
-
-impl Complaint {
-    const fn new(at: Instant, rule: &'static str, detail: String) -> Self {
-        let bytes = Vec::new();
-        Self {
-            at,
-            rule,
-            detail,
-            bytes,
-        }
-    }
-}
-
-/// What a device on a shared wire heard since the last [`Described::settle`].
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Heard {
-    /// Times of the messages that it knows.
-    known: Vec<Instant>,
-    complaints: Vec<Complaint>,
-}
-
-impl Heard {
-    /// Removes the complaints about frames that `other` knows or complains of, too.
-    fn yield_to(&mut self, other: &Self) {
-        self.complaints.retain(|own| {
-            let is_same = |of: &Complaint| (of.at, of.rule) == (own.at, own.rule);
-            !other.known.contains(&own.at) && !other.complaints.iter().any(is_same)
-        });
-    }
 }
 
 impl Described {
@@ -138,6 +104,8 @@ impl Described {
             spare: Vec::new(),
             quiet_at: None,
             silent: Vec::new(),
+            silent_len: 0,
+            overlong: Overlong::default(),
             watchdog_at: None,
             pending: VecDeque::new(),
             output: VecDeque::new(),
@@ -155,49 +123,6 @@ impl Described {
         };
         device.begin(Instant::ZERO);
         device
-    }
-
-    /// Logs a frame that breaks a rule; on a shared wire only if no other device knows it.
-    fn complain(&mut self, of: Complaint) {
-        if !self.place.is_alone {
-            return self.heard.complaints.push(of);
-        }
-        self.log_complaint(of);
-    }
-
-    fn log_complaint(&mut self, of: Complaint) {
-        let (at, rule, detail) = (of.at, of.rule, of.detail);
-        match &of.bytes[..] {
-            [] => self.log.repeated(at, EventKind::Violation, rule, || detail),
-            bytes => self.log.violation(at, rule, detail, bytes),
-        }
-    }
-
-    /// Whether [`settle`](Self::settle) has something to do.
-    pub(crate) const fn has_heard(&self) -> bool {
-        !self.heard.known.is_empty() || !self.heard.complaints.is_empty()
-    }
-
-    /// Logs the frames that no device of a wire knows, each once.
-    pub(crate) fn settle<'a>(units: impl Iterator<Item = &'a mut Self>) {
-        let mut units: Vec<&mut Self> = units.collect();
-        let mut all: Vec<Heard> = units
-            .iter_mut()
-            .map(|unit| core::mem::take(&mut unit.heard))
-            .collect();
-        for index in 0..all.len() {
-            let mut own = core::mem::take(&mut all[index]);
-            // Of the same complaints, that of the first device stays.
-            for (other, heard) in all.iter().enumerate() {
-                match other < index {
-                    true => own.yield_to(heard),
-                    false => own.complaints.retain(|of| !heard.known.contains(&of.at)),
-                }
-            }
-            let logged = own.complaints.iter().cloned();
-            logged.for_each(|of| units[index].log_complaint(of));
-            all[index] = own;
-        }
     }
 
     /// Its description.
@@ -241,6 +166,7 @@ impl Described {
         self.cutter = self.description.cutter_of(From::Host);
         self.quiet_at = None;
         self.silent.clear();
+        self.overlong = Overlong::default();
         self.watchdog_at = None;
         self.pending.clear();
         // Bytes that a prompt line has taken before `now` are on the wire.
@@ -348,7 +274,9 @@ fn sooner(one: Option<Instant>, other: Option<Instant>) -> Option<Instant> {
 
 impl Device for Described {
     fn receive(&mut self, port: Port, now: Instant, bytes: &[u8]) {
-        if port == Self::UART && !self.faults.is_off() {
+        if port == Self::UART && self.faults.is_off() {
+            self.heard.pass(bytes.len());
+        } else if port == Self::UART {
             let mut own = core::mem::take(&mut self.spare);
             own.clear();
             own.extend_from_slice(bytes);
@@ -379,7 +307,8 @@ impl Device for Described {
     fn poll(&mut self, now: Instant, world: &mut World) {
         self.log.poll(now);
         if self.faults.is_off() {
-            self.inbox.clear();
+            let lost = self.inbox.drain(..).map(|(_, bytes)| bytes.len());
+            self.heard.pass(lost.sum());
             self.pending.clear();
             self.output.clear();
             return;

@@ -8,7 +8,9 @@ mod bytes;
 mod cut;
 mod head;
 mod judge;
+mod overlong;
 mod plain;
+mod silence;
 
 use core::time::Duration;
 use std::borrow::Cow;
@@ -24,7 +26,9 @@ pub(crate) use cut::{DLE, hex_bytes, hex_text};
 pub(crate) use head::HeadSize;
 pub use judge::{Cutter, Frame, Frames};
 pub(crate) use judge::{Unused, cutter};
+pub(crate) use overlong::Overlong;
 pub(crate) use plain::Plain;
+use silence::Lengths;
 
 /// Maximum number of bytes of a frame.
 pub(crate) const FRAME_MAX: usize = 2_000;
@@ -81,10 +85,6 @@ pub(crate) enum Cut {
         lengths: Option<Lengths>,
     },
 }
-
-/// Possible lengths of a frame that begins with these bytes, in rising order. Empty if more bytes
-/// are needed, `None` if the length is unknown.
-pub(crate) type Lengths = fn(&[u8]) -> Option<Vec<usize>>;
 
 /// A length field.
 #[derive(Clone, Copy, Debug)]

@@ -16,7 +16,7 @@ use emulators::world::World;
 use protocols::{Decode as _, FrameError, Instant, LineConfig, Port};
 
 use crate::description::Description;
-use crate::framing::{Cutter, Frame};
+use crate::framing::{Cutter, Frame, Overlong};
 use crate::schema::message::From;
 use crate::speak::Request;
 use crate::value::Value;
@@ -48,9 +48,14 @@ pub struct Master {
     due: Instant,
     /// The request without a reply so far, and the end of its timeout.
     asked: Option<(usize, Instant)>,
+    /// The messages, by index, that still belong to the last reply.
+    rest: Vec<usize>,
+    /// The request whose timeout ended last, until its reply comes late.
+    late: Option<usize>,
     /// Number of requests that need a reply and whose time for it is over, and of those with one.
     judged: [u64; 2],
     cutter: Cutter,
+    overlong: Overlong,
     /// When a silence is long enough to end a frame.
     quiet_at: Option<Instant>,
     /// Earliest time of a request: the last bytes and a silence are over.
@@ -88,7 +93,10 @@ impl Master {
             next: 0,
             due: Instant::ZERO + plan.period,
             asked: None,
+            rest: Vec::new(),
+            late: None,
             judged: [0; 2],
+            overlong: Overlong::default(),
             quiet_at: None,
             free_at: Instant::ZERO,
             inbox: VecDeque::new(),
@@ -117,9 +125,11 @@ impl Master {
         if let Some(at) = self.quiet_at.take_if(|at| *at <= now) {
             self.cutter.idle();
             self.take(at, &[]);
+            self.overlong.end();
         }
         if let Some((index, _)) = self.asked.take_if(|(_, until)| *until <= now) {
             self.judged[0] += 1;
+            self.late = Some(index);
             let timeout = self.timeout;
             let words = self.requests[index].words.clone();
             self.tell(now, "no-reply", || {
@@ -133,6 +143,9 @@ impl Master {
         let found: Vec<Result<Frame, FrameError>> = self.cutter.push(bytes).collect();
         let mut error = None;
         for outcome in found {
+            if self.overlong.swallows(&outcome, &self.description.frames) {
+                continue;
+            }
             match outcome {
                 Ok(frame) => self.hear(at, &frame),
                 Err(first) => error = error.or(Some(first)),
@@ -149,12 +162,33 @@ impl Master {
         }
     }
 
+    /// Whether the frame needs no request: the device sends its message by itself, it belongs to the
+    /// last reply, or it is a late reply, whose lateness was reported.
+    fn is_expected(&mut self, frame: &Frame) -> bool {
+        let description = &self.description;
+        let body = description.body(frame).unwrap_or_default();
+        let message = description.decode(frame.format, &body, From::Device);
+        let index = message.map(|(index, _)| index);
+        if let Some(at) = self.rest.iter().position(|rest| Some(*rest) == index) {
+            self.rest.remove(at);
+            return true;
+        }
+        let is_late = |index: &mut usize| {
+            let reply = description.reply(&self.requests[*index], frame);
+            reply.is_asked
+        };
+        if self.late.take_if(is_late).is_some() {
+            self.rest = description.rest_of_reply(frame);
+            return true;
+        }
+        description.is_unasked(frame)
+    }
+
     /// Judges a frame of the device.
     fn hear(&mut self, at: Instant, frame: &Frame) {
         let description = self.description.clone();
         let Some((index, _)) = self.asked else {
-            // The device may send messages of its own.
-            if description.message(frame, From::Device).is_none() {
+            if !self.is_expected(frame) {
                 let words = description.words_for(frame, From::Device);
                 self.tell(at, "unasked-reply", || words);
             }
@@ -162,12 +196,13 @@ impl Master {
         };
         let reply = description.reply(&self.requests[index], frame);
         if !reply.is_asked {
-            if description.message(frame, From::Device).is_none() {
+            if !self.is_expected(frame) {
                 self.tell(at, "unknown-reply", || reply.words);
             }
             return;
         }
         self.asked = None;
+        self.rest = description.rest_of_reply(frame);
         self.judged = self.judged.map(|count| count + 1);
         if reply.is_refusal {
             let words = self.requests[index].words.clone();

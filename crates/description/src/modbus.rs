@@ -2,6 +2,7 @@
 //! (serial line specification V1.02).
 
 use crate::registers::{Refusal, Registers, Table};
+use crate::schema::message::From;
 use crate::value::Value;
 
 /// Exception codes.
@@ -15,6 +16,8 @@ const READ_WORDS_MAX: u16 = 125;
 const WRITE_BITS_MAX: u16 = 1_968;
 const WRITE_WORDS_MAX: u16 = 123;
 const EXCHANGE_WORDS_MAX: u16 = 121;
+/// Length of the shortest request of function 23 with address and CRC.
+const REQUEST_23_MIN: usize = 15;
 
 /// The result of a request.
 #[derive(Debug)]
@@ -232,38 +235,38 @@ fn pack(bits: &[u8]) -> Vec<u8> {
     bytes.collect()
 }
 
-/// Possible lengths of a frame with address and CRC, as a request or response, in rising order.
-/// Empty if more bytes are needed, `None` for unknown functions.
-pub(crate) fn lengths(bytes: &[u8]) -> Option<Vec<usize>> {
+/// Possible lengths of a frame of `from` with address and CRC, the most probable one first. A device
+/// sends responses and a host sends requests; the other length is
+/// tried last, because a line may echo and a capture may have mixed up its ends. Empty if more
+/// bytes are needed, `None` for unknown functions.
+pub(crate) fn lengths(bytes: &[u8], from: From) -> Option<Vec<usize>> {
     let Some(&function) = bytes.get(1) else {
         return Some(Vec::new());
     };
     let count = |at: usize| bytes.get(at).copied().map(usize::from);
-    let both = |request: Option<usize>, response: Option<usize>| match (request, response) {
-        (Some(a), Some(b)) => vec![a.min(b), a.max(b)],
-        (None, Some(one)) | (Some(one), None) => vec![one],
-        (None, None) => Vec::new(),
+    let [request, response] = match function {
+        1..=4 => [Some(8), count(2).map(|count| 5 + count)],
+        5 | 6 => [Some(8); 2],
+        15 | 16 => [count(6).map(|count| 9 + count), Some(8)],
+        22 => [Some(10); 2],
+        // Without its count, the shortest request.
+        23 => [
+            Some(count(10).map_or(REQUEST_23_MIN, |count| 13 + count)),
+            count(2).map(|count| 5 + count),
+        ],
+        0x81..=0x97 => [Some(5); 2],
+        _ => return None,
     };
-    match function {
-        1..=4 => match count(2) {
-            None => Some(Vec::new()),
-            Some(count) => Some(both(Some(8), Some(5 + count))),
-        },
-        5 | 6 => Some(vec![8]),
-        15 | 16 => match count(6) {
-            None => Some(Vec::new()),
-            Some(count) => Some(both(Some(9 + count), Some(8))),
-        },
-        22 => Some(vec![10]),
-        23 => match (count(2), count(10)) {
-            (None, _) => Some(Vec::new()),
-            // The shortest request, so that a response with a wrong checksum waits for its count.
-            (Some(response), None) => Some(vec![5 + response, 15]),
-            (Some(response), Some(request)) => Some(both(Some(13 + request), Some(5 + response))),
-        },
-        0x81..=0x97 => Some(vec![5]),
-        _ => None,
-    }
+    let (Some(request), Some(response)) = (request, response) else {
+        return Some(Vec::new());
+    };
+    let mut all = match from {
+        From::Host => vec![request, response],
+        From::Device => vec![response, request],
+        From::Both => vec![request.max(response), request.min(response)],
+    };
+    all.dedup();
+    Some(all)
 }
 
 const FUNCTIONS: [(u8, &str); 10] = [
@@ -304,8 +307,19 @@ pub(crate) fn check_address(address: u32) -> Result<(), String> {
     ))
 }
 
-/// The body of a frame, with its address, in words.
-pub(crate) fn words(body: &[u8]) -> String {
+/// Whether a body with this function and these further bytes is that of a response to a read.
+///
+/// A request to read from 0x0300 on has the same form as a response with 3 bytes.
+fn is_read_response(function: u8, rest: &[u8], from: From) -> bool {
+    let Some((count, bytes)) = rest.split_first() else {
+        return false;
+    };
+    let is_request = bytes.len() == 3 && (function > 2 || from == From::Host);
+    usize::from(*count) == bytes.len() && !is_request
+}
+
+/// The body of a frame of `from`, with its address, in words.
+pub(crate) fn words(body: &[u8], from: From) -> String {
     let [address, function, rest @ ..] = body else {
         return "too short for Modbus".to_owned();
     };
@@ -330,7 +344,7 @@ pub(crate) fn words(body: &[u8]) -> String {
             };
             format!("refused {name}: {what} ({code})")
         }
-        (1..=4, [count, bytes @ ..]) if usize::from(*count) == bytes.len() => match function {
+        (1..=4, [_, bytes @ ..]) if is_read_response(*function, rest, from) => match function {
             1 | 2 => format!("{name}: {bytes:02X?}"),
             _ => format!("{name}: {}", values(bytes)),
         },

@@ -37,6 +37,12 @@ pub trait Peer {
     fn lateness(&self) -> Duration {
         Duration::ZERO
     }
+
+    /// The line of the device, if it is known: an emulated device answers whatever line the driver
+    /// has. `None` at a port, at which a device with another line does not answer.
+    fn line(&self) -> Option<LineConfig> {
+        None
+    }
 }
 
 impl<P: Peer + ?Sized> Peer for &mut P {
@@ -54,6 +60,10 @@ impl<P: Peer + ?Sized> Peer for &mut P {
 
     fn lateness(&self) -> Duration {
         (**self).lateness()
+    }
+
+    fn line(&self) -> Option<LineConfig> {
+        (**self).line()
     }
 }
 
@@ -148,6 +158,10 @@ impl Emulated {
 }
 
 impl Peer for Emulated {
+    fn line(&self) -> Option<LineConfig> {
+        Some(self.line)
+    }
+
     fn now(&self) -> Instant {
         self.now
     }

@@ -151,6 +151,31 @@ impl Description {
         answers
     }
 
+    /// The messages that follow the first frame of a reply: some requests are answered with several.
+    pub(crate) fn rest_of_reply(&self, first: &Frame) -> Vec<usize> {
+        let body = self.body(first).unwrap_or_default();
+        let found = self.decode(first.format, &body, From::Device);
+        let Some((first, _)) = found else {
+            return Vec::new();
+        };
+        let mut rest: Vec<usize> = Vec::new();
+        for on in &self.on {
+            let mut own = on.deed.send.clone();
+            let is_reply = !matches!(on.trigger, Trigger::Event(_));
+            let Some(at) = own.iter().position(|sent| *sent == first && is_reply) else {
+                continue;
+            };
+            own.remove(at);
+            for index in 0..own.len() {
+                let times = |all: &[usize]| all.iter().filter(|one| **one == own[index]).count();
+                if times(&rest) < times(&own[..=index]) {
+                    rest.push(own[index]);
+                }
+            }
+        }
+        rest
+    }
+
     /// Describes in words a frame that arrived after a request.
     pub fn reply(&self, request: &Request, frame: &Frame) -> Reply {
         if let Asks::Modbus { address, read } = &request.asks {

@@ -15,6 +15,10 @@ pub struct Wire {
     fault_names: &'static [&'static str],
     /// The device that is sending a frame; others wait for its end.
     sender: Option<usize>,
+    /// The violations of all devices together.
+    broken: BrokenRules,
+    /// Number of moments of each device's log that are in `broken`.
+    counted: Vec<u64>,
 }
 
 /// The reason why devices cannot share a wire.
@@ -61,9 +65,11 @@ impl Wire {
             many => names_of_faults(many),
         };
         Ok(Self {
+            counted: vec![0; units.len()],
             units,
             fault_names,
             sender: None,
+            broken: BrokenRules::default(),
         })
     }
 
@@ -130,6 +136,51 @@ impl Wire {
     }
 }
 
+impl Wire {
+    /// Adds the new entries of the devices' logs to the common count.
+    fn count(&mut self) {
+        let mut moments = Vec::new();
+        for ((_, unit), counted) in self.units.iter().zip(&mut self.counted) {
+            let Some(log) = unit.broken_rules() else {
+                continue;
+            };
+            moments.extend(log.since(*counted).0);
+            *counted = log.seen();
+        }
+        moments.sort_by_key(|(at, _)| *at);
+        let logs = self
+            .units
+            .iter()
+            .filter_map(|(_, unit)| unit.broken_rules());
+        let mut fresh: Vec<(&'static str, u64)> = Vec::new();
+        for (rule, count) in logs.flat_map(BrokenRules::iter) {
+            match fresh.iter_mut().find(|(known, _)| *known == rule) {
+                Some((_, sum)) => *sum += count,
+                None => fresh.push((rule, count)),
+            }
+        }
+        for (rule, count) in self.broken.iter() {
+            if let Some((_, fresh)) = fresh.iter_mut().find(|(known, _)| *known == rule) {
+                *fresh -= count;
+            }
+        }
+        let last = moments.last().map(|(at, _)| *at);
+        for (at, rule) in moments {
+            match fresh.iter_mut().find(|(known, _)| *known == rule) {
+                Some((_, left @ 1..)) => {
+                    *left -= 1;
+                    self.broken.count(at, rule);
+                }
+                _ => self.broken.note(at, rule),
+            }
+        }
+        // Violations whose moments a log does not keep any more.
+        for (rule, left) in fresh {
+            (0..left).for_each(|_| self.broken.count(last.unwrap_or_default(), rule));
+        }
+    }
+}
+
 /// The names of all faults with a static lifetime, as a rig requires them: common faults such as
 /// `off` for all devices at once, and every fault of one device as `NAME.FAULT`.
 fn names_of_faults(units: &[(String, Described)]) -> &'static [&'static str] {
@@ -158,9 +209,12 @@ impl Device for Wire {
         for (_, unit) in &mut self.units {
             unit.poll(now, world);
         }
-        // A frame on a shared wire breaks a rule only if no device knows it, and then once.
+        // Bytes on a shared wire break a rule only if no device knows them, and then once.
         if self.units.iter().any(|(_, unit)| unit.has_heard()) {
             Described::settle(self.units.iter_mut().map(|(_, unit)| unit));
+        }
+        if self.units.len() > 1 {
+            self.count();
         }
     }
 
@@ -219,11 +273,10 @@ impl Device for Wire {
         }
     }
 
-    /// With several slaves on one wire, each entry of the log counts as one violation.
     fn broken_rules(&self) -> Option<&BrokenRules> {
         match &self.units[..] {
             [(_, unit)] => unit.broken_rules(),
-            _ => None,
+            _ => Some(&self.broken),
         }
     }
 

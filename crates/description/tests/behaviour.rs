@@ -305,3 +305,138 @@ fn a_copy_goes_on_alike() {
     assert_eq!(copy.say("set_mode", &[("to", int(1))]), sent);
     assert_eq!(copy.listen(3_000), driver.listen(3_000));
 }
+
+/// A camera that takes frames of seven bytes behind FF, and a relay that takes five behind 55.
+fn camera_and_relay() -> Driver {
+    let kind = |name: &str, frame: &str, fields: &str| {
+        described(&format!(
+            "name = \"{name}\"\nabout = \"on a shared wire\"\nendian = \"big\"\n\
+             line = {{ baud = 9600, address = 1 }}\nframe = {{ {frame} }}\n[state]\nlevel = 0\n[[message]]\nname = \"set\"\nfrom = \"host\"\n\
+             fields = [{{ name = \"id\", type = \"u8\" }}, {{ type = \"u8\", value = 1 }}, {fields}]\n\
+             [[on]]\nmessage = \"set\"\nset = {{ level = \"level\" }}\n"
+        ))
+    };
+    let long = "sync = [0xFF], size = 7, checksum = { algorithm = \"sum8\", from = 1 }";
+    let camera = "{ name = \"level\", type = \"u16\" }, { name = \"more\", type = \"u8\" }";
+    let camera = kind("camera", long, camera);
+    let relay = kind(
+        "relay",
+        "sync = [0x55], size = 5, checksum = \"xor\"",
+        "{ name = \"level\", type = \"u8\" }",
+    );
+    let mut driver = Driver::new(shipped::text("modbus-meter").expect("shipped"), &[1]);
+    let units = [unit(&camera, "camera", 1), unit(&relay, "relay", 2)];
+    driver.wire = Wire::new(units.into()).expect("devices");
+    driver
+}
+
+/// The byte that begins a frame of one device lies anywhere in a frame of the other one, which the
+/// other one knows: no rule is broken, whatever pause follows.
+#[test]
+fn bytes_of_a_known_frame_are_no_error_for_the_other_devices() {
+    let camera = |level: [u8; 2], more: u8| {
+        let body = [1, 1, level[0], level[1], more];
+        let sum = body.iter().fold(0, |sum: u8, byte| sum.wrapping_add(*byte));
+        [&[0xFF][..], &body, &[sum]].concat()
+    };
+    let frames = [
+        camera([0x55, 3], 4),
+        camera([0, 0x55], 9),
+        camera([1, 2], 0x55),
+        // The checksum is the byte that begins a frame of the relay.
+        camera([0x50, 0], 3),
+        camera([0x55, 0x55], 0x55),
+        // The relay's frame contains FF.
+        vec![0x55, 2, 1, 0xFF, 0x55 ^ 2 ^ 1 ^ 0xFF],
+    ];
+    for pause in [0, 1, 12, 100] {
+        for order in 0..frames.len() {
+            let mut driver = camera_and_relay();
+            for turn in 0..3 * frames.len() {
+                driver.send(&frames[(turn * (order + 1) + order) % frames.len()]);
+                driver.listen(pause);
+            }
+            driver.listen(3_000);
+            assert_eq!(driver.rules(), [""; 0], "{pause} {order}");
+        }
+    }
+    // Bytes that no device knows are an error, once.
+    let mut damaged = camera([0, 3], 4);
+    damaged[6] ^= 1;
+    for (bytes, rules) in [
+        (damaged, &["bad-checksum"][..]),
+        (vec![0x55, 2, 1, 9], &["frame-cut-off"]),
+        (vec![0x55, 2, 9, 9, 0x55 ^ 2], &["unknown-message"]),
+    ] {
+        let mut driver = camera_and_relay();
+        driver.send(&frames[0]);
+        driver.send(&bytes);
+        driver.listen(3_000);
+        assert_eq!(driver.rules(), rules, "{bytes:02X?}");
+    }
+}
+
+/// A log condenses violations that follow one another. Their number is that of the violations, also
+/// with several devices on a wire.
+#[test]
+fn devices_on_one_wire_count_each_violation() {
+    let mut driver = camera_and_relay();
+    for _ in 0..25 {
+        driver.send(&[0x55, 2, 1, 7, 0]);
+        driver.listen(200);
+    }
+    let counts = |driver: &Driver| {
+        let all = driver.wire.broken_rules().expect("a count").iter();
+        all.collect::<Vec<_>>()
+    };
+    assert_eq!(counts(&driver), [("bad-checksum", 25)]);
+    assert!(driver.rules().len() < 10);
+    // Violations of both devices, and notes, which do not count.
+    driver.send(&[0x55, 2, 2, 7, 0x55 ^ 2 ^ 2 ^ 7]);
+    driver.listen(100);
+    driver.send(&[0xFF, 1, 1, 0, 3, 4, 0]);
+    driver.listen(1_000);
+    driver
+        .wire
+        .set_fault(driver.now, "relay.restart", None, true);
+    driver.listen(1_000);
+    let wanted = [("bad-checksum", 26), ("unknown-message", 1)];
+    assert_eq!(counts(&driver), wanted);
+    let (moments, lost) = driver.wire.broken_rules().expect("a count").since(0);
+    assert_eq!((moments.count() > 27, lost), (true, 0));
+}
+
+/// A line without an end is one violation, however long it is and however it is delivered, and its
+/// rest is no message. The text of a long line is shortened.
+#[test]
+fn a_line_without_an_end_is_one_violation() {
+    let of = "name = \"motor\"\nabout = \"Lines\"\nline = { baud = 19200 }\nframe.terminator = \"\\r\\n\"\n\
+              message = [{ name = \"get\", from = \"host\", text = \"G\" }, { name = \"ok\", from = \
+              \"device\", text = \"OK\" }]\non = [{ message = \"get\", reply = \"ok\" }]\n";
+    for size in [1, 7, 600, 3_002, 4_000] {
+        for end in ["\r\n", ""] {
+            let mut driver = Driver::new(of, &[1]);
+            let long = format!("{}{end}", "x".repeat(3_000));
+            for piece in long.as_bytes().chunks(size) {
+                driver.send(piece);
+                driver.listen(1);
+            }
+            driver.listen(if end.is_empty() { 3_000 } else { 0 });
+            driver.send(b"G\r\n");
+            assert_eq!(driver.listen(100), b"OK\r\n", "{size} {end:?}");
+            let events = driver.wire.take_events();
+            let rules: Vec<_> = events.iter().map(|event| event.rule).collect();
+            assert_eq!(rules, ["bad-length"], "{size} {end:?}");
+        }
+    }
+    let mut driver = Driver::new(of, &[1]);
+    driver.send(format!("{}\r\n", "x".repeat(900)).as_bytes());
+    driver.listen(100);
+    let events = driver.wire.take_events();
+    assert_eq!(events[0].rule, "unknown-message");
+    let detail = &events[0].detail;
+    assert!(
+        detail.len() < 300 && detail.contains("characters)"),
+        "{detail}"
+    );
+}

@@ -519,3 +519,24 @@ fn a_busy_computer_changes_no_period() {
         assert!(is_told, "{:#?}", found.differences);
     }
 }
+
+/// An emulated device answers at any rate. At a port, a device with another line would not.
+#[test]
+fn another_line_than_the_described_one_is_a_difference() {
+    let meter = shipped::text("modbus-meter").expect("shipped");
+    let with = |baud: &str, format: &str| {
+        let keys = format!("baud = {baud}\nformat = \"{format}\"");
+        meter.replace("baud = 9600", &keys)
+    };
+    let base = with("9600", "8E1");
+    for (baud, format, found) in [
+        ("19200", "8E1", "19200 baud, 8E1"),
+        ("9600", "8N1", "9600 baud, 8N1"),
+        ("9600", "8E2", "9600 baud, 8E2"),
+    ] {
+        let all = differences(&base, &with(baud, format));
+        let wanted = format!("line: line: {found}, expected 9600 baud, 8E1");
+        assert_eq!(all.first().map(ToString::to_string), Some(wanted));
+    }
+    assert_eq!(differences(&base, &base), []);
+}

@@ -165,3 +165,63 @@ fn a_wrong_request_is_refused_with_its_index() {
     );
     assert!(Master::new(parse(SENSOR), &plan(&[])).is_err());
 }
+
+/// A sensor answers a request, and sends the same message again or another one that nobody asked
+/// for. A message that the device also sends by itself is none of them.
+#[test]
+fn a_reply_that_was_not_asked_for_is_reported() {
+    let other = "{ name = \"other\", from = \"device\", fields = [{ type = \"u8\", value = 3 }] },\n]\non =";
+    let known = SENSOR.replace("]\non =", other);
+    let twice = known.replace("reply = \"level\"", "reply = [\"level\", \"level\"]");
+    let then_other = known.replace("reply = \"level\"", "reply = [\"level\", \"other\"]");
+    let first_other = known.replace("reply = \"level\"", "reply = [\"other\", \"level\"]");
+    let by_itself = format!("{known}every = [{{ period = \"70ms\", send = \"other\" }}]\n");
+    let is_both = format!("{known}every = [{{ period = \"70ms\", send = \"level\" }}]\n");
+    for (said, real, wanted) in [
+        (&known, &known, &[][..]),
+        (&known, &twice, &["unasked-reply"]),
+        (&known, &then_other, &["unasked-reply"]),
+        (&known, &first_other, &["unknown-reply"]),
+        (&by_itself, &by_itself, &[]),
+        (&by_itself, &then_other, &[]),
+        (&is_both, &twice, &[]),
+        // A reply of several messages.
+        (&twice, &twice, &[]),
+        (&then_other, &then_other, &[]),
+        (&first_other, &first_other, &[]),
+        (&then_other, &known, &[]),
+        (&then_other, &twice, &["unasked-reply"]),
+    ] {
+        let mut master = Master::new(parse(said), &plan(&["get"])).expect("a request");
+        run(&mut master, &mut device(real), |_, byte| byte);
+        let rules = master.broken_rules().expect("a log");
+        let rules: Vec<&str> = rules.iter().map(|(rule, _)| rule).collect();
+        assert_eq!(rules, wanted, "{real}");
+    }
+}
+
+/// A register of the device's own cannot be written, in whatever table it lies: nothing is sent to
+/// another table.
+#[test]
+fn a_write_to_a_read_only_register_is_refused() {
+    let text = "name = \"x\"\nabout = \"x\"\nprotocol = \"modbus-rtu\"\nline = { baud = 9600 }\n\
+        [registers]\ninput = [{ at = 0, name = \"rpm\", initial = 5 }]\n\
+        discrete = [{ at = 0, name = \"door\" }]\ncoils = [{ at = 0, name = \"motor\" }, { at = 1, name \
+        = \"lock\", access = \"read\" }]\nholding = [{ at = 0, name = \"speed\" }, { at = 1, name = \
+        \"serial\", access = \"read\" }]\n";
+    let of = parse(text);
+    for name in ["rpm", "door", "lock", "serial"] {
+        let error = of
+            .requests(&["write", &format!("{name}=1")])
+            .expect_err("refused");
+        let wanted = format!(
+            "the register \"{name}\" is read-only, expected one of: motor, speed; `read {name}` reads it"
+        );
+        assert_eq!(error, wanted);
+    }
+    assert_eq!(
+        of.requests(&["write", "motor=1", "speed=2"])
+            .map(|all| all.len()),
+        Ok(2)
+    );
+}

@@ -199,3 +199,71 @@ fn an_action_before_the_end_of_a_silence_comes_first() {
         }
     }
 }
+
+/// Keys that do nothing without another one are errors with file, line and key; with the other key
+/// they are not.
+#[test]
+fn keys_without_effect_are_refused() {
+    let text = |top: &str, frame: &str, rest: &str| {
+        format!(
+            "name = \"x\"\nabout = \"x\"\nendian = \"little\"\nline = {{ baud = 9600 }}\n{top}\n\
+             frame = {{ {frame} }}\nmessage = [{{ name = \"q\", from = \"host\", fields = [{{ type = \"u8\", \
+             value = 1 }}] }}, {{ name = \"r\", from = \"device\", fields = [{{ type = \"u8\", value = 2 }}, {{ \
+             name = \"t\", type = \"u16\" }}] }}]\n[[on]]\nmessage = \"q\"\nreply = \"r\"\n{rest}\n"
+        )
+    };
+    let (slip, summed) = (
+        "stuffing = \"slip\"",
+        "stuffing = \"slip\", checksum = \"sum8\"",
+    );
+    let (t, safe) = ("state.t = 1", "state.t = { initial = 1, safe = 0 }");
+    let watched = format!("watchdog = \"1s\"\n{t}");
+    let watched_safe = format!("watchdog = \"1s\"\n{safe}");
+    let event = "[[on]]\nevent = \"watchdog\"\nreply = \"r\"";
+    let refused = "[[on]]\nevent = \"refused\"\nreply = \"r\"";
+    let sum = "[faults.sum]\nbad_checksum = true";
+    let noise = "[faults.noise]\ngarbage = 5";
+    let restarted = "[faults.noise]\ngarbage = 5\nrestart = true";
+    for (text, key) in [
+        (
+            text(t, slip, sum),
+            "12: faults.sum.bad_checksum: has no effect",
+        ),
+        (text(t, summed, sum), ""),
+        (
+            text(t, slip, noise),
+            "12: faults.noise.garbage: has no effect without a restart",
+        ),
+        (text(t, slip, restarted), ""),
+        (
+            text(t, slip, event),
+            "12: on[1].event: never happens without a watchdog",
+        ),
+        (text(&watched, slip, event), ""),
+        (text(t, slip, refused), "12: on[1].event: never happens"),
+        (
+            text(safe, slip, ""),
+            "5: state.t.safe: has no effect without a watchdog",
+        ),
+        (text(&watched_safe, slip, ""), ""),
+    ] {
+        let found = Description::parse("x.toml", &text, &|_| Err(String::new()));
+        let error = found
+            .err()
+            .map(|error| error.to_string())
+            .unwrap_or_default();
+        let is_wanted = error.contains(&format!("x.toml:{key}")) || key == error;
+        assert!(is_wanted && error.lines().count() <= 2, "{error}\n{text}");
+    }
+    let registers = "name = \"x\"\nabout = \"x\"\nprotocol = \"modbus-rtu\"\nline = { baud = 9600 }\n\
+        [registers]\nholding = [{ at = 0, name = \"a\", safe = 0 }]\n";
+    let error = Description::parse("x.toml", registers, &|_| Err(String::new()));
+    let error = error
+        .err()
+        .map(|error| error.to_string())
+        .unwrap_or_default();
+    assert!(
+        error.contains("x.toml:6: registers.holding[0].safe: has no effect"),
+        "{error}"
+    );
+}

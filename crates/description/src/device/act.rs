@@ -6,8 +6,9 @@ use emulators::device::EventKind;
 use emulators::world::World;
 use protocols::Instant;
 
+use super::Described;
 use super::scope::{Filled, Seen};
-use super::{Complaint, Described};
+use super::shared::Complaint;
 use crate::behaviour::{Deed, On, Trigger};
 use crate::description::Description;
 use crate::expr::Expr;
@@ -35,6 +36,8 @@ enum Timed {
     After(usize),
 }
 
+/// Maximum number of characters of a frame in a log.
+const WORDS_MAX: usize = 200;
 /// Maximum number of timers: each message can start one.
 const TIMERS_MAX: usize = 256;
 
@@ -115,18 +118,18 @@ impl<'d> Doer<'d> {
     }
 
     /// Handles a frame of a protocol other than Modbus.
-    pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8]) {
+    pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8], behind: usize) {
         let description = self.of;
         let Some((index, request)) = description.decode(frame.format, body, From::Host) else {
-            let words = description.words(frame);
-            self.device
-                .complain(Complaint::new(at, "unknown-message", words));
+            let words = shortened(description.words(frame));
+            let span = self.device.heard.span(frame.bytes.len(), behind);
+            self.device.complain(Complaint {
+                spans: vec![span],
+                ..Complaint::new(at, "unknown-message", words)
+            });
             self.device.events.push_back((at, EventSpec::Unknown));
             return self.run_events(at);
         };
-        if !self.device.place.is_alone {
-            self.device.heard.known.push(at);
-        }
         self.begin_timers(at, Trigger::Message(index), &request);
         let fits = |on: &On| match on.trigger {
             Trigger::Message(wanted) => wanted == index,
@@ -471,5 +474,13 @@ impl Described {
             }
             self.events.push_back((at, EventSpec::Watchdog));
         }
+    }
+}
+
+/// The beginning of a text that is too long for a log, and its length.
+fn shortened(text: String) -> String {
+    match text.char_indices().nth(WORDS_MAX) {
+        Some((end, _)) => format!("{} .. ({} characters)", &text[..end], text.chars().count()),
+        None => text,
     }
 }

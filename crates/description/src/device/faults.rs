@@ -61,7 +61,8 @@ impl Described {
         let restarts = own.is_some_and(|own| own.restarts);
         if (begins && (name == "restart" || restarts)) || (name == "off" && was_off) {
             // Bytes before the reset are lost.
-            self.inbox.clear();
+            let lost = self.inbox.drain(..).map(|(_, bytes)| bytes.len());
+            self.heard.pass(lost.sum());
         }
         match name {
             "off" if begins => self.log.note(now, "off", "the supply is gone".to_owned()),

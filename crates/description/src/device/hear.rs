@@ -1,11 +1,14 @@
 //! Reception: from bytes to messages, with the driver's errors.
 
+use core::ops::Range;
+
 use protocols::{Decode, FrameError, Instant};
 
 use emulators::device::{EventKind, byte_end};
 
+use super::Described;
 use super::act::Doer;
-use super::{Complaint, Described};
+use super::shared::Complaint;
 use crate::framing::{FRAME_MAX, Frame};
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
@@ -33,12 +36,15 @@ impl Doer<'_> {
         if next.is_none_or(|next| next >= at) && self.is_free(at, bytes.len()) {
             if self.device.is_silence_framed {
                 self.device.heard(at);
+                self.device.heard.pass(bytes.len());
                 return self.device.hear_silently(bytes);
             }
             // A usual request arrives at once; one look at all of it saves one for each byte.
             if let Some(frame) = self.device.cutter.whole(bytes) {
                 self.device.heard(at);
-                return self.frame(at, &frame);
+                self.device.heard.pass(bytes.len());
+                self.device.overlong.end();
+                return self.frame(at, &frame, 0);
             }
         }
         for (index, &byte) in bytes.iter().enumerate() {
@@ -90,11 +96,13 @@ impl Doer<'_> {
         }
         self.device.cutter.idle();
         self.cut(at, &[]);
+        self.device.overlong.end();
     }
 
     /// Processes a byte that ended at `end`; `is_last` marks the last byte of a chunk.
     fn byte(&mut self, end: &dyn Fn() -> Instant, byte: u8, is_last: bool) {
         let device = &mut *self.device;
+        device.heard.pass(1);
         if let Some(up) = device.boot_until.filter(|up| end() < *up) {
             let detail = || {
                 let ms = up.as_millis();
@@ -143,8 +151,12 @@ impl Doer<'_> {
         let heard = self.device.description.frames_of(From::Host);
         let whole = heard.whole(bytes);
         match whole {
-            Ok(frame) => self.frame(at, &frame),
-            Err(error) => self.bad(at, error, bytes),
+            Ok(frame) => self.frame(at, &frame, 0),
+            Err(error) => {
+                let len = usize::try_from(self.device.silent_len).unwrap_or(usize::MAX);
+                let span = self.device.heard.span(len, 0);
+                self.bad(at, error, bytes, vec![span]);
+            }
         }
     }
 
@@ -159,27 +171,35 @@ impl Doer<'_> {
     /// Processes the decoder's result, and further results from `rest`.
     fn outcomes(&mut self, at: Instant, first: Result<Frame, FrameError>, mut rest: &[u8]) {
         let mut first_error = None;
+        let mut spans = Vec::new();
         let mut next = Some(first);
         while let Some(outcome) = next {
+            let device = &mut *self.device;
+            let behind = device.cutter.pending() + rest.len();
+            let is_swallowed = device.overlong.swallows(&outcome, &self.of.frames);
             match outcome {
+                _ if is_swallowed => {}
                 Ok(frame) => {
                     if let Some(error) = first_error.take() {
-                        self.bad(at, error, &[]);
+                        self.bad(at, error, &[], core::mem::take(&mut spans));
                     }
-                    self.frame(at, &frame);
+                    self.frame(at, &frame, behind);
                 }
                 // The rest of a damaged frame causes further errors; the first error gives the
                 // reason.
-                Err(error) => first_error = first_error.or(Some(error)),
+                Err(error) => {
+                    first_error = first_error.or(Some(error));
+                    spans.push(device.heard.span(1, behind));
+                }
             }
             next = self.device.cutter.step(&mut rest);
         }
         if let Some(error) = first_error {
-            self.bad(at, error, &[]);
+            self.bad(at, error, &[], spans);
         }
     }
 
-    fn bad(&mut self, at: Instant, error: FrameError, bytes: &[u8]) {
+    fn bad(&mut self, at: Instant, error: FrameError, bytes: &[u8], spans: Vec<Range<u64>>) {
         let rule = match error {
             FrameError::Checksum { .. } => "bad-checksum",
             FrameError::Truncated { .. } => "frame-cut-off",
@@ -188,13 +208,18 @@ impl Doer<'_> {
         };
         self.device.complain(Complaint {
             bytes: bytes.to_vec(),
+            spans,
             ..Complaint::new(at, rule, error.to_string())
         });
         self.device.events.push_back((at, EventSpec::BadFrame));
         self.run_events(at);
     }
 
-    fn frame(&mut self, at: Instant, frame: &Frame) {
+    /// Processes a frame, behind which the decoder has `behind` bytes already.
+    fn frame(&mut self, at: Instant, frame: &Frame, behind: usize) {
+        if !self.device.place.is_alone && self.knows(frame) {
+            self.device.heard.know(frame.bytes.len(), behind);
+        }
         let device = &mut *self.device;
         if at < device.busy_until {
             let until = device.busy_until;
@@ -211,8 +236,18 @@ impl Doer<'_> {
         };
         match is_modbus {
             true => self.modbus(at, &body),
-            false => self.message(at, frame, &body),
+            false => self.message(at, frame, &body, behind),
         }
+    }
+
+    /// Whether the frame is a message of the description.
+    fn knows(&self, frame: &Frame) -> bool {
+        let of = self.of;
+        self.device.is_modbus()
+            || of.body_of(frame).is_some_and(|body| {
+                let found = of.decode(frame.format, &body, From::Host);
+                found.is_some()
+            })
     }
 }
 
@@ -229,6 +264,10 @@ impl Described {
     fn hear_silently(&mut self, bytes: &[u8]) {
         // A frame that is too long stays invalid, whatever bytes follow.
         let room = (FRAME_MAX + 1).saturating_sub(self.silent.len());
+        match self.silent.is_empty() {
+            true => self.silent_len = bytes.len() as u64,
+            false => self.silent_len += bytes.len() as u64,
+        }
         self.silent.extend(&bytes[..bytes.len().min(room)]);
     }
 }

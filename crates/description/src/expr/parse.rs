@@ -177,7 +177,14 @@ impl<'a> Parser<'a> {
             return self.unary();
         };
         let mut left = self.binary(level + 1)?;
+        let mut compared = false;
         while let Some(operator) = self.operator(operators) {
+            if compared {
+                let message = "compares twice, expected \"and\" between, as in 0 < x and x < 9";
+                return Err(self.error(message.to_owned()));
+            }
+            // The lowest level compares.
+            compared = level == 0;
             let right = self.binary(level + 1)?;
             left = Node::Binary(operator, Box::new(left), Box::new(right));
         }

@@ -5,12 +5,31 @@ use std::sync::Arc;
 use protocols::{Candidate, Decoder, Format, FrameError};
 
 use super::before::Before;
-use super::{Cut, FRAME_MAX, FrameBytes, Framing, Length, Lengths};
+use super::{Cut, FRAME_MAX, FrameBytes, Framing, Length};
+use crate::schema::message::From;
 use crate::schema::wire::Stuffing;
 
-/// The frame formats of a description.
+/// The frame formats of a description, which of them are tried, and the context of the bytes.
 #[derive(Clone, Debug)]
-pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked, Before);
+pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked, Context);
+
+/// What the judgement of bytes depends on, apart from the bytes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Context {
+    /// The byte before the first one.
+    pub(super) before: Before,
+    /// The end that sends the bytes.
+    pub(super) from: From,
+}
+
+impl Default for Context {
+    fn default() -> Self {
+        Self {
+            before: Before::default(),
+            from: From::Both,
+        }
+    }
+}
 
 /// The number of formats that are tried.
 #[derive(Clone, Copy, Debug)]
@@ -105,8 +124,14 @@ impl Frames {
 impl Frames {
     /// All of these formats.
     pub(crate) fn of(formats: Arc<Vec<Framing>>) -> Self {
-        let before = Before::default();
-        Self(formats, Unused::default(), Looked::Many, before).without(Unused::default())
+        let context = Context::default();
+        Self(formats, Unused::default(), Looked::Many, context).without(Unused::default())
+    }
+
+    /// The same formats in bytes that `from` sends.
+    pub(crate) fn sent_by(mut self, from: From) -> Self {
+        self.3.from = from;
+        self
     }
 
     /// The formats that are tried, with their indices.
@@ -207,7 +232,7 @@ impl Format for Frames {
 
     fn passed(&mut self, bytes: &[u8], is_frame: bool) {
         if let Some(&last) = bytes.last() {
-            self.3 = match is_frame {
+            self.3.before = match is_frame {
                 true => Before::Frame(last),
                 false => Before::Discarded(last),
             };
@@ -215,18 +240,17 @@ impl Format for Frames {
     }
 }
 
-fn len_u32(bytes: usize) -> u32 {
+pub(super) fn len_u32(bytes: usize) -> u32 {
     u32::try_from(bytes).unwrap_or(u32::MAX)
 }
 
 impl Framing {
-    /// Checks whether a frame begins at the first byte, behind `before`; `is_last` if no more bytes
-    /// will come.
+    /// Checks whether a frame begins at the first byte; `is_last` if no more bytes will come.
     #[inline]
-    pub(super) fn judge(&self, bytes: &[u8], is_last: bool, before: Before) -> Candidate {
+    pub(super) fn judge(&self, bytes: &[u8], is_last: bool, context: Context) -> Candidate {
         match self.sound(bytes) {
             Some(found) => found,
-            None => self.judge_all(bytes, is_last, before),
+            None => self.judge_all(bytes, is_last, context),
         }
     }
 
@@ -271,7 +295,8 @@ impl Framing {
 
     /// Like [`judge`](Self::judge), for every format. Not inlined: a sound frame needs none of it.
     #[inline(never)]
-    pub(super) fn judge_all(&self, bytes: &[u8], is_last: bool, before: Before) -> Candidate {
+    pub(super) fn judge_all(&self, bytes: &[u8], is_last: bool, context: Context) -> Candidate {
+        let before = context.before;
         if let Cut::Marked { start, end, .. } = &self.cut {
             // The end marker of a rejected frame could also begin a frame, but none has come.
             let is_end = start == end && start == bytes && matches!(before, Before::Discarded(_));
@@ -327,7 +352,9 @@ impl Framing {
                     size => size,
                 },
             },
-            Cut::Silence { lengths } => return self.judge_silence(bytes, is_last, *lengths),
+            Cut::Silence { lengths } => {
+                return self.judge_silence(bytes, is_last, lengths.zip(Some(context.from)));
+            }
         };
         if size > self.max {
             return too_long(size);
@@ -345,7 +372,7 @@ impl Framing {
     }
 
     /// Checks a frame of complete length.
-    fn whole(&self, frame: &[u8]) -> Candidate {
+    pub(super) fn whole(&self, frame: &[u8]) -> Candidate {
         if !self.end.is_empty() && !frame.ends_with(&self.end) {
             let found = frame.last().copied().unwrap_or(0).into();
             let at = len_u32(frame.len().saturating_sub(1));
@@ -355,40 +382,6 @@ impl Framing {
             Ok(()) => Candidate::Complete(frame.len()),
             Err(error) => Candidate::Rejected(error),
         }
-    }
-
-    fn judge_silence(&self, bytes: &[u8], is_last: bool, lengths: Option<Lengths>) -> Candidate {
-        let known = lengths.and_then(|lengths| lengths(bytes));
-        if let Some(known) = known {
-            if known.is_empty() {
-                return Candidate::Incomplete;
-            }
-            let fitting = known.iter().filter_map(|len| bytes.get(..*len));
-            for frame in fitting {
-                if let found @ Candidate::Complete(_) = self.whole(frame) {
-                    return found;
-                }
-            }
-            return match known.iter().any(|len| *len > bytes.len()) {
-                true => Candidate::Incomplete,
-                false => known
-                    .first()
-                    .and_then(|len| bytes.get(..*len))
-                    .map_or(Candidate::Noise, |frame| self.whole(frame)),
-            };
-        }
-        // Without known lengths only the silence ends a frame.
-        if is_last {
-            return match self.whole(bytes) {
-                Candidate::Rejected(_) if bytes.len() < self.least() => Candidate::Noise,
-                found => found,
-            };
-        }
-        if bytes.len() >= self.max {
-            let (max, found) = (len_u32(self.max), len_u32(bytes.len()));
-            return Candidate::Rejected(FrameError::Length { max, found });
-        }
-        Candidate::Incomplete
     }
 
     fn judge_marked(&self, bytes: &[u8], before: Before) -> Candidate {
@@ -429,7 +422,8 @@ impl Framing {
             Err(error) => return reject(error),
         };
         let Some(found) = found else {
-            let found = len_u32(bytes.len());
+            // At least one byte is missing.
+            let found = len_u32(self.max + 1);
             return match bytes.len() >= self.max {
                 true => reject(FrameError::Length {
                     max: len_u32(self.max),
@@ -440,7 +434,8 @@ impl Framing {
         };
         let len = from + found + end.len() + tail;
         if len > self.max {
-            let (max, found) = (len_u32(self.max), len_u32(len));
+            // As for bytes that come one by one.
+            let (max, found) = (len_u32(self.max), len_u32(self.max + 1));
             return reject(FrameError::Length { max, found });
         }
         if found == 0 && *tail == 0 && !self.has_blank {

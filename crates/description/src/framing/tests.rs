@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 
 use protocols::{Candidate, Decode as _};
 
-use super::before::Before;
+use super::judge::Context;
 use super::{Cutter, Framing};
 use crate::Description;
+use crate::schema::message::From;
 
 /// How a frame ends, with its markers.
 const CUTS: [&str; 14] = [
@@ -97,10 +98,10 @@ fn the_fast_route_judges_as_the_slow_one() {
         }
         let same = |bytes: &[u8]| {
             for is_last in [false, true] {
-                let found = fast.judge(bytes, is_last, Before::Nothing);
+                let found = fast.judge(bytes, is_last, Context::default());
                 assert_eq!(
                     found,
-                    slow.judge_all(bytes, is_last, Before::Nothing),
+                    slow.judge_all(bytes, is_last, Context::default()),
                     "{keys}\n{bytes:02X?}"
                 );
             }
@@ -112,7 +113,7 @@ fn the_fast_route_judges_as_the_slow_one() {
             let Some(frame) = frame else { continue };
             made += 1;
             sound += usize::from(
-                fast.judge(&frame, false, Before::Nothing) == Candidate::Complete(frame.len()),
+                fast.judge(&frame, false, Context::default()) == Candidate::Complete(frame.len()),
             );
             (0..=frame.len()).for_each(|end| same(&frame[..end]));
             same(&[&frame[..], &[0x11, 0]].concat());
@@ -213,4 +214,95 @@ fn no_frame_begins_within_a_damaged_one() {
             assert_eq!(bad, errors, "{bytes:02X?}");
         }
     }
+}
+
+/// The frames of `from` in bytes that a silence ends, delivered byte by byte or at once.
+fn modbus_frames(of: &Description, from: From, bytes: &[u8], is_whole: bool) -> Vec<Vec<u8>> {
+    [of.cutter_of(from), of.cutter_for(from)]
+        .map(|mut cutter| {
+            let size = if is_whole { bytes.len() } else { 1 };
+            let pieces = bytes.chunks(size);
+            let mut all: Vec<_> = pieces
+                .flat_map(|piece| cutter.push(piece).collect::<Vec<_>>())
+                .collect();
+            cutter.idle();
+            all.extend(cutter.push(&[]));
+            let frames = all.into_iter().flatten();
+            frames.map(|one| one.bytes.to_vec()).collect::<Vec<_>>()
+        })
+        .into_iter()
+        .reduce(|one, other| {
+            assert_eq!(one, other, "{bytes:02X?}");
+            one
+        })
+        .expect("two decoders")
+}
+
+/// A frame whose CRC ends with 0 has a correct CRC without its last byte, too. A reply to a read
+/// with 4 bytes is then also a request, and so for each length that one of the ends can send.
+#[test]
+fn the_end_that_sends_decides_about_the_length_of_a_modbus_frame() {
+    let text = "name = \"x\"\nabout = \"x\"\nprotocol = \"modbus-rtu\"\nregisters.holding = [{ at \
+        = 0, name = \"a\" }]\nline = { baud = 9600 }\n";
+    let of = Description::parse("x", text, &|_| Err(String::new()));
+    let of = of.unwrap_or_else(|error| panic!("{error}"));
+    let mut judged = 0;
+    for number in 0..=u16::MAX {
+        let [a, b] = number.to_be_bytes();
+        let bodies: [(From, &[u8]); 9] = [
+            (From::Device, &[1, 4, 4, 0x43, 0x63, a, b]),
+            (From::Device, &[1, 3, 6, 1, 2, 3, 4, a, b]),
+            (From::Device, &[1, 1, 4, 1, 2, a, b]),
+            (From::Device, &[1, 1, 1, b]),
+            (From::Device, &[1, 0x17, 2, a, b]),
+            (From::Host, &[1, 3, 1, a, 0, b]),
+            (From::Host, &[1, 16, 0, 1, 0, 1, 2, a, b]),
+            (From::Host, &[1, 0x17, 8, 0, a, b, 0, 1, 0, 1, 2, 5, 5]),
+            (From::Host, &[1, 6, 0, 1, a, b]),
+        ];
+        for (from, body) in bodies {
+            let frame = of.frame_of(0, body).expect("it fits");
+            if frame.last() != Some(&0) {
+                continue;
+            }
+            judged += 1;
+            for is_whole in [true, false] {
+                let found = modbus_frames(&of, from, &frame, is_whole);
+                assert_eq!(found, [&frame[..]], "{from:?}");
+                // The frame of the other end, if the line echoes or a capture mixed up its ends.
+                let other = match from {
+                    From::Host => From::Device,
+                    _ => From::Host,
+                };
+                let found = modbus_frames(&of, other, &frame, is_whole);
+                let is_cut = frame.ends_with(&[0, 0]) || frame.len() == 9 && from == From::Device;
+                assert!(is_cut || found == [&frame[..]], "{other:?} {frame:02X?}");
+                // A damaged last byte leaves no frame, unless the two before it are superfluous, too.
+                if frame.ends_with(&[0, 0]) {
+                    continue;
+                }
+                let damaged = [&frame[..frame.len() - 1], &[0x80]].concat();
+                let found = modbus_frames(&of, from, &damaged, is_whole);
+                assert!(found.is_empty(), "{found:02X?}");
+            }
+        }
+    }
+    assert!(judged > 1_000, "{judged}");
+}
+
+/// A request to read from 0x0300 on has the form of a response with 3 bytes.
+#[test]
+fn a_read_from_the_address_of_a_count_is_a_request_in_words() {
+    let all = [(3, From::Both), (4, From::Device), (1, From::Host)];
+    let words = all.map(|(function, from)| crate::modbus::words(&[1, function, 3, 0, 0, 2], from));
+    assert_eq!(
+        words,
+        [
+            "device 1: read holding registers 768, 2 of them",
+            "device 1: read input registers 768, 2 of them",
+            "device 1: read coils 768, 2 of them",
+        ]
+    );
+    let reply = crate::modbus::words(&[1, 1, 3, 0, 0, 2], From::Device);
+    assert_eq!(reply, "device 1: read coils: [00, 00, 02]");
 }

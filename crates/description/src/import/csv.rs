@@ -1,7 +1,10 @@
 //! A register map as CSV: the first line names the columns, each further line is a register.
 
+mod records;
+
 use super::words::{self, Address, SizeUnit, Wrong};
 use super::{Map, Row, TABLES};
+use records::{Record, records, separator};
 
 /// The columns that are read, each with the names that maps give it.
 const COLUMNS: [(Column, &[&str]); 15] = [
@@ -157,7 +160,16 @@ impl Columns {
         format!("line {line}: {title}: is \"{text}\", expected {expected}")
     }
 
+    /// Whether the title of the column says that its numbers are hexadecimal.
+    fn is_hex(&self, column: Column) -> bool {
+        words::is_hex_title(self.title(column))
+    }
+
     fn figure(&self, at: (usize, &[String]), column: Column) -> Result<Option<f64>, String> {
+        if self.is_hex(column) {
+            let expected = "a hexadecimal number, as 1F";
+            return self.read(at, column, expected, words::hex_number);
+        }
         let expected = match self.separator {
             ',' => "a number with a point, without a comma",
             _ => "a number, without separators of thousands",
@@ -216,8 +228,13 @@ fn lines<'a>(
     let mut table = 3;
     for (number, cells) in rows {
         let at = (*number, &cells[..]);
-        let expected = "an address, as 16, 0x10 or 40017";
-        let Some(address) = columns.read(at, Column::At, expected, Address::parse)? else {
+        let is_hex = columns.is_hex(Column::At);
+        let expected = match is_hex {
+            true => "a hexadecimal address, as 10 or 0x10",
+            false => "an address, as 16, 0x10 or 40017",
+        };
+        let address = |text: &str| Address::parse(text, is_hex);
+        let Some(address) = columns.read(at, Column::At, expected, address)? else {
             dropped.push(number.to_string());
             continue;
         };
@@ -300,9 +317,7 @@ impl Columns {
             ..Row::default()
         };
         self.kind(at, &mut row, map)?;
-        row.scale = self
-            .scale(at)?
-            .filter(|scale| *scale != 1.0 && *scale != 0.0);
+        row.scale = self.scale(at)?.filter(|scale| *scale != 1.0);
         row.offset = self
             .figure(at, Column::Offset)?
             .filter(|offset| *offset != 0.0);
@@ -361,10 +376,15 @@ impl Columns {
     }
 
     fn scale(&self, at: (usize, &[String])) -> Result<Option<f64>, String> {
+        for column in [Column::Scale, Column::Divisor] {
+            if self.figure(at, column)? == Some(0.0) {
+                let text = self.cell(at.1, column).unwrap_or_default();
+                let expected = "a number other than 0, or an empty cell for no scale";
+                return Err(self.wrong(at.0, column, text, expected));
+            }
+        }
         let scale = self.figure(at, Column::Scale)?;
-        let divisor = self
-            .figure(at, Column::Divisor)?
-            .filter(|divisor| *divisor != 0.0);
+        let divisor = self.figure(at, Column::Divisor)?;
         match (
             scale.filter(|scale| *scale != 1.0),
             divisor.filter(|divisor| *divisor != 1.0),
@@ -408,72 +428,15 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-/// The separator of the first line: the most frequent of comma, semicolon and tab.
-fn separator(text: &str) -> char {
-    let first = text.lines().next().unwrap_or_default();
-    let count = |separator: char| first.matches(separator).count();
-    let all = ['\t', ';', ','];
-    all.into_iter().max_by_key(|one| count(*one)).unwrap_or(',')
-}
-
-type Record = (usize, Vec<String>);
-
-/// The lines of a file in cells, with their line numbers; quotes may enclose a cell.
-fn records(text: &str, separator: char) -> Result<Vec<Record>, String> {
-    let mut records: Vec<Record> = Vec::new();
-    let (mut cells, mut cell, mut quoted_at) = (Vec::new(), String::new(), None);
-    let (mut line, mut first) = (1, 1);
-    let mut chars = text.chars().peekable();
-    while let Some(c) = chars.next() {
-        match c {
-            '"' if quoted_at.is_some() && chars.peek() == Some(&'"') => {
-                chars.next();
-                cell.push('"');
-            }
-            '"' if quoted_at.is_some() => quoted_at = None,
-            '"' if cell.trim().is_empty() => {
-                cell.clear();
-                quoted_at = Some(line);
-            }
-            '\n' if quoted_at.is_none() => {
-                cells.push(core::mem::take(&mut cell));
-                records.push((first, core::mem::take(&mut cells)));
-                first = line + 1;
-            }
-            c if c == separator && quoted_at.is_none() => cells.push(core::mem::take(&mut cell)),
-            '\r' => {}
-            c => cell.push(c),
-        }
-        line += usize::from(c == '\n');
-    }
-    if let Some(line) = quoted_at {
-        return Err(format!("line {line}: a quotation mark is not closed"));
-    }
-    cells.push(cell);
-    records.push((first, cells));
-    // Behind the titles, a line with further cells is no comment.
-    let mut has_titles = false;
-    records.retain(|(_, cells)| {
-        let mut used = cells
-            .iter()
-            .map(|cell| cell.trim())
-            .filter(|cell| !cell.is_empty());
-        let is_comment = used.next().is_none_or(|first| {
-            let is_first = cells.first().is_some_and(|cell| cell.trim() == first);
-            is_first && first.starts_with('#') && (!has_titles || used.next().is_none())
-        });
-        has_titles |= !is_comment;
-        !is_comment
-    });
-    Ok(records)
-}
-
 /// The meaning of each column; the first column of a meaning counts.
 fn meanings(titles: &[String]) -> Vec<Option<Column>> {
     let mut found: Vec<Option<Column>> = vec![None; titles.len()];
     let words = titles.iter().map(|title| {
         let title = title.split(['(', '[']).next().unwrap_or_default();
-        words::plain(title)
+        let title = words::plain(title);
+        let base = |word: &&str| !["hex", "dec", "decimal", "hexadecimal"].contains(word);
+        let words: Vec<&str> = title.split(' ').filter(base).collect();
+        words.join(" ")
     });
     let words: Vec<String> = words.collect();
     for (column, names) in COLUMNS {

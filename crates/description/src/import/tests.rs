@@ -394,3 +394,55 @@ fn a_damaged_map_never_panics() {
         }
     }
 }
+
+/// A title that names the base of its numbers decides about digits without a mark.
+#[test]
+fn a_column_of_hexadecimal_numbers_is_read_as_such() {
+    for title in [
+        "Address (hex)",
+        "Address [HEX]",
+        "Hex Address",
+        "address_hex",
+        "Register (0x)",
+        "Modbus address (hexadecimal)",
+    ] {
+        let map =
+            format!("{title},name,type\n10,a,uint16\n1F,b,uint16\n0x20,c,uint16\n21h,d,uint16\n");
+        let draft = import("x", "x.csv", &map).expect(title);
+        let wanted = [16, 31, 32, 33].into_iter().zip(["a", "b", "c", "d"]);
+        let wanted: Vec<_> = wanted
+            .map(|(at, name)| format!("at = {at}, name = \"{name}\""))
+            .collect();
+        assert_eq!(rows(&draft), wanted, "{title}");
+    }
+    let map = "Address (dec),name,default (hex)\n10,a,1F\n";
+    let draft = import("x", "x.csv", map).expect("a map");
+    assert_eq!(rows(&draft), ["at = 10, name = \"a\", initial = 31"]);
+    let error = import("x", "x.csv", "Address (hex),name\n1G,a\n").expect_err("no number");
+    let wanted =
+        "x.csv: line 2: Address (hex): is \"1G\", expected a hexadecimal address, as 10 or 0x10";
+    assert_eq!(error, wanted);
+}
+
+/// What a register cannot have is an error with its line, not left out.
+#[test]
+fn a_scale_of_0_and_a_value_beyond_the_type_are_refused() {
+    for (map, wanted) in [
+        (
+            "address,name,scale\n2,c,0\n",
+            "x.csv: line 2: scale: is \"0\", expected a number other than 0, or an empty cell for no scale",
+        ),
+        (
+            "address,name,gain\n2,c,0.0\n",
+            "x.csv: line 2: gain: is \"0.0\", expected a number other than 0, or an empty cell for no scale",
+        ),
+        (
+            "address,name,type,initial\n1,b,uint16,1\n0,a,uint16,70000\n",
+            "line 3: ",
+        ),
+        ("address,name,type,initial\n0,a,uint16,-5\n", "line 2: "),
+    ] {
+        let error = import("x", "x.csv", map).expect_err(map);
+        assert!(error.contains(wanted), "{error}");
+    }
+}

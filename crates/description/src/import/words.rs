@@ -189,6 +189,23 @@ pub(super) fn bit(text: &str) -> Option<bool> {
     })
 }
 
+/// Whether the title of a column says that its numbers are hexadecimal, as "Address (hex)".
+pub(super) fn is_hex_title(title: &str) -> bool {
+    let mut words = title.split(|c: char| !c.is_ascii_alphanumeric());
+    words.any(|word| ["hex", "hexadecimal", "0x"].contains(&&*word.to_ascii_lowercase()))
+}
+
+/// A whole number in hexadecimal digits, with or without a mark.
+pub(super) fn hex_number(text: &str) -> Option<f64> {
+    let hex = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
+    let digits = hex
+        .or_else(|| text.strip_suffix(['h', 'H']))
+        .unwrap_or(text);
+    let is_plain = digits.bytes().all(|byte| byte.is_ascii_hexdigit());
+    let value = u32::from_str_radix(digits, 16).ok()?;
+    is_plain.then(|| f64::from(value))
+}
+
 /// A number with a point; with a comma only where no comma separates cells or thousands.
 pub(super) fn number(text: &str, separator: char) -> Option<f64> {
     let hex = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
@@ -219,13 +236,15 @@ pub(super) struct Address {
 }
 
 impl Address {
-    /// Reads an address; of a range, such as 0-1, the first one.
-    pub(super) fn parse(text: &str) -> Option<Self> {
+    /// Reads an address; of a range, such as 0-1, the first one. `is_hex` if digits without a mark
+    /// are hexadecimal.
+    pub(super) fn parse(text: &str, is_hex: bool) -> Option<Self> {
         let first = text.split(['-', '–', '~']).next().unwrap_or(text).trim();
         let hex = first
             .strip_prefix("0x")
             .or_else(|| first.strip_prefix("0X"));
         let hex = hex.or_else(|| first.strip_suffix(['h', 'H']));
+        let hex = hex.or_else(|| is_hex.then_some(first));
         let is_decimal = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
         Some(match hex {
             Some(digits) => Self {

@@ -656,47 +656,58 @@ local function whole(framing, frame)
   return sound(framing, frame) and #frame or 0
 end
 
-local function modbus_lengths(s)
+-- The possible lengths of a Modbus frame of `from`, the most probable one first.
+local function modbus_lengths(s, from)
   local code = s:byte(2)
   if not code then return {} end
-  local function both(a, b)
-    if a and b then return a < b and { a, b } or { b, a } end
-    return a and { a } or b and { b } or {}
-  end
   local third, seventh, eleventh = s:byte(3), s:byte(7), s:byte(11)
+  local request, response
   if code >= 1 and code <= 4 then
-    return third and both(8, 5 + third) or {}
+    request, response = 8, third and 5 + third
   elseif code == 5 or code == 6 then
-    return { 8 }
+    request, response = 8, 8
   elseif code == 15 or code == 16 then
-    return seventh and both(9 + seventh, 8) or {}
+    request, response = seventh and 9 + seventh, 8
   elseif code == 22 then
-    return { 10 }
+    request, response = 10, 10
   elseif code == 23 then
-    if not third then return {} end
-    if not eleventh then return { 5 + third, 15 } end
-    return both(13 + eleventh, 5 + third)
+    request, response = eleventh and 13 + eleventh or 15, third and 5 + third
   elseif code >= 0x81 and code <= 0x97 then
-    return { 5 }
+    request, response = 5, 5
+  else
+    return nil
   end
-  return nil
+  if not request or not response then return {} end
+  if request == response then return { request } end
+  local is_response_first = from == "device" or (from ~= "host" and response > request)
+  return is_response_first and { response, request } or { request, response }
 end
 
-local function judge_silence(framing, s, is_last)
-  local known = framing.is_modbus and modbus_lengths(s)
+-- The CRC of a sound frame that ends with 0 also holds without its last byte, so a less probable
+-- length waits for the bytes of the more probable one.
+local function judge_lengths(framing, s, is_last, known)
+  local damaged
+  for _, len in ipairs(known) do
+    if len > #s then
+      if not is_last then return nil end
+    else
+      local found = whole(framing, s:sub(1, len))
+      if found > 0 then
+        if damaged ~= #s or damaged ~= len + 1 then return found end
+        if is_last then return 0 end
+        return nil
+      end
+      damaged = damaged or len
+    end
+  end
+  return damaged and 0 or nil
+end
+
+local function judge_silence(framing, s, is_last, from)
+  local known = framing.is_modbus and modbus_lengths(s, from)
   if known then
     if #known == 0 then return nil end
-    local waits = false
-    for _, len in ipairs(known) do
-      if len <= #s then
-        local found = whole(framing, s:sub(1, len))
-        if found > 0 then return found end
-      else
-        waits = true
-      end
-    end
-    if waits then return nil end
-    return 0
+    return judge_lengths(framing, s, is_last, known)
   end
   if is_last then
     local found = whole(framing, s)
@@ -740,12 +751,12 @@ local function judge_marked(framing, s, before)
   return len
 end
 
-local function judge_one(framing, s, is_last, before)
+local function judge_one(framing, s, is_last, from, before)
   if framing.cut == "marked" then return judge_marked(framing, s, before) end
   local sync = framing.sync
   local seen = math.min(#sync, #s)
   if s:sub(1, seen) ~= sync:sub(1, seen) then return 0 end
-  if framing.cut == "silence" then return judge_silence(framing, s, is_last) end
+  if framing.cut == "silence" then return judge_silence(framing, s, is_last, from) end
   local size = framing.size
   if framing.cut == "length" then
     local at, again, len = framing.length.at, framing.length.again, framing.length.number.bytes
@@ -778,7 +789,7 @@ local function judge(device, s, is_last, from, before)
     for index, framing in ipairs(device.frames) do
       local is_own = not from or not framing.from or framing.from == from
       if is_own ~= is_other then
-        local found = judge_one(framing, s, is_last, before)
+        local found = judge_one(framing, s, is_last, from, before)
         if found == nil and not is_last then return nil end
         if found and found > 0 then return found, index end
       end
@@ -1074,7 +1085,13 @@ local REFUSALS = {
   "acknowledge", "busy",
 }
 
-local function modbus(s)
+-- A request to read from 0x0300 on has the form of a response with 3 bytes.
+local function is_read_response(code, rest, from)
+  local count = #rest - 1
+  return rest:byte(1) == count and not (count == 3 and (code > 2 or from == "host"))
+end
+
+local function modbus(s, from)
   local address, code = s:byte(1, 2)
   if not code then return "too short for Modbus", {} end
   local name, rest = FUNCTIONS[code % 128] or "unknown function", s:sub(3)
@@ -1094,7 +1111,7 @@ local function modbus(s)
     local why = rest:byte(1)
     items[#items + 1] = { f.modbus_exception, why }
     said = string.format("refused %s: %s (%d)", name, REFUSALS[why] or "unknown", why)
-  elseif code >= 1 and code <= 4 and rest:byte(1) == #rest - 1 then
+  elseif code >= 1 and code <= 4 and is_read_response(code, rest, from) then
     local bytes = rest:sub(2)
     items[#items + 1] = { f.modbus_data, hex(bytes, " ") }
     said = name .. ": " .. (code <= 2 and listed(bytes) or values(bytes))
@@ -1175,7 +1192,7 @@ function D.row(device)
       local message, record, inner = of(s, state.from)
       local title, items
       if device.is_modbus then
-        title, items = modbus(inner)
+        title, items = modbus(inner, state.from)
       elseif not message then
         title, items = "unknown message: " .. hex(inner, " "), {}
       else

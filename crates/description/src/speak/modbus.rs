@@ -5,6 +5,7 @@ use crate::description::Description;
 use crate::modbus;
 use crate::number::NumberKind;
 use crate::registers::{Cell, CellKind, Table};
+use crate::schema::message::From;
 use crate::value::Value;
 
 /// The range that a request reads: function, first address and count.
@@ -111,6 +112,9 @@ pub(super) fn requests(of: &Description, words: &[&str]) -> Result<Vec<Request>,
                     .split_once('=')
                     .ok_or_else(|| format!("\"{pair}\": expected NAME=VALUE"))?;
                 let (function, cell) = find(of, name).ok_or_else(|| unknown(of, name))?;
+                if !cell.is_writable {
+                    return Err(read_only(of, name));
+                }
                 let names = of.variables[cell.variable].names.as_ref();
                 let named = names.and_then(|names| {
                     let found = names.iter().find(|(_, known)| *known == text);
@@ -147,6 +151,17 @@ fn unknown(of: &Description, name: &str) -> String {
         "there is no register \"{name}\", expected one of: {}",
         names.join(", ")
     )
+}
+
+/// The error of a write to a register that only the device changes.
+fn read_only(of: &Description, name: &str) -> String {
+    let all = words_behind(of, &["write"]);
+    let writable: Vec<_> = all.iter().map(|one| one.trim_end_matches('=')).collect();
+    let expected = match &writable[..] {
+        [] => "no register of this device can be written".to_owned(),
+        some => format!("expected one of: {}", some.join(", ")),
+    };
+    format!("the register \"{name}\" is read-only, {expected}; `read {name}` reads it")
 }
 
 fn read_cell(of: &Description, function: u8, cell: &Cell) -> Request {
@@ -227,7 +242,7 @@ pub(crate) fn raw(of: &Description, pdu: &[u8], words: String, read: Option<Read
 }
 
 pub(super) fn reply(of: &Description, address: u8, read: Option<&Read>, body: &[u8]) -> Reply {
-    let mut reply = Reply::unknown(modbus::words(body));
+    let mut reply = Reply::unknown(modbus::words(body, From::Device));
     let [from, function, rest @ ..] = body else {
         return reply;
     };

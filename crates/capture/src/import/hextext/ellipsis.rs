@@ -2,22 +2,54 @@
 //!
 //! ```text
 //! RX: 01 03 20 00 ...          also an ellipsis of one character, or (truncated)
-//! RX: 01 03 20 00 (28 more bytes)
+//! RX: 01 03 20 00 (28 more bytes)     also without brackets
 //! ```
 
 const ELLIPSES: [&str; 2] = ["...", "\u{2026}"];
 const CLOSERS: &[char] = &[' ', '\t', ']', ')', '}', '>'];
 const OPENERS: &[char] = &[' ', '\t', '[', '(', '{', '<'];
 
-/// The text without such a mark at its end; `None` if it has none.
+/// The text without such marks at its end; `None` if it has none.
 pub(super) fn without(text: &str) -> Option<&str> {
+    let mut shown = None;
+    while let Some(before) = without_one(shown.unwrap_or(text)) {
+        shown = Some(before);
+    }
+    shown
+}
+
+fn without_one(text: &str) -> Option<&str> {
     let inside = text.trim_end_matches(CLOSERS);
     let before = ELLIPSES.iter().find_map(|mark| inside.strip_suffix(mark));
     let before = before.filter(|before| !before.ends_with('.')).or_else(|| {
         let at = inside.rfind(OPENERS)?;
         is_word(&inside[at..]).then(|| &inside[..at])
     });
+    let before = before.or_else(|| without_count(inside));
     before.map(|before| before.trim_end_matches(OPENERS))
+}
+
+/// The text before a count at its end, such as `14 more bytes`.
+fn without_count(text: &str) -> Option<&str> {
+    let (head, more) = text.char_indices().rev().find_map(|(at, _)| {
+        let is_begun = at == 0 || text[..at].ends_with(' ');
+        (is_begun && is_more(&text[at..])).then(|| text.split_at(at))
+    })?;
+    // Nothing but the two words.
+    let is_whole = more
+        .bytes()
+        .all(|byte| byte.is_ascii_alphabetic() || byte == b' ');
+    let digits = head.trim_end_matches(' ');
+    let before = digits.trim_end_matches(|c: char| c.is_ascii_digit());
+    let is_count = before.len() < digits.len() && before.ends_with(['+', ' ', '(', '[']);
+    (is_whole && is_count).then(|| before.trim_end_matches(['+', ' ']))
+}
+
+/// Whether the text behind a number says that the number counts the bytes that are not shown.
+pub(super) fn is_counted(behind: &str) -> bool {
+    behind
+        .strip_prefix(' ')
+        .is_some_and(|words| is_more(words.trim_start()))
 }
 
 /// Whether such a mark begins the text behind some bytes.
@@ -81,6 +113,11 @@ mod tests {
             ("[01 03 ...]", "[01 03"),
             ("01 03 (truncated)", "01 03"),
             ("01 03 <Truncated>", "01 03"),
+            ("01 03 ... (truncated)", "01 03"),
+            ("01 03 [...] (28 more bytes)", "01 03"),
+            ("01 03 (28 more bytes)", "01 03"),
+            ("01 03 28 more bytes", "01 03"),
+            ("01 03 +28 more", "01 03"),
         ] {
             assert_eq!(without(text), Some(body), "{text}");
             assert!(begins(&text[body.len()..]), "{text}");
@@ -105,6 +142,9 @@ mod tests {
             "'AB...'",
             "01 03",
             "not truncated at all",
+            "01 03 no more",
+            "28 moreover",
+            "AB more bytes",
             "",
         ] {
             assert_eq!(without(text), None, "{text}");

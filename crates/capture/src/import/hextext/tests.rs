@@ -304,6 +304,25 @@ fn bytes_that_the_tool_cut_are_noted() {
         (["sent 01 03 00 ... C4 0B", "read 01 03 04"], 1),
         (["sent 01 03 00 (5 more bytes)", "read 01 03 04"], 1),
         (["sent 01 03 00 (truncated)", "read 01 03 04"], 1),
+        (["sent 01 03 00 14 more bytes", "read 01 03 04"], 1),
+        (["TX 01 03 00 14 more bytes", "RX 01 03 04 99 more"], 2),
+        (["TX: 01 03 00 (14 more bytes)", "RX: 01 03 04"], 1),
+        (["TX: 01 03 00 +14 more", "RX: 01 03 04"], 1),
+        (["TX 01 03 00 ... (truncated)", "RX 01 03 04"], 1),
+        (
+            [
+                "10:00:00.000 RX 01 03 00 14 more bytes",
+                "10:00:00.100 TX 01 03 04",
+            ],
+            1,
+        ),
+        (
+            [
+                "10:00:00.000 RX 01 03 00 [...] (14 more bytes)",
+                "10:00:00.100 RX 01 03 04 ... (truncated)",
+            ],
+            2,
+        ),
         (
             [
                 "log: sent b'\\x01\\x03\\x00'...",
@@ -325,6 +344,12 @@ fn bytes_that_the_tool_cut_are_noted() {
             "{text}: {notes}"
         );
     }
+    // The only line of a file.
+    let text = "10:00:00.000 RX 01 03 ... (truncated)\n";
+    let format = Format::detect(text.as_bytes()).expect("a form");
+    let found = read_format(text.as_bytes(), format, &Options::default()).expect("bytes");
+    let bytes: Vec<&[u8]> = found.records().iter().map(|one| &*one.bytes).collect();
+    assert_eq!(bytes, [&[1, 3][..]]);
     let (_, notes) = times("0.1 TX: 01 02 03 04  ....\n0.2 RX: 30 31 00  01.\n");
     assert!(!notes.contains("only the first"), "{notes}");
 }

@@ -3,6 +3,7 @@
 use engine::hex;
 
 use super::{is_head, prefix_of};
+use crate::import::hextext::ellipsis;
 
 /// Consecutive hex numbers.
 #[derive(Clone, Debug, Default)]
@@ -55,7 +56,10 @@ pub(in crate::import::hextext) fn runs(text: &str) -> Vec<Run> {
             continue;
         }
         let token = rest[..len].trim_end_matches('.');
-        let found = number(token);
+        // A number of bytes that are not shown is no byte.
+        let is_count =
+            token.bytes().all(|byte| byte.is_ascii_digit()) && ellipsis::is_counted(&rest[len..]);
+        let found = number(token).filter(|_| !is_count);
         if let Some((kind, bytes)) = &found {
             let gap = last.map(|(_, end)| &text[end..at]);
             // Groups of eight bytes, the last of which is shorter.
