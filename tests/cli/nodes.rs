@@ -322,6 +322,32 @@ fn a_program_that_exits_fails_the_run_and_leaves_nobody_behind() {
     wait_until("its end", || !is_running(&mark));
 }
 
+/// A program that asks to be called again at once, over and over, would stop virtual time.
+#[test]
+fn a_program_that_always_asks_for_now_fails_the_run() {
+    let session = Session::new("nodes-now");
+    session.write(
+        "now.py",
+        "import sys, json\nfor line in sys.stdin:\n    m = json.loads(line)\n    \
+         if 'hello' in m: print(json.dumps({'hello': {'hilrig_node': 1}}), flush=True)\n    \
+         elif 'exchange' in m:\n        now = m['exchange']['now']\n        \
+         print(json.dumps({'exchange': {'next': now, 'items': []}}), flush=True)\n    \
+         elif 'end' in m: break\n",
+    );
+    let folder = session.folder.display();
+    session.write(
+        "now.toml",
+        &scenario(&format!("exec python3 {folder}/now.py")),
+    );
+    let output = session.hilrig(&["run", "now.toml", "--json-nodes", "--out", "o"]);
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    let said = text(&output.stdout);
+    assert!(
+        said.contains("times in a row to be called again at once"),
+        "{said}"
+    );
+}
+
 /// After an interrupt the rig no longer waits for a silent program.
 #[test]
 fn an_interrupt_ends_the_wait_for_a_silent_program() {

@@ -134,8 +134,8 @@ pub enum NodeError {
     Flood(String),
     /// The program stops virtual time.
     #[error(
-        "asked to be called again {count} times within one microsecond at {now} s, expected a \
-         later moment"
+        "asked {count} times in a row to be called again at once, the last time at {now} s: \
+         expected a later moment"
     )]
     Restless {
         /// Number of calls.

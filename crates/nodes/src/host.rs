@@ -22,8 +22,10 @@ pub const END_MAX: Duration = Duration::from_secs(2);
 pub const BYTES_MAX: usize = 64 << 10;
 /// Maximum number of log entries in one answer.
 pub const NOTES_MAX: usize = 1_000;
-/// Maximum number of exchanges within one microsecond.
+/// Maximum number of exchanges in a row at whose end a program asks for the same moment, and the
+/// time within which they count.
 const RESTLESS: u32 = 10_000;
+const RESTLESS_FOR: Duration = Duration::from_millis(1);
 
 static JSON: AtomicBool = AtomicBool::new(false);
 
@@ -224,16 +226,17 @@ impl Host {
             let what = format!("{notes} notes in one exchange, at most {NOTES_MAX}");
             return Err(NodeError::Flood(what));
         }
+        // The rig calls it again a nanosecond later.
         let (since, count) = &mut self.asked;
-        if now - *since < Duration::from_micros(1) {
-            *count += 1;
-            if *count > RESTLESS && reply.next.is_some_and(|next| next <= now) {
-                return Err(NodeError::Restless { count: *count, now });
-            }
-        } else {
-            self.asked = (now, 1);
+        if reply.next.is_none_or(|next| next > now) || now - *since > RESTLESS_FOR {
+            self.asked = (now, 0);
+            return Ok(());
         }
-        Ok(())
+        *count += 1;
+        match *count > RESTLESS {
+            true => Err(NodeError::Restless { count: *count, now }),
+            false => Ok(()),
+        }
     }
 
     /// The complete state of the program as bytes.
