@@ -72,6 +72,7 @@ fn in_time_of(mut made: Scenario, base: &Scenario) -> Scenario {
     made.phases = None;
     made.expect = Expect {
         violations_max: base.expect.violations_max,
+        violations_from: made.expect.violations_from,
         // The run ends earlier, and faults may last until then.
         safety: made.expect.safety.take().map(|safety| SafetySpec {
             alive_for: None,

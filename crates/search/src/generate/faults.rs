@@ -15,10 +15,11 @@ use engine::scenario::{
 const BAUDS: [u32; 7] = [9_600, 38_400, 57_600, 111_111, 230_400, 921_600, 1_040_000];
 /// Minimum time before the first fault, if the run is long enough.
 const WARM_UP_MS: u64 = 5_000;
+/// Time after the faults until broken rules of devices count.
+const SETTLED: Duration = Duration::from_secs(5);
 /// Distance within which a waypoint counts as visited while faults are active, millimetres: a map
 /// that is started with a lidar error of 2 % keeps it, 60 mm for walls 3 m away.
 const WITHIN_MM: f64 = 150.0;
-
 /// As [`WITHIN_MM`], if the mission's script drives manually: an order that arrives one second late
 /// also acts one second later, and the robot has no means to correct this.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
@@ -257,7 +258,9 @@ impl Adversity {
         }
         // A damaged line is not the fault of its sender. This case does not judge the believed pose
         // while the robot has no measurements.
-        mission.expect.violations_max = None;
+        let end = Duration::from_millis(self.until_ms);
+        let later = mission.duration.0.saturating_sub(end) / 2;
+        mission.expect.violations_from = Some(Span(end + later.min(SETTLED)));
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let [visit_mm, rest_mm] = match mission.mission.step.iter().any(is_by_hand) {
             true => [BY_HAND_WITHIN_MM, BY_HAND_REST_MM],
@@ -322,8 +325,11 @@ impl Adversity {
             .retain(|step| step.at.is_none_or(|at| at < self.length));
         mission.fault = self.faults;
         mission.budget = self.budget;
+        let alive = safety.alive_for;
         mission.expect = Expect {
             safety: Some(safety),
+            violations_max: mission.expect.violations_max.filter(|_| alive.is_some()),
+            violations_from: alive.map(|last| Span(self.length.0.saturating_sub(last.0))),
             rule: mission.expect.rules_throughout(),
             ..Expect::default()
         };

@@ -32,6 +32,8 @@ pub struct Branches<'a> {
     faultless: Vec<Rc<Checkpoint>>,
     /// Results by fingerprint of the scenario: the case without faults is judged after every step.
     judged: BTreeMap<String, Judged>,
+    /// Whether each try begins at the start, because one from a checkpoint had another result.
+    is_plain: bool,
 }
 
 impl<'a> Branches<'a> {
@@ -43,6 +45,7 @@ impl<'a> Branches<'a> {
             failing: Vec::new(),
             faultless: Vec::new(),
             judged: BTreeMap::new(),
+            is_plain: false,
         }
     }
 
@@ -56,7 +59,7 @@ impl<'a> Branches<'a> {
         start: &Scenario,
     ) -> Result<(Self, Record, Option<Box<Outcome>>), ScenarioError> {
         let mut branches = Self::new(source, "");
-        let (record, outcome, points) = branches.run(start)?;
+        let (record, outcome, points) = branches.run(start)?.0;
         if let Some(cause) = &record.cause {
             branches.cause.clone_from(cause);
             branches.failing = points;
@@ -77,10 +80,20 @@ impl<'a> Branches<'a> {
     }
 
     fn try_out(&mut self, candidate: &Scenario) -> Judged {
-        let Ok((record, _, points)) = self.run(candidate) else {
+        let Ok(((record, _, mut points), resumed)) = self.run(candidate) else {
             return Judged::FailsOtherwise;
         };
-        let found = Judged::of(record.cause.as_deref(), &self.cause);
+        let mut found = Judged::of(record.cause.as_deref(), &self.cause);
+        // What is kept fails from its beginning, too.
+        if found == Judged::FailsAlike && resumed {
+            self.is_plain = true;
+            let Ok(((record, _, fresh), _)) = self.run(candidate) else {
+                return Judged::FailsOtherwise;
+            };
+            found = Judged::of(record.cause.as_deref(), &self.cause);
+            self.is_plain = found != Judged::FailsAlike;
+            points = fresh;
+        }
         if found == Judged::FailsAlike {
             self.failing = points;
         } else if candidate.fault.is_empty() {
@@ -89,10 +102,12 @@ impl<'a> Branches<'a> {
         found
     }
 
-    /// Runs `candidate` from the latest usable checkpoint; returns the checkpoints of the run too.
-    fn run(&self, candidate: &Scenario) -> Result<Ran, ScenarioError> {
+    /// Runs `candidate` from the latest usable checkpoint; returns the checkpoints of the run too,
+    /// and whether it began at one.
+    fn run(&self, candidate: &Scenario) -> Result<(Ran, bool), ScenarioError> {
         let ways = [&self.failing, &self.faultless];
-        let ends = ways.into_iter().flat_map(|way| {
+        let ways = ways.into_iter().filter(|_| !self.is_plain);
+        let ends = ways.flat_map(|way| {
             let points = way.iter().enumerate();
             points.map(|(last, point)| (point, &way[..=last]))
         });
@@ -103,6 +118,7 @@ impl<'a> Branches<'a> {
             Some((way.to_vec(), Some(run)))
         });
         let (mut points, run) = branches.next().unwrap_or_default();
+        let resumed = run.is_some();
         let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
         let from = run.as_ref().map_or(Duration::ZERO, time_of);
         let mut next = from + every;
@@ -125,7 +141,7 @@ impl<'a> Branches<'a> {
                 points.extend(run.checkpoint().map(Rc::new));
             }
         })?;
-        Ok((record, outcome, points))
+        Ok(((record, outcome, points), resumed))
     }
 }
 
@@ -188,7 +204,7 @@ mod tests {
                     from = \"250ms\"\nuntil = \"300ms\"\n";
         let (case, source) = Scenario::from_text(text).expect("sound");
         let branches = Branches::new(&source, "");
-        let (.., points) = branches.run(&case).expect("can be wired");
+        let ((.., points), _) = branches.run(&case).expect("can be wired");
         let at = points
             .iter()
             .map(|point| point.at() - protocols::Instant::ZERO);
