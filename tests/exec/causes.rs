@@ -470,6 +470,37 @@ fn a_wait_for_one_device_does_not_excuse_the_other() {
     }
 }
 
+/// The port of the slave is pulled at 2 s and comes back. A program that goes on with the sonar
+/// alone does not pass.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_port_that_came_back_is_to_be_opened_again() {
+    let pulled = "kind = \"unplugged\"\nfrom = \"2s\"\nlasting = \"500ms\"\n";
+    let bench = format!("{BENCH}\n[[fault]]\nlink = \"grip\"\ndirection = \"to-master\"\n{pulled}");
+    let again = "os.close(grip)\n        \
+                 while not os.path.exists(os.environ['HILRIG_PORT_GRIP']): time.sleep(0.05)\n        \
+                 grip = opened('GRIP')";
+    let program = |on_error: &str| {
+        format!(
+            "grip = opened('GRIP')\nsonar = opened('SONAR', termios.B9600)\nwhile True:\n    \
+             try:\n        os.write(grip, ASK)\n        \
+             if select.select([grip], [], [], 0.1)[0]: os.read(grip, 99)\n    \
+             except OSError:\n        {on_error}\n    \
+             if select.select([sonar], [], [], 0.1)[0]: print(os.read(sonar, 99), flush=True)\n"
+        )
+    };
+    let judged = |name: &str, on_error: &str| {
+        let python = program(on_error);
+        run_in(&bench, name, "grip,sonar", &python, &["--virtual"])
+    };
+    let stays = judged("stays-away", "pass");
+    let words = "the program does not open grip again";
+    assert_eq!(flaw(&stays, "stays-away", words), None);
+    assert!(stays.said.contains("unplugged on grip"), "{}", stays.said);
+    let opens = judged("opens-again", again);
+    assert_eq!(opens.check("program-goes-on").0, "pass", "{}", opens.said);
+}
+
 /// In real time, only the system knows the reason for a program's wait; the cause is named as well.
 #[test]
 fn in_real_time_the_cause_is_named_as_well() {

@@ -36,6 +36,11 @@ pub trait Clock {
         false
     }
 
+    /// The real time in which so much of this clock's time passes.
+    fn lasts(&self, time: Duration) -> Duration {
+        time
+    }
+
     /// Waits until `deadline`. Deadlines are absolute, so lateness does not add up.
     fn sleep_until(&self, deadline: Instant);
 }

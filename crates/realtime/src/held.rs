@@ -113,9 +113,13 @@ impl Clock for Held {
         true
     }
 
+    fn lasts(&self, time: Duration) -> Duration {
+        time.div_f64(self.speed.get())
+    }
+
     fn sleep_until(&self, deadline: Instant) {
-        self.wall
-            .sleep_until(self.wall.now() + (deadline - self.now()));
+        let real = self.lasts(deadline - self.now());
+        self.wall.sleep_until(self.wall.now() + real);
     }
 }
 
@@ -163,5 +167,8 @@ mod tests {
         assert!(after >= before && after < before + Duration::from_millis(500));
         held.set_speed(1e9);
         assert!((held.speed() - SPEEDS[1]).abs() < 1e-9);
+        held.set_speed(4.0);
+        let lasts = held.lasts(Duration::from_millis(20));
+        assert_eq!(lasts, Duration::from_millis(5));
     }
 }

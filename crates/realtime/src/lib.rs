@@ -403,8 +403,7 @@ impl<C: Clock> Realtime<C> {
         let target = present.min(paced.rig().now() + SLICE);
         paced.run_until(target);
         self.carry(paced)?;
-        let earliest = if target < present { BREATH } else { GRAIN };
-        self.wait(paced.rig(), earliest);
+        self.wait(paced.rig(), target < present);
         Ok(())
     }
 
@@ -427,8 +426,9 @@ impl<C: Clock> Realtime<C> {
         rig.log("rig", event);
     }
 
-    /// Waits for the next event, at least `earliest`, unless a client sends.
-    fn wait(&self, rig: &Rig, earliest: Duration) {
+    /// Waits for the next event unless a client sends, or for a moment if the rig `is_behind` its
+    /// clock.
+    fn wait(&self, rig: &Rig, is_behind: bool) {
         let now = self.clock.now();
         let adapters = self.ports.iter().filter_map(|port| port.adapter.as_ref());
         let next = rig.next_event();
@@ -436,8 +436,11 @@ impl<C: Clock> Realtime<C> {
             .into_iter()
             .chain(adapters.map(Adapter::expires_at))
             .min();
-        let next = next.map_or(WAIT_MAX, |next| next - now);
-        let timeout = next.min(WAIT_MAX).max(earliest);
+        let next = next.map_or(WAIT_MAX, |next| self.clock.lasts(next - now));
+        let timeout = match is_behind {
+            true => BREATH,
+            false => next.min(WAIT_MAX).max(GRAIN),
+        };
         let mut fds = Vec::new();
         for port in &self.ports {
             // A port that is not read because its backlog is full would end the wait at once.

@@ -118,6 +118,7 @@ pub fn in_lockstep(outcome: &Outcome) -> Option<String> {
     };
     let mut causes = devices::causes(&evidence);
     causes.extend(motion::causes(&evidence));
+    causes.extend(end::stopped(outcome));
     // The failed node program is the one under test.
     causes.retain(|cause| cause.weight != weight::DEVICE);
     causes.sort_by_key(|cause| core::cmp::Reverse(cause.weight));

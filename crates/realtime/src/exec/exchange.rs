@@ -13,7 +13,7 @@ use crate::transport::{Setting, Special};
 use engine::run::check::{
     Check, GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, unheard,
 };
-use engine::scenario::FaultSpec;
+use engine::scenario::{FaultKind, FaultSpec};
 
 /// Options that allow silence.
 pub(super) const ALLOW_IT: &str = "allow it with --exec-may-idle (firmware: --firmware-may-idle; in a file: may_idle of its exec table)";
@@ -100,7 +100,7 @@ impl Ports {
         let times = rest.misunderstood;
         if is_misunderstood(times, sent, brought) {
             return fail(format!(
-                "{passed}: {times} times a device did not understand it"
+                "{passed}: {times} times a device did not understand it, or refused it"
             ));
         }
         if let (Some(port), false) = (
@@ -109,10 +109,16 @@ impl Ports {
         ) {
             let (name, at) = (&port.name, port.sent_at.unwrap_or_default());
             let seconds = (rest.now - at).as_secs_f64();
-            return fail(format!(
-                "{passed}; it sent regularly on {name} until a fault at {at} s, and nothing in the \
-                 {seconds:.1} s since then; {ALLOW_IT}"
-            ));
+            return fail(match port.is_open {
+                true => format!(
+                    "{passed}; it sent regularly on {name} until a fault at {at} s, and nothing in \
+                     the {seconds:.1} s since then; {ALLOW_IT}"
+                ),
+                false => format!(
+                    "{passed}; it sent regularly on {name}, which was unplugged at {at} s and came \
+                     back, and it did not open it again; {ALLOW_IT}"
+                ),
+            });
         }
         let Some(silent_for) = self.silent_for(rest.now).filter(|_| !rest.has_ended) else {
             return Check::new(GOES_ON, true, passed);
@@ -128,9 +134,20 @@ impl Ports {
     }
 
     /// A port on which the program sent regularly, and nothing more since a fault struck its last
-    /// request or the reply. It may still read: a device can send without requests.
+    /// request or the reply. It may still read: a device can send without requests. A port that was
+    /// unplugged and came back is not open any more.
     pub(super) fn stalled(&self, now: Instant, faults: &[FaultSpec]) -> Option<&Port> {
-        self.all.iter().filter(|port| port.is_open).find(|port| {
+        let is_back = |port: &Port| {
+            let pulled = |fault: &FaultSpec| {
+                fault.kind == FaultKind::Unplugged
+                    && fault.is_at(&port.name)
+                    && fault.window().until < now
+            };
+            port.was_opened && faults.iter().any(pulled)
+        };
+        let watched = self.all.iter();
+        let mut watched = watched.filter(|port| port.is_open || is_back(port));
+        watched.find(|port| {
             let Some(Regular {
                 first,
                 last,

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use crate::Sign;
 use crate::transport::{Counters, Modes, Special};
-use engine::run::check::Check;
+use engine::run::check::{Check, PAUSES_MAX};
 use engine::scenario::{DirectionSpec, FaultKind, FaultSpec};
 
 /// Maximum rig time for which bytes may wait at an open port without a read.
@@ -29,6 +29,8 @@ pub(crate) struct Port {
     /// Rig time since the last read while bytes waited; time in which the rig was late does not
     /// count.
     unread_for: Duration,
+    /// The longest of these times at whose end the program read on.
+    longest: Duration,
     pub(super) hangs_at: Option<Instant>,
     pub(super) from_client: u64,
     pub(super) to_client: u64,
@@ -87,12 +89,18 @@ impl Ports {
             self.longest_pause = self.longest_pause.max(now - before);
         }
         if !sign.is_open || sign.is_drained || has_read || sign.reads.is_none() {
-            port.unread_for = Duration::ZERO;
+            let waited = core::mem::take(&mut port.unread_for);
+            // It read or flushed in the end, and nothing of what waited got lost.
+            if (has_read || sign.is_drained) && sign.is_open && sign.lost.overrun == 0 {
+                port.hangs_at = None;
+                port.longest = port.longest.max(waited);
+            }
             return;
         }
         port.unread_for += on_time;
         self.longest = self.longest.max(port.unread_for);
-        if port.unread_for > UNREAD_MAX && port.hangs_at.is_none() {
+        let most = UNREAD_MAX.max(port.longest * PAUSES_MAX);
+        if port.unread_for > most && port.hangs_at.is_none() {
             port.hangs_at = Some(now);
         }
     }
@@ -284,7 +292,7 @@ mod tests {
 
     /// A port that always has bytes, observed every 10 ms for `looks` times. The program reads at
     /// every `reads_each`-th observation, and the rig was on time for `on_time` of each.
-    fn watched(looks: u64, reads_each: u64, on_time: Duration) -> Ports {
+    fn watched(looks: u64, reads_each: u64, on_time: Duration, overrun: u64) -> Ports {
         let mut ports = Ports::default();
         ports.add("base", PathBuf::new(), true);
         for look in 1..=looks {
@@ -294,7 +302,10 @@ mod tests {
                 openings: 1,
                 from_client: 0,
                 to_client: 0,
-                lost: Counters::default(),
+                lost: Counters {
+                    overrun,
+                    ..Counters::default()
+                },
                 special: [Special::default(); 2],
                 wrong_rate: None,
                 settings: None,
@@ -312,7 +323,7 @@ mod tests {
 
     #[test]
     fn who_never_reads_is_named_with_its_port() {
-        let check = watched(400, u64::MAX, STEP).reads();
+        let check = watched(400, u64::MAX, STEP, 0).reads();
         assert_eq!(check.status, Status::Fail);
         assert!(check.detail.contains("base at 2.01"), "{}", check.detail);
     }
@@ -320,19 +331,28 @@ mod tests {
     /// The program reads a little every 1.5 s, so bytes always wait.
     #[test]
     fn who_reads_slowly_but_steadily_does_not_hang() {
-        let check = watched(2000, 150, STEP).reads();
+        let check = watched(2000, 150, STEP, 0).reads();
         assert_eq!(check.status, Status::Pass, "{}", check.detail);
+    }
+
+    /// A logger that takes a line every 5 s: that is late only if bytes get lost meanwhile.
+    #[test]
+    fn a_long_pause_is_no_hang_while_no_byte_is_lost() {
+        let check = watched(2000, 500, STEP, 0).reads();
+        assert_eq!(check.status, Status::Pass, "{}", check.detail);
+        let check = watched(2000, 500, STEP, 1).reads();
+        assert_eq!(check.status, Status::Fail, "{}", check.detail);
     }
 
     #[test]
     fn nobody_is_charged_for_time_in_which_the_rig_was_late() {
-        let check = watched(2000, u64::MAX, Duration::ZERO).reads();
+        let check = watched(2000, u64::MAX, Duration::ZERO, 0).reads();
         assert_eq!(check.status, Status::Pass, "{}", check.detail);
     }
 
     #[test]
     fn ports_that_were_never_opened_are_named() {
-        let mut ports = watched(1, 1, STEP);
+        let mut ports = watched(1, 1, STEP, 0);
         ports.add("lidar", PathBuf::new(), true);
         ports.add("motor", PathBuf::new(), false);
         let wait = Duration::from_secs(10);

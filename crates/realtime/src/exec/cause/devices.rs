@@ -23,6 +23,8 @@ const ADDRESS: [&str; 11] = [
     "unknown-message",
     "count-too-large",
 ];
+/// Those of them that mean: the value is beyond its limits.
+const VALUES: [&str; 3] = ["value-cut", "out-of-range", "set-point-out-of-range"];
 /// Rules that mean: the program did not wait for the device.
 const ORDER: [&str; 8] = [
     "request-before-reply",
@@ -41,7 +43,9 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     for device in devices(outcome) {
         let of = |rules: &[&str]| {
             let broken = outcome.broken_rules.iter();
-            let those = broken.filter(|(name, rule, _)| *name == device && rules.contains(rule));
+            let those = broken.filter(|(name, rule, _)| {
+                *name == device && rules.contains(rule) && !is_missed(evidence, name, rule)
+            });
             those
                 .map(|(_, rule, count)| (*rule, *count))
                 .collect::<Vec<_>>()
@@ -53,6 +57,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     }
     causes.extend(watchdog(evidence));
     causes.extend(node_program(outcome));
+    causes.extend(failed_expression(outcome));
     causes
 }
 
@@ -69,13 +74,27 @@ fn node_program(outcome: &Outcome) -> Option<Cause> {
     Some(Cause::new(weight::DEVICE, text))
 }
 
+/// An expression of a description that cannot be computed: the device does not do its work.
+fn failed_expression(outcome: &Outcome) -> Option<Cause> {
+    let mut events = outcome.events.iter();
+    let first = events.find(|logged| logged.event.rule == "expression-failed")?;
+    let (device, detail, at) = (&first.source, &first.event.detail, first.event.at);
+    let text = format!(
+        "an expression in the description of {device} fails, first at {at} s: {detail}; repair \
+         the description first"
+    );
+    Some(Cause::new(weight::DEVICE, text))
+}
+
 /// Requests for unknown or forbidden addresses and values.
 fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
     let told = told(evidence.outcome, device, rules)?;
     let text =
         format!("the program sends {device} a request that it does not support or allow: {told}");
     let at = first_break(evidence.outcome, device, rules).unwrap_or_default();
+    let is_of_values = rules.iter().all(|(rule, _)| VALUES.contains(rule));
     let trigger = Trigger::from_device(evidence, at, device);
+    let trigger = trigger.or_else(|| Trigger::of_values(evidence, at).filter(|_| is_of_values));
     let remedy = trigger.as_ref().and_then(Trigger::remedy);
     Some(match (trigger, remedy) {
         (Some(trigger), Some(remedy)) => {
@@ -114,6 +133,7 @@ fn other(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
     let broken = outcome.broken_rules.iter();
     let rules: Vec<(&str, u64)> = broken
         .filter(|(name, rule, _)| *name == device && !known.contains(rule))
+        .filter(|(name, rule, _)| !is_missed(evidence, name, rule))
         .map(|(_, rule, count)| (*rule, *count))
         .collect();
     let told = told(outcome, device, &rules)?;
@@ -157,6 +177,16 @@ fn first_break(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option
     let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
     let first = events.find(|logged| logged.source == device && is_one(logged.event.rule));
     first.map(|logged| logged.event.at)
+}
+
+/// Whether the device missed something only after the program had ended: that does not explain the
+/// end.
+fn is_missed(evidence: &Evidence<'_>, device: &str, rule: &str) -> bool {
+    let first = first_break(evidence.outcome, device, &[(rule, 0)]);
+    let ended = evidence.ended.as_ref().map(|(_, at)| *at);
+    first
+        .zip(ended)
+        .is_some_and(|(first, ended)| first >= ended)
 }
 
 /// The devices with violations, each once.

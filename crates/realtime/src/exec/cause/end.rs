@@ -3,7 +3,8 @@
 use super::trigger::after;
 use super::{Cause, Evidence, weight};
 use crate::process::Ended;
-use engine::run::check::{Check, STOPS, Status, last_words};
+use engine::run::Outcome;
+use engine::run::check::{Check, GOES_ON, STOPS, Status, last_words};
 
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     own(evidence)
@@ -66,27 +67,70 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
     let (ended, at) = evidence.ended?;
     let checks = &evidence.outcome.checks;
     let mut alive = checks.iter().filter(|check| check.name == "program-alive");
-    if alive.all(|check| check.status != Status::Fail) {
-        return None;
-    }
-    let words = last_words(evidence.said)
-        .map_or_else(String::new, |line| format!("; its last words: {line}"));
+    let failed = alive.find(|check| check.status == Status::Fail)?;
+    // Several programs have names, and one log.
+    let name = failed.detail.split(" ended with").next();
+    let name = name.filter(|name| !name.is_empty() && !name.starts_with("ended"));
+    let program = name.map_or("the program".to_owned(), |name| {
+        format!("the program {name}")
+    });
+    let words = match name {
+        None => last_words(evidence.said),
+        Some(_) => failure(evidence.said),
+    };
+    let words = words.map_or_else(String::new, |line| format!("; its last words: {line}"));
     let after = after(evidence, at);
     Some(match ended {
         Ended::Signal(_) => Cause::new(
             weight::KILLED,
-            format!("the program was killed by {ended} at {at} s{after}{words}"),
+            format!("{program} was killed by {ended} at {at} s{after}{words}"),
         ),
         Ended::Code(0) => Cause::new(
             weight::ENDED,
             format!(
-                "the program ended with exit code 0 at {at} s{after}, before the run was over; if that \
+                "{program} ended with exit code 0 at {at} s{after}, before the run was over; if that \
                  is right, allow it with --exec-may-end, or in a file with may_end of its exec table"
             ),
         ),
         Ended::Code(_) => Cause::new(
             weight::ENDED,
-            format!("the program gave up with {ended} at {at} s{after}{words}"),
+            format!("{program} gave up with {ended} at {at} s{after}{words}"),
         ),
     })
+}
+
+/// Firmware or a node program that does not go on: its check tells why.
+pub(super) fn stopped(outcome: &Outcome) -> Option<Cause> {
+    let mut checks = outcome.checks.iter();
+    let failed = |check: &&Check| check.name == GOES_ON && check.status == Status::Fail;
+    let detail = &checks.find(failed)?.detail;
+    let has = |words: &str| detail.contains(words);
+    let (weight, remedy) = match detail {
+        _ if has("both sides read garbage") => (
+            weight::RATE,
+            "; set its UART to the rate of the device, by the clock of the board",
+        ),
+        _ if has("its watchdog reset it") => (
+            weight::KILLED,
+            "; find where it hangs, e.g. with --gdb PORT",
+        ),
+        _ if has("its last sign of life") => (
+            weight::SILENT,
+            "; it hangs, sleeps, or waits for bytes that do not come: give each wait a timeout",
+        ),
+        _ => return None,
+    };
+    Some(Cause::new(
+        weight,
+        format!("the program does not go on: {detail}{remedy}"),
+    ))
+}
+
+/// The last line that tells of a failure.
+fn failure(said: &str) -> Option<&str> {
+    let tells = |line: &&str| {
+        let words = ["Error", "Exception", "error", "panicked"];
+        words.iter().any(|word| line.contains(word))
+    };
+    said.lines().rev().map(str::trim).find(tells)
 }

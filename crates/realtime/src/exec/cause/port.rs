@@ -227,6 +227,13 @@ fn stalled(evidence: &Evidence<'_>) -> Option<Cause> {
     let (name, at) = (&port.name, port.sent_at?);
     let trigger = Trigger::of_silence_at(evidence, at, name);
     let after = trigger.map_or_else(String::new, |trigger| trigger.words(at));
+    if !port.is_open {
+        let text = format!(
+            "the program does not open {name} again: it sent there last at {at} s{after}; on an \
+             error close the port, wait until its path is there, and open it again"
+        );
+        return Some(Cause::new(weight::AFTER_FAULT, text));
+    }
     let waits = what_for(evidence);
     Some(Cause::new(
         weight::SILENT,

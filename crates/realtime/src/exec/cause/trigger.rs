@@ -51,14 +51,23 @@ impl<'a> Trigger<'a> {
         device: &str,
     ) -> Option<Self> {
         Self::before_on(evidence, at, |fault| {
-            fault.is_at(device) && fault.direction != Some(DirectionSpec::ToDevice)
+            fault.is_at(device) && (is_both_ways(fault) || !is_towards_device(fault))
         })
+    }
+
+    /// The fault that damaged bytes for the program just before `at`, on any link: it may have
+    /// passed their values on.
+    pub(super) fn of_values(evidence: &'a Evidence<'_>, at: Instant) -> Option<Self> {
+        let damages = |fault: &FaultSpec| fault.byte.is_some() && !is_towards_device(fault);
+        let found = Self::before_on(evidence, at, damages);
+        found.filter(|one| at - one.at.min(at) <= NEXT)
     }
 
     /// The same for faults that keep bytes from `device`, or change them.
     pub(super) fn to_device(evidence: &'a Evidence<'_>, at: Instant, device: &str) -> Option<Self> {
         Self::before_on(evidence, at, |fault| {
-            fault.is_at(device) && fault.direction != Some(DirectionSpec::ToMaster)
+            let is_to_master = fault.direction == Some(DirectionSpec::ToMaster);
+            fault.is_at(device) && (is_both_ways(fault) || !is_to_master)
         })
     }
 
@@ -146,6 +155,15 @@ impl<'a> Trigger<'a> {
             _ => None,
         }
     }
+}
+
+fn is_towards_device(fault: &FaultSpec) -> bool {
+    fault.direction == Some(DirectionSpec::ToDevice)
+}
+
+/// Whether the fault acts on both directions, whichever the scenario names.
+fn is_both_ways(fault: &FaultSpec) -> bool {
+    fault.kind == FaultKind::Unplugged
 }
 
 /// The fault around an effect from `begins` to `ends`, as the end of a sentence, with the fix.

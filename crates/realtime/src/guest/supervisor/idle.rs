@@ -20,6 +20,8 @@ use crate::guest::task::{Fruitless, Idle};
 
 /// So many fruitless calls in a row take no longer than others.
 const FREE: u32 = 8;
+/// The same for writes to a full buffer.
+const FREE_FULL: u32 = 2;
 /// Then each takes this part of the time since the first, and at most so long.
 const PART: u32 = 4;
 const LONGEST: Duration = Duration::from_millis(1);
@@ -43,6 +45,13 @@ const fn key(call: &Call) -> (i64, [u64; 3]) {
     (call.number, [first, second, third])
 }
 
+const fn is_write(number: i64) -> bool {
+    matches!(
+        number,
+        libc::SYS_write | libc::SYS_writev | libc::SYS_sendto | libc::SYS_sendmsg
+    )
+}
+
 /// Whether `poll` reports nothing but closed files.
 fn finds_no_file(tid: i32, call: &Call) -> bool {
     let entries = entries(tid, call);
@@ -57,7 +66,10 @@ impl Supervisor {
     /// it may make its call now.
     pub(super) fn idle_away(&mut self, tid: i32, call: &Call) -> Option<Flow> {
         let idle = self.threads.get(&tid)?.idle.as_ref()?;
-        if idle.count < FREE || idle.seen.iter().all(|seen| seen.call != key(call)) {
+        // A full buffer has room when the next byte has left, and not before.
+        let is_full = is_write(call.number);
+        let free = if is_full { FREE_FULL } else { FREE };
+        if idle.count < free || idle.seen.iter().all(|seen| seen.call != key(call)) {
             return None;
         }
         let watched = watched(tid, call);
@@ -74,7 +86,10 @@ impl Supervisor {
             libc::SYS_sched_yield => LONGEST_YIELD,
             _ => LONGEST,
         };
-        let until = now + ((now - idle.since) / PART).min(longest);
+        let until = match is_full {
+            true => now + longest,
+            false => now + ((now - idle.since) / PART).min(longest),
+        };
         let deadline = self.next_deadline().map_or(until, |at| at.min(until));
         if let Err(error) = self.stage.leap(Some(deadline), false) {
             self.trouble = Some(error.into());
@@ -160,6 +175,9 @@ impl Supervisor {
                 | libc::SYS_accept4,
                 &Outcome::Answer(answer),
             ) if answer <= 0 => Sign::Fruitless(answer),
+            (number, &Outcome::Answer(answer)) if is_write(number) && answer < 0 => {
+                Sign::Fruitless(answer)
+            }
             // Examined only for a program that is waiting already: reading its memory costs time.
             (libc::SYS_poll | libc::SYS_ppoll, &Outcome::Answer(answer)) if answer > 0 => {
                 let waits = self.threads.get(&tid).is_some_and(|it| it.idle.is_some());
