@@ -80,9 +80,9 @@ fn figures_that_cannot_be_are_refused() {
             .expect("refused");
         error.to_string()
     };
-    let error = refused("[device.lidar.xv11]\nbeam_offset_mm = nan\n");
+    let error = refused("[device.lidar.xv11]\nbeam_offset_mm = 101\n");
     assert!(
-        error.contains("beam_offset_mm: is NaN, expected 0 to 100"),
+        error.contains("beam_offset_mm: is 101, expected 0 to 100"),
         "{error}"
     );
     let error = refused("[device.lidar.xv11]\nfaults = [\"dusty\"]\n");

@@ -337,8 +337,31 @@ fn a_name_that_no_value_has_is_refused_in_every_condition() {
             "kind = \"device\"\nfault = \"off\"\nfactor = 3",
             "factor: has no effect",
         ),
+        (
+            "kind = \"wrong\"\nfactor = 1",
+            "factor: is 1, which changes no value",
+        ),
+        (
+            "kind = \"wrong-baud\"\nppm = 0",
+            "ppm: is 0, which changes no rate",
+        ),
+        (
+            "kind = \"short-read\"\nlen = 0",
+            "len: is 0, expected 1 to 65535",
+        ),
+        (
+            "kind = \"cut\"\nlasting = \"1s\"\nwhen = { near_m = [0, 0], within_m = 1 }",
+            "when.pose: the scenario has no robot",
+        ),
+        (
+            "kind = \"unplugged\"\nback_as = \"control\"",
+            "back_as: is \"control\", expected a name that no other link has",
+        ),
     ] {
-        let place = match damage.contains("device") {
+        let is_of_device = ["device\"", "wrong\""]
+            .iter()
+            .any(|kind| damage.contains(kind));
+        let place = match is_of_device {
             true => "device = \"heater\"",
             false => "link = \"heater\"\ndirection = \"to-master\"",
         };

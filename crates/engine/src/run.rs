@@ -432,7 +432,7 @@ impl Run {
         #[cfg(feature = "described")]
         {
             checks.extend(check::node_programs(&self.rig));
-            checks.extend(check::requests_answered(&self.rig));
+            checks.extend(check::requests_answered(&self.rig, &self.scenario));
         }
         checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));

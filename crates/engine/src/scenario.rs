@@ -320,6 +320,9 @@ impl Scenario {
             limits::check(&member, &part, &mut found);
             problems.extend(found.into_iter().map(|error| error.of_member(&name)));
         }
+        if problems.is_empty() {
+            problems = problems::not_finite(&source);
+        }
         if !problems.is_empty() {
             return Err(ScenarioError::all(problems));
         }

@@ -49,6 +49,9 @@ impl fmt::Display for Summary<'_> {
         if let Some(broken) = unjudged(outcome) {
             writeln!(f, "  not judged without expect.violations_max: {broken}")?;
         }
+        if let Some(failing) = failing_expression(outcome) {
+            writeln!(f, "  {failing}")?;
+        }
         for fault in &outcome.unbegun {
             writeln!(f, "  never began: {fault}")?;
         }
@@ -72,6 +75,16 @@ impl fmt::Display for Summary<'_> {
         writeln!(f, "  trace {}", outcome.trace_hash)?;
         writeln!(f, "  results in {}", self.folder.display())
     }
+}
+
+/// The first expression of a description that failed: its device did not do its work.
+fn failing_expression(outcome: &Outcome) -> Option<String> {
+    let mut events = outcome.events.iter();
+    let first = events.find(|logged| logged.event.rule == "expression-failed")?;
+    let (device, at, detail) = (&first.source, first.event.at, &first.event.detail);
+    Some(format!(
+        "the description of {device} is wrong: an expression failed, first at {at} s: {detail}"
+    ))
 }
 
 /// The rules that the program broke, if no check counts them; at most three.

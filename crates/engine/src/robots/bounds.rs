@@ -97,6 +97,9 @@ pub(super) fn check_conditions(
         for (key, condition) in fault.conditions() {
             check(moment.check(condition), ("fault", index, None), key);
         }
+        if let (Some(_), Ok(Some(condition))) = (&fault.when, fault.begin_condition()) {
+            check(moment.check(&condition), ("fault", index, None), "when");
+        }
     }
     for (index, step) in scenario.mission.step.iter().enumerate() {
         let entry = ("mission.step", index, None);

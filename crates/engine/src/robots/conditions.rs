@@ -258,6 +258,16 @@ impl Moment<'_> {
 
     fn check_register(&self, register: &RegisterCondition) -> Result<(), Flaw> {
         let device = &register.device;
+        if let (Some(address), None) = (register.address, &register.name) {
+            let values = self.values(device).into_iter();
+            let here = values.filter(|value| value.address == Some(address));
+            let names: Vec<String> = here.map(|value| value.name).collect();
+            if names.len() > 1 {
+                let names = names.join(", ");
+                let message = format!("is {address} in several tables, expected name: {names}");
+                return Err(Flaw::new("address", message));
+            }
+        }
         if let Some(found) = self.register(register) {
             let (op, wanted) = (register.op, &register.value);
             let is_wrong =

@@ -2,7 +2,7 @@
 
 use super::Robot;
 use crate::scenario::world::BodySpec;
-use crate::scenario::{Condition, ProgramSpec, Scenario, ScenarioError, Source};
+use crate::scenario::{Condition, NO_ROBOT, ProgramSpec, Scenario, ScenarioError, Source};
 
 /// Keys of `[program]` that only the rescue robot reads.
 #[cfg(feature = "robots")]
@@ -27,6 +27,14 @@ const OF_BUILT_IN: [&str; 10] = [
     "expect.safety.motion_within_percent",
     "expect.safety.short_turns",
     "expect.safety.obeys_within",
+];
+
+/// Keys of `[expect.safety]` about a body that moves.
+const OF_BODY: [&str; 4] = [
+    "expect.safety.rests_within",
+    "expect.safety.commands_within",
+    "expect.safety.by_hand",
+    "expect.safety.contacts_until",
 ];
 
 /// The keys and tables of `scenario` that `robot` ignores.
@@ -66,15 +74,27 @@ pub(super) fn warnings(
     let is_foreign = !robot.takes_orders();
     let given =
         given.filter(|(key, _)| ignored.contains(key) || is_foreign && OF_BUILT_IN.contains(key));
+    let of_body = [
+        safety.rests_within.is_some(),
+        safety.commands_within.is_some(),
+        safety.by_hand,
+        safety.contacts_until.is_some(),
+    ];
+    let of_body = OF_BODY.into_iter().zip(of_body);
+    let of_body = of_body.filter(|(_, is_given)| *is_given && scenario.robot == NO_ROBOT);
+    let given = given.chain(of_body);
     let unjudged = is_foreign.then(|| {
         let waypoints = of_unjudged_waypoints(scenario, source);
         waypoints.into_iter().chain(of_orders(scenario, source))
     });
     let ignored = given.map(|(key, _)| {
         let span = source.find(key.rsplit('.').next().unwrap_or(key));
-        let message = match OF_BUILT_IN.contains(&key) {
-            true => "has no effect: nothing of it can be observed of your own program".to_owned(),
-            false => format!("has no effect: the robot \"{}\" ignores it", robot.name()),
+        let message = match (OF_BUILT_IN.contains(&key), OF_BODY.contains(&key)) {
+            (true, _) => {
+                "has no effect: nothing of it can be observed of your own program".to_owned()
+            }
+            (_, true) => "has no effect: the scenario has no robot that moves".to_owned(),
+            _ => format!("has no effect: the robot \"{}\" ignores it", robot.name()),
         };
         source.invalid(span, key, message)
     });
@@ -134,7 +154,7 @@ pub(super) fn of_nothing(scenario: &Scenario, source: &Source) -> Vec<ScenarioEr
 mod tests {
     use std::path::Path;
 
-    use super::OF_BUILT_IN;
+    use super::{OF_BODY, OF_BUILT_IN};
     use crate::robots;
     use crate::scenario::Scenario;
 
@@ -202,6 +222,13 @@ mod tests {
                 };
                 assert_eq!(keys(robot, more), expected, "{robot}: {more}");
             }
+        }
+        for key in OF_BODY {
+            let name = key.rsplit('.').next().expect("a key");
+            let value = if name == "by_hand" { "true" } else { "\"2s\"" };
+            let more = format!("[expect.safety]\n{name} = {value}");
+            assert_eq!(keys("none", &more), [key]);
+            assert_eq!(keys("custom", &more), [""; 0]);
         }
         for key in OF_BUILT_IN {
             let name = key.rsplit('.').next().expect("a key");

@@ -16,6 +16,7 @@ mod masters;
 mod node_programs;
 pub(crate) mod safety;
 mod silence;
+mod violations;
 
 pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
@@ -43,6 +44,8 @@ pub use safety::{
 pub use silence::MotorsStopAfterSilence;
 pub(crate) use silence::fired;
 pub use silence::{STOPS, WATCHDOG};
+pub use violations::ViolationsLater;
+pub(crate) use violations::violations;
 
 pub use crate::robots::checker::{Check, Checker, Look, Status};
 

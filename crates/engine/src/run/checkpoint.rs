@@ -124,6 +124,12 @@ impl Checkpoint {
         if (counts_back || has_team) && asked.duration != scenario.duration {
             return None;
         }
+        // So does the checker of later violations.
+        let later =
+            [asked, scenario].map(|one| (one.expect.violations_from, one.expect.violations_max));
+        if later[0] != later[1] && later.iter().any(|(from, _)| from.is_some()) {
+            return None;
+        }
         let changes = self.changes(&scenario.fault)?;
         let mut run = self.0.fork()?;
         run.apply(&changes, &asked.fault)?;

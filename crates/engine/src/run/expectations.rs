@@ -3,7 +3,7 @@
 use emulators::world::Pose;
 
 use super::check::safety::overruns;
-use super::check::{Check, VIOLATIONS};
+use super::check::{Check, violations};
 use super::score::{PoseError, WallOverlap, wall_overlap};
 use super::{Run, WAY_EVERY, explored, golden, victims};
 use crate::scenario::Flaw;
@@ -175,22 +175,8 @@ impl Run {
             let detail = detail + &within.unwrap_or_default();
             checks.push(Check::new("wall-overlap", overlap.least() >= min, detail));
         }
-        if let Some(max) = expect.violations_max {
-            let found = self.rig.violations();
-            let mut detail = format!("{found} broken rules, at most {max}");
-            if let Some(first) = self
-                .rig
-                .events()
-                .iter()
-                .find(|logged| logged.is_violation())
-            {
-                detail += &format!("; first: {first}");
-            }
-            let is_asked = self.rig.was_asked();
-            if !is_asked && found == 0 {
-                detail = "no device received a byte".to_owned();
-            }
-            checks.push(Check::new(VIOLATIONS, found <= max, detail).if_observed(is_asked));
+        if let (Some(max), None) = (expect.violations_max, expect.violations_from) {
+            checks.push(violations(max, &self.rig));
         }
         let most = expect
             .safety

@@ -74,6 +74,9 @@ impl Run {
             let flawed = |flaw: Flaw| Flaw::new(key, format!("{}: {}", flaw.key, flaw.message));
             self.moment().check(condition).map_err(flawed)?;
         }
+        if let (Some(_), Some(condition)) = (&fault.when, fault.begin_condition()?) {
+            self.moment().check(&condition)?;
+        }
         if !waits {
             let begins = fault.window().from.max(now);
             fault.from = Some(Span(begins - Instant::ZERO));

@@ -33,6 +33,8 @@ impl Watchers {
             )));
         }
         checkers.extend(check::safety::asked_for(scenario, rig, instruments));
+        let later = check::ViolationsLater::of(&scenario.expect);
+        checkers.extend(later.map(|later| Box::new(later) as Box<dyn Checker>));
         let safety = scenario.expect.safety.clone();
         Self {
             checkers,

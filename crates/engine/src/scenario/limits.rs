@@ -198,6 +198,29 @@ mod tests {
         );
     }
 
+    /// A push by such an angle panicked, or never ended. A number without limits is finite.
+    #[test]
+    fn numbers_that_no_quantity_has_are_refused() {
+        let push = |turn: &str| {
+            let push = "[[world.push]]\nat = \"1s\"\nover = \"1s\"\nby_m = [0, 0]\nturn_deg = ";
+            format!(
+                "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"1s\"\n\
+                 [world]\nstart = {START}\n{push}{turn}\n"
+            )
+        };
+        for turn in ["nan", "-inf"] {
+            let error = Scenario::from_text(&push(turn)).expect_err("refused");
+            let said = format!("world.push[0].turn_deg: is {turn}, expected a finite number");
+            assert!(error.to_string().ends_with(&said), "{error}");
+        }
+        let (scenario, source) = Scenario::from_text(&push("1e30")).expect("well-formed");
+        let error = crate::run::Run::new(scenario, &source, None)
+            .err()
+            .expect("refused");
+        let said = "world.push[0].turn_deg: is 1e30, expected -36000 to 36000";
+        assert!(error.to_string().ends_with(said), "{error}");
+    }
+
     /// A share in per cent could never be reached, and a negative one always is.
     #[test]
     fn what_cannot_come_true_is_not_expected() {

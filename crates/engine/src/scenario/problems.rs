@@ -3,6 +3,7 @@
 //! The reader of TOML stops at the first error. Here the place of an error is mended, by another
 //! name or another value, and the file is read again until no error is left.
 
+mod finite;
 mod lists;
 mod place;
 mod words;
@@ -14,6 +15,7 @@ use toml::de::{DeTable, Error};
 
 use super::{ScenarioError, Source};
 use crate::near;
+pub(super) use finite::not_finite;
 pub(super) use lists::too_long;
 use place::{MADE, Place, Repair, Step, Value, apply, value_at};
 

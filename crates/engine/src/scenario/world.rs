@@ -221,8 +221,9 @@ pub struct PushSpec {
     pub at: Span,
     /// Displacement, metres in the world's frame.
     pub by_m: [f64; 2],
-    /// Rotation of the robot, degrees counter-clockwise.
+    /// Rotation of the robot, degrees counter-clockwise, -36000 to 36000.
     #[serde(default)]
+    #[schemars(range(min = -36_000.0, max = 36_000.0))]
     pub turn_deg: f64,
     /// Duration; a push faster than 5 m/s or 20 rad/s takes longer.
     pub over: Span,

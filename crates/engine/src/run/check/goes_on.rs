@@ -41,14 +41,23 @@ pub const NOT_UNDERSTOOD: [&str; 15] = [
     "gap-in-frame",
 ];
 
-/// Number of times that devices did not understand their input, without those whose input a fault
-/// of `faults` damages. `broken` has devices, rules and counts.
+/// Rules that mean: the device understands the request, and has nothing to answer with.
+const UNANSWERABLE: [&str; 5] = [
+    "wrong-address",
+    "unknown-register",
+    "unknown-function",
+    "unknown-message",
+    "bad-request",
+];
+
+/// Number of times that devices did not understand or refused a request, without those whose input
+/// a fault of `faults` damages. `broken` has devices, rules and counts.
 pub fn misunderstood<'a>(
     broken: impl Iterator<Item = (&'a str, &'static str, u64)>,
     faults: &[FaultSpec],
 ) -> u64 {
-    let format = broken
-        .filter(|(device, rule, _)| NOT_UNDERSTOOD.contains(rule) && !is_struck(faults, device));
+    let is_wrong = |rule: &str| NOT_UNDERSTOOD.contains(&rule) || UNANSWERABLE.contains(&rule);
+    let format = broken.filter(|(device, rule, _)| is_wrong(rule) && !is_struck(faults, device));
     format.map(|(.., count)| count).sum()
 }
 

@@ -10,9 +10,9 @@ use crate::scenario::{FaultSpec, Scenario};
 pub const REQUESTS_ANSWERED: &str = "requests-answered";
 
 /// Whether each master of `rig` got a reply to one of its requests at least; `None` without
-/// masters. Without a reply nothing was observed, unless a program should have answered; see
-/// [`must_answer`].
-pub(crate) fn requests_answered(rig: &Rig) -> Option<Check> {
+/// masters. A device of `scenario` without a fault has to answer. Without a reply nothing was
+/// observed else, unless a program should have answered; see [`must_answer`].
+pub(crate) fn requests_answered(rig: &Rig, scenario: &Scenario) -> Option<Check> {
     let names = rig.device_names();
     let masters = names.filter_map(|name| Some((name, rig.device::<Master>(name)?.judged())));
     let masters: Vec<_> = masters.collect();
@@ -24,8 +24,15 @@ pub(crate) fn requests_answered(rig: &Rig) -> Option<Check> {
         _ => format!("{name}: {answered} of {asked} requests were answered"),
     };
     let detail = masters.iter().map(told).collect::<Vec<_>>().join(", ");
+    let is_silent = |(name, [asked, answered]): &&(&str, [u64; 2])| {
+        let polled = scenario.device.get(*name).and_then(|spec| spec.polled());
+        let has_fault = |place: &str| scenario.fault.iter().any(|fault| fault.is_at(place));
+        let must = polled.is_some_and(|device| !has_fault(device) && !has_fault(name));
+        *asked > 0 && *answered == 0 && must
+    };
+    let fails = masters.iter().any(|one| is_silent(&one));
     let is_observed = masters.iter().all(|(_, [_, answered])| *answered > 0);
-    Some(Check::new(REQUESTS_ANSWERED, true, detail).if_observed(is_observed))
+    Some(Check::new(REQUESTS_ANSWERED, !fails, detail).if_observed(is_observed))
 }
 
 /// The masters of `rig` that asked at ports of their own and got no reply. A program under test has
@@ -109,6 +116,20 @@ mod tests {
         );
     }
 
+    /// The slave of the scenario speaks another protocol, so that it never answers.
+    #[test]
+    fn a_device_that_never_answers_its_master_fails() {
+        let mute = "[device.meter.text]\nbaud = 9600\ncommand = []\n";
+        let silent = outcome(mute, "of = \"meter\"\n");
+        // A program under test has no part in it.
+        assert!(silent.unanswered.is_empty());
+        let silent = check(silent);
+        assert_eq!(silent.status, Status::Fail, "{silent}");
+        let cut = "[[fault]]\nkind = \"cut\"\nlink = \"meter\"\ndirection = \"to-master\"\n";
+        let excused = check(outcome(mute, &format!("of = \"meter\"\n{cut}")));
+        assert_eq!(excused.status, Status::NotObserved, "{excused}");
+    }
+
     /// A device that is off to the end has observed nothing of its master.
     #[test]
     fn a_device_that_is_off_to_the_end_is_not_passed() {
@@ -119,14 +140,5 @@ mod tests {
         assert_eq!((off.passed(), off.is_judged()), (false, false));
         assert!(later.passed());
         assert_eq!(check(off).status, Status::NotObserved);
-    }
-
-    /// A program has no part in a device that does not answer its master.
-    #[test]
-    fn a_mute_device_is_no_fault_of_a_program() {
-        let mute = "[device.meter.text]\nbaud = 9600\ncommand = []\n";
-        let mute = outcome(mute, "of = \"meter\"\n");
-        assert!(mute.unanswered.is_empty());
-        assert_eq!(check(mute).status, Status::NotObserved);
     }
 }

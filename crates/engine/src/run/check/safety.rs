@@ -87,7 +87,12 @@ pub(crate) fn asked_for(
                 .map(|&link| link.into()),
         );
         let from = Instant::ZERO + from;
-        checkers.push(Box::new(AliveAtTheEnd::new(from, exempt, asks_for_pose)));
+        checkers.push(Box::new(AliveAtTheEnd::new(
+            from,
+            last.0,
+            exempt,
+            asks_for_pose,
+        )));
     }
     if spec.true_telemetry {
         let station = instruments.station_links();

@@ -47,7 +47,23 @@ impl FaultSpec {
                 format!("is missing, {} needs it", kind.name()),
             ));
         }
-        self.check_time()
+        let idle = [
+            (self.len == Some(0), "len", "is 0, expected 1 to 65535"),
+            (
+                kind == FaultKind::Wrong && self.factor == Some(1.0),
+                "factor",
+                "is 1, which changes no value, expected another one",
+            ),
+            (
+                self.devices.as_ref().is_some_and(Vec::is_empty),
+                "devices",
+                "is empty, expected the names of devices",
+            ),
+        ];
+        match idle.into_iter().find(|(is_idle, ..)| *is_idle) {
+            Some((_, key, message)) => Err(Flaw::new(key, message)),
+            None => self.check_time(),
+        }
     }
 
     fn check_time(&self) -> Result<(), Flaw> {
@@ -305,6 +321,10 @@ impl FaultSpec {
             None if self.ppm.is_none() && self.ppm_per_s.is_none() => Err(Flaw::new(
                 "baud",
                 "is missing, expected baud, ppm or ppm_per_s",
+            )),
+            None if rate.ppm == 0.0 && rate.ppm_per_s == 0.0 => Err(Flaw::new(
+                "ppm",
+                "is 0, which changes no rate, expected another value",
             )),
             _ => Ok(rate),
         }

@@ -8,6 +8,9 @@ use protocols::LineEvent;
 
 use super::{FaultKind, FaultPlace, FaultSpec, Flaw};
 
+/// Name of the rig's socket, which is beside the ports.
+const CONTROL: &str = "control";
+
 impl Rig {
     /// Schedules `fault` on its lines and returns the other actions at its begin and end. A fault
     /// with a condition is not scheduled yet. `seed` and `id` choose its random stream.
@@ -146,10 +149,10 @@ impl Rig {
             let is_plain = !name.is_empty()
                 && !name.starts_with('.')
                 && !name.contains(|c: char| c == '/' || c.is_whitespace() || c.is_control());
-            let is_taken = self.links().iter().any(|other| other.name == *name);
+            let is_taken = name == CONTROL || self.links().iter().any(|other| other.name == *name);
             let wanted = match (is_plain, is_taken) {
                 (false, _) => "a plain file name such as lidar-1",
-                (true, true) => "a name that no other link has",
+                (true, true) => "a name that no other link has, and not that of the rig's socket",
                 (true, false) => "",
             };
             if !wanted.is_empty() {

@@ -5,6 +5,8 @@ use crate::scenario::{ScenarioError, Source};
 
 /// Farthest coordinate of a world, metres.
 const REACH_MAX_M: f64 = 10_000.0;
+/// Largest rotation of a push, degrees.
+const TURN_MAX_DEG: f64 = 36_000.0;
 
 impl WorldSpec {
     /// Checks every coordinate before other values are derived from it.
@@ -78,6 +80,12 @@ impl WorldSpec {
         }
         for (index, push) in self.push.iter().enumerate() {
             look("push", Some(index), None, &[push.by_m]);
+        }
+        let mut pushes = self.push.iter().enumerate();
+        if let Some((index, push)) = pushes.find(|(_, push)| push.turn_deg.abs() > TURN_MAX_DEG) {
+            let turn = push.turn_deg;
+            let message = format!("is {turn:?}, expected -{TURN_MAX_DEG} to {TURN_MAX_DEG}");
+            return Err(source.invalid(None, format!("world.push[{index}].turn_deg"), message));
         }
         let Some((key, span, [x, y])) = far else {
             return Ok(());

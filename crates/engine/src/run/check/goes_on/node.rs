@@ -174,7 +174,7 @@ impl GoesOn {
         let times = rest.misunderstood;
         if sent > 0 && is_misunderstood(times, sent, arrived) {
             return fail(format!(
-                "{passed}: {times} times a device did not understand it"
+                "{passed}: {times} times a device did not understand it, or refused it"
             ));
         }
         let Some(active) = self.active_at() else {

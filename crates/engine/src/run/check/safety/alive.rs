@@ -13,18 +13,23 @@ use crate::rig::line::Direction;
 const BUSY: [u64; 2] = [10, 60];
 /// Seconds in a row that make a line busy.
 const SECONDS: u32 = 4;
+/// A busy line sends within this time.
+const JUDGED_MIN: Duration = Duration::from_secs(1);
 
 /// In the last part of the run each line that was busy before carries bytes, and the program finds
 /// its pose.
 #[derive(Clone, Debug)]
 pub struct AliveAtTheEnd {
     from: Instant,
+    /// The earliest end of a run that can be judged.
+    enough: Instant,
     exempt: Vec<String>,
     asks_for_pose: bool,
     lines: Vec<Watched>,
     second: Instant,
     estimated: [Option<Instant>; 2],
-    was_judged: bool,
+    /// The time up to which the run was observed.
+    until: Instant,
 }
 
 #[derive(Clone, Debug)]
@@ -39,16 +44,17 @@ struct Watched {
 }
 
 impl AliveAtTheEnd {
-    /// Judges the time after `from`; links in `exempt` may be silent.
-    pub const fn new(from: Instant, exempt: Vec<String>, asks_for_pose: bool) -> Self {
+    /// Judges the time after `from`, which is to last for `last`; links in `exempt` may be silent.
+    pub fn new(from: Instant, last: Duration, exempt: Vec<String>, asks_for_pose: bool) -> Self {
         Self {
             from,
+            enough: from + JUDGED_MIN.min(last / 2),
             exempt,
             asks_for_pose,
             lines: Vec::new(),
             second: Instant::ZERO,
             estimated: [None; 2],
-            was_judged: false,
+            until: Instant::ZERO,
         }
     }
 
@@ -100,13 +106,20 @@ impl Checker for AliveAtTheEnd {
         self.estimated[1] = estimated.map(|(at, _)| at);
         if is_before {
             self.estimated[0] = self.estimated[1];
-        } else {
-            self.was_judged = true;
         }
+        self.until = now;
     }
 
     fn verdict(&self) -> Check {
         let name = "alive-at-the-end";
+        if self.until < self.enough {
+            let (until, from) = (self.until, self.from);
+            let detail = format!(
+                "the run ended at {until} s, and its last part begins at {from} s: with \
+                 mission.to_the_end = true it does not end before its duration"
+            );
+            return Check::not_observed(name, detail);
+        }
         let busy = self.lines.iter().filter(|line| line.is_busy);
         let silent = busy
             .clone()
@@ -123,7 +136,7 @@ impl Checker for AliveAtTheEnd {
             ),
         };
         let check = Check::new(name, silent.is_empty() && !is_lost, detail);
-        check.if_observed(self.was_judged && busy.count() > 0)
+        check.if_observed(busy.count() > 0)
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
