@@ -372,8 +372,8 @@ every = [{ period = "1s", send = "told" }]
     }
 }
 
-/// The CRC of a reply that ends with 0 also holds without its last byte: the reply would be cut into
-/// a request and a byte.
+/// The CRC of a reply that ends with 0 also holds without its last byte: the reply would be cut
+/// into a request and a byte.
 #[test]
 fn a_modbus_reply_is_not_cut_into_a_request() {
     let text = description::shipped::text("modbus-meter").expect("shipped");

@@ -162,8 +162,8 @@ impl Master {
         }
     }
 
-    /// Whether the frame needs no request: the device sends its message by itself, it belongs to the
-    /// last reply, or it is a late reply, whose lateness was reported.
+    /// Whether the frame needs no request: the device sends its message by itself, it belongs to
+    /// the last reply, or it is a late reply, whose lateness was reported.
     fn is_expected(&mut self, frame: &Frame) -> bool {
         let description = &self.description;
         let body = description.body(frame).unwrap_or_default();

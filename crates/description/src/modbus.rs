@@ -235,10 +235,10 @@ fn pack(bits: &[u8]) -> Vec<u8> {
     bytes.collect()
 }
 
-/// Possible lengths of a frame of `from` with address and CRC, the most probable one first. A device
-/// sends responses and a host sends requests; the other length is
-/// tried last, because a line may echo and a capture may have mixed up its ends. Empty if more
-/// bytes are needed, `None` for unknown functions.
+/// Possible lengths of a frame of `from` with address and CRC, the most probable one first. A
+/// device sends responses and a host sends requests; the other length is tried last, because a line
+/// may echo and a capture may have mixed up its ends. Empty if more bytes are needed, `None` for
+/// unknown functions.
 pub(crate) fn lengths(bytes: &[u8], from: From) -> Option<Vec<usize>> {
     let Some(&function) = bytes.get(1) else {
         return Some(Vec::new());

@@ -142,6 +142,11 @@ impl Emulated {
             true => next.min(self.sending_until),
             false => next,
         };
+        self.poll();
+    }
+
+    /// Polls the device and takes its bytes.
+    fn poll(&mut self) {
         self.device.poll(self.now, &mut self.world);
         let mut buf = [0; 1_024];
         let room = match self.is_paced {
@@ -177,6 +182,8 @@ impl Peer for Emulated {
                 self.step(at);
             }
             self.device.receive(self.port, at, piece);
+            // As a rig, which polls a device that has received bytes.
+            self.poll();
         }
         Ok(end)
     }

@@ -151,7 +151,7 @@ impl Description {
         answers
     }
 
-    /// The messages that follow the first frame of a reply: some requests are answered with several.
+    /// The messages that follow the first frame of a reply: some replies have several.
     pub(crate) fn rest_of_reply(&self, first: &Frame) -> Vec<usize> {
         let body = self.body(first).unwrap_or_default();
         let found = self.decode(first.format, &body, From::Device);

@@ -218,8 +218,8 @@ fn a_program_that_lets_no_time_pass_is_stopped() {
     let error = error.expect("it stays where it is").to_string();
     assert_eq!(
         error,
-        "asked to be called again 10001 times within one microsecond at 0.000005 s, expected a \
-         later moment"
+        "asked 10001 times in a row to be called again at once, the last time at 0.000005 s: \
+         expected a later moment"
     );
 }
 

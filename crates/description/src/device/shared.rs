@@ -29,8 +29,8 @@ pub(super) struct Heard {
     /// The bytes of frames that it knows.
     known: Vec<Range<u64>>,
     complaints: Vec<Complaint>,
-    /// Complaints that were logged, as long as the same one of another device may follow: time, rule
-    /// and number of bytes on the wire.
+    /// Complaints that were logged, as long as the same one of another device may follow: time,
+    /// rule and number of bytes on the wire.
     logged: Vec<(Instant, &'static str, u64)>,
 }
 

@@ -36,9 +36,9 @@ impl Framing {
         Candidate::Incomplete
     }
 
-    /// Checks the possible lengths of a frame, the most probable one first. The CRC of a sound frame
-    /// that ends with 0 also holds without its last byte, so a less probable length must wait for
-    /// the bytes of the more probable ones.
+    /// Checks the possible lengths of a frame, the most probable one first. The CRC of a sound
+    /// frame that ends with 0 also holds without its last byte, so a less probable length must wait
+    /// for the bytes of the more probable ones.
     fn judge_lengths(&self, bytes: &[u8], is_last: bool, known: &[usize]) -> Candidate {
         let mut damaged = None;
         for &len in known {

@@ -277,7 +277,7 @@ fn the_end_that_sends_decides_about_the_length_of_a_modbus_frame() {
                 let found = modbus_frames(&of, other, &frame, is_whole);
                 let is_cut = frame.ends_with(&[0, 0]) || frame.len() == 9 && from == From::Device;
                 assert!(is_cut || found == [&frame[..]], "{other:?} {frame:02X?}");
-                // A damaged last byte leaves no frame, unless the two before it are superfluous, too.
+                // A damaged last byte leaves no frame, unless the two before it are superfluous.
                 if frame.ends_with(&[0, 0]) {
                     continue;
                 }

@@ -17,11 +17,10 @@ const BAUDS: [u32; 7] = [9_600, 38_400, 57_600, 111_111, 230_400, 921_600, 1_040
 const WARM_UP_MS: u64 = 5_000;
 /// Time after the faults until broken rules of devices count.
 const SETTLED: Duration = Duration::from_secs(5);
-/// Distance within which a waypoint counts as visited while faults are active, millimetres: a map
-/// that is started with a lidar error of 2 % keeps it, 60 mm for walls 3 m away.
+/// Distance within which a waypoint counts as visited while faults are active, millimetres. A map
+/// started with a lidar error of 2 % keeps it: 60 mm for walls 3 m away.
 const WITHIN_MM: f64 = 150.0;
-/// As [`WITHIN_MM`], if the mission's script drives manually: an order that arrives one second late
-/// also acts one second later, and the robot has no means to correct this.
+/// As [`WITHIN_MM`], if the mission's script drives manually: a late order acts late.
 const BY_HAND_WITHIN_MM: f64 = 400.0;
 /// As [`BY_HAND_WITHIN_MM`], for the final position, if the order to stop arrived late too.
 const BY_HAND_REST_MM: f64 = 800.0;
@@ -260,7 +259,8 @@ impl Adversity {
         // while the robot has no measurements.
         let end = Duration::from_millis(self.until_ms);
         let later = mission.duration.0.saturating_sub(end) / 2;
-        mission.expect.violations_from = Some(Span(end + later.min(SETTLED)));
+        let judged = mission.expect.violations_max;
+        mission.expect.violations_from = judged.map(|_| Span(end + later.min(SETTLED)));
         let is_by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
         let [visit_mm, rest_mm] = match mission.mission.step.iter().any(is_by_hand) {
             true => [BY_HAND_WITHIN_MM, BY_HAND_REST_MM],

@@ -445,12 +445,16 @@ fn gentle_draws_what_was_drawn_before_there_were_profiles() {
     let mut sum = 0xcbf2_9ce4_8422_2325_u64;
     for seed in 0..20 {
         let gentle = Profile::default();
-        let made = scenario(
+        let mut made = scenario(
             &base(),
             Vary::ALL,
             &gentle,
             &mut Dice::of_seed(seed, "base"),
         );
+        // Nothing is drawn for the judgement of violations, which there was not.
+        if made.expect.violations_from.take().is_some() {
+            made.expect.violations_max = None;
+        }
         for byte in made.to_toml().bytes() {
             sum = (sum ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
         }

@@ -84,7 +84,7 @@ impl<'a> Branches<'a> {
             return Judged::FailsOtherwise;
         };
         let mut found = Judged::of(record.cause.as_deref(), &self.cause);
-        // What is kept fails from its beginning, too.
+        // A kept try fails from its beginning, too.
         if found == Judged::FailsAlike && resumed {
             self.is_plain = true;
             let Ok(((record, _, fresh), _)) = self.run(candidate) else {
