@@ -207,8 +207,8 @@ static void step(avr_cycle_count_t end) {
         crashed();
 }
 
-/* Steps between two looks at the wire: some 50 ms of computing. */
-#define STEPS_UNSEEN (1 << 20)
+/* Steps between two looks at the wire. A step is an instruction, or many. */
+#define STEPS_UNSEEN (1 << 14)
 
 /* Ends the program if the rig is gone: an exchange may ask for hours. */
 static void look_at_wire(void) {
