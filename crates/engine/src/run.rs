@@ -448,10 +448,13 @@ impl Run {
         }
         #[cfg(feature = "described")]
         checks.extend(self.goes_on.as_ref().map(|goes_on| {
+            let broken = self.rig.all_broken_rules();
+            let broken = broken.iter();
+            let broken = broken.map(|(device, rule, count)| (&**device, *rule, *count));
             let rest = check::Rest {
                 is_over,
                 checks: &checks,
-                misunderstood: check::misunderstood(self.rig.broken_rules(), &self.scenario.fault),
+                misunderstood: check::misunderstood(broken, &self.scenario.fault),
             };
             goes_on.verdict(&self.rig, &rest)
         }));

@@ -265,6 +265,60 @@ fn each_rule_is_broken_by_its_mutant_and_says_how() {
     assert_eq!(left, [""; 0], "no mutant breaks these");
 }
 
+/// Three orders are damaged. They count if they come after the time from which violations count,
+/// and if their link has no fault to the end.
+#[test]
+fn violations_count_from_their_time_on() {
+    for (damage_ms, from, exempt, status, says) in [
+        (
+            3_000,
+            "5s",
+            "[]",
+            Status::Pass,
+            "0 broken rules from 5.000000 s on",
+        ),
+        (
+            3_000,
+            "2s",
+            "[]",
+            Status::Fail,
+            "at most 0: 3 times bad-checksum of wheels",
+        ),
+        (
+            11_500,
+            "11s",
+            "[]",
+            Status::Fail,
+            "3 broken rules from 11.000000 s on",
+        ),
+        (
+            3_000,
+            "2s",
+            "[\"scale\"]",
+            Status::Fail,
+            "3 times bad-checksum",
+        ),
+        (3_000, "2s", "[\"wheels\"]", Status::Pass, "0 broken rules"),
+        (
+            3_000,
+            "20s",
+            "[]",
+            Status::NotObserved,
+            "the run ended before 20.000000 s",
+        ),
+    ] {
+        let driver = Driver { damage_ms, ..SOUND };
+        let more = format!(
+            "\n[expect]\nviolations_max = 0\nviolations_from = \"{from}\"\n\
+             [expect.safety]\nalive_without = {exempt}\n"
+        );
+        let outcome = drive(driver, porter() + &more);
+        let check = detail(&outcome, "violations");
+        assert_eq!(check.status, status, "{check}");
+        assert!(check.detail.contains(says), "{check}");
+    }
+}
+
 /// Rules that a valid run must not pass, because their subject never appeared or cannot be
 /// compared: the addition to the scenario, the verdict, and its message.
 const UNPROVED: [(&str, Status, &str); 3] = [

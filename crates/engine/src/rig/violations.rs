@@ -33,6 +33,31 @@ impl Rig {
         })
     }
 
+    /// The rules that masters broke, with those of devices that do not count them: their entries in
+    /// the log.
+    pub fn all_broken_rules(&self) -> Vec<(String, &'static str, u64)> {
+        let counted = self.broken_rules();
+        let mut broken: Vec<_> = counted
+            .map(|(device, rule, count)| (device.to_owned(), rule, count))
+            .collect();
+        let own: Vec<String> = broken.iter().map(|(device, ..)| device.clone()).collect();
+        let events = self.events().iter();
+        for logged in events.filter(|logged| logged.is_violation()) {
+            let (source, rule) = (&logged.source, logged.event.rule);
+            if own.contains(source) {
+                continue;
+            }
+            match broken
+                .iter_mut()
+                .find(|(device, known, _)| device == source && *known == rule)
+            {
+                Some((.., count)) => *count += 1,
+                None => broken.push((source.clone(), rule, 1)),
+            }
+        }
+        broken
+    }
+
     /// Number of broken rules that did not count, see [`excuse_until`](Self::excuse_until).
     pub const fn excused(&self) -> u64 {
         self.excused

@@ -183,7 +183,7 @@ impl Run {
             was_asked: self.rig.was_asked(),
             violations: self.rig.violations(),
             unbegun: self.unbegun().collect(),
-            broken_rules: self.broken_rules(),
+            broken_rules: self.rig.all_broken_rules(),
             #[cfg(feature = "described")]
             unanswered: super::check::unanswered(&self.rig, &self.scenario),
             #[cfg(not(feature = "described"))]
@@ -200,30 +200,6 @@ impl Run {
             pairs: self.pairs,
             team: Vec::new(),
         }
-    }
-
-    /// Counts of violations by rule: the devices' counts, else the entries in their log.
-    fn broken_rules(&self) -> Vec<(String, &'static str, u64)> {
-        let counted = self.rig.broken_rules();
-        let mut broken: Vec<_> = counted
-            .map(|(device, rule, count)| (device.to_owned(), rule, count))
-            .collect();
-        let own: Vec<String> = broken.iter().map(|(device, ..)| device.clone()).collect();
-        let events = self.rig.events().iter();
-        for logged in events.filter(|logged| logged.is_violation()) {
-            let (source, rule) = (&logged.source, logged.event.rule);
-            if own.contains(source) {
-                continue;
-            }
-            match broken
-                .iter_mut()
-                .find(|(device, known, _)| device == source && *known == rule)
-            {
-                Some((.., count)) => *count += 1,
-                None => broken.push((source.clone(), rule, 1)),
-            }
-        }
-        broken
     }
 }
 

@@ -10,8 +10,8 @@ use crate::scenario::{FaultSpec, Scenario};
 pub const REQUESTS_ANSWERED: &str = "requests-answered";
 
 /// Whether each master of `rig` got a reply to one of its requests at least; `None` without
-/// masters. A device of `scenario` without a fault has to answer. Without a reply nothing was
-/// observed else, unless a program should have answered; see [`must_answer`].
+/// masters. A device of `scenario` without a fault has to answer. Any other master without a reply
+/// has observed nothing, unless a program should have answered; see [`must_answer`].
 pub(crate) fn requests_answered(rig: &Rig, scenario: &Scenario) -> Option<Check> {
     let names = rig.device_names();
     let masters = names.filter_map(|name| Some((name, rig.device::<Master>(name)?.judged())));

@@ -3,7 +3,7 @@
 use protocols::Instant;
 
 use super::{Check, Checker, Look, VIOLATIONS};
-use crate::rig::{Logged, Rig};
+use crate::rig::Rig;
 use crate::scenario::Expect;
 
 /// Whether at most `max` rules were broken in the whole run.
@@ -28,9 +28,31 @@ pub struct ViolationsLater {
     from: Instant,
     /// Links with faults to the end.
     exempt: Vec<String>,
-    /// Numbers of violations when the time began, and now.
-    counts: [Option<u64>; 2],
-    first: Option<String>,
+    /// The violations when the time began, and now.
+    tallies: Option<[Tally; 2]>,
+}
+
+/// Violations up to a moment.
+#[derive(Clone, Debug)]
+struct Tally {
+    total: u64,
+    /// Device, rule and number.
+    rules: Vec<(String, &'static str, u64)>,
+}
+
+impl Tally {
+    fn of(rig: &Rig) -> Self {
+        Self {
+            total: rig.violations(),
+            rules: rig.all_broken_rules(),
+        }
+    }
+
+    fn count(&self, device: &str, rule: &str) -> u64 {
+        let mut rules = self.rules.iter();
+        let found = rules.find(|(of, known, _)| of == device && *known == rule);
+        found.map_or(0, |(.., count)| *count)
+    }
 }
 
 impl ViolationsLater {
@@ -41,23 +63,8 @@ impl ViolationsLater {
             max: expect.violations_max?,
             from: expect.violations_from?.instant(),
             exempt: safety.map_or(Vec::new(), |safety| safety.alive_without.clone()),
-            counts: [None; 2],
-            first: None,
+            tallies: None,
         })
-    }
-
-    fn count(&self, rig: &Rig) -> u64 {
-        let broken = rig.broken_rules();
-        let counted = broken.filter(|(device, ..)| !self.is_exempt(device));
-        counted.map(|(.., count)| count).sum()
-    }
-
-    fn is_exempt(&self, device: &str) -> bool {
-        self.exempt.iter().any(|link| link == device)
-    }
-
-    fn is_first(&self, logged: &Logged) -> bool {
-        logged.is_violation() && logged.event.at >= self.from && !self.is_exempt(&logged.source)
     }
 }
 
@@ -67,25 +74,32 @@ impl Checker for ViolationsLater {
         if rig.now() < self.from {
             return;
         }
-        let count = self.count(rig);
-        self.counts[0].get_or_insert(count);
-        if self.counts[1].replace(count) < Some(count) && self.first.is_none() {
-            let mut events = rig.events().iter();
-            let first = events.find(|logged| self.is_first(logged));
-            self.first = first.map(ToString::to_string);
+        match &mut self.tallies {
+            None => self.tallies = Some([Tally::of(rig), Tally::of(rig)]),
+            Some([_, now]) if now.total == rig.violations() => {}
+            Some([_, now]) => *now = Tally::of(rig),
         }
     }
 
     fn verdict(&self) -> Check {
         let from = self.from;
-        let [Some(before), Some(now)] = self.counts else {
+        let Some([before, now]) = &self.tallies else {
             let detail = format!("the run ended before {from} s, the time of the judgement");
             return Check::not_observed(VIOLATIONS, detail);
         };
-        let (found, max) = (now - before, self.max);
+        let (mut exempt, mut words) = (0, Vec::new());
+        for (device, rule, count) in &now.rules {
+            let more = count - before.count(device, rule);
+            match self.exempt.contains(device) {
+                true => exempt += more,
+                false if more > 0 => words.push(format!("{more} times {rule} of {device}")),
+                false => {}
+            }
+        }
+        let (found, max) = ((now.total - before.total).saturating_sub(exempt), self.max);
         let mut detail = format!("{found} broken rules from {from} s on, at most {max}");
-        if let Some(first) = &self.first {
-            detail += &format!("; first: {first}");
+        if found > 0 {
+            detail += &format!(": {}", words.join(", "));
         }
         Check::new(VIOLATIONS, found <= max, detail)
     }
