@@ -186,3 +186,27 @@ fn a_driver_of_a_device_that_is_off_to_the_end_is_not_passed() {
         assert_eq!(ended.code, Some(i32::from(!is_observed)), "{name}");
     }
 }
+
+/// A program that writes more than the line takes, and asks again at once while the buffer is full.
+/// Time passes to the next byte that leaves, not a microsecond for each call: that would be some
+/// three million calls.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn a_write_to_a_full_buffer_waits_for_the_line() {
+    let program = "\
+fd = port()
+os.set_blocking(fd, False)
+left, calls = b'x' * 7200, 0
+while left:
+    calls += 1
+    try:
+        left = left[os.write(fd, left):]
+    except BlockingIOError:
+        pass
+print('calls', calls, flush=True)
+";
+    let ended = Bench::new("floods", "12s", program).run(&["--virtual", "--exec-may-end"]);
+    let calls = ended.log.split("calls ").nth(1).map(str::trim);
+    let calls = calls.and_then(|calls| calls.parse::<u64>().ok());
+    assert!(calls.is_some_and(|calls| calls < 50_000), "{}", ended.log);
+}

@@ -147,6 +147,34 @@ impl Clock for Slipping {
     }
 }
 
+/// A clock whose sleeps take 0.3 ms too long, as those of a system do.
+#[derive(Default)]
+struct Oversleeping(SimClock);
+
+impl Clock for Oversleeping {
+    fn now(&self) -> Instant {
+        self.0.now()
+    }
+
+    fn sleep_until(&self, deadline: Instant) {
+        self.0.sleep_until(deadline + Duration::from_micros(300));
+    }
+}
+
+/// Nothing happens in the rig, and its time passes all the same.
+#[test]
+fn an_idle_rig_keeps_up_with_a_clock_that_oversleeps() {
+    let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("nothing is in it");
+    let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+    let mut rig = Rig::new(world);
+    let mut realtime = Realtime::new(Oversleeping::default());
+    while realtime.clock.now() < Instant::from_secs(5) {
+        realtime.turn(&mut rig).expect("there is no port");
+    }
+    let behind = realtime.clock.now() - rig.now();
+    assert!(behind <= 2 * SLICE, "{behind:?}");
+}
+
 fn breaks_a_rule(rig: &mut Rig) {
     let event = Event {
         at: rig.now(),

@@ -115,8 +115,8 @@ impl Ports {
                      the {seconds:.1} s since then; {ALLOW_IT}"
                 ),
                 false => format!(
-                    "{passed}; it sent regularly on {name}, which was unplugged at {at} s and came \
-                     back, and it did not open it again; {ALLOW_IT}"
+                    "{passed}; it sent regularly on {name} until {at} s; then the port was unplugged and \
+                     came back, and it did not open it again; {ALLOW_IT}"
                 ),
             });
         }
