@@ -1,13 +1,17 @@
 //! Measures of the rescue robot.
 
+mod drives;
 mod filter;
 mod link;
 mod mapping;
+mod radio;
 mod search;
 
+pub(super) use drives::{STRAIGHT, WINDING};
 pub(super) use filter::{FILTER, PUSH, RAMP};
-pub(super) use link::{BYTES, LIDAR, ODOMETER, RADIO, SMEAR, TRANSFER};
+pub(super) use link::{BYTES, LARGE, LIDAR, ODOMETER, RANGE, SMEAR};
 pub(super) use mapping::{CORRIDOR, MISSION, PEOPLE, TURNING};
+pub(super) use radio::{BUILDING, RADIO, TRANSFER};
 pub(super) use search::{POINTS, REGULATOR, SEARCH_TIME, SEARCH_TIME_360, TRIES, WEIGHTS};
 
 use engine::scenario::{MapperSpec, Scenario, TuningSpec};

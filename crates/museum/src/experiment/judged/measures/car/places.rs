@@ -144,6 +144,40 @@ fn gates(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
     measured
 }
 
+/// Page 14: each marker is recognised once.
+pub(in super::super) const MARKERS: Measure = Measure {
+    name: "car-markers",
+    planted: "a camera that sees nothing",
+    perform: markers,
+};
+
+/// Maximum distance between two markers of the list that are the same one, metres: half of a marker
+/// of 18 cm.
+const SAME_M: f64 = 0.09;
+
+fn markers(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
+    let text = format!("{GATES_TEXT}{}", model.pick("", BLIND));
+    let ends = by_seed(plan, tell, |seed| {
+        let mut run = start(&text, seed, |_| {});
+        while !run.is_over() {
+            run.step();
+        }
+        let program = run.rig.program_as::<Apollo13>();
+        let found = program.map_or_else(Vec::new, |car| car.gates().markers().collect());
+        let twice = found.iter().enumerate().filter(|(index, (_, at))| {
+            let earlier = found[..*index].iter();
+            let is_same =
+                |(_, [x, y]): &(u32, [f64; 2])| libm::hypot(x - at[0], y - at[1]) < SAME_M;
+            earlier.into_iter().any(is_same)
+        });
+        [found.len() as f64, twice.count() as f64]
+    });
+    let mut measured = Measured::default();
+    measured.value("recognised markers", ends.iter().map(|end| end[0]));
+    measured.value("markers in the list twice", ends.iter().map(|end| end[1]));
+    measured
+}
+
 /// Page 24: a gate that is blocked.
 pub(in super::super) const BLOCKED: Measure = Measure {
     name: "car-blocked-gate",

@@ -10,6 +10,7 @@ use engine::run::Run;
 use protocols::car_board::Decoder;
 use protocols::{Decode as _, Instant};
 
+use super::driving::STRAIGHT;
 use crate::experiment::Plan;
 use crate::experiment::car::hall::{GUESS, LOST, rates};
 use crate::experiment::car::told;
@@ -48,49 +49,81 @@ fn hall(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// Chapters 3 and 6: counts of the encoder by speed.
 pub(in super::super) const ENCODER: Measure = Measure {
     name: "car-encoder",
-    planted: "a tenth of the distance is lost to slip",
+    planted: "a wheel a tenth larger, which counts as often a turn",
     perform: encoder,
 };
 
 const LEVELS: [i8; 7] = [-5, -4, -3, 2, 3, 4, 5];
 /// Distance per count: a wheel of 32 mm, 60 counts a turn.
 const COUNTS_PER_M: f64 = 298.4;
+/// The encoder is at a rear wheel. In the tightest curve to the right the left wheel is the outer
+/// one: it is faster than the middle of the axle by a tenth.
+const WHEEL: &str = "rear_left";
+const AT_WHEEL: &str = "[device.odometer.odometer]\nencoder = \"rear_left\"\n";
+const RIGHT: i8 = 50;
 
 fn encoder(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let slip = model.pick("", "[chassis.ackermann]\nslip = 0.1\n");
-    let counts = by_case(plan, tell, &LEVELS, |level, seed| {
-        let mut run = car(level, seed, slip);
-        let mut at = |seconds: u64| {
-            run.go_on_until(Instant::from_secs(seconds));
-            let odometer = run.rig.device::<Odometer>("odometer");
-            let counted = odometer.map_or(f64::NAN, |one| one.counted() as f64);
-            (counted, run.rig.world.pose())
-        };
-        let ((from, start), (until, end)) = (at(5), at(12));
-        let far_m = start.point().distance(end.point());
-        // Negative if the encoder counts backwards.
-        (until - from) * f64::from(level.signum()) / far_m
+    // The odometer counts edges a metre of rim: a larger wheel has fewer.
+    let share = model.pick(1.0, 1.0 / 1.1);
+    let cases: Vec<(i8, i8)> = [STRAIGHT, RIGHT]
+        .into_iter()
+        .flat_map(|steering| LEVELS.map(|level| (level, steering)))
+        .collect();
+    let counts = by_case(plan, tell, &cases, |drive, seed| {
+        share * counts_per_m(drive.into(), seed)
     });
-    let of = |level: i8| {
-        let index = LEVELS.iter().position(|one| *one == level);
+    let of = |level: i8, steering: i8| {
+        let index = cases.iter().position(|case| *case == (level, steering));
         counts[index.unwrap_or(0)].clone()
     };
+    let shares = |level: i8| {
+        let counts = of(level, RIGHT).into_iter();
+        counts.map(|count| count / COUNTS_PER_M)
+    };
     let mut measured = Measured::default();
-    measured.value("counts a metre at level 2", of(2));
-    measured.value("counts a metre at level -3", of(-3));
-    let share = |level: i8| of(level).into_iter().map(|count| count / COUNTS_PER_M);
-    measured.value("share counted at level 3", share(3));
-    measured.value("share counted at level -4", share(-4));
-    let medians = LEVELS.iter().zip(&counts).map(|(level, counts)| {
-        let median = Spread::of(counts.iter().copied()).median;
-        [f64::from(*level), median / COUNTS_PER_M]
-    });
-    measured.curve("share of the counts", medians);
+    measured.value("counts a metre at level 2", of(2, STRAIGHT));
+    measured.value("counts a metre at level -3", of(-3, STRAIGHT));
+    measured.value("counts a metre at level 2 in a curve", of(2, RIGHT));
+    measured.value("counts a metre at level -3 in a curve", of(-3, RIGHT));
+    measured.value("share counted at level 3 in a curve", shares(3));
+    measured.value("share counted at level -4 in a curve", shares(-4));
+    for (name, steering) in [("straight ahead", STRAIGHT), ("in a curve", RIGHT)] {
+        let median = |level: i8| {
+            let median = Spread::of(of(level, steering)).median;
+            [f64::from(level), median / COUNTS_PER_M]
+        };
+        measured.curve(name, LEVELS.map(median));
+    }
     measured
 }
 
+/// Counts of the program a metre that the wheel rolls; negative if they run backwards.
+fn counts_per_m([level, steering]: [i8; 2], seed: u64) -> f64 {
+    let hall_m = if steering == STRAIGHT {
+        [36.0, 8.0]
+    } else {
+        [12.0, 12.0]
+    };
+    let text = told(hall_m, [level, steering], seed).scenario().to_toml();
+    let mut run = start(&format!("{text}\n{AT_WHEEL}"), seed, |_| {});
+    let rolled = |run: &Run| {
+        let mut encoders = run.rig.world.encoders().iter();
+        let wheel = encoders.find(|encoder| encoder.name == WHEEL);
+        let counts = run.rig.world.encoder(WHEEL).unwrap_or_default();
+        wheel.map_or(f64::NAN, |wheel| counts as f64 / wheel.counts_per_m)
+    };
+    let mut at = |seconds: u64| {
+        run.go_on_until(Instant::from_secs(seconds));
+        let odometer = run.rig.device::<Odometer>("odometer");
+        let counted = odometer.map_or(f64::NAN, |one| one.counted() as f64);
+        [counted, rolled(&run)]
+    };
+    let (from, until) = (at(5), at(12));
+    (until[0] - from[0]) / (until[1] - from[1])
+}
+
 fn car(level: i8, seed: u64, more: &str) -> Run {
-    let run = told([36.0, 8.0], [level, 8], seed);
+    let run = told([36.0, 8.0], [level, STRAIGHT], seed);
     if more.is_empty() {
         return run;
     }

@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use emulators::rng::Rng;
+use emulators::world::{BodyConfig, Fixture, Point as Place, Pose as Truth, Scene, Shape, World};
 use engine::robots::instruments::in_metres;
 use engine::scenario::world::PushSpec;
 use engine::scenario::{Span, TuningSpec};
@@ -102,14 +104,11 @@ const BACK_MM: f64 = 30.0;
 struct Better {
     search: usize,
     at: [f64; 2],
-    value: f64,
 }
 
 /// Log of a push; distances from the final position, mm.
 struct Log {
     better: Vec<Better>,
-    /// Scores at the starts of the searches.
-    starts: Vec<f64>,
     /// Results of the searches.
     found: Vec<[f64; 2]>,
     /// Distances along the push between these results and the true end of the push, mm.
@@ -137,21 +136,10 @@ impl Log {
             .copied()
             .filter(move |one| range.contains(&one.search))
     }
-
-    /// Scores at the start and at the end of each shown search that found a better candidate.
-    fn scores(&self) -> impl Iterator<Item = [f64; 2]> {
-        let shown: Vec<Better> = self.shown().collect();
-        let searches = shown.chunk_by(|one, next| one.search == next.search);
-        let ends = searches.filter_map(|better| better.last());
-        let ends = ends.map(|last| [self.starts[last.search], last.value]);
-        ends.collect::<Vec<_>>().into_iter()
-    }
 }
 
 fn push(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let logs = by_seed(plan, tell, |seed| {
-        log(seed, model.pick(None, Some(30)), PUSH_M)
-    });
+    let logs = by_seed(plan, tell, |seed| log(seed, model.pick(None, Some(30))));
     let mut measured = Measured::default();
     // The report's first bar is the position before the first search.
     let farthest = |log: &Log| {
@@ -191,26 +179,138 @@ fn push(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// Figure 4: the scores of the candidates rise.
 pub(in super::super) const FILTER: Measure = Measure {
     name: "filter",
-    planted: "a robot that is not pushed",
+    planted: "a robot whose wheels do not spin",
     perform: filter,
 };
 
+/// Motion that the spinning wheels report, mm: 1.30 and 0.60 cells of the sketch, from picture (b)
+/// to picture (d). The sketch's ramp falls from 255 to 0 in four cells, that of the robot in half
+/// of its foot.
+const SPUN_MM: [f32; 2] = [
+    1.30 * HOLE_MM / 2.0 / SKETCH_CELLS,
+    0.60 * HOLE_MM / 2.0 / SKETCH_CELLS,
+];
+const SKETCH_CELLS: f32 = 4.0;
+/// Scans of the resting robot before its wheels spin.
+const RESTING: usize = 100;
+/// Noise of a distance, metres: the lidar's within a room.
+const NOISE_M: f64 = 0.002;
+/// Pose of the robot, in the world and in its map.
+const AT: Truth = Truth::new(1.5, 1.2, core::f64::consts::FRAC_PI_2);
+const PLACE: Pose = Pose {
+    x_mm: 1_500.0,
+    y_mm: 1_200.0,
+    heading: core::f32::consts::FRAC_PI_2,
+};
+/// Error of a start by chance: half of the spread of the candidates.
+const SPREAD_MM: f64 = 50.0;
+const SPREAD_DEG: f64 = 5.0;
+
 fn filter(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let logs = by_seed(plan, tell, |seed| {
-        log(seed, None, model.pick(PUSH_M, [0.0; 2]))
-    });
+    let by_mm = model.pick(SPUN_MM, [0.0; 2]);
+    let found = by_seed(plan, tell, |seed| searched(by_mm, seed));
     let mut measured = Measured::default();
-    let rise = |log: &Log| Spread::of(log.scores().map(|[start, last]| last / start)).median;
-    measured.value(
-        "score of a search, last against first",
-        logs.iter().map(rise),
-    );
-    let score = |log: &Log| Spread::of(log.scores().map(|[_, last]| 1_024.0 * last)).median;
-    measured.value("score at the end of a search", logs.iter().map(score));
+    let names = [
+        "score of the search, last against first",
+        "score at the end of the search",
+        "distance from the true position after the search (mm)",
+    ];
+    for (index, name) in names.into_iter().enumerate() {
+        measured.value(name, found.iter().map(|one| one[index]));
+    }
     measured
 }
 
-fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
+/// A robot rests in the room and draws its map. Then its wheels report a motion, and it searches
+/// its position once. The rise of the score, the last score, and the error, mm.
+fn searched(by_mm: [f32; 2], seed: u64) -> [f64; 3] {
+    let mut bench = Resting::new(seed, None);
+    let [x, y] = by_mm;
+    let off = bench.found_after(Pose::new(x, y, 0.0));
+    let start = f64::from(bench.mapper.search_start());
+    let last = bench.mapper.improvements().last();
+    let last = last.map_or(start, |last| f64::from(last.value));
+    [last / start, 1_024.0 * last, off]
+}
+
+/// A robot that rests in the room of figure 8, with the report's mapper.
+pub(super) struct Resting {
+    mapper: Box<Mapper>,
+    world: World,
+    dice: Rng,
+}
+
+impl Resting {
+    /// The robot after it has drawn its map. Searches have this number of tries.
+    pub(super) fn new(seed: u64, tries: Option<u16>) -> Self {
+        let corners = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]];
+        let walls = corners.windows(2).map(|ends| {
+            let [from, to] = [ends[0], ends[1]].map(|[x, y]| Place::new(x, y));
+            Fixture::from(Shape::Wall { from, to })
+        });
+        let scene = Scene::new(walls, Vec::new()).expect("sound walls");
+        let mut settings = Settings {
+            weight: WEIGHT,
+            start: PLACE,
+            seed,
+            ..Settings::document()
+        };
+        if let Some(tries) = tries {
+            settings.budget.start = tries;
+            settings.budget.max = tries;
+        }
+        let world = World::new(scene, BodyConfig::default(), AT, seed).expect("room enough");
+        let mut bench = Self {
+            mapper: Box::new(Mapper::new(settings)),
+            world,
+            dice: Rng::stream(seed, "lidar"),
+        };
+        for _ in 0..RESTING {
+            let scan = bench.scan();
+            bench.mapper.draw(&scan, [0, 0]);
+        }
+        bench
+    }
+
+    fn scan(&mut self) -> Scan {
+        let points: Vec<Point> = (0..360_u16)
+            .filter_map(|degree| {
+                let bearing = f64::from(degree).to_radians();
+                let hit = self.world.cast_ray(AT.point(), AT.theta + bearing, 6.0)?;
+                let far_mm = 1e3 * (hit.distance + NOISE_M * self.dice.gauss());
+                let (sin, cos) = libm::sincos(bearing);
+                #[expect(clippy::cast_possible_truncation, reason = "millimetres")]
+                let point = Point::new((far_mm * cos) as f32, (far_mm * sin) as f32);
+                Some(point)
+            })
+            .collect();
+        Scan::from_points(&points, Instant::ZERO, Instant::ZERO)
+    }
+
+    /// Distance from the true position, mm, that a search ends at. It begins `off` the true pose.
+    pub(super) fn found_after(&mut self, off: Pose) -> f64 {
+        let pose = Pose::new(
+            PLACE.x_mm + off.x_mm,
+            PLACE.y_mm + off.y_mm,
+            PLACE.heading + off.heading,
+        );
+        self.mapper.set_pose(pose);
+        let scan = self.scan();
+        let found = self.mapper.locate(&scan).pose;
+        f64::from(found.position().distance_mm(PLACE.position()))
+    }
+
+    /// The same from a start that is off by chance, within the spread of the candidates.
+    pub(super) fn found_from_anywhere(&mut self) -> f64 {
+        let [x, y] = [(); 2].map(|()| self.dice.range(-SPREAD_MM, SPREAD_MM));
+        let turn = self.dice.range(-SPREAD_DEG, SPREAD_DEG).to_radians();
+        #[expect(clippy::cast_possible_truncation, reason = "millimetres and radians")]
+        let off = Pose::new(x as f32, y as f32, turn as f32);
+        self.found_after(off)
+    }
+}
+
+fn log(seed: u64, tries: Option<u16>) -> Log {
     let mut run = start(ROOM, seed, |scenario| {
         let tuning = TuningSpec {
             tries,
@@ -219,7 +319,7 @@ fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
         as_reported(scenario, tuning);
         scenario.world.push = vec![PushSpec {
             at: Span::from_millis(PUSH_AT_MS),
-            by_m,
+            by_m: PUSH_M,
             turn_deg: 0.0,
             over: Span::from_millis(1_000),
         }];
@@ -227,7 +327,6 @@ fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
     let mut last = Instant::from_millis(PUSH_AT_MS);
     let mut log = Log {
         better: Vec::new(),
-        starts: Vec::new(),
         found: Vec::new(),
         off: Vec::new(),
     };
@@ -245,13 +344,10 @@ fn log(seed: u64, tries: Option<u16>, by_m: [f64; 2]) -> Log {
             let search = log.found.len();
             log.found.push(settled);
             let program = run.rig.program_as::<Rescue>();
-            let start = program.map_or(f64::NAN, |it| it.search_start().into());
-            log.starts.push(start);
             let better = program.map(Rescue::improvements).unwrap_or_default();
             log.better.extend(better.iter().map(|one| Better {
                 search,
                 at: [f64::from(one.pose.x_mm), f64::from(one.pose.y_mm)],
-                value: f64::from(one.value),
             }));
         }
     }

@@ -147,7 +147,7 @@ const EVERY_MINUTES: u64 = 2;
 const LIGHTER: u16 = 10;
 
 /// A room like that of figure 7: the wall follower drives round and round in it.
-const ROOM: &str = "schema = 1\nname = \"turning\"\nrobot = \"rescue\"\nduration = \"1300s\"\n\
+pub(super) const ROOM: &str = "schema = 1\nname = \"turning\"\nrobot = \"rescue\"\nduration = \"1300s\"\n\
     [mission]\nto_the_end = true\n[program]\nstart_mode = \"exploration\"\n\
     [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 90 }\n[[world.wall]]\n\
     path_m = [[0.3, 0.3], [2.7, 0.3], [2.7, 2.7], [0.3, 2.7], [0.3, 0.3]]\n\
@@ -200,7 +200,7 @@ const EDGE: f64 = 8.0;
 
 /// Angle between the map's edges and its axes, degrees, 0 to 45. The picture of the report was read
 /// in the same way.
-fn turn_of(map: MapView<'_>) -> f64 {
+pub(super) fn turn_of(map: MapView<'_>) -> f64 {
     let at = |x: usize, y: usize| f64::from(map.get(x, y).unwrap_or(127));
     let (mut sin, mut cos) = (0.0, 0.0);
     for y in 1..map.height() - 1 {

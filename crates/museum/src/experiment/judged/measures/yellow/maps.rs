@@ -1,105 +1,15 @@
-//! Lines, the map of one scan, and the roadmap.
+//! The map of one scan, and the roadmap.
 
 use emulators::rng::Rng;
 use emulators::world::Pose as Truth;
 use firmware_core::grid::{FREE, OBSTACLE};
-use firmware_core::lines::{Lines, Settings};
 use firmware_core::local_map::local_map;
-use firmware_core::pose::Point;
 use firmware_core::prm::{Dice, plan_once};
 
-use super::sight::{LABYRINTH, NOISE_M, believed, lines, map, middles, world};
+use super::sight::{LABYRINTH, believed, lines, map, middles, world};
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
 use crate::experiment::judged::measures::{Measure, Model, Told, by_seed};
-
-/// Pages 3 and 4: lines of a scan.
-pub(in super::super) const LINES: Measure = Measure {
-    name: "yellow-lines",
-    planted: "distances with a noise of half a millimetre in place of 5",
-    perform: lines_found,
-};
-
-fn lines_found(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let settings = Settings::DEFAULT;
-    let noise_m = model.pick(NOISE_M, NOISE_M / 10.0);
-    let found = by_seed(plan, tell, |seed| {
-        let mut dice = Rng::stream(seed, "scan");
-        let mut count = |corners: u32| {
-            let points = polygon(corners, noise_m, &mut dice);
-            f64::from(u32::try_from(Lines::find(&points, &settings).as_slice().len()).unwrap_or(0))
-        };
-        let [four, eight, six] = [count(4), count(8), count(6)];
-        let mut bent = |corner_deg: f64| {
-            let points = bent(corner_deg, noise_m, &mut dice);
-            f64::from(u32::try_from(Lines::find(&points, &settings).as_slice().len()).unwrap_or(0))
-        };
-        [four, eight, six, bent(169.0), bent(171.0)]
-    });
-    let mut measured = Measured::default();
-    measured.value("lines of a square room", found.iter().map(|one| one[0]));
-    measured.value(
-        "lines of a room of eight walls",
-        found.iter().map(|one| one[1]),
-    );
-    measured.value(
-        "lines of a room of six walls",
-        found.iter().map(|one| one[2]),
-    );
-    measured.value(
-        "lines of a square room with a corner of 169 degrees",
-        found.iter().map(|one| one[3]),
-    );
-    measured.value(
-        "lines of a square room with a corner of 171 degrees",
-        found.iter().map(|one| one[4]),
-    );
-    measured
-}
-
-/// A scan of a square room, walls 1 m away, one of which has a fifth corner in its middle.
-fn bent(corner_deg: f64, noise_m: f64, dice: &mut Rng) -> Vec<Point> {
-    let half = (180.0 - corner_deg).to_radians() / 2.0;
-    // Direction of each wall and its distance. The walls are not aligned with the beams, as in any
-    // room.
-    let front = 40_f64.to_radians();
-    let quarter = core::f64::consts::FRAC_PI_2;
-    let walls = [
-        (front - half, libm::cos(half)),
-        (front + half, libm::cos(half)),
-        (front + quarter, 1.0),
-        (front + 2.0 * quarter, 1.0),
-        (front + 3.0 * quarter, 1.0),
-    ];
-    let beam = |degree: u32| {
-        let bearing = f64::from(degree).to_radians();
-        let hits = walls.map(|(towards, far)| match libm::cos(bearing - towards) {
-            ahead if ahead > 0.0 => far / ahead,
-            _ => f64::INFINITY,
-        });
-        let far = hits.into_iter().fold(f64::INFINITY, f64::min) + noise_m * dice.gauss();
-        let (sin, cos) = libm::sincos(bearing);
-        #[expect(clippy::cast_possible_truncation, reason = "millimetres")]
-        let point = Point::new((1e3 * far * cos) as f32, (1e3 * far * sin) as f32);
-        point
-    };
-    (0..360).map(beam).collect()
-}
-
-/// A scan of a room with this number of equal walls, 1 m away.
-fn polygon(corners: u32, noise_m: f64, dice: &mut Rng) -> Vec<Point> {
-    let step = core::f64::consts::TAU / f64::from(corners);
-    let beam = |degree: u32| {
-        let bearing = f64::from(degree).to_radians();
-        let off = libm::fmod(bearing, step) - step / 2.0;
-        let far = 1.0 / libm::cos(off) + noise_m * dice.gauss();
-        let (sin, cos) = libm::sincos(bearing);
-        #[expect(clippy::cast_possible_truncation, reason = "millimetres")]
-        let point = Point::new((1e3 * far * cos) as f32, (1e3 * far * sin) as f32);
-        point
-    };
-    (0..360).map(beam).collect()
-}
 
 /// Page 4: the map of one scan.
 pub(in super::super) const LOCAL_MAP: Measure = Measure {

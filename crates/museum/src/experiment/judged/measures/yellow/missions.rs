@@ -3,12 +3,15 @@
 use engine::robots::Panel;
 use engine::run::Outcome;
 use engine::scenario::Scenario;
+use firmware_core::Master as _;
 use firmware_core::grid::UNKNOWN;
-use protocols::Instant;
+use firmware_core::robots::yellow::Yellow;
+use protocols::telemetry::message::{Reactive, Telecommand};
+use protocols::{Instant, telemetry};
 
 use crate::experiment::Plan;
 use crate::experiment::judged::Measured;
-use crate::experiment::judged::measures::{Measure, Model, Told, by_seed, mission};
+use crate::experiment::judged::measures::{Measure, Model, Told, by_case, by_seed, mission};
 use crate::experiment::runs::{Spread, start};
 
 const MAP_TEXT: &str = include_str!("../../../../../scenarios/yellow-map.toml");
@@ -20,7 +23,7 @@ const COUNTS: &str = "\n[[fault]]\nkind = \"device\"\ndevice = \"board\"\n\
     fault = \"wrong\"\nfactor = 1.1\n";
 
 /// A figure of the PC's panel.
-fn of_pc(panels: &[Panel], name: &str) -> f64 {
+pub(super) fn of_pc(panels: &[Panel], name: &str) -> f64 {
     let rows = panels.iter().filter(|panel| panel.name == "pc");
     let mut rows = rows.flat_map(|panel| &panel.rows);
     let row = rows.find(|row| row.name == name);
@@ -36,7 +39,15 @@ fn came_at(outcome: &Outcome, rule: &str) -> f64 {
     })
 }
 
-fn with_defect(scenario: &mut Scenario, id: &str) {
+/// The frame of a telecommand.
+pub(super) fn frame(command: &Telecommand) -> Vec<u8> {
+    let (mut payload, mut bytes) = ([0; 256], [0; telemetry::FRAME_MAX]);
+    let len = command.encode(&mut payload).expect("every field fits");
+    let len = telemetry::encode(&payload[..len], &mut bytes).expect("at most 3200 bytes");
+    bytes[..len].to_vec()
+}
+
+pub(super) fn with_defect(scenario: &mut Scenario, id: &str) {
     let id = toml::Spanned::new(0..0, id.to_owned());
     scenario.program.defects.push(id);
 }
@@ -198,62 +209,58 @@ fn lost(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
 /// Pages 2 and 7: the reactive drive.
 pub(in super::super) const REACTIVE: Measure = Measure {
     name: "yellow-reactive",
-    planted: "the law of our program in place of the published one",
+    planted: "the fastest of the speeds alone",
     perform: reactive,
 };
 
+/// Nominal speeds, m/s: steps of the PC program's slider up to the speed of the robot's other
+/// drives. The report does not say which of them was set.
+const SPEEDS: [f32; 5] = [0.1, 0.2, 0.3, 0.4, 0.5];
+/// Time of the order with the speed: the robot has been ordered to drive, and switches on.
+const ORDERED: Instant = Instant::from_millis(1_400);
+
 fn reactive(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let ends = by_seed(plan, tell, |seed| {
+    let speeds = model.pick(&SPEEDS[..], &SPEEDS[4..]);
+    let ends = by_case(plan, tell, speeds, |speed, seed| {
         let mut run = start(REACTIVE_TEXT, seed, |scenario| {
-            if model == Model::Sound {
-                with_defect(scenario, "YR-01");
-            }
+            with_defect(scenario, "YR-01");
         });
+        run.go_on_until(ORDERED);
+        let now = run.rig.now();
+        let command = Telecommand {
+            reactive: Some(Reactive {
+                speed_m_s: Some(speed),
+                ..Reactive::default()
+            }),
+            ..Telecommand::default()
+        };
+        if let Some(program) = run.rig.program_as_mut::<Yellow>() {
+            program.receive(Yellow::TELEMETRY, now, &frame(&command));
+        }
         while !run.is_over() {
             run.step();
         }
         let untouched = run.contacts().count() == 0;
         let [visited, demanded] = run.judge().waypoints;
-        [visited == demanded, untouched].map(|is| f64::from(u8::from(is)))
+        let through = visited == demanded;
+        [through, through && untouched].map(|is| f64::from(u8::from(is)))
     });
-    let share = |index: usize| {
+    let share = |ends: &[[f64; 2]], index: usize| {
         let sum: f64 = ends.iter().map(|end| end[index]).sum();
         sum / ends.len() as f64
     };
+    let all: Vec<[f64; 2]> = ends.iter().flatten().copied().collect();
     let mut measured = Measured::default();
-    measured.value("drives that come through all corners (share)", [share(0)]);
-    measured.value("drives that touch nothing on the way (share)", [share(1)]);
-    measured
-}
-
-/// Page 3: the table of threads.
-pub(in super::super) const THREADS: Measure = Measure {
-    name: "yellow-threads",
-    planted: "a link that loses one byte in fifty",
-    perform: threads,
-};
-
-/// A room in which the robot rests.
-const ROOM: &str = "schema = 1\nname = \"room\"\nrobot = \"yellow\"\nduration = \"22s\"\n\
-    [mission]\nto_the_end = true\n\
-    [world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n[[world.wall]]\n\
-    path_m = [[0, 0], [2, 0], [2, 2], [0, 2], [0, 0]]\n";
-
-fn threads(plan: &Plan, model: Model, tell: &Told<'_>) -> Measured {
-    let fault = "[[fault]]\nkind = \"drop\"\nlink = \"telemetry\"\n\
-        direction = \"to-device\"\nrate = 0.02\n";
-    let text = format!("{ROOM}{}", model.pick("", fault));
-    let ends = by_seed(plan, tell, |seed| {
-        let mut run = start(&text, seed, |_| {});
-        let mut frames = |seconds: u64| {
-            run.go_on_until(Instant::from_secs(seconds));
-            of_pc(&run.instruments().panels(&run.rig), "frames")
-        };
-        let (from, until) = (frames(2), frames(22));
-        1_000.0 * 20.0 / (until - from)
-    });
-    let mut measured = Measured::default();
-    measured.value("period of the telemetry (ms)", ends);
+    let names = [
+        "drives that come through all corners (share)",
+        "drives that touch nothing on the way (share)",
+    ];
+    for (index, name) in names.into_iter().enumerate() {
+        measured.value(name, [share(&all, index)]);
+        let by_speed = speeds.iter().zip(&ends);
+        let places = by_speed.map(|(speed, ends)| [f64::from(*speed), share(ends, index)]);
+        measured.curve(["through", "untouched"][index], places);
+    }
     measured
 }
 
