@@ -5,7 +5,8 @@ use core::time::Duration;
 
 use hilrig::run::Outcome;
 use hilrig::scenario::{
-    BudgetSpec, ChassisSpec, DifferentialSpec, FaultSpec, PhasesSpec, Scenario, Source, Span,
+    BudgetSpec, ChassisSpec, DifferentialSpec, FaultSpec, PhasesSpec, SafetySpec, Scenario, Source,
+    Span,
 };
 use proptest::prelude::*;
 use protocols::Instant;
@@ -99,6 +100,17 @@ byte = 6000
 
 fn faulted() -> (Scenario, Source) {
     in_a_room("6s", FAULTS)
+}
+
+/// Everything that the profile `harsh` expects of a robot. Many of its checks decode lines.
+fn safe() -> Option<SafetySpec> {
+    let expect = "[expect.safety]\nrests_within = '1s'\nsound_orders = true\n\
+                  true_telemetry = true\ntrue_counts = true\nsound_frames = true\n\
+                  pose_within_mm = 400.0\nobeys_within = '500ms'\ncommands_within = '1s'\n\
+                  sends_within = '4s'\nsends_cyclically = true\nasks_again = true\n\
+                  true_complaints = true\nmotion_within_percent = 5.0\nshort_turns = true\n\
+                  says_within = '3s'\nalive_for = '1s'\nby_hand = true\n";
+    in_a_room("6s", expect).0.expect.safety
 }
 
 /// Values that must be equal for two runs to count as the same.
@@ -359,6 +371,7 @@ proptest! {
     ) {
         let (mut asked, source) = faulted();
         asked.seed = seed;
+        asked.expect.safety = safe();
         let all = core::mem::take(&mut asked.fault);
         let at = Span(Duration::from_micros(at_us));
         let mut whole = asked.clone();
@@ -392,6 +405,7 @@ proptest! {
             };
             scenario.seed = seed;
             scenario.duration = scenario.duration.min(Span::from_millis(4_000));
+            scenario.expect.safety = safe();
             (scenario, source)
         };
         let mut run = start(made());
@@ -414,6 +428,9 @@ proptest! {
     ) {
         let (mut whole, source) = faulted();
         whole.seed = seed;
+        whole.expect.safety = safe();
+        // It counts from the end.
+        whole.expect.safety.iter_mut().for_each(|safety| safety.alive_for = None);
         let mut smaller = whole.clone();
         smaller.duration = Span::from_millis(lasts_ms);
         let fault = &mut smaller.fault[shorter];

@@ -37,6 +37,7 @@ pub(crate) enum Fault {
 }
 
 /// A slow decoder of the register bus with one fault.
+#[derive(Clone)]
 pub(crate) struct Mutant {
     fault: Fault,
     format: Bus,

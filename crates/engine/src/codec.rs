@@ -25,6 +25,7 @@
 //! formats fit some bytes equally well, the earlier one is used.
 
 mod answers;
+mod any_decoder;
 mod bus;
 mod car_board;
 mod evidence;
@@ -49,6 +50,7 @@ mod xv11;
 mod xv11_turn;
 
 pub use answers::Answers;
+pub use any_decoder::AnyDecoder;
 pub use bus::{Avr, BUS, BUS_HIGH_FIRST, HighFirst, LowFirst, NamedRegister, RegisterNames, bus};
 pub use car_board::{CAR_BOARD, CAR_COMMAND, CarBoard, CarCommand, Pair, PairFormat};
 pub use evidence::Evidence;
@@ -62,7 +64,7 @@ pub use panel::{PANEL, Panel};
 pub use pcui::{PCUI, Pcui};
 pub use perception::{MessageFormat, PERCEPTION, Perception, Told};
 pub use peripherals::{BoardFrame, PERIPHERALS, Peripherals};
-pub use row::{AnyDecoder, Codec, IDLE, OtherOrder, OwnFormat, Pause};
+pub use row::{Codec, IDLE, OtherOrder, OwnFormat, Pause};
 pub use rplidar::{RPLIDAR, Rplidar};
 pub use stream::{BAD_MAX, Count, Counter, FrameBytes, Stream, Stretch, What};
 #[cfg(feature = "robots")]

@@ -106,6 +106,8 @@ pub struct Run {
     deeds: Deeds,
     /// Faults that wait for a condition.
     waiting: Vec<FaultId>,
+    /// Faults that wait for a byte or a frame.
+    triggers: Vec<FaultId>,
     /// Watches on the conditions of faults, by fault and key.
     fault_watches: BTreeMap<(FaultId, &'static str), Watch>,
     truth: Vec<(Instant, Pose)>,
@@ -175,6 +177,7 @@ impl Run {
             agenda: Agenda::default(),
             deeds: Deeds::of(&scenario.mission),
             waiting: Vec::new(),
+            triggers: Vec::new(),
             fault_watches: BTreeMap::new(),
             truth: Vec::new(),
             pairs: Vec::new(),
@@ -339,6 +342,7 @@ impl Run {
         self.next_look = self.rig.now() + LOOK_EVERY;
         self.begin_what_waited();
         self.do_what_waited();
+        self.see_triggers();
         let contacts = self.rig.world.take_contacts();
         self.watchers.look(&self.rig, &*self.instruments, &contacts);
         self.contacts.extend(contacts);

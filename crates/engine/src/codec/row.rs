@@ -2,9 +2,8 @@ use core::fmt;
 use core::ops::Range;
 use core::time::Duration;
 
-use protocols::{Decode, FrameError};
-
 use super::answers::Answers;
+use super::any_decoder::{AnyDecoder, Erased, NoFrames};
 use super::floor::Floor;
 use super::lua::Lua;
 use super::wire::{Choices, Target, Wire};
@@ -422,77 +421,5 @@ impl Eq for Codec {}
 impl fmt::Debug for Codec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "Codec({})", self.name)
-    }
-}
-
-/// A decoder of frames of any type. It gives their length, or their text on request.
-pub trait AnyDecoder: Send {
-    /// Like [`Decode::step`], with the frame's length.
-    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>>;
-    /// The last frame as text.
-    fn words(&self) -> String;
-    /// Whether the values of the last frame are possible.
-    fn is_plausible(&self) -> bool {
-        true
-    }
-    /// Like [`Decode::idle`].
-    fn idle(&mut self);
-    /// Like [`Decode::pending`].
-    fn pending(&self) -> usize;
-}
-
-/// The decoder of a row without a format.
-struct NoFrames;
-
-impl AnyDecoder for NoFrames {
-    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>> {
-        *input = &[];
-        None
-    }
-
-    fn words(&self) -> String {
-        String::new()
-    }
-
-    fn idle(&mut self) {}
-
-    fn pending(&self) -> usize {
-        0
-    }
-}
-
-struct Erased<W: Wire> {
-    decoder: W::Decoder,
-    last: Option<<W::Decoder as Decode>::Frame>,
-}
-
-impl<W: Wire> Erased<W> {
-    fn new() -> Self {
-        let decoder = W::decoder();
-        let last = None;
-        Self { decoder, last }
-    }
-}
-
-impl<W: Wire> AnyDecoder for Erased<W> {
-    fn step(&mut self, input: &mut &[u8]) -> Option<Result<usize, FrameError>> {
-        let outcome = self.decoder.step(input)?;
-        Some(outcome.map(|frame| W::bytes(self.last.insert(frame)).len()))
-    }
-
-    fn words(&self) -> String {
-        self.last.as_ref().map(W::words).unwrap_or_default()
-    }
-
-    fn is_plausible(&self) -> bool {
-        self.last.as_ref().is_some_and(W::is_plausible)
-    }
-
-    fn idle(&mut self) {
-        self.decoder.idle();
-    }
-
-    fn pending(&self) -> usize {
-        self.decoder.pending()
     }
 }

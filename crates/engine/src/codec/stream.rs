@@ -14,7 +14,8 @@ use core::ops::Range;
 
 use protocols::FrameError;
 
-use super::row::{AnyDecoder, Codec};
+use super::any_decoder::AnyDecoder;
+use super::row::Codec;
 use crate::rig::direction::Direction;
 
 /// A stretch of a stream with its meaning.
@@ -43,6 +44,7 @@ impl Stretch {
 }
 
 /// The decoder of one direction of a link. It counts its position.
+#[derive(Clone)]
 pub struct Stream {
     decoder: Box<dyn AnyDecoder>,
     place: Progress,
@@ -50,7 +52,7 @@ pub struct Stream {
     is_own: bool,
 }
 
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Progress {
     fed: u64,
     /// Position up to which everything has been reported.
@@ -183,6 +185,7 @@ impl Progress {
 }
 
 /// Counts of one direction of a link, without the text of frames.
+#[derive(Clone)]
 pub struct Counter {
     decoder: Box<dyn AnyDecoder>,
 }
@@ -239,6 +242,7 @@ impl Counter {
 }
 
 /// The valid frames of one direction of a link, with their bytes.
+#[derive(Clone)]
 pub struct FrameBytes {
     decoder: Box<dyn AnyDecoder>,
     /// Bytes that may belong to a frame whose end is missing.

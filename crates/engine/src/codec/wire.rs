@@ -24,8 +24,8 @@ use crate::hex;
 
 /// A wire format.
 pub trait Wire {
-    /// Its decoder.
-    type Decoder: Decode<Frame: Send> + Send;
+    /// Its decoder. A copy continues as the original would.
+    type Decoder: Decode<Frame: Clone + Send> + Clone + Send;
 
     /// Name of the format, as on the command line.
     const NAME: &'static str;

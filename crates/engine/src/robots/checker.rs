@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::axis::Axis;
 use crate::rig::Rig;
+use crate::scenario::FaultSpec;
 
 /// The status of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
@@ -110,6 +111,9 @@ pub trait Checker: Send {
 
     /// The verdict so far; not observed if nothing could be checked.
     fn verdict(&self) -> Check;
+
+    /// The faults of the run are now `faults`: some were added, removed, or got other times.
+    fn faults_changed(&mut self, _faults: &[FaultSpec], _rig: &Rig) {}
 
     /// Copies the checker with its state, for `rig`, a copy of the rig. Adds its observers to this
     /// copy. `None` if the checker cannot be copied: a run with it has no checkpoints.

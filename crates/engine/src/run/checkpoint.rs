@@ -62,6 +62,7 @@ impl Run {
             agenda: self.agenda.clone(),
             deeds: self.deeds.clone(),
             waiting: self.waiting.clone(),
+            triggers: self.triggers.clone(),
             fault_watches: BTreeMap::new(),
             truth: self.truth.clone(),
             pairs: self.pairs.clone(),
@@ -134,6 +135,8 @@ impl Checkpoint {
         let mut run = self.0.fork()?;
         run.apply(&changes, &asked.fault)?;
         run.scenario.fault.clone_from(&scenario.fault);
+        run.find_triggers();
+        run.tell_checkers();
         run.scenario.duration = scenario.duration;
         run.scenario.expect.clone_from(&scenario.expect);
         run.asked = Arc::new(scenario.clone());
@@ -196,7 +199,9 @@ impl Checkpoint {
     fn is_to_come(&self, fault: &FaultSpec) -> bool {
         if let Some(byte) = fault.byte {
             let line = self.0.line_of(fault);
-            return line.is_some_and(|line| line.traffic().sent <= byte);
+            // Checks of safety excuse its effects from the start, because it has no time.
+            let is_excused = self.0.asked.expect.safety.is_some();
+            return !is_excused && line.is_some_and(|line| line.traffic().sent <= byte);
         }
         let waits = fault.at_byte.is_some() || fault.at_frame.is_some();
         !waits && fault.window().from > self.at()

@@ -84,6 +84,7 @@ impl Run {
         self.plan(&fault, id)?;
         let words = format!("fault {id}: {} on {}", fault.kind.name(), fault.place());
         self.scenario.fault.push(fault);
+        self.tell_checkers();
         self.watch_faults();
         self.note("fault-added", words);
         Ok(id)
@@ -96,6 +97,9 @@ impl Run {
             self.waiting.push(id);
         } else {
             self.agenda.add(id, fault.activity(id, self.seed), what);
+        }
+        if fault.waits_for_trigger() {
+            self.triggers.push(id);
         }
         Ok(())
     }
@@ -110,6 +114,33 @@ impl Run {
             } else if let Ok(what) = self.rig.disturbances(fault) {
                 self.agenda.add(id, fault.activity(id, self.seed), what);
             }
+        }
+        self.find_triggers();
+    }
+
+    /// Lists the faults that wait for a byte or a frame; those that have begun are removed at the
+    /// next look.
+    pub(super) fn find_triggers(&mut self) {
+        let faults = self.scenario.fault.iter().enumerate();
+        let triggers = faults.filter(|(_, fault)| fault.waits_for_trigger());
+        self.triggers = triggers.map(|(index, _)| FaultId(index)).collect();
+    }
+
+    /// Tells the checkers if faults that waited for a byte or a frame have begun.
+    pub(super) fn see_triggers(&mut self) {
+        if self.triggers.is_empty() {
+            return;
+        }
+        let mut triggers = core::mem::take(&mut self.triggers);
+        let before = triggers.len();
+        triggers.retain(|id| {
+            let fault = &self.scenario.fault[id.0];
+            self.activity_of(*id, fault).trigger.is_some()
+        });
+        let has_begun = triggers.len() != before;
+        self.triggers = triggers;
+        if has_begun {
+            self.tell_checkers();
         }
     }
 
@@ -195,10 +226,36 @@ impl Run {
                     self.note("fault-begun", words);
                 }
                 self.scenario.fault[id.0] = begun;
+                self.tell_checkers();
             } else {
                 self.waiting.push(id);
             }
         }
+    }
+
+    /// Tells the checkers which faults there are, as some excuse their effects.
+    pub(super) fn tell_checkers(&mut self) {
+        let faults = self.scenario.fault.iter().enumerate();
+        let faults = faults.map(|(index, fault)| self.in_time(FaultId(index), fault));
+        let faults: Vec<FaultSpec> = faults.collect();
+        self.watchers.faults_changed(&faults, &self.rig);
+    }
+
+    /// The fault with its times, if it waited for a byte or a frame that has come.
+    fn in_time(&self, id: FaultId, fault: &FaultSpec) -> FaultSpec {
+        let mut fault = fault.clone();
+        if !fault.waits_for_trigger() {
+            return fault;
+        }
+        let activity = self.activity_of(id, &fault);
+        if activity.trigger.is_none() {
+            let span = |at: Instant| (at < Window::ALWAYS.until).then(|| Span(at - Instant::ZERO));
+            (fault.at_byte, fault.at_frame) = (None, None);
+            fault.from = span(activity.window.from);
+            fault.until = span(activity.window.until);
+            fault.lasting = fault.lasting.filter(|_| fault.every.is_some());
+        }
+        fault
     }
 
     /// Ends a fault now. It stays in the list, with its end.
@@ -237,6 +294,7 @@ impl Run {
         let fault = &mut self.scenario.fault[id.0];
         fault.until = Some(Span(next - Instant::ZERO));
         fault.ends_when = None;
+        self.tell_checkers();
         self.fault_watches.retain(|(watched, _), _| *watched != id);
         Ok(())
     }
@@ -377,11 +435,7 @@ impl Run {
             return Vec::from_iter(fault.until.is_none().then_some(fault));
         }
         let span = |at: Instant| (at < Window::ALWAYS.until).then(|| Span(at - Instant::ZERO));
-        if fault.at_byte.take().is_some() || fault.at_frame.take().is_some() {
-            fault.from = span(activity.window.from);
-            fault.until = span(activity.window.until);
-            fault.lasting = fault.lasting.filter(|_| fault.every.is_some());
-        }
+        fault = self.in_time(id, &fault);
         if activity.window.is_empty() {
             return Vec::new();
         }

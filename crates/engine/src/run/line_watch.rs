@@ -10,7 +10,7 @@ use crate::robots::conditions::{Moment, Reading};
 use crate::scenario::{BytesCondition, DeviceSpec, DirectionSpec, Flaw, FrameCondition, Operand};
 use crate::shared::WeakShared;
 
-/// Number of bytes that are decoded again for a copy of the rig: longer than any frame.
+/// Number of bytes that are kept for the words of a frame: longer than any frame.
 const TAIL: usize = 4096;
 /// Maximum number of moments that are kept between two updates of the rules.
 const FOUND_MAX: usize = 4096;
@@ -27,51 +27,19 @@ pub(super) enum Wanted {
 }
 
 /// Frames of a line.
+#[derive(Clone)]
 pub(super) struct Frames {
     wanted: FrameCondition,
-    direction: Direction,
     codec: &'static Codec,
     stream: Stream,
     heard: Instant,
     /// Names of the registers, if the line belongs to a slave that the scenario defines.
     names: Option<RegisterNames>,
-    /// The last bytes and the positions of pauses among them, from which a copy reaches the same
-    /// state, and the number of all bytes.
+    /// The last bytes, and the number of all bytes.
     tail: Vec<u8>,
-    pauses: Vec<u64>,
     fed: u64,
     /// Whether bytes arrived since the last pause.
     is_open: bool,
-}
-
-impl Clone for Frames {
-    fn clone(&self) -> Self {
-        let mut stream = Stream::towards(self.codec, self.direction);
-        let begin = self.fed - self.tail.len() as u64;
-        let pauses: Vec<u64> = self.pauses.iter().map(|at| at - begin).collect();
-        let mut rest = &self.tail[..];
-        for pause in &pauses {
-            let fed = self.tail.len() - rest.len();
-            let len = usize::try_from(*pause).map_or(0, |pause| pause.saturating_sub(fed));
-            let (part, after) = rest.split_at(len.min(rest.len()));
-            drop(stream.push(part));
-            drop(stream.idle());
-            rest = after;
-        }
-        drop(stream.push(rest));
-        Self {
-            wanted: self.wanted.clone(),
-            direction: self.direction,
-            codec: self.codec,
-            stream,
-            heard: self.heard,
-            names: self.names.clone(),
-            fed: self.tail.len() as u64,
-            tail: self.tail.clone(),
-            pauses,
-            is_open: self.is_open,
-        }
-    }
 }
 
 impl Frames {
@@ -84,13 +52,11 @@ impl Frames {
         let direction = Direction::from(wanted.direction);
         Self {
             wanted,
-            direction,
             codec,
             stream: Stream::towards(codec, direction),
             heard: now,
             names,
             tail: Vec::new(),
-            pauses: Vec::new(),
             fed: 0,
             is_open: false,
         }
@@ -104,8 +70,6 @@ impl Frames {
         self.tail.extend_from_slice(bytes);
         let surplus = self.tail.len().saturating_sub(TAIL);
         self.tail.drain(..surplus);
-        let begin = self.fed - self.tail.len() as u64;
-        self.pauses.retain(|pause| *pause >= begin);
         let stretches = self.stream.push(bytes);
         self.count(at, stretches, found);
     }
@@ -118,7 +82,6 @@ impl Frames {
             return;
         }
         self.is_open = false;
-        self.pauses.push(self.fed);
         let stretches = self.stream.idle();
         self.count(end, stretches, found);
     }

@@ -10,7 +10,7 @@ use super::check::{self, Check, Checker, Look};
 use super::rules::Rules;
 use crate::rig::Rig;
 use crate::robots::Instruments;
-use crate::scenario::{SafetySpec, Scenario};
+use crate::scenario::{FaultSpec, SafetySpec, Scenario};
 
 /// The checkers of a run, selected by its robot and its rig.
 pub struct Watchers {
@@ -33,7 +33,7 @@ impl Watchers {
             )));
         }
         checkers.extend(check::safety::asked_for(scenario, rig, instruments));
-        let later = check::ViolationsLater::of(&scenario.expect);
+        let later = check::ViolationsLater::of(scenario);
         checkers.extend(later.map(|later| Box::new(later) as Box<dyn Checker>));
         let safety = scenario.expect.safety.clone();
         Self {
@@ -53,6 +53,12 @@ impl Watchers {
             rules: self.rules.fork(rig),
             safety,
         })
+    }
+
+    /// The faults of the run are now `faults`.
+    pub(crate) fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        let checkers = self.checkers.iter_mut();
+        checkers.for_each(|checker| checker.faults_changed(faults, rig));
     }
 
     /// Adds a checker.

@@ -241,8 +241,9 @@ pub struct Expect {
     /// Maximum number of violations of device rules by the program.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_max: Option<u64>,
-    /// Time from which violations count for `violations_max`, when all faults are over; those of
-    /// links in `safety.alive_without` never count. From the start if not given.
+    /// Time from which violations count for `violations_max`, except during a fault that has an end
+    /// and for 5 s after it; those of links in `safety.alive_without` never count. All violations
+    /// count if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_from: Option<Span>,
     /// Whether the PC must receive every row of the map.

@@ -4,6 +4,7 @@
 use core::time::Duration;
 
 use super::{Check, Status};
+use crate::rig::NO_FRAME;
 use crate::scenario::{DirectionSpec, FaultSpec};
 
 #[cfg(feature = "described")]
@@ -23,7 +24,8 @@ const FEW: u64 = 3;
 const FRAME: u64 = 16;
 
 /// Rules that mean: the device does not understand its input.
-pub const NOT_UNDERSTOOD: [&str; 15] = [
+pub const NOT_UNDERSTOOD: [&str; 16] = [
+    NO_FRAME,
     "bad-checksum",
     "stray-bytes",
     "frame-cut-off",

@@ -22,6 +22,7 @@ mod turns;
 pub use alive::AliveAtTheEnd;
 pub use asks::AsksAgain;
 pub use calm::Calm;
+use calm::Undisturbed;
 pub use complaints::ComplaintsTrue;
 pub use counts::CountsTrue;
 pub use cycles::SendsInTime;
@@ -158,8 +159,8 @@ fn of_the_program(
         checkers.push(Box::new(DriveFed::new(rig, links, within.0, calm)));
     }
     if let Some(within_mm) = spec.pose_within_mm {
-        let until = disturbed(scenario, rig, instruments);
-        let pose = PoseBelieved::new(Arc::clone(shared), within_mm, until);
+        let quiet = Undisturbed::of(scenario, rig, instruments);
+        let pose = PoseBelieved::new(Arc::clone(shared), within_mm, quiet);
         checkers.push(Box::new(pose));
     }
     if let Some(within) = spec.obeys_within {
@@ -171,26 +172,14 @@ fn of_the_program(
         checkers.push(Box::new(ordered));
     }
     if spec.short_turns {
-        let until = disturbed(scenario, rig, instruments);
+        let quiet = Undisturbed::of(scenario, rig, instruments);
         checkers.push(Box::new(TurnsShort::new(
             instruments.goal_modes(),
             instruments.orders_link(),
-            until,
+            quiet,
         )));
     }
     checkers
-}
-
-/// The time of the first event that may mislead the robot's sensors: a push, or a fault, except on
-/// a link of its station.
-fn disturbed(scenario: &Scenario, rig: &Rig, instruments: &dyn Instruments) -> Option<Instant> {
-    let station = instruments.station_links();
-    let faults = scenario.fault.iter();
-    let faults = faults.filter(|fault| touches(fault, rig, &|link| !station.contains(&link)));
-    let faults = faults.map(|fault| fault.from.unwrap_or_default());
-    let pushes = scenario.world.push.iter().map(|push| push.at);
-    let first = faults.chain(pushes).min();
-    first.map(|first| first.instant())
 }
 
 /// Whether `fault` acts on a link that `is_meant`, or on a device of such a link.

@@ -30,6 +30,7 @@ pub struct AsksAgain {
     broken: Option<(Instant, String)>,
 }
 
+#[derive(Clone)]
 struct Ear {
     link: usize,
     asking: Asking,
@@ -206,13 +207,7 @@ impl Checker for AsksAgain {
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let ear = self.ear.as_ref().map(|ear| {
-            let old = ear.lock();
-            // An incomplete frame does not count.
-            let ear = Ear {
-                frames: BOTH.map(|direction| FrameBytes::towards(old.codec, direction)),
-                open: old.open.clone(),
-                ..*old
-            };
+            let ear = ear.lock().clone();
             ear.listening(rig)
         });
         Some(Box::new(Self {

@@ -1,4 +1,4 @@
-//! The times in which no fault of a scenario acts on some links.
+//! The times in which no fault of a run acts on some links.
 
 use core::time::Duration;
 
@@ -6,7 +6,9 @@ use protocols::Instant;
 
 use super::touches;
 use crate::rig::Rig;
-use crate::scenario::{FaultKind, FaultSpec, Scenario};
+use crate::rig::fault::Window;
+use crate::robots::Instruments;
+use crate::scenario::{FaultSpec, Scenario};
 
 /// Time from the end of a fault until its effects are over: queues are empty, devices work again.
 const EFFECTS: Duration = Duration::from_secs(5);
@@ -14,6 +16,9 @@ const EFFECTS: Duration = Duration::from_secs(5);
 /// The times in which no fault acts on some links.
 #[derive(Clone, Debug, Default)]
 pub struct Calm {
+    links: Vec<String>,
+    /// Time after the effects of a fault.
+    more: Duration,
     /// Begin and end of each fault with its effects.
     faults: Vec<(Instant, Option<Instant>)>,
 }
@@ -21,22 +26,42 @@ pub struct Calm {
 impl Calm {
     /// The faults of `scenario` on links of `rig` that `is_meant`, and on their devices.
     pub(super) fn of(scenario: &Scenario, rig: &Rig, is_meant: &dyn Fn(&str) -> bool) -> Self {
-        let faults = scenario.fault.iter();
-        let faults = faults.filter(|fault| touches(fault, rig, is_meant));
-        Self {
-            faults: faults.map(times).collect(),
-        }
+        let links = rig.links().iter().map(|link| link.name.clone());
+        let mut new = Self {
+            links: links.filter(|link| is_meant(link)).collect(),
+            ..Self::default()
+        };
+        new.renew(&scenario.fault, rig);
+        new
     }
 
-    /// The same for faults that delay bytes only: they damage no frame, but a program may give up a
-    /// late one.
-    pub(super) fn of_delays(scenario: &Scenario, rig: &Rig, link: &str) -> Self {
-        let faults = scenario.fault.iter();
-        let faults = faults.filter(|fault| delays(fault.kind));
-        let faults = faults.filter(|fault| touches(fault, rig, &|other| other == link));
-        Self {
-            faults: faults.map(times).collect(),
+    /// The same times with `more` after each fault.
+    pub(super) fn longer_by(mut self, more: Duration) -> Self {
+        for until in self
+            .faults
+            .iter_mut()
+            .filter_map(|(_, until)| until.as_mut())
+        {
+            *until += more;
         }
+        self.more += more;
+        self
+    }
+
+    /// The same for other faults of the run. A fault that waits for a condition, a
+    /// byte or a frame does not act yet.
+    pub(super) fn renew(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        let is_meant = |link: &str| self.links.iter().any(|own| own == link);
+        let faults = faults
+            .iter()
+            .filter(|fault| !fault.waits_for_condition() && !fault.waits_for_trigger());
+        let faults = faults.filter(|fault| touches(fault, rig, &is_meant));
+        let times = |fault: &FaultSpec| {
+            let Window { from, until } = fault.window();
+            let has_end = until < Window::ALWAYS.until;
+            (from, has_end.then(|| until + EFFECTS + self.more))
+        };
+        self.faults = faults.map(times).collect();
     }
 
     /// Whether no fault acts at `now`.
@@ -46,27 +71,45 @@ impl Calm {
         };
         !self.faults.iter().any(acts)
     }
+
+    /// Begin of the first fault.
+    fn first(&self) -> Option<Instant> {
+        self.faults.iter().map(|(from, _)| *from).min()
+    }
 }
 
-/// Whether a fault of `kind` delays bytes.
-const fn delays(kind: FaultKind) -> bool {
-    use FaultKind as K;
-    matches!(
-        kind,
-        K::Stall
-            | K::Clog
-            | K::Overrun
-            | K::ShortRead
-            | K::Latency
-            | K::Jitter
-            | K::Idle
-            | K::Delayed
-            | K::Intermittent
-    )
+/// The time until the first event that may mislead a robot's sensors: a push, a contact, or a
+/// fault, except on a link of its station.
+#[derive(Clone, Debug, Default)]
+pub struct Undisturbed {
+    calm: Calm,
+    /// The first push or contact.
+    hit: Option<Instant>,
 }
 
-/// Begin and end of the effects of `fault`.
-fn times(fault: &FaultSpec) -> (Instant, Option<Instant>) {
-    let from = fault.from.unwrap_or_default().instant();
-    (from, fault.until.map(|until| until.instant() + EFFECTS))
+impl Undisturbed {
+    pub(super) fn of(scenario: &Scenario, rig: &Rig, instruments: &dyn Instruments) -> Self {
+        let station = instruments.station_links();
+        let pushes = scenario.world.push.iter().map(|push| push.at.instant());
+        Self {
+            calm: Calm::of(scenario, rig, &|link| !station.contains(&link)),
+            hit: pushes.min(),
+        }
+    }
+
+    /// A contact at `now` ends it.
+    pub(super) fn hit_at(&mut self, now: Instant) {
+        self.hit = Some(self.hit.map_or(now, |hit| hit.min(now)));
+    }
+
+    /// Whether it has ended.
+    pub(super) fn is_over(&self, now: Instant) -> bool {
+        let mut ends = self.hit.into_iter().chain(self.calm.first());
+        ends.any(|end| now >= end)
+    }
+
+    /// The same for other faults of the run.
+    pub(super) fn renew(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
+    }
 }

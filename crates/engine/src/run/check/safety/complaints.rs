@@ -8,7 +8,7 @@ use super::super::{Check, Checker, Look};
 use super::Calm;
 use crate::rig::Rig;
 use crate::robots::{Alarm, Instruments};
-use crate::scenario::{Action, Scenario};
+use crate::scenario::{Action, FaultSpec, Scenario};
 
 /// Interval between two observations.
 const EVERY: Duration = Duration::from_millis(500);
@@ -103,6 +103,12 @@ impl Checker for ComplaintsTrue {
             None => format!("{} counters of failures", self.watched.len()),
         };
         Check::new(name, broken.is_none(), detail).if_observed(looks > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        for one in &mut self.watched {
+            one.calm.renew(faults, rig);
+        }
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -13,7 +13,7 @@ use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Instruments, Intake};
-use crate::scenario::Scenario;
+use crate::scenario::{FaultSpec, Scenario};
 
 /// Interval between two comparisons.
 const EVERY: Duration = Duration::from_millis(500);
@@ -27,6 +27,9 @@ const SLACK: u64 = 12;
 /// Frames that the program may reject without damage: candidates inside of valid frames, and bytes
 /// before its port is ready.
 const REJECTED: u64 = 40;
+/// Time of a restart of a device after the effects of a fault: an RPLIDAR that waits for the rest
+/// of a damaged request answers again after 5 s, and its program then starts it again.
+const RESTART: Duration = Duration::from_secs(2);
 /// Share of the frames that the program may miss while it starts a device again.
 const SHARE: u64 = 8;
 /// Number of frames from which this share applies: a fast stream. Each order counts.
@@ -44,17 +47,17 @@ struct Watched {
     /// Valid frames at the last comparisons, oldest first.
     sound: VecDeque<u64>,
     accepted: u64,
-    /// Times without a fault on the line, and whether one has acted.
+    /// Times without a fault on the link, and whether one has acted.
     calm: Calm,
     was_disturbed: bool,
-    /// Times without a delay on the line, and the number of frames that the program may have given
-    /// up because they were late.
-    in_time: Calm,
+    /// Number of frames that the program may have given up during faults: late frames, and those of
+    /// a device whose answer to its last request was damaged, until the program starts it again.
     given_up: u64,
     broken: Option<(Instant, String)>,
 }
 
 /// The frames of a line.
+#[derive(Clone)]
 struct Ear {
     link: usize,
     direction: Direction,
@@ -89,9 +92,8 @@ impl CountsTrue {
                 ear: ear.listening(rig),
                 sound: VecDeque::new(),
                 accepted: 0,
-                calm: Calm::of(scenario, rig, &|other| other == link),
+                calm: Calm::of(scenario, rig, &|other| other == link).longer_by(RESTART),
                 was_disturbed: false,
-                in_time: Calm::of_delays(scenario, rig, link),
                 given_up: 0,
                 broken: None,
             })
@@ -140,8 +142,8 @@ impl Tap for Listener {
 }
 
 impl Watched {
-    /// Compares the counts; returns the contradiction. `is_late`: a fault delays bytes.
-    fn compare(&mut self, [accepted, rejected]: [u64; 2], is_late: bool) -> Option<String> {
+    /// Compares the counts; returns the contradiction. `is_calm`: no fault acts.
+    fn compare(&mut self, [accepted, rejected]: [u64; 2], is_calm: bool) -> Option<String> {
         let (sound, damaged) = {
             let ear = self.ear.lock();
             (ear.sound, ear.damaged)
@@ -175,7 +177,7 @@ impl Watched {
         };
         let slack = if is_clean { 0 } else { AHEAD };
         let known = accepted + slack + damaged / 4 + share;
-        if is_late {
+        if !is_calm {
             self.given_up = self.given_up.max(earlier.saturating_sub(known));
         }
         let is_deaf = known + self.given_up < earlier;
@@ -196,10 +198,10 @@ impl Checker for CountsTrue {
         }
         self.next = now + EVERY;
         for one in self.watched.iter_mut().filter(|one| one.broken.is_none()) {
-            one.was_disturbed |= !one.calm.is(now);
+            let is_calm = one.calm.is(now);
+            one.was_disturbed |= !is_calm;
             if let Some(counts) = (one.intake.counts)(look.rig) {
-                let is_late = !one.in_time.is(now);
-                one.broken = one.compare(counts, is_late).map(|detail| (now, detail));
+                one.broken = one.compare(counts, is_calm).map(|detail| (now, detail));
             }
         }
     }
@@ -217,14 +219,15 @@ impl Checker for CountsTrue {
         Check::new(name, broken.is_none(), detail).if_observed(accepted > 0)
     }
 
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        for one in &mut self.watched {
+            one.calm.renew(faults, rig);
+        }
+    }
+
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let watched = self.watched.iter().map(|one| {
-            let old = one.ear.lock();
-            // An incomplete frame does not count.
-            let ear = Ear {
-                counter: Counter::towards(old.codec, old.direction),
-                ..*old
-            };
+            let ear = one.ear.lock().clone();
             Watched {
                 intake: one.intake,
                 ear: ear.listening(rig),
@@ -232,7 +235,6 @@ impl Checker for CountsTrue {
                 accepted: one.accepted,
                 calm: one.calm.clone(),
                 was_disturbed: one.was_disturbed,
-                in_time: one.in_time.clone(),
                 given_up: one.given_up,
                 broken: one.broken.clone(),
             }

@@ -12,7 +12,7 @@ use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Cycle, Instruments};
-use crate::scenario::Scenario;
+use crate::scenario::{FaultSpec, Scenario};
 
 /// Time for the program's start.
 const STARTS: Duration = Duration::from_secs(5);
@@ -48,6 +48,7 @@ struct Watched {
 type Is = fn(&[u8]) -> bool;
 
 /// The frames that the program sends on a link.
+#[derive(Clone)]
 struct Ear {
     link: usize,
     name: &'static str,
@@ -208,15 +209,15 @@ impl Checker for SendsInTime {
         Check::new(name, broken.is_none(), detail).if_observed(!longest.is_empty())
     }
 
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        for one in &mut self.watched {
+            one.calm.renew(faults, rig);
+        }
+    }
+
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let ears = self.ears.iter().map(|ear| {
-            let old = ear.lock();
-            // An incomplete frame does not count.
-            let ear = Ear {
-                frames: FrameBytes::towards(old.codec, Direction::ToDevice),
-                kinds: old.kinds.clone(),
-                ..*old
-            };
+            let ear = ear.lock().clone();
             ear.listening(rig)
         });
         Some(Box::new(Self {

@@ -9,6 +9,7 @@ use super::super::{Check, Checker, Look, WATCHDOG};
 use super::Calm;
 use crate::rig::line::Direction;
 use crate::rig::{LogPoint, Rig};
+use crate::scenario::FaultSpec;
 
 /// Interval at which the logs of the devices are read.
 const EVERY: Duration = Duration::from_millis(100);
@@ -110,6 +111,10 @@ impl Checker for DriveFed {
             ),
         };
         Check::new(name, self.broken.is_none(), detail).if_observed(self.looks > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
     }
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -10,7 +10,7 @@ use super::super::{Check, Checker, Look};
 use super::Calm;
 use crate::rig::Rig;
 use crate::robots::Instruments;
-use crate::scenario::Scenario;
+use crate::scenario::{FaultSpec, Scenario};
 
 /// Length of a section of the motion.
 const SECTION: Duration = Duration::from_millis(500);
@@ -179,6 +179,10 @@ impl Checker for MotionTrue {
             }
         });
         Check::new("motion-true", is_right, detail).if_observed(is_judged)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

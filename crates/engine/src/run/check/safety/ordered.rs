@@ -9,7 +9,7 @@ use super::Calm;
 use super::rests::{REST_M_S, REST_RAD_S};
 use crate::rig::Rig;
 use crate::rig::line::Direction;
-use crate::scenario::{Action, Scenario, Step};
+use crate::scenario::{Action, FaultSpec, Scenario, Step};
 
 /// Time to brake after the order to rest was obeyed: the wheels of the built-in robots stand after
 /// 0.3 s.
@@ -197,6 +197,10 @@ impl Checker for DoesAsOrdered {
             None => format!("{judged} orders to rest or to drive by hand"),
         };
         Check::new(name, self.broken.is_none(), detail).if_observed(judged > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -7,15 +7,12 @@ use protocols::Instant;
 use super::super::{Check, Checker, Look};
 use super::Calm;
 use crate::Shared;
-use crate::codec::{Codec, Stream};
+use crate::codec::Stream;
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Axis, Instruments, Need};
-
-/// Number of bytes of orders that are decoded again for a copy of the rig: longer than any frame of
-/// an order.
-const TAIL: usize = 4096;
+use crate::scenario::FaultSpec;
 
 /// Time from a valid frame until the set-points have followed it.
 const FOLLOWS: Duration = Duration::from_millis(1_500);
@@ -83,12 +80,11 @@ impl Steering {
     }
 }
 
+#[derive(Clone)]
 struct Ear {
     link: usize,
     name: String,
-    codec: &'static Codec,
     stream: Stream,
-    tail: Vec<u8>,
     sound: u64,
     damaged: u64,
     /// Times of the last valid frame, and of the last damaged bytes.
@@ -111,9 +107,7 @@ impl MovesOnSoundOrders {
         let ear = index.zip(codec).map(|(link, codec)| Ear {
             link,
             name: name.to_owned(),
-            codec,
             stream: Stream::towards(codec, Direction::ToMaster),
-            tail: Vec::new(),
             sound: 0,
             damaged: 0,
             sound_at: None,
@@ -150,9 +144,6 @@ impl Tap for Listener {
         if direction == Direction::ToMaster && link == ear.link {
             let at = delivery.at;
             let found = ear.stream.push(&delivery.bytes);
-            ear.tail.extend_from_slice(&delivery.bytes);
-            let behind = ear.tail.len().saturating_sub(TAIL);
-            ear.tail.drain(..behind);
             for stretch in found {
                 match stretch.is_frame() {
                     true => (ear.sound, ear.sound_at) = (ear.sound + 1, Some(at)),
@@ -213,23 +204,14 @@ impl Checker for MovesOnSoundOrders {
         check.if_observed(ear.damaged > 0 || (ear.sound > 0 && self.has_moved))
     }
 
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
+    }
+
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let ear = self.ear.as_ref().map(|ear| {
-            let old = ear.lock();
-            let mut stream = Stream::towards(old.codec, Direction::ToMaster);
-            // The last bytes determine the state of a decoder.
-            let _ = stream.push(&old.tail);
-            Shared::new(Ear {
-                link: old.link,
-                name: old.name.clone(),
-                codec: old.codec,
-                stream,
-                tail: old.tail.clone(),
-                sound: old.sound,
-                damaged: old.damaged,
-                sound_at: old.sound_at,
-                damaged_at: old.damaged_at,
-            })
+            let ear = ear.lock().clone();
+            Shared::new(ear)
         });
         if let Some(ear) = &ear {
             rig.add_tap(Box::new(Listener(ear.clone())));

@@ -7,8 +7,10 @@ use emulators::world::wrap_angle;
 use protocols::Instant;
 
 use super::super::{Check, Checker, HARMLESS_M_S, Look};
+use super::Undisturbed;
 use crate::rig::Rig;
 use crate::robots::Instruments;
+use crate::scenario::FaultSpec;
 
 /// Maximum error of the heading, degrees, if the robot names none.
 const TURNED_MAX: f64 = 20.0;
@@ -22,8 +24,7 @@ pub struct PoseBelieved {
     instruments: Arc<dyn Instruments>,
     within_m: f64,
     within_rad: f64,
-    /// Begin of the first disturbance.
-    until: Option<Instant>,
+    quiet: Undisturbed,
     judged: u64,
     last: Option<Instant>,
     /// Begin of the current error.
@@ -33,15 +34,15 @@ pub struct PoseBelieved {
 }
 
 impl PoseBelieved {
-    /// Judges a robot until this time; the error may be `within_mm`, or less if the robot is more
+    /// Judges a robot while it is undisturbed; the error may be `within_mm`, or less if the robot is more
     /// accurate.
-    pub fn new(instruments: Arc<dyn Instruments>, within_mm: f64, until: Option<Instant>) -> Self {
+    pub fn new(instruments: Arc<dyn Instruments>, within_mm: f64, quiet: Undisturbed) -> Self {
         let [own_mm, own_deg] = instruments.accuracy().unwrap_or([within_mm, TURNED_MAX]);
         Self {
             instruments,
             within_m: own_mm.min(within_mm) / 1000.0,
             within_rad: own_deg.to_radians(),
-            until,
+            quiet,
             judged: 0,
             last: None,
             wrong_since: None,
@@ -51,7 +52,7 @@ impl PoseBelieved {
     }
 
     fn is_over(&self, now: Instant) -> bool {
-        self.broken.is_some() || self.until.is_some_and(|until| now >= until)
+        self.broken.is_some() || self.quiet.is_over(now)
     }
 }
 
@@ -60,7 +61,7 @@ impl Checker for PoseBelieved {
         let (rig, now) = (look.rig, look.rig.now());
         let is_hit = |contact: &emulators::world::Contact| contact.own_m_s > HARMLESS_M_S;
         if look.contacts.iter().any(is_hit) {
-            self.until = Some(self.until.map_or(now, |until| until.min(now)));
+            self.quiet.hit_at(now);
         }
         if self.is_over(now) {
             return;
@@ -101,6 +102,10 @@ impl Checker for PoseBelieved {
             ),
         };
         Check::new(name, self.broken.is_none(), detail).if_observed(self.judged > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.quiet.renew(faults, rig);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -11,6 +11,7 @@ use super::eyes::Eyes;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::robots::{Instruments, Need};
+use crate::scenario::FaultSpec;
 
 /// Time to brake: the wheels of the built-in robots stand after 0.3 s.
 const BRAKES: Duration = Duration::from_millis(500);
@@ -194,6 +195,10 @@ impl Checker for RestsAfterSilence {
         };
         let check = Check::new(name, broken.is_none(), detail);
         check.if_observed(silences > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
     }
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {

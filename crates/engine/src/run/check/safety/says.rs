@@ -6,7 +6,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use crate::Shared;
-use crate::codec::{Codec, Counter};
+use crate::codec::Counter;
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
@@ -48,7 +48,6 @@ impl NoticesSilence {
             let codec = instruments.codec_towards(rig, alarm.link, Direction::ToMaster);
             let ear = link.zip(codec).map(|(link, codec)| Ear {
                 link,
-                codec,
                 counter: Counter::towards(codec, Direction::ToMaster),
                 frames: 0,
             });
@@ -74,9 +73,9 @@ impl NoticesSilence {
 }
 
 /// Counts the valid frames of a link.
+#[derive(Clone)]
 struct Ear {
     link: usize,
-    codec: &'static Codec,
     counter: Counter,
     frames: u64,
 }
@@ -176,16 +175,7 @@ impl Checker for NoticesSilence {
 
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let watched = self.watched.iter().map(|one| {
-            let ear = one.ear.as_ref().map(|ear| {
-                let old = ear.lock();
-                // An incomplete frame does not count.
-                Ear {
-                    link: old.link,
-                    codec: old.codec,
-                    counter: Counter::towards(old.codec, Direction::ToMaster),
-                    frames: old.frames,
-                }
-            });
+            let ear = one.ear.as_ref().map(|ear| ear.lock().clone());
             Watched {
                 ear: ear.map(|ear| ear.listening(rig)),
                 ..*one

@@ -9,7 +9,7 @@ use super::Calm;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::robots::Instruments;
-use crate::scenario::Scenario;
+use crate::scenario::{FaultSpec, Scenario};
 
 /// Time in which a line is observed before it is judged. The program uses it steadily if it is
 /// never silent for longer than a quarter of the limit then, and sends enough bytes.
@@ -135,6 +135,12 @@ impl Checker for SendsOn {
             ),
         };
         Check::new(name, self.broken.is_none(), detail).if_observed(longest.is_some())
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        for one in &mut self.watched {
+            one.calm.renew(faults, rig);
+        }
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -10,6 +10,7 @@ use super::super::{Check, Checker, Look};
 use super::Calm;
 use crate::rig::Rig;
 use crate::robots::{Figure, Instruments};
+use crate::scenario::FaultSpec;
 
 /// Maximum age of a figure: the search for the pose, the queue and the radio.
 const AGE: Duration = Duration::from_millis(1_500);
@@ -120,6 +121,10 @@ impl Checker for TelemetryTrue {
             None => format!("{reports} reported figures agree"),
         };
         Check::new(name, broken.is_none(), detail).if_observed(reports > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.calm.renew(faults, rig);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

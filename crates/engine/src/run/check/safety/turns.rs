@@ -1,10 +1,10 @@
 //! Checks that a robot turns to its goal by the shorter way.
 
-use protocols::Instant;
-
 use super::super::{Check, Checker, Look};
+use super::Undisturbed;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
+use crate::scenario::FaultSpec;
 
 /// Angle of a turn on the spot that is longer than half a turn with its corrections, radians: 230
 /// degrees.
@@ -22,8 +22,7 @@ pub struct TurnsShort {
     /// The link of the orders, and the bytes that arrived on it.
     orders: Option<&'static str>,
     ordered: u64,
-    /// Begin of the first disturbance.
-    until: Option<Instant>,
+    quiet: Undisturbed,
     /// Angle of the current turn, and the number of turns.
     turned: f64,
     turns: u64,
@@ -32,17 +31,13 @@ pub struct TurnsShort {
 }
 
 impl TurnsShort {
-    /// Judges the turns in these modes of the robot's program, until this time. An order on the
+    /// Judges the turns in these modes of the robot's program, while it is undisturbed. An order on the
     /// link `orders` may begin another turn.
-    pub fn new(
-        modes: &[&'static str],
-        orders: Option<&'static str>,
-        until: Option<Instant>,
-    ) -> Self {
+    pub fn new(modes: &[&'static str], orders: Option<&'static str>, quiet: Undisturbed) -> Self {
         Self {
             modes: modes.to_vec(),
             orders,
-            until,
+            quiet,
             ..Self::default()
         }
     }
@@ -52,7 +47,7 @@ impl Checker for TurnsShort {
     fn observe(&mut self, look: &Look<'_>) {
         let (rig, world) = (look.rig, &look.rig.world);
         if !look.contacts.is_empty() {
-            self.until = Some(self.until.map_or(rig.now(), |until| until.min(rig.now())));
+            self.quiet.hit_at(rig.now());
         }
         let heading = world.pose().theta;
         let step = self
@@ -60,7 +55,7 @@ impl Checker for TurnsShort {
             .map_or(0.0, |last| emulators::world::wrap_angle(heading - last));
         self.last = Some(heading);
         let mode = rig.program().map(|program| program.mode());
-        let is_over = self.until.is_some_and(|until| rig.now() >= until);
+        let is_over = self.quiet.is_over(rig.now());
         let is_led = !is_over && mode.is_some_and(|mode| self.modes.contains(&mode));
         let rate = world.turn_rate();
         let is_turn = world.speed().abs() < SPOT_M_S && rate.abs() > REST_RAD_S;
@@ -85,6 +80,10 @@ impl Checker for TurnsShort {
             turns => format!("{turns} turns on the spot, the longest by {degrees:.0} degrees"),
         };
         Check::new(name, self.longest <= LONG, detail).if_observed(self.turns > 0)
+    }
+
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        self.quiet.renew(faults, rig);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {

@@ -11,6 +11,7 @@ use crate::rig::line::Direction;
 
 struct Described(Arc<Description>);
 
+#[derive(Clone)]
 struct Reader {
     description: Arc<Description>,
     cutter: Cutter,
@@ -48,6 +49,10 @@ impl AnyDecoder for Reader {
 
     fn pending(&self) -> usize {
         self.cutter.pending()
+    }
+
+    fn copy(&self) -> Box<dyn AnyDecoder> {
+        Box::new(self.clone())
     }
 }
 
