@@ -80,6 +80,12 @@ pub trait Device {
         None
     }
 
+    /// Number of received bytes, if requests of a format exist and no frame of this format was among
+    /// them; 0 otherwise. A receiver that waits for the first byte of a frame logs no byte before it.
+    fn unframed(&self) -> u64 {
+        0
+    }
+
     /// The logs that keep each moment, also moments that [`take_events`](Self::take_events) folds
     /// into one entry. In a device without such logs, each entry is one moment.
     fn logs(&self) -> Vec<&BrokenRules> {

@@ -84,6 +84,8 @@ pub struct Described {
     log: EventLog,
     /// Frames that the device knows and those that it does not, on a shared wire.
     heard: Heard,
+    /// Whether a frame was among the received bytes.
+    has_framed: bool,
 }
 
 impl Described {
@@ -118,6 +120,7 @@ impl Described {
             dice,
             log: EventLog::default(),
             heard: Heard::default(),
+            has_framed: false,
             description,
             place,
         };
@@ -371,5 +374,14 @@ impl Device for Described {
 
     fn broken_rules(&self) -> Option<&BrokenRules> {
         Some(self.log.broken())
+    }
+
+    fn unframed(&self) -> u64 {
+        let mut messages = self.description.messages().iter();
+        let has_requests = messages.any(|message| message.from != From::Device);
+        match has_requests && !self.has_framed {
+            true => self.heard.passed(),
+            false => 0,
+        }
     }
 }

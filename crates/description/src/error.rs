@@ -3,6 +3,7 @@
 use core::fmt;
 use core::ops::Range;
 
+use span::near::with_meant;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -87,7 +88,8 @@ impl<'a> Places<'a> {
         });
     }
 
-    fn note(&mut self, problem: Problem) {
+    fn note(&mut self, mut problem: Problem) {
+        problem.message = with_meant(&problem.message);
         if self.problems.len() < PROBLEMS_MAX && !self.problems.contains(&problem) {
             self.problems.push(problem);
         }

@@ -12,6 +12,8 @@ mod modbus;
 
 pub(crate) use modbus::{Read, raw, read, tables, values, write};
 
+use span::near::with_meant;
+
 use crate::behaviour::Trigger;
 use crate::description::Description;
 use crate::field::{self, Field, Kind};
@@ -75,6 +77,11 @@ impl Description {
     /// # Errors
     /// If the message, field or value does not exist; with the expected ones.
     pub fn requests(&self, words: &[&str]) -> Result<Vec<Request>, String> {
+        let read = self.read_requests(words);
+        read.map_err(|message| with_meant(&message))
+    }
+
+    fn read_requests(&self, words: &[&str]) -> Result<Vec<Request>, String> {
         if self.protocol.is_some() {
             return modbus::requests(self, words);
         }

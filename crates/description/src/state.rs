@@ -16,7 +16,7 @@ use crate::field::Names;
 use crate::schema::state::WorldQuantity;
 use crate::value::{Value, is_same};
 
-pub(crate) use recording::Recording;
+pub(crate) use recording::{Recording, RecordingError};
 
 /// A compiled variable.
 #[derive(Clone, Debug)]
@@ -195,10 +195,7 @@ impl State {
     pub(crate) fn set(&mut self, name: &str, value: Value) -> Result<(), String> {
         let Some(index) = self.find(name) else {
             let known: Vec<&str> = self.known.iter().map(|one| &*one.name).collect();
-            return Err(format!(
-                "is \"{name}\", expected one of {}",
-                known.join(", ")
-            ));
+            return Err(span::near::expected(name, &known));
         };
         if !matches!(self.known[index].source, Source::Stored) {
             return Err(format!(

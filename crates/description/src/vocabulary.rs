@@ -7,6 +7,7 @@ use crate::field::{Field, Kind};
 use crate::message::{Layout, Message};
 use crate::pattern::{Form, Piece};
 use crate::schema::message::From;
+use crate::state::Source;
 
 /// Words of values without names, and of frames that are no message.
 const PLAIN: [&str; 5] = ["false", "inf", "nan", "true", "unknown message"];
@@ -33,6 +34,13 @@ impl Description {
             }
         }
         (!names.is_empty()).then(|| names.into_iter().collect())
+    }
+
+    /// The names of the variables whose source is the simulated world.
+    pub fn variables_of_world(&self) -> Vec<&str> {
+        let variables = self.variables.iter();
+        let measured = variables.filter(|one| matches!(one.source, Source::World(_)));
+        measured.map(|one| &*one.name).collect()
     }
 
     /// The names of the values of a variable; `None` if it can have other values, or if there is no

@@ -287,6 +287,11 @@ impl Device for Wire {
         }
     }
 
+    fn unframed(&self) -> u64 {
+        let units = self.units.iter().map(|(_, unit)| unit.unframed());
+        units.min().unwrap_or(0)
+    }
+
     fn logs(&self) -> Vec<&BrokenRules> {
         self.units
             .iter()

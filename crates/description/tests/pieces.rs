@@ -255,6 +255,20 @@ fn keys_without_effect_are_refused() {
         let is_wanted = error.contains(&format!("x.toml:{key}")) || key == error;
         assert!(is_wanted && error.lines().count() <= 2, "{error}\n{text}");
     }
+    for (key, value) in [
+        ("start", "[2]"),
+        ("tail", "1"),
+        ("closing", "[0x16]"),
+        ("head", "2"),
+        ("at", "1"),
+    ] {
+        let frame = "sync = [1], length = { at = 1, type = \"u8\", counts = \"payload\" }";
+        let text = text(t, &format!("{frame}, {key} = {value}"), "");
+        let error = Description::parse("x.toml", &text, &|_| Err(String::new()));
+        let error = error.expect_err(key).to_string();
+        let wanted = format!("x.toml:6: frame.{key}: has no effect");
+        assert!(error.contains(&wanted), "{error}");
+    }
     let registers = "name = \"x\"\nabout = \"x\"\nprotocol = \"modbus-rtu\"\nline = { baud = 9600 }\n\
         [registers]\nholding = [{ at = 0, name = \"a\", safe = 0 }]\n";
     let error = Description::parse("x.toml", registers, &|_| Err(String::new()));

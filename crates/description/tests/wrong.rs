@@ -104,7 +104,7 @@ fn mutants_of(value: &Value) -> Vec<Value> {
 
 /// A message contains at least one of these words: the expected value, or the fix.
 const FIXES: [&str; 6] = [
-    "expected",
+    "xpected",
     "missing field",
     "choose",
     "leave",
@@ -226,7 +226,7 @@ fn descriptions_that_cannot_be_are_refused_with_the_reason() {
         .expect_err("unknown")
         .to_string();
     assert!(
-        unread.contains("there is no value \"lod\", expected one of: load, relay"),
+        unread.contains("\"lod\", did you mean \"load\"? Expected one of: load, relay"),
         "{unread}"
     );
 }
@@ -311,6 +311,107 @@ fn all_problems_are_told_at_once() {
             "registers.input[1].type",
             "registers.input[2].type"
         ]
+    );
+}
+
+/// Each key that names something else lists the names that exist, and proposes the nearest one. A
+/// misspelt name has no further error as a consequence.
+#[test]
+fn a_misspelt_name_is_reported_with_the_nearest_one() {
+    let text = "name = \"s\"\nabout = \"s\"\nendian = \"little\"\nline = { baud = 9600 }\n\
+        [frame]\nstuffing = \"cobs\"\n[state]\nheat = { initial = 3 }\n\
+        [enums]\nmode = { 0 = \"idle\" }\n\
+        [[message]]\nname = \"read\"\nfrom = \"host\"\nfields = [{ name = \"tag\", type = \"u8\" }]\n\
+        [[message]]\nname = \"reading\"\nfrom = \"device\"\n\
+        fields = [{ name = \"heat\", type = \"u8\", enum = \"mode\" }, { name = \"all\", type = \"group\", fields = [{ name = \"x\", type = \"u8\" }] }]\n\
+        [[on]]\nmessage = \"read\"\nreply = \"reading\"\nset = { heat = \"tag\" }\n\
+        [[every]]\nperiod = \"1s\"\nsend = \"reading\"\n\
+        [faults.a]\nfreeze = [\"heat\"]\n[faults.b]\nset = { heat = 4 }\n\
+        [faults.c]\nreplace = { reading = \"reading\" }\n";
+    parse(text).expect("sound");
+    let rows = [
+        (
+            "message = \"read\"",
+            "message = \"raed\"",
+            "on[0].message",
+            "read",
+        ),
+        (
+            "reply = \"reading\"",
+            "reply = \"raeding\"",
+            "on[0].reply",
+            "reading",
+        ),
+        (
+            "set = { heat = \"tag\"",
+            "set = { heta = \"tag\"",
+            "on[0].set.heta",
+            "heat",
+        ),
+        ("heat = \"tag\"", "heat = \"tga\"", "on[0].set.heat", "tag"),
+        (
+            "send = \"reading\"",
+            "send = \"readign\"",
+            "every[0].send",
+            "reading",
+        ),
+        (
+            "freeze = [\"heat\"]",
+            "freeze = [\"haet\"]",
+            "faults.a.freeze[0]",
+            "heat",
+        ),
+        (
+            "set = { heat = 4 }",
+            "set = { heta = 4 }",
+            "faults.b.set.heta",
+            "heat",
+        ),
+        (
+            "= \"reading\" }",
+            "= \"readingg\" }",
+            "faults.c.replace.reading",
+            "reading",
+        ),
+        (
+            "enum = \"mode\"",
+            "enum = \"moed\"",
+            "message[1].fields[0].enum",
+            "mode",
+        ),
+        ("\"cobs\"", "\"cosb\"", "frame.stuffing", "cobs"),
+        (
+            "heat = { initial = 3 }",
+            "heat = { source = { csv = { file = \"log.csv\", column = \"uu\" } } }",
+            "state.heat.source.csv.column",
+            "u",
+        ),
+    ];
+    for (right, wrong, key, meant) in rows {
+        let error = parse(&text.replacen(right, wrong, 1)).expect_err(wrong);
+        let problems: Vec<String> = { error.problems.iter() }
+            .map(|one| format!("{}: {}", one.key, one.message))
+            .collect();
+        let problem = problems
+            .iter()
+            .find(|one| one.starts_with(&format!("{key}: ")));
+        let said = problem.map_or("", String::as_str);
+        assert!(
+            said.contains(meant) && said.contains("xpected one of"),
+            "{problems:?}"
+        );
+        let is_near = said.contains(&format!("did you mean \"{meant}\"?"));
+        assert!(is_near || meant.len() < 3, "{problems:?}");
+        assert!(
+            problems.iter().all(|one| !one.contains("does nothing")),
+            "{problems:?}"
+        );
+    }
+    let calc = text.replacen("type = \"group\"", "type = \"group\", calc = \"1\"", 1);
+    let error = parse(&calc).expect_err("no effect").to_string();
+    assert!(
+        error.contains("fields[1].calc: has no effect on a group"),
+        "{error}"
     );
 }
 

@@ -14,7 +14,6 @@
 
 pub mod codec;
 pub mod hex;
-pub mod near;
 pub mod picture;
 mod registry;
 pub mod rig;
@@ -26,6 +25,7 @@ pub mod workers;
 
 pub use registry::NameTaken;
 pub use shared::Shared;
+pub use span::near;
 
 /// Name of the tool as written into results.
 pub const TOOL: &str = "hilrig";

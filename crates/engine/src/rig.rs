@@ -48,6 +48,7 @@ use node::{AT_ONCE, Body, Node, Outside};
 pub use node::{AnyDevice, Program};
 pub use paced::{Paced, Rigs};
 pub use preview::Arrival;
+pub use violations::NO_FRAME;
 
 /// A connection between two nodes, or a node and the outside.
 #[derive(Clone, Debug)]

@@ -49,8 +49,8 @@ pub use device::{
 };
 pub use drives::DrivesSpec;
 pub use fault::{
-    AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, WhenSpec,
-    catalogue as fault_catalogue,
+    AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, RegisterName,
+    WhenSpec, catalogue as fault_catalogue,
 };
 pub use golden::{GoldenSpec, Walls};
 pub use maze::MazeSpec;

@@ -1,4 +1,6 @@
-//! Durations in files and on command lines.
+//! Durations and names in files and on command lines.
+
+pub mod near;
 
 use core::fmt;
 use core::time::Duration;

@@ -191,7 +191,11 @@ fn keys_that_mean_nothing_together_are_refused() {
     );
     said(
         "every = \"1s\"",
-        "9: fault[0].every: expected at least 100us, and at least lasting",
+        "5: fault[0].lasting: is missing, every needs it: the duration of each repetition",
+    );
+    said(
+        "every = \"1s\"\nlasting = \"2s\"",
+        "9: fault[0].every: is 1s, expected at least 2s",
     );
     said(
         "count = 3",
@@ -206,4 +210,37 @@ fn keys_that_mean_nothing_together_are_refused() {
         "device = \"lidar\"",
         "9: fault[0].device: has no effect on cut, expected link, direction or a time",
     );
+}
+
+/// A name that a fault or a rule names is reported at its own key, with the known names: faults of
+/// a device, registers and variables, and rules of the log.
+#[test]
+fn names_of_a_described_device_are_reported_at_their_key() {
+    let device = "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                  device.sensor = { description = \"cobs-sensor\" }\n";
+    let refused = |rest: &str| {
+        let (scenario, source) = Scenario::from_text(&format!("{device}{rest}\n")).expect("read");
+        let run = Run::new(scenario, &source, None);
+        run.err().map(|error| error.to_string()).unwrap_or_default()
+    };
+    let fault = "[[fault]]\ndevice = \"sensor\"\n";
+    let said = refused(&format!("{fault}kind = \"device\"\nfault = \"offf\""));
+    assert!(
+        said.contains("fault[0].fault: is \"offf\", did you mean \"off\"?"),
+        "{said}"
+    );
+    let cut = "[[fault]]\nkind = \"cut\"\nlink = \"sensor\"\ndirection = \"to-master\"\n\
+               lasting = \"1s\"\n";
+    let when = |name: &str| {
+        format!("{cut}when = {{ device = \"sensor\", register = {name}, at_least = 20.5 }}")
+    };
+    assert_eq!(refused(&when("\"temperature\"")), "");
+    let said = refused(&when("\"temprature\""));
+    assert!(
+        said.contains("\"temprature\", did you mean \"temperature\"?"),
+        "{said}"
+    );
+    let rule = "[[expect.rule]]\nname = \"r\"\nnever = { event = { source = \"sensor\", rule = ";
+    let said = refused(&format!("{rule}\"unknown-mesage\" }} }}"));
+    assert!(said.contains("did you mean \"unknown-message\"?"), "{said}");
 }

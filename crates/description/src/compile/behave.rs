@@ -86,8 +86,8 @@ impl Compiler<'_> {
                 self.wrong(format!("{key}.violation"), message);
             }
         }
-        let does = !deed.send.is_empty()
-            || !deed.set.is_empty()
+        let does = !spec.reply.0.is_empty()
+            || !spec.set.is_empty()
             || write.is_some()
             || spec.violation.is_some()
             || spec.busy.is_some()
@@ -127,7 +127,7 @@ impl Compiler<'_> {
                 with: &spec.with,
             };
             let deed = self.deed(&key, "send", parts, &[], messages);
-            if deed.send.is_empty() && deed.set.is_empty() {
+            if spec.send.0.is_empty() && spec.set.is_empty() {
                 self.wrong(&key, "does nothing, expected \"send\" or \"set\"");
             }
             all.push(Every {
@@ -162,7 +162,7 @@ impl Compiler<'_> {
             };
             let request = &fields_of(trigger, messages);
             let deed = self.deed(&key, "send", parts, request, messages);
-            if deed.send.is_empty() && deed.set.is_empty() {
+            if spec.send.0.is_empty() && spec.set.is_empty() {
                 self.wrong(&key, "does nothing, expected \"send\" or \"set\"");
             }
             all.push(After {
@@ -375,7 +375,12 @@ impl Compiler<'_> {
             let expr = self.expr(&key, &plain.expression(), &is_known, &names);
             match index_of(variable) {
                 Some(index) => set.push((index, expr)),
-                None => self.wrong(&key, format!("there is no variable \"{variable}\"")),
+                None => {
+                    let known = self.variable_names();
+                    let message =
+                        format!("there is no variable \"{variable}\", expected one of: {known}");
+                    self.wrong(&key, message);
+                }
             }
         }
         let mut freeze = Vec::new();
@@ -397,9 +402,9 @@ impl Compiler<'_> {
             let to = self.message_index(&key, to, From::Device, messages);
             replace.extend(from.zip(to));
         }
-        let does = !set.is_empty()
-            || !freeze.is_empty()
-            || !replace.is_empty()
+        let does = !spec.set.is_empty()
+            || !spec.freeze.is_empty()
+            || !spec.replace.is_empty()
             || spec.late.is_some()
             || spec.mute
             || spec.bad_checksum

@@ -250,6 +250,12 @@ impl Compiler<'_> {
             .condition
             .as_ref()
             .map(|text| self.expr_of_fields(&format!("{key}.if"), text, Some(&earlier)));
+        let is_container = matches!(kind, Kind::Group(_) | Kind::Switch { .. } | Kind::Pad(_));
+        if calc.is_some() && is_container {
+            let message = "has no effect on a group, a switch or a pad, expected it at a field \
+                           in it";
+            self.wrong(format!("{key}.calc"), message);
+        }
         if constant.is_some() && calc.is_some() {
             self.wrong(key, "has \"value\" and \"calc\", expected one of them");
         }

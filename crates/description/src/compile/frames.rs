@@ -83,6 +83,7 @@ impl Compiler<'_> {
                 "the end is marked, expected \"start\" instead",
             );
         }
+        self.check_keys(key, spec, is_marked);
         let end = match (&cut, &spec.end) {
             (Cut::Marked { .. }, _) => self.closing(key, spec),
             (_, None) => Vec::new(),
@@ -118,6 +119,35 @@ impl Compiler<'_> {
         }
         self.finish_length(key, spec, &mut framing);
         framing
+    }
+
+    /// Records errors for keys of another kind of frame.
+    fn check_keys(&mut self, key: &str, spec: &FrameSpec, is_marked: bool) {
+        let is_computed = matches!(spec.size, Some(SizeSpec::Expression(_)));
+        let marked = "only a frame with an end marker has it";
+        let computed = "only an expression in \"size\" reads these bytes";
+        let sizes = "only \"sizes\" reads this byte";
+        for (name, is_given, is_used, why) in [
+            ("start", spec.start.is_some(), is_marked, marked),
+            ("tail", spec.tail.is_some(), is_marked, marked),
+            ("closing", spec.closing.is_some(), is_marked, marked),
+            ("head", spec.head.is_some(), is_computed, computed),
+            ("at", spec.at.is_some(), !spec.sizes.is_empty(), sizes),
+        ] {
+            if is_given && !is_used {
+                let hint = match name {
+                    "start" => "; expected \"sync\" for the first bytes",
+                    "tail" | "closing" => {
+                        "; expected \"end\" for the last byte, or constant fields"
+                    }
+                    _ => "; leave it out",
+                };
+                self.wrong(
+                    format!("{key}.{name}"),
+                    format!("has no effect: {why}{hint}"),
+                );
+            }
+        }
     }
 
     /// The last bytes of the tail of a marked frame.

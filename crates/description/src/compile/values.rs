@@ -11,7 +11,7 @@ use crate::registers::{Cell, CellKind, Registers, Table};
 use crate::schema::short::{Plain, Short};
 use crate::schema::state::{Access, RegisterSpec, RegistersSpec, SourceSpec, StateSpec};
 use crate::schema::wire::Endian;
-use crate::state::{Recording, Source, Variable};
+use crate::state::{Recording, RecordingError, Source, Variable};
 use crate::value::Value;
 use span::Span;
 
@@ -122,18 +122,27 @@ impl Compiler<'_> {
                 column,
                 repeats,
             } => {
-                let text = (self.files)(file);
-                let recording = text.and_then(|text| Recording::parse(&text, column));
-                match recording {
-                    Ok(recording) => Source::Recorded {
-                        recording: Arc::new(recording),
-                        repeats: *repeats,
-                    },
+                let text = match (self.files)(file) {
+                    Ok(text) => text,
                     Err(message) => {
-                        self.wrong(&key, format!("{file}: {message}"));
-                        Source::Stored
+                        let message =
+                            format!("{message}; expected a CSV file beside the description");
+                        self.wrong(format!("{key}.csv.file"), message);
+                        return Source::Stored;
                     }
-                }
+                };
+                let (key, message) = match Recording::parse(&text, column) {
+                    Ok(recording) => {
+                        return Source::Recorded {
+                            recording: Arc::new(recording),
+                            repeats: *repeats,
+                        };
+                    }
+                    Err(RecordingError::Column(message)) => (format!("{key}.csv.column"), message),
+                    Err(RecordingError::Contents(message)) => (format!("{key}.csv.file"), message),
+                };
+                self.wrong(key, format!("{file}: {message}"));
+                Source::Stored
             }
             SourceSpec::World(quantity) => Source::World(*quantity),
         }

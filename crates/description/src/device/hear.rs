@@ -217,6 +217,7 @@ impl Doer<'_> {
 
     /// Processes a frame, behind which the decoder has `behind` bytes already.
     fn frame(&mut self, at: Instant, frame: &Frame, behind: usize) {
+        self.device.has_framed = true;
         if !self.device.place.is_alone && self.knows(frame) {
             self.device.heard.know(frame.bytes.len(), behind);
         }

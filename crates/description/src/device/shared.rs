@@ -40,6 +40,11 @@ impl Heard {
         self.passed += count as u64;
     }
 
+    /// Number of bytes that passed the device.
+    pub(super) const fn passed(&self) -> u64 {
+        self.passed
+    }
+
     /// Records a frame of `len` bytes that the device knows; `behind` bytes passed after it.
     pub(super) fn know(&mut self, len: usize, behind: usize) {
         let end = self.passed.saturating_sub(behind as u64);

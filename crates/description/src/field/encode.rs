@@ -121,8 +121,10 @@ impl Encoding {
                         }
                         // A single value is repeated for each element.
                         one => {
+                            let has_value =
+                                is_known || field.calc.is_some() || field.constant.is_some();
                             let count = match size {
-                                Size::Rest => usize::from(is_known),
+                                Size::Rest => usize::from(has_value),
                                 size => size.of(scope, 0).unwrap_or(1),
                             };
                             vec![one.clone(); count]

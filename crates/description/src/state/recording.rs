@@ -4,24 +4,40 @@
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Recording(Vec<(f64, f64)>);
 
+/// Error in a CSV file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum RecordingError {
+    /// The column does not exist; with those that do.
+    Column(String),
+    /// The contents are wrong; with the line.
+    Contents(String),
+}
+
+impl From<String> for RecordingError {
+    fn from(message: String) -> Self {
+        Self::Contents(message)
+    }
+}
+
 impl Recording {
     /// Reads the column `column` of `text`. The first line names the columns; the first column is
     /// the time in seconds.
     ///
     /// # Errors
-    /// If the column is missing, or a cell is not a number; with the line.
-    pub(crate) fn parse(text: &str, column: &str) -> Result<Self, String> {
+    /// If the column is missing, or a cell is not a number.
+    pub(crate) fn parse(text: &str, column: &str) -> Result<Self, RecordingError> {
         let mut lines = (1..)
             .zip(text.lines())
             .filter(|(_, line)| !line.trim().is_empty());
         let (_, head) = lines
             .next()
-            .ok_or("the file is empty, expected a line with names")?;
+            .ok_or_else(|| "the file is empty, expected a line with names".to_owned())?;
         let names: Vec<_> = head.split(',').map(str::trim).collect();
         let at = names.iter().skip(1).position(|name| *name == column);
         let at = 1 + at.ok_or_else(|| {
             let names = names.get(1..).unwrap_or_default().join(", ");
-            format!("there is no column \"{column}\", expected one of {names}")
+            let message = format!("there is no column \"{column}\", expected one of: {names}");
+            RecordingError::Column(message)
         })?;
         let mut points: Vec<(f64, f64)> = Vec::new();
         for (number, line) in lines {
@@ -33,15 +49,13 @@ impl Recording {
             };
             let point = (cell(0)?, cell(at)?);
             if points.last().is_some_and(|(before, _)| *before >= point.0) {
-                return Err(format!(
-                    "line {number}: time {} is not later than before",
-                    point.0
-                ));
+                let message = format!("line {number}: time {} is not later than before", point.0);
+                return Err(message.into());
             }
             points.push(point);
         }
         match points.is_empty() {
-            true => Err("expected at least one line of numbers".to_owned()),
+            true => Err("expected at least one line of numbers".to_owned().into()),
             false => Ok(Self(points)),
         }
     }
@@ -73,10 +87,12 @@ mod tests {
         );
         // The recording has a period of two seconds.
         assert_eq!([read(2.5, true), read(3.5, true)], [2.0, 3.0]);
-        let error = |text, column| Recording::parse(text, column).expect_err("wrong");
+        let error = |text, column| match Recording::parse(text, column).expect_err("wrong") {
+            RecordingError::Column(message) | RecordingError::Contents(message) => message,
+        };
         assert_eq!(
             error("time,u\n0,1", "x"),
-            "there is no column \"x\", expected one of u"
+            "there is no column \"x\", expected one of: u"
         );
         assert_eq!(error("time,u\n0,a", "u"), "line 2: \"a\" is no number");
         assert_eq!(

@@ -229,6 +229,14 @@ impl Node {
         }
     }
 
+    /// See [`Device::unframed`].
+    pub(super) fn unframed(&self) -> u64 {
+        match &self.body {
+            Body::Device(device) => device.unframed(),
+            Body::Program { .. } | Body::Outside(_) => 0,
+        }
+    }
+
     /// The logs of its device that keep each moment.
     pub(super) fn logs(&self) -> Vec<&BrokenRules> {
         match &self.body {

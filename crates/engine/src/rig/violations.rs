@@ -5,6 +5,11 @@ use protocols::Instant;
 
 use super::Rig;
 
+/// No frame was among the bytes that a device received.
+pub const NO_FRAME: &str = "no-frame";
+/// Number of received bytes that count as a frame.
+const FRAME: u64 = 16;
+
 impl Rig {
     /// Whether anything could break a rule of a device: a program runs in the rig, or a device has
     /// [received](Self::was_heard) a byte.
@@ -34,7 +39,8 @@ impl Rig {
     }
 
     /// The rules that masters broke, with those of devices that do not count them: their entries in
-    /// the log.
+    /// the log. [`NO_FRAME`] stands for the bytes of a device that found no frame among them: one
+    /// for each 16 bytes.
     pub fn all_broken_rules(&self) -> Vec<(String, &'static str, u64)> {
         let counted = self.broken_rules();
         let mut broken: Vec<_> = counted
@@ -53,6 +59,12 @@ impl Rig {
             {
                 Some((.., count)) => *count += 1,
                 None => broken.push((source.clone(), rule, 1)),
+            }
+        }
+        for node in &self.nodes {
+            let count = node.unframed().div_ceil(FRAME);
+            if count > 0 {
+                broken.push((node.name.clone(), NO_FRAME, count));
             }
         }
         broken

@@ -348,9 +348,10 @@ impl Moment<'_> {
         let device = self.devices.get(source);
         let kind = device.map(DeviceSpec::kind);
         let declared = device.and_then(DeviceSpec::events);
-        match log_rules::unknown(kind, declared, &event.rule) {
-            Some(message) if !self.is_own_rule(event) => Err(Flaw::new("rule", message)),
-            _ => Ok(()),
+        let own = device.map_or(Vec::new(), |device| device.own_rules(self.rig, source));
+        match log_rules::unknown(kind, &own, declared, &event.rule) {
+            Some(message) => Err(Flaw::new("rule", message)),
+            None => Ok(()),
         }
     }
 

@@ -167,18 +167,20 @@ fn all_of(kind: Option<&str>) -> Option<&'static [&'static str]> {
     }
 }
 
-/// A message with the expected names, if a device of the kind `kind`, or with the `declared`
-/// events, cannot log `rule`, and neither can the rig in its name.
+/// A message with the expected names, if a device of the kind `kind`, with its `own_rules` or with
+/// the `declared` events, cannot log `rule`, and neither can the rig in its name.
 pub(crate) fn unknown(
     kind: Option<&str>,
+    own_rules: &[&str],
     declared: Option<&[String]>,
     rule: &str,
 ) -> Option<String> {
     let declared: Option<Vec<&str>> =
         declared.map(|declared| declared.iter().map(String::as_str).collect());
-    let own = declared.as_deref().or_else(|| all_of(kind))?;
+    let of_kind = declared.as_deref().or_else(|| all_of(kind))?;
+    let own = [own_rules, of_kind].concat();
     let is_known = own.contains(&rule) || OF_OTHERS.contains(&rule);
-    (!is_known).then(|| near::expected(rule, own))
+    (!is_known).then(|| near::expected(rule, &own))
 }
 
 /// Knowledge of `rule` for a device of the kind `kind`.
@@ -228,16 +230,22 @@ mod tests {
     #[test]
     fn an_unknown_rule_is_told_with_the_known_ones() {
         let declared = ["tare-lost".to_owned(), "overload".to_owned()];
-        let of_program = |rule| unknown(Some("program"), Some(&declared), rule);
+        let of_program = |rule| unknown(Some("program"), &[], Some(&declared), rule);
         assert_eq!(of_program("overload"), None);
         assert_eq!(of_program("port-opened"), None);
         let message = of_program("overlaod").expect("misspelt");
         assert!(message.contains("did you mean \"overload\"?"), "{message}");
-        assert_eq!(unknown(Some("program"), None, "overlaod"), None);
-        assert_eq!(unknown(None, None, "overlaod"), None);
-        assert_eq!(unknown(Some("text"), None, "unknown-request"), None);
-        let message = unknown(Some("text"), None, "wieght").expect("no rule of it");
+        assert_eq!(unknown(Some("program"), &[], None, "overlaod"), None);
+        assert_eq!(unknown(None, &[], None, "overlaod"), None);
+        assert_eq!(unknown(Some("text"), &[], None, "unknown-request"), None);
+        let message = unknown(Some("text"), &[], None, "wieght").expect("no rule of it");
         assert!(message.contains("unknown-request"), "{message}");
+        let message = unknown(Some("description"), &["overload"], None, "overlaod");
+        let message = message.expect("misspelt");
+        assert!(
+            message.contains("\"overload\"? Expected one of overload, bad-"),
+            "{message}"
+        );
     }
 
     fn read(folder: &Path, into: &mut String) {

@@ -17,7 +17,7 @@ use crate::rig::line::Direction;
 
 pub use catalogue::catalogue;
 pub use kind::{FaultKind, FaultPlace};
-pub use when::WhenSpec;
+pub use when::{RegisterName, WhenSpec};
 
 /// Settings of a link.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -28,7 +28,7 @@ pub struct LinkSpec {
     #[serde(default)]
     pub latency: Span,
     /// USB adapter at the client's end of the link: it groups and splits the bytes that a client
-    /// reads. It has no effect in virtual time.
+    /// reads, also in virtual time (`--virtual`); it has no effect on a robot's own program.
     #[serde(default, skip_serializing_if = "AdapterSpec::is_direct")]
     pub adapter: AdapterSpec,
 }
@@ -222,6 +222,11 @@ impl FaultSpec {
     /// Whether the fault waits for a condition before it begins.
     pub const fn waits_for_condition(&self) -> bool {
         self.when.is_some() || self.begins_when.is_some()
+    }
+
+    /// Whether the fault begins with a byte or a frame of its line.
+    pub const fn waits_for_trigger(&self) -> bool {
+        self.at_byte.is_some() || self.at_frame.is_some()
     }
 
     /// The condition that it waits for before it begins.

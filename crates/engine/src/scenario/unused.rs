@@ -272,6 +272,32 @@ impl Warnings<'_> {
                     self.at(span, format!("device.{name}.source"), message);
                 }
             }
+            #[cfg(feature = "described")]
+            self.of_description(name, spec);
+        }
+    }
+}
+
+#[cfg(feature = "described")]
+impl Warnings<'_> {
+    /// Variables of a described device that measure the world. A description that cannot be read
+    /// is an error elsewhere.
+    fn of_description(&mut self, name: &str, spec: &super::DeviceSpec) {
+        let units = spec.settings::<super::device::description::DescriptionSpec>();
+        let base = self.source.path.parent().unwrap_or_else(|| ".".as_ref());
+        for unit in units.into_iter().flat_map(|spec| &spec.0) {
+            let Ok(description) = unit.load(base) else {
+                continue;
+            };
+            let measured = description.variables_of_world();
+            if !measured.is_empty() {
+                let message = format!(
+                    "its variables {} have the source \"world\", but there is no robot to measure \
+                     (robot = \"none\"): they stay as at rest in an empty world",
+                    measured.join(", ")
+                );
+                self.add(name, format!("device.{name}.description"), &message);
+            }
         }
     }
 }

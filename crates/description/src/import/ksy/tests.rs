@@ -216,9 +216,38 @@ fn a_draft_decodes_a_frame_of_the_structure() {
             "line 6: meta.license: has no counterpart",
             "line 39: types.reading.instances.mean: is computed or at another position",
             "line 16: seq.body.kinds::reading.size: the fields of the type must fill it",
-            "line 17: seq.body.type: a frame with another value is an unknown message",
+            "line 17: seq.body.type: a frame with another value and a size above 0 is an unknown message",
         ]
     );
+}
+
+/// In Kaitai Struct, a field whose value has no case has no bytes, or its bytes without a type. The
+/// frames that the device of the draft sends, with 0 in each field, are messages of the draft.
+#[test]
+fn a_frame_without_a_case_of_its_value_is_a_message() {
+    for size in ["", "    size: 2\n"] {
+        let text = format!(
+            "meta:\n  id: probe\n  endian: le\nseq:\n  - id: kind\n    type: u1\n    enum: kinds\n  \
+             - id: body\n{size}    type:\n      switch-on: kind\n      cases:\n        \
+             'kinds::a': s2\n  - id: tail\n    type: u1\nenums:\n  kinds:\n    1: a\n"
+        );
+        let draft = drafted(&text);
+        let nothing = |_: &str| Err(String::new());
+        let of = Description::parse("probe", &draft.text, &nothing).expect("a draft");
+        let message = &of.messages()[0];
+        assert!(draft.text.contains("\"switch\""), "{}", draft.text);
+        let frame = of.frame(message, &Record::default()).expect("it fits");
+        let mut cutter = of.cutter();
+        let mut found: Vec<_> = protocols::Decode::push(&mut cutter, &frame)
+            .flatten()
+            .collect();
+        protocols::Decode::idle(&mut cutter);
+        found.extend(protocols::Decode::push(&mut cutter, &[]).flatten());
+        let [frame] = &found[..] else {
+            panic!("{found:?}");
+        };
+        assert!(of.message(frame, From::Device).is_some(), "{}", draft.text);
+    }
 }
 
 /// Keys without a counterpart are reported with line and key. From a field that needs one, the

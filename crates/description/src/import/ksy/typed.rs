@@ -163,14 +163,27 @@ impl<'a> Reader<'a> {
         if cases.is_empty() {
             return Err(refused("has no cases"));
         }
-        if !has_other && (node.get("size").is_some() || node.get("size-eos").is_some()) {
-            match is_last {
-                true => cases.push(format!("_ = [{}]", Made::bytes(&id).named().inline())),
-                false => {
-                    let why = "a frame with another value is an unknown message";
+        if !has_other {
+            let is_sized = node.get("size").is_some() || node.get("size-eos").is_some();
+            let fixed = match is_sized {
+                true => size_of(&self.size(level, node, path)?.1),
+                false => Some(0),
+            };
+            // In Kaitai Struct, a field with another value has its bytes without a type, or none.
+            let other = match fixed {
+                Some(0) => String::new(),
+                Some(_) => self
+                    .sized(level, node, ("bytes", &id), path)?
+                    .named()
+                    .inline(),
+                None if is_last => Made::bytes(&id).named().inline(),
+                None => {
+                    let why = "a frame with another value and a size above 0 is an unknown message";
                     self.leave_out(kind, &format!("{path}.type"), why);
+                    String::new()
                 }
-            }
+            };
+            cases.push(format!("_ = [{other}]"));
         }
         let keys = vec![
             "type = \"switch\"".to_owned(),

@@ -98,7 +98,10 @@ impl FaultSpec {
             return Err(Flaw::new(key, message));
         }
         if let Some(when) = &self.when {
-            when.condition()?;
+            let condition = when.condition()?;
+            condition
+                .check()
+                .map_err(|flaw| Flaw::new("when", flaw.message))?;
         }
         for (key, condition) in self.conditions() {
             let flawed = |flaw: Flaw| Flaw::new(key, format!("{}: {}", flaw.key, flaw.message));
@@ -110,8 +113,13 @@ impl FaultSpec {
         }
         match (self.every, self.lasting) {
             (Some(every), Some(lasting)) if EVERY_MIN <= every.0 && lasting <= every => {}
-            (Some(_), _) => {
-                let message = "expected at least 100us, and at least lasting";
+            (Some(_), None) => {
+                let message = "is missing, every needs it: the duration of each repetition";
+                return Err(Flaw::new("lasting", message));
+            }
+            (Some(every), Some(lasting)) => {
+                let least = lasting.max(Span(EVERY_MIN));
+                let message = format!("is {every}, expected at least {least}");
                 return Err(Flaw::new("every", message));
             }
             (None, _) if matches!(self.kind, FaultKind::Clog | FaultKind::Intermittent) => {

@@ -129,11 +129,20 @@ impl Rig {
                     FaultKind::Device => of_its_own()?,
                     _ => kind.name(),
                 };
-                Ok(vec![self.ailment("device", name, what, fault.factor)?])
+                let key = match kind {
+                    FaultKind::Device => "fault",
+                    _ => "kind",
+                };
+                Ok(vec![self.ailment(
+                    ["device", key],
+                    name,
+                    what,
+                    fault.factor,
+                )?])
             }
             _ => {
                 let devices = fault.devices.iter().flatten();
-                let off = devices.map(|name| self.ailment("devices", name, "off", None));
+                let off = devices.map(|name| self.ailment(["devices"; 2], name, "off", None));
                 off.collect()
             }
         }
@@ -185,9 +194,10 @@ impl Rig {
         })
     }
 
+    /// The fault of the device `name`. The keys are those of the device's name and of the fault.
     fn ailment(
         &self,
-        key: &'static str,
+        [key, of_fault]: [&'static str; 2],
         name: &str,
         fault: &str,
         figure: Option<f64>,
@@ -196,7 +206,7 @@ impl Rig {
         // A node program that does not answer its first message fails the run by itself.
         if !known.contains(&fault) && !self.is_lost(name) {
             let message = format!("{} (faults of {name})", near::expected(fault, known));
-            return Err(Flaw::new(key, message));
+            return Err(Flaw::new(of_fault, message));
         }
         if let Some(figure) = figure.filter(|figure| !(-1e6..=1e6).contains(figure)) {
             let message = format!("is {figure}, expected -1000000 to 1000000");

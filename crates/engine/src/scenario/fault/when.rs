@@ -13,21 +13,31 @@ pub struct WhenSpec {
     /// Name of the device with the register.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub device: Option<String>,
-    /// Number of the register, 0 to 255.
+    /// Number of the register, or its name; of a described device also the name of a variable.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub register: Option<u8>,
-    /// The register has this value, 0 to 255.
+    pub register: Option<RegisterName>,
+    /// The register has this value: a number, a text, true or false.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub equals: Option<u8>,
-    /// The register has at least this value, 0 to 255.
+    pub equals: Option<Operand>,
+    /// The register has at least this value, a number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub at_least: Option<u8>,
+    pub at_least: Option<Operand>,
     /// The robot is near this point, metres.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub near_m: Option<[f64; 2]>,
     /// Maximum distance, metres, more than 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_m: Option<f64>,
+}
+
+/// A register by its number or by its name.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected the number or the name of a register")]
+pub enum RegisterName {
+    /// Its number.
+    Number(u32),
+    /// Its name.
+    Name(String),
 }
 
 impl WhenSpec {
@@ -48,19 +58,23 @@ impl WhenSpec {
     pub fn condition(&self) -> Result<Condition, Flaw> {
         let expected = "expected device, register and equals or at_least, or near_m and within_m";
         let flaw = || Flaw::new("when", expected);
-        match (&self.device, self.register, self.near_m, self.within_m) {
+        match (&self.device, &self.register, self.near_m, self.within_m) {
             (Some(device), Some(register), None, None) => {
-                let (op, value) = match (self.equals, self.at_least) {
+                let (op, value) = match (&self.equals, &self.at_least) {
                     (Some(value), None) => (Op::Equal, value),
                     (None, Some(least)) => (Op::AtLeast, least),
                     _ => return Err(flaw()),
                 };
+                let (address, name) = match register {
+                    RegisterName::Number(number) => (Some(*number), None),
+                    RegisterName::Name(name) => (None, Some(name.clone())),
+                };
                 Ok(Condition::Register(RegisterCondition {
                     device: device.clone(),
-                    address: Some(register.into()),
-                    name: None,
+                    address,
+                    name,
                     op,
-                    value: Operand::Number(value.into()),
+                    value: value.clone(),
                 }))
             }
             (None, None, Some(near_m), Some(within_m))

@@ -47,14 +47,20 @@ pub fn expected(name: &str, known: &[&str]) -> String {
     }
 }
 
-/// A message that ends with `"name", expected one of: a, b`, with the name that was probably meant.
+/// A message with a list of names, such as `"name", expected one of: a, b`, with the name that was
+/// probably meant. Further words may follow behind `; `.
 pub fn with_meant(message: &str) -> String {
     let named = || {
-        let (before, all) = message.split_once("\", expected one of: ")?;
-        let known: Vec<&str> = all.split(", ").collect();
-        let meant = meant(before.rsplit('"').next()?, &known)?;
+        let (before, all) = message.split_once(", expected one of")?;
+        let list = all.trim_start_matches([':', ' ']);
+        let list = list.split_once("; ").map_or(list, |(list, _)| list);
+        let known: Vec<&str> = list
+            .split(", ")
+            .map(|name| name.trim_matches('`'))
+            .collect();
+        let meant = meant(before.rsplit(['"', '`']).nth(1)?, &known)?;
         Some(format!(
-            "{before}\", did you mean \"{meant}\"? Expected one of: {all}"
+            "{before}, did you mean \"{meant}\"? Expected one of{all}"
         ))
     };
     named().unwrap_or_else(|| message.to_owned())
@@ -103,6 +109,27 @@ mod tests {
         for (name, expected) in rows {
             assert_eq!(meant(name, &known), expected, "{name}");
         }
+    }
+
+    #[test]
+    fn a_message_names_the_value_that_was_meant() {
+        let said = "\"wieght + 1\": there is no value \"wieght\", expected one of: weight, x";
+        let said = with_meant(said);
+        let end = "value \"wieght\", did you mean \"weight\"? Expected one of: weight, x";
+        assert!(said.ends_with(end), "{said}");
+        let said = "no message \"red\" of the driver, expected one of read, x; see help";
+        let said = with_meant(said);
+        assert!(
+            said.contains("did you mean \"read\"? Expected one of read, x;"),
+            "{said}"
+        );
+        let said = with_meant("unknown variant `cosb`, expected one of `slip`, `cobs`");
+        assert!(
+            said.contains("did you mean \"cobs\"? Expected one of `slip`"),
+            "{said}"
+        );
+        let other = "is \"speed\", expected one of a, b";
+        assert_eq!(with_meant(other), other);
     }
 
     /// A name with another part is proposed, but it is no misspelling: it may be a name of its own.
