@@ -39,6 +39,25 @@ fn who_is_killed_by_a_signal_fails_and_the_signal_is_named() {
     ended.assert_is_failure();
 }
 
+/// A crash in the handler of SIGTERM is an error of the program; its exit code there is not.
+#[test]
+fn who_crashes_when_it_is_told_to_end_fails() {
+    for (name, how, fails) in [
+        ("last-crash", "os.abort()", true),
+        ("last-code", "os._exit(7)", false),
+    ] {
+        let python = format!(
+            "signal.signal(signal.SIGTERM, lambda *_: {how})\nfd = port()\nwhile True:\n    \
+             os.read(fd, 1)\n"
+        );
+        let ended = Bench::new(name, "2s", &python).run(&["--virtual"]);
+        let failed = ended.failed();
+        assert_eq!(failed == ["program-alive"], fails, "{}", ended.said);
+        let cause = "probable cause: the program crashed while it ended, after SIGTERM: SIGABRT";
+        assert_eq!(ended.said.contains(cause), fails, "{}", ended.said);
+    }
+}
+
 /// A test of a device is such a program: it sends requests, compares the replies and ends.
 #[test]
 fn who_may_end_passes_with_code_0_and_fails_without_leave() {

@@ -21,6 +21,7 @@ use crate::error::NodeError;
 use crate::host::{BYTES_MAX, Host};
 use crate::intern::forever;
 use crate::message::{Input, Item, Output};
+use crate::process::last_words;
 pub use crate::slowness::{SLOW, Slowness, Stopwatch};
 use crate::spec::{NodeSpec, line_of};
 use crate::typed::Listener;
@@ -224,18 +225,18 @@ impl NodeDevice {
     /// Logs once that the program has ended.
     fn note_failure(&mut self) {
         self.inbox.clear();
-        self.next = None;
-        self.listener = None;
+        (self.next, self.listener) = (None, None);
         for port in &mut self.ports {
             port.clear();
         }
         if let Some(error) = self.error().filter(|_| !self.has_failed) {
             self.has_failed = true;
+            let words = last_words(&self.said()).map(|line| format!("; its last words: {line}"));
             self.events.push(Event {
                 at: self.now,
                 kind: EventKind::Note,
                 rule: FAILED,
-                detail: format!("the node program {error}"),
+                detail: format!("the node program {error}{}", words.unwrap_or_default()),
                 bytes: Vec::new(),
             });
         }

@@ -52,6 +52,7 @@ use inputs::Inputs;
 pub use lateness::LATE;
 pub use lateness::Lateness;
 use losses::Losses;
+pub(crate) use place::Openings;
 pub use place::{Place, Sign, Traffic};
 pub use port_report::PortReport;
 use spread::Spread;
@@ -325,10 +326,15 @@ impl<C: Clock> Realtime<C> {
         self.ports[index].end.robot
     }
 
-    /// Bytes that were brought to the client of the port `index` so far, and whether there is one.
-    pub(crate) fn state(&self, index: usize) -> (u64, bool) {
+    /// Bytes that were brought to the client of the port `index` so far, the number of openings, and
+    /// whether a client is there.
+    pub(crate) fn state(&self, index: usize) -> (u64, Openings) {
         let port = &self.ports[index];
-        (port.traffic.to_client, port.is_open)
+        let openings = Openings {
+            count: port.openings,
+            is_open: port.is_open,
+        };
+        (port.traffic.to_client, openings)
     }
 
     /// Bytes of the client of the port `index` that the line has not taken.

@@ -77,7 +77,26 @@ impl Ended {
             (None, code) => Self::Code(code.unwrap_or_default()),
         }
     }
+
+    /// The end of a program that got SIGTERM, for the system's status of its first process and those
+    /// of all its processes. A shell that started the program ends by the signal: a crash of
+    /// another process counts then.
+    pub(crate) fn when_asked(first: i32, all: &[i32]) -> Self {
+        let of = |status: &i32| Self::of(ExitStatus::from_raw(*status));
+        let crash = all.iter().map(of).find(|ended| ended.is_crash());
+        let first = of(&first);
+        crash.filter(|_| first == Self::Signal(15)).unwrap_or(first)
+    }
+
+    /// Whether the system ended the program because of an error in it, or the program aborted.
+    pub(crate) fn is_crash(self) -> bool {
+        matches!(self, Self::Signal(signal) if CRASHES.contains(&signal))
+    }
 }
+
+/// Numbers of SIGILL, SIGTRAP, SIGABRT, SIGBUS, SIGFPE, SIGSEGV and SIGSYS on most processors of
+/// Linux.
+const CRASHES: [i32; 7] = [4, 5, 6, 7, 8, 11, 31];
 
 /// Signals that end programs, by their numbers on most processors of Linux.
 const SIGNALS: [(i32, &str); 12] = [
@@ -116,6 +135,9 @@ pub struct Farewell {
     pub left: Vec<Left>,
     /// Whether the program itself ignored SIGTERM.
     pub was_killed: bool,
+    /// The end of each program after SIGTERM, in the order in which they were started; `None` if it
+    /// ended before.
+    pub ends: Vec<Option<Ended>>,
 }
 
 /// A running program. It is ended when dropped.
@@ -221,7 +243,9 @@ impl Process {
     /// Ends the program and its child processes: first by SIGTERM, then by SIGKILL. No process of
     /// its group is left afterwards.
     pub fn end(mut self, patience: Patience) -> Farewell {
+        let was_running = self.ended().is_none();
         let (left, was_killed) = self.stop(patience);
+        let end = self.ended.filter(|_| was_running && !was_killed);
         self.is_silent_within(LAST_WORDS);
         if let Ok(mut words) = self.words.lock() {
             words.close();
@@ -230,6 +254,7 @@ impl Process {
             said: self.said(),
             left,
             was_killed,
+            ends: vec![end],
         }
     }
 

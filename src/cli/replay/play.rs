@@ -123,6 +123,7 @@ fn play_in_real_time(
     // The loop above ends with the program.
     let over = ended.filter(|_| playback.is_over()).map(|(_, at)| at);
     let farewell = process.end(Patience::FAIR);
+    let last = farewell.ends.first().copied().flatten();
     let baud = |name: &str| {
         let passage = passages.iter().find(|one| one.link == name);
         passage.map_or(0, |one| one.line().baud)
@@ -130,7 +131,7 @@ fn play_in_real_time(
     kept::write(playback.sockets(), baud, shown.scenario, shown.out)?;
     let mut checks = vec![
         connected,
-        alive(ended, over, foreign.may_end, &farewell),
+        alive(ended, over, foreign.may_end, &farewell, last),
         childless(&farewell.left),
     ];
     checks.extend(stuck.map(|stuck| Check::new("program-reads", false, stuck)));

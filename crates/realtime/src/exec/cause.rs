@@ -81,6 +81,7 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     causes.extend(end::causes(evidence));
     causes.extend(devices::causes(evidence));
     causes.extend(motion::causes(evidence));
+    causes.extend(trigger::rules(evidence));
     // Of two causes with equal weight, the first one stays first.
     causes.sort_by_key(|cause| core::cmp::Reverse(cause.weight));
     let mut causes = causes.into_iter();
@@ -118,6 +119,7 @@ pub fn in_lockstep(outcome: &Outcome) -> Option<String> {
     };
     let mut causes = devices::causes(&evidence);
     causes.extend(motion::causes(&evidence));
+    causes.extend(trigger::rules(&evidence));
     causes.extend(end::stopped(outcome));
     // The failed node program is the one under test.
     causes.retain(|cause| cause.weight != weight::DEVICE);

@@ -66,16 +66,16 @@ impl Ending<'_> {
     fn alive(&self, now: Instant) -> Check {
         let (foreign, farewell) = (self.foreign, self.farewell);
         let over = self.is_over.then_some(now);
-        let one = |name: &str, ended| {
+        let one = |index: usize| {
+            let (name, ended) = &self.each[index];
             let may_end = foreign.may_end_of(name);
-            alive(ended, over, may_end, farewell)
+            let last = farewell.ends.get(index).copied().flatten();
+            (name, alive(*ended, over, may_end, farewell, last))
         };
-        if let [(name, ended)] = &self.each[..] {
-            return one(name, *ended);
+        if self.each.len() == 1 {
+            return one(0).1;
         }
-        let each = self.each.iter();
-        let each = each.map(|(name, ended)| (name, one(name, *ended)));
-        let each: Vec<(&String, Check)> = each.collect();
+        let each: Vec<(&String, Check)> = (0..self.each.len()).map(one).collect();
         let words = each
             .iter()
             .map(|(name, check)| format!("{name} {}", check.detail));

@@ -11,19 +11,32 @@ use engine::run::check::Check;
 /// start and the opening of its ports: at most this, and at most a tenth of the run.
 const EARLY_MAX: Duration = Duration::from_millis(500);
 
-/// The verdict on a program's end and its time; `over`: the end of the run, if the run came to it.
+/// Words of a crash in the program's own end.
+pub(super) const CRASHED: &str = "crashed after SIGTERM:";
+
+/// The verdict on a program's end and its time; `over`: the end of the run, if the run came to it;
+/// `last`: its end after SIGTERM, if it still ran then. A crash after SIGTERM is an error of the
+/// program; an exit code is its own choice.
 pub fn alive(
     ended: Option<(Ended, Instant)>,
     over: Option<Instant>,
     may_end: bool,
     farewell: &Farewell,
+    last: Option<Ended>,
 ) -> Check {
-    let stubborn = match farewell.was_killed {
-        true => "; did not end within 2 s of SIGTERM, so it was killed",
-        false => "",
+    let after = match last {
+        _ if farewell.was_killed => {
+            "; did not end within 2 s of SIGTERM, so it was killed".to_owned()
+        }
+        Some(last @ Ended::Code(1..)) => format!("; {last} after SIGTERM"),
+        Some(last) if last.is_crash() => format!("; {CRASHED} {last}"),
+        Some(_) | None => String::new(),
     };
     let (pass, detail) = match ended {
-        None => (true, format!("to the end{stubborn}")),
+        None => {
+            let has_crashed = last.is_some_and(Ended::is_crash);
+            (!has_crashed, format!("to the end{after}"))
+        }
         Some((ended, at)) => {
             let is_last = over.is_some_and(|over| {
                 let early = EARLY_MAX.min((over - Instant::ZERO) / 10);
@@ -63,7 +76,8 @@ mod tests {
         let judged = |run_ms, end_ms, may_end| {
             let ended = Some((Ended::Code(0), Instant::from_millis(end_ms)));
             let over = Some(Instant::from_millis(run_ms));
-            alive(ended, over, may_end, &Farewell::default()).status == Status::Pass
+            let farewell = Farewell::default();
+            alive(ended, over, may_end, &farewell, None).status == Status::Pass
         };
         assert!(judged(20_000, 19_500, false) && !judged(20_000, 19_499, false));
         assert!(judged(2_000, 1_800, false) && !judged(2_000, 1_799, false));

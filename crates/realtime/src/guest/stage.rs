@@ -17,7 +17,7 @@ use crate::clock::SimClock;
 use crate::exec::{Ports, Readiness};
 use crate::inputs::INPUTS;
 use crate::transport::TransportError;
-use crate::{BACKLOG_MAX, Realtime};
+use crate::{BACKLOG_MAX, Openings, Realtime};
 use ahead::Foreseen;
 use engine::rig::{Paced as _, Rigs as _};
 use engine::run::Run;
@@ -40,7 +40,7 @@ pub(super) struct Slot {
     /// Number of bytes delivered to its client at the last look, and the time of the last delivery.
     brought: u64,
     heard: Instant,
-    is_open: bool,
+    openings: Openings,
     /// Bytes came since that was asked last.
     has_arrived: bool,
     /// The client may send.
@@ -126,7 +126,7 @@ impl Stage {
             made: 1,
             brought: 0,
             heard: Instant::ZERO,
-            is_open: false,
+            openings: Openings::default(),
             has_arrived: false,
             may_send: true,
             is_exclusive: false,
@@ -298,7 +298,7 @@ impl Stage {
         let mut turned = Vec::new();
         let now = self.now;
         for (port, slot) in self.slots.iter_mut().enumerate() {
-            let (brought, is_open) = self.realtime.state(port);
+            let (brought, openings) = self.realtime.state(port);
             if brought != slot.brought {
                 slot.brought = brought;
                 slot.heard = now;
@@ -330,9 +330,9 @@ impl Stage {
                 slot.made = made;
                 self.gone.remove(&slot.device);
             }
-            if is_open != slot.is_open {
-                slot.is_open = is_open;
-                turned.push(port);
+            let before = core::mem::replace(&mut slot.openings, openings);
+            if before != openings {
+                turned.push((port, before));
             }
         }
         if !turned.is_empty() {
@@ -341,10 +341,11 @@ impl Stage {
             self.look();
         }
         // A serial port raises its lines when it is opened, and lowers them when it is closed.
-        for port in turned {
-            let lines = if self.slots[port].is_open { OUTPUTS } else { 0 };
+        for (port, before) in turned {
             self.slots[port].is_exclusive = false;
-            self.set_modem(port, lines);
+            for is_open in before.steps_to(self.slots[port].openings) {
+                self.set_modem(port, if is_open { OUTPUTS } else { 0 });
+            }
         }
         self.has_delivered |= has_delivered;
         if now >= self.next_look {

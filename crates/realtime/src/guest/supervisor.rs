@@ -162,6 +162,8 @@ pub(super) struct Supervisor {
     pub(super) hides_counter: bool,
     pub(super) calls: Calls,
     notes: Vec<String>,
+    /// How processes ended since the programs were asked to end: the system's statuses.
+    pub(super) last_ends: Vec<i32>,
     /// Where the last fault was.
     fault: Option<String>,
     pub(super) trouble: Option<GuestError>,
@@ -247,6 +249,7 @@ impl Supervisor {
             idled: Duration::ZERO,
             watchdog: Watchdog::start(first, settings.supervision),
             notes: Vec::new(),
+            last_ends: Vec::new(),
             fault: None,
             trouble: None,
             debugging: None,

@@ -396,6 +396,12 @@ impl Trial {
         self.supervisor.stage.is_frozen = true;
         self.supervisor.end_all_delays();
         let (left, was_killed) = self.stop();
+        let end = |one: &Started| {
+            let status = self.supervisor.status(one.root);
+            let status = status.filter(|_| one.ended.is_none() && !was_killed)?;
+            Some(Ended::when_asked(status, &self.supervisor.last_ends))
+        };
+        let ends = self.programs.iter().map(end).collect();
         self.is_silent();
         let said = self.said();
         if let Ok(mut words) = self.words.lock() {
@@ -408,6 +414,7 @@ impl Trial {
             said,
             left,
             was_killed,
+            ends,
         }
     }
 

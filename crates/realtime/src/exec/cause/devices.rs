@@ -5,7 +5,7 @@ use protocols::Instant;
 
 use super::trigger::{Trigger, after, explains};
 use super::{Cause, Evidence, weight};
-use engine::rig::Logged;
+use engine::rig::{Logged, NO_FRAME};
 use engine::run::Outcome;
 use engine::run::check::{NODE_PROGRAMS, NOT_UNDERSTOOD, Status, VIOLATIONS, WATCHDOG, is_struck};
 
@@ -207,7 +207,10 @@ fn told(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<String
     let (worst, _) = *rules.first()?;
     let counts: Vec<String> = rules
         .iter()
-        .map(|(rule, count)| format!("{count} times {rule}"))
+        .map(|(rule, count)| match *rule {
+            NO_FRAME => "no frame is among them".to_owned(),
+            rule => format!("{count} times {rule}"),
+        })
         .collect();
     let mut events = outcome.events.iter();
     let first = events.find(|logged| logged.source == device && logged.event.rule == worst);

@@ -1,5 +1,6 @@
 //! Causes at the end of a program.
 
+use super::super::verdict::CRASHED;
 use super::trigger::after;
 use super::{Cause, Evidence, weight};
 use crate::process::Ended;
@@ -9,6 +10,7 @@ use engine::run::check::{Check, GOES_ON, STOPS, Status, last_words};
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     own(evidence)
         .into_iter()
+        .chain(crashed(evidence))
         .chain(busy(evidence))
         .chain(motors(evidence))
         .chain(left_behind(evidence))
@@ -19,6 +21,19 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
 fn failed<'a>(evidence: &'a Evidence<'_>, name: &str) -> Option<&'a Check> {
     let mut checks = evidence.outcome.checks.iter();
     checks.find(|check| check.name == name && check.status == Status::Fail)
+}
+
+/// A crash after SIGTERM.
+fn crashed(evidence: &Evidence<'_>) -> Option<Cause> {
+    let detail = &failed(evidence, "program-alive")?.detail;
+    let (_, how) = detail.split_once(CRASHED)?;
+    let how = how.split(';').next().unwrap_or_default();
+    let words = last_words(evidence.said);
+    let words = words.map_or_else(String::new, |line| format!("; its last words: {line}"));
+    Some(Cause::new(
+        weight::MOTORS,
+        format!("the program crashed while it ended, after SIGTERM:{how}{words}"),
+    ))
 }
 
 /// A loop that never waits.

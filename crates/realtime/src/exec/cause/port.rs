@@ -18,7 +18,7 @@ const BACK: &str = "at-work-again";
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     let mut causes = Vec::new();
     for port in &evidence.ports.all {
-        causes.extend(rate(port));
+        causes.extend(rate(port, evidence));
         causes.extend(setting(port));
         causes.extend(unread(port, evidence));
         causes.extend(lost(port));
@@ -31,9 +31,17 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     causes
 }
 
-/// A client with another rate than its device.
-fn rate(port: &Port) -> Option<Cause> {
-    let (own, far, at) = port.was_wrong?;
+/// A client with another rate than its device, or than its cable to another program.
+fn rate(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
+    let (own, other, at) = port.was_wrong?;
+    let mut cables = evidence.outcome.case.cable.values();
+    let cable = cables.find(|cable| [&cable.master, &cable.device].contains(&&port.name));
+    let (far, whose) = match cable {
+        // The other program has the wrong rate.
+        Some(cable) if cable.baud == own => return None,
+        Some(cable) => (cable.baud, "cable has"),
+        None => (other, "device expected"),
+    };
     let [open, wrong] = port.open_for;
     // A client that tries several rates and ends at the right one has found it.
     if port.wrong_rate.is_none() && wrong * 2 <= open {
@@ -43,8 +51,8 @@ fn rate(port: &Port) -> Option<Cause> {
     Some(Cause::new(
         weight::RATE,
         format!(
-            "wrong baud rate: the client of port {name} is at {own} baud since {at} s, its device \
-             expected {far}; open the port at {far} baud"
+            "wrong baud rate: the client of port {name} is at {own} baud since {at} s, its {whose} \
+             {far}; open the port at {far} baud"
         ),
     ))
 }

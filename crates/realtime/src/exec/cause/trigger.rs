@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use protocols::Instant;
 
-use super::Evidence;
+use super::{Cause, Evidence, weight};
 use engine::run::Outcome;
 use engine::run::check::{Check, Status};
 use engine::scenario::{DirectionSpec, FaultKind, FaultSpec};
@@ -186,6 +186,23 @@ pub(super) fn explains(outcome: &Outcome, at: Instant) -> bool {
     failed.any(|check| {
         check.status == Status::Fail
             && failed_at(check).is_none_or(|failed| at <= failed && failed - at <= SOON)
+    })
+}
+
+/// A rule of the scenario that is broken just after bytes for the program were damaged: it may have
+/// used their values.
+pub(super) fn rules(evidence: &Evidence<'_>) -> Option<Cause> {
+    let checks = evidence.outcome.checks.iter();
+    let mut failed = checks.filter(|check| check.status == Status::Fail);
+    failed.find_map(|check| {
+        let name = check.name.strip_prefix("rule-")?;
+        let at = failed_at(check)?;
+        let trigger = Trigger::of_values(evidence, at)?;
+        let remedy = trigger.remedy()?.strip_prefix("it ")?;
+        let words = trigger.words(at);
+        let text =
+            format!("the rule {name} is broken at {at} s{words}; perhaps the program {remedy}");
+        Some(Cause::new(weight::FAULTED, text))
     })
 }
 

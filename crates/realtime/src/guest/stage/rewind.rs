@@ -64,7 +64,7 @@ impl Stage {
             let is_held = self
                 .terminal(port)
                 .is_some_and(|it| it.holds() && it.is_whole());
-            is_held && self.backlog(port) == 0 && self.slots[port].is_open
+            is_held && self.backlog(port) == 0 && self.slots[port].openings.is_open
         })
     }
 

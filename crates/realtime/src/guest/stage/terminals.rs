@@ -143,7 +143,7 @@ impl Stage {
         for port in 0..self.slots.len() {
             let terminal = self.terminal(port);
             let unread = terminal.map_or(0, |it| if it.holds() { 0 } else { it.unread() });
-            if self.slots[port].is_open
+            if self.slots[port].openings.is_open
                 && unread > 0
                 && let Some(fd) = self.realtime.client_side(port)
             {

@@ -342,6 +342,9 @@ impl Supervisor {
         if tid != thread.process {
             return;
         }
+        if self.stage.is_frozen {
+            self.last_ends.push(status);
+        }
         let gone = self.processes.remove(&tid);
         let fatal = gone.as_ref().and_then(|it| it.fatal);
         for (fd, timer) in gone.into_iter().flat_map(|it| it.timers) {
