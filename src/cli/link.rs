@@ -2,11 +2,11 @@ use core::time::Duration;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use protocols::{Instant, LineConfig};
+use protocols::Instant;
 
 use super::answer::{LinePassed, LinkEnded};
 use super::place::NamedPort;
-use super::ports::Ports;
+use super::ports::{LineOfPair, Ports, in_words};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
 use crate::TOOL;
@@ -37,10 +37,11 @@ pub(super) struct LinkArgs {
     /// Fault to inject: KIND,KEY=VALUE,..; may be repeated
     #[arg(long = "fault", value_name = "FAULT")]
     faults: Vec<String>,
-    /// Baud rate of the lines
-    #[arg(long, value_name = "N", default_value_t = 115_200,
+    /// Baud rate of the lines [default: the rate to which the first port of a pair is set, else the
+    /// second; 115200 if no port exists yet]
+    #[arg(long, value_name = "N",
         value_parser = clap::value_parser!(u32).range(50..=12_000_000))]
-    baud: u32,
+    baud: Option<u32>,
     /// Time from the last bit of a byte to its arrival at the receiver
     #[arg(long, value_name = "TIME", default_value = "0s")]
     latency: Span,
@@ -65,11 +66,14 @@ pub(super) fn run(args: &LinkArgs) -> Result<Verdict, CliError> {
         )));
     }
     let mut bridge = Bridge::new(args.seed);
-    let line = LineConfig::new_8n1(args.baud);
     let mut ends = Vec::new();
+    // Held until the ports are open, so that closing them resets no device.
+    let mut lines = Vec::new();
     for pair in args.ports.chunks_exact(2) {
         let names = [&*pair[0].name, &*pair[1].name];
-        ends.extend(bridge.connect(names, line, args.latency.0));
+        let of_pair = LineOfPair::of(pair, args.baud);
+        ends.extend(bridge.connect(names, of_pair.line, args.latency.0));
+        lines.push(of_pair);
     }
     for text in &args.faults {
         for fault in faults(text, &args.ports)? {
@@ -80,15 +84,19 @@ pub(super) fn run(args: &LinkArgs) -> Result<Verdict, CliError> {
     let stop = Stop::new(args.duration.map(|duration| duration.0))?;
     let mut ports = Ports::default();
     let mut opened = Vec::new();
-    for place in &args.ports {
-        opened.push(ports.open(&place.name, &place.path, line)?);
-    }
-    for pair in args.ports.chunks_exact(2).zip(opened.chunks_exact(2)) {
-        let ([a, b], [one, other]) = pair else { break };
+    for (pair, of_pair) in args.ports.chunks_exact(2).zip(&lines) {
+        for place in pair {
+            opened.push(ports.open(&place.name, &place.path, of_pair.line)?);
+        }
+        let ([a, b], [.., one, other]) = (pair, &opened[..]) else {
+            break;
+        };
         let [one, other] = [one, other].map(|port| port.path().display());
-        let (a, b, baud) = (&a.name, &b.name, args.baud);
-        eprintln!("{a}: {one} <-> {b}: {other}, {baud} baud");
+        let (a, b) = (&a.name, &b.name);
+        let (words, origin) = (in_words(of_pair.line), &of_pair.origin);
+        eprintln!("{a}: {one} <-> {b}: {other}, {words}, {origin}");
     }
+    drop(lines);
     if let Some(file) = &args.out {
         record(&mut bridge, args, file)?;
         eprintln!("recording to {}", file.display());

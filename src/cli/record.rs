@@ -1,14 +1,11 @@
-use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use protocols::{Instant, LineConfig};
-use rustix::fs::{Mode, OFlags};
-use rustix::termios::tcgetattr;
+use protocols::Instant;
 
 use super::answer::{LinkRecorded, RecordEnded};
 use super::place::NamedPort;
-use super::ports::Ports;
+use super::ports::{LineOfPair, Ports, in_words};
 use super::stop::Stop;
 use super::{CliError, Verdict, out};
 use crate::realtime::clock::{Clock, WallClock, utc};
@@ -25,13 +22,14 @@ use crate::scenario::Span;
     hilrig record --tap lidar=/dev/ttyUSB0 robot=/dev/ttyUSB1 -o field.pcapng\n  \
     hilrig record --tap lidar=/dev/ttyUSB0 robot=pty:/tmp/robot/lidar -o field.pcapng\n  \
     hilrig record --tap lidar=/dev/ttyUSB0 x=pty:/tmp/robot/lidar \\\n    \
-    --tap base=/dev/ttyUSB1 x=pty:/tmp/robot/base --baud base=1000000 -o field.pcapng")]
+    --tap base=/dev/ttyUSB1 x=pty:/tmp/robot/base --baud base=1000000 -o field.pcapng\n\n\
+    The rate and the character format of each link are printed, with their origin.")]
 pub(super) struct RecordArgs {
     /// Two connected ports; once for each link
     #[arg(long, required = true, num_args = 2, value_names = ["A=PORT", "B=PORT"])]
     tap: Vec<NamedPort>,
-    /// Baud rate, of all links or of the named one [default: 115200, with a note if a port is set
-    /// to another rate]
+    /// Baud rate, of all links or of the named one [default: the rate to which the device's port is
+    /// set, else the program's; 115200 if no port exists yet]
     #[arg(long, value_name = "[A=]N")]
     baud: Vec<Baud>,
     /// Capture to write; an existing file is not overwritten
@@ -66,9 +64,6 @@ impl core::str::FromStr for Baud {
     }
 }
 
-/// Default rate of most serial devices.
-const BAUD: u32 = 115_200;
-
 pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
     // Only plain files can be overwritten, not pipes and devices.
     if args.out.is_file() {
@@ -82,10 +77,6 @@ pub(super) fn run(args: RecordArgs) -> Result<Verdict, CliError> {
     let stop = Stop::new(args.duration.map(|duration| duration.0))?;
     let mut ports = Ports::default();
     let wires = wires(&args, &mut ports)?;
-    for wire in &wires {
-        let [device, program] = wire.ends.each_ref().map(|end| end.path().display());
-        eprintln!("{}: {device} <-> {program}, {} baud", wire.name, wire.baud);
-    }
     let file = CaptureFile::create(&args.out).map_err(failed)?;
     let (clock, epoch) = (WallClock::start(), utc());
     let mut recorder = Recorder::new(clock, epoch, wires, file).map_err(failed)?;
@@ -137,21 +128,15 @@ fn wires(args: &RecordArgs, ports: &mut Ports) -> Result<Vec<Wire>, CliError> {
             .rfind(|baud| baud.link.as_ref() == Some(&name));
         let all = args.baud.iter().rfind(|baud| baud.link.is_none());
         let given = own.or(all);
-        let baud = given.map_or(BAUD, |baud| baud.rate);
-        let line = LineConfig::new_8n1(baud);
         // Held until the port is open, so that closing it resets no device.
-        let known: Vec<_> = pair.iter().filter_map(known_rate).collect();
-        for (path, rate, _) in &known {
-            if given.is_none() && *rate != baud {
-                let path = path.display();
-                eprintln!(
-                    "{name}: {path} was set to {rate} baud and is set to {baud} now; --baud \
-                     {name}={rate} if that is the device's rate"
-                );
-            }
-        }
+        let of_pair = LineOfPair::of(pair, given.map(|baud| baud.rate));
+        let line = of_pair.line;
         let mut open = |place: &NamedPort| ports.open("--tap", &place.path, line);
         let ends = [open(&pair[0])?, open(&pair[1])?];
+        let [device, program] = ends.each_ref().map(|end| end.path().display());
+        let (words, origin) = (in_words(line), &of_pair.origin);
+        eprintln!("{name}: {device} <-> {program}, {words}, {origin}");
+        let baud = line.baud;
         wires.push(Wire { name, baud, ends });
     }
     Ok(wires)
@@ -192,12 +177,4 @@ fn report<C: Clock>(recorder: &Recorder<C>, file: &Path) {
             us(held.max())
         );
     }
-}
-
-/// A serial port, the rate to which it is set, and the open port that keeps it from a reset.
-fn known_rate(place: &NamedPort) -> Option<(&Path, u32, OwnedFd)> {
-    let flags = OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
-    let port = rustix::fs::open(&place.path, flags, Mode::empty()).ok()?;
-    let rate = tcgetattr(&port).ok()?.input_speed();
-    Some((&place.path, rate, port))
 }

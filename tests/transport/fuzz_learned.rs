@@ -156,3 +156,93 @@ fn a_corpus_without_bytes_is_an_error_that_says_what_is_expected() {
         "{error}"
     );
 }
+
+/// A device with frames of a head A5, a length, a body, and the checksum of Modbus over the length
+/// and the body. It counts its replies. "sound" ignores damaged requests, "refuses" sends an error
+/// for them, and "trusts" answers them.
+const DEVICE: &str = r#"
+import os, select, sys, tty
+port = os.open(os.environ["HILRIG_DIR"] + "/port", os.O_RDWR | os.O_NOCTTY)
+tty.setraw(port)
+def crc(data, value=0xFFFF):
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = value >> 1 ^ (0xA001 if value & 1 else 0)
+    return value.to_bytes(2, "little")
+def reply(*body):
+    data = bytes([len(body), *body])
+    os.write(port, b"\xA5" + data + crc(data))
+buffer, count = b"", 0
+while True:
+    if not select.select([port], [], [], 0.05)[0]:
+        buffer = b""
+        continue
+    buffer += os.read(port, 64)
+    while len(buffer) > 1 and len(buffer) >= buffer[1] + 4:
+        frame, buffer = buffer[:buffer[1] + 4], buffer[buffer[1] + 4:]
+        if crc(frame[1:-2]) != frame[-2:]:
+            if sys.argv[1] == "refuses":
+                reply(0xFF, 1)
+            if sys.argv[1] != "trusts":
+                continue
+        count = count + 1 & 255
+        if len(frame) == 7 and frame[2] == 1:
+            reply(0x81, count, *(frame[3] + at & 255 for at in range(frame[4] % 8)))
+        else:
+            reply(0xFE, 0)
+"#;
+
+/// The findings of a search with the device. `names` are those of the requests and of the replies
+/// in its corpus.
+fn search_device(mode: &str, names: [&str; 2]) -> (Vec<String>, String) {
+    let dir = fresh_path(&format!("fuzz-learned-{mode}-{}", names[0]));
+    std::fs::create_dir_all(&dir).expect("room");
+    std::fs::write(dir.join("device.py"), DEVICE).expect("room");
+    let modbus = crc::Crc::<u16>::new(&crc::CRC_16_MODBUS);
+    let frame = |body: &[u8]| {
+        let mut frame = vec![u8::try_from(body.len()).expect("short")];
+        frame.extend(body);
+        frame.extend(modbus.checksum(&frame).to_le_bytes());
+        let pairs = frame.iter().map(|byte| format!(" {byte:02X}"));
+        format!("A5{}", pairs.collect::<String>())
+    };
+    let mut log = String::new();
+    for at in 0..24_u8 {
+        let size = at % 7 + 1;
+        let values = (0..size).map(|value| value.wrapping_mul(29).wrapping_add(at));
+        let reply: Vec<u8> = [0x81, at + 1].into_iter().chain(values).collect();
+        let told = [frame(&[1, at * 5, size]), frame(&reply)];
+        for (name, (told, ms)) in names.iter().zip(told.iter().zip([100, 112])) {
+            log += &format!("[12:00:{at:02}.{ms}] {name}: {told}\n");
+        }
+    }
+    std::fs::write(dir.join("field.log"), log).expect("room");
+    let exec = format!("exec python3 -S device.py {mode}");
+    let output = Command::new(HILRIG)
+        .args(["fuzz", "--exec", &exec, "--virtual", "--cases", "2"])
+        .args(["--corpus", "field.log", "--out", "out"])
+        .current_dir(&dir)
+        .output()
+        .expect("it starts");
+    let said = [output.stdout, output.stderr].concat();
+    let said = String::from_utf8_lossy(&said).into_owned();
+    (findings(&dir.join("out")), said)
+}
+
+/// The search finds out that the program is the device, also if requests and replies of the corpus
+/// are swapped. A refusal is no answer.
+#[test]
+fn a_device_that_answers_damaged_requests_is_found_with_a_corpus_of_either_direction() {
+    let requests_first = ["TX", "RX"];
+    for names in [requests_first, ["RX", "TX"]] {
+        let (found, said) = search_device("trusts", names);
+        assert_eq!(found, ["accepts-corrupt-frame port"], "{said}");
+        assert!(said.contains("so it is taken as the device"), "{said}");
+    }
+    for mode in ["sound", "refuses"] {
+        let (found, said) = search_device(mode, requests_first);
+        assert_eq!(found, [""; 0], "{mode}: {said}");
+        assert!(said.contains("they are also sent damaged"), "{said}");
+    }
+}

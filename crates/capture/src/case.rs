@@ -14,6 +14,7 @@
 //! no seed, whose meaning could change between versions, so later versions can still read it.
 
 mod bytes;
+mod damage;
 mod decoder;
 mod expectation;
 mod foreign;

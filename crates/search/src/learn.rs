@@ -15,6 +15,7 @@ mod described;
 mod format;
 mod frame_format;
 mod framing;
+pub(crate) mod likeness;
 mod marked;
 mod propose;
 mod seeds;
@@ -27,6 +28,7 @@ use capture::{Capture, Kind};
 use engine::rig::line::Direction;
 
 pub use corpus::{Corpus, CorpusError};
+pub(crate) use corpus::{Directions, Role};
 pub(crate) use described::DescribedFormat;
 pub(crate) use frame_format::{FieldLimits, FrameFormat};
 pub use propose::{Claim, Confidence, Proposal};

@@ -293,8 +293,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
     if done.cases.get() > 0 && !done.has_spoken.get() {
         eprintln!(
             "note: the program never sent a byte, so only crashes, hangs and endless waits were \
-             observed. If it plays the device, a corpus needs the requests of its master in the \
-             direction to-master"
+             observed. If it plays the device, --corpus needs requests that it answers"
         );
     }
     if search.saved_starts() > 0 {
@@ -410,7 +409,17 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
         );
     }
     for met in search.met().filter(|met| !met.link.is_empty()) {
+        let (learned, is_damaged) = search.answers(&met.link);
         match met.answered.len() {
+            0 if learned > 0 && is_damaged => println!(
+                "{}: learned requests that are answered: {learned}; they are also sent damaged",
+                met.link
+            ),
+            0 if learned > 0 => println!(
+                "{}: learned requests that are answered: {learned}; no checksum is sure, so \
+                 whether damaged ones are taken cannot be seen",
+                met.link
+            ),
             // A driver answers nothing: its requests get altered replies instead.
             0 if search.asks(&met.link) => {}
             0 => println!(

@@ -20,6 +20,7 @@
 //! while noise does not get that answer. It damages the frame so that it is not a valid frame of
 //! the format. A program that still answers it has not verified the checksum.
 
+mod answers;
 mod case;
 mod cause;
 mod compare;

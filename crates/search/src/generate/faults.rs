@@ -8,7 +8,7 @@ use super::mission;
 use super::profile::{Faults, MissionJudged, Profile};
 use engine::scenario::{
     Action, BudgetSpec, DirectionSpec, Expect, FaultKind, FaultPlace, FaultSpec, PhasesSpec,
-    Scenario, Span, Step, WhenSpec,
+    RegisterName, Scenario, Span, Step, WhenSpec,
 };
 
 /// Wrong baud rates of a sender.
@@ -479,8 +479,8 @@ impl Drawn<'_> {
             2 if !registers.is_empty() => {
                 fault.when = Some(WhenSpec {
                     device: Some(registers[dice.index(registers.len())].name.clone()),
-                    register: Some(dice.narrow(0, 63)),
-                    at_least: Some(dice.narrow(1, 30)),
+                    register: Some(RegisterName::Number(dice.narrow(0, 63))),
+                    at_least: Some(f64::from(dice.narrow::<u8>(1, 30)).into()),
                     ..WhenSpec::default()
                 });
             }

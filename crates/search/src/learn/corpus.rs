@@ -4,7 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::seeds::{Gathered, Spoken};
+use super::seeds::{self, Gathered};
 use capture::Capture;
 use capture::import::{self, Format, Options};
 use engine::codec::wire::{Piece, Stream};
@@ -22,6 +22,22 @@ pub struct Corpus {
     captures: Vec<Capture>,
     /// Chunks of bytes without a known direction.
     chunks: Vec<Vec<u8>>,
+}
+
+/// The different chunks of a conversation in each direction.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Directions {
+    pub(crate) to_device: Vec<Vec<u8>>,
+    pub(crate) to_master: Vec<Vec<u8>>,
+}
+
+/// The role of the program in a capture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Role {
+    /// Whether the program's bytes are those to the master.
+    pub(crate) is_swapped: bool,
+    /// Whether the program answers requests instead of sending them.
+    pub(crate) answers: bool,
 }
 
 /// The reason why a corpus cannot be read.
@@ -114,23 +130,67 @@ impl Corpus {
         Ok(())
     }
 
-    /// Adds the data about `link` to `gathered`.
-    pub(crate) fn teach(&self, link: &str, gathered: &mut Gathered) {
-        for capture in &self.captures {
-            let mut spoken = super::conversation(capture, Some(link));
-            let known = |is_program: bool, spoken: &[Spoken]| {
+    /// The chunks of each capture about `link` to the device and to the master, and behind the
+    /// captures those without a direction.
+    pub(crate) fn sides(&self, link: &str) -> Vec<Directions> {
+        let captures = self.captures.iter().map(|capture| {
+            let spoken = seeds::chunks(&super::conversation(capture, Some(link)));
+            let of = |is_program: bool| {
                 let side = spoken.iter().filter(|one| one.is_program == is_program);
-                side.filter(|one| gathered.knows_request(&one.bytes))
-                    .count()
-            };
-            let is_one_sided = spoken.iter().all(|one| one.is_program);
-            // The capture does not say which side is the program; known requests identify it.
-            if is_one_sided || known(false, &spoken) > known(true, &spoken) {
-                for one in &mut spoken {
-                    one.is_program = !one.is_program;
+                let mut different: Vec<Vec<u8>> = Vec::new();
+                for one in side {
+                    if !different.contains(&one.bytes) {
+                        different.push(one.bytes.clone());
+                    }
                 }
+                different
+            };
+            Directions {
+                to_device: of(true),
+                to_master: of(false),
             }
-            gathered.conversation(&spoken);
+        });
+        let chunks = Directions {
+            to_device: Vec::new(),
+            to_master: self.chunks.clone(),
+        };
+        captures.chain([chunks]).collect()
+    }
+
+    /// The role of a program that sent the requests in `gathered`, in each capture: the side whose
+    /// chunks it sent, or if it sent none of both, the side with similar chunks.
+    pub(crate) fn roles(&self, link: &str, gathered: &Gathered) -> Vec<Role> {
+        let role = |side: &Directions| {
+            let count = |is_known: &dyn Fn(&[u8]) -> bool| {
+                let of = |chunks: &[Vec<u8>]| chunks.iter().filter(|one| is_known(one)).count();
+                [of(&side.to_device), of(&side.to_master)]
+            };
+            let known = match count(&|chunk| gathered.knows_request(chunk)) {
+                [0, 0] => count(&|chunk| gathered.knows_like(chunk)),
+                known => known,
+            };
+            Role {
+                is_swapped: known[1] > known[0] || side.to_master.is_empty(),
+                answers: false,
+            }
+        };
+        let captures = self.captures.len();
+        self.sides(link)[..captures].iter().map(role).collect()
+    }
+
+    /// Adds the data about `link` to `gathered`. The program has one of `roles` in each capture;
+    /// without one, it sends the bytes to the device.
+    pub(crate) fn teach(&self, link: &str, roles: &[Role], gathered: &mut Gathered) {
+        for (at, capture) in self.captures.iter().enumerate() {
+            let role = roles.get(at).copied().unwrap_or_default();
+            let mut spoken = super::conversation(capture, Some(link));
+            for one in &mut spoken {
+                one.is_program ^= role.is_swapped;
+            }
+            match role.answers {
+                true => gathered.questions(&spoken),
+                false => gathered.conversation(&spoken),
+            }
         }
         for chunk in &self.chunks {
             gathered.unasked(chunk.clone());

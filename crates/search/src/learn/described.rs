@@ -27,7 +27,7 @@ impl DescribedFormat {
         Self(description.clone(), From::Host)
     }
 
-    /// Frames that the device may send.
+    /// Frames that this end may send.
     pub(crate) fn examples(&self) -> Vec<Vec<u8>> {
         let mut state = 1_u64;
         let mut choice = |below: u64| {
@@ -37,7 +37,11 @@ impl DescribedFormat {
             (state >> 16) % below.max(1)
         };
         let messages = self.0.messages().iter();
-        let messages = messages.filter(|message| message.from() != From::Host);
+        let other = match self.1 {
+            From::Host => From::Device,
+            _ => From::Host,
+        };
+        let messages = messages.filter(|message| message.from() != other);
         let mut frames = Vec::new();
         for message in messages {
             for _ in 0..EXAMPLES {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::frame_format::FrameFormat;
-use super::{DescribedFormat, framing};
+use super::{DescribedFormat, framing, likeness};
 
 /// Maximum numbers of stored replies per request, of requests, and of unsolicited messages.
 const REPLIES_MAX: usize = 32;
@@ -42,6 +42,23 @@ pub(crate) struct Seeds {
     pub(crate) contents: Vec<Vec<u8>>,
 }
 
+/// The chunks of a conversation: bytes of one end without a pause between them.
+pub(crate) fn chunks(spoken: &[Spoken]) -> Vec<Spoken> {
+    let mut chunks: Vec<Spoken> = Vec::new();
+    let mut last_at = 0;
+    for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
+        let is_close = one.at.saturating_sub(last_at) < GAP_NANOS;
+        last_at = one.at;
+        match chunks.last_mut() {
+            Some(chunk) if chunk.is_program == one.is_program && is_close => {
+                chunk.bytes.extend(&one.bytes);
+            }
+            _ => chunks.push(one.clone()),
+        }
+    }
+    chunks
+}
+
 /// Seeds while they are collected.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
@@ -53,20 +70,8 @@ pub(crate) struct Gathered {
 impl Gathered {
     /// Adds a conversation in order of time.
     pub(crate) fn conversation(&mut self, spoken: &[Spoken]) {
-        let mut chunks: Vec<Spoken> = Vec::new();
-        let mut last_at = 0;
-        for one in spoken.iter().filter(|one| !one.bytes.is_empty()) {
-            let is_close = one.at.saturating_sub(last_at) < GAP_NANOS;
-            last_at = one.at;
-            match chunks.last_mut() {
-                Some(chunk) if chunk.is_program == one.is_program && is_close => {
-                    chunk.bytes.extend(&one.bytes);
-                }
-                _ => chunks.push(one.clone()),
-            }
-        }
         let mut asked: Option<(Vec<u8>, u64)> = None;
-        for chunk in chunks {
+        for chunk in chunks(spoken) {
             if chunk.is_program {
                 self.request(chunk.bytes.clone());
                 asked = Some((chunk.bytes, chunk.at));
@@ -105,9 +110,34 @@ impl Gathered {
         }
     }
 
+    /// Adds a conversation in which the program answers: the other end's chunks are its input.
+    pub(crate) fn questions(&mut self, spoken: &[Spoken]) {
+        for chunk in chunks(spoken) {
+            if !chunk.is_program {
+                self.unasked(chunk.bytes);
+            }
+        }
+    }
+
+    /// The messages of the other end without a request.
+    pub(crate) fn questions_so_far(&self) -> &[Vec<u8>] {
+        &self.unasked
+    }
+
+    /// Whether the program sent any request.
+    pub(crate) const fn has_requests(&self) -> bool {
+        !self.requests.is_empty()
+    }
+
     /// Whether the program sent `chunk` as a request.
     pub(crate) fn knows_request(&self, chunk: &[u8]) -> bool {
         self.requests.iter().any(|request| request == chunk)
+    }
+
+    /// Whether the program sent a request like `chunk`, with other values.
+    pub(crate) fn knows_like(&self, chunk: &[u8]) -> bool {
+        let mut requests = self.requests.iter();
+        requests.any(|request| likeness::resemble(request, chunk))
     }
 
     /// The learned seeds; the format is `described` if given.

@@ -318,10 +318,41 @@ fn frames_are_read_from_a_folder() {
     let mut gathered = Gathered::default();
     Corpus::read(&dir)
         .expect("frames")
-        .teach("any", &mut gathered);
+        .teach("any", &[], &mut gathered);
     std::fs::remove_dir_all(&dir).expect("ours");
     let expected = [vec![0xAB, 1, 2], vec![0xAB, 3], vec![0xAB, 4]];
     assert_eq!(gathered.learned(None).unasked, expected);
+}
+
+/// A driver counts its requests. The capture has its requests in the wrong direction: they are
+/// known by their other bytes.
+#[test]
+fn the_directions_of_a_corpus_are_those_of_the_requests() {
+    let spoken = |number: u8| Spoken {
+        is_program: true,
+        at: u64::from(number) * 1_000_000_000,
+        bytes: vec![0xAA, 0x10, 0x20, number],
+    };
+    let mut gathered = Gathered::default();
+    gathered.conversation(&[spoken(1), spoken(2)]);
+    let dir = std::env::temp_dir().join(format!("hilrig-roles-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).expect("room");
+    for (names, is_swapped) in [(["TX", "RX"], false), (["RX", "TX"], true)] {
+        let [requests, replies] = names;
+        let log = format!(
+            "[12:00:01.000] {requests}: AA 10 20 77\n[12:00:01.010] {replies}: 01 02\n\
+             [12:00:02.000] {requests}: AA 10 20 78\n[12:00:02.010] {replies}: 01 03\n"
+        );
+        std::fs::write(dir.join("field.log"), log).expect("room");
+        let corpus = Corpus::read(&dir).expect("a dump");
+        let answers = false;
+        let expected = Role {
+            is_swapped,
+            answers,
+        };
+        assert_eq!(corpus.roles("any", &gathered), [expected], "{names:?}");
+    }
+    std::fs::remove_dir_all(&dir).expect("ours");
 }
 
 /// Frames of a lidar with a CRC of 8 bits that no catalogue has (LDROBOT: polynomial 4D), computed

@@ -83,6 +83,9 @@ pub struct Raw {
     /// Pairs of frames, sent first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub pair: Vec<Pair>,
+    /// Pairs of frames whose format was learned, sent first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub learned: Vec<Pair>,
     /// The stream that follows: one chunk per line, `idle` for a pause.
     #[serde(default)]
     pub stream: String,
@@ -92,7 +95,7 @@ impl Raw {
     /// Whether nothing is sent.
     pub(super) const fn is_empty(&self) -> bool {
         let is_nothing = self.pair.is_empty() && self.stream.is_empty() && self.cut.is_none();
-        self.turn.is_empty() && is_nothing
+        self.turn.is_empty() && self.learned.is_empty() && is_nothing
     }
 
     /// Number of chunks of the stream.

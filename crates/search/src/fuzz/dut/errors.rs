@@ -180,7 +180,7 @@ fn traceback(said: &str) -> Option<LastWords> {
         // Finds a statement behind a condition on the same line too.
         Some(source) => {
             let mut statements = source.split([':', ';']).map(str::trim_start);
-            statements.any(|one| one.split_whitespace().next() == Some("raise"))
+            statements.any(|one| raises(one, kind))
         }
         None => !INTERPRETED.contains(&kind),
     };
@@ -195,6 +195,19 @@ fn traceback(said: &str) -> Option<LastWords> {
         line: end.to_owned(),
         is_failure: !is_raised,
     })
+}
+
+/// Whether the statement can have raised an exception of `kind`. A condition on the same line can
+/// fail before it.
+fn raises(statement: &str, kind: &str) -> bool {
+    let Some(what) = statement.strip_prefix("raise") else {
+        return false;
+    };
+    let last = |name: &str| name.rsplit('.').next().unwrap_or(name).to_owned();
+    let name = what.trim().split(['(', ' ']).next().unwrap_or_default();
+    let is_class = last(name).starts_with(char::is_uppercase);
+    let is_other = is_class && last(name) != last(kind) && INTERPRETED.contains(&kind);
+    (what.is_empty() || what.starts_with(' ')) && !is_other
 }
 
 /// One frame of a traceback.
@@ -276,6 +289,17 @@ mod tests {
         let own = ("/srv/a/meter.py", 8, "if x > 3: raise BadFrame(x)");
         let words = LastWords::of(&python(&[own], "BadFrame: x"));
         assert_eq!((&*words.key, words.is_failure), ("BadFrame", false));
+
+        // The condition failed, not what stands behind it.
+        let words = LastWords::of(&python(&[own], "IndexError: index out of range"));
+        let expected = ("IndexError at meter.py:8", true);
+        assert_eq!((&*words.key, words.is_failure), expected);
+        let own = (
+            "/srv/a/meter.py",
+            8,
+            "if not d: raise IndexError(\"empty\")",
+        );
+        assert!(!LastWords::of(&python(&[own], "IndexError: empty")).is_failure);
 
         let own = ("/srv/a/meter.py", 9, "value = fields[3]");
         let words = LastWords::of(&python(&[own], "IndexError: list index out of range"));

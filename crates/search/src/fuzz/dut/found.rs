@@ -124,6 +124,10 @@ impl OpenFinding<'_> {
                 let is_plain = plain.is_some_and(|plain| effort.spend() && shows(plain));
                 let with = |turns: &[Turn]| with_turns(first, turns, is_plain);
                 let mut left = raw.turn.clone();
+                // Pairs of frames need no turn.
+                if !raw.learned.is_empty() && effort.spend() && shows(with(&[])) {
+                    left.clear();
+                }
                 // The last turn is the cause most often.
                 for count in [1, 2] {
                     let last = &raw.turn[all.saturating_sub(count)..];
@@ -151,11 +155,12 @@ impl OpenFinding<'_> {
     }
 }
 
-/// `case` without its experiment with damaged replies; `None` if it has none.
+/// `case` without its experiments with damaged replies and requests; `None` if it has none.
 fn without_damage(case: &Case) -> Option<Case> {
     let mut case = case.clone();
-    case.told.raw.as_mut()?.damage.take()?;
-    Some(case)
+    let raw = case.told.raw.as_mut()?;
+    let learned = core::mem::take(&mut raw.learned);
+    (raw.damage.take().is_some() || !learned.is_empty()).then_some(case)
 }
 
 fn with_turns(case: &Case, turns: &[Turn], is_plain: bool) -> Case {

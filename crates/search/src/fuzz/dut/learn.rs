@@ -11,17 +11,25 @@
 mod mutate;
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::sync::Arc;
 
 use description::{Description, TextChange};
 use emulators::rng::Rng;
 
-use super::case::{Exchange, Hex, Turn, index};
+use super::case::{Exchange, Hex, Pair, Turn, index};
 use super::constants::Constants;
-use crate::learn::{Corpus, DescribedFormat, FrameFormat, Gathered, Seeds, conversation};
-use capture::Capture;
+use super::speech;
+use crate::learn::{DescribedFormat, FrameFormat, Gathered, Role, Seeds};
 use mutate::Material;
+
+/// The frames that a program answers, and its role in each capture of a corpus.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Asked {
+    pub(super) answered: Vec<Vec<u8>>,
+    pub(super) roles: Vec<Role>,
+    /// Number of frames that were tried.
+    pub(super) tried: usize,
+}
 
 /// One turn in this many is the reply of another request.
 const OTHERS_ONE_IN: u64 = 16;
@@ -35,6 +43,8 @@ const TEXTS_FROM: u32 = u32::MAX - 0xFF;
 const TEXTS: u64 = 3;
 /// Maximum number of unsolicited frames with such texts in a conversation.
 const TEXT_FRAMES_MAX: usize = 2;
+/// Maximum number of attempts to change a frame so that its checksum is wrong.
+const NOISE_TRIES: usize = 8;
 
 /// The knowledge about the device on a link.
 #[derive(Clone, Debug)]
@@ -44,27 +54,27 @@ pub(super) struct Lesson {
     constants: Constants,
     /// The contents of known requests with those of their first replies.
     contents: Vec<(Vec<u8>, Vec<u8>)>,
+    asked: Asked,
 }
 
 impl Lesson {
-    /// Learns from the capture at `path` and from `corpus` about `link`; `described` is the device
-    /// if it is known. The program, which has these constants, is the master of the link.
+    /// Learns from `gathered`; `described` is the device if it is known. The program has these
+    /// constants, and answers the requests of `asked`.
     pub(super) fn of(
-        path: &Path,
-        link: &str,
-        corpus: Option<&Corpus>,
+        gathered: Gathered,
+        asked: Asked,
         described: Option<&Arc<Description>>,
         constants: Constants,
     ) -> Self {
-        let mut gathered = Gathered::default();
-        if let Ok(capture) = Capture::read(path) {
-            gathered.conversation(&conversation(&capture, Some(link)));
+        let format = match asked.answered.is_empty() {
+            true => DescribedFormat::of,
+            false => DescribedFormat::of_requests,
+        };
+        let seeds = gathered.learned(described.map(format));
+        Self {
+            asked,
+            ..Self::with(seeds, described.cloned(), constants)
         }
-        if let Some(corpus) = corpus {
-            corpus.teach(link, &mut gathered);
-        }
-        let seeds = gathered.learned(described.map(DescribedFormat::of));
-        Self::with(seeds, described.cloned(), constants)
     }
 
     pub(super) fn with(
@@ -82,7 +92,58 @@ impl Lesson {
             seeds,
             described,
             constants,
+            asked: Asked::default(),
         }
+    }
+
+    /// Number of frames that the program answers, and of those that were tried.
+    pub(super) const fn answered(&self) -> (usize, usize) {
+        (self.asked.answered.len(), self.asked.tried)
+    }
+
+    /// Pairs of intact and damaged requests that the program answers, at most `count`.
+    pub(super) fn pairs(&self, count: usize, rng: &mut Rng) -> Vec<Pair> {
+        let answered = &self.asked.answered;
+        let first = index(rng, answered.len().max(1) as u64);
+        let frames = answered.iter().cycle().skip(first).take(answered.len());
+        let pairs = frames.filter_map(|frame| {
+            let seed = u32::try_from(rng.below(CHANGES)).unwrap_or_default();
+            Some(Pair {
+                damaged: Hex(self.damaged(seed, frame)?),
+                noise: Hex(self.noise(frame, rng)?),
+                good: Hex(frame.clone()),
+            })
+        });
+        pairs.take(count).collect()
+    }
+
+    /// `frame` with a wrong checksum and another content. Bytes that are the same in all answered
+    /// frames of its length stay, such as a length; without such frames the first byte stays.
+    fn noise(&self, frame: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
+        let format = &*self.seeds.format;
+        let content = format.content(frame)?;
+        let others = self.asked.answered.iter();
+        let others = others.filter_map(|other| format.content(other));
+        let others: Vec<_> = { others }
+            .filter(|one| one.len() == content.len())
+            .collect();
+        let is_same = |at: usize| others.iter().all(|other| other[at] == content[at]);
+        let mut varies: Vec<usize> = (0..content.len()).filter(|at| !is_same(*at)).collect();
+        if varies.is_empty() {
+            varies = (1..content.len()).collect();
+        }
+        (0..NOISE_TRIES).find_map(|_| {
+            let mut content = content.clone();
+            for at in &varies {
+                content[*at] = match format.is_text() {
+                    true => b'a' + u8::try_from(rng.below(26)).unwrap_or_default(),
+                    false => u8::try_from(rng.below(256)).unwrap_or_default(),
+                };
+            }
+            format.repair_lengths(&mut content);
+            let noise = format.frame(&content, 1);
+            format.is_damaged(&noise).then_some(noise)
+        })
     }
 
     /// The description of the device.
@@ -103,7 +164,22 @@ impl Lesson {
     pub(super) fn in_words(&self) -> String {
         let (requests, unasked) = (self.seeds.exchanges.len(), self.seeds.unasked.len());
         let format = self.seeds.format.in_words();
-        format!("format: {format}; {requests} requests with replies, {unasked} frames unasked")
+        let (answered, tried) = self.answered();
+        let roles = &self.asked.roles;
+        let is_swapped = roles.iter().any(|role| role.is_swapped && !role.answers);
+        let role = match () {
+            () if answered > 0 => format!(
+                "; the program answers {answered} of {tried} frames, so it is taken as the device"
+            ),
+            () if is_swapped => "; the directions of the corpus are swapped: the program sends \
+                                 its bytes to the master"
+                .to_owned(),
+            () if tried > 0 => format!("; the program answers none of {tried} frames"),
+            () => String::new(),
+        };
+        format!(
+            "format: {format}; {requests} requests with replies, {unasked} frames unasked{role}"
+        )
     }
 
     /// The requests of the program with the replies of the device.
@@ -263,7 +339,7 @@ impl Lesson {
             let at = places.get(index(&mut rng, places.len().max(1) as u64));
             let (bit, mut flipped) = (rng.below(8), frame.to_vec());
             if let Some(at) = at.filter(|_| is_bit && frame.len() == spoilt.len()) {
-                flipped[*at] ^= 1 << bit;
+                flipped[*at] = speech::with_bit(frame, *at, bit);
             }
             let mut all = [flipped, spoilt].into_iter();
             all.find(|one| format.is_damaged(one))

@@ -1,10 +1,11 @@
 //! The search loop: runs case after case and handles findings.
 
 mod counts;
+mod lessons;
 
 use core::cell::RefCell;
 use core::time::Duration;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -41,8 +42,8 @@ const DAMAGE_ONE_IN: u64 = 2;
 /// and the share of later ones.
 const TEXTS_FIRST: u64 = 24;
 const TEXTS_ONE_IN: u64 = 8;
-/// Minimum duration of the conversation that is used for learning.
-const LESSON: Duration = Duration::from_secs(3);
+/// Maximum number of pairs of an intact and a damaged request of a learned format in a case.
+const PAIRS_MAX: usize = 4;
 
 /// A running search.
 pub struct Search<'a> {
@@ -242,36 +243,6 @@ impl<'a> Search<'a> {
         Ok(Some(at))
     }
 
-    /// Learns the data of the device on the end with this number, without faults.
-    fn learn(&mut self, at: usize) -> Result<(), HarnessError> {
-        let link = self.ends[at].0.link.clone();
-        let (recording, plan) = (self.recording(), &self.plan);
-        let lasting = plan.lasting.max(LESSON);
-        let (met, case, seen) = self.harness.meet(&plan.scenario, lasting, &recording)?;
-        let of_link = |of: &Option<String>| of.as_ref().is_none_or(|of| *of == link);
-        let described = plan.descriptions.iter().find(|(of, _)| of_link(of));
-        let described = described.map(|(_, description)| description);
-        let constants = self.harness.constants.get().cloned().unwrap_or_default();
-        let lesson = Lesson::of(
-            &recording,
-            &link,
-            plan.corpus.as_ref(),
-            described,
-            constants,
-        );
-        let lesson = Arc::new(lesson);
-        let mut lessons = self.harness.lessons.borrow_mut();
-        lessons.insert(link, lesson.clone());
-        drop(lessons);
-        // The program's output depends on its input.
-        let known = Known {
-            speaks: BTreeSet::new(),
-            ..met.known
-        };
-        self.lessons.insert(at, (lesson, known));
-        self.keep(case, &Speech::Bytes, seen)
-    }
-
     /// Whether the next case is a conversation: learned traffic and traffic of a known format
     /// alternate.
     fn is_dialogue(&self, at: usize, speech: &Speech) -> bool {
@@ -357,6 +328,10 @@ impl<'a> Search<'a> {
         };
         turn.extend(lesson.turns(GivenUp::INPUTS_MAX, &avoided, rng));
         turn.truncate(GivenUp::INPUTS_MAX);
+        let learned = match lesson.answered() {
+            (0, _) => Vec::new(),
+            _ => lesson.pairs(PAIRS_MAX, dice),
+        };
         Raw {
             link: met.link.clone(),
             gap: is_slow.then_some(Span(SLOW_GAP)),
@@ -364,6 +339,7 @@ impl<'a> Search<'a> {
             asks: lesson.asks(),
             turn,
             damage,
+            learned,
             ..Raw::default()
         }
     }

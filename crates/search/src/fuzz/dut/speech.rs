@@ -150,7 +150,8 @@ impl Speech {
                 0 => len - 1 - rng.below(2.min(len)),
                 _ => rng.below(len),
             };
-            bytes[usize::try_from(at).ok()?] ^= 1 << rng.below(8);
+            let at = usize::try_from(at).ok()?;
+            bytes[at] = with_bit(good, at, rng.below(8));
             (!is_in(codec, &bytes)).then_some(bytes)
         })
     }
@@ -193,6 +194,26 @@ impl Speech {
             }
             Self::Bytes => Shape::new(),
         }
+    }
+}
+
+/// The byte `at` of `frame` with another bit. In a frame of text a hexadecimal digit becomes another
+/// one: each reader of digits refuses other characters, also one that ignores the checksum.
+pub(super) fn with_bit(frame: &[u8], at: usize, bit: u64) -> u8 {
+    let byte = frame[at];
+    let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n');
+    match char::from(byte).to_digit(16) {
+        Some(digit) if frame.iter().all(is_text) => {
+            let other = char::from_digit(digit ^ 1 << (bit % 4), 16).unwrap_or('0');
+            let is_lower = frame.iter().any(|byte| matches!(byte, b'a'..=b'f'));
+            let other = if is_lower {
+                other
+            } else {
+                other.to_ascii_uppercase()
+            };
+            u8::try_from(other).unwrap_or(byte)
+        }
+        _ => byte ^ 1 << bit,
     }
 }
 
@@ -301,6 +322,16 @@ fn number(rng: &mut Rng) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// `:010300` of Modbus ASCII: digits stay digits, the colon and bytes of binary frames do not.
+    #[test]
+    fn a_digit_of_a_text_becomes_another_digit() {
+        let text = b":0103FA\r\n";
+        assert_eq!([0, 3].map(|bit| with_bit(text, 4, bit)), [b'2', b'B']);
+        assert_eq!([0, 3].map(|bit| with_bit(text, 5, bit)), [b'E', b'7']);
+        assert_eq!(with_bit(text, 0, 0), b';');
+        assert_eq!(with_bit(&[0x30, 0x01], 0, 7), 0xB0);
+    }
 
     const BUS: Speech = Speech::of_codec(Some(&codec::BUS));
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use protocols::Instant;
 
+use super::answers;
 use super::case::{Answered, Case, Known, Pair, Raw};
 use super::cause::Cause;
 use super::coverage::Reached;
@@ -163,6 +164,12 @@ pub(super) fn act(
             break;
         }
     }
+    if !raw.learned.is_empty()
+        && let Some(pair) = answers::taken(live, raw)?
+    {
+        let link = raw.link.clone();
+        causes.push(Cause::Accepts { pair, link });
+    }
     if let Some(cut) = &raw.cut
         && talk.loses_next(live, raw, &cut.0)?
     {
@@ -318,9 +325,10 @@ pub(super) fn conclude(
         None => harness.is_mute || !case.scenario.fault.is_empty(),
         // Without its device, no request of the program gets a reply.
         Some(raw) if raw.turn.is_empty() => {
-            raw.chunks() > 0 || !raw.pair.is_empty() || live.has_spoken()
+            let has_pairs = !raw.pair.is_empty() || !raw.learned.is_empty();
+            raw.chunks() > 0 || has_pairs || live.has_spoken()
         }
-        Some(_) => live.is_altered,
+        Some(raw) => live.is_altered || !raw.learned.is_empty(),
     };
     let mut outcome = judge(harness, live, acted, causes, is_altered)?;
     if case.told.known.ends {

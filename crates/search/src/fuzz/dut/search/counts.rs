@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use emulators::rng::Rng;
+
 use super::Search;
 use crate::fuzz::dut::finding::Kept;
 use crate::fuzz::dut::plan::GivenUp;
@@ -47,6 +49,17 @@ impl Search<'_> {
     pub fn asks(&self, link: &str) -> bool {
         let mut lessons = self.lessons.iter();
         lessons.any(|(at, (lesson, _))| self.ends[*at].0.link == link && lesson.asks())
+    }
+
+    /// Number of learned requests that the program answers on `link`, and whether damaged ones are
+    /// sent: the checksum is certain.
+    pub fn answers(&self, link: &str) -> (usize, bool) {
+        let mut lessons = self.lessons.iter();
+        let lesson = lessons.find(|(at, _)| self.ends[**at].0.link == link);
+        lesson.map_or((0, false), |(_, (lesson, _))| {
+            let is_damaged = !lesson.pairs(1, &mut Rng::stream(0, "answers")).is_empty();
+            (lesson.answered().0, is_damaged)
+        })
     }
 
     /// Number of the next case; cases of earlier searches count.
