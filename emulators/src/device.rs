@@ -80,8 +80,9 @@ pub trait Device {
         None
     }
 
-    /// Number of received bytes, if requests of a format exist and no frame of this format was among
-    /// them; 0 otherwise. A receiver that waits for the first byte of a frame logs no byte before it.
+    /// Number of received bytes, if requests of a format exist and no frame of this format was
+    /// among them; 0 otherwise. A receiver that waits for the first byte of a frame logs no byte
+    /// before it.
     fn unframed(&self) -> u64 {
         0
     }

@@ -109,11 +109,21 @@ fn a_crash_is_found_and_its_command_repeats_it() {
 
     let repeat = read(&finding.join("repeat.txt"));
     let repeat = repeat.replacen("hilrig", HILRIG, 1);
-    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "crash");
+    let (code, said) = run(
+        Command::new("sh")
+            .args(["-c", &repeat])
+            .current_dir(&finding),
+        "crash",
+    );
     assert_eq!(code, Some(1), "{said}");
     assert!(said.contains("seen again: crash-sigabrt"), "{said}");
     // The fixed program passes the same case.
-    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "none");
+    let (code, said) = run(
+        Command::new("sh")
+            .args(["-c", &repeat])
+            .current_dir(&finding),
+        "none",
+    );
     assert_eq!(code, Some(0), "{said}");
     assert!(said.contains("not seen again: crash-sigabrt"), "{said}");
 }
@@ -177,7 +187,12 @@ fn a_driver_that_accepts_damaged_replies_is_told_from_a_sound_one() {
     }
     let finding = folder.join("careless-TURNS-out/findings/01-accepts-corrupt-frame");
     let repeat = read(&finding.join("repeat.txt")).replacen("hilrig", HILRIG, 1);
-    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "none");
+    let (code, said) = run(
+        Command::new("sh")
+            .args(["-c", &repeat])
+            .current_dir(&finding),
+        "none",
+    );
     assert_eq!(code, Some(1), "{said}");
     assert!(
         said.contains("seen again: accepts-corrupt-frame scale"),
@@ -263,7 +278,12 @@ fn a_crash_found_in_virtual_time_is_repeated_to_the_byte() {
     let finding = out.join("findings/01-crash-sigabrt");
     let repeat = read(&finding.join("repeat.txt")).replacen("hilrig", HILRIG, 1);
     assert!(repeat.contains(" --virtual "), "{repeat}");
-    let (code, said) = run(Command::new("sh").args(["-c", &repeat]), "crash");
+    let (code, said) = run(
+        Command::new("sh")
+            .args(["-c", &repeat])
+            .current_dir(&finding),
+        "crash",
+    );
     assert_eq!(code, Some(1), "{said}");
     let bytes = |name: &str| std::fs::read(finding.join(name)).expect("written");
     assert_eq!(bytes("capture.pcapng"), bytes("repeated.pcapng"));

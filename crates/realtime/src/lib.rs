@@ -326,8 +326,8 @@ impl<C: Clock> Realtime<C> {
         self.ports[index].end.robot
     }
 
-    /// Bytes that were brought to the client of the port `index` so far, the number of openings, and
-    /// whether a client is there.
+    /// Bytes that were brought to the client of the port `index` so far, the number of openings,
+    /// and whether a client is there.
     pub(crate) fn state(&self, index: usize) -> (u64, Openings) {
         let port = &self.ports[index];
         let openings = Openings {

@@ -197,8 +197,8 @@ impl Speech {
     }
 }
 
-/// The byte `at` of `frame` with another bit. In a frame of text a hexadecimal digit becomes another
-/// one: each reader of digits refuses other characters, also one that ignores the checksum.
+/// The byte `at` of `frame` with another bit. In a frame of text a hexadecimal digit becomes
+/// another one: each reader of digits refuses other characters, also one that ignores the checksum.
 pub(super) fn with_bit(frame: &[u8], at: usize, bit: u64) -> u8 {
     let byte = frame[at];
     let is_text = |byte: &u8| matches!(byte, b' '..=b'~' | b'\r' | b'\n');

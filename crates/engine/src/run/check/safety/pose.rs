@@ -34,8 +34,8 @@ pub struct PoseBelieved {
 }
 
 impl PoseBelieved {
-    /// Judges a robot while it is undisturbed; the error may be `within_mm`, or less if the robot is more
-    /// accurate.
+    /// Judges a robot while it is undisturbed; the error may be `within_mm`, or less if the robot
+    /// is more accurate.
     pub fn new(instruments: Arc<dyn Instruments>, within_mm: f64, quiet: Undisturbed) -> Self {
         let [own_mm, own_deg] = instruments.accuracy().unwrap_or([within_mm, TURNED_MAX]);
         Self {

@@ -31,8 +31,8 @@ pub struct TurnsShort {
 }
 
 impl TurnsShort {
-    /// Judges the turns in these modes of the robot's program, while it is undisturbed. An order on the
-    /// link `orders` may begin another turn.
+    /// Judges the turns in these modes of the robot's program, while it is undisturbed. An order on
+    /// the link `orders` may begin another turn.
     pub fn new(modes: &[&'static str], orders: Option<&'static str>, quiet: Undisturbed) -> Self {
         Self {
             modes: modes.to_vec(),

@@ -33,8 +33,8 @@ const BAUDS: [u32; 10] = [
     19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 576_000, 691_200, 921_600, 1_382_400,
 ];
 /// The robot sends while its mapper leaves the processor free: 50 of 200 ms (page 16). The
-/// published program's interrupt occupies the processor while a byte is on the wire, so its queue stays empty
-/// and it stops in the middle of a row.
+/// published program's interrupt occupies the processor while a byte is on the wire, so its queue
+/// stays empty and it stops in the middle of a row.
 const CYCLE_MS: u32 = 200;
 const FREE_MS: u32 = 50;
 /// Period of the poses, which a task of higher priority writes at any time.
