@@ -406,6 +406,20 @@ fn devices_on_one_wire_count_each_violation() {
     assert_eq!((moments.count() > 27, lost), (true, 0));
 }
 
+/// A receiver that waits for the first byte of a frame logs no byte before it. The bytes are
+/// counted until a frame comes, also a frame of another device on the wire.
+#[test]
+fn bytes_without_any_frame_are_counted() {
+    let mut driver = camera_and_relay();
+    assert_eq!(driver.wire.unframed(), 0);
+    driver.send(&[0x54, 2, 2, 7]);
+    driver.listen(200);
+    assert_eq!((driver.wire.unframed(), driver.rules().len()), (4, 0));
+    driver.send(&[0x55, 2, 2, 7, 0x55 ^ 2 ^ 2 ^ 7]);
+    driver.listen(200);
+    assert_eq!(driver.wire.unframed(), 0);
+}
+
 /// A line without an end is one violation, however long it is and however it is delivered, and its
 /// rest is no message. The text of a long line is shortened.
 #[test]
