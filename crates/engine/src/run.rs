@@ -452,7 +452,7 @@ impl Run {
         }
         #[cfg(feature = "described")]
         checks.extend(self.goes_on.as_ref().map(|goes_on| {
-            let broken = self.rig.all_broken_rules();
+            let broken = self.rig.mistakes();
             let broken = broken.iter();
             let broken = broken.map(|(device, rule, count)| (&**device, *rule, *count));
             let rest = check::Rest {

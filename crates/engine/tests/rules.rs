@@ -319,6 +319,32 @@ fn violations_count_from_their_time_on() {
     }
 }
 
+/// Three orders are damaged at 3 s or at 11.5 s. They do not count during a fault that has an end,
+/// and for 5 s after it, whether its time is planned or a frame begins it.
+#[test]
+fn violations_do_not_count_during_a_fault() {
+    let planned = "from = '2500ms'\nuntil = '3500ms'";
+    let begun_by_a_frame = "at_frame = 3\nlasting = '300ms'";
+    let to_the_end = "from = '2500ms'";
+    for (damage_ms, times, status) in [
+        (3_000, planned, Status::Pass),
+        (11_500, planned, Status::Fail),
+        (3_000, begun_by_a_frame, Status::Pass),
+        (11_500, begun_by_a_frame, Status::Fail),
+        (3_000, to_the_end, Status::Fail),
+        (3_000, "from = '50ms'\nuntil = '11s'", Status::NotObserved),
+    ] {
+        let driver = Driver { damage_ms, ..SOUND };
+        let more = format!(
+            "\n[expect]\nviolations_max = 0\nviolations_from = \"100ms\"\n[[fault]]\n\
+             kind = \"latency\"\nlink = \"wheels\"\ndirection = \"to-device\"\nby = \"1us\"\n{times}\n"
+        );
+        let outcome = drive(driver, porter() + &more);
+        let check = detail(&outcome, "violations");
+        assert_eq!(check.status, status, "{damage_ms} {times}: {check}");
+    }
+}
+
 /// Rules that a valid run must not pass, because their subject never appeared or cannot be
 /// compared: the addition to the scenario, the verdict, and its message.
 const UNPROVED: [(&str, Status, &str); 3] = [

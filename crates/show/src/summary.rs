@@ -4,6 +4,7 @@ use core::fmt;
 use core::time::Duration;
 use std::path::Path;
 
+use engine::rig::NO_FRAME;
 use engine::run::Outcome;
 use engine::run::check::VIOLATIONS;
 
@@ -94,6 +95,7 @@ fn unjudged(outcome: &Outcome) -> Option<String> {
         return None;
     }
     let broken = outcome.broken_rules.iter();
+    let broken = broken.filter(|(_, rule, _)| *rule != NO_FRAME);
     let words = broken.map(|(device, rule, count)| format!("{count} times {rule} of {device}"));
     let mut words: Vec<String> = words.collect();
     let more = words.len().saturating_sub(3);

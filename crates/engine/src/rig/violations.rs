@@ -39,8 +39,7 @@ impl Rig {
     }
 
     /// The rules that masters broke, with those of devices that do not count them: their entries in
-    /// the log. [`NO_FRAME`] stands for the bytes of a device that found no frame among them: one
-    /// for each 16 bytes.
+    /// the log.
     pub fn all_broken_rules(&self) -> Vec<(String, &'static str, u64)> {
         let counted = self.broken_rules();
         let mut broken: Vec<_> = counted
@@ -61,13 +60,20 @@ impl Rig {
                 None => broken.push((source.clone(), rule, 1)),
             }
         }
+        broken
+    }
+
+    /// The broken rules, and [`NO_FRAME`] for each device that found no frame among the received
+    /// bytes: once for each 16 bytes. This is no violation: a device may ignore such bytes.
+    pub fn mistakes(&self) -> Vec<(String, &'static str, u64)> {
+        let mut mistakes = self.all_broken_rules();
         for node in &self.nodes {
             let count = node.unframed().div_ceil(FRAME);
             if count > 0 {
-                broken.push((node.name.clone(), NO_FRAME, count));
+                mistakes.push((node.name.clone(), NO_FRAME, count));
             }
         }
-        broken
+        mistakes
     }
 
     /// Number of broken rules that did not count, see [`excuse_until`](Self::excuse_until).

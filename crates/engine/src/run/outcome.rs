@@ -64,7 +64,8 @@ pub struct Outcome {
     pub violations: u64,
     /// Faults that never began, each with the reason.
     pub unbegun: Vec<String>,
-    /// Violated rules with their devices and counts.
+    /// Violated rules with their devices and counts, and devices that found no frame, see
+    /// [`Rig::mistakes`](crate::rig::Rig::mistakes).
     pub broken_rules: Vec<(String, &'static str, u64)>,
     /// Masters at ports of their own that asked and got no reply.
     pub unanswered: Vec<String>,
@@ -183,7 +184,7 @@ impl Run {
             was_asked: self.rig.was_asked(),
             violations: self.rig.violations(),
             unbegun: self.unbegun().collect(),
-            broken_rules: self.rig.all_broken_rules(),
+            broken_rules: self.rig.mistakes(),
             #[cfg(feature = "described")]
             unanswered: super::check::unanswered(&self.rig, &self.scenario),
             #[cfg(not(feature = "described"))]

@@ -22,6 +22,7 @@ mod turns;
 pub use alive::AliveAtTheEnd;
 pub use asks::AsksAgain;
 pub use calm::Calm;
+pub(super) use calm::EFFECTS;
 use calm::Undisturbed;
 pub use complaints::ComplaintsTrue;
 pub use counts::CountsTrue;

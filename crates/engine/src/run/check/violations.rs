@@ -1,9 +1,8 @@
 //! Rules of devices that the program broke.
 
-use core::time::Duration;
-
 use protocols::Instant;
 
+use super::safety::EFFECTS;
 use super::{Check, Checker, Look, VIOLATIONS};
 use crate::rig::Rig;
 use crate::rig::fault::Window;
@@ -39,10 +38,9 @@ pub struct ViolationsLater {
     /// The violations of earlier times of counting.
     found: Tally,
     is_observed: bool,
+    /// Whether the time from which violations count has come.
+    has_come: bool,
 }
-
-/// Time from the end of a fault until its effects are over.
-const EFFECTS: Duration = Duration::from_secs(5);
 
 /// Violations up to a moment, or between two.
 #[derive(Clone, Debug, Default)]
@@ -93,6 +91,7 @@ impl ViolationsLater {
             tallies: None,
             found: Tally::default(),
             is_observed: false,
+            has_come: false,
         })
     }
 }
@@ -126,12 +125,16 @@ impl Checker for ViolationsLater {
             _ => {}
         }
         self.is_observed |= counts;
+        self.has_come |= now >= self.from;
     }
 
     fn verdict(&self) -> Check {
         let from = self.from;
         if !self.is_observed {
-            let detail = format!("the run ended before {from} s, the time of the judgement");
+            let detail = match self.has_come {
+                true => format!("from {from} s on, faults and their effects lasted to the end"),
+                false => format!("the run ended before {from} s, the time of the judgement"),
+            };
             return Check::not_observed(VIOLATIONS, detail);
         }
         let mut all = self.found.clone();

@@ -11,7 +11,7 @@ use crate::robots::Instruments;
 use crate::scenario::{FaultSpec, Scenario};
 
 /// Time from the end of a fault until its effects are over: queues are empty, devices work again.
-const EFFECTS: Duration = Duration::from_secs(5);
+pub(crate) const EFFECTS: Duration = Duration::from_secs(5);
 
 /// The times in which no fault acts on some links.
 #[derive(Clone, Debug, Default)]
@@ -48,8 +48,8 @@ impl Calm {
         self
     }
 
-    /// The same for other faults of the run. A fault that waits for a condition, a
-    /// byte or a frame does not act yet.
+    /// The same for other faults of the run. A fault that waits for a condition, a byte or a frame
+    /// does not act yet.
     pub(super) fn renew(&mut self, faults: &[FaultSpec], rig: &Rig) {
         let is_meant = |link: &str| self.links.iter().any(|own| own == link);
         let faults = faults
