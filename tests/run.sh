@@ -194,7 +194,7 @@ $all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
 # These wait for browsers, ports and programs most of their time, some of them in real time; the
 # others compute. What computes yields to what waits: two processors are never idle, and nothing
 # that runs in real time is late.
-waiting=(cli exec page transport)
+waiting=(cli exec page replay transport)
 # Tests that a landing leaves out.
 skipped=()
 while read -r paths name; do
@@ -212,7 +212,11 @@ computing() {
     tests --no-fail-fast --lib --bins $(sed 's/^/--test /' "$target/computing") -- "${skipped[@]}"
     tests --doc
 }
-pages() { tests --no-fail-fast --test cli --test page --test transport -- "${skipped[@]}"; }
+pages() {
+    # Twice as many threads as by default on two processors: most of them wait.
+    RUST_TEST_THREADS=${RUST_TEST_THREADS:-4} tests --no-fail-fast --test cli --test page --test replay \
+        --test transport -- "${skipped[@]}"
+}
 built=$target/debug
 # Programs in virtual time. Then what users run: the examples, the package for Python, the programs
 # of the docs, the described devices as pip's drivers read them, the demo. All of it is built by the

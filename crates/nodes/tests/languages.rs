@@ -21,9 +21,10 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The C program, compiled.
-fn compiled(name: &str) -> PathBuf {
-    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+/// The C program, compiled for the test `user`. Tests run at the same time, and a program that a
+/// compiler writes cannot be started.
+fn compiled(name: &str, user: &str) -> PathBuf {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{name}-{user}"));
     let source = root().join(format!("nodes/examples/{name}.c"));
     let mut cc = Command::new("cc");
     cc.args([
@@ -170,7 +171,7 @@ fn the_same_scale_in_three_languages_gives_the_same_answers() {
     ];
     assert_eq!(told(&rust), expected);
     assert_eq!(answers_of(python("scale")), rust);
-    assert_eq!(answers_of(Command::new(compiled("scale"))), rust);
+    assert_eq!(answers_of(Command::new(compiled("scale", "answers"))), rust);
 }
 
 fn tested(command: &str, library: bool) -> Vec<Finding> {
@@ -204,7 +205,7 @@ fn the_examples_keep_the_contract() {
     let scale = root().join("nodes/examples/scale.py");
     let none = Vec::<String>::new();
     assert_eq!(failed(&format!("python3 {}", scale.display()), true), none);
-    let compiled = compiled("scale");
+    let compiled = compiled("scale", "contract");
     assert_eq!(failed(&compiled.display().to_string(), false), none);
 }
 
