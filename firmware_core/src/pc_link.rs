@@ -25,12 +25,9 @@ use fielded::{CountedPsi, Receiver};
 
 /// Room for the longest frame in addition to a useful queue.
 const TX_LEN: usize = if cfg!(feature = "large") { 8192 } else { 2048 };
-/// Bytes sent without a pause: the radio has room for 700. Only a row of the large map is longer.
-const AT_ONCE: usize = if cfg!(feature = "large") {
-    512
-} else {
-    FRAME_MAX
-};
+/// Bytes sent without a pause: the radio has room for 700, and other frames may wait in it. A list
+/// of more than 54 waypoints is longer (a list of 100 has 919 bytes), and a row of the large map.
+const AT_ONCE: usize = 512;
 /// Rows are added only while no more than this is queued, so that a pose never waits long.
 const ROWS_BELOW: usize = 512;
 /// Retry interval for a row while the queue does not drain.

@@ -43,6 +43,37 @@ fn the_program_runs_against_a_robot_on_a_port() {
     page.hear("now", |now| now["pc"]["heard_ms"].as_u64() < Some(1_000));
 }
 
+/// A robot that reports about itself over the radio: its battery, conditions and errors are on the
+/// page of its PC.
+#[test]
+fn what_the_robot_says_of_itself_is_on_the_page_of_its_pc() {
+    let dir = folder("remote-diagnosis");
+    let text = std::fs::read_to_string(scenario("empty-room")).expect("shipped");
+    let said = format!("{text}\n[program]\ndiagnosis = true\n");
+    let file = dir.join("says.toml");
+    std::fs::write(&file, said).expect("room");
+    let [dir, file] = [&dir, &file].map(|path| path.to_str().expect("plain letters"));
+    let mut up = Process::start(&["up", file, "--dir", dir, "--pc"]);
+    up.line("pc ");
+    let _program = Process::start(&["dut", "--dir", dir]);
+    let server = Server::start(&["--pc", &format!("{dir}/pc")]);
+    let mut page = server.page().expect("there is room");
+    let told = page.hear("slow", |slow| slow["panels"][0]["name"] == "robot says");
+    let told = told.expect("shown");
+    let rows = told["panels"][0]["rows"].as_array().expect("rows");
+    let value = |name: &str| {
+        rows.iter()
+            .find(|row| row["name"] == name)
+            .map(|row| &row["value"])
+    };
+    assert_eq!(value("conditions"), Some(&json!("none")));
+    let millivolts = value("battery").and_then(|value| value.as_str()?.parse::<u32>().ok());
+    assert!(
+        millivolts.is_some_and(|mv| (6_000..14_000).contains(&mv)),
+        "{rows:?}"
+    );
+}
+
 /// The same with yellow, the other robot with a PC program: it is ordered to drive by its sensors,
 /// confirms this, and is driven manually.
 #[test]

@@ -37,6 +37,7 @@ pub struct Remote {
     trouble: Option<String>,
     hand: Hand,
     layer: MapLayer,
+    slow: Numbered,
     shown_at: Option<Instant>,
 }
 
@@ -59,6 +60,7 @@ impl Remote {
             trouble: None,
             hand: Hand::default(),
             layer: MapLayer::new("pc"),
+            slow: Numbered::new("{}"),
             shown_at: None,
         }
     }
@@ -164,6 +166,9 @@ impl Remote {
         if let Some(map) = self.station.map() {
             look_at_map(&mut self.layer, map);
         }
+        let slow = json!({"type": "slow", "lanes": [], "panels": self.station.panels(),
+                          "counters": [], "faults": []});
+        self.slow.renew(slow.to_string());
         let believed = self.station.stated_pose().map(short_pose);
         let mut timeline = self
             .hub
@@ -207,7 +212,7 @@ impl Remote {
             run: 1,
             stage: self.stage().to_string().into(),
             fast: fast.to_string().into(),
-            slow: Numbered::new("{}"),
+            slow: self.slow.clone(),
             scan: Numbered::new("{}"),
             overlays: Numbered::new("{}"),
             checks: Numbered::new("{}"),

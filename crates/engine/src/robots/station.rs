@@ -8,6 +8,7 @@ use firmware_core::map_view::MapView;
 use protocols::{Instant, Port};
 use serde::Serialize;
 
+use super::instruments::Panel;
 use crate::scenario::{Action, SetPoint, Step};
 
 /// The reason why no station executes an action of the rig itself.
@@ -220,6 +221,11 @@ pub trait RemoteStation: Station + Device {
 
     /// Size of the drawn robot, metres.
     fn radius_m(&self) -> f64;
+
+    /// The robot's messages about itself, for display.
+    fn panels(&self) -> Vec<Panel> {
+        Vec::new()
+    }
 }
 
 /// Manual control of the axes. Returns the order when the set-points change, and releases the axes

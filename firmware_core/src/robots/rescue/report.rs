@@ -30,6 +30,7 @@ impl Inspect for Rescue {
             _ if !self.lidar.sees() => "lidar silent",
             Mode::Exploration => "exploration",
             _ if self.is_lost() => "lost",
+            _ if self.is_off_map() => "off the map",
             Mode::Waypoint => "waypoint",
             Mode::Explore => match self.explore.progress() {
                 Progress::Seeks => "explore",

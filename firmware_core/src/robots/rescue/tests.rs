@@ -128,7 +128,8 @@ fn the_lidar_is_switched_by_its_button() {
 }
 
 /// With waypoints enabled a touch of the map sets a waypoint, in cells of 10 mm; else it sets the
-/// pose of a robot at rest, and a second touch turns the robot by 45 degrees.
+/// pose of a robot at rest, and a second touch turns the robot by 45 degrees: psi, which counts
+/// clockwise, grows.
 #[test]
 fn a_touch_of_the_map_sets_a_waypoint_or_the_robot() {
     let mut robot = robot();
@@ -162,7 +163,7 @@ fn a_touch_of_the_map_sets_a_waypoint_or_the_robot() {
     robot.touched(at(5), Hit::Map([100.0, 50.0], true));
     let turned = robot.mapper.pose().heading - pose.heading;
     assert!(
-        (turned - core::f32::consts::FRAC_PI_4).abs() < 1e-5,
+        (turned + core::f32::consts::FRAC_PI_4).abs() < 1e-5,
         "{turned}"
     );
 }

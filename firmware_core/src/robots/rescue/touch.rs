@@ -144,7 +144,8 @@ impl Rescue {
         self.follow_waypoints(now);
     }
 
-    /// Sets the pose of a robot at rest; a double tap turns it by 45 degrees instead.
+    /// Sets the pose of a robot at rest; a double tap turns it by 45 degrees clockwise instead, in
+    /// which direction the fielded angle psi grows.
     fn place_robot(&mut self, now: Instant, cells: [f32; 2], is_double: bool) {
         if self.mode != Mode::Stop {
             self.screen.notices.push(now, Notice::StopFirst);
@@ -152,7 +153,7 @@ impl Rescue {
         }
         let pose = self.mapper.pose();
         let [x_mm, y_mm] = cells.map(|cells| cells * self.mapper.grid().resolution_mm());
-        let turn = if is_double { FRAC_PI_4 } else { 0.0 };
+        let turn = if is_double { -FRAC_PI_4 } else { 0.0 };
         self.mapper
             .set_pose(Pose::new(x_mm, y_mm, pose.heading + turn));
         self.screen.notices.push(now, Notice::PoseSet);

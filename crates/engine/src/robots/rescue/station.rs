@@ -8,8 +8,8 @@ use protocols::pcui::message::Mode;
 use protocols::{Instant, Port};
 
 use super::pc_program::{self, waypoints};
-use super::{MODES, pc_action, pc_step};
-use crate::robots::instruments::in_metres;
+use super::{MODES, pc_action, pc_step, view};
+use crate::robots::instruments::{Panel, in_metres};
 use crate::robots::station::{DriveKeys, StationState};
 use crate::robots::{Gesture, RemoteStation, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};
@@ -149,5 +149,9 @@ impl RemoteStation for Pc {
 
     fn radius_m(&self) -> f64 {
         0.16
+    }
+
+    fn panels(&self) -> Vec<Panel> {
+        view::diagnosis(self).into_iter().collect()
     }
 }
