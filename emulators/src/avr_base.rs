@@ -165,6 +165,8 @@ struct Motors {
     driven: bool,
     /// Reason for the last zero set-points.
     reason: &'static str,
+    /// Wheels that debris holds, left and right.
+    held: [bool; 2],
 }
 
 /// From power to the first reply: "within tens of milliseconds".
@@ -235,6 +237,7 @@ impl AvrBase {
             motors: Motors {
                 driven: false,
                 reason: "set-point",
+                held: [false; 2],
             },
             last_frame: Instant::ZERO,
             chip: Chip::new(Instant::ZERO, ticks, Instant::ZERO),

@@ -9,7 +9,9 @@ mod fielded;
 
 use core::time::Duration;
 
-use protocols::pcui::diagnosis::{Diagnosis, encode_diagnosis, encode_victims};
+use protocols::pcui::diagnosis::{
+    Diagnosis, Readings, Text, encode_diagnosis, encode_readings, encode_text, encode_victims,
+};
 use protocols::pcui::message::{
     MapProperties, State, encode_map_properties, encode_row, encode_state, encode_waypoints,
 };
@@ -62,7 +64,7 @@ pub enum Diagnose {
     /// No diagnosis, as in the report.
     #[default]
     Nothing,
-    /// Battery, conditions, errors and victims, once a second.
+    /// Battery, conditions, errors, victims, sensors and the newest message, once a second.
     EachSecond,
 }
 
@@ -99,6 +101,10 @@ pub struct View<'a> {
     pub diagnosis: Diagnosis,
     /// Positions of the found victims, millimetres in the map.
     pub victims: &'a [[i16; 2]],
+    /// Readings of the sensors.
+    pub readings: Readings,
+    /// The newest message to the operator.
+    pub message: Text<'a>,
 }
 
 /// Counters of the link since the start.
@@ -279,6 +285,10 @@ impl PcLink {
             let len = encode_diagnosis(&view.diagnosis, &mut frame);
             self.queue(now, &frame, len);
             let len = encode_victims(view.victims.iter().copied(), &mut frame);
+            self.queue(now, &frame, len);
+            let len = encode_readings(&view.readings, &mut frame);
+            self.queue(now, &frame, len);
+            let len = encode_text(view.message, &mut frame);
             self.queue(now, &frame, len);
         }
         while now >= self.row_at {

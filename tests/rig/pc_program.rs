@@ -56,6 +56,22 @@ fn on_the_robot(run: &Run) -> Vec<[i16; 2]> {
     list.iter().map(|waypoint| waypoint.position_mm).collect()
 }
 
+/// The longest list of the report is sent back while the map passes: the radio's buffer of 700 bytes
+/// does not overflow.
+#[test]
+fn a_list_of_100_waypoints_passes_the_radio() {
+    for seed in 1..=6 {
+        let places = (0..100_u32).map(|n| [n % 10, n / 10].map(|step| 1.0 + 0.1 * f64::from(step)));
+        let (mut scenario, source) = in_a_room("8s", "[expect]\nviolations_max = 0\n");
+        scenario.seed = seed;
+        scenario.mission.waypoints_m = places.collect();
+        let mut run = start((scenario, source));
+        run.go_on_until(Instant::from_secs(8));
+        assert_eq!(on_the_robot(&run).len(), 100, "seed {seed}");
+        assert_eq!(run.rig.all_broken_rules(), [], "seed {seed}");
+    }
+}
+
 /// One byte in 10,000 lost and one in 10,000 flipped between robot and radio: some 3 % of the map's
 /// rows are damaged, and hardly one in 30,000 is lost three times. Three passes of 300 rows later
 /// every row has arrived and equals the robot's. A pass takes 5.9 s at most: 320 B a row at 12

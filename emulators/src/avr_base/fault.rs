@@ -7,12 +7,13 @@ use crate::world::Wheel;
 
 /// Names of the faults. The last one needs a base that announces its stop button: a person holds
 /// the button.
-const NAMES: [&str; 6] = [
+const NAMES: [&str; 7] = [
     "off",
     "restart",
     "stuck",
     "wrong",
     "battery-low",
+    "wheel-held",
     "stop-button",
 ];
 
@@ -88,6 +89,7 @@ impl AvrBase {
             ("wrong", true) => self.encoders.factor = figure.unwrap_or(WRONG),
             ("wrong", false) => self.encoders.factor = 1.0,
             ("battery-low", _) => self.battery.is_low = begins,
+            ("wheel-held", _) => self.motors.held = held(figure).map(|is_held| is_held && begins),
             ("stop-button", true) => self.press_stop(now),
             ("stop-button", false) => self.release_stop(now),
             _ => {}
@@ -95,9 +97,23 @@ impl AvrBase {
     }
 }
 
+/// The wheels, left and right, that the fault `wheel-held` of this figure holds: debris is wedged
+/// between wheel and frame, so the wheel stands still whatever its motor does. 0 is the left one, 1
+/// the right one; without a figure both are held.
+fn held(figure: Option<f64>) -> [bool; 2] {
+    [0.0, 1.0].map(|wheel| figure.is_none_or(|figure| figure == wheel))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_figure_names_the_wheel_that_is_held() {
+        let figures = [None, Some(0.0), Some(1.0), Some(2.0)];
+        let expected = [[true, true], [true, false], [false, true], [false, false]];
+        assert_eq!(figures.map(held), expected);
+    }
 
     #[test]
     fn counts_stand_still_while_stuck_and_go_on_from_there() {
@@ -122,11 +138,18 @@ mod tests {
             };
             AvrBase::new(config, 1).faults()
         };
-        let usual = ["off", "restart", "stuck", "wrong", "battery-low"];
+        let usual = [
+            "off",
+            "restart",
+            "stuck",
+            "wrong",
+            "battery-low",
+            "wheel-held",
+        ];
         assert_eq!(faults(Announce::Nothing), usual);
         let with_button = faults(Announce::StopButton);
-        assert_eq!(with_button[..5], usual);
-        assert_eq!(with_button[5..], ["stop-button"]);
+        assert_eq!(with_button[..6], usual);
+        assert_eq!(with_button[6..], ["stop-button"]);
     }
 
     /// The count grows by half as much again, or backwards without a figure; it is right after the

@@ -118,6 +118,7 @@ impl AvrBase {
         self.look_at_wheels(world);
         let set_points = self.set_points();
         let enabled = self.motors_enabled();
+        let held = self.motors.held;
         for ((side, wheel), set_point) in self.sides.iter_mut().zip(WHEELS).zip(set_points) {
             let count = side.counter.count();
             // A rig that comes late sees several periods at once.
@@ -125,7 +126,9 @@ impl AvrBase {
             side.counted = count;
             side.is = speed(ticks);
             let drive = side.regulator.step(self.quirks.gains, set_point, side.is);
-            world.set_drive(wheel, if enabled { drive } else { Drive::Coast });
+            let drive = if enabled { drive } else { Drive::Coast };
+            let is_held = held[wheel as usize];
+            world.set_drive(wheel, if is_held { Drive::Brake } else { drive });
         }
         self.tell_motors(at, enabled && set_points != [0; 2]);
     }

@@ -1,7 +1,7 @@
 //! Everything the PC has learned from the robot.
 
 use protocols::pcui::MessageError;
-use protocols::pcui::diagnosis::Diagnosis;
+use protocols::pcui::diagnosis::{Diagnosis, Readings};
 use protocols::pcui::message::{MapProperties, MapRow, Message, State, Waypoint};
 use protocols::pcui::{Decoder, Frame};
 use protocols::{Decode, Instant};
@@ -66,6 +66,10 @@ pub struct Record {
     pub diagnosis: Option<(Instant, Diagnosis)>,
     /// Positions of the victims found by the robot, millimetres in its map.
     pub victims: Vec<[i16; 2]>,
+    /// Readings of the robot's sensors, if it sends them.
+    pub readings: Option<Readings>,
+    /// Number and text of the robot's newest message.
+    pub message: Option<(u16, String)>,
     /// The map, once its size is known.
     pub map: Option<PcMap>,
     /// The poses that the robot stated, each change once.
@@ -92,6 +96,8 @@ pub(super) enum News {
     Nothing,
     /// A victim more or less.
     Victims,
+    /// A new message of the robot.
+    Message,
     /// The map's size makes no sense.
     BadSize,
     BadMessage(MessageError),
@@ -168,6 +174,18 @@ impl Record {
                 } else {
                     News::Nothing
                 }
+            }
+            Ok(Message::Sensors(readings)) => {
+                self.readings = Some(readings);
+                News::Nothing
+            }
+            Ok(Message::Text(told)) => {
+                let is_known = |known: &(u16, String)| known.0 == told.number;
+                if self.message.as_ref().is_some_and(is_known) {
+                    return News::Nothing;
+                }
+                self.message = Some((told.number, told.text.escape_ascii().to_string()));
+                News::Message
             }
             // Only the PC gives orders.
             Ok(Message::Order(_)) => self.refuse(MessageError::Length {

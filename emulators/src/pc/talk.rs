@@ -79,6 +79,11 @@ impl Pc {
                     let detail = format!("{} victims", self.record.victims.len());
                     self.log.note(now, "victims", detail);
                 }
+                News::Message => {
+                    let message = self.record.message.as_ref();
+                    let detail = message.map(|(_, text)| text.clone()).unwrap_or_default();
+                    self.log.note(now, "robot-message", detail);
+                }
                 News::MapSize => {
                     let map = self.record.map.as_ref().expect("its size is known");
                     let detail = format!("{} x {} cells", map.width, map.height);

@@ -770,11 +770,13 @@ fn a_port_is_closed_when_all_was_written() {
     assert!(!pc.may_send(Pc::AIR));
 }
 
-/// The robot's condition is noted when it changes; the list of victims when it grows.
+/// The robot's condition is noted when it changes, the list of victims when it grows, a message by
+/// its number.
 #[test]
 fn what_the_robot_says_of_itself_is_noted() {
     use protocols::pcui::diagnosis::{
-        Condition, Conditions, Diagnosis, Search, encode_diagnosis, encode_victims,
+        Condition, Conditions, Diagnosis, Readings, Search, Text, encode_diagnosis,
+        encode_readings, encode_text, encode_victims,
     };
     let mut desk = Desk::new(opened_at_once(Vec::new()));
     desk.pc.line_event(Pc::AIR, desk.now, LineEvent::Opened);
@@ -789,6 +791,7 @@ fn what_the_robot_says_of_itself_is_noted() {
         frame(|frame| encode_diagnosis(&diagnosis, frame))
     };
     let victims = |list: &[[i16; 2]]| frame(|frame| encode_victims(list.iter().copied(), frame));
+    let text = |number, text| frame(|frame| encode_text(Text { number, text }, frame));
     for bytes in [
         told(Search::Seeks),
         told(Search::Seeks),
@@ -796,13 +799,18 @@ fn what_the_robot_says_of_itself_is_noted() {
         victims(&[[3, 4]]),
         told(Search::GoesHome),
         victims(&[[3, 4], [5, 6]]),
+        text(1, b"started"),
+        text(1, b"started"),
+        text(3, b"\xFF"),
+        frame(|frame| encode_readings(&Readings::NONE, frame)),
     ] {
         desk.hears(&bytes);
     }
+    assert_eq!(desk.pc.record().readings, Some(Readings::NONE));
     let said: Vec<(&str, &str)> = desk
         .events
         .iter()
-        .filter(|event| ["robot-says", "victims"].contains(&event.rule))
+        .filter(|event| ["robot-says", "robot-message", "victims"].contains(&event.rule))
         .map(|event| (event.rule, event.detail.as_str()))
         .collect();
     assert_eq!(
@@ -812,6 +820,8 @@ fn what_the_robot_says_of_itself_is_noted() {
             ("victims", "1 victims"),
             ("robot-says", "search goes home; battery low, stop button"),
             ("victims", "2 victims"),
+            ("robot-message", "started"),
+            ("robot-message", "\\xff"),
         ]
     );
 }

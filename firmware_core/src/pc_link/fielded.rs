@@ -367,6 +367,8 @@ mod tests {
             waypoints: &waypoints,
             diagnosis: pcui::diagnosis::Diagnosis::default(),
             victims: &[],
+            readings: pcui::diagnosis::Readings::NONE,
+            message: pcui::diagnosis::Text::default(),
         };
         link.queue_torn(now, &view, b"twelve bytestwelve bytes");
         sent(link)

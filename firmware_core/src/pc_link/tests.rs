@@ -49,6 +49,8 @@ impl Robot {
             waypoints: &self.waypoints,
             diagnosis: Diagnosis::default(),
             victims: &[],
+            readings: Readings::NONE,
+            message: Text::default(),
         }
     }
 }
@@ -215,7 +217,7 @@ fn each_frame_has_its_period() {
         (poses, states, frames.len() - poses - states - rows)
     };
     assert_eq!(count(Diagnose::Nothing), (40, 10, 0));
-    assert_eq!(count(Diagnose::EachSecond), (40, 10, 4));
+    assert_eq!(count(Diagnose::EachSecond), (40, 10, 8));
 }
 
 /// After the last row the first follows; while too many bytes wait no row is added.

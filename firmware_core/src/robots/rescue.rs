@@ -286,6 +286,8 @@ impl Rescue {
                 waypoints: &self.waypoints,
                 diagnosis: self.diagnosis(),
                 victims: self.victims.told(&mut places),
+                readings: self.readings(),
+                message: self.screen.notices.told(),
             };
             self.pc.tick(now, &view);
         }

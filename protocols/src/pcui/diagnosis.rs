@@ -1,10 +1,12 @@
 //! The robot's report about itself besides pose and map. The seed report plans it (chapter 6,
-//! "remote diagnosis") and gives no format; both messages are the rig's own.
+//! "remote diagnosis") and gives no format; these messages are the rig's own.
 //!
 //! | id | direction | payload |
 //! |---|---|---|
 //! | DIA | robot to PC | battery u16 mV, i8 % (-1: not known), conditions u16, search u8, errors u16 of lidar, base, radio |
 //! | VIC | robot to PC | per victim x, y i16 mm |
+//! | SEN | robot to PC | ten infrared ranges i16 mm (32767: not read), speed of the lidar u16 rpm |
+//! | TXT | robot to PC | number u16 of the newest message to the operator, its text in ASCII |
 
 use super::error::MessageError;
 use super::{HEADER_LEN, seal};
@@ -13,6 +15,10 @@ use super::{HEADER_LEN, seal};
 pub const DIAGNOSIS_LEN: usize = 12;
 /// Bytes of a victim.
 const VICTIM_LEN: usize = 4;
+/// Infrared sensors of the base.
+pub const INFRARED: usize = 10;
+/// Bytes of a SEN payload.
+pub const SENSORS_LEN: usize = 2 * INFRARED + 2;
 
 /// Conditions that concern the operator, one bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -205,6 +211,74 @@ pub fn encode_victims(
     seal(frame, *b"VIC", len)
 }
 
+/// Readings of the sensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Readings {
+    /// Ranges of the infrared sensors in the order of the base's registers, mm; [`i16::MAX`] if the
+    /// program does not read them.
+    pub infrared_mm: [i16; INFRARED],
+    /// Speed of the lidar, revolutions per minute.
+    pub lidar_rpm: u16,
+}
+
+impl Readings {
+    /// No sensor was read.
+    pub const NONE: Self = Self {
+        infrared_mm: [i16::MAX; INFRARED],
+        lidar_rpm: 0,
+    };
+}
+
+/// Writes the SEN frame and returns its length; `None` if `frame` is too small.
+pub fn encode_readings(readings: &Readings, frame: &mut [u8]) -> Option<usize> {
+    let payload = frame.get_mut(HEADER_LEN..HEADER_LEN + SENSORS_LEN)?;
+    let (ranges, rpm) = payload.split_at_mut(2 * INFRARED);
+    for (bytes, range) in ranges.chunks_exact_mut(2).zip(readings.infrared_mm) {
+        bytes.copy_from_slice(&range.to_le_bytes());
+    }
+    rpm.copy_from_slice(&readings.lidar_rpm.to_le_bytes());
+    seal(frame, *b"SEN", SENSORS_LEN)
+}
+
+/// Reads the payload of a SEN frame.
+pub(super) fn readings(payload: &[u8; SENSORS_LEN]) -> Readings {
+    let word = |at: usize| [payload[2 * at], payload[2 * at + 1]];
+    Readings {
+        infrared_mm: core::array::from_fn(|at| i16::from_le_bytes(word(at))),
+        lidar_rpm: u16::from_le_bytes(word(INFRARED)),
+    }
+}
+
+/// A message to the operator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Text<'a> {
+    /// Number of the message since the start; the newest message is repeated.
+    pub number: u16,
+    /// Its text; ASCII, if the robot is sound.
+    pub text: &'a [u8],
+}
+
+/// Writes the TXT frame and returns its length; `None` if `frame` is too small.
+pub fn encode_text(told: Text<'_>, frame: &mut [u8]) -> Option<usize> {
+    let len = 2 + told.text.len();
+    let payload = frame.get_mut(HEADER_LEN..HEADER_LEN + len)?;
+    payload[..2].copy_from_slice(&told.number.to_le_bytes());
+    payload[2..].copy_from_slice(told.text);
+    seal(frame, *b"TXT", len)
+}
+
+/// Reads the payload of a TXT frame.
+pub(super) fn text(payload: &[u8]) -> Result<Text<'_>, MessageError> {
+    let (number, text) = payload.split_first_chunk().ok_or(MessageError::Length {
+        expected: 2,
+        found: payload.len(),
+    })?;
+    Ok(Text {
+        number: u16::from_le_bytes(*number),
+        text,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -238,6 +312,38 @@ mod tests {
             texts,
             [Some(Condition::BatteryLow), Some(Condition::OffMap)]
         );
+    }
+
+    /// 515 mm is 0203 hex, -2 mm is FFFE, 300 rpm is 012C. A text of one byte has no number.
+    #[test]
+    fn readings_and_messages_have_their_bytes() {
+        let mut frame = [0; 64];
+        let mut told = Readings::NONE;
+        (told.infrared_mm[0], told.infrared_mm[9]) = (515, -2);
+        told.lidar_rpm = 300;
+        let len = encode_readings(&told, &mut frame).expect("fits");
+        let payload = &frame[HEADER_LEN..len];
+        assert_eq!(payload[..4], [0x03, 0x02, 0xFF, 0x7F]);
+        assert_eq!(payload[18..], [0xFE, 0xFF, 0x2C, 0x01]);
+        let decoded = |frame: &[u8]| Decoder::default().push(frame).find_map(Result::ok);
+        let sent = decoded(&frame[..len]).expect("sound");
+        assert_eq!(sent.message(), Ok(Message::Sensors(told)));
+
+        let told = Text {
+            number: 258,
+            text: b"reset",
+        };
+        let len = encode_text(told, &mut frame).expect("fits");
+        assert_eq!(frame[HEADER_LEN..len], *b"\x02\x01reset");
+        let sent = decoded(&frame[..len]).expect("sound");
+        assert_eq!(sent.message(), Ok(Message::Text(told)));
+        let error = MessageError::Length {
+            expected: 2,
+            found: 1,
+        };
+        assert_eq!(text(b"1"), Err(error));
+        assert_eq!(encode_readings(&Readings::NONE, &mut frame[..38]), None);
+        assert_eq!(encode_text(told, &mut frame[..23]), None);
     }
 
     #[test]

@@ -9,11 +9,11 @@
 //! | STA | PC to robot | mode u8, left, right i8 |
 //! | STA | robot to PC | mode u8, left, right measured i8, left, right i16 mm/s, left, right set i8 |
 //!
-//! DIA and VIC are in [`super::diagnosis`].
+//! DIA, VIC, SEN and TXT are in [`super::diagnosis`].
 //!
 //! psi turns clockwise: 0 looks to -x, 90 to +y, 180 to +x.
 
-use super::diagnosis::{self, Diagnosis, VictimList};
+use super::diagnosis::{self, Diagnosis, Readings, Text, VictimList};
 use super::error::MessageError;
 use super::{Frame, HEADER_LEN, seal};
 
@@ -164,6 +164,10 @@ pub enum Message<'a> {
     Diagnosis(Diagnosis),
     /// VIC.
     Victims(VictimList<'a>),
+    /// SEN.
+    Sensors(Readings),
+    /// TXT.
+    Text(Text<'a>),
 }
 
 impl Frame {
@@ -186,6 +190,8 @@ impl Frame {
             b"STA" => state(exactly(payload)?).map(Message::State),
             b"DIA" => Ok(Message::Diagnosis(diagnosis::diagnosis(exactly(payload)?))),
             b"VIC" => diagnosis::victims(payload).map(Message::Victims),
+            b"SEN" => Ok(Message::Sensors(diagnosis::readings(exactly(payload)?))),
+            b"TXT" => diagnosis::text(payload).map(Message::Text),
             id => Err(MessageError::Id(*id)),
         }
     }

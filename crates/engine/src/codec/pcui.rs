@@ -129,6 +129,8 @@ impl Wire for Pcui {
             Ok(Message::State(_)) => 6,
             Ok(Message::Diagnosis(_)) => 8,
             Ok(Message::Victims(_)) => 9,
+            Ok(Message::Sensors(_)) => 10,
+            Ok(Message::Text(_)) => 11,
             Err(_) => 7,
         };
         message << 8 | size
@@ -152,6 +154,8 @@ impl Wire for Pcui {
                 let places: Vec<_> = list.iter().collect();
                 diagnosis::encode_victims(places.into_iter(), &mut made)
             }
+            Ok(Message::Sensors(told)) => diagnosis::encode_readings(&told, &mut made),
+            Ok(Message::Text(told)) => diagnosis::encode_text(told, &mut made),
             Ok(Message::Row(row)) => return row_means_itself(&row, row.data),
             Ok(Message::CodedRow(row)) => {
                 let mut pixels = [0; 300];
@@ -245,6 +249,14 @@ fn words(frame: &pcui::Frame) -> String {
                 write!(out, " {x},{y}").expect("a string takes everything");
             }
             out
+        }
+        Ok(Message::Sensors(told)) => {
+            let (ranges, rpm) = (told.infrared_mm, told.lidar_rpm);
+            format!("{id} infrared {ranges:?} mm, lidar {rpm} rpm")
+        }
+        Ok(Message::Text(told)) => {
+            let (number, text) = (told.number, told.text.escape_ascii());
+            format!("{id} message {number}: {text}")
         }
     }
 }

@@ -63,7 +63,7 @@ const OF_DESCRIPTION: [&str; 24] = [
 
 /// Rules that other devices, the links and the rig log. A name similar to one of these is misspelt.
 /// Other names may belong to a program or to another crate.
-const OF_OTHERS: [&str; 74] = [
+const OF_OTHERS: [&str; 75] = [
     "bad-message",
     "bad-row",
     "battery-low",
@@ -127,6 +127,7 @@ const OF_OTHERS: [&str; 74] = [
     "request-not-supported",
     "request-unknown",
     "request-while-busy",
+    "robot-message",
     "robot-says",
     "rotation-stable",
     "rotation-unstable",

@@ -5,7 +5,7 @@ use firmware_core::odometry::fielded::change;
 use firmware_core::pc_link::{PcLink, View};
 use firmware_core::pose::{Pose, PoseChange, WirePose};
 use firmware_core::scan::Scan;
-use protocols::pcui::diagnosis::Diagnosis;
+use protocols::pcui::diagnosis::{Diagnosis, Readings, Text};
 use protocols::pcui::message::{Message, Mode, State};
 use protocols::{Decode, Instant, pcui};
 
@@ -82,6 +82,8 @@ pub(super) fn sl_13(variant: Variant) -> Observation {
             waypoints: &list,
             diagnosis: Diagnosis::default(),
             victims: &[],
+            readings: Readings::NONE,
+            message: Text::default(),
         };
         link.tick(Instant::from_millis(50 * u64::from(step)), &view);
         let mut buf = [0; 4096];

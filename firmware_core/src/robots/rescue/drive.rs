@@ -261,6 +261,11 @@ impl Drive {
         self.heat.take()
     }
 
+    /// The last readings of the infrared sensors, mm; [`i16::MAX`] before the first.
+    pub(super) const fn infrared(&self) -> [i16; blind::SENSORS] {
+        self.infrared
+    }
+
     /// The newest readings of the infrared sensors, mm; returned once.
     pub(super) fn take_infrared(&mut self) -> Option<[i16; blind::SENSORS]> {
         core::mem::take(&mut self.is_infrared_new).then_some(self.infrared)

@@ -1,7 +1,7 @@
 //! Faults and warnings of the robot, its reaction to them, and their report to the PC.
 
 use protocols::Instant;
-use protocols::pcui::diagnosis::{Condition, Conditions, Diagnosis, Search};
+use protocols::pcui::diagnosis::{Condition, Conditions, Diagnosis, Readings, Search};
 use protocols::pcui::message::Mode;
 
 use super::drive::Battery;
@@ -173,6 +173,16 @@ impl Rescue {
                 Some(Progress::IsHome) => Search::IsHome,
             },
             errors: errors.map(|count| u16::try_from(count).unwrap_or(u16::MAX)),
+        }
+    }
+}
+
+impl Rescue {
+    /// Readings of the sensors for the PC.
+    pub(super) fn readings(&self) -> Readings {
+        Readings {
+            infrared_mm: self.drive.infrared(),
+            lidar_rpm: self.lidar.speed_rpm(),
         }
     }
 }

@@ -184,6 +184,17 @@ impl Lidar {
         self.motor.take_duty()
     }
 
+    /// Speed of the last packet, whole revolutions per minute.
+    pub(super) fn speed_rpm(&self) -> u16 {
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "at most 1024 rpm, in a packet"
+        )]
+        let rpm = libm::roundf(self.assembler.speed_rpm()) as u16;
+        rpm
+    }
+
     pub(super) const fn motor_is_too_weak(&self) -> bool {
         self.motor.is_too_weak()
     }

@@ -70,6 +70,21 @@ pub(super) fn registers(rig: &Rig) -> Option<Panel> {
     })
 }
 
+/// Infrared sensors in the order of the base's registers: the side of the robot, and the end of that
+/// side.
+const INFRARED: [&str; 10] = [
+    "infrared back right",
+    "infrared right back",
+    "infrared left back",
+    "infrared back left",
+    "infrared front",
+    "infrared back",
+    "infrared front left",
+    "infrared left front",
+    "infrared right front",
+    "infrared front right",
+];
+
 /// The robot's own reports to the PC, if there are any.
 pub(super) fn diagnosis(pc: &Pc) -> Option<Panel> {
     let (_, told) = pc.record().diagnosis?;
@@ -85,7 +100,7 @@ pub(super) fn diagnosis(pc: &Pc) -> Option<Panel> {
         false => conditions.join(", "),
     };
     let [lidar, base, radio] = told.errors.map(|count| count.to_string());
-    let rows = vec![
+    let mut rows = vec![
         row("battery", told.battery_mv.to_string(), "mV"),
         row("charge", told.battery_percent.to_string(), "%"),
         row("conditions", conditions, ""),
@@ -95,6 +110,15 @@ pub(super) fn diagnosis(pc: &Pc) -> Option<Panel> {
         row("base errors", base, ""),
         row("radio errors", radio, ""),
     ];
+    if let Some((_, text)) = &pc.record().message {
+        rows.push(row("message", text.clone(), ""));
+    }
+    if let Some(readings) = pc.record().readings {
+        rows.push(row("lidar speed", readings.lidar_rpm.to_string(), "rpm"));
+        let read = INFRARED.into_iter().zip(readings.infrared_mm);
+        let read = read.filter(|(_, range)| *range != i16::MAX);
+        rows.extend(read.map(|(name, range)| row(name, range.to_string(), "mm")));
+    }
     Some(Panel {
         name: "robot says".to_owned(),
         rows,

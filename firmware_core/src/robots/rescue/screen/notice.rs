@@ -1,6 +1,7 @@
 //! Messages of the status bar.
 
 use protocols::Instant;
+use protocols::pcui::diagnosis::Text;
 
 use super::View;
 
@@ -110,6 +111,15 @@ impl Notices {
     /// The newest one.
     pub(super) fn last(&self) -> Entry {
         self.newest().next().expect("there was one at the start")
+    }
+
+    /// The newest one for the PC.
+    pub(in super::super) fn told(&self) -> Text<'static> {
+        Text {
+            #[expect(clippy::cast_possible_truncation, reason = "it tells neighbours apart")]
+            number: self.count as u16,
+            text: self.last().notice.text().as_bytes(),
+        }
     }
 
     /// Newest first.
