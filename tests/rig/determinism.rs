@@ -97,7 +97,7 @@ const KNOWN: [(&str, &str, &str); 8] = [
     ("empty-room", "f871ede4593d8d0f", "40465fbae0ecf1f5"),
     ("island", "6788eae31727ac18", "34ef713db8579e9e"),
     ("l-shape", "dddd42d623e28c3f", "596f999926bfeb4e"),
-    ("legs", "8de40d8c69e00e57", "9d6e5cce03edcee3"),
+    ("legs", "420e8ca9456bd327", "d7aa48bf7af9e873"),
     ("moving-obstacle", "658d50b9c3eacbd0", "37db1ff035909c9c"),
     ("own-slave", "4162f64957214c80", "3f7d7d9d0037d66e"),
     ("rescue-flat", "aac5c86e2672b0c6", "0586ebe6fc8c505b"),

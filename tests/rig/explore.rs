@@ -53,11 +53,10 @@ fn glass_and_thresholds_are_seen_by_infrared() {
 /// lidar, which measures from 14.5 cm on.
 #[test]
 fn a_maze_of_tiles_of_45_cm_is_searched_and_of_30_cm_is_not() {
-    let failed = |tile_cm: u32, [radius_mm, clearance_mm]: [u32; 2]| {
+    let failed = |tile_cm: u32, [radius_mm, clearance_mm, axle_mm]: [u32; 3]| {
         let (_, source) = shipped("rescue-maze");
         let (half_m, tile_m) = (f64::from(tile_cm) / 200.0 + 0.1, f64::from(tile_cm) / 100.0);
-        let radius_m = f64::from(radius_mm) / 1000.0;
-        let axle_m = radius_m * 1.6;
+        let [radius_m, axle_m] = [radius_mm, axle_mm].map(|mm| f64::from(mm) / 1000.0);
         let body = format!(
             "[program.tuning]\nradius_mm = {radius_mm}\nclearance_mm = {clearance_mm}\n\
              [world.body]\nradius_m = {radius_m}\naxle_m = {axle_m}\n[world]\n"
@@ -75,8 +74,8 @@ fn a_maze_of_tiles_of_45_cm_is_searched_and_of_30_cm_is_not() {
         let run = Run::new(scenario, &source, None).expect("can be wired");
         failures(&run.finish())
     };
-    assert_eq!(failed(45, [120, 30]), [""; 0]);
-    assert_ne!(failed(30, [90, 15]), [""; 0]);
+    assert_eq!(failed(45, [120, 30, 200]), [""; 0]);
+    assert_ne!(failed(30, [90, 15, 140]), [""; 0]);
 }
 
 #[test]
