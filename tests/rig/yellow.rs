@@ -78,6 +78,23 @@ fn ye11_a_place_that_looks_like_others_is_told_and_found_from_elsewhere() {
     passes("yellow-alike", [1, 2]);
 }
 
+/// The pose that the PC sets after localising, 1.7 m away, is no motion of the wheels.
+#[test]
+fn a_pose_from_another_source_is_no_motion() {
+    let (_, source) = shipped("yellow-alike");
+    let safety = "violations_max = 0\n[expect.safety]\nmotion_within_percent = 5\n";
+    let text = source.text.replace("violations_max = 0\n", safety);
+    let (scenario, source) = Scenario::parse(&source.path, text).expect("sound");
+    let outcome = Run::new(scenario, &source, None)
+        .expect("can be wired")
+        .finish();
+    let mut checks = outcome.checks.iter();
+    let motion = checks
+        .find(|check| check.name == "motion-true")
+        .expect("asked for");
+    assert_eq!(motion.status, hilrig::run::check::Status::Pass, "{motion}");
+}
+
 /// Acceptance YE12: within 5 cm of four targets, one after the other, without a contact. Seed 4 saw
 /// a wall in mid-air. Seed 6 ran into one after a long stretch by odometry alone. Seed 103 stood 33
 /// mm beside a target, and the mission did not wait for it after the repeated order.

@@ -39,6 +39,7 @@ pub mod history;
 mod line_watch;
 pub(crate) mod mission;
 mod outcome;
+mod own_breaks;
 mod probe;
 mod rules;
 pub mod scene;
@@ -79,6 +80,7 @@ pub use expectations::is_of_the_end;
 pub use faults::{FAULTS_MAX, FaultReport, FaultState};
 use line_watch::LineWatches;
 pub use outcome::{Outcome, unobserved};
+pub use own_breaks::{OwnBreaks, own_breaks};
 use steps::Steps;
 pub use team::{Member, wire_members};
 use wire_log::{Logging, WireLog};
@@ -452,13 +454,11 @@ impl Run {
         }
         #[cfg(feature = "described")]
         checks.extend(self.goes_on.as_ref().map(|goes_on| {
-            let broken = self.rig.mistakes();
-            let broken = broken.iter();
-            let broken = broken.map(|(device, rule, count)| (&**device, *rule, *count));
+            let broken = own_breaks(&self.rig, &self.scenario.fault);
             let rest = check::Rest {
                 is_over,
                 checks: &checks,
-                misunderstood: check::misunderstood(broken, &self.scenario.fault),
+                misunderstood: check::misunderstood(&broken),
             };
             goes_on.verdict(&self.rig, &rest)
         }));

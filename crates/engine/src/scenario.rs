@@ -48,6 +48,7 @@ pub use device::{
     TouchPanelSpec, TurnSpec, Xv11Spec,
 };
 pub use drives::DrivesSpec;
+pub(crate) use fault::is_place_of;
 pub use fault::{
     AdapterSpec, DirectionSpec, FaultKind, FaultPlace, FaultSpec, Flaw, LinkSpec, RegisterName,
     WhenSpec, catalogue as fault_catalogue,

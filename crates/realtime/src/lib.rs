@@ -18,6 +18,7 @@ pub mod bridge;
 pub mod clock;
 pub mod control;
 pub mod exec;
+mod garbled;
 pub mod guest;
 pub mod held;
 pub mod inputs;
@@ -48,6 +49,7 @@ use engine::robots::OpenEnd;
 use engine::scenario::Scenario;
 
 use adapter::Adapter;
+use garbled::Garbled;
 use inputs::Inputs;
 pub use lateness::LATE;
 pub use lateness::Lateness;
@@ -98,6 +100,7 @@ struct Port {
     baud: u32,
     /// Rates of client and other end, as last logged, if they do not understand each other.
     wrong_rate: Option<(u32, u32)>,
+    garbled: Garbled,
     special: [Special; 2],
     adapter: Option<Adapter>,
     spread: Spread,
@@ -130,6 +133,7 @@ impl<C: Clock> Realtime<C> {
             is_open: false,
             openings: 0,
             wrong_rate: None,
+            garbled: Garbled::default(),
             special: [Special::default(); 2],
             adapter: None,
             spread: Spread::default(),
@@ -214,6 +218,7 @@ impl<C: Clock> Realtime<C> {
             lost: port.transport.counters(),
             special: port.all_special(),
             wrong_rate: port.wrong_rate,
+            garbled: port.garbled,
             settings: port.transport.modes(),
             is_drained: port.transport.is_drained(),
             reads: port.transport.reads(),

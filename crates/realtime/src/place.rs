@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::garbled::Garbled;
 use super::transport::{Counters, Modes, Special};
 
 /// Name and address of a port.
@@ -67,6 +68,8 @@ pub struct Sign<'a> {
     pub special: [Special; 2],
     /// Rates of the client and of the other end, bit/s, if they do not understand each other.
     pub wrong_rate: Option<(u32, u32)>,
+    /// Bytes that passed at different rates.
+    pub garbled: Garbled,
     /// Line settings of the client, if they are visible.
     pub settings: Option<Modes>,
     /// Whether the client has read since the last write, see

@@ -4,6 +4,7 @@ use protocols::LineConfig;
 
 use super::transport::{Settings, Terminal, TransportError};
 use super::{Clock, Paced, Port, PortRate, Realtime, Rig, Traffic, losses};
+use engine::rig::line::Direction;
 
 impl<C: Clock> Realtime<C> {
     /// Models the terminals of all ports in this process from now on.
@@ -109,16 +110,19 @@ impl Port {
 
     /// Logs once if the client of an open port uses a rate that the other end does not understand.
     pub(super) fn judge_baud(&mut self, rig: &mut Rig) {
-        // A port that is closed keeps the client's last rate: a program that sets it right and
-        // closes at once has ended at the right one.
-        if !self.is_open {
-            return;
-        }
         let wrong = self
             .far_line(rig)
             .filter(|far| !far.tolerates(self.baud))
             .map(|far| (self.baud, far.usual_baud()));
-        if wrong == self.wrong_rate {
+        if let Some(link) = rig.link(&self.end.link) {
+            let sent = [Direction::ToDevice, Direction::ToMaster];
+            let sent = sent.map(|direction| link.line(direction).traffic().sent);
+            let since = (self.is_open && wrong == self.wrong_rate).then_some(wrong);
+            self.garbled.note(rig.now(), sent, since);
+        }
+        // A port that is closed keeps the client's last rate: a program that sets it right and
+        // closes at once has ended at the right one.
+        if !self.is_open || wrong == self.wrong_rate {
             return;
         }
         self.wrong_rate = wrong;

@@ -143,6 +143,11 @@ impl Yellow {
         self.wheels.pose()
     }
 
+    /// Number of times that another source has set the pose.
+    pub const fn corrections(&self) -> u32 {
+        self.wheels.corrections()
+    }
+
     /// The IR sensors in metres: ahead, right front, left front.
     pub const fn infrared_m(&self) -> [f32; 3] {
         self.infrared.distances_m()

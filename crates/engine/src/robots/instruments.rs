@@ -321,6 +321,11 @@ pub trait Instruments: Send + Sync {
         None
     }
 
+    /// Number of times that another source has set this pose: such a change is no motion.
+    fn reckoned_anew(&self, _rig: &Rig) -> u64 {
+        0
+    }
+
     /// Distance from an obstacle within which the robot drives without a distance from its scanner,
     /// metres, because it has other sensors there.
     fn blind_below_m(&self) -> Option<f64> {

@@ -10,11 +10,13 @@ use super::check::{BYTES_CONSERVED, Check, Status};
 use super::history::History;
 use super::score::{self, PoseError, PosePair, WallOverlap};
 use super::wire_log::WireLog;
-use super::{Run, scene};
+use super::{OwnBreaks, Run, own_breaks, scene};
 use crate::picture::Picture;
-use crate::rig::Logged;
+use crate::rig::fault::Strike;
+use crate::rig::line::Direction;
+use crate::rig::{Logged, Rig};
 use crate::robots::{Axis, KeptMap, Panel};
-use crate::scenario::{Expect, NO_ROBOT, Scenario};
+use crate::scenario::{DirectionSpec, Expect, FaultSpec, NO_ROBOT, Scenario};
 
 /// The end of a run.
 pub struct Outcome {
@@ -67,6 +69,10 @@ pub struct Outcome {
     /// Violated rules with their devices and counts, and devices that found no frame, see
     /// [`Rig::mistakes`](crate::rig::Rig::mistakes).
     pub broken_rules: Vec<(String, &'static str, u64)>,
+    /// The same, split by whether a fault explains them.
+    pub own_breaks: Vec<OwnBreaks>,
+    /// Bytes that faults damaged: link, direction, the byte, and its end on the line.
+    pub strikes: Vec<(String, DirectionSpec, Strike, Instant)>,
     /// Masters at ports of their own that asked and got no reply.
     pub unanswered: Vec<String>,
     /// Probable cause of a failure, if the program ran in another process and its ports were
@@ -88,7 +94,32 @@ pub struct Outcome {
     pub team: Vec<(String, Self)>,
 }
 
+fn strikes(rig: &Rig) -> Vec<(String, DirectionSpec, Strike, Instant)> {
+    let ways = [
+        (DirectionSpec::ToMaster, Direction::ToMaster),
+        (DirectionSpec::ToDevice, Direction::ToDevice),
+    ];
+    let lines = rig.links().iter();
+    let lines = lines.flat_map(|link| ways.map(|(spec, way)| (&link.name, spec, link.line(way))));
+    let struck = lines.flat_map(|(name, spec, line)| {
+        let times = line.faults.struck_times();
+        times.map(move |(strike, at)| (name.clone(), spec, strike, at))
+    });
+    struck.collect()
+}
+
 impl Outcome {
+    /// Time at which the byte of `fault` passed its line damaged.
+    pub fn struck_at(&self, fault: &FaultSpec) -> Option<Instant> {
+        let byte = fault.byte?;
+        let is_it = |(link, direction, strike, _): &&(String, DirectionSpec, Strike, Instant)| {
+            Some(link) == fault.link.as_ref()
+                && Some(*direction) == fault.direction
+                && strike.byte == byte
+        };
+        self.strikes.iter().find(is_it).map(|(.., at)| *at)
+    }
+
     /// Whether at least one check was judged, no check failed, and each rule was observed.
     pub fn passed(&self) -> bool {
         let has_failed = self.checks.iter().any(|check| check.status == Status::Fail);
@@ -160,9 +191,11 @@ impl Run {
         }
         let pose_error = score::pose_error(&self.pairs);
         let checks = self.checks_with(pose_error, wall_overlap);
+        let case = self.case();
+        let own_breaks = own_breaks(&self.rig, &case.fault);
         Outcome {
             again: None,
-            case: self.case(),
+            case,
             seed: self.seed,
             checks,
             ran: self.rig.now() - Instant::ZERO,
@@ -185,6 +218,8 @@ impl Run {
             violations: self.rig.violations(),
             unbegun: self.unbegun().collect(),
             broken_rules: self.rig.mistakes(),
+            own_breaks,
+            strikes: strikes(&self.rig),
             #[cfg(feature = "described")]
             unanswered: super::check::unanswered(&self.rig, &self.scenario),
             #[cfg(not(feature = "described"))]

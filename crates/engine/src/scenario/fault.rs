@@ -164,14 +164,10 @@ impl FaultSpec {
     /// Whether the fault acts at `device` or on one of its links. A device with several ports has
     /// links such as `base:motors` and `base.1`.
     pub fn is_at(&self, device: &str) -> bool {
-        let is_its = |place: &str| {
-            let rest = place.strip_prefix(device);
-            rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
-        };
         let own = [&self.link, &self.with, &self.device];
         let own = own.into_iter().flatten();
         let mut all = own.chain(self.devices.iter().flatten());
-        all.any(|place| is_its(place))
+        all.any(|place| is_place_of(device, place))
     }
 
     /// The fault that repeats `strike`.
@@ -299,4 +295,10 @@ impl From<DirectionSpec> for Direction {
             DirectionSpec::ToDevice => Self::ToDevice,
         }
     }
+}
+
+/// Whether `place` is `device` or one of its links, such as `base:motors` and `base.1`.
+pub(crate) fn is_place_of(device: &str, place: &str) -> bool {
+    let rest = place.strip_prefix(device);
+    rest.is_some_and(|rest| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_'))
 }

@@ -75,7 +75,7 @@ mod weight {
 pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     let mut checks = evidence.outcome.checks.iter();
     if !checks.any(|check| check.status == Status::Fail) {
-        return None;
+        return undecided(evidence);
     }
     let mut causes = port::causes(evidence);
     causes.extend(end::causes(evidence));
@@ -102,6 +102,30 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     Some(match next {
         Some(next) => format!("{}. Also: {}", first.text, next.text),
         None => first.text,
+    })
+}
+
+/// Why a run failed without a failed check: a rule that must be observed was not. `None` if there is
+/// no such rule.
+fn undecided(evidence: &Evidence<'_>) -> Option<String> {
+    let open: Vec<String> = evidence
+        .outcome
+        .unobserved_rules()
+        .map(|check| format!("{}: {}", check.name, check.detail))
+        .collect();
+    if open.is_empty() {
+        return None;
+    }
+    let open = open.join("; ");
+    Some(match &evidence.ended {
+        Some((ended, at)) => format!(
+            "the program ended with {ended} at {at} s, before a rule of the scenario was decided \
+             ({open}): it left out what the rule waits for, or the rule names something else"
+        ),
+        None => format!(
+            "a rule of the scenario was not decided to the end ({open}): the program did not do \
+             what the rule waits for, or the run is too short for it"
+        ),
     })
 }
 

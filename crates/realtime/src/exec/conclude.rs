@@ -138,11 +138,7 @@ impl Ending<'_> {
             checks: &outcome.checks,
             faults: &outcome.case.fault,
             was_heard: outcome.was_asked || outcome.team.iter().any(|(_, end)| end.was_asked),
-            misunderstood: {
-                let broken = outcome.broken_rules.iter();
-                let broken = broken.map(|(device, rule, count)| (&**device, *rule, *count));
-                misunderstood(broken, &outcome.case.fault)
-            },
+            misunderstood: misunderstood(&outcome.own_breaks),
         });
         let unanswered = outcome.unanswered.iter();
         let left = unanswered.filter(|master| ports.was_opened(master));

@@ -9,6 +9,7 @@ use core::time::Duration;
 use protocols::Instant;
 
 use super::ports::{Port, Ports};
+use crate::garbled::Rates;
 use crate::transport::{Setting, Special};
 use engine::run::check::{
     Check, GOES_ON, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood, unheard,
@@ -91,7 +92,7 @@ impl Ports {
             ));
         }
         let mut wrong = seen.iter().filter(|port| port.is_mostly_wrong());
-        if let Some((port, (own, far, _))) = wrong.find_map(|port| Some((port, port.was_wrong?))) {
+        if let Some((port, (own, far))) = wrong.find_map(|port| Some((port, port.rates()?))) {
             let name = &port.name;
             return fail(format!(
                 "{name}: client at {own} baud, expected {far}: both sides read garbage"
@@ -256,12 +257,19 @@ impl Port {
         (!acted.is_empty()).then(|| format!("{}: {}", self.name, acted.join(", ")))
     }
 
+    /// Rates of client and device that did not understand each other.
+    pub(super) fn rates(&self) -> Option<Rates> {
+        let garbled = self.garbled.since.map(|(rates, _)| rates);
+        garbled.or_else(|| self.was_wrong.map(|(own, far, _)| (own, far)))
+    }
+
     /// Whether the client used a wrong rate for most of the time that the port was open, and still
-    /// does.
+    /// does, or the last bytes passed at a wrong one after others at the right one.
     fn is_mostly_wrong(&self) -> bool {
         let [open, wrong] = self.open_for;
         let has_passed = self.from_client + self.to_client > 0;
-        has_passed && self.wrong_rate.is_some() && wrong * 2 > open
+        let is_forgotten = self.garbled.since.is_some() && self.garbled.is_last();
+        has_passed && (is_forgotten || self.wrong_rate.is_some() && wrong * 2 > open)
     }
 }
 

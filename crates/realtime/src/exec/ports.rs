@@ -7,6 +7,7 @@ use protocols::Instant;
 use std::path::PathBuf;
 
 use crate::Sign;
+use crate::garbled::Garbled;
 use crate::transport::{Counters, Modes, Special};
 use engine::run::check::{Check, PAUSES_MAX};
 use engine::scenario::{DirectionSpec, FaultKind, FaultSpec};
@@ -43,6 +44,8 @@ pub(crate) struct Port {
     pub(super) wrong_rate: Option<(u32, u32)>,
     /// The first pair of different rates, and its time.
     pub(super) was_wrong: Option<(u32, u32, Instant)>,
+    /// Bytes that passed at different rates.
+    pub(super) garbled: Garbled,
     /// Rig time for which the port was open, and open at a wrong rate.
     pub(super) open_for: [Duration; 2],
     /// Times of the client's last write, its last read, and the device's last bytes to it.
@@ -220,6 +223,7 @@ impl Port {
         self.keep_passed(now, [sign.from_client, sign.special[0].all]);
         (self.lost, self.special) = (sign.lost, sign.special);
         self.wrong_rate = sign.wrong_rate;
+        self.garbled = sign.garbled;
         if let (Some((own, far)), None) = (sign.wrong_rate, self.was_wrong) {
             self.was_wrong = Some((own, far, now));
         }
@@ -312,6 +316,7 @@ mod tests {
                 },
                 special: [Special::default(); 2],
                 wrong_rate: None,
+                garbled: Default::default(),
                 settings: None,
                 is_drained: false,
                 reads: Some(look / reads_each),

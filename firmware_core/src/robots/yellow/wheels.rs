@@ -169,6 +169,7 @@ pub(super) struct Wheels {
     /// Current speeds of the profile.
     velocity: Velocity,
     pose: Pose,
+    corrections: u32,
     disbelieved: u32,
 }
 
@@ -179,6 +180,7 @@ impl Wheels {
             wheels: [Wheel::NEW; 2],
             velocity: Velocity::ZERO,
             pose: start,
+            corrections: 0,
             disbelieved: 0,
         }
     }
@@ -244,6 +246,12 @@ impl Wheels {
     /// Sets a better pose from another source.
     pub(super) const fn correct(&mut self, pose: Pose) {
         self.pose = pose;
+        self.corrections = self.corrections.saturating_add(1);
+    }
+
+    /// Number of poses from another source.
+    pub(super) const fn corrections(&self) -> u32 {
+        self.corrections
     }
 
     /// Samples with counters that could not be a motion.

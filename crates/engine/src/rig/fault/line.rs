@@ -50,6 +50,8 @@ pub struct LineFaults {
     counted: u64,
     planned: BTreeMap<u64, Vec<Damage>>,
     struck: VecDeque<Strike>,
+    /// End of each of these bytes on the line.
+    struck_at: VecDeque<Instant>,
     wire: Wire,
 }
 
@@ -186,6 +188,14 @@ impl LineFaults {
     /// Every byte damaged so far, in order, at most [`STRIKES_MAX`].
     pub fn struck(&self) -> impl Iterator<Item = &Strike> {
         self.struck.iter()
+    }
+
+    /// Every byte damaged so far with its end on the line, in order.
+    pub fn struck_times(&self) -> impl Iterator<Item = (Strike, Instant)> {
+        self.struck
+            .iter()
+            .copied()
+            .zip(self.struck_at.iter().copied())
     }
 
     /// Damage to certain bytes that are not sent yet, in order.
@@ -332,6 +342,10 @@ impl LineFaults {
         }
         for (number, &byte) in (first..).zip(sent) {
             let damages = self.damages(number, start, budget);
+            if self.struck_at.len() < self.struck.len() {
+                let at = start + line.bytes_time(number - first + 1);
+                self.struck_at.resize(self.struck.len(), at);
+            }
             let byte = hosts.iter().try_fold(byte, |byte, damage| damage.of(byte));
             if !is_cut {
                 self.wire.apply(byte, &damages, passed);

@@ -223,6 +223,11 @@ impl Instruments for YellowInstruments {
         Some((at, in_metres(pose)))
     }
 
+    fn reckoned_anew(&self, rig: &Rig) -> u64 {
+        let program = rig.program_as::<Yellow>();
+        program.map_or(0, |program| program.corrections().into())
+    }
+
     fn goal_modes(&self) -> &'static [&'static str] {
         &["position"]
     }

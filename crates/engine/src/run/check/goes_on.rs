@@ -5,7 +5,7 @@ use core::time::Duration;
 
 use super::{Check, Status};
 use crate::rig::NO_FRAME;
-use crate::scenario::{DirectionSpec, FaultSpec};
+use crate::run::OwnBreaks;
 
 #[cfg(feature = "described")]
 pub(crate) mod node;
@@ -52,21 +52,11 @@ const UNANSWERABLE: [&str; 5] = [
     "bad-request",
 ];
 
-/// Number of times that devices did not understand or refused a request, without those whose input
-/// a fault of `faults` damages. `broken` has devices, rules and counts.
-pub fn misunderstood<'a>(
-    broken: impl Iterator<Item = (&'a str, &'static str, u64)>,
-    faults: &[FaultSpec],
-) -> u64 {
+/// Number of times that devices did not understand or refused a request that no fault damaged.
+pub fn misunderstood(broken: &[OwnBreaks]) -> u64 {
     let is_wrong = |rule: &str| NOT_UNDERSTOOD.contains(&rule) || UNANSWERABLE.contains(&rule);
-    let format = broken.filter(|(device, rule, _)| is_wrong(rule) && !is_struck(faults, device));
-    format.map(|(.., count)| count).sum()
-}
-
-/// Whether one of `faults` damages the input of `device`.
-pub fn is_struck(faults: &[FaultSpec], device: &str) -> bool {
-    let mut faults = faults.iter();
-    faults.any(|fault| fault.is_at(device) && fault.direction != Some(DirectionSpec::ToMaster))
+    let format = broken.iter().filter(|broken| is_wrong(broken.rule));
+    format.map(|broken| broken.count).sum()
 }
 
 /// Whether frames that devices did not understand are an error: there are some, and nothing arrived

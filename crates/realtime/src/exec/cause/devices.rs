@@ -6,8 +6,8 @@ use protocols::Instant;
 use super::trigger::{Trigger, after, explains};
 use super::{Cause, Evidence, weight};
 use engine::rig::{Logged, NO_FRAME};
-use engine::run::Outcome;
-use engine::run::check::{NODE_PROGRAMS, NOT_UNDERSTOOD, Status, VIOLATIONS, WATCHDOG, is_struck};
+use engine::run::check::{NODE_PROGRAMS, NOT_UNDERSTOOD, Status, VIOLATIONS, WATCHDOG};
+use engine::run::{Outcome, OwnBreaks};
 
 /// Rules that mean: the frame is valid, but its request is unknown or not allowed.
 const ADDRESS: [&str; 11] = [
@@ -41,19 +41,29 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     let outcome = evidence.outcome;
     let mut causes = Vec::new();
     for device in devices(outcome) {
-        let of = |rules: &[&str]| {
-            let broken = outcome.broken_rules.iter();
-            let those = broken.filter(|(name, rule, _)| {
-                *name == device && rules.contains(rule) && !is_missed(evidence, name, rule)
-            });
-            those
-                .map(|(_, rule, count)| (*rule, *count))
-                .collect::<Vec<_>>()
+        let own = outcome.own_breaks.iter();
+        let own: Vec<&OwnBreaks> = own
+            .filter(|broken| broken.device == device && broken.count > 0)
+            .filter(|broken| !is_missed(evidence, broken))
+            .collect();
+        let of = |is_of: &dyn Fn(&str) -> bool| -> Vec<&OwnBreaks> {
+            let those = own.iter().filter(|broken| is_of(broken.rule));
+            those.copied().collect()
         };
-        causes.extend(format(outcome, &device, &of(&NOT_UNDERSTOOD)));
-        causes.extend(address(evidence, &device, &of(&ADDRESS)));
-        causes.extend(order(evidence, &device, &of(&ORDER)));
-        causes.extend(other(evidence, &device));
+        let known = [&NOT_UNDERSTOOD[..], &ADDRESS, &ORDER, &WATCHDOG].concat();
+        causes.extend(format(&device, &of(&|rule| NOT_UNDERSTOOD.contains(&rule))));
+        causes.extend(address(
+            evidence,
+            &device,
+            &of(&|rule| ADDRESS.contains(&rule)),
+        ));
+        causes.extend(order(evidence, &device, &of(&|rule| ORDER.contains(&rule))));
+        causes.extend(other(
+            evidence,
+            &device,
+            &of(&|rule| !known.contains(&rule)),
+        ));
+        causes.extend(damaged(evidence, &device));
     }
     causes.extend(watchdog(evidence));
     causes.extend(node_program(outcome));
@@ -87,12 +97,12 @@ fn failed_expression(outcome: &Outcome) -> Option<Cause> {
 }
 
 /// Requests for unknown or forbidden addresses and values.
-fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
-    let told = told(evidence.outcome, device, rules)?;
+fn address(evidence: &Evidence<'_>, device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
+    let told = told(rules)?;
     let text =
         format!("the program sends {device} a request that it does not support or allow: {told}");
-    let at = first_break(evidence.outcome, device, rules).unwrap_or_default();
-    let is_of_values = rules.iter().all(|(rule, _)| VALUES.contains(rule));
+    let at = first_break(rules).unwrap_or_default();
+    let is_of_values = rules.iter().all(|broken| VALUES.contains(&broken.rule));
     let trigger = Trigger::from_device(evidence, at, device);
     let trigger = trigger.or_else(|| Trigger::of_values(evidence, at).filter(|_| is_of_values));
     let remedy = trigger.as_ref().and_then(Trigger::remedy);
@@ -102,7 +112,7 @@ fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Opti
             Cause::new(weight::AFTER_FAULT, format!("{text}{words}; {remedy}"))
         }
         _ => {
-            let swapped = first_detail(evidence.outcome, device, rules).and_then(swapped);
+            let swapped = first(rules).and_then(|(_, detail)| swapped(detail));
             let swapped = swapped.map_or_else(String::new, |swapped| {
                 format!(" (with its bytes swapped it is {swapped}: compare the byte order as well)")
             });
@@ -114,9 +124,9 @@ fn address(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Opti
 }
 
 /// Requests before the reply to the previous one.
-fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
-    let told = told(evidence.outcome, device, rules)?;
-    let at = first_break(evidence.outcome, device, rules);
+fn order(evidence: &Evidence<'_>, device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
+    let told = told(rules)?;
+    let at = first_break(rules);
     let after = at.map_or_else(String::new, |at| after(evidence, at));
     let text = format!(
         "the program does not wait for {device}: {told}{after}; send the next request after the \
@@ -127,18 +137,10 @@ fn order(evidence: &Evidence<'_>, device: &str, rules: &[(&str, u64)]) -> Option
 }
 
 /// Rules of the device's own, e.g. `violation` in a description.
-fn other(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
-    let outcome = evidence.outcome;
-    let known = [&NOT_UNDERSTOOD[..], &ADDRESS, &ORDER, &WATCHDOG].concat();
-    let broken = outcome.broken_rules.iter();
-    let rules: Vec<(&str, u64)> = broken
-        .filter(|(name, rule, _)| *name == device && !known.contains(rule))
-        .filter(|(name, rule, _)| !is_missed(evidence, name, rule))
-        .map(|(_, rule, count)| (*rule, *count))
-        .collect();
-    let told = told(outcome, device, &rules)?;
-    let after = first_break(outcome, device, &rules).map(|at| after(evidence, at));
-    let mut failed = outcome.checks.iter();
+fn other(evidence: &Evidence<'_>, device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
+    let told = told(rules)?;
+    let after = first_break(rules).map(|at| after(evidence, at));
+    let mut failed = evidence.outcome.checks.iter();
     let is_failed = failed.any(|check| check.name == VIOLATIONS && check.status == Status::Fail);
     let weight = match is_failed {
         true => weight::RULE,
@@ -148,12 +150,30 @@ fn other(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
     Some(Cause::new(weight, text + &after.unwrap_or_default()))
 }
 
-/// Detail of the first violation of one of `rules`.
-fn first_detail<'a>(outcome: &'a Outcome, device: &str, rules: &[(&str, u64)]) -> Option<&'a str> {
-    let mut events = outcome.events.iter();
-    let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
-    let first = events.find(|logged| logged.source == device && is_one(logged.event.rule));
-    first.map(|logged| &*logged.event.detail)
+/// Frames that a fault damaged on their way to the device, and rules that are broken by nothing
+/// else: the cause if there is no other.
+fn damaged(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
+    let broken = evidence.outcome.own_breaks.iter();
+    let broken = broken.filter(|broken| broken.device == device && broken.explained > 0);
+    let counts: Vec<String> = broken
+        .map(|broken| format!("{} times {}", broken.explained, broken.rule))
+        .collect();
+    if counts.is_empty() {
+        return None;
+    }
+    let counts = counts.join(", ");
+    let text = format!(
+        "faults damage or delay what {device} receives: {counts}; these are no mistakes of the \
+         program, so judge violations after the faults (violations_from) or without these faults"
+    );
+    Some(Cause::new(weight::FAULTED, text))
+}
+
+/// Time and words of the first break of one of `rules`.
+fn first<'a>(rules: &[&'a OwnBreaks]) -> Option<(Instant, &'a str)> {
+    let all = rules.iter().filter_map(|broken| broken.first.as_ref());
+    let first = all.min_by_key(|(at, _)| *at);
+    first.map(|(at, detail)| (*at, &**detail))
 }
 
 /// The value in `speed = 10240, expected 0 to 1000` with its bytes swapped, if it is in range.
@@ -171,18 +191,15 @@ fn swapped(detail: &str) -> Option<i64> {
     all.into_iter().flatten().find(in_range)
 }
 
-/// Time of the first violation of one of `rules`.
-fn first_break(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Instant> {
-    let mut events = outcome.events.iter();
-    let is_one = |rule: &str| rules.iter().any(|(known, _)| *known == rule);
-    let first = events.find(|logged| logged.source == device && is_one(logged.event.rule));
-    first.map(|logged| logged.event.at)
+/// Time of the first break of one of `rules`.
+fn first_break(rules: &[&OwnBreaks]) -> Option<Instant> {
+    first(rules).map(|(at, _)| at)
 }
 
 /// Whether the device missed something only after the program had ended: that does not explain the
 /// end.
-fn is_missed(evidence: &Evidence<'_>, device: &str, rule: &str) -> bool {
-    let first = first_break(evidence.outcome, device, &[(rule, 0)]);
+fn is_missed(evidence: &Evidence<'_>, broken: &OwnBreaks) -> bool {
+    let first = broken.first.as_ref().map(|(at, _)| *at);
     let ended = evidence.ended.as_ref().map(|(_, at)| *at);
     first
         .zip(ended)
@@ -200,41 +217,34 @@ fn devices(outcome: &Outcome) -> Vec<String> {
     devices
 }
 
-/// Violated rules with their counts, and the first violation; `None` without one.
-fn told(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<String> {
+/// Broken rules with their counts, and the first break of the most frequent one; `None` without one.
+fn told(rules: &[&OwnBreaks]) -> Option<String> {
     let mut rules = rules.to_vec();
-    rules.sort_by_key(|(_, count)| core::cmp::Reverse(*count));
-    let (worst, _) = *rules.first()?;
+    rules.sort_by_key(|broken| core::cmp::Reverse(broken.count));
+    let worst = *rules.first()?;
     let counts: Vec<String> = rules
         .iter()
-        .map(|(rule, count)| match *rule {
+        .map(|broken| match broken.rule {
             NO_FRAME => "no frame is among them".to_owned(),
-            rule => format!("{count} times {rule}"),
+            rule => format!("{} times {rule}", broken.count),
         })
         .collect();
-    let mut events = outcome.events.iter();
-    let first = events.find(|logged| logged.source == device && logged.event.rule == worst);
-    let first = first.map_or_else(String::new, |logged| {
-        format!(
-            " (the first at {} s: {})",
-            logged.event.at, logged.event.detail
-        )
+    let first = worst.first.as_ref();
+    let first = first.map_or_else(String::new, |(at, detail)| {
+        format!(" (the first at {at} s: {detail})")
     });
     Some(counts.join(", ") + &first)
 }
 
-/// Frames of another format. A fault that damages the device's input may be the reason; then the
-/// weight is small.
-fn format(outcome: &Outcome, device: &str, rules: &[(&str, u64)]) -> Option<Cause> {
-    let told = told(outcome, device, rules)?;
-    let count: u64 = rules.iter().map(|(_, count)| count).sum();
-    let struck = is_struck(&outcome.case.fault, device);
-    let weight = match (struck, count) {
-        (true, _) => weight::COLLISION,
-        (false, 1 | 2) => weight::ORDER,
-        (false, _) => weight::FORMAT,
+/// Frames of another format. One or two may be the rest of another mistake.
+fn format(device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
+    let told = told(rules)?;
+    let count: u64 = rules.iter().map(|broken| broken.count).sum();
+    let weight = match count {
+        1 | 2 => weight::ORDER,
+        _ => weight::FORMAT,
     };
-    let sums = rules.iter().any(|(rule, _)| *rule == "bad-checksum");
+    let sums = rules.iter().any(|broken| broken.rule == "bad-checksum");
     let fix = match sums {
         true => "compare the checksum (which bytes it covers, its width and byte order)",
         false => "compare header, length and end of its frames",

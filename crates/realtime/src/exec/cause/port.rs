@@ -33,6 +33,18 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
 
 /// A client with another rate than its device, or than its cable to another program.
 fn rate(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
+    let since = port.garbled.since.filter(|_| port.garbled.is_forgotten());
+    if let Some(((own, far), at)) = since {
+        let name = &port.name;
+        return Some(Cause::new(
+            weight::RATE,
+            format!(
+                "wrong baud rate: bytes pass port {name} at {at} s while its client is at {own} \
+                 baud and its device at {far}, after others at the right rate; one of them has \
+                 changed its rate: change the client's together with the device's"
+            ),
+        ));
+    }
     let (own, other, at) = port.was_wrong?;
     let mut cables = evidence.outcome.case.cable.values();
     let cable = cables.find(|cable| [&cable.master, &cable.device].contains(&&port.name));

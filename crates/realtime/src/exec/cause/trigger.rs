@@ -234,7 +234,7 @@ pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
         let (kind, place) = (fault.kind.name(), fault.place());
         let from = fault.window().from;
         match fault.byte {
-            Some(_) if has_passed(evidence, fault) => {
+            Some(_) if evidence.outcome.struck_at(fault).is_some() => {
                 // A truncated frame is counted as the byte at which it ends: its rest is not known.
                 let bytes = match fault.kind {
                     FaultKind::Burst => fault.len.unwrap_or(1),
@@ -260,15 +260,6 @@ pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
     (!all.is_empty()).then(|| all.join(", ") + &more)
 }
 
-/// Whether the byte of `fault` has passed. A line without an observed
-/// port counts: its bytes are unknown.
-fn has_passed(evidence: &Evidence<'_>, fault: &FaultSpec) -> bool {
-    let mut ports = evidence.ports.all.iter();
-    let port = ports.find(|port| Some(&*port.name) == fault.link.as_deref());
-    let faults = &evidence.outcome.case.fault;
-    port.is_none_or(|port| port.struck_at(fault, faults).is_some())
-}
-
 /// Whether `fault` waits for a byte, a frame or a condition, so that its begin is unknown.
 fn waits(fault: &FaultSpec) -> bool {
     fault.at_byte.is_some() || fault.at_frame.is_some() || fault.waits_for_condition()
@@ -289,9 +280,7 @@ fn begin(evidence: &Evidence<'_>, fault: &FaultSpec) -> Option<Instant> {
             .filter(|from| !is_unknown && !from.0.is_zero())
             .map(|from| Instant::ZERO + from.0);
     }
-    let link = fault.link.as_deref()?;
-    let port = evidence.ports.all.iter().find(|port| port.name == link)?;
-    port.struck_at(fault, &evidence.outcome.case.fault)
+    evidence.outcome.struck_at(fault)
 }
 
 #[cfg(test)]
@@ -303,6 +292,7 @@ mod tests {
     use crate::exec::ports::Ports;
     use crate::transport::Special;
     use emulators::world::Pose;
+    use engine::rig::fault::{Damage, Strike};
     use engine::run::check::Check;
     use engine::run::{Outcome, Run};
     use engine::scenario::Scenario;
@@ -322,9 +312,23 @@ mod tests {
         let run = Run::new(scenario, &source, None).expect("it can be wired");
         let mut outcome = run.judge_what_is_expected();
         outcome.ran = Duration::from_secs(20);
+        outcome.strikes = fault.iter().filter_map(strike).collect();
         outcome.case.fault = fault;
         outcome.checks.clear();
         outcome
+    }
+
+    /// 100 bytes pass in each of the 20 seconds.
+    fn strike(fault: &FaultSpec) -> Option<(String, DirectionSpec, Strike, Instant)> {
+        let byte = fault.byte.filter(|byte| *byte < 2_000)?;
+        let damage = Damage::Drop;
+        let at = Instant::from_secs(byte / 100);
+        Some((
+            fault.link.clone()?,
+            fault.direction?,
+            Strike { byte, damage },
+            at,
+        ))
     }
 
     fn passed(all: u64) -> Special {
@@ -348,6 +352,7 @@ mod tests {
                 lost: Default::default(),
                 special: [passed(second * 100); 2],
                 wrong_rate: None,
+                garbled: Default::default(),
                 settings: None,
                 is_drained: true,
                 reads: Some(second),

@@ -8,6 +8,7 @@ use super::super::{Check, Checker, Look};
 use crate::Shared;
 use crate::codec::{Codec, FrameBytes};
 use crate::rig::Rig;
+use crate::rig::fault::Damage;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Asking, Instruments};
@@ -18,6 +19,9 @@ const ENOUGH: u64 = 6;
 const SHARE: u64 = 50;
 /// Interval between two comparisons of the counts.
 const EVERY: Duration = Duration::from_millis(500);
+/// Time after a request that the line took with pauses in which the next requests are not judged:
+/// they waited for the line, and the reply to the first one came meanwhile.
+const PAUSED: Duration = Duration::from_millis(200);
 /// Replies that the program may count more than the rig, and their share.
 const AHEAD: u64 = 4;
 const AHEAD_SHARE: u64 = 50;
@@ -40,6 +44,9 @@ struct Ear {
     heard_at: Instant,
     /// The last request while it is not answered, and the number of times that it was sent.
     open: Option<(Vec<u8>, u32)>,
+    /// End of the time in which requests are not judged, and their number.
+    paused_until: Instant,
+    paused: u64,
     requests: u64,
     replies: u64,
     /// Unanswered requests, and repeated ones among them.
@@ -62,6 +69,8 @@ impl AsksAgain {
                 frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
                 heard_at: Instant::ZERO,
                 open: None,
+                paused_until: Instant::ZERO,
+                paused: 0,
                 requests: 0,
                 replies: 0,
                 unanswered: 0,
@@ -101,14 +110,21 @@ impl Ear {
         self.frames[index].push(bytes, &mut visit);
         for frame in found {
             match to {
-                Direction::ToDevice => self.ask(frame),
+                Direction::ToDevice => self.ask(at, frame),
                 Direction::ToMaster => self.answer(&frame),
             }
         }
     }
 
-    fn ask(&mut self, request: Vec<u8>) {
+    fn ask(&mut self, at: Instant, request: Vec<u8>) {
         self.requests += 1;
+        if at < self.paused_until {
+            self.paused += 1;
+            // Not counted when the next request follows.
+            let tries = self.open.take().map_or(1, |(_, tries)| tries + 1);
+            self.open = Some((request, tries.max(2)));
+            return;
+        }
         let before = self.open.take();
         // The program discards a partial reply before its next request.
         if before.as_ref().is_none_or(|(last, _)| *last != request) {
@@ -143,8 +159,8 @@ impl Ear {
             ));
         }
         let replies = self.replies;
-        let counted =
-            counted.filter(|&counted| counted > replies + AHEAD + replies / AHEAD_SHARE)?;
+        let most = replies + self.paused + AHEAD + replies / AHEAD_SHARE;
+        let counted = counted.filter(|&counted| counted > most)?;
         Some(format!(
             "the program counts {counted} answers, {replies} fitting ones arrived"
         ))
@@ -163,10 +179,27 @@ impl Tap for Listener {
 
     fn arrived(&mut self, link: usize, to: Direction, delivery: &Delivery) {
         let mut ear = self.0.lock();
-        if to == Direction::ToMaster && link == ear.link && !delivery.bytes.is_empty() {
+        if link != ear.link {
+            return;
+        }
+        if to == Direction::ToDevice && has_paused(delivery) {
+            ear.paused_until = delivery.at + PAUSED;
+        }
+        if to == Direction::ToMaster && !delivery.bytes.is_empty() {
             ear.take(to, delivery.at, &delivery.bytes);
         }
     }
+}
+
+/// Whether a fault paused the sender within these bytes.
+fn has_paused(delivery: &Delivery) -> bool {
+    let strikes = delivery
+        .original
+        .iter()
+        .flat_map(|original| &original.strikes);
+    strikes
+        .into_iter()
+        .any(|strike| matches!(strike.damage, Damage::Idle { .. }))
 }
 
 impl Checker for AsksAgain {

@@ -40,6 +40,8 @@ pub struct MotionTrue {
     within: f64,
     /// Begin of the current section: time, measured pose, true pose.
     begin: Option<(Instant, Pose, Pose)>,
+    /// Number of poses that another source has set.
+    anew: u64,
     touched_at: Option<Instant>,
     sums: [Sums; 2],
 }
@@ -89,6 +91,7 @@ impl MotionTrue {
             pushes: pushes.collect(),
             within: percent / 100.0,
             begin: None,
+            anew: 0,
             touched_at: None,
             sums: [Sums::default(); 2],
         }
@@ -140,7 +143,9 @@ impl Checker for MotionTrue {
         if !look.contacts.is_empty() || rig.world.is_touching() {
             self.touched_at = Some(now);
         }
-        if self.is_disturbed(now) {
+        let anew = self.instruments.reckoned_anew(rig);
+        let is_set = core::mem::replace(&mut self.anew, anew) != anew;
+        if is_set || self.is_disturbed(now) {
             self.begin = None;
             return;
         }

@@ -1,0 +1,126 @@
+//! Broken rules that no fault explains: a frame that a fault damages on its way to the device is no
+//! mistake of the program.
+
+use core::time::Duration;
+
+use protocols::Instant;
+
+use crate::rig::line::Direction;
+use crate::rig::{Logged, NO_FRAME, Rig};
+use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, is_place_of};
+
+/// Maximum time from damage to the report of the device: it may wait for the rest of a cut frame
+/// until the next request.
+const REACH: Duration = Duration::from_secs(2);
+/// Number of reports that one damaged byte explains: its own frame, and the next one, whose begin
+/// is taken for the missing rest.
+const FRAMES: u32 = 2;
+
+/// A rule of a device that the program broke.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OwnBreaks {
+    /// Name of the device.
+    pub device: String,
+    /// The rule.
+    pub rule: &'static str,
+    /// Number of breaks without those of damaged frames.
+    pub count: u64,
+    /// Number of breaks of damaged frames.
+    pub explained: u64,
+    /// Time and words of the first break that no fault explains, if it is in the log.
+    pub first: Option<(Instant, String)>,
+}
+
+/// The broken rules of all devices of `rig`, split by whether one of `faults` explains them.
+pub fn own_breaks(rig: &Rig, faults: &[FaultSpec]) -> Vec<OwnBreaks> {
+    let mut found: Vec<OwnBreaks> = Vec::new();
+    let mut devices: Vec<(String, Damage<'_>)> = Vec::new();
+    for (device, rule, count) in rig.mistakes() {
+        if devices.iter().all(|(known, _)| *known != device) {
+            devices.push((device.clone(), Damage::of(rig, faults, &device)));
+        }
+        found.push(OwnBreaks {
+            device,
+            rule,
+            count,
+            explained: 0,
+            first: None,
+        });
+    }
+    for logged in rig.events() {
+        let device = devices.iter_mut().find(|(name, _)| *name == logged.source);
+        let is_it =
+            |one: &&mut OwnBreaks| one.device == logged.source && one.rule == logged.event.rule;
+        let (Some((_, damage)), Some(broken)) = (device, found.iter_mut().find(is_it)) else {
+            continue;
+        };
+        if broken.count > 0 && damage.explains(logged) {
+            broken.count -= 1;
+            broken.explained += 1;
+        } else if broken.first.is_none() {
+            broken.first = Some((logged.event.at, logged.event.detail.clone()));
+        }
+    }
+    // A device that finds no frame logs nothing.
+    for broken in found.iter_mut().filter(|broken| broken.rule == NO_FRAME) {
+        let damage = devices.iter().find(|(name, _)| *name == broken.device);
+        let explained = damage.map_or(0, |(_, damage)| damage.frames().min(broken.count));
+        broken.count -= explained;
+        broken.explained += explained;
+    }
+    found
+}
+
+/// Damage on the way to one device.
+struct Damage<'a> {
+    /// Damaged bytes: the time of each, and the number of reports that it can still explain.
+    strikes: Vec<(Instant, u32)>,
+    /// Faults that last.
+    lasting: Vec<&'a FaultSpec>,
+}
+
+impl<'a> Damage<'a> {
+    fn of(rig: &Rig, faults: &'a [FaultSpec], device: &str) -> Self {
+        let links = rig.links().iter();
+        let links = links.filter(|link| is_place_of(device, &link.name));
+        let struck = links.flat_map(|link| link.line(Direction::ToDevice).faults.struck_times());
+        let mut strikes: Vec<_> = struck.map(|(_, at)| (at, FRAMES)).collect();
+        strikes.sort_unstable();
+        let acts = |fault: &&FaultSpec| {
+            let is_towards = fault.direction != Some(DirectionSpec::ToMaster);
+            let is_both = fault.kind == FaultKind::Unplugged;
+            fault.is_at(device) && (is_towards || is_both) && !fault.kind.is_strike()
+        };
+        Self {
+            strikes,
+            lasting: faults.iter().filter(acts).collect(),
+        }
+    }
+
+    /// Whether damage explains the report `logged`; each damaged byte explains few.
+    fn explains(&mut self, logged: &Logged) -> bool {
+        let at = logged.event.at;
+        let is_near = |from: Instant, until: Instant| from <= at && at - until.min(at) <= REACH;
+        let lasts = |fault: &&FaultSpec| {
+            let is_known = !fault.waits_for_condition() && !fault.waits_for_trigger();
+            !is_known || is_near(fault.window().from, fault.window().until)
+        };
+        if self.lasting.iter().any(lasts) {
+            return true;
+        }
+        let mut near = self.strikes.iter_mut().rev();
+        let near = near.find(|(struck, left)| *left > 0 && is_near(*struck, *struck));
+        near.is_some_and(|(_, left)| {
+            *left -= 1;
+            true
+        })
+    }
+
+    /// Number of frames that damage can spoil.
+    fn frames(&self) -> u64 {
+        match self.lasting.is_empty() {
+            true => self.strikes.iter().map(|(_, left)| u64::from(*left)).sum(),
+            false => u64::MAX,
+        }
+    }
+}
