@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 pub use board::{RaisesSpec, ResetSpec};
 pub use cable::{CableSpec, ExecSpec};
 pub(crate) use chassis::body_error;
-pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
+pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec, FloorSpec};
 pub use computing::{CHARGE_UNIT, Charges, ComputingSpec};
 pub use condition::{
     AxisCondition, BytesCondition, Condition, ContactCondition, EventCondition, Figure,
