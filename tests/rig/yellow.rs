@@ -126,3 +126,23 @@ fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
         "{believed:?}"
     );
 }
+
+/// The speed behind the mode: from the order at 1 s the drivers need 0.6 s, so 3.4 s remain. In a
+/// room of 8 m nothing ahead slows the robot.
+#[test]
+fn y056_the_reactive_drive_has_the_speed_of_its_order() {
+    for speed in [0.1, 0.2, 0.5] {
+        let text = format!(
+            "schema = 1\nname = \"straight\"\nrobot = \"yellow\"\nduration = \"5s\"\n\
+             [[mission.step]]\nat = \"1s\"\ndo = {{ mode = \"reactive {speed}\" }}\n[world]\n\
+             start = {{ x_m = 0.5, y_m = 1, heading_deg = 0 }}\n[[world.wall]]\n\
+             path_m = [[0, 0], [8, 0], [8, 2], [0, 2], [0, 0]]\n"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("<straight>"), text).expect("sound");
+        let run = Run::new(scenario, &source, None).expect("can be wired");
+        let outcome = run.finish();
+        let driven = outcome.pairs.last().expect("it drove").truth.x - 0.5;
+        let seconds = driven / speed;
+        assert!((3.2..3.6).contains(&seconds), "{speed} m/s: {driven} m");
+    }
+}
