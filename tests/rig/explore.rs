@@ -76,9 +76,9 @@ fn faults_on_the_links_cost_time_only() {
     assert_eq!(judged("rescue-maze", faults, maze(5, [3, 3])), [""; 0]);
 }
 
-/// A battery of 3 percent from 2 s on is believed after five readings, one a second. From 8 s on the
-/// robot averages at most 0.15 m/s over each second (its law: 136 mm/s) instead of 0.2 m/s and more.
-/// It leaves a third of the flat unexplored, goes home, and says so.
+/// A battery of 3 percent from 2 s on is believed after five readings, one a second. From 8 s on
+/// the robot averages at most 0.15 m/s over each second (its law: 136 mm/s) instead of 0.2 m/s and
+/// more. It leaves a third of the flat unexplored, goes home, and says so.
 #[test]
 fn r117_a_low_battery_slows_the_robot_and_sends_it_home() {
     let (_, source) = shipped("rescue-explore");

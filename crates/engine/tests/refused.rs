@@ -1,5 +1,5 @@
-//! Features of the robots' reports that are left out (FIDELITY.md has the reason of each): a
-//! scenario that asks for one is refused with a message that names what there is.
+//! Features of the robots' reports that are left out. FIDELITY.md has the reason of each. A scenario
+//! that asks for one is refused, and the message lists the known keys or names.
 
 #![cfg(feature = "robots")]
 
@@ -106,7 +106,7 @@ const REFUSED: [[&str; 4]; 11] = [
 ];
 
 #[test]
-fn what_is_left_out_is_refused_with_what_there_is() {
+fn features_left_out_are_refused_with_the_known_names() {
     for [feature, robot, lines, expected] in REFUSED {
         let said = error(robot, lines).unwrap_or_else(|| panic!("{feature}: accepted"));
         assert!(

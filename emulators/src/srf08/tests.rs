@@ -298,8 +298,8 @@ fn f17_nobody_answers_a_general_call_and_a_busy_bus_reads_ff() {
 }
 
 /// Only the first echo and no gain are modelled. Two boards, 0.5 and 2 m ahead: whatever the gain,
-/// the first echo is that of the nearer board, and those from the second to the 17th, registers 4 to
-/// 35, read 0. Register 1 reads the light and not the gain.
+/// the first echo is that of the nearer board. The second to the 17th echo, registers 4 to 35, read
+/// 0. Register 1 reads the light and not the gain.
 #[test]
 fn a022_one_echo_is_there_whatever_the_gain() {
     let boards = [0.5, 2.0].map(|x| {

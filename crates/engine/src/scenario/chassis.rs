@@ -93,8 +93,8 @@ pub struct AckermannSpec {
     pub heading_noise_rad: Option<f64>,
 }
 
-/// Kinds of floor, by the steering of a heavy car at rest. That the servo is weak on PVC and useless
-/// on carpet is from the report of the car (page 27).
+/// Kinds of floor, by the steering of a heavy car at rest. Source: the report of the car, page 27:
+/// the servo is weak on PVC and useless on carpet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FloorSpec {
@@ -248,8 +248,8 @@ mod tests {
         chassis.build(BodyConfig::default(), 1, &source)
     }
 
-    /// Angle of the wheels in radians, half a second after the command of 0.2 rad to a standing car,
-    /// and half a second after it drives as well. The servo's lag is 20 ms.
+    /// Angle of the wheels in radians: half a second after the command of 0.2 rad to a standing
+    /// car, and half a second after the car drives. The servo's lag is 20 ms.
     fn angles(lines: &str) -> [f64; 2] {
         let mut car = car(lines).expect("sound");
         let actuator = |name| {

@@ -19,6 +19,7 @@ struct MapYaml {
 }
 
 /// A map that a robot's program saved.
+#[cfg(feature = "robots")]
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SavedMap {
     /// Cells of a row.
@@ -41,8 +42,8 @@ const CELLS_MAX: usize = 4_000_000;
 pub(crate) fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String> {
     let folder = source.path.parent().unwrap_or_else(|| ".".as_ref());
     let (map, picture) = load(&folder.join(yaml))?;
-    let cells = picture.from_below().map(|gray| map.is_occupied(gray));
-    let cells = cells.collect();
+    let cells = picture.from_below();
+    let cells = cells.map(|gray| map.cell(gray) == Some(true)).collect();
     Ok(OccupancyImage {
         width: picture.width(),
         height: picture.height(),
@@ -53,6 +54,7 @@ pub(crate) fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String
 }
 
 /// Reads the saved map `yaml`. The error is a sentence that names file and key.
+#[cfg(feature = "robots")]
 pub(crate) fn read_saved(yaml: &Path) -> Result<SavedMap, String> {
     let (map, picture) = load(yaml)?;
     let [x_m, y_m, _] = map.origin;
@@ -86,20 +88,12 @@ fn load(path: &Path) -> Result<(MapYaml, Picture<u8>), String> {
 }
 
 impl MapYaml {
-    fn is_occupied(&self, gray: u8) -> bool {
-        self.darkness(gray) > self.occupied_thresh
-    }
-
     /// Whether a cell is a wall; `None` between both thresholds.
     fn cell(&self, gray: u8) -> Option<bool> {
-        let is_occupied = self.is_occupied(gray);
-        (is_occupied || self.darkness(gray) < self.free_thresh).then_some(is_occupied)
-    }
-
-    /// 0 for free, 1 for occupied.
-    fn darkness(&self, gray: u8) -> f64 {
         let gray = if self.negate { gray } else { 255 - gray };
-        f64::from(gray) / 255.0
+        let darkness = f64::from(gray) / 255.0;
+        let is_occupied = darkness > self.occupied_thresh;
+        (is_occupied || darkness < self.free_thresh).then_some(is_occupied)
     }
 }
 
@@ -160,7 +154,6 @@ mod tests {
         let map = parse_yaml(YAML).expect("complete");
         assert_eq!((map.image.as_str(), map.resolution_m), ("flat.pgm", 0.05));
         assert_eq!(map.origin, [-1.0, 2.5, 0.0]);
-        assert!(map.is_occupied(0) && !map.is_occupied(205) && !map.is_occupied(254));
         // 205 is unknown: 50 / 255 is 0.1961, a little more than the threshold of free cells.
         assert_eq!(
             [0, 205, 254].map(|gray| map.cell(gray)),

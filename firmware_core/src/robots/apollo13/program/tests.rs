@@ -316,10 +316,10 @@ fn a_pose_that_somebody_says_is_believed() {
     assert_eq!(car.program.gates().markers().count(), 0);
 }
 
-/// A car is carried by 1.2 m while it drives by hand along a hall of 12 m by 4 m. If it stays in the
-/// hall, all scans fit and nothing is noticed. Among columns, which are on no map, scans do not fit,
-/// so the program searches around its pose. It finds poses that fit in part, and thus never says
-/// that the pose is lost.
+/// A car is carried by 1.2 m while it drives by hand along a hall of 12 m by 4 m. If it stays in
+/// the hall, all scans fit and nothing is noticed. Among columns, which are on no map, scans do not
+/// fit, so the program searches around its pose. It finds poses that fit in part, and thus never
+/// says that the pose is lost.
 #[test]
 fn a_carried_car_is_only_noticed_by_scans_that_do_not_fit() {
     use core::cell::Cell;
