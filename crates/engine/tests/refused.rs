@@ -1,5 +1,5 @@
-//! Features of the robots' reports that are left out. FIDELITY.md has the reason of each. A scenario
-//! that asks for one is refused, and the message lists the known keys or names.
+//! Features of the robots' reports that are left out. FIDELITY.md has the reason of each. A
+//! scenario that asks for one is refused, and the message lists the known keys or names.
 
 #![cfg(feature = "robots")]
 
