@@ -61,6 +61,12 @@ impl Walls {
         self.segments.extend(faces(robot, lines).take(room));
     }
 
+    /// Adds faces in the map's frame, with free space to the left of each.
+    pub fn add_faces(&mut self, faces: impl Iterator<Item = Segment>) {
+        let room = WALLS_MAX.saturating_sub(self.segments.len());
+        self.segments.extend(faces.take(room));
+    }
+
     /// Whether no wall is known.
     pub const fn is_empty(&self) -> bool {
         self.segments.is_empty()

@@ -62,6 +62,29 @@ fn waypoints_are_added_dragged_and_deleted_by_mouse() {
     assert_eq!(json!(pc_program::waypoints(pc)), list);
 }
 
+/// The buttons and the keys of the map: a step of the zoom is a factor of 1.4, an arrow key moves
+/// the picture, and "fit" shows everything again.
+#[test]
+fn r141_the_map_zooms_and_pans() {
+    let Some((_server, browser)) = room("zoom") else {
+        return;
+    };
+    let figure = |name: &str| browser.value(name).as_f64().expect("a figure");
+    browser.value("(fitAll(), draw(), 0)");
+    let (scale, x) = (figure("frame.scale"), figure("frame.x"));
+    browser.click("#zoom-in");
+    browser.wait(&format!("Math.abs(frame.scale / {scale} - 1.4) < 0.01"));
+    let zoomed = figure("frame.x");
+    browser.value("(canvas.focus(), 0)");
+    browser.key(KeyAction::Down { value: '\u{E014}' });
+    browser.key(KeyAction::Up { value: '\u{E014}' });
+    browser.wait(&format!("frame.x > {zoomed}"));
+    browser.click("#zoom-fit");
+    browser.wait(&format!(
+        "Math.abs(frame.scale / {scale} - 1) < 1e-6 && Math.abs(frame.x - {x}) < 1e-6"
+    ));
+}
+
 /// UI-06 in a real browser: a click beside the map has no effect.
 #[test]
 fn a_click_beside_the_map_is_refused_in_words() {

@@ -106,6 +106,40 @@ fn faults_on_the_links_cost_time_only() {
     assert_eq!(judged("rescue-maze", faults, maze(5, [3, 3])), [""; 0]);
 }
 
+/// A battery of 3 percent from 2 s on is believed after five readings, one a second. From 8 s on
+/// the robot averages at most 0.15 m/s over each second (its law: 136 mm/s) instead of 0.2 m/s and
+/// more. It leaves a third of the flat unexplored, goes home, and says so.
+#[test]
+fn r117_a_low_battery_slows_the_robot_and_sends_it_home() {
+    let (_, source) = shipped("rescue-explore");
+    let low = "[[fault]]\nkind = \"device\"\ndevice = \"base\"\nfault = \"battery-low\"\n\
+        from = \"2s\"\n\n[expect]";
+    let text = source.text.replacen("[expect]", low, 1);
+    let (mut scenario, source) = Scenario::parse(&source.path, text).expect("sound");
+    scenario.duration = "60s".parse().expect("a minute");
+    let outcome = Run::new(scenario, &source, None)
+        .expect("can be wired")
+        .finish();
+    let fastest = |from: u128, until: u128| {
+        let seconds = outcome.truth.iter().zip(outcome.truth.iter().skip(20));
+        let within = seconds.filter(|((begin, _), (end, _))| {
+            u128::from(begin.as_millis()) >= from && u128::from(end.as_millis()) <= until
+        });
+        let speeds = within.map(|((begin, from), (end, to))| {
+            from.point().distance(to.point()) / (*end - *begin).as_secs_f64()
+        });
+        speeds.fold(0.0, f64::max)
+    };
+    let [before, after] = [fastest(0, 5_000), fastest(8_000, 60_000)];
+    assert!(before > 0.2, "{before} m/s");
+    assert!((0.05..0.15).contains(&after), "{after} m/s");
+    let failed = failures(&outcome);
+    assert!(
+        failed.len() == 1 && failed[0].starts_with("explored"),
+        "{failed:?}"
+    );
+}
+
 /// The mutants: a robot that follows walls forever is not home, and a robot stopped early has not
 /// seen everything.
 #[test]

@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use hilrig::run::{Outcome, Run};
-use hilrig::scenario::Scenario;
+use hilrig::scenario::{Scenario, Source};
+use hilrig::show::render;
 
 use super::{failures, shipped};
 use crate::thorough::few;
@@ -141,5 +142,119 @@ fn d2_a_target_has_an_orientation_and_a_pose_can_be_given_by_hand() {
     assert!(
         (believed.x - 5.0).abs() < 0.01 && (believed.y + 5.0).abs() < 0.01,
         "{believed:?}"
+    );
+}
+
+/// The speed behind the mode: from the order at 1 s the drivers need 0.6 s, so 3.4 s remain. In a
+/// room of 8 m nothing ahead slows the robot.
+#[test]
+fn y056_the_reactive_drive_has_the_speed_of_its_order() {
+    for speed in [0.1, 0.2, 0.5] {
+        let text = format!(
+            "schema = 1\nname = \"straight\"\nrobot = \"yellow\"\nduration = \"5s\"\n\
+             [[mission.step]]\nat = \"1s\"\ndo = {{ mode = \"reactive {speed}\" }}\n[world]\n\
+             start = {{ x_m = 0.5, y_m = 1, heading_deg = 0 }}\n[[world.wall]]\n\
+             path_m = [[0, 0], [8, 0], [8, 2], [0, 2], [0, 0]]\n"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("<straight>"), text).expect("sound");
+        let run = Run::new(scenario, &source, None).expect("can be wired");
+        let outcome = run.finish();
+        let driven = outcome.pairs.last().expect("it drove").truth.x - 0.5;
+        let seconds = driven / speed;
+        assert!((3.2..3.6).contains(&seconds), "{speed} m/s: {driven} m");
+    }
+}
+
+/// A labyrinth with a loop and a dead end, corridors of 0.6 m, and `more` before its world.
+fn labyrinth(folder: &Path, seed: u64, more: &str) -> (Scenario, Source) {
+    let text = format!(
+        "schema = 1\nname = \"known-map\"\nrobot = \"yellow\"\nduration = \"120s\"\nseed = {seed}\n\
+         {more}\n[world]\nstart = {{ x_m = 0.35, y_m = 0.35, heading_deg = 0 }}\n\
+         [[world.wall]]\n\
+         path_m = [[0.05, 0.05], [2.45, 0.05], [2.45, 1.85], [0.05, 1.85], [0.05, 0.05]]\n\
+         [[world.wall]]\npath_m = [[1.85, 0.65], [0.65, 0.65], [0.65, 1.25]]\n\
+         [[world.wall]]\npath_m = [[1.25, 1.25], [1.25, 1.85]]\n"
+    );
+    Scenario::parse(&folder.join("known-map.toml"), text).expect("sound")
+}
+
+/// B10 of the report: a map is saved and loaded. The first run maps the labyrinth; the second one
+/// knows that map. Its robot is told a wrong pose, 2.7 m off and turned by 90 degrees, finds the
+/// right one to 5 cm by one look, and drives to two goals, within 10 cm, without mapping. Its saved
+/// case repeats it from another folder.
+#[test]
+fn y060_a_map_of_one_run_is_known_to_another() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("yellow-known-map");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let map = "[[mission.step]]\nat = \"1s\"\ndo = { mode = \"map\" }\n[[mission.step]]\n\
+        when = { event = { rule = \"map-done\", source = \"pc\" } }\ndo = { mode = \"stop\" }\n";
+    let (scenario, source) = labyrinth(&folder, 1, map);
+    let run = Run::new(scenario, &source, None).expect("can be wired");
+    let kept = run.finish().map.expect("it mapped");
+    let image = render::ros_image(kept.view()).pgm();
+    std::fs::write(folder.join("map.pgm"), image).expect("written");
+    let yaml = render::ros_yaml(kept.view(), "map.pgm");
+    std::fs::write(folder.join("map.yaml"), yaml).expect("written");
+
+    let known = "[program]\nmap = \"map.yaml\"\n[[mission.step]]\nat = \"1s\"\n\
+        do = { mode = \"set-pose 2.15 2.35 90\" }\n[[mission.step]]\nat = \"2s\"\n\
+        do = { mode = \"localise\" }\n[[mission.step]]\n\
+        when = { event = { rule = \"localise-done\", source = \"pc\" } }\n\
+        do = { mode = \"navigate\" }\n[[mission.step]]\nwhen = { visited = 2 }\n\
+        do = { mode = \"stop\" }\n[mission]\nwaypoints_m = [[2.15, 1.25], [0.35, 1.55]]\n\
+        [expect]\nvisit_within_mm = 100\nviolations_max = 0\n";
+    for seed in few(1, [2, 3, 4]) {
+        let (scenario, source) = labyrinth(&folder, seed, known);
+        let outcome = Run::new(scenario, &source, None)
+            .expect("can be wired")
+            .finish();
+        assert_eq!(failures(&outcome), [""; 0], "seed {seed}");
+        let rules: Vec<&str> = outcome
+            .events
+            .iter()
+            .map(|logged| logged.event.rule)
+            .collect();
+        assert!(!rules.contains(&"map-done"), "{rules:?}");
+        let pair = outcome.pairs.last().expect("it drove");
+        let [x, y] = [
+            pair.truth.x - pair.estimate.x,
+            pair.truth.y - pair.estimate.y,
+        ];
+        assert!(x.abs().max(y.abs()) < 0.05, "seed {seed}: {pair:?}");
+
+        let case = Path::new("/elsewhere/case.toml");
+        let (case, source) = Scenario::parse(case, outcome.case.to_toml()).expect("sound");
+        let again = Run::new(case, &source, None)
+            .expect("can be wired")
+            .finish();
+        assert_eq!(again.trace_hash, outcome.trace_hash);
+    }
+}
+
+/// The rule of the votes can be chosen: with the votes of the report, added, and with those of the
+/// fielded program, the same robot takes another course; `multiplied` is the defect YP-11.
+#[test]
+fn y051_the_votes_of_a_localisation_can_be_chosen() {
+    let folder = Path::new("votes");
+    let hash = |program: &str| {
+        let more = format!(
+            "{program}\n[[mission.step]]\nat = \"1s\"\ndo = {{ mode = \"map\" }}\n\
+             [[mission.step]]\nwhen = {{ event = {{ rule = \"map-done\", source = \"pc\" }} }}\n\
+             do = {{ mode = \"localise\" }}\n[[mission.step]]\n\
+             when = {{ event = {{ rule = \"localise-done\", source = \"pc\" }} }}\n\
+             do = {{ mode = \"stop\" }}\n"
+        );
+        let (scenario, source) = labyrinth(folder, 1, &more);
+        let run = Run::new(scenario, &source, None).expect("can be wired");
+        run.finish().trace_hash
+    };
+    let usual = hash("");
+    assert_eq!(hash("[program]\nvotes = \"best\""), usual);
+    let added = hash("[program]\nvotes = \"added\"");
+    let multiplied = hash("[program]\nvotes = \"multiplied\"");
+    assert_eq!(hash("[program]\ndefects = [\"YP-11\"]"), multiplied);
+    assert!(
+        added != usual && multiplied != usual,
+        "{added} {multiplied}"
     );
 }

@@ -598,3 +598,18 @@ fn an_address_of_no_device_is_refused() {
         }
     }
 }
+
+/// Characters have 5 to 8 data bits and no, even or odd parity: nine bits, mark and space parity
+/// are refused.
+#[test]
+fn a_line_of_nine_bits_or_mark_parity_is_refused() {
+    for format in ["9N1", "8M1", "8S1", "4N1"] {
+        let text = FRAMES.replace(
+            "baud = 9600",
+            &format!("baud = 9600, format = \"{format}\""),
+        );
+        let said = parse(&text).expect_err(format).to_string();
+        let expected = format!("line.format: is \"{format}\", expected e.g. 8N1, 8E1 or 7O2");
+        assert!(said.contains(&expected), "{said}");
+    }
+}

@@ -134,7 +134,7 @@ pub trait Robot: Sync {
     /// Keys and tables of a scenario that the robot does not read, such as `program.tuning`: each
     /// one in a file is a warning.
     fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
-        &[]
+        &ignored::OF_YELLOW
     }
 
     /// Counters of the program for situations that a campaign must cause at least once. Without

@@ -28,7 +28,7 @@ pub mod world;
 
 use core::num::NonZeroU32;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 pub use board::{RaisesSpec, ResetSpec};
 pub use cable::{CableSpec, ExecSpec};
 pub(crate) use chassis::body_error;
-pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec};
+pub use chassis::{AckermannSpec, ChassisSpec, DifferentialSpec, FloorSpec};
 pub use computing::{CHARGE_UNIT, Charges, ComputingSpec};
 pub use condition::{
     AxisCondition, BytesCondition, Condition, ContactCondition, EventCondition, Figure,
@@ -183,6 +183,15 @@ pub struct ProgramSpec {
     /// configured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub radio_baud: Option<NonZeroU32>,
+    /// Map that yellow's PC knows at the start: `map.yaml` of the result folder of another run, in
+    /// the world's frame, with cells of 0.1 m. A relative path starts at the folder of the
+    /// scenario's file. The PC then localises and navigates without mapping.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub map: Option<PathBuf>,
+    /// Rule by which yellow's PC combines the matches of all headings to one pose; `best` if not
+    /// given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub votes: Option<VotesSpec>,
     /// Figures that replace the program's own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<TuningSpec>")]
@@ -190,6 +199,14 @@ pub struct ProgramSpec {
 }
 
 impl ProgramSpec {
+    /// Stores the whole path of the map, so that a saved case finds the file.
+    pub(crate) fn embed(&mut self, base: &Path) {
+        if let Some(map) = &mut self.map {
+            let whole = base.join(&*map);
+            *map = std::path::absolute(&whole).unwrap_or(whole);
+        }
+    }
+
     /// Whether the table has settings for the program itself, and not only for its processor, which
     /// the rig models.
     pub fn has_settings(&self) -> bool {
@@ -210,6 +227,18 @@ pub enum MapperSpec {
     Best,
     /// The algorithm of the seed document.
     Document,
+}
+
+/// Rules of a localisation that tries all headings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum VotesSpec {
+    /// The best match of all wins; if another pose fits nearly as well, the robot looks again.
+    Best,
+    /// Each heading votes for its best cell, votes are added: the report of the course.
+    Added,
+    /// As `added`, but votes multiply: the fielded program, like the defect `YP-11`.
+    Multiplied,
 }
 
 /// Processors whose speed is modelled.
@@ -305,6 +334,7 @@ impl Scenario {
             .iter_mut()
             .for_each(|golden| golden.embed(base));
         device::embed(&mut scenario.device, base);
+        scenario.program.embed(base);
         scenario.embed_team(base);
         let is_world = |problem: &ScenarioError| problem.key().starts_with("world");
         if scenario.world.is_nowhere()

@@ -671,3 +671,60 @@ fn golden_results_need_a_robot_that_has_them() {
         "{said}"
     );
 }
+
+/// The map of yellow's PC: each mistake is shown with the key, the file, and what was expected. A
+/// picture that lacks a threshold of free cells has that of ROS.
+#[test]
+fn a_map_that_yellow_cannot_know_is_refused() {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wrong-map");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let yaml = |resolution: &str, image: &str| {
+        format!(
+            "image: {image}\nresolution: {resolution}\norigin: [-0.2, 0.0, 0.0]\nnegate: 0\n\
+             occupied_thresh: 0.65\n"
+        )
+    };
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.join(name), bytes).expect(name);
+    write("map.pgm", b"P5\n2 2\n255\n\xFE\x00\x00\xCD");
+    write("free.pgm", b"P5\n2 1\n255\n\xFE\xCD");
+    write("map.yaml", yaml("0.1", "map.pgm").as_bytes());
+    write("coarse.yaml", yaml("0.25", "map.pgm").as_bytes());
+    write("free.yaml", yaml("0.1", "free.pgm").as_bytes());
+    write("lost.yaml", yaml("0.1", "lost.pgm").as_bytes());
+    write("wrong.yaml", b"image: map.pgm\n");
+    let error = |lines: &str| {
+        let text = format!(
+            "schema = 1\nname = \"known\"\nrobot = \"yellow\"\nduration = \"1s\"\n[program]\n\
+             {lines}\n[world]\nstart = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n"
+        );
+        let read = Scenario::parse(&folder.join("s.toml"), text);
+        let wired = read.and_then(|(scenario, source)| {
+            robots::wire(&scenario, &source, Dut::Internal, PcEnd::Scripted).map(drop)
+        });
+        wired.err().map(|error| error.to_string())
+    };
+    assert_eq!(error("map = \"map.yaml\""), None);
+    for (name, parts) in [
+        ("none.yaml", ["cannot read ", "No such file"]),
+        ("coarse.yaml", ["has cells of 0.25 m", "expected 0.1 m"]),
+        (
+            "free.yaml",
+            [
+                "has no walls or no free cells",
+                "expected map.yaml of a run",
+            ],
+        ),
+        ("lost.yaml", ["lost.pgm", "cannot read"]),
+        (
+            "wrong.yaml",
+            ["wrong.yaml: key `resolution` is missing", ""],
+        ),
+    ] {
+        let said = error(&format!("map = \"{name}\"")).expect(name);
+        assert!(said.contains("s.toml:6: program.map: "), "{said}");
+        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+    }
+    let said = error("votes = \"most\"").expect("refused");
+    let expected = "s.toml:6: program.votes: is \"most\", expected one of best, added, multiplied";
+    assert!(said.ends_with(expected), "{said}");
+}

@@ -186,3 +186,17 @@ fn the_status_tells_of_motors_that_are_off() {
     let fielded = told.map(|(standby, is)| status(Profile::Rcj2015, standby, is));
     assert_eq!(fielded, [[0]; 4]);
 }
+
+/// The report's floor and impasse sensors are not modelled: their registers, 25 to 28, read 0 in
+/// every profile, at rest and while the robot drives. The published firmware does not sample them
+/// either.
+#[test]
+fn r116_the_floor_sensors_read_0() {
+    for profile in [Profile::Document, Profile::Rcj2015, Profile::Rcj2014] {
+        let mut bench = Bench::new(in_phase(profile));
+        assert_eq!(bench.read(25, 4), [0; 4], "{profile:?}");
+        bench.write(registers::SPEED_LEFT_TO, &[20, 20]);
+        bench.run(300 * MS);
+        assert_eq!(bench.read(25, 4), [0; 4], "{profile:?}");
+    }
+}

@@ -296,3 +296,34 @@ fn f17_nobody_answers_a_general_call_and_a_busy_bus_reads_ff() {
     let echo = ask(102, &[0xE1, 2]);
     assert!((99..=101).contains(&u16::from_be_bytes([echo[0], echo[1]])));
 }
+
+/// Only the first echo and no gain are modelled. Two boards, 0.5 and 2 m ahead: whatever the gain,
+/// the first echo is that of the nearer board. The second to the 17th echo, registers 4 to 35, read
+/// 0. Register 1 reads the light and not the gain.
+#[test]
+fn a022_one_echo_is_there_whatever_the_gain() {
+    let boards = [0.5, 2.0].map(|x| {
+        Fixture::from(Shape::Wall {
+            from: Point::new(x, -0.1),
+            to: Point::new(x, 0.1),
+        })
+    });
+    let scene = Scene::new(boards, vec![]).unwrap();
+    let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).unwrap();
+    for gain in [0, 16, 31] {
+        let mut chip = chip();
+        chip.write(Instant::ZERO, GAIN, &[gain], &world);
+        chip.write(Instant::ZERO, COMMAND, &[CENTIMETRES], &world);
+        let later = Instant::from_secs(1);
+        assert!(
+            (49..=51).contains(&echo(&mut chip, later, &world)),
+            "{gain}"
+        );
+        let mut others = [0xAA; 32];
+        chip.read(later, RANGE + 2, &mut others, &world);
+        assert_eq!(others, [0; 32], "{gain}");
+        let mut light = [0];
+        chip.read(later, GAIN, &mut light, &world);
+        assert_eq!(light, [Srf08Config::default().light], "{gain}");
+    }
+}

@@ -55,6 +55,20 @@ fn all_waypoints_of_a_furnished_flat_are_reached() {
     assert_eq!(bench.robot.target(), None);
 }
 
+/// The report drives to the nearest waypoint; the program, like the published one, to the first of
+/// its list, though the second is nearer.
+#[test]
+fn r083_waypoints_are_visited_in_their_order() {
+    let mut bench = Bench::new(flat(), 1);
+    let [far, near] = [[2600, 1500], [1000, 1550]];
+    assert!(bench.distance_to(near) < bench.distance_to(far));
+    bench.run_for(SECOND);
+    bench.send_waypoints(&[far, near]);
+    bench.run_for(SECOND);
+    let target = bench.robot.target().map(|target| target.position_mm);
+    assert_eq!(target, Some(far));
+}
+
 /// Waypoints may arrive before the first scan.
 #[test]
 fn a_list_that_comes_first_thing_is_driven() {

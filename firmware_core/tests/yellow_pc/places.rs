@@ -133,9 +133,9 @@ fn ye11_unlike_places_are_told_apart() {
 
 #[test]
 fn ye11_votes_find_fewer_places() {
-    let [added, multiplied] = [Votes::Added, Votes::Multiplied].map(|votes| unlike(votes, 30).0);
-    println!("{added} and {multiplied} of 30 right");
-    assert!(added < 27 && multiplied < 27, "{added} {multiplied}");
+    let [added, multiplied] = [Votes::Added, Votes::Multiplied].map(|votes| unlike(votes, 40).0);
+    println!("{added} and {multiplied} of 40 right");
+    assert!(added < 36 && multiplied < 36, "{added} {multiplied}");
     assert!(multiplied <= added, "{added} {multiplied}");
 }
 

@@ -24,7 +24,7 @@ use firmware_core::ackermann::CarPose;
 use firmware_core::robots::apollo13::wall::Side;
 use firmware_core::robots::apollo13::{Apollo13, Config};
 
-use super::ignored::OF_RESCUE;
+use super::ignored::{OF_RESCUE, OF_YELLOW};
 use super::{Alone, Dut, PcEnd, ProgramPort, Robot, WirePlan, Wired};
 use crate::near;
 use crate::rig::line::End;
@@ -113,9 +113,9 @@ impl Robot for ApolloRobot {
 
     fn ignores(&self, _scenario: &Scenario) -> &'static [&'static str] {
         // Its chassis has figures of its own.
-        const ALL: [&str; 6] = {
-            let [a, b, c, d, e] = OF_RESCUE;
-            [a, b, c, d, e, "world.body"]
+        const ALL: [&str; 8] = {
+            let ([a, b, c, d, e], [f, g]) = (OF_RESCUE, OF_YELLOW);
+            [a, b, c, d, e, f, g, "world.body"]
         };
         &ALL
     }

@@ -14,6 +14,9 @@ pub(super) const OF_RESCUE: [&str; 5] = [
     "program.tuning",
 ];
 
+/// Keys of `[program]` that only yellow reads.
+pub(super) const OF_YELLOW: [&str; 2] = ["program.map", "program.votes"];
+
 /// Keys of `[expect.safety]` about the counters, orders and pose of a built-in program: nothing of
 /// them is known of your own.
 const OF_BUILT_IN: [&str; 10] = [
@@ -63,6 +66,8 @@ pub(super) fn warnings(
         ("program.diagnosis", program.diagnosis),
         ("program.radio_baud", program.radio_baud.is_some()),
         ("program.tuning", program.tuning.is_some()),
+        ("program.map", program.map.is_some()),
+        ("program.votes", program.votes.is_some()),
         ("world.body", scenario.world.body != BodySpec::default()),
         ("mission.connect", !scenario.mission.connects_as_usual()),
     ];
@@ -197,6 +202,8 @@ mod tests {
                 "rescue",
             ),
             ("[program.tuning]\nsmear = true", "program.tuning", "rescue"),
+            ("[program]\nmap = \"map.yaml\"", "program.map", "yellow"),
+            ("[program]\nvotes = \"added\"", "program.votes", "yellow"),
             (
                 "[world.body]\naxle_m = 0.2",
                 "world.body",

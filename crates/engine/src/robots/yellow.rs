@@ -13,6 +13,7 @@
 mod body;
 mod command;
 mod instruments;
+mod maps;
 mod overlays;
 mod remote;
 mod script;
@@ -21,7 +22,7 @@ mod station;
 use emulators::world::Chassis;
 use firmware_core::Master as _;
 use firmware_core::pose::Pose;
-use firmware_core::robots::yellow::pc::{PcConfig, PcProgram};
+use firmware_core::robots::yellow::pc::{PcConfig, PcProgram, Votes};
 use firmware_core::robots::yellow::{Config, Yellow};
 use protocols::LineConfig;
 
@@ -186,7 +187,8 @@ fn connect_pc(
     program: Option<usize>,
 ) -> Result<(), ScenarioError> {
     let script = script(&scenario.mission, source)?;
-    let pc_program = PcProgram::new(config);
+    let mut pc_program = PcProgram::new(config);
+    maps::load(&mut pc_program, scenario, source)?;
     let line = pc_program.line_config(PcProgram::TELEMETRY);
     let port = PcProgram::TELEMETRY;
     let far = match pc {
@@ -312,6 +314,7 @@ fn configs(scenario: &Scenario, source: &Source) -> Result<(Config, PcConfig), S
     let mut pc_config = PcConfig {
         seed: scenario.seed,
         start: Some(start),
+        votes: scenario.program.votes.map(Votes::from).unwrap_or_default(),
         ..PcConfig::default()
     };
     for id in &scenario.program.defects {

@@ -1,8 +1,8 @@
 //! Drive train and outline of a custom robot.
 
 use emulators::world::{
-    Ackermann, AckermannConfig, BodyConfig, BodyError, Chassis, Differential, Footprint, Point,
-    SteeringLaw,
+    Ackermann, AckermannConfig, BodyConfig, BodyError, Chassis, Differential, Floor, Footprint,
+    Point, SteeringLaw,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -71,6 +71,11 @@ pub struct AckermannSpec {
     /// Fastest turn of the servo, degrees per second; 172 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub steering_rate_deg_s: Option<f64>,
+    /// Floor under the car: `smooth`, `pvc` or `carpet`; smooth if not given. Below 0.02 m/s the
+    /// wheels stop 4 degrees short of the command on PVC and do not turn on carpet. It changes
+    /// neither slip nor grip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<FloorSpec>,
     /// Speed at full drive, metres per second; 1.2 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub full_speed_m_s: Option<f64>,
@@ -86,6 +91,29 @@ pub struct AckermannSpec {
     /// Noise of the heading after one metre: standard deviation, radians; 0.004 if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heading_noise_rad: Option<f64>,
+}
+
+/// Kinds of floor, by the steering of a heavy car at rest. Source: the report of the car, page 27:
+/// the servo is weak on PVC and useless on carpet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FloorSpec {
+    /// The wheels reach the commanded angle at rest.
+    Smooth,
+    /// At rest the wheels stop 4 degrees short of the commanded angle (guess).
+    Pvc,
+    /// At rest the wheels do not turn.
+    Carpet,
+}
+
+impl From<FloorSpec> for Floor {
+    fn from(spec: FloorSpec) -> Self {
+        match spec {
+            FloorSpec::Smooth => Self::Smooth,
+            FloorSpec::Pvc => Self::Pvc,
+            FloorSpec::Carpet => Self::Carpet,
+        }
+    }
 }
 
 /// Counts per turn of the encoders at the rear wheels of a car.
@@ -160,6 +188,7 @@ impl AckermannSpec {
                 wander_rad: radians(self.steering_wander_deg, law.wander_rad),
             },
             steering_rate_rad_s: radians(self.steering_rate_deg_s, usual.steering_rate_rad_s),
+            floor: self.floor.map_or(usual.floor, Floor::from),
             full_speed_m_s: self.full_speed_m_s.unwrap_or(usual.full_speed_m_s),
             lag_s: self.lag_s.unwrap_or(usual.lag_s),
             slip: self.slip.unwrap_or(usual.slip),
@@ -195,5 +224,75 @@ pub(crate) fn body_error(source: &Source, message: &str) -> ScenarioError {
             source.invalid(source.find(key), format!("world.body.{key}"), rest)
         }
         None => source.invalid(source.find("body"), "world.body", message),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use emulators::world::Command;
+
+    use super::*;
+    use crate::scenario::Scenario;
+
+    /// The car of a scenario with these lines in `[chassis.ackermann]`; no noise of the travel.
+    fn car(lines: &str) -> Result<Box<dyn Chassis>, ScenarioError> {
+        let text = format!(
+            "schema = 1\nname = \"floor\"\nrobot = \"custom\"\nduration = \"1s\"\n\
+             [chassis.ackermann]\n{lines}\n[world]\n\
+             start = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("floor.toml"), text)?;
+        let chassis = scenario.chassis.expect("the text has one");
+        chassis.build(BodyConfig::default(), 1, &source)
+    }
+
+    /// Angle of the wheels in radians: half a second after the command of 0.2 rad to a standing
+    /// car, and half a second after the car drives. The servo's lag is 20 ms.
+    fn angles(lines: &str) -> [f64; 2] {
+        let mut car = car(lines).expect("sound");
+        let actuator = |name| {
+            let mut all = car.actuators().iter();
+            all.position(|actuator| actuator.name == name).expect(name)
+        };
+        let [drive, steering] = ["drive", "steering"].map(actuator);
+        car.actuate(steering, Command::Angle(0.2));
+        for number in 0..500 {
+            car.begin_step(number);
+        }
+        let at_rest = car.actual(steering);
+        car.actuate(drive, Command::Speed(0.5));
+        for number in 500..1_000 {
+            car.begin_step(number);
+        }
+        [at_rest, car.actual(steering)]
+    }
+
+    /// Of 0.2 rad a standing car reaches all, 0.07 rad (4 degrees) less, or nothing; a rolling car
+    /// reaches all.
+    #[test]
+    fn the_floor_of_a_scenario_weakens_the_servo_at_rest() {
+        for (lines, expected) in [
+            ("", 0.2),
+            ("floor = \"smooth\"", 0.2),
+            ("floor = \"pvc\"", 0.13),
+            ("floor = \"carpet\"", 0.0),
+        ] {
+            let [at_rest, rolling] = angles(lines);
+            assert!((at_rest - expected).abs() < 1e-6, "{lines}: {at_rest}");
+            assert!((rolling - 0.2).abs() < 1e-6, "{lines}: {rolling}");
+        }
+    }
+
+    #[test]
+    fn an_unknown_floor_is_refused_with_the_choices() {
+        let said = car("floor = \"ice\"")
+            .map(drop)
+            .expect_err("refused")
+            .to_string();
+        let expected = "floor.toml:6: chassis.ackermann.floor: is \"ice\", expected one of \
+                        smooth, pvc, carpet";
+        assert_eq!(said, expected);
     }
 }

@@ -101,7 +101,9 @@ pub enum Action {
     Disconnect,
     /// Replaces the robot's list of waypoints, metres in the world's frame, -10000 to 10000.
     WaypointsM(Vec<[f64; 2]>),
-    /// Orders a mode by its name; each robot has its own modes.
+    /// Orders a mode by its name; each robot has its own modes. Figures follow the names of some:
+    /// yellow's `reactive 0.2` sets the speed, 0.03 to 1.8 m/s; `set-pose 0.5 1.2 90` and `go-to
+    /// 0.5 1.2 90` of yellow and the car have metres and degrees.
     Mode(String),
     /// Drives by hand: a set-point for each of the robot's axes, in their order and unit.
     Drive(Vec<SetPoint>),

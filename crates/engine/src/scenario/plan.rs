@@ -1,5 +1,7 @@
 //! Floor plans in the ROS map format: a yaml file that names a picture.
 
+use std::path::Path;
+
 use emulators::world::{OccupancyImage, Point};
 
 use crate::picture::{Picture, PictureError};
@@ -13,20 +15,60 @@ struct MapYaml {
     origin: [f64; 3],
     negate: bool,
     occupied_thresh: f64,
+    free_thresh: f64,
 }
 
+/// A map that a robot's program saved.
+#[cfg(feature = "robots")]
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct SavedMap {
+    /// Cells of a row.
+    pub(crate) width: usize,
+    /// Edge of a cell, metres.
+    pub(crate) resolution_m: f64,
+    /// Corner of least x and y, metres in the world's frame.
+    pub(crate) origin_m: [f64; 2],
+    /// Rows from the lowest; `None`: never seen, else whether the cell is a wall.
+    pub(crate) cells: Vec<Option<bool>>,
+}
+
+/// Threshold of free cells if the file has none: that of ROS's map_saver.
+const FREE_THRESH: f64 = 0.196;
 /// Largest picture, in cells.
 const CELLS_MAX: usize = 4_000_000;
 
 /// Reads the plan `yaml`, a path relative to the scenario. The error is a sentence that names file
 /// and key.
 pub(crate) fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String> {
-    let path = source
-        .path
-        .parent()
-        .unwrap_or_else(|| ".".as_ref())
-        .join(yaml);
-    let text = std::fs::read_to_string(&path)
+    let folder = source.path.parent().unwrap_or_else(|| ".".as_ref());
+    let (map, picture) = load(&folder.join(yaml))?;
+    let cells = picture.from_below();
+    let cells = cells.map(|gray| map.cell(gray) == Some(true)).collect();
+    Ok(OccupancyImage {
+        width: picture.width(),
+        height: picture.height(),
+        resolution_m: map.resolution_m,
+        origin: Point::new(map.origin[0], map.origin[1]),
+        cells,
+    })
+}
+
+/// Reads the saved map `yaml`. The error is a sentence that names file and key.
+#[cfg(feature = "robots")]
+pub(crate) fn read_saved(yaml: &Path) -> Result<SavedMap, String> {
+    let (map, picture) = load(yaml)?;
+    let [x_m, y_m, _] = map.origin;
+    Ok(SavedMap {
+        width: picture.width(),
+        resolution_m: map.resolution_m,
+        origin_m: [x_m, y_m],
+        cells: picture.from_below().map(|gray| map.cell(gray)).collect(),
+    })
+}
+
+/// Reads a yaml file and its picture.
+fn load(path: &Path) -> Result<(MapYaml, Picture<u8>), String> {
+    let text = std::fs::read_to_string(path)
         .map_err(|error| format!("cannot read {}: {error}", path.display()))?;
     let map = parse_yaml(&text).map_err(|error| format!("{}: {error}", path.display()))?;
     let image_path = path
@@ -42,21 +84,16 @@ pub(crate) fn read(yaml: &str, source: &Source) -> Result<OccupancyImage, String
             error => format!("cannot read {path}: {error}"),
         }
     })?;
-    let cells = picture.from_below().map(|gray| map.is_occupied(gray));
-    let cells = cells.collect();
-    Ok(OccupancyImage {
-        width: picture.width(),
-        height: picture.height(),
-        resolution_m: map.resolution_m,
-        origin: Point::new(map.origin[0], map.origin[1]),
-        cells,
-    })
+    Ok((map, picture))
 }
 
 impl MapYaml {
-    fn is_occupied(&self, gray: u8) -> bool {
+    /// Whether a cell is a wall; `None` between both thresholds.
+    fn cell(&self, gray: u8) -> Option<bool> {
         let gray = if self.negate { gray } else { 255 - gray };
-        f64::from(gray) / 255.0 > self.occupied_thresh
+        let darkness = f64::from(gray) / 255.0;
+        let is_occupied = darkness > self.occupied_thresh;
+        (is_occupied || darkness < self.free_thresh).then_some(is_occupied)
     }
 }
 
@@ -98,6 +135,10 @@ fn parse_yaml(text: &str) -> Result<MapYaml, String> {
         origin,
         negate: matches!(value("negate")?, "1" | "true"),
         occupied_thresh: number("occupied_thresh")?,
+        free_thresh: match value("free_thresh") {
+            Ok(_) => number("free_thresh")?,
+            Err(_) => FREE_THRESH,
+        },
     })
 }
 
@@ -113,7 +154,11 @@ mod tests {
         let map = parse_yaml(YAML).expect("complete");
         assert_eq!((map.image.as_str(), map.resolution_m), ("flat.pgm", 0.05));
         assert_eq!(map.origin, [-1.0, 2.5, 0.0]);
-        assert!(map.is_occupied(0) && !map.is_occupied(205) && !map.is_occupied(254));
+        // 205 is unknown: 50 / 255 is 0.1961, a little more than the threshold of free cells.
+        assert_eq!(
+            [0, 205, 254].map(|gray| map.cell(gray)),
+            [Some(true), None, Some(false)]
+        );
     }
 
     #[test]

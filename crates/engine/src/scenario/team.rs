@@ -183,6 +183,7 @@ impl Scenario {
     pub(super) fn embed_team(&mut self, base: &Path) {
         for member in self.team.values_mut() {
             device::embed(&mut member.device, base);
+            member.program.embed(base);
             member.exec.values_mut().for_each(|exec| exec.embed(base));
             let golden = member.expect.golden.iter_mut();
             golden.for_each(|golden| golden.embed(base));

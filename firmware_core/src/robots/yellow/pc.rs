@@ -11,6 +11,7 @@ mod journey;
 mod link;
 mod look;
 mod run;
+mod saved;
 
 use core::fmt;
 
@@ -269,6 +270,18 @@ impl PcProgram {
     /// If the map is too large, or its position is not finite: the map is then incomplete.
     pub fn load_map(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
         self.atlas.load(map)
+    }
+
+    /// As [`load_map`](Self::load_map), and the robot's pose is corrected by the walls of the map,
+    /// to about half a cell. Without the walls, the pose after the first look is that of the
+    /// odometry.
+    ///
+    /// # Errors
+    /// As [`load_map`](Self::load_map).
+    pub fn load_map_with_walls(&mut self, map: &MapView<'_>) -> Result<(), NotWritten> {
+        self.atlas.load(map)?;
+        self.atlas.trust_cells();
+        Ok(())
     }
 
     /// The last task.

@@ -8,8 +8,14 @@ use crate::robots::script::Script;
 use crate::robots::station::{PlaceAct, with_pose};
 use crate::scenario::{Action, Mission, ScenarioError, SetPoint, Source, Step};
 
-/// Nominal speed of the reactive drive, m/s.
+/// Name of the mode that drives by the IR sensors alone; a speed may follow, m/s.
+const REACTIVE: &str = "reactive";
+/// Nominal speed of the reactive drive without a speed behind the mode, m/s.
 const REACTIVE_M_S: f32 = 0.3;
+/// Speeds that the reactive drive accepts, m/s. The slider of the PC's window has steps of 0.1 m/s;
+/// the limits are ours: a tenth of the usual speed moves the robot, and no wheel is faster than
+/// [`WHEEL_MAX_M_S`].
+const REACTIVE_LIMITS_M_S: [f32; 2] = [0.03, 1.8];
 /// Track, metres.
 const AXLE_M: f64 = 0.18;
 /// Maximum speed of a wheel, m/s.
@@ -40,7 +46,7 @@ pub(super) enum Wish {
 pub(super) const MODES: [(&str, PcCommand); 5] = [
     ("stop", PcCommand::Stop),
     (
-        "reactive",
+        REACTIVE,
         PcCommand::Reactive {
             speed_m_s: REACTIVE_M_S,
         },
@@ -82,8 +88,11 @@ impl Wish {
             Action::Mode(name) if name == NAVIGATE => Self::Navigate,
             Action::Mode(name) => {
                 let found = MODES.iter().find(|(known, _)| known == name).copied();
-                let found = found.or_else(|| of_a_pose(name));
-                let (name, command) = found.ok_or_else(|| unknown_mode(name))?;
+                let (name, command) = match (found.or_else(|| of_a_pose(name)), speed_of(name)) {
+                    (Some(found), _) => found,
+                    (None, Some(speed)) => (REACTIVE, reactive(name, speed)?),
+                    (None, None) => return Err(unknown_mode(name)),
+                };
                 Self::Do(name, command)
             }
             Action::Drive(set_points) => Self::Drive(set_points.clone(), by_hand(set_points)?),
@@ -120,11 +129,31 @@ fn of_a_pose(text: &str) -> Option<(&'static str, PcCommand)> {
     }
 }
 
+/// The text behind [`REACTIVE`]: the speed of `reactive 0.2`.
+fn speed_of(mode: &str) -> Option<&str> {
+    let (name, speed) = mode.trim().split_once(char::is_whitespace)?;
+    (name == REACTIVE).then(|| speed.trim())
+}
+
+/// The reactive drive at the speed of the text `speed`, m/s.
+///
+/// # Errors
+/// If it is not a number within [`REACTIVE_LIMITS_M_S`]; the message has the whole `mode`.
+fn reactive(mode: &str, speed: &str) -> Result<PcCommand, String> {
+    let [least, most] = REACTIVE_LIMITS_M_S;
+    let speed = speed.parse().ok();
+    let speed_m_s = speed.filter(|speed| (least..=most).contains(speed));
+    let speed_m_s = speed_m_s.ok_or_else(|| {
+        format!("mode \"{mode}\": expected a speed behind {REACTIVE}, {least} to {most} m/s")
+    })?;
+    Ok(PcCommand::Reactive { speed_m_s })
+}
+
 fn unknown_mode(name: &str) -> String {
     let known = MODES.map(|(name, _)| name).join(", ");
     format!(
-        "mode \"{name}\": expected one of {known}, {NAVIGATE}, or {SET_POSE} or {GO_TO} with \
-         metres along x and y and degrees"
+        "mode \"{name}\": expected one of {known}, {NAVIGATE}, {REACTIVE} with a speed in m/s, or \
+         {SET_POSE} or {GO_TO} with metres along x and y and degrees"
     )
 }
 
@@ -217,6 +246,28 @@ mod tests {
         ] {
             assert!(wish(bad).is_err(), "{bad}");
         }
+    }
+
+    /// The speed is that behind the mode, or 0.3 m/s; it has limits.
+    #[test]
+    fn the_reactive_drive_takes_a_speed() {
+        for (name, speed_m_s) in [
+            ("reactive", 0.3),
+            ("reactive 0.2", 0.2),
+            (" reactive  1.8 ", 1.8),
+            ("reactive 0.03", 0.03),
+        ] {
+            let drive = PcCommand::Reactive { speed_m_s };
+            assert_eq!(wish(name), Ok(Wish::Do(REACTIVE, drive)), "{name}");
+        }
+        for bad in ["0", "0.02", "1.9", "-0.2", "nan", "inf", "fast", "0.2 0.3"] {
+            let said = wish(&format!("reactive {bad}")).expect_err(bad);
+            let expected = format!(
+                "mode \"reactive {bad}\": expected a speed behind reactive, 0.03 to 1.8 m/s"
+            );
+            assert_eq!(said, expected);
+        }
+        assert!(wish("reactively 0.2").is_err_and(|said| said.contains("reactive with a speed")));
     }
 
     /// A pose that is set at the start of the run does not prevent the tour.

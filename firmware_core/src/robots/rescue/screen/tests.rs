@@ -611,3 +611,31 @@ fn a_map_with_the_scan_on_it_is_drawn_with_each_look() {
     };
     assert_eq!([false, true].map(looks_again), [false, true]);
 }
+
+/// The report's display has further buttons: "Processed" on the page of the map, and the streams
+/// (raw lidar, debug, debug OS, errors, SlamUI) among the settings. These are all that there are.
+#[test]
+fn r088_r147_no_button_for_raw_scans_or_streams() {
+    let labels = |page| -> Vec<&str> {
+        let own = layout::buttons(page, false).skip(3);
+        own.map(|button| button.label).collect()
+    };
+    assert_eq!(
+        labels(Page::Map),
+        [
+            "Stop",
+            "Explore",
+            "Waypoints",
+            "Mapping",
+            "Show scan",
+            "Set waypoints",
+            "Clear map",
+            "Clear waypoints",
+        ]
+    );
+    assert_eq!(
+        labels(Page::Settings),
+        ["Lidar", "PC link", "RESET: tap twice"]
+    );
+    assert_eq!(labels(Page::Info), [""; 0]);
+}

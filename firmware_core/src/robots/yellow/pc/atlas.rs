@@ -7,6 +7,7 @@ use super::Failure;
 use super::config::{Following, Mapping, NextView, PcConfig, Planning};
 use super::drive::Stretch;
 use super::link::Sight;
+use super::saved;
 use crate::cell_map::{Cell, CellMap};
 use crate::frontier;
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
@@ -137,6 +138,12 @@ impl Atlas {
             }
         }
         Ok(())
+    }
+
+    /// Takes the faces of the map's cells for known walls: after [`load`](Self::load) the pose is
+    /// corrected by them, to about half a cell.
+    pub(super) fn trust_cells(&mut self) {
+        self.walls.add_faces(saved::faces(&self.global));
     }
 
     /// Pose of the robot by the known walls.
