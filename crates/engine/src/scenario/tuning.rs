@@ -22,7 +22,8 @@ pub struct TuningSpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 20, max = 2000))]
     pub hole_mm: Option<u16>,
-    /// Weight of a map update, of 256, 1 to 255.
+    /// Weight of a map update, of 256, 1 to 255. The report's 10 on a scale of 0 to 100 is 26; the
+    /// published code, and the mapper `document` without this key, take 10 of 256.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 1, max = 255))]
     pub weight: Option<u16>,

@@ -37,6 +37,9 @@ const ORDER: [&str; 8] = [
     "too-fast",
 ];
 
+/// Number of breaks of a rule that count although no check judges them.
+const MANY: u64 = 10;
+
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     let outcome = evidence.outcome;
     let mut causes = Vec::new();
@@ -142,7 +145,8 @@ fn other(evidence: &Evidence<'_>, device: &str, rules: &[&OwnBreaks]) -> Option<
     let after = first_break(rules).map(|at| after(evidence, at));
     let mut failed = evidence.outcome.checks.iter();
     let is_failed = failed.any(|check| check.name == VIOLATIONS && check.status == Status::Fail);
-    let weight = match is_failed {
+    let count: u64 = rules.iter().map(|broken| broken.count).sum();
+    let weight = match is_failed || count >= MANY {
         true => weight::RULE,
         false => weight::COLLISION,
     };

@@ -1,5 +1,6 @@
 //! Causes at a port: its rate, its settings, whether the program opens and reads it.
 
+use core::time::Duration;
 use std::path::Path;
 
 use protocols::Instant;
@@ -10,8 +11,13 @@ use crate::exec::exchange::ALLOW_IT;
 use crate::exec::ports::Port;
 use crate::process::waits::Wait;
 use crate::transport::Setting;
+use engine::run::OwnBreaks;
 use engine::run::check::{GOES_ON, SILENT_MAX, Status, last_words};
 
+/// Number of breaks of a rule that explain what a program does afterwards, and the minimum time until
+/// then.
+const MANY: u64 = 10;
+const SOON: Duration = Duration::from_secs(1);
 /// Name of the check that all lines carry bytes again.
 const BACK: &str = "at-work-again";
 
@@ -96,7 +102,18 @@ fn unread(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
              s{waits}"
         ),
     };
-    Some(Cause::new(weight::UNREAD, text))
+    // Rules that were broken many times before it explain why it stopped.
+    let broken = evidence.outcome.own_breaks.iter();
+    let mut broken = broken.filter(|broken| broken.count >= MANY && broken.device == *name);
+    let is_explained = |broken: &OwnBreaks| {
+        let first = broken.first.as_ref();
+        first.is_some_and(|(first, _)| *first + SOON < port.read_at.unwrap_or(at))
+    };
+    let weight = match broken.any(is_explained) {
+        true => weight::MOTORS,
+        false => weight::UNREAD,
+    };
+    Some(Cause::new(weight, text))
 }
 
 /// A port that is not read because the program is blocked at another one.
