@@ -15,6 +15,8 @@ mod computing;
 mod conversation;
 mod custom;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod damaged;
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod debugger;
 mod endings;
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
