@@ -420,6 +420,10 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
                  whether damaged ones are taken cannot be seen",
                 met.link
             ),
+            0 if met.lacks_noise => println!(
+                "{}: any bytes are a frame of its format, so no damaged frames are sent",
+                met.link
+            ),
             // A driver answers nothing: its requests get altered replies instead.
             0 if search.asks(&met.link) => {}
             0 => println!(
