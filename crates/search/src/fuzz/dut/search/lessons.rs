@@ -4,7 +4,7 @@ use core::time::Duration;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use description::Description;
+use description::{Description, From};
 
 use super::Search;
 use crate::fuzz::dut::case::Known;
@@ -27,10 +27,10 @@ impl Search<'_> {
         let lasting = plan.lasting.max(LESSON);
         let (met, case, seen) = self.harness.meet(&plan.scenario, lasting, &recording)?;
         let of_link = |of: &Option<String>| of.as_ref().is_none_or(|of| *of == link);
-        let described = plan.descriptions.iter().find(|(of, _)| of_link(of));
-        let described = described.map(|(_, description)| description);
+        let described = plan.descriptions.iter().filter(|(of, _)| of_link(of));
+        let described: Vec<_> = described.map(|(_, one)| one.clone()).collect();
         let constants = self.harness.constants.get().cloned().unwrap_or_default();
-        let (gathered, asked) = self.gather(&link, described)?;
+        let (gathered, asked) = self.gather(&link, &described)?;
         let lesson = Arc::new(Lesson::of(gathered, asked, described, constants));
         let mut lessons = self.harness.lessons.borrow_mut();
         lessons.insert(link, lesson.clone());
@@ -49,7 +49,7 @@ impl Search<'_> {
     fn gather(
         &self,
         link: &str,
-        described: Option<&Arc<Description>>,
+        described: &[Arc<Description>],
     ) -> Result<(Gathered, Asked), HarnessError> {
         let plan = &self.plan;
         let capture = Capture::read(&self.recording());
@@ -72,10 +72,15 @@ impl Search<'_> {
                     to_master: gathered.questions_so_far().to_vec(),
                     ..Directions::default()
                 });
-            } else if let Some(described) = described {
+            } else if !described.is_empty() {
+                let examples = |from| {
+                    let format = DescribedFormat::of_wire(described, from);
+                    format.map_or_else(Vec::new, |format| format.examples())
+                };
+                let [to_device, to_master] = [From::Host, From::Device].map(examples);
                 sources.push(Directions {
-                    to_device: DescribedFormat::of_requests(described).examples(),
-                    to_master: DescribedFormat::of(described).examples(),
+                    to_device,
+                    to_master,
                 });
             }
             let recording = &plan.out.join(RECORDINGS[2]);
