@@ -7,13 +7,13 @@ use std::sync::Arc;
 use description::{Description, From};
 
 use super::Search;
-use crate::fuzz::dut::case::Known;
+use crate::fuzz::dut::case::{Known, has_echo};
 use crate::fuzz::dut::harness::HarnessError;
 use crate::fuzz::dut::learn::Asked;
 use crate::fuzz::dut::learn::Lesson;
 use crate::fuzz::dut::plan::RECORDINGS;
 use crate::fuzz::dut::speech::Speech;
-use crate::learn::{DescribedFormat, Directions, Gathered, conversation};
+use crate::learn::{DescribedFormat, Directions, Gathered, conversation, without_echo};
 use capture::Capture;
 
 /// Minimum duration of the conversation that is used for learning.
@@ -53,7 +53,10 @@ impl Search<'_> {
     ) -> Result<(Gathered, Asked), HarnessError> {
         let plan = &self.plan;
         let capture = Capture::read(&self.recording());
-        let spoken = capture.map_or_else(|_| Vec::new(), |one| conversation(&one, Some(link)));
+        let mut spoken = capture.map_or_else(|_| Vec::new(), |one| conversation(&one, Some(link)));
+        if has_echo(&plan.scenario, link) {
+            spoken = without_echo(spoken);
+        }
         let mut gathered = Gathered::default();
         let device = plan.scenario.device.get(link);
         let is_polled = device.is_some_and(|device| device.kind() == "master");
