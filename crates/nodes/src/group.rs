@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(state_and_group("12 (sleep"), None);
     }
 
-    /// A killed process that nobody has reaped: signals still reach its group.
+    /// Before its parent waits for it, signals still reach the group of a killed process.
     #[test]
     fn a_group_of_zombies_has_ended() {
         let mut command = Command::new("sleep");
