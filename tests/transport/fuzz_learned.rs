@@ -246,3 +246,123 @@ fn a_device_that_answers_damaged_requests_is_found_with_a_corpus_of_either_direc
         assert!(said.contains("they are also sent damaged"), "{said}");
     }
 }
+
+/// A servo: 55, address, code, data and a sum. It replies to 01 with 81 and a value.
+const SERVO: &str = r#"
+name = "servo"
+about = "x"
+endian = "little"
+latency = "1ms"
+line = { baud = 57600, address = 1 }
+frame = { sync = [0x55], length = { at = 1, type = "u8", counts = "rest" }, checksum = "sum8" }
+message = [
+  { name = "read", from = "host", fields = [{ name = "id", type = "u8" }, { type = "u8", value = 1 }] },
+  { name = "value", from = "device", fields = [{ name = "id", type = "u8" }, { type = "u8", value = 0x81 }, { name = "angle", type = "u16" }] },
+]
+on = [{ message = "read", when = "id == own_address", reply = "value" }]
+[state]
+angle = 300
+"#;
+
+/// A driver of two servos. On a single wire it hears its own request first. Without six replies in
+/// a row it gives up.
+const SERVO_DRIVER: &str = r#"
+import os, select, sys, time, tty
+port = os.open(os.environ["HILRIG_DIR"] + "/bus", os.O_RDWR | os.O_NOCTTY)
+tty.setraw(port)
+def receive(count):
+    data = b""
+    while len(data) < count and select.select([port], [], [], 0.05)[0]:
+        data += os.read(port, count - len(data))
+    return data
+def summed(data):
+    return data + bytes([sum(data) & 255])
+missing = 0
+while True:
+    for servo in 1, 2:
+        request = summed(bytes([0x55, 3, servo, 1]))
+        os.write(port, request)
+        if SINGLE_WIRE and receive(len(request)) != request:
+            reply = b""
+        else:
+            reply = receive(7)
+        is_sound = reply[:4] == bytes([0x55, 5, servo, 0x81]) and summed(reply[:-1]) == reply
+        missing = 0 if is_sound else missing + 1
+        if missing == 6:
+            sys.exit("no reply")
+        time.sleep(0.05)
+        while select.select([port], [], [], 0)[0]:
+            os.read(port, 64)
+"#;
+
+/// Exit code and output of a search in virtual time with the driver `driver.py` and `bench.toml`.
+fn search_in(name: &str, files: &[(&str, &str)], more: &[&str]) -> (PathBuf, Option<i32>, String) {
+    let dir = fresh_path(&format!("fuzz-described-{name}"));
+    std::fs::create_dir_all(&dir).expect("room");
+    for (file, text) in files {
+        std::fs::write(dir.join(file), text).expect("room");
+    }
+    let mut command = Command::new(HILRIG);
+    command.args(["fuzz", "--exec", "exec python3 -S driver.py", "--virtual"]);
+    command.args(["--scenario", "bench.toml", "--out", "out", "--shrink", "8"]);
+    let output = command.args(more).current_dir(&dir).output();
+    let output = output.expect("it starts");
+    let said = [output.stdout, output.stderr].concat();
+    let said = String::from_utf8(said).expect("the command speaks UTF-8");
+    (dir.join("out"), output.status.code(), said)
+}
+
+/// Two devices on one wire are used as they are described. With the fault `echo` of the scenario,
+/// which is the wiring of its bus, a sound driver has no finding, and its echo is no reply.
+#[test]
+fn devices_on_one_wire_are_used_as_described_also_on_a_single_wire() {
+    let bus = "schema = 1\nname = \"bus\"\nrobot = \"none\"\nduration = \"5s\"\n\
+               device.bus = { description = [\n\
+               { file = \"servo.toml\", name = \"pan\", address = 1 },\n\
+               { file = \"servo.toml\", name = \"tilt\", address = 2 },\n] }\n";
+    let echo = "[[fault]]\nkind = \"echo\"\nlink = \"bus\"\ndirection = \"to-device\"\n";
+    for (name, fault, is_single) in [("wires", "", "False"), ("single", echo, "True")] {
+        let driver = SERVO_DRIVER.replace("SINGLE_WIRE", is_single);
+        let bench = format!("{bus}{fault}");
+        let files = [
+            ("servo.toml", SERVO),
+            ("bench.toml", &*bench),
+            ("driver.py", &*driver),
+        ];
+        let (out, code, said) = search_in(name, &files, &["--cases", "6"]);
+        assert_eq!(findings(&out), [""; 0], "{name}: {said}");
+        assert_eq!(code, Some(0), "{name}: {said}");
+        assert!(
+            said.contains("format: as servo is described; 2 requests with replies"),
+            "{name}: {said}"
+        );
+    }
+}
+
+/// Any three bytes are a frame of the device: the search has no noise, says so, and goes on.
+#[test]
+fn a_format_without_marker_and_checksum_is_fuzzed() {
+    let described = SERVO
+        .replace("sync = [0x55], length = { at = 1, type = \"u8\", counts = \"rest\" }, checksum = \"sum8\"", "size = 3")
+        .replace("{ name = \"id\", type = \"u8\" }, { type = \"u8\", value = 0x81 }", "{ type = \"u8\", value = 0x81 }")
+        .replace("{ type = \"u8\", value = 1 }]", "{ type = \"u8\", value = 1 }, { name = \"what\", type = \"u8\" }]");
+    let bench = "schema = 1\nname = \"bus\"\nrobot = \"none\"\nduration = \"5s\"\n\
+                 device.bus = { description = \"servo.toml\" }\n";
+    let driver = "import os, select, tty\n\
+                  port = os.open(os.environ[\"HILRIG_DIR\"] + \"/bus\", os.O_RDWR | os.O_NOCTTY)\n\
+                  tty.setraw(port)\n\
+                  while True:\n    os.write(port, bytes([1, 1, 5]))\n    \
+                  if select.select([port], [], [], 0.1)[0]: os.read(port, 3)\n";
+    let files = [
+        ("servo.toml", &*described),
+        ("bench.toml", bench),
+        ("driver.py", driver),
+    ];
+    let (out, code, said) = search_in("any", &files, &["--cases", "4"]);
+    assert_eq!(findings(&out), [""; 0], "{said}");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        said.contains("bus: any bytes are a frame of its format, so no damaged frames are sent"),
+        "{said}"
+    );
+}

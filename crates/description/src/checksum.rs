@@ -235,9 +235,13 @@ fn pretty(name: &str) -> String {
 /// Names with the same beginning as `name`, or with its last part.
 fn alike(name: &str) -> String {
     let begin: String = name.chars().take(6).collect();
-    let names = catalogue::NAMES
-        .iter()
-        .filter(|other| other.starts_with(&begin));
+    let is_alike = |other: &str| other.starts_with(&begin);
+    // A sum is also known by its other names, such as LRC.
+    let sums = SUMS.iter().map(|(names, _)| *names);
+    let sums = sums.filter(|names| names.iter().any(|name| is_alike(name)));
+    let names = sums
+        .flatten()
+        .chain(catalogue::NAMES.iter().filter(|name| is_alike(name)));
     let mut names: Vec<_> = names.take(6).map(|name| pretty(name)).collect();
     if names.is_empty() {
         names = ["CRC_16_MODBUS", "CRC_32_ISO_HDLC", "SUM8", "XOR", "LRC"]

@@ -187,7 +187,13 @@ impl<'a> Compiler<'a> {
                         "\"{text}\": there is no value \"{name}\", expected one of: {known}"
                     );
                     if name == "own_address" {
-                        message += "; own_address needs an address in [line]";
+                        message += match self.schema.line.address {
+                            None => "; own_address needs an address in [line]",
+                            Some(_) => {
+                                "; own_address is allowed only in \"on\", \"after\" and \"every\": \
+                                 use a variable of [state] with the address here"
+                            }
+                        };
                     }
                     self.wrong(key, message);
                 }

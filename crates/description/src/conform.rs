@@ -327,7 +327,8 @@ fn ask(
 ) -> Result<Asked, String> {
     if let Some(boot) = of.boot {
         let until = peer.now() + boot;
-        while peer.hear(until)?.is_some() {}
+        // A program may write without a pause.
+        while peer.hear(until)?.is_some() && peer.now() <= until {}
     }
     let mut speaker = Speaker::new(of);
     let mut all = Asked::default();

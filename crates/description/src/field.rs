@@ -92,7 +92,7 @@ pub(crate) const COUNT_MAX: usize = 4_096;
 
 impl Size {
     /// The expression that computes it.
-    const fn expr(&self) -> Option<&Expr> {
+    pub(crate) const fn expr(&self) -> Option<&Expr> {
         match self {
             Self::Computed(expr) => Some(expr),
             Self::Fixed(_) | Self::Rest => None,

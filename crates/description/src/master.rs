@@ -181,7 +181,7 @@ impl Master {
             self.rest = description.rest_of_reply(frame);
             return true;
         }
-        description.is_unasked(frame)
+        description.is_unasked(frame) || description.is_at_event(frame)
     }
 
     /// Judges a frame of the device.

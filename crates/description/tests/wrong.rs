@@ -613,3 +613,77 @@ fn a_line_of_nine_bits_or_mark_parity_is_refused() {
         assert!(said.contains(&expected), "{said}");
     }
 }
+
+/// Errors whose fix is in another place than the key: the message names it.
+#[test]
+fn a_fix_in_another_place_is_named() {
+    let text = |line: &str, frame: &str, value: &str, fields: &str| {
+        format!(
+            r#"
+            name = "s"
+            about = "s"
+            endian = "little"
+            line = {{ {line} }}
+            frame = {{ {frame} }}
+            [state]
+            own = {{ value = "{value}" }}
+            [[message]]
+            name = "ask"
+            from = "host"
+            fields = [{fields}]
+            [[message]]
+            name = "told"
+            from = "device"
+            fields = [{{ name = "own", type = "u8" }}, {{ name = "rest", type = "bytes", size = 3 }}]
+            [[on]]
+            message = "ask"
+            reply = "told"
+            "#
+        )
+    };
+    let error = |text: &str| parse(text).expect_err(text).to_string();
+    let long = "sync = [0xAA], length = { at = 1, type = \"u8\", counts = \"rest\" }, max = 60";
+    let one = "{ name = \"what\", type = \"u8\" }";
+    assert_eq!(parse(&text("baud = 9600", long, "1 + 1", one)), Ok(()));
+
+    let of_line = error(&text("baud = 9600", long, "own_address", one));
+    assert!(
+        of_line.contains("; own_address needs an address in [line]"),
+        "{of_line}"
+    );
+    let here = error(&text("baud = 9600, address = 1", long, "own_address", one));
+    assert!(
+        here.contains(
+            "; own_address is allowed only in \"on\", \"after\" and \"every\": use a variable"
+        ),
+        "{here}"
+    );
+
+    let counted = "{ name = \"each\", type = \"u8\" }, { name = \"of\", type = \"group\", repeat = \"rest\", \
+                   fields = [{ name = \"id\", type = \"u8\" }, { name = \"data\", type = \"bytes\", size = \"each\" }] }";
+    let unlimited = error(&text("baud = 9600", long, "1 + 1", counted));
+    assert!(
+        unlimited.contains("in at most 60 bytes: give \"each\" limits, it is a size of others"),
+        "{unlimited}"
+    );
+    let limited = counted.replacen("type = \"u8\"", "type = \"u8\", limits = [1, 4]", 1);
+    assert_eq!(parse(&text("baud = 9600", long, "1 + 1", &limited)), Ok(()));
+
+    // Eight bytes hold one of sync, six of fields and one of the sum.
+    let fixed = "sync = [0xAA], size = 8, checksum = \"sum8\"";
+    let seven = "{ name = \"data\", type = \"bytes\", size = 7 }";
+    let narrow = error(&text("baud = 9600", fixed, "1 + 1", seven));
+    assert!(
+        narrow.contains(
+            "room for 6; expected fields of 6 bytes or another size of the frame. Sync bytes"
+        ),
+        "{narrow}"
+    );
+
+    let sum = fixed.replace("sum8", "twos-complement8");
+    let unknown = error(&text("baud = 9600", &sum, "1 + 1", seven));
+    assert!(
+        unknown.contains("a sum, e.g. twos-complement, lrc, "),
+        "{unknown}"
+    );
+}

@@ -14,6 +14,7 @@
 //! | [`message`] | requests, answers and their items |
 //! | [`binary`], [`json`] | the two forms of a message |
 //! | [`process`] | a process with pipes: start, write, read, and end with all its children |
+//! | [`group`] | the members of a process group |
 //! | [`host`] | a running node program: greeting, exchanges, checks of each answer |
 //! | [`device`] | a node program as a device of a rig |
 //! | [`program`] | the other end, for node programs in Rust |
@@ -23,6 +24,7 @@ pub mod binary;
 pub mod conform;
 pub mod device;
 mod error;
+pub mod group;
 pub mod host;
 mod intern;
 pub mod json;

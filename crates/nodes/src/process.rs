@@ -17,12 +17,13 @@ use std::thread::{self, JoinHandle};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::io::Errno;
-use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+use rustix::process::{Pid, Signal, kill_process_group};
 use rustix::time::{
     Itimerspec, TimerfdClockId, TimerfdFlags, TimerfdTimerFlags, timerfd_create, timerfd_settime,
 };
 
 use crate::error::{Ending, NodeError};
+use crate::group;
 
 /// Number of bytes of standard error that are kept, from its end.
 const WORDS_MAX: usize = 64 << 10;
@@ -318,9 +319,8 @@ impl Process {
         let _ = waiter.join();
         // Its children end a little later.
         let (_still, never) = mpsc::channel::<()>();
-        let is_there = |group| test_kill_process_group(group).is_ok();
         for _ in 0..GROUP_ENDS {
-            if !self.group.is_some_and(is_there) {
+            if !self.group.is_some_and(group::is_running) {
                 break;
             }
             let _ = never.recv_timeout(Duration::from_millis(2));

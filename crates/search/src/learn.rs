@@ -22,6 +22,8 @@ mod seeds;
 mod stream;
 mod sums;
 
+use std::collections::VecDeque;
+
 use protocols::Instant;
 
 use capture::{Capture, Kind};
@@ -49,6 +51,30 @@ pub(crate) fn conversation(capture: &Capture, link: Option<&str>) -> Vec<Spoken>
         bytes: record.bytes.to_vec(),
     });
     spoken.collect()
+}
+
+/// A conversation on a single wire without the program's own bytes, which come back to it before
+/// the device replies.
+pub(crate) fn without_echo(mut spoken: Vec<Spoken>) -> Vec<Spoken> {
+    // A byte and its echo arrive at the same time.
+    spoken.sort_by_key(|one| (one.at, !one.is_program));
+    let mut echo: VecDeque<u8> = VecDeque::new();
+    for one in &mut spoken {
+        if one.is_program {
+            echo.extend(&one.bytes);
+            continue;
+        }
+        let pairs = one.bytes.iter().zip(&echo);
+        let len = pairs.take_while(|(heard, said)| heard == said).count();
+        echo.drain(..len);
+        one.bytes.drain(..len);
+        // Bytes of the device that are no echo end it: a part was lost.
+        if !one.bytes.is_empty() {
+            echo.clear();
+        }
+    }
+    spoken.retain(|one| !one.bytes.is_empty());
+    spoken
 }
 
 fn nanos(at: Instant) -> u64 {

@@ -322,13 +322,16 @@ fn descriptions(
     let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
     let mut all = Vec::new();
     for (link, device) in &scenario.device {
-        // Several devices on one wire have no common format.
         let Some(DescriptionSpec(units)) = device.settings() else {
             continue;
         };
-        if let [unit] = &units[..]
-            && let Ok(description) = unit.load(base)
-        {
+        for unit in units {
+            // Building the scenario reports a wrong description or address.
+            let Ok(description) = unit.load(base) else {
+                continue;
+            };
+            let other = unit.address.map(|one| description.with_address(one));
+            let description = other.and_then(Result::ok).unwrap_or(description);
             all.push((Some(link.clone()), description));
         }
     }
@@ -418,6 +421,10 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
             0 if learned > 0 => println!(
                 "{}: learned requests that are answered: {learned}; no checksum is sure, so \
                  whether damaged ones are taken cannot be seen",
+                met.link
+            ),
+            0 if met.lacks_noise => println!(
+                "{}: any bytes are a frame of its format, so no damaged frames are sent",
                 met.link
             ),
             // A driver answers nothing: its requests get altered replies instead.

@@ -3,7 +3,9 @@
 use super::Compiler;
 use crate::behaviour::Trigger;
 use crate::description::Description;
-use crate::expr::Nothing;
+use crate::expr::{Expr, Nothing};
+use crate::field::{self, Field, Kind, Size};
+use crate::framing::Framing;
 use crate::message::Message;
 use crate::schema::message::From;
 use crate::value::Record;
@@ -107,14 +109,18 @@ impl Compiler<'_> {
             None => Some(match framing.room(body) {
                 Some(room) if room != body.len() => format!(
                     "does not fit its frame: its fields have {} bytes, the frame has room for \
-                     {room}; expected fields of {room} bytes or another size of the frame",
-                    body.len()
+                     {room}; expected fields of {room} bytes or another size of the frame{}",
+                    body.len(),
+                    around_body(framing)
                 ),
                 _ => format!(
                     "does not fit its frame: its fields have {} bytes; expected fields that the \
-                     length and the checksums of the frame can cover, in at most {} bytes",
+                     length and the checksums of the frame can cover, in at most {} bytes{}",
                     body.len(),
-                    framing.max
+                    framing.max,
+                    unlimited_size(message.fields(), message.fields())
+                        .map(|name| format!(": give \"{name}\" limits, it is a size of others"))
+                        .unwrap_or_default()
                 ),
             }),
             Some(frame) => match framing.body(&frame).as_deref() == Some(body) {
@@ -131,6 +137,34 @@ impl Compiler<'_> {
             },
         }
     }
+}
+
+/// The bytes of a frame that are not fields, as an addition to a message.
+fn around_body(framing: &Framing) -> &'static str {
+    match framing.holes.is_empty() && framing.trailer == 0 {
+        true => "",
+        false => ". Sync bytes, the length and checksums are not fields, but its size counts them",
+    }
+}
+
+/// A field of `all` without limits that is the size or count of one of `fields`.
+fn unlimited_size<'a>(fields: &'a [Field], all: &'a [Field]) -> Option<&'a str> {
+    fields.iter().find_map(|field| {
+        let own = match &field.kind {
+            Kind::Str(size) | Kind::Bytes(size) | Kind::Pad(size) => Some(size),
+            _ => None,
+        };
+        let sizes = own.into_iter().chain(&field.repeat);
+        let names = sizes.filter_map(Size::expr).flat_map(Expr::names);
+        let mut unlimited = names.filter(|name| {
+            let sizer = field::find(all, name);
+            sizer.is_some_and(|sizer| sizer.limits.is_none() && sizer.constant.is_none())
+        });
+        unlimited.next().or_else(|| match &field.kind {
+            Kind::Group(inner) => unlimited_size(inner, all),
+            _ => None,
+        })
+    })
 }
 
 /// A small generator with a fixed seed, so that a file always gets the same result.

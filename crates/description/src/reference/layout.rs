@@ -20,7 +20,7 @@ pub(super) fn frames(of: &Description, page: &mut Page) {
         page.text(end_of(of, framing));
         page.add(Block::Diagram(parts(framing)));
         for check in &framing.checks {
-            page.text(checksum(check));
+            page.text(checksum(framing, check));
         }
         let size = match framing.cut {
             Cut::Fixed(_) => String::new(),
@@ -59,7 +59,7 @@ fn end_of(of: &Description, framing: &Framing) -> String {
             start,
             end,
             stuffing,
-            ..
+            tail,
         } => {
             let coding = match stuffing {
                 Stuffing::None => String::new(),
@@ -72,7 +72,12 @@ fn end_of(of: &Description, framing: &Framing) -> String {
                 true => String::new(),
                 false => format!("begins with {} and ", hex(start)),
             };
-            format!("A frame {begins}ends with {}{coding}.", hex(end))
+            let behind = match tail {
+                0 => String::new(),
+                1 => " and the byte behind it".to_owned(),
+                tail => format!(" and the {tail} bytes behind it"),
+            };
+            format!("A frame {begins}ends with {}{behind}{coding}.", hex(end))
         }
         Cut::Length(length) => {
             let unit = match length.unit {
@@ -112,7 +117,7 @@ fn end_of(of: &Description, framing: &Framing) -> String {
     text + digits
 }
 
-fn checksum(check: &Check) -> String {
+fn checksum(framing: &Framing, check: &Check) -> String {
     let place = |at: i64| match at {
         0 => "the first byte".to_owned(),
         at if at < 0 => format!("{} bytes before the end", -at),
@@ -131,8 +136,16 @@ fn checksum(check: &Check) -> String {
     } else {
         ""
     };
+    let (start, end) = match &framing.cut {
+        Cut::Marked { start, end, .. } => (&start[..], &end[..]),
+        _ => (&[][..], &[][..]),
+    };
     let extra = match &check.extra[..] {
         [] => String::new(),
+        extra if extra == end => format!(", followed by the end marker {}", hex(extra)),
+        extra if extra == [start, end].concat() => {
+            format!(", followed by both markers {} and {}", hex(start), hex(end))
+        }
         extra => format!(", followed by the bytes {} that are not sent", hex(extra)),
     };
     let before = match &check.before[..] {
@@ -184,15 +197,31 @@ fn parts(framing: &Framing) -> Vec<Part> {
     parts.push(("body".to_owned(), rest));
     let mut trailer: Vec<&Check> = framing.checks.iter().filter(|check| check.at < 0).collect();
     trailer.sort_by_key(|check| check.at);
-    for check in trailer {
-        parts.push((check.algorithm.name().to_owned(), bytes(check.len())));
-    }
-    let end = match &framing.cut {
-        Cut::Marked { end, .. } => end,
-        _ => &framing.end,
+    let (end, tail, closing) = match &framing.cut {
+        Cut::Marked { end, tail, .. } => (end, *tail, &framing.end[..]),
+        _ => (&framing.end, 0, &[][..]),
     };
+    // On the wire, the last bytes of the content are behind the end marker.
+    let digits = if framing.is_hex { 2 } else { 1 };
+    let from_end = |check: &Check| usize::try_from(-check.at).unwrap_or(usize::MAX) * digits;
+    let (before, behind): (Vec<&Check>, Vec<&Check>) = trailer
+        .into_iter()
+        .partition(|check| from_end(check) > tail);
+    let part = |check: &&Check| (check.algorithm.name().to_owned(), bytes(check.len()));
+    parts.extend(before.iter().map(part));
     if !end.is_empty() {
         parts.push((hex(end), bytes(end.len())));
+    }
+    let taken = match behind.first() {
+        Some(first) => from_end(first),
+        None => closing.len(),
+    };
+    if tail > taken {
+        parts.push(("body".to_owned(), bytes(tail - taken)));
+    }
+    parts.extend(behind.iter().map(part));
+    if !closing.is_empty() {
+        parts.push((hex(closing), bytes(closing.len())));
     }
     parts
 }
@@ -258,5 +287,69 @@ pub(super) fn bits(field: &Field) -> Option<usize> {
         None => Some(one),
         Some(Size::Fixed(count)) => Some(one * count),
         Some(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shipped;
+
+    fn parse(text: &str) -> std::sync::Arc<Description> {
+        let nothing = |_: &str| Err(String::new());
+        Description::parse("layout", text, &nothing).unwrap_or_else(|error| panic!("{error}"))
+    }
+
+    /// The parts of the first frame format, each with its length.
+    fn drawn(of: &Description) -> String {
+        let parts = parts(&of.frames.0[0]);
+        let parts = parts.iter().map(|(name, len)| format!("{name}:{len}"));
+        parts.collect::<Vec<_>>().join(" | ")
+    }
+
+    /// IEC 62056-21, section 6: STX, data, ETX, BCC over all behind STX. VE.Direct: the checksum is
+    /// the value of the last line. The telegram of DSMR: `/`, data, `!`, four digits, CR LF.
+    #[test]
+    fn the_bytes_behind_an_end_marker_are_drawn_behind_it() {
+        let meter = parse(shipped::text("iec-62056-21").expect("shipped"));
+        assert_eq!(drawn(&meter), "02:1 | body:n | 03:1 | xor:1");
+        let block = &meter.frames.0[0];
+        assert_eq!(
+            end_of(&meter, block),
+            "A frame begins with 02 and ends with 03 and the byte behind it."
+        );
+        assert_eq!(
+            checksum(block, &block.checks[0]),
+            "Checksum: xor, over the bytes from the first byte up to the checksum itself, followed \
+             by the end marker 03."
+        );
+        let charger = parse(shipped::text("ve-direct").expect("shipped"));
+        let end = "0D 0A 43 68 65 63 6B 73 75 6D 09";
+        assert_eq!(
+            drawn(&charger),
+            format!("0D 0A:2 | body:n | {end}:11 | lrc:1")
+        );
+        let block = &charger.frames.0[0];
+        let words = checksum(block, &block.checks[0]);
+        let both = format!(", followed by both markers 0D 0A and {end}.");
+        assert!(words.ends_with(&both), "{words}");
+        let of = |frame: &str| {
+            parse(&format!(
+                "name = \"layout\"\nabout = \"x\"\nendian = \"big\"\nline = {{ baud = 9600 }}\n\
+                 frame = {{ {frame} }}\n\
+                 message = [{{ name = \"m\", from = \"device\", text = \"abc\" }}]\n\
+                 every = [{{ period = \"1s\", send = \"m\" }}]\n"
+            ))
+        };
+        let telegram = of(
+            r#"start = "/", end = "!", tail = 6, closing = "\r\n", checksum = { algorithm = "CRC-16/ARC", encoding = "hex", before = "/", extra = "!" }"#,
+        );
+        let drawing = "2F:1 | body:n | 21:1 | CRC-16/ARC:4 | 0D 0A:2";
+        assert_eq!(drawn(&telegram), drawing);
+        // The first of two bytes behind the marker belongs to the body.
+        let two = of(r#"start = "<", end = ">", tail = 2, checksum = "sum8""#);
+        assert_eq!(drawn(&two), "3C:1 | body:n | 3E:1 | body:1 | sum8:1");
+        let before = of(r#"start = "<", end = ">", checksum = "sum8""#);
+        assert_eq!(drawn(&before), "3C:1 | body:n | sum8:1 | 3E:1");
     }
 }

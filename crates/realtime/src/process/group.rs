@@ -3,7 +3,8 @@
 use core::fmt;
 use std::fs;
 
-use rustix::process::{Pid, Signal, kill_process_group, test_kill_process_group};
+use nodes::group::{members, state_and_group};
+use rustix::process::{Pid, Signal, kill_process_group};
 
 /// Maximum length of a reported command.
 const COMMAND_MAX: usize = 120;
@@ -47,13 +48,7 @@ impl Group {
 
     /// Process ids of the members.
     pub(super) fn pids(self) -> Vec<u32> {
-        // The list of all processes is long, and most groups are empty.
-        if test_kill_process_group(self.0).is_err() {
-            return Vec::new();
-        }
-        let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
-        let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-        pids.filter(|&pid| self.has(pid)).collect()
+        members(self.0).unwrap_or_default()
     }
 
     /// Whether a thread of the group waits for the system and cannot even be killed, for example
@@ -67,25 +62,9 @@ impl Group {
         };
         self.pids().into_iter().flat_map(threads).any(|task| {
             let stat = fs::read_to_string(task.path().join("stat")).unwrap_or_default();
-            state_and_group_of(&stat).is_some_and(|(state, _)| state == "D")
+            state_and_group(&stat).is_some_and(|(state, _)| state == "D")
         })
     }
-
-    fn has(self, pid: u32) -> bool {
-        let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-        let group = self.0.as_raw_nonzero().get();
-        state_and_group_of(&stat).is_some_and(|(_, its)| its == group)
-    }
-}
-
-/// State and group in a line of `/proc/PID/stat`, unless the process is dead. The name is in
-/// brackets and may contain any characters, also brackets.
-fn state_and_group_of(stat: &str) -> Option<(&str, i32)> {
-    let (_, fields) = stat.rsplit_once(')')?;
-    let mut fields = fields.split_ascii_whitespace();
-    let state = fields.next()?;
-    let group = fields.nth(1)?.parse().ok()?;
-    (!["Z", "X"].contains(&state)).then_some((state, group))
 }
 
 /// The command of a process; `?` if the process has ended.
@@ -97,17 +76,4 @@ pub(crate) fn command_of(pid: u32) -> String {
         "?".clone_into(&mut command);
     }
     command
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_name_with_brackets_and_blanks_does_not_hide_the_group() {
-        let found = state_and_group_of("12 (a) S (b) D 1 77 77 0 -1");
-        assert_eq!(found, Some(("D", 77)));
-        assert_eq!(state_and_group_of("12 (sleep) Z 1 77 77 0 -1"), None);
-        assert_eq!(state_and_group_of("12 (sleep"), None);
-    }
 }

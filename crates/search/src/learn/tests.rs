@@ -393,3 +393,31 @@ fn a_polynomial_without_a_name_is_found_among_damaged_frames() {
         "polynomial = { width = 8, poly = 0x4D }"
     );
 }
+
+/// On a single wire the program hears its request 05 00 6F, in two pieces, before the reply 05 FF;
+/// a later request loses its echo.
+#[test]
+fn the_echo_of_a_single_wire_is_no_reply() {
+    let one = |is_program, at, bytes: &[u8]| Spoken {
+        is_program,
+        at,
+        bytes: bytes.to_vec(),
+    };
+    let heard = [
+        one(false, 10, &[5, 0]),
+        one(true, 10, &[5, 0, 0x6F]),
+        one(false, 12, &[0x6F, 5, 0xFF]),
+        one(true, 20, &[5, 0, 0x70]),
+        one(false, 30, &[7]),
+        one(true, 40, &[7]),
+        one(false, 40, &[7]),
+    ];
+    let expected = [
+        one(true, 10, &[5, 0, 0x6F]),
+        one(false, 12, &[5, 0xFF]),
+        one(true, 20, &[5, 0, 0x70]),
+        one(false, 30, &[7]),
+        one(true, 40, &[7]),
+    ];
+    assert_eq!(without_echo(heard.to_vec()), expected);
+}

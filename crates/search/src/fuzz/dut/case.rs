@@ -214,8 +214,22 @@ impl core::fmt::Display for Hex {
     }
 }
 
+/// Whether a fault is a property of the wiring, which each case keeps: on a single wire the sender
+/// hears its own bytes.
+pub(super) fn is_wiring(fault: &FaultSpec) -> bool {
+    fault.kind == FaultKind::Echo
+}
+
+/// Whether the program hears its own bytes on `link`.
+pub(super) fn has_echo(scenario: &Scenario, link: &str) -> bool {
+    scenario.fault.iter().any(|fault| {
+        let is_here = fault.link.as_deref() == Some(link);
+        is_wiring(fault) && is_here && fault.direction != Some(DirectionSpec::ToMaster)
+    })
+}
+
 /// `scenario` for a program that starts after the warm-up: the mission begins then, the scenario's
-/// own faults are removed, and the final state is not judged.
+/// own faults are removed, except the [wiring](is_wiring), and the final state is not judged.
 pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
     let mut quiet = scenario.clone();
     quiet.mission.connect = Span(quiet.mission.connect.0 + WARM_UP);
@@ -223,7 +237,7 @@ pub(super) fn quiet(scenario: &Scenario, lasting: Duration) -> Scenario {
         step.at = step.at.map(|at| Span(at.0 + WARM_UP));
     }
     quiet.expect = Expect::default();
-    quiet.fault.clear();
+    quiet.fault.retain(is_wiring);
     (quiet.budget, quiet.phases) = (None, None);
     quiet.duration = Span(quiet.duration.0.max(WARM_UP + lasting));
     quiet

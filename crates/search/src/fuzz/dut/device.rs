@@ -80,23 +80,31 @@ impl DescribedDevice {
     ) -> Result<Self, String> {
         let inputs = Inputs::of(description, true);
         let mut asks = description.asks();
+        can_reply(description, asks.len())?;
         asks.sort_by_key(|ask| ask.changes);
-        let mut answered = None;
+        let (mut answered, mut is_heard) = (None, false);
         for ask in &asks {
             let mut bench = Bench::new(description, make()?)?;
-            let kinds = description.reply_kinds(&bench.say(core::slice::from_ref(&ask.bytes))?);
+            let heard = bench.say(core::slice::from_ref(&ask.bytes))?;
+            is_heard |= !heard.frames.is_empty();
+            let kinds = description.reply_kinds(&heard);
             if !kinds.is_empty() {
                 answered = Some((ask, kinds));
                 break;
             }
         }
         let Some((ask, kinds)) = answered else {
-            return Err(format!(
-                "{} answers none of the {} requests of its description, expected one reply: check \
-                 that the description is that of the device",
-                description.name(),
-                asks.len()
-            ));
+            let (name, count) = (description.name(), asks.len());
+            return Err(match is_heard {
+                true => format!(
+                    "{name} sends each reply to its {count} requests also by itself, expected a \
+                     reply that only a request causes: {FUZZ_DRIVER}"
+                ),
+                false => format!(
+                    "{name} answers none of the {count} requests of its description, expected one \
+                     reply: check that the description is that of the device"
+                ),
+            });
         };
         let plain = (!ask.changes).then(|| (ask.bytes.clone(), kinds));
         Ok(Self {
@@ -202,9 +210,33 @@ impl DescribedDevice {
 /// Seed of an emulated device.
 const SEED: u64 = 4711;
 
-/// Bytes without a valid frame get no reply.
+/// The alternative to fuzzing a device whose replies cannot be observed.
+const FUZZ_DRIVER: &str = "fuzz the program that receives its data, with hilrig fuzz --exec PROGRAM \
+                           --description DEVICE";
+
+/// Rejects a description without a request that gets a reply.
+fn can_reply(of: &Description, requests: usize) -> Result<(), String> {
+    let name = of.name();
+    match requests {
+        0 => Err(format!(
+            "{name} only sends: its description has no request, expected one with a reply: \
+             {FUZZ_DRIVER}"
+        )),
+        _ if of.has_replies() => Ok(()),
+        count => Err(format!(
+            "{name} has no reply to any of the {count} requests of its description, expected one: \
+             {FUZZ_DRIVER}"
+        )),
+    }
+}
+
+/// Bytes without a valid frame get no reply, or one that the description has for them.
 fn is_damage(of: &Description, input: &Input, kinds: &[String]) -> Result<(), Violation> {
-    if kinds.is_empty() || holds_frame(of, &input.pieces) {
+    let described = of.damage_kinds();
+    let mut others = kinds
+        .iter()
+        .filter(|kind| !described.contains(&kind.as_str()));
+    if others.next().is_none() || holds_frame(of, &input.pieces) {
         return Ok(());
     }
     let detail = format!(

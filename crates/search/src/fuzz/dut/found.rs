@@ -3,7 +3,7 @@
 use core::cell::RefCell;
 use std::path::Path;
 
-use super::case::{Case, Pair, Raw, Turn};
+use super::case::{Case, Pair, Raw, Turn, is_wiring};
 use super::cause::Cause;
 use super::finding::Finding;
 use super::harness::{Harness, HarnessError, Whose};
@@ -110,13 +110,15 @@ impl OpenFinding<'_> {
         };
         let (all, left, what) = match &first.told.raw {
             None => {
-                let all = first.scenario.fault.len();
-                let left = fewest(&first.scenario.fault, &mut effort, |faults| {
+                // Without its wiring, a sound program fails for another reason.
+                let (wiring, faults): (Vec<_>, Vec<_>) =
+                    first.scenario.fault.iter().cloned().partition(is_wiring);
+                let left = fewest(&faults, &mut effort, |left| {
                     let mut case = first.clone();
-                    case.scenario.fault = faults.to_vec();
+                    case.scenario.fault = [&wiring[..], left].concat();
                     shows(case)
                 });
-                (all, left.len(), "faults")
+                (faults.len(), left.len(), "faults")
             }
             Some(raw) if !raw.turn.is_empty() => {
                 let all = raw.turn.len();

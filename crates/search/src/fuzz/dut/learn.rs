@@ -13,7 +13,7 @@ mod mutate;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use description::{Description, TextChange};
+use description::{Description, From, TextChange};
 use emulators::rng::Rng;
 
 use super::case::{Exchange, Hex, Pair, Turn, index};
@@ -50,7 +50,8 @@ const NOISE_TRIES: usize = 8;
 #[derive(Clone, Debug)]
 pub(super) struct Lesson {
     seeds: Seeds,
-    described: Option<Arc<Description>>,
+    /// The descriptions of the devices on the wire.
+    described: Vec<Arc<Description>>,
     constants: Constants,
     /// The contents of known requests with those of their first replies.
     contents: Vec<(Vec<u8>, Vec<u8>)>,
@@ -58,28 +59,28 @@ pub(super) struct Lesson {
 }
 
 impl Lesson {
-    /// Learns from `gathered`; `described` is the device if it is known. The program has these
-    /// constants, and answers the requests of `asked`.
+    /// Learns from `gathered`; `described` are the devices on the wire, if they are known. The
+    /// program has these constants, and answers the requests of `asked`.
     pub(super) fn of(
         gathered: Gathered,
         asked: Asked,
-        described: Option<&Arc<Description>>,
+        described: Vec<Arc<Description>>,
         constants: Constants,
     ) -> Self {
-        let format = match asked.answered.is_empty() {
-            true => DescribedFormat::of,
-            false => DescribedFormat::of_requests,
+        let from = match asked.answered.is_empty() {
+            true => From::Device,
+            false => From::Host,
         };
-        let seeds = gathered.learned(described.map(format));
+        let seeds = gathered.learned(DescribedFormat::of_wire(&described, from));
         Self {
             asked,
-            ..Self::with(seeds, described.cloned(), constants)
+            ..Self::with(seeds, described, constants)
         }
     }
 
     pub(super) fn with(
         seeds: Seeds,
-        described: Option<Arc<Description>>,
+        described: Vec<Arc<Description>>,
         constants: Constants,
     ) -> Self {
         let exchanges = seeds.exchanges.iter();
@@ -146,9 +147,9 @@ impl Lesson {
         })
     }
 
-    /// The description of the device.
-    pub(super) const fn described(&self) -> Option<&Arc<Description>> {
-        self.described.as_ref()
+    /// The descriptions of the devices on the wire.
+    pub(super) fn described(&self) -> &[Arc<Description>] {
+        &self.described
     }
 
     /// Whether anything was learned.

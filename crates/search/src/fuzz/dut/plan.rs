@@ -17,7 +17,8 @@ pub struct TrialPlan {
     pub scenario: Scenario,
     /// Frames and conversations to learn from, in addition to the program's own.
     pub corpus: Option<Corpus>,
-    /// Descriptions of the devices, by link; one without a link is for any link.
+    /// Descriptions of the devices, by link, in the order of the scenario; one without a link is
+    /// for any link.
     pub descriptions: Vec<(Option<String>, Arc<Description>)>,
     /// The link to be fuzzed with raw traffic; none: faults on all links, and raw traffic on each
     /// link in turn.

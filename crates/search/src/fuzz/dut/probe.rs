@@ -37,6 +37,9 @@ pub struct Probed {
     pub chatter: Shape,
     /// Frames that it answers.
     pub answered: Vec<Answered>,
+    /// Whether no frame was tried, because any bytes of its length hold a frame: an answer to such
+    /// a frame cannot be distinguished from unsolicited data.
+    pub lacks_noise: bool,
 }
 
 impl Harness<'_> {
@@ -167,11 +170,18 @@ impl Probed {
         let mut talk = Talk::new(speech);
         talk.chatter = speech.shape(&live.take_heard(), &[]);
         self.known = live.known(from);
+        let (mut with_noise, mut without_noise) = (0, 0);
         for _ in 0..TRIED {
             let Some(frame) = speech.frame(rng).filter(|_| self.answered.len() < ANSWERED) else {
                 break;
             };
-            let noise = speech.noise(&frame, rng);
+            // Neither the drawing of frames nor that of noise takes a turn of the rig.
+            live.go_on()?;
+            let Some(noise) = speech.noise(&frame, rng) else {
+                without_noise += 1;
+                continue;
+            };
+            with_noise += 1;
             let mut answer = |bytes: &[u8], talk: &Talk<'_>| {
                 *asked += &Stream::raw(bytes).to_text();
                 *asked += "idle\n";
@@ -189,6 +199,7 @@ impl Probed {
                 self.answered.push(Answered { frame, kinds });
             }
         }
+        self.lacks_noise = without_noise > 0 && with_noise == 0;
         self.chatter = talk.chatter;
         self.forget_doubtful();
         Ok(())

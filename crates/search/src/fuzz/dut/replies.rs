@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use description::peer::{Emulated, Peer as _, Speaker};
-use description::{Description, From, conform};
+use description::{Described, Description, From, Place};
 use protocols::{Decode as _, Instant};
 
 use super::case::{Damage, Exchange, Hex, Raw, Turn};
@@ -29,8 +29,9 @@ pub(super) struct Reply {
 pub(super) struct Replies<'a> {
     raw: &'a Raw,
     lesson: Option<Arc<Lesson>>,
-    device: Option<(Arc<Description>, Emulated)>,
-    /// The messages in the recorded requests, if the device is described.
+    /// The described devices on the wire.
+    devices: Vec<(Arc<Description>, Emulated)>,
+    /// The messages in the recorded requests, if a device describes them.
     kinds: Vec<Option<Vec<String>>>,
     /// Number of uses of each recorded request.
     used: BTreeMap<Vec<u8>, usize>,
@@ -45,14 +46,15 @@ impl<'a> Replies<'a> {
     }
 
     fn with(raw: &'a Raw, lesson: Option<Arc<Lesson>>) -> Self {
-        let described = lesson.as_ref().and_then(|lesson| lesson.described());
-        let device = described.map(|of| (of.clone(), conform::emulated(of, SEED)));
+        let described = lesson.as_ref().map_or(&[][..], |lesson| lesson.described());
+        let is_alone = described.len() < 2;
+        let device = |of: &Arc<Description>| (of.clone(), emulated(of, is_alone));
         let all = raw.exchange.iter();
-        let kinds = all.map(|one| requests(described?, &one.request.0));
+        let kinds = all.map(|one| requests(described, &one.request.0));
         Self {
             kinds: kinds.collect(),
             raw,
-            device,
+            devices: described.iter().map(device).collect(),
             lesson: lesson.clone(),
             used: BTreeMap::new(),
             made: Vec::new(),
@@ -79,21 +81,24 @@ impl<'a> Replies<'a> {
         Some(Reply { bytes, is_own })
     }
 
-    /// The reply of the described device; `None` if there is none, or if it does not know the
+    /// The reply of the described devices; `None` if there is none, or if none of them knows the
     /// request.
     fn of_device(&mut self, request: &[u8], now: Instant) -> Option<Vec<u8>> {
-        let (of, device) = self.device.as_mut()?;
-        if now > device.now() {
-            device.pass(now - device.now(), STEPS_MAX);
+        let (mut reply, mut is_known) = (Vec::new(), false);
+        // Each device on the wire gets the request, and at most the addressed one replies.
+        for (of, device) in &mut self.devices {
+            if now > device.now() {
+                device.pass(now - device.now(), STEPS_MAX);
+            }
+            let time = of.reply_time();
+            let heard = Speaker::new(of).exchange_now(device, request, time, &mut |_| false);
+            let Ok(heard) = heard else { continue };
+            let frames = heard.frames.iter().map(|(_, frame)| frame);
+            let frames = frames.filter(|frame| !of.is_unasked(frame));
+            reply.extend(frames.flat_map(|frame| frame.bytes.to_vec()));
+            is_known |= requests(core::slice::from_ref(of), request).is_some();
         }
-        let time = of.reply_time();
-        let heard = Speaker::new(of).exchange_now(device, request, time, &mut |_| false);
-        let heard = heard.ok()?;
-        let frames = heard.frames.iter().map(|(_, frame)| frame);
-        let frames = frames.filter(|frame| !of.is_unasked(frame));
-        let reply: Vec<u8> = frames.flat_map(|frame| frame.bytes.to_vec()).collect();
-        let is_known = !reply.is_empty() || requests(of, request).is_some();
-        is_known.then_some(reply)
+        (is_known || !reply.is_empty()).then_some(reply)
     }
 
     /// The next recorded reply to exactly this request; the last one repeats.
@@ -120,13 +125,13 @@ impl<'a> Replies<'a> {
     /// The recorded requests of the same kind as `request`.
     pub(super) fn alike(&self, request: &[u8]) -> Vec<&'a Hex> {
         let all = self.raw.exchange.iter().map(|one| &one.request);
-        let device = self.device.as_ref();
-        if let Some(kind) = device.and_then(|(of, _)| requests(of, request)) {
+        let lesson = self.lesson.as_ref();
+        let described = lesson.map_or(&[][..], |lesson| lesson.described());
+        if let Some(kind) = requests(described, request) {
             let kinds = all.zip(&self.kinds);
             let alike = kinds.filter(|(_, other)| other.as_ref() == Some(&kind));
             return alike.map(|(other, _)| other).collect();
         }
-        let lesson = self.lesson.as_ref();
         let is_like = |other: &[u8]| lesson.is_some_and(|lesson| lesson.is_like(other, request));
         let alike = all.filter(|other| other.0 == request || is_like(&other.0));
         let alike: Vec<_> = alike.collect();
@@ -139,7 +144,7 @@ impl<'a> Replies<'a> {
     /// `turn` in place of `reply` to `request`: its change applied to this reply.
     pub(super) fn changed(&self, turn: &Turn, request: &[u8], reply: Option<&Reply>) -> Turn {
         let is_exact = turn.to.as_ref().is_some_and(|to| to.0 == request);
-        if turn.to.is_none() || is_exact && self.device.is_none() {
+        if turn.to.is_none() || is_exact && self.devices.is_empty() {
             return turn.clone();
         }
         let is_own = reply.is_some_and(|reply| reply.is_own);
@@ -163,8 +168,24 @@ impl<'a> Replies<'a> {
     }
 }
 
-/// The names of the messages in a request, if it holds any and nothing else.
-fn requests(of: &Description, request: &[u8]) -> Option<Vec<String>> {
+/// A described device, alone on its wire or beside others.
+fn emulated(of: &Arc<Description>, is_alone: bool) -> Emulated {
+    let place = Place {
+        name: of.name().to_owned(),
+        seed: SEED,
+        address: None,
+        is_alone,
+    };
+    Emulated::new(Box::new(Described::new(of.clone(), place)), Described::UART)
+}
+
+/// The names of the messages in a request, by the first description with which it holds any and
+/// nothing else.
+fn requests(described: &[Arc<Description>], request: &[u8]) -> Option<Vec<String>> {
+    described.iter().find_map(|of| requests_of(of, request))
+}
+
+fn requests_of(of: &Description, request: &[u8]) -> Option<Vec<String>> {
     let mut cutter = of.cutter_of(From::Host);
     let mut found: Vec<_> = cutter.push(request).collect();
     cutter.idle();
@@ -241,7 +262,7 @@ pub(super) fn matching<'a>(exchanges: &'a [Exchange], request: &[u8]) -> Option<
 mod tests {
     use super::*;
     use crate::fuzz::dut::constants::Constants;
-    use crate::learn::{DescribedFormat, Gathered, Spoken};
+    use crate::learn::{DescribedFormat, FrameFormat, Gathered, Spoken};
 
     /// A device that repeats the counter of a request; the sums are worked out by hand.
     const DEVICE: &str = r#"
@@ -272,7 +293,7 @@ mod tests {
         };
         gathered.conversation(&[spoken(true, 0, &asked), spoken(false, 10_000_000, &told)]);
         let seeds = gathered.learned(Some(DescribedFormat::of(&of)));
-        let lesson = Lesson::with(seeds, Some(of), Constants::default());
+        let lesson = Lesson::with(seeds, vec![of], Constants::default());
         let raw = Raw {
             exchange: lesson.exchanges(),
             ..Raw::default()
@@ -327,5 +348,35 @@ mod tests {
         let mut again = Replies::with(&raw, None);
         assert_eq!(again.reply(&later, now), Some(expected));
         assert_eq!(again.alike(&later), [&Hex(later.to_vec())]);
+    }
+
+    /// Two devices of one description on a wire, at addresses 1 and 2; both take address 0, and no
+    /// one replies to it. Each replies with its address; the sums are worked out by hand.
+    #[test]
+    fn the_addressed_one_of_several_devices_replies() {
+        let text = DEVICE
+            .replace("baud = 9600", "baud = 9600, address = 1")
+            .replace(
+                "on = [{ message = \"ask\", reply = \"answer\" }]",
+                "on = [{ message = \"ask\", when = \"tag == own_address\", reply = \"answer\" }]",
+            );
+        let of = Description::parse("counter", &text, &|_| Err(String::new())).expect("sound");
+        let other = of.with_address(2).expect("it has an address");
+        let described = vec![of, other];
+        let format = DescribedFormat::of_wire(&described, From::Device).expect("devices");
+        assert_eq!(FrameFormat::in_words(&format), "as counter is described");
+        let seeds = Gathered::default().learned(Some(format));
+        let lesson = Lesson::with(seeds, described, Constants::default());
+        let raw = Raw::default();
+        let mut replies = Replies::with(&raw, Some(Arc::new(lesson)));
+        let mut now = Instant::from_secs(5);
+        let mut reply = |request: &[u8]| {
+            now += core::time::Duration::from_secs(1);
+            replies.reply(request, now).map(|reply| reply.bytes)
+        };
+        assert_eq!(reply(&[0x55, 1, 1, 0x57]), Some(vec![0x55, 0x81, 1, 0xD7]));
+        assert_eq!(reply(&[0x55, 1, 2, 0x58]), Some(vec![0x55, 0x81, 2, 0xD8]));
+        assert_eq!(reply(&[0x55, 1, 0, 0x56]), Some(Vec::new()));
+        assert_eq!(reply(&[0x55, 9, 0, 0x5E]), None);
     }
 }

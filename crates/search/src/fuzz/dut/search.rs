@@ -294,7 +294,8 @@ impl<'a> Search<'a> {
             None => {
                 let opens = met.known.opens.iter();
                 let links: Vec<String> = opens.filter_map(|name| self.link_of(name)).collect();
-                scenario.fault = case::faults(&links, lasting, &mut dice("faults"));
+                let faults = case::faults(&links, lasting, &mut dice("faults"));
+                scenario.fault.extend(faults);
                 (Speech::Bytes, None)
             }
         };

@@ -184,11 +184,17 @@ impl<'a> Session<'a> {
         self.player.late()
     }
 
+    /// Ends the case if the user interrupts the search.
+    pub(super) fn go_on(&self) -> Result<(), Halt> {
+        match (self.goes_on)() {
+            true => Ok(()),
+            false => Err(Halt::Interrupted),
+        }
+    }
+
     /// Advances the rig and checks the program.
     pub(super) fn turn(&mut self) -> Result<(), Halt> {
-        if !(self.goes_on)() {
-            return Err(Halt::Interrupted);
-        }
+        self.go_on()?;
         // The turn that starts the clock has opened a port, and the program may end soon.
         let had_begun = self.player.has_begun();
         self.player.turn()?;

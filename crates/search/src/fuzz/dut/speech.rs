@@ -156,15 +156,14 @@ impl Speech {
         })
     }
 
-    /// The same number of bytes as `good`, without a frame.
-    pub fn noise(&self, good: &[u8], rng: &mut Rng) -> Vec<u8> {
-        loop {
+    /// The same number of bytes as `good`, without a frame; `None` if a frame is in each attempt:
+    /// frames of a known size without marker and checksum are in any bytes.
+    pub fn noise(&self, good: &[u8], rng: &mut Rng) -> Option<Vec<u8>> {
+        (0..TRIES).find_map(|_| {
             let bytes: Vec<u8> = good.iter().map(|_| byte(rng)).collect();
-            match self {
-                Self::Frames(codec) if is_in(codec, &bytes) => {}
-                _ => return bytes,
-            }
-        }
+            let has_frame = matches!(self, Self::Frames(codec) if is_in(codec, &bytes));
+            (!has_frame).then_some(bytes)
+        })
     }
 
     /// The kinds of frames or lines in `bytes`, the answer to `question`; refusals are left out. An
@@ -222,8 +221,8 @@ pub(super) fn is_echo(kind: &[u8]) -> bool {
     kind.len() > 1 && kind.ends_with(&[ECHOED])
 }
 
-/// Maximum number of attempts to damage a frame so that no part of it is a frame: a frame of zeros
-/// resists.
+/// Maximum number of attempts to damage a frame, or to draw noise, so that no part of it is a
+/// frame: a frame of zeros resists.
 const TRIES: usize = 32;
 
 fn byte(rng: &mut Rng) -> u8 {
@@ -345,6 +344,31 @@ mod tests {
             assert_eq!(bad.len(), good.len());
             assert_eq!(BUS.shape(&bad, &[]), Shape::new(), "{bad:02X?}");
         }
+    }
+
+    /// Any three bytes are a frame of this device: there is neither noise nor damage. The sum of
+    /// 01 02 is 03; of 256 sums of another device one is right.
+    #[test]
+    fn where_any_bytes_are_a_frame_there_is_no_noise() {
+        let speech = |size: u8, frame: &str| {
+            let text = format!(
+                "name = \"any\"\nabout = \"x\"\nline = {{ baud = 9600 }}\nframe = {{ {frame} }}\n\
+                 message = [{{ name = \"m\", from = \"device\", fields = [{{ name = \"a\", \
+                 type = \"bytes\", size = {size} }}] }}]\n\
+                 every = [{{ period = \"1s\", send = \"m\" }}]\n"
+            );
+            let of = description::Description::parse("any", &text, &|_| Err(String::new()));
+            let codec = engine::scenario::device::description::codec_of(&of.expect("sound"));
+            Speech::of_codec(Some(codec))
+        };
+        let mut rng = Rng::stream(1, "test");
+        let any = speech(3, "size = 3");
+        assert_eq!(any.noise(&[1, 2, 3], &mut rng), None);
+        assert_eq!(any.damaged(&[1, 2, 3], &mut rng), None);
+        let sum = speech(2, "size = 3, checksum = \"sum8\"");
+        let noise = sum.noise(&[1, 2, 3], &mut rng).expect("a sum tells");
+        assert_eq!(noise.len(), 3);
+        assert_ne!(noise[2], noise[0].wrapping_add(noise[1]));
     }
 
     #[test]

@@ -34,9 +34,10 @@ pub(super) fn raw(
             break;
         };
         let good = met.answered[index(dice, last + 1)].frame.clone();
-        if let Some(damaged) = speech.damaged(&good.0, dice) {
-            let noise = Hex(speech.noise(&good.0, dice));
-            let damaged = Hex(damaged);
+        if let Some(damaged) = speech.damaged(&good.0, dice)
+            && let Some(noise) = speech.noise(&good.0, dice)
+        {
+            let (damaged, noise) = (Hex(damaged), Hex(noise));
             pairs.push(Pair {
                 good,
                 damaged,

@@ -11,7 +11,7 @@ use emulators::rng::Rng;
 
 use super::super::super::subject::Violation;
 use super::inputs::{Input, Inputs};
-use super::{Bench, SEED, answers_again, holds_frame, is_damage, parse, to_text};
+use super::{Bench, SEED, answers_again, can_reply, holds_frame, is_damage, parse, to_text};
 
 /// The limits of a search at a port, and the results of earlier runs of it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -116,6 +116,7 @@ impl<'a> PortFuzz<'a> {
     ) -> Result<Option<Self>, String> {
         let inputs = Inputs::of(description, plan.writes);
         let mut asks = description.asks();
+        can_reply(description, asks.len())?;
         asks.retain(|ask| !ask.changes && description.is_harmless(&ask.bytes));
         if inputs.is_empty() || asks.is_empty() {
             let name = description.name();

@@ -118,6 +118,37 @@ fn described_frames_are_taken_apart_and_put_together() {
     }
 }
 
+/// On a wire with devices of different formats, each frame is taken apart by the description that
+/// knows it.
+#[test]
+fn frames_of_several_devices_are_taken_apart() {
+    let parse = |name: &str| {
+        let text = description::shipped::text(name).expect("shipped");
+        Description::parse(name, text, &|_| Err(String::new())).expect("sound")
+    };
+    let all = ["tfmini", "pms5003", "gps"].map(parse);
+    let format = DescribedFormat::of_wire(&all, From::Device).expect("devices");
+    assert_eq!(
+        FrameFormat::in_words(&format),
+        "as tfmini and pms5003 and gps are described"
+    );
+    for of in &all {
+        let own = DescribedFormat::of(of);
+        for frame in own.examples() {
+            assert_eq!(FrameFormat::split(&format, &frame), [&frame[..]], "{of:?}");
+            let content = FrameFormat::content(&format, &frame).expect("a frame");
+            assert_eq!(FrameFormat::frame(&format, &content, 0), frame);
+            let plain = FrameFormat::content(&own, &frame).expect("a frame");
+            let fields = [&format, &own].map(|one| one as &dyn FrameFormat);
+            let [found, expected] = fields.map(|one| {
+                let content = one.content(&frame).expect("a frame");
+                one.fields(&content).len()
+            });
+            assert_eq!(found, expected, "{}: {plain:02X?}", of.name());
+        }
+    }
+}
+
 /// A defect: its name, and whether a frame reaches it.
 type Defect = (&'static str, fn(&[u8]) -> bool);
 
@@ -255,7 +286,7 @@ fn replies_are_used_for_other_requests() {
         spoken(true, 20_000_000, b"B?\n"),
         spoken(false, 30_000_000, b"b=2\n"),
     ]);
-    let lesson = Lesson::with(gathered.learned(None), None, Constants::default());
+    let lesson = Lesson::with(gathered.learned(None), Vec::new(), Constants::default());
     let rng = &mut Rng::stream(1, "others");
     let turns = lesson.turns(400, &BTreeSet::new(), rng);
     let mut others = turns
@@ -290,7 +321,7 @@ fn a_counter_of_a_request_is_copied_to_its_reply() {
     }
     let mut gathered = Gathered::default();
     gathered.conversation(&spoken);
-    let lesson = Lesson::with(gathered.learned(None), None, Constants::default());
+    let lesson = Lesson::with(gathered.learned(None), Vec::new(), Constants::default());
     let fitted = |request: &str| {
         let reply = lesson.fitted(request.as_bytes())?;
         String::from_utf8(reply).ok()
@@ -337,7 +368,7 @@ fn texts_at_their_limits_come_early() {
         spoken(false, 10_000_000, b"\x55\x08\x81abc\0\x04"),
     ]);
     let seeds = gathered.learned(Some(DescribedFormat::of(&of)));
-    let lesson = Lesson::with(seeds, Some(of), Constants::default());
+    let lesson = Lesson::with(seeds, vec![of], Constants::default());
     let text = |turn: &Turn| {
         let frame = &turn.say[0].0;
         frame[3..frame.len() - 1].to_vec()

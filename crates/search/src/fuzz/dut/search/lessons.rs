@@ -4,16 +4,16 @@ use core::time::Duration;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use description::Description;
+use description::{Description, From};
 
 use super::Search;
-use crate::fuzz::dut::case::Known;
+use crate::fuzz::dut::case::{Known, has_echo};
 use crate::fuzz::dut::harness::HarnessError;
 use crate::fuzz::dut::learn::Asked;
 use crate::fuzz::dut::learn::Lesson;
 use crate::fuzz::dut::plan::RECORDINGS;
 use crate::fuzz::dut::speech::Speech;
-use crate::learn::{DescribedFormat, Directions, Gathered, conversation};
+use crate::learn::{DescribedFormat, Directions, Gathered, conversation, without_echo};
 use capture::Capture;
 
 /// Minimum duration of the conversation that is used for learning.
@@ -27,10 +27,10 @@ impl Search<'_> {
         let lasting = plan.lasting.max(LESSON);
         let (met, case, seen) = self.harness.meet(&plan.scenario, lasting, &recording)?;
         let of_link = |of: &Option<String>| of.as_ref().is_none_or(|of| *of == link);
-        let described = plan.descriptions.iter().find(|(of, _)| of_link(of));
-        let described = described.map(|(_, description)| description);
+        let described = plan.descriptions.iter().filter(|(of, _)| of_link(of));
+        let described: Vec<_> = described.map(|(_, one)| one.clone()).collect();
         let constants = self.harness.constants.get().cloned().unwrap_or_default();
-        let (gathered, asked) = self.gather(&link, described)?;
+        let (gathered, asked) = self.gather(&link, &described)?;
         let lesson = Arc::new(Lesson::of(gathered, asked, described, constants));
         let mut lessons = self.harness.lessons.borrow_mut();
         lessons.insert(link, lesson.clone());
@@ -49,11 +49,14 @@ impl Search<'_> {
     fn gather(
         &self,
         link: &str,
-        described: Option<&Arc<Description>>,
+        described: &[Arc<Description>],
     ) -> Result<(Gathered, Asked), HarnessError> {
         let plan = &self.plan;
         let capture = Capture::read(&self.recording());
-        let spoken = capture.map_or_else(|_| Vec::new(), |one| conversation(&one, Some(link)));
+        let mut spoken = capture.map_or_else(|_| Vec::new(), |one| conversation(&one, Some(link)));
+        if has_echo(&plan.scenario, link) {
+            spoken = without_echo(spoken);
+        }
         let mut gathered = Gathered::default();
         let device = plan.scenario.device.get(link);
         let is_polled = device.is_some_and(|device| device.kind() == "master");
@@ -72,10 +75,15 @@ impl Search<'_> {
                     to_master: gathered.questions_so_far().to_vec(),
                     ..Directions::default()
                 });
-            } else if let Some(described) = described {
+            } else if !described.is_empty() {
+                let examples = |from| {
+                    let format = DescribedFormat::of_wire(described, from);
+                    format.map_or_else(Vec::new, |format| format.examples())
+                };
+                let [to_device, to_master] = [From::Host, From::Device].map(examples);
                 sources.push(Directions {
-                    to_device: DescribedFormat::of_requests(described).examples(),
-                    to_master: DescribedFormat::of(described).examples(),
+                    to_device,
+                    to_master,
                 });
             }
             let recording = &plan.out.join(RECORDINGS[2]);
