@@ -20,6 +20,7 @@ mod kept_map;
 mod links;
 mod log_rules;
 pub mod overlay;
+pub mod panel;
 #[cfg(feature = "rescue")]
 pub mod rescue;
 #[cfg(feature = "robots")]
@@ -44,10 +45,11 @@ pub use checker::{Check, Checker, Look, Status};
 use devices::add_devices;
 pub use instruments::{
     Alarm, Asking, Command, Console, Cycle, Dialect, Display, Figure, Found, Instruments, Intake,
-    Need, Panel, PanelRow, Silence, Stops,
+    Need, Silence, Stops,
 };
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
+pub use panel::{Panel, PanelRow};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
 pub use wiring::{nowhere, wire, wire_first, wire_into, wire_without_start};
 

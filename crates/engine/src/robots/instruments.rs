@@ -6,11 +6,11 @@ use std::borrow::Cow;
 use emulators::world::Pose;
 use firmware_core::map_view::MapView;
 use protocols::Instant;
-use serde::Serialize;
 
 use super::axis::Axis;
 use super::checker::Checker;
 use super::overlay::Overlay;
+use super::panel::Panel;
 use super::station::Station;
 use crate::codec::Codec;
 use crate::picture::Picture;
@@ -175,28 +175,6 @@ impl Figure {
             },
         ]
     }
-}
-
-/// A group of values for page and report.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Panel {
-    /// Name of the group, e.g. `base registers`.
-    pub name: String,
-    /// The values.
-    pub rows: Vec<PanelRow>,
-}
-
-/// A value of a panel.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct PanelRow {
-    /// Name of the value.
-    pub name: Cow<'static, str>,
-    /// Address in the device, if it has one.
-    pub address: Option<u32>,
-    /// Current value as text.
-    pub value: String,
-    /// Unit of the value, empty if it has none.
-    pub unit: Cow<'static, str>,
 }
 
 /// Victims that the robot reports as found.

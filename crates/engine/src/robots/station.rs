@@ -8,7 +8,7 @@ use firmware_core::map_view::MapView;
 use protocols::{Instant, Port};
 use serde::Serialize;
 
-use super::instruments::Panel;
+use super::panel::Panel;
 use crate::scenario::{Action, SetPoint, Step};
 
 /// The reason why no station executes an action of the rig itself.

@@ -61,6 +61,14 @@ pub fn own_breaks(rig: &Rig, faults: &[FaultSpec]) -> Vec<OwnBreaks> {
             broken.first = Some((logged.event.at, logged.event.detail.clone()));
         }
     }
+    // The log has few entries of many like breaks. Under a lasting fault that explains all of its
+    // entries, the others are explained, too.
+    for broken in found.iter_mut().filter(|broken| broken.first.is_none()) {
+        let damage = devices.iter().find(|(name, _)| *name == broken.device);
+        if broken.explained > 0 && damage.is_some_and(|(_, damage)| !damage.lasting.is_empty()) {
+            broken.explained += core::mem::take(&mut broken.count);
+        }
+    }
     // A device that finds no frame logs nothing.
     for broken in found.iter_mut().filter(|broken| broken.rule == NO_FRAME) {
         let damage = devices.iter().find(|(name, _)| *name == broken.device);

@@ -9,7 +9,8 @@ use protocols::{Instant, Port};
 
 use super::pc_program::{self, waypoints};
 use super::{MODES, pc_action, pc_step, view};
-use crate::robots::instruments::{Panel, in_metres};
+use crate::robots::instruments::in_metres;
+use crate::robots::panel::Panel;
 use crate::robots::station::{DriveKeys, StationState};
 use crate::robots::{Gesture, RemoteStation, Station, StationView};
 use crate::scenario::{Action, SetPoint, Step};

@@ -70,8 +70,8 @@ pub(super) fn registers(rig: &Rig) -> Option<Panel> {
     })
 }
 
-/// Infrared sensors in the order of the base's registers: the side of the robot, and the end of that
-/// side.
+/// Infrared sensors in the order of the base's registers: the side of the robot, and the end of
+/// that side.
 const INFRARED: [&str; 10] = [
     "infrared back right",
     "infrared right back",
