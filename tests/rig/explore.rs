@@ -48,9 +48,9 @@ fn glass_and_thresholds_are_seen_by_infrared() {
     );
 }
 
-/// Tiles of 45 cm are searched by a robot of 12 cm radius. Tiles of 30 cm, as in the report's arena,
-/// are not searched by a robot that fits: in the middle of a tile the boards are 14 cm from the
-/// lidar, which measures from 14.5 cm on.
+/// Tiles of 45 cm are searched by a robot of 12 cm radius. Tiles of 30 cm, as in the report's
+/// arena, are not searched by a robot that fits: in the middle of a tile the boards are 14 cm from
+/// the lidar, which measures from 14.5 cm on.
 #[test]
 fn a_maze_of_tiles_of_45_cm_is_searched_and_of_30_cm_is_not() {
     let failed = |tile_cm: u32, [radius_mm, clearance_mm, axle_mm]: [u32; 3]| {

@@ -56,8 +56,8 @@ fn on_the_robot(run: &Run) -> Vec<[i16; 2]> {
     list.iter().map(|waypoint| waypoint.position_mm).collect()
 }
 
-/// The longest list of the report is sent back while the map passes: the radio's buffer of 700 bytes
-/// does not overflow.
+/// The longest list of the report is sent back while the map passes: the radio's buffer of 700
+/// bytes does not overflow.
 #[test]
 fn a_list_of_100_waypoints_passes_the_radio() {
     for seed in 1..=6 {

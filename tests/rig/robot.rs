@@ -19,8 +19,8 @@ fn a_robot_at_a_corner_finds_its_way_round() {
     }
 }
 
-/// Debris at a place of the floor holds the left wheel: the robot rests within two seconds, and says
-/// why.
+/// Debris at a place of the floor holds the left wheel: the robot rests within two seconds, and
+/// says why.
 #[test]
 fn debris_at_a_place_holds_a_wheel_and_the_robot_says_so() {
     let debris = "[mission]\nwaypoints_m = [[1.5, 2.2]]\n[program]\ndiagnosis = true\n\
