@@ -105,8 +105,8 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     })
 }
 
-/// Why a run failed without a failed check: a rule that must be observed was not. `None` if there is
-/// no such rule.
+/// Why a run failed without a failed check: a rule that must be observed was not. `None` if there
+/// is no such rule.
 fn undecided(evidence: &Evidence<'_>) -> Option<String> {
     let open: Vec<String> = evidence
         .outcome

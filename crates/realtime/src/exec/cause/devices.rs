@@ -221,7 +221,8 @@ fn devices(outcome: &Outcome) -> Vec<String> {
     devices
 }
 
-/// Broken rules with their counts, and the first break of the most frequent one; `None` without one.
+/// Broken rules with their counts, and the first break of the most frequent one; `None` without
+/// one.
 fn told(rules: &[&OwnBreaks]) -> Option<String> {
     let mut rules = rules.to_vec();
     rules.sort_by_key(|broken| core::cmp::Reverse(broken.count));

@@ -14,8 +14,8 @@ use crate::transport::Setting;
 use engine::run::OwnBreaks;
 use engine::run::check::{GOES_ON, SILENT_MAX, Status, last_words};
 
-/// Number of breaks of a rule that explain what a program does afterwards, and the minimum time until
-/// then.
+/// Number of breaks of a rule that explain what a program does afterwards, and the minimum time
+/// until then.
 const MANY: u64 = 10;
 const SOON: Duration = Duration::from_secs(1);
 /// Name of the check that all lines carry bytes again.
