@@ -22,7 +22,7 @@ fn base(announce: Announce) -> AvrBase {
 #[test]
 fn each_device_names_its_faults() {
     let of = |device: &dyn Device| device.known_faults().join(" ");
-    let silent = "off restart stuck wrong battery-low";
+    let silent = "off restart stuck wrong battery-low wheel-held";
     assert_eq!(of(&base(Announce::Nothing)), silent);
     assert_eq!(
         of(&base(Announce::StopButton)),
