@@ -150,6 +150,8 @@ fn from(args: &From) -> Result<Verdict, CliError> {
         }
     };
     case.description = format!("made of {}", args.file.display());
+    // `case check` judges as this command does.
+    case.expect.may_end = args.program.may_end();
     let talking = case.expect.talks.clone();
     for rule in &args.expect {
         case.expect.add(rule.clone(), &talking);

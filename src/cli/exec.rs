@@ -165,6 +165,11 @@ impl ExecArgs {
         Some(self.how.foreign(self.exec.clone()?))
     }
 
+    /// Whether the program may end before the run is over.
+    pub(super) const fn may_end(&self) -> bool {
+        self.how.exec_may_end
+    }
+
     /// The programs that the scenario names, in virtual time.
     pub(super) fn of_file(&self, scenario: &Scenario) -> Option<Foreign> {
         let programs = scenario.programs();

@@ -29,6 +29,9 @@ pub struct Expectation {
     /// Maximum pause of a program that still sends, ns; `None`: a second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub talk_pause_ns: Option<u64>,
+    /// The program may end with exit code 0 before the case is over, as with `--exec-may-end`.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub may_end: bool,
     /// The program ends with this exit code.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exits: Option<i32>,
