@@ -108,3 +108,32 @@ fn a_rule_that_was_never_decided_is_the_cause() {
         "{told}"
     );
 }
+
+/// Whatever a fault does to the bytes for a device, a sound program passes: the log of the device
+/// has few of many like entries, and later times than the fault.
+#[test]
+fn no_fault_on_the_way_to_a_device_is_a_mistake_of_the_program() {
+    let rates = [
+        "drop",
+        "flip",
+        "insert",
+        "duplicate",
+        "swap",
+        "burst",
+        "truncate",
+    ];
+    let rates = rates.map(|kind| format!("kind = \"{kind}\"\nrate = 0.08\n"));
+    let lasting = [
+        "kind = \"clear-bit7\"\n",
+        "kind = \"cr-to-lf\"\n",
+        "kind = \"jitter\"\nby = \"50ms\"\n",
+        "kind = \"wrong-baud\"\nppm = 40_000\n",
+        "kind = \"echo\"\n",
+    ];
+    let lasting = lasting.map(|kind| format!("{kind}from = \"500ms\"\nuntil = \"2s\"\n"));
+    for kind in rates.iter().chain(&lasting) {
+        let fault = format!("[[fault]]\nlink = \"grip\"\ndirection = \"to-device\"\n{kind}");
+        let (code, said) = judged("damaged-kinds", &fault, "0 60", &[]);
+        assert_eq!(code, Some(0), "{kind}: {said}");
+    }
+}

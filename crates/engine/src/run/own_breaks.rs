@@ -6,15 +6,15 @@ use core::time::Duration;
 use protocols::Instant;
 
 use crate::rig::line::Direction;
-use crate::rig::{Logged, NO_FRAME, Rig};
+use crate::rig::{LogPoint, NO_FRAME, Rig};
 use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, is_place_of};
 
 /// Maximum time from damage to the report of the device: it may wait for the rest of a cut frame
 /// until the next request.
 const REACH: Duration = Duration::from_secs(2);
-/// Number of reports that one damaged byte explains: its own frame, and the next one, whose begin
-/// is taken for the missing rest.
-const FRAMES: u32 = 2;
+/// Number of reports that one damaged byte explains: its own frame in up to two pieces, and the next
+/// one, whose begin is taken for the missing rest.
+const REPORTS: u32 = 4;
 
 /// A rule of a device that the program broke.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,7 +27,8 @@ pub struct OwnBreaks {
     pub count: u64,
     /// Number of breaks of damaged frames.
     pub explained: u64,
-    /// Time and words of the first break that no fault explains, if it is in the log.
+    /// Time and words of the first break that no fault explains, if it is in the log. An entry that
+    /// stands for several breaks has no words of the later ones.
     pub first: Option<(Instant, String)>,
 }
 
@@ -47,22 +48,28 @@ pub fn own_breaks(rig: &Rig, faults: &[FaultSpec]) -> Vec<OwnBreaks> {
             first: None,
         });
     }
-    for logged in rig.events() {
-        let device = devices.iter_mut().find(|(name, _)| *name == logged.source);
-        let is_it =
-            |one: &&mut OwnBreaks| one.device == logged.source && one.rule == logged.event.rule;
+    let (moments, _) = rig.log_since(&LogPoint::default());
+    for moment in moments {
+        let device = devices.iter_mut().find(|(name, _)| name == moment.source);
+        let is_it = |one: &&mut OwnBreaks| one.device == moment.source && one.rule == moment.rule;
         let (Some((_, damage)), Some(broken)) = (device, found.iter_mut().find(is_it)) else {
             continue;
         };
-        if broken.count > 0 && damage.explains(logged) {
+        if broken.count > 0 && damage.explains(moment.at) {
             broken.count -= 1;
             broken.explained += 1;
         } else if broken.first.is_none() {
-            broken.first = Some((logged.event.at, logged.event.detail.clone()));
+            let mut events = rig.events().iter();
+            let logged = events.find(|logged| {
+                let event = &logged.event;
+                (&*logged.source, event.rule, event.at) == (moment.source, moment.rule, moment.at)
+            });
+            let detail = logged.map(|logged| logged.event.detail.clone());
+            broken.first = Some((moment.at, detail.unwrap_or_default()));
         }
     }
-    // The log has few entries of many like breaks. Under a lasting fault that explains all of its
-    // entries, the others are explained, too.
+    // A device keeps a limited number of moments. Under a lasting fault that explains all of them,
+    // the others are explained, too.
     for broken in found.iter_mut().filter(|broken| broken.first.is_none()) {
         let damage = devices.iter().find(|(name, _)| *name == broken.device);
         if broken.explained > 0 && damage.is_some_and(|(_, damage)| !damage.lasting.is_empty()) {
@@ -92,7 +99,7 @@ impl<'a> Damage<'a> {
         let links = rig.links().iter();
         let links = links.filter(|link| is_place_of(device, &link.name));
         let struck = links.flat_map(|link| link.line(Direction::ToDevice).faults.struck_times());
-        let mut strikes: Vec<_> = struck.map(|(_, at)| (at, FRAMES)).collect();
+        let mut strikes: Vec<_> = struck.map(|(_, at)| (at, REPORTS)).collect();
         strikes.sort_unstable();
         let acts = |fault: &&FaultSpec| {
             let is_towards = fault.direction != Some(DirectionSpec::ToMaster);
@@ -106,9 +113,8 @@ impl<'a> Damage<'a> {
         }
     }
 
-    /// Whether damage explains the report `logged`; each damaged byte explains few.
-    fn explains(&mut self, logged: &Logged) -> bool {
-        let at = logged.event.at;
+    /// Whether damage explains a report at `at`; each damaged byte explains few.
+    fn explains(&mut self, at: Instant) -> bool {
         let is_near = |from: Instant, until: Instant| from <= at && at - until.min(at) <= REACH;
         let lasts = |fault: &&FaultSpec| {
             let is_known = !fault.waits_for_condition() && !fault.waits_for_trigger();

@@ -36,6 +36,7 @@ pub(super) fn check(scenario: &Scenario, source: &Source, problems: &mut Vec<Sce
         .map(|error| error.key().to_owned())
         .collect();
     let mut found = Vec::new();
+    check_run(scenario, source, &mut found);
     check_start(scenario, source, &mut found);
     check_expectations(scenario, source, &mut found);
     check_rules(scenario, source, &mut found);
@@ -51,6 +52,21 @@ pub(super) fn check(scenario: &Scenario, source: &Source, problems: &mut Vec<Sce
 /// The table of a key.
 fn table_of(key: &str) -> &str {
     key.rsplit_once('.').map_or(key, |(table, _)| table)
+}
+
+/// A run of no length, and programs without a command, do nothing.
+fn check_run(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
+    if scenario.duration.0.is_zero() {
+        let message = "is 0, expected a longer time";
+        found.push(source.invalid(source.find("duration"), "duration", message));
+    }
+    for (name, spec) in &scenario.exec {
+        if spec.command.trim().is_empty() {
+            let key = format!("exec.{name}.command");
+            let message = "is empty, expected the shell command that starts the program";
+            found.push(source.invalid(source.find("command"), &key, message));
+        }
+    }
 }
 
 fn check_start(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
@@ -236,6 +252,41 @@ mod tests {
             refused(START, "[expect]\nwall_within_mm = nan"),
             @r#"t.toml:6: expect.wall_within_mm: is NaN, expected 0 to 1000"#
         );
+    }
+
+    /// Each of these was accepted, and did nothing.
+    #[test]
+    fn what_lasts_no_time_or_starts_nothing_is_refused() {
+        let head = "schema = 1\nname = \"t\"\nrobot = \"none\"\nduration = ";
+        let device = "[device.m.text]\nbaud = 9600\n[[device.m.text.command]]\n\
+                      request = \"a\"\nreply = \"b\"\n";
+        let fault = "[[fault]]\nlink = \"m\"\ndirection = \"to-master\"\n";
+        for (rest, expected) in [
+            (format!("\"0s\"\n{device}"), "t.toml:4: duration: is 0"),
+            (
+                format!("\"1s\"\n{device}[exec.p]\ncommand = \" \"\n"),
+                "exec.p.command: is empty",
+            ),
+            (
+                format!("\"1s\"\n{device}{fault}kind = \"clog\"\nlasting = \"0s\"\n"),
+                "fault[0].lasting: is 0",
+            ),
+            (
+                format!("\"1s\"\n{device}{fault}kind = \"burst\"\nrate = 0.1\nvalue = 0\n"),
+                "fault[0].value: is 0, which changes no bit",
+            ),
+        ] {
+            let text = format!("{head}{rest}");
+            let parsed = Scenario::parse(Path::new("t.toml"), text);
+            let said = match parsed {
+                Err(error) => error.to_string(),
+                Ok((scenario, source)) => match crate::run::Run::new(scenario, &source, None) {
+                    Err(error) => error.to_string(),
+                    Ok(_) => panic!("accepted: {expected}"),
+                },
+            };
+            assert!(said.contains(expected), "{said}");
+        }
     }
 
     /// A million walls once took 3.2 GB to reject.

@@ -55,6 +55,16 @@ impl FaultSpec {
                 "is 1, which changes no value, expected another one",
             ),
             (
+                kind == FaultKind::Burst && self.value == Some(0),
+                "value",
+                "is 0, which changes no bit; expected 1 to 255",
+            ),
+            (
+                self.lasting.is_some_and(|lasting| lasting.0.is_zero()),
+                "lasting",
+                "is 0, expected a longer time",
+            ),
+            (
                 self.devices.as_ref().is_some_and(Vec::is_empty),
                 "devices",
                 "is empty, expected the names of devices",

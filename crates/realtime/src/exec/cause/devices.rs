@@ -235,8 +235,9 @@ fn told(rules: &[&OwnBreaks]) -> Option<String> {
         })
         .collect();
     let first = worst.first.as_ref();
-    let first = first.map_or_else(String::new, |(at, detail)| {
-        format!(" (the first at {at} s: {detail})")
+    let first = first.map_or_else(String::new, |(at, detail)| match detail.is_empty() {
+        true => format!(" (the first at {at} s)"),
+        false => format!(" (the first at {at} s: {detail})"),
     });
     Some(counts.join(", ") + &first)
 }
@@ -251,7 +252,10 @@ fn format(device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
     };
     let sums = rules.iter().any(|broken| broken.rule == "bad-checksum");
     let fix = match sums {
-        true => "compare the checksum (which bytes it covers, its width and byte order)",
+        true => {
+            "compare the checksum (which bytes it covers, its width and byte order), and whether \
+             requests follow each other without a pause"
+        }
         false => "compare header, length and end of its frames",
     };
     let text = format!("{device} does not understand the received bytes: {told}; {fix}");

@@ -125,6 +125,11 @@ pub(super) fn stopped(outcome: &Outcome) -> Option<Cause> {
             weight::RATE,
             "; set its UART to the rate of the device, by the clock of the board",
         ),
+        _ if has("the firmware crashed") => (
+            weight::KILLED,
+            "; find the instruction of this address in the ELF file (addr2line), e.g. an array \
+             that is written behind its end, or a wrong pointer",
+        ),
         _ if has("its watchdog reset it") => (
             weight::KILLED,
             "; find where it hangs, e.g. with --gdb PORT",

@@ -134,6 +134,9 @@ impl GoesOn {
         };
         let passed = format!("sent {sent} B{shown}, {arrived} B arrived for it");
         let fail = |detail: String| Check::new(GOES_ON, false, detail);
+        if let Some(crash) = self.crash(rig) {
+            return fail(format!("{} at {} s; {passed}", crash.detail, crash.at));
+        }
         if let Some(resets) = self.resets(rig).filter(|_| !program.spec().may_reset) {
             return fail(format!("{resets}; {passed}"));
         }
@@ -222,6 +225,13 @@ impl GoesOn {
             .filter(|logged| logged.source == self.name);
         let events = own.map(|logged| &logged.event);
         events.filter(move |event| event.rule == rule && event.kind == EventKind::Note)
+    }
+
+    /// The crash of the firmware.
+    fn crash<'a>(&'a self, rig: &'a Rig) -> Option<&'a Event> {
+        let mut own = rig.events().iter().filter(|one| one.source == self.name);
+        own.find(|one| one.event.rule == "crash")
+            .map(|one| &one.event)
     }
 
     /// The resets by the board's watchdog.
