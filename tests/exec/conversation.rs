@@ -85,7 +85,7 @@ impl Bench {
     }
 
     /// Runs the scenario with the client in virtual time; the capture is in `out`.
-    fn run(&self, client: &str, more: &[&str]) -> (Option<i32>, String) {
+    pub(crate) fn run(&self, client: &str, more: &[&str]) -> (Option<i32>, String) {
         let exec = format!("exec python3 client.py {client}");
         let words = [
             "run",

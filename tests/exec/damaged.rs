@@ -44,17 +44,7 @@ while time.monotonic() < until:
 
 fn judged(name: &str, more: &str, arguments: &str, options: &[&str]) -> (Option<i32>, String) {
     let bench = Bench::new(name, &format!("{SLAVE}{more}"), CLIENT);
-    let exec = format!("exec python3 client.py {arguments}");
-    let words = [
-        "run",
-        "s.toml",
-        "--out",
-        "out",
-        "--virtual",
-        "--exec",
-        &exec,
-    ];
-    bench.hilrig(&[&words[..], options].concat())
+    bench.run(arguments, options)
 }
 
 fn cause(said: &str) -> &str {

@@ -75,7 +75,9 @@ fn a_maze_of_tiles_of_45_cm_is_searched_and_of_30_cm_is_not() {
         failures(&run.finish())
     };
     assert_eq!(failed(45, [120, 30, 200]), [""; 0]);
-    assert_ne!(failed(30, [90, 15, 140]), [""; 0]);
+    let narrow = failed(30, [90, 15, 140]);
+    let is_lost = |check: &String| check.starts_with("pose-rms: ");
+    assert!(narrow.iter().any(is_lost), "{narrow:?}");
 }
 
 #[test]

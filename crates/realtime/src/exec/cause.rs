@@ -17,6 +17,9 @@ use crate::process::{Ended, waits::Wait};
 use engine::run::Outcome;
 use engine::run::check::Status;
 
+/// Number of breaks of a rule from which they are a cause although no check judges them.
+const MANY: u64 = 10;
+
 /// Observations at the end of a run.
 pub(crate) struct Evidence<'a> {
     /// Observations at the ports.

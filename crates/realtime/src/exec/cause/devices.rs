@@ -4,7 +4,7 @@
 use protocols::Instant;
 
 use super::trigger::{Trigger, after, explains};
-use super::{Cause, Evidence, weight};
+use super::{Cause, Evidence, MANY, weight};
 use engine::rig::{Logged, NO_FRAME};
 use engine::run::check::{NODE_PROGRAMS, NOT_UNDERSTOOD, Status, VIOLATIONS, WATCHDOG};
 use engine::run::{Outcome, OwnBreaks};
@@ -36,9 +36,6 @@ const ORDER: [&str; 8] = [
     "not-ready",
     "too-fast",
 ];
-
-/// Number of breaks of a rule that count although no check judges them.
-const MANY: u64 = 10;
 
 pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     let outcome = evidence.outcome;

@@ -6,7 +6,7 @@ use std::path::Path;
 use protocols::Instant;
 
 use super::trigger::Trigger;
-use super::{Cause, Evidence, weight};
+use super::{Cause, Evidence, MANY, weight};
 use crate::exec::exchange::ALLOW_IT;
 use crate::exec::ports::Port;
 use crate::process::waits::Wait;
@@ -14,9 +14,7 @@ use crate::transport::Setting;
 use engine::run::OwnBreaks;
 use engine::run::check::{GOES_ON, SILENT_MAX, Status, last_words};
 
-/// Number of breaks of a rule that explain what a program does afterwards, and the minimum time
-/// until then.
-const MANY: u64 = 10;
+/// Minimum time from broken rules to a hang that they explain.
 const SOON: Duration = Duration::from_secs(1);
 /// Name of the check that all lines carry bytes again.
 const BACK: &str = "at-work-again";
