@@ -244,6 +244,17 @@ impl CliError {
     }
 }
 
+/// The text of the file that the command was given, or of the file `name` in the given folder.
+fn read_text(path: &Path, name: &str) -> Result<(PathBuf, String), CliError> {
+    let (path, read) = match path.is_dir() {
+        true => (path.join(name), safefs::read_text(&path.join(name))),
+        // The user may name a pipe.
+        false => (path.to_owned(), std::fs::read_to_string(path)),
+    };
+    let text = read.map_err(|error| CliError::read(&path, error))?;
+    Ok((path, text))
+}
+
 /// All bytes of a file that the command was given.
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     std::fs::read(path).map_err(|error| CliError::read(path, error))

@@ -3,7 +3,6 @@ mod exec;
 
 use core::num::NonZeroUsize;
 use core::time::Duration;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::thread;
 
@@ -223,14 +222,7 @@ fn repeat(file: &Path, subjects: &Subjects) -> Result<Verdict, CliError> {
         let text = "--repeat runs one case, expected the name of its target before it";
         return Err(CliError::Usage(text.to_owned()));
     };
-    let mut path = file.to_owned();
-    if path.is_dir() {
-        path.push(subject.case_file());
-    }
-    let text = fs::read_to_string(&path).map_err(|error| CliError::Read {
-        path: path.clone(),
-        error,
-    })?;
+    let (path, text) = super::read_text(file, subject.case_file())?;
     let judged = subject.repeated(&text);
     let judged = judged.map_err(|error| CliError::content(&path, error))?;
     out::answer(&FuzzEnded {

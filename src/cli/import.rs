@@ -83,7 +83,8 @@ fn coding(text: &str) -> Result<LineConfig, String> {
 pub(super) fn next_step(path: &Path) -> String {
     let out = path.with_extension("imported.pcapng");
     let [file, out] = [path, &out].map(word);
-    let bytes = std::fs::read(path).unwrap_or_default();
+    // A pipe was read before and has no more.
+    let bytes = safefs::read(path).unwrap_or_default();
     let format = match import::open(&bytes, path) {
         Ok(opened) => opened.format,
         Err(error) => return error.to_string(),

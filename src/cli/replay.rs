@@ -6,7 +6,6 @@ mod links;
 mod play;
 
 use core::time::Duration;
-use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
@@ -129,10 +128,10 @@ pub(super) fn run(args: ReplayArgs) -> Result<Verdict, CliError> {
     into_ports(&args, &recorded)
 }
 
-/// Whether a file begins with the mark of a pcapng capture.
+/// Whether a file begins with the mark of a pcapng capture. A pipe was read before and has no more.
 fn begins_as_capture(path: &Path) -> bool {
     let mut first = [0; PCAPNG.len()];
-    let read = File::open(path).and_then(|mut file| file.read_exact(&mut first));
+    let read = safefs::open(path).and_then(|mut file| file.read_exact(&mut first));
     read.is_ok() && first == PCAPNG
 }
 

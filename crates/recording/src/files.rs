@@ -198,7 +198,7 @@ fn holds_capture(path: &Path) -> io::Result<bool> {
         return Ok(false);
     }
     let mut head = [0; 4];
-    let read = File::open(path)?.read_exact(&mut head);
+    let read = safefs::open(path)?.read_exact(&mut head);
     match read.is_ok() && head == SECTION.to_le_bytes() {
         true => Ok(true),
         false => Err(io::Error::new(

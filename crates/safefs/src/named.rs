@@ -3,7 +3,7 @@
 use core::time::Duration;
 use std::ffi::{OsStr, OsString};
 use std::fs::File;
-use std::io::{self, Write as _};
+use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 use std::thread;
 
@@ -78,6 +78,40 @@ pub fn append(path: &Path) -> io::Result<File> {
 pub fn open_or_create(path: &Path) -> io::Result<File> {
     let (dir, name) = place(path)?;
     dir.open_or_create(name)
+}
+
+/// Opens the plain file `path` for reading. Use it for a file that the user did not name, such as a
+/// file of a result folder: opening a pipe in its place could wait forever.
+///
+/// # Errors
+/// If `path` is missing, a directory, a pipe, or another special file.
+pub fn open(path: &Path) -> io::Result<File> {
+    let flags = OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
+    let file: File = rustix::fs::openat(CWD, path, flags, Mode::empty())?.into();
+    match file.metadata()?.is_file() {
+        true => Ok(file),
+        false => Err(io::Error::other("is not a file")),
+    }
+}
+
+/// Reads the plain file `path`.
+///
+/// # Errors
+/// As [`open`].
+pub fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Reads the plain file `path`, which must be UTF-8.
+///
+/// # Errors
+/// As [`open`], and if the file is not UTF-8.
+pub fn read_text(path: &Path) -> io::Result<String> {
+    let mut text = String::new();
+    open(path)?.read_to_string(&mut text)?;
+    Ok(text)
 }
 
 /// Removes the file `path`; of a link, only the link itself.

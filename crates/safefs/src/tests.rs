@@ -229,3 +229,21 @@ fn a_socket_is_for_its_owner_alone() {
     let taken = dir.listen("control").expect_err("is taken").kind();
     assert_eq!(taken, std::io::ErrorKind::AddrInUse);
 }
+
+/// No entry in the place of a file holds a reader up: a pipe has no writer here.
+#[test]
+fn only_plain_files_are_read() {
+    let trap = Trap::new("read");
+    let read = |name: &str| crate::read_text(&trap.0.join(name));
+    assert_eq!(read("victim").expect("a plain file"), "precious");
+    symlink(trap.victim(), trap.0.join("link")).expect("a free name");
+    assert_eq!(read("link").expect("a plain file"), "precious");
+    pipe(&trap.0.join("pipe"));
+    symlink(trap.0.join("pipe"), trap.0.join("link to a pipe")).expect("a free name");
+    symlink("/dev/zero", trap.0.join("link to a device")).expect("a free name");
+    for name in ["pipe", "link to a pipe", "link to a device", "folder"] {
+        let error = read(name).expect_err("no plain file");
+        assert_eq!(error.to_string(), "is not a file", "{name}");
+    }
+    assert_eq!(read("missing").expect_err("missing").kind(), std::io::ErrorKind::NotFound);
+}

@@ -1,6 +1,6 @@
 //! Files that survive a kill at any moment: replaced in one step.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::Path;
 
@@ -32,11 +32,7 @@ pub(super) fn open(path: &Path, expected: &'static str) -> Result<File, StoreErr
         source,
         expected,
     };
-    // Reading a pipe could block forever.
-    if !fs::metadata(path).map_err(unusable)?.is_file() {
-        return Err(unusable(io::Error::other("is not a file")));
-    }
-    File::open(path).map_err(unusable)
+    safefs::open(path).map_err(unusable)
 }
 
 /// Replaces the file `name` below `dir`: after a kill the old or the new content is there. After a

@@ -308,11 +308,7 @@ fn keep(
 
 /// Sends the inputs of a finding once.
 fn repeat(file: &Path, port: &mut PortFuzz<'_>) -> Result<Verdict, CliError> {
-    let mut path = file.to_owned();
-    if path.is_dir() {
-        path.push(INPUTS);
-    }
-    let text = std::fs::read_to_string(&path).map_err(|error| CliError::read(&path, error))?;
+    let (path, text) = crate::cli::read_text(file, INPUTS)?;
     let judged = port
         .repeat(&text)
         .map_err(|error| CliError::content(&path, error))?;

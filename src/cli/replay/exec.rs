@@ -191,7 +191,7 @@ fn is_unwanted_end(check: &Check) -> bool {
 
 /// The program's whole output.
 pub(in crate::cli) fn printed(out: &Path) -> String {
-    let log = std::fs::read(out.join("program.log")).unwrap_or_default();
+    let log = safefs::read(&out.join("program.log")).unwrap_or_default();
     String::from_utf8_lossy(&log).into_owned()
 }
 

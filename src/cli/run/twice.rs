@@ -19,7 +19,7 @@ const USUAL: u32 = 115_200;
 pub(super) fn same(first: &Played, second: &Played, folders: [&Path; 2]) -> Check {
     let is_same = first.outcome.trace_hash == second.outcome.trace_hash;
     let calls = first.calls.part_from(&second.calls);
-    let [one, other] = folders.map(|folder| std::fs::read(folder.join(LOG)).unwrap_or_default());
+    let [one, other] = folders.map(|folder| safefs::read(&folder.join(LOG)).unwrap_or_default());
     let words = other_words(&one, &other);
     let detail = match (words, calls) {
         (Some(words), _) if is_same => {

@@ -67,7 +67,7 @@ const FOREIGN: [(&[u8], &str); 3] = [
 fn bag(dir: &Path, files: &[PathBuf], scenario: Option<&Path>) -> Result<Log, CliError> {
     let mut contents = Contents::default();
     for file in files {
-        let read = std::fs::read(file).map_err(|error| format!("cannot be read: {error}"));
+        let read = safefs::read(file).map_err(|error| format!("cannot be read: {error}"));
         let added = read.and_then(|bytes| {
             let bytes = unpacked(&bytes, file)?;
             let is_known = add(&mut contents, &bytes, file)?;

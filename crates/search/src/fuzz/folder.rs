@@ -77,7 +77,7 @@ impl Folder {
         made.map_err(failed(dir))?;
         let path = dir.join("fuzz.json");
         let targets = if path.exists() {
-            let text = fs::read_to_string(&path).map_err(failed(&path))?;
+            let text = safefs::read_text(&path).map_err(failed(&path))?;
             let wrong = |message: String| StoreError::Content {
                 path: path.clone(),
                 message,
@@ -202,7 +202,7 @@ pub fn read_corpus(dir: &Path, subject: &dyn Subject) -> Result<Vec<Vec<u8>>, St
     paths.sort();
     let mut corpus = Vec::new();
     for path in paths {
-        let text = fs::read_to_string(&path).map_err(failed(&path))?;
+        let text = safefs::read_text(&path).map_err(failed(&path))?;
         let first = text
             .lines()
             .next()

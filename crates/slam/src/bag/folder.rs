@@ -12,7 +12,7 @@ const PACKED: [&str; 4] = ["zstd", "zst", "lz4", "gz"];
 /// # Errors
 /// If the folder cannot be read, has no recording, or has several recordings without an order.
 pub fn files(dir: &Path) -> Result<Vec<PathBuf>, String> {
-    let text = std::fs::read_to_string(dir.join("metadata.yaml")).unwrap_or_default();
+    let text = safefs::read_text(&dir.join("metadata.yaml")).unwrap_or_default();
     let named = named(&text);
     if !named.is_empty() {
         return Ok(named.iter().map(|name| inside(dir, name)).collect());

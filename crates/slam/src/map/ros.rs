@@ -72,16 +72,18 @@ impl RosMap {
 
     /// Reads `path`: the yaml file, or a folder with a `map.yaml`.
     pub fn read(path: &Path) -> Result<Self, MapError> {
-        let path = if path.is_dir() {
-            path.join("map.yaml")
+        let (path, read) = if path.is_dir() {
+            let path = path.join("map.yaml");
+            let read = safefs::read_text(&path);
+            (path, read)
         } else {
-            path.to_owned()
+            (path.to_owned(), std::fs::read_to_string(path))
         };
         let fail = |path: &Path, what: String| MapError {
             path: path.to_owned(),
             what,
         };
-        let text = std::fs::read_to_string(&path).map_err(|error| {
+        let text = read.map_err(|error| {
             fail(
                 &path,
                 format!("cannot be read: {error}; expected a map.yaml or a folder with one"),

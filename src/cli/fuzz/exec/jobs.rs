@@ -3,7 +3,6 @@
 
 use core::num::NonZeroUsize;
 use core::time::Duration;
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
@@ -58,7 +57,7 @@ pub(super) fn search(args: &FuzzArgs, jobs: NonZeroUsize) -> Result<Verdict, Cli
     }
     println!("{}", in_words(&all, clock.now() - Instant::ZERO));
     if let Some(job) = all.iter_mut().find(|job| job.has_failed()) {
-        let text = fs::read_to_string(job.log()).unwrap_or_default();
+        let text = safefs::read_text(&job.log()).unwrap_or_default();
         let last = text.lines().last().unwrap_or("it said nothing").to_owned();
         return Err(CliError::content(&job.log(), last));
     }

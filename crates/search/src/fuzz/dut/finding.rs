@@ -1,7 +1,6 @@
 //! Files of findings, and the state from which a search continues.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -59,7 +58,7 @@ impl State {
     /// Reads the state of the search in `dir`; returns a new state if there is none.
     pub fn read(dir: &Path, of: String) -> Result<Self, HarnessError> {
         let path = dir.join(STATE);
-        let text = match fs::read_to_string(&path) {
+        let text = match safefs::read_text(&path) {
             Ok(text) => text,
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 return Ok(Self {
@@ -86,7 +85,7 @@ impl State {
 
     /// The state in `dir`, if there is one and it can be read.
     pub fn found(dir: &Path) -> Option<Self> {
-        let text = fs::read_to_string(dir.join(STATE)).ok()?;
+        let text = safefs::read_text(&dir.join(STATE)).ok()?;
         serde_json::from_str(&text).ok()
     }
 
@@ -179,7 +178,7 @@ impl Finding {
 }
 
 fn get(path: &Path) -> Result<String, HarnessError> {
-    fs::read_to_string(path).map_err(|error| HarnessError::File(path.to_owned(), error))
+    safefs::read_text(path).map_err(|error| HarnessError::File(path.to_owned(), error))
 }
 
 /// Writes the file `name` below `dir`.
