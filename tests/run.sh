@@ -263,104 +263,159 @@ if [[ ${#failed[@]} -ne 0 ]]; then
     exit 1
 fi
 
-if proof Cargo.toml protocols emulators firmware_core crates src benches; then
-    step "the benches, with lints"
-    tests --benches --no-run
-fi
-if proof Cargo.toml protocols emulators firmware_core crates src fuzz; then
-    step "the docs of the crates"
-    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet
-    step "lints of other features: the demo, the library of another crate's test, coverage-guided targets"
+# Two proofs run at a time: most of them leave a processor idle while they compile one crate, load
+# packages, or wait for a program. What they print is shown when they end.
+finish_step
+logs=$target/proofs
+mkdir -p "$logs"
+declare -A proof_of=() proof_begun=()
+stop_proofs() { for pid in "${!proof_of[@]}"; do kill -- "-$pid" 2>/dev/null || true; done; }
+trap stop_proofs EXIT
+# settle COUNT: waits until at most COUNT proofs run.
+settle() {
+    local pid code
+    while [[ ${#proof_of[@]} -gt $1 ]]; do
+        sleep 0.5
+        for pid in "${!proof_of[@]}"; do
+            if kill -0 "$pid" 2>/dev/null; then continue; fi
+            code=0
+            wait "$pid" || code=$?
+            steps+=("${proof_of[$pid]}")
+            seconds+=($((SECONDS - proof_begun[$pid])))
+            printf '\n== [%4d s] %s: %d s\n' "$SECONDS" "${steps[-1]}" "${seconds[-1]}"
+            cat "$logs/$pid.log"
+            unset "proof_of[$pid]" "proof_begun[$pid]"
+            if [[ $code -ne 0 ]]; then
+                echo "tests/run.sh: ${steps[-1]}: failed, code $code" >&2
+                exit 1
+            fi
+        done
+    done
+}
+# prove NAME FUNCTION: runs a proof beside another one.
+prove() {
+    settle 1
+    set -m
+    (
+        exec >"$logs/$BASHPID.log" 2>&1 </dev/null
+        export CARGO_TARGET_DIR=$target HILRIG=$built/hilrig
+        set -e
+        "$2"
+    ) &
+    set +m
+    proof_of[$!]=$1 proof_begun[$!]=$SECONDS
+}
+
+release() {
+    cargo build --locked --release 2> >(tee "$target/release.log" >&2)
+    ! grep -A9 '^warning: ' "$target/release.log"
+}
+docs() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet; }
+lints() {
     cargo clippy --locked -p hilrig-demo -- -D warnings
     cargo clippy --locked --no-default-features --lib -- -D warnings
     cargo clippy --locked -p hilrig-firmware --features host,large -- -D warnings
     # On stable. Nothing is linked, so libFuzzer's C++ is not compiled: it is said to be there.
-    CUSTOM_LIBFUZZER_PATH=/dev/null CARGO_TARGET_DIR=$target \
+    CUSTOM_LIBFUZZER_PATH=/dev/null \
         cargo clippy --locked --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
-fi
-if proof emulators/src/world tests/ray_oracle; then
-    step "the world's rays, judged by parry2d"
-    CARGO_TARGET_DIR=$target bash tests/ray_oracle/prove.sh
-fi
-if proof protocols firmware_core tests/bare_metal; then
-    step "bare metal: no std, no heap, 128 KiB"
-    bash tests/bare_metal/prove.sh
-fi
-if proof firmware_core tests/every_build; then
-    step "the mapper is the same in every build"
-    bash tests/every_build/prove.sh
-fi
-if proof protocols fuzz tests/corpus tests/coverage.sh; then
-    step "coverage of the decoders by the corpus"
-    bash tests/coverage.sh
-fi
-if proof protocols emulators crates tests/osc_clients; then
-    step "the model car, driven by what pip and Debian give"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/osc_clients/run.sh
-fi
-if proof python nodes crates tests/bridges; then
-    step "bridges to Foxglove, ROS 1 and ROS 2, each with a reader"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/bridges/run.sh
-fi
-if proof protocols emulators crates tests/i2c_clients; then
-    step "chips on I2C, read by the calls of smbus2"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/i2c_clients/run.sh
-fi
-if proof emulators protocols tests/simavr; then
-    step "chips on the bus of a simulated microcontroller"
-    CARGO_TARGET_DIR=$target bash tests/simavr/run.sh
-fi
-if proof nodes boards protocols emulators crates src tests/firmware; then
-    step "firmware without a board: sketches in simavr, as programs and as a device"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/firmware/run.sh
-fi
-if proof nodes boards protocols emulators firmware_core crates src scenarios tests/bare_metal \
-    tests/cortex_m4 tests/firmware; then
-    step "the robots' programs on a Cortex-M4 in QEMU, byte for byte"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/cortex_m4/run.sh
-fi
-if proof protocols emulators crates tests/lidar_clients; then
-    step "the lidar and the telemetry, judged by what pip and cargo give"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig TELEMETRY=$built/examples/telemetry \
-        bash tests/lidar_clients/run.sh
-fi
-if proof crates src tests/drivers; then
-    step "drivers with a defect: causes and cases over twenty seeds"
-    HILRIG=$built/hilrig python3 tests/drivers/prove.py --seeds 20
-fi
-if proof crates/capture crates/realtime src tests/replay/public_drivers; then
-    step "sessions of public drivers, replayed to them"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/replay/public_drivers/run.sh
-fi
-if proof crates src devices tests/devices; then
-    step "the described devices: fuzzed, their table, the trophies, other means"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/devices/run.sh --all
-fi
-if $all; then
-    step "public programs in virtual time"
-    CARGO_TARGET_DIR=$target HILRIG=$built/hilrig bash tests/exec/public_programs/run.sh --runs 2
-fi
-if proof Cargo.lock deny.toml; then
-    step "licences and sources of the dependencies"
+}
+licences() {
     # Two minutes of compiling, once a machine.
     if command -v cargo-deny >/dev/null || cargo install --quiet --locked cargo-deny; then
         cargo deny --all-features check bans licenses sources
     else
         echo "SKIPPED: cargo-deny cannot be installed; the licences are not checked" >&2
     fi
+}
+coverage() { bash tests/coverage.sh; }
+every_build() { bash tests/every_build/prove.sh; }
+bare_metal() { bash tests/bare_metal/prove.sh; }
+rays() { bash tests/ray_oracle/prove.sh; }
+benches() { tests --benches --no-run; }
+osc_clients() { bash tests/osc_clients/run.sh; }
+bridges() { bash tests/bridges/run.sh; }
+i2c_clients() { bash tests/i2c_clients/run.sh; }
+simavr() { bash tests/simavr/run.sh; }
+firmware() { bash tests/firmware/run.sh; }
+cortex_m4() { bash tests/cortex_m4/run.sh; }
+lidar_clients() { TELEMETRY=$built/examples/telemetry bash tests/lidar_clients/run.sh; }
+drivers() { python3 tests/drivers/prove.py --seeds 20; }
+public_drivers() { bash tests/replay/public_drivers/run.sh; }
+devices() { bash tests/devices/run.sh --all; }
+public_programs() { bash tests/exec/public_programs/run.sh --runs 2; }
+hostile() { python3 tests/exec/hostile/prove.py; }
+outside() { bash tests/outside/run.sh; }
+
+# The longest first.
+if proof protocols emulators firmware_core crates src; then
+    prove "a release" release
 fi
-if proof crates/realtime src tests/exec/hostile; then
-    step "programs that attack their supervisor"
-    HILRIG=$built/hilrig python3 tests/exec/hostile/prove.py
+if proof crates src devices tests/devices; then
+    prove "the described devices: fuzzed, their table, the trophies, other means" devices
+fi
+if $all; then
+    prove "public programs in virtual time" public_programs
+fi
+if proof Cargo.lock deny.toml; then
+    prove "licences and sources of the dependencies" licences
+fi
+if proof nodes boards protocols emulators crates src tests/firmware; then
+    prove "firmware without a board: sketches in simavr, as programs and as a device" firmware
 fi
 if proof crates src examples tests/outside; then
-    step "a robot, drivers and the examples in crates of their own"
-    CARGO_TARGET_DIR=$target bash tests/outside/run.sh
+    prove "a robot, drivers and the examples in crates of their own" outside
 fi
+if proof nodes boards protocols emulators firmware_core crates src scenarios tests/bare_metal \
+    tests/cortex_m4 tests/firmware; then
+    prove "the robots' programs on a Cortex-M4 in QEMU, byte for byte" cortex_m4
+fi
+if proof Cargo.toml protocols emulators firmware_core crates src fuzz; then
+    prove "the docs of the crates" docs
+    prove "lints of other features: the demo, the library of another crate's test, coverage-guided targets" \
+        lints
+fi
+if proof emulators/src/world tests/ray_oracle; then
+    prove "the world's rays, judged by parry2d" rays
+fi
+if proof protocols emulators crates tests/lidar_clients; then
+    prove "the lidar and the telemetry, judged by what pip and cargo give" lidar_clients
+fi
+if proof crates src tests/drivers; then
+    prove "drivers with a defect: causes and cases over twenty seeds" drivers
+fi
+if proof crates/capture crates/realtime src tests/replay/public_drivers; then
+    prove "sessions of public drivers, replayed to them" public_drivers
+fi
+if proof python nodes crates tests/bridges; then
+    prove "bridges to Foxglove, ROS 1 and ROS 2, each with a reader" bridges
+fi
+if proof protocols firmware_core tests/bare_metal; then
+    prove "bare metal: no std, no heap, 128 KiB" bare_metal
+fi
+if proof emulators protocols tests/simavr; then
+    prove "chips on the bus of a simulated microcontroller" simavr
+fi
+if proof firmware_core tests/every_build; then
+    prove "the mapper is the same in every build" every_build
+fi
+if proof protocols fuzz tests/corpus tests/coverage.sh; then
+    prove "coverage of the decoders by the corpus" coverage
+fi
+if proof protocols emulators crates tests/osc_clients; then
+    prove "the model car, driven by what pip and Debian give" osc_clients
+fi
+if proof Cargo.toml protocols emulators firmware_core crates src benches; then
+    prove "the benches, with lints" benches
+fi
+if proof protocols emulators crates tests/i2c_clients; then
+    prove "chips on I2C, read by the calls of smbus2" i2c_clients
+fi
+if proof crates/realtime src tests/exec/hostile; then
+    prove "programs that attack their supervisor" hostile
+fi
+settle 0
+trap - EXIT
 if proof protocols emulators firmware_core crates src; then
-    step "a release"
-    cargo build --locked --release 2> >(tee "$target/release.log" >&2)
-    ! grep -A9 '^warning: ' "$target/release.log"
     step "the figures of the reports: the page, and each row with its planted change"
     "$target"/release/hilrig experiment --all --out "$target/experiments"
     cmp docs/experiments.md "$target/experiments/experiments.md"
