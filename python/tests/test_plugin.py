@@ -52,6 +52,12 @@ def test_without_a_rig(rig):
 """
 
 
+def test_a_marker_with_a_second_argument_is_refused(inner) -> None:
+    result = inner(FAILING.replace('"robot.toml", seed=5', '"robot.toml", 5'))
+    result.assert_outcomes(passed=2, failed=1)
+    result.stdout.fnmatch_lines(["*@pytest.mark.hilrig has 5 behind its scenario*seed=5*"])
+
+
 def test_a_failing_test_keeps_its_folder_and_says_how_to_repeat_it(inner, pytester) -> None:
     result = inner(FAILING)
     result.assert_outcomes(passed=2, failed=1)

@@ -9,7 +9,7 @@ use protocols::Instant;
 use super::answer::Runs;
 use super::ends::EndArgs;
 use super::exec::{ExecArgs, refuse_programs};
-use super::run::{Beginning, Runnable, make_folder, ports_in, report, warn};
+use super::run::{Beginning, Runnable, make_folder, ports_in, report, warn, warn_of_pieces};
 use super::stop::{SIGTERM, Stop, name_of};
 use super::{CliError, Verdict, default_out, out};
 use crate::realtime::clock::{Clock as _, WallClock};
@@ -93,6 +93,7 @@ pub(super) fn run(args: DebugArgs) -> Result<Verdict, CliError> {
     refuse_programs("debug", &args.scenario, &scenario)?;
     scenario.seed = args.seed.unwrap_or(scenario.seed);
     warn(&scenario, &source, args.exec.cpu());
+    warn_of_pieces(&scenario, &source);
     let stop = Stop::new(None)?;
     let folder = args.out.clone();
     let folder = folder.unwrap_or_else(|| default_out(&scenario.name, scenario.seed));

@@ -171,7 +171,27 @@ impl ExecArgs {
     }
 
     /// The programs that the scenario names, in virtual time.
-    pub(super) fn of_file(&self, scenario: &Scenario) -> Option<Foreign> {
+    ///
+    /// # Errors
+    /// If the folder of one is missing.
+    pub(super) fn of_file(
+        &self,
+        scenario: &Scenario,
+        source: &Source,
+    ) -> Result<Option<Foreign>, CliError> {
+        for (_, name, spec) in scenario.programs() {
+            let folder = spec.folder.as_deref().filter(|folder| !folder.is_dir());
+            if let Some(folder) = folder {
+                let key = format!("{}.folder", table_of(&name));
+                let folder = folder.display();
+                let message = format!("{folder} is no folder, expected that of the program");
+                return Err(source.invalid(source.find("folder"), key, message).into());
+            }
+        }
+        Ok(self.programs_of(scenario))
+    }
+
+    fn programs_of(&self, scenario: &Scenario) -> Option<Foreign> {
         let programs = scenario.programs();
         let mut programs = programs.map(|(robot, name, spec)| Companion {
             name,
@@ -272,15 +292,20 @@ pub(super) fn refuse_programs(
     let Some((_, name, _)) = scenario.programs().next() else {
         return Ok(());
     };
-    let table = match name.split_once('/') {
-        Some((robot, program)) => format!("team.{robot}.exec.{program}"),
-        None => format!("exec.{name}"),
-    };
+    let table = table_of(&name);
     let path = path.display();
     Err(CliError::Usage(format!(
         "{command}: {path} names a program in [{table}], which {command} does not start; use \
          \"hilrig run\" with the scenario, or leave its exec tables out"
     )))
+}
+
+/// The table of a program with that of its robot before it.
+fn table_of(name: &str) -> String {
+    match name.split_once('/') {
+        Some((robot, program)) => format!("team.{robot}.exec.{program}"),
+        None => format!("exec.{name}"),
+    }
 }
 
 /// The scenario in `path` for `command`, which starts no programs of a file.

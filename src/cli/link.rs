@@ -79,6 +79,9 @@ pub(super) fn run(args: &LinkArgs) -> Result<Verdict, CliError> {
         for fault in faults(text, &args.ports)? {
             let wrong = |flaw| CliError::Usage(format!("--fault {text}: {flaw}"));
             bridge.add_fault(&fault).map_err(wrong)?;
+            if let Some(warning) = without_effect(&fault, &args.ports, &lines) {
+                eprintln!("warning: --fault {text}: {warning}");
+            }
         }
     }
     let stop = Stop::new(args.duration.map(|duration| duration.0))?;
@@ -147,6 +150,17 @@ fn check_names(ports: &[NamedPort]) -> Result<(), CliError> {
     Ok(())
 }
 
+/// Why a fault changes nothing on its line.
+fn without_effect(fault: &FaultSpec, ports: &[NamedPort], lines: &[LineOfPair]) -> Option<String> {
+    let mut pairs = ports.chunks_exact(2).zip(lines);
+    let is_its = |pair: &[NamedPort]| fault.link.as_deref() == Some(&*pair[0].name);
+    let (_, line) = pairs.find(|(pair, _)| is_its(pair))?;
+    fault.is_at_rate(line.line.baud).then(|| {
+        let baud = line.line.baud;
+        format!("baud: is {baud}, the rate of the line, so it changes nothing")
+    })
+}
+
 /// The faults of `text`, one for each line on which they act.
 fn faults(text: &str, ports: &[NamedPort]) -> Result<Vec<FaultSpec>, CliError> {
     let wrong = |what: String| CliError::Usage(format!("--fault {text}: {what}"));
@@ -158,8 +172,12 @@ fn faults(text: &str, ports: &[NamedPort]) -> Result<Vec<FaultSpec>, CliError> {
     let keys: Vec<String> = kind.into_iter().chain(words.map(str::to_owned)).collect();
     let mut keys = super::fault::fault(&keys).map_err(|error| wrong(error.to_string()))?;
     let to = keys.remove("to");
-    let fault: FaultSpec =
-        serde_json::from_value(keys.into()).map_err(|error| wrong(error.to_string()))?;
+    let fault = FaultSpec::of_json(&keys).map_err(|flaws| {
+        let each = flaws
+            .iter()
+            .map(|(key, message)| format!("{key}: {message}"));
+        wrong(each.collect::<Vec<_>>().join("; "))
+    })?;
     if fault.kind.place() != FaultPlace::Line {
         let kind = fault.kind.name();
         let what = format!("{kind} is a fault of a device, expected a fault of a line");

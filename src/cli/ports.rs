@@ -35,27 +35,23 @@ impl Ports {
             let error = format!("{option} {shown}: expected a file name, e.g. pty:/tmp/tap/lidar");
             return Err(CliError::Usage(error));
         };
-        // The record of a directory of ports has one port a line, and a space behind its name.
-        let wrong: Vec<String> = name
+        // The record of a directory of ports has one port a line.
+        let mut marks = name
             .chars()
-            .filter(|c| c.is_whitespace() || c.is_control())
-            .map(|c| {
-                if c == ' ' {
-                    "a space".to_owned()
-                } else {
-                    format!("{c:?}")
-                }
-            })
-            .collect();
-        let wrong = match name.starts_with('.') {
-            true => Some("a dot at its beginning".to_owned()),
-            false => wrong.into_iter().next(),
+            .filter(|c| *c != ' ' && (c.is_whitespace() || c.is_control()));
+        let wrong = match marks.next() {
+            _ if name.starts_with('.') => Some("a dot at its beginning".to_owned()),
+            Some(mark) => Some(format!("{mark:?}")),
+            None if name.trim() != name => Some("a space at its beginning or end".to_owned()),
+            None if place.to_str().is_some_and(|place| place.starts_with(' ')) => {
+                Some("a space behind pty:".to_owned())
+            }
+            None => None,
         };
         if let Some(wrong) = wrong {
             let error = format!(
-                "{option} {}: the name \"{}\" has {wrong}; expected a name without spaces, control \
-                 characters and a dot at its beginning, e.g. pty:/tmp/tap/lidar. Letters of any \
-                 language are allowed, and its folder may have spaces",
+                "{option} {}: the name \"{}\" has {wrong}; expected a name without control \
+                 characters, and without a dot or a space at its ends, e.g. pty:/tmp/tap/lidar",
                 path.display(),
                 name.escape_debug()
             );
@@ -209,7 +205,7 @@ mod tests {
     #[test]
     fn a_name_that_no_port_can_have_is_refused_with_its_character() {
         let mut ports = Ports::default();
-        for (name, character) in [("a b", "a space"), ("a\tb", "'\\t'"), (".a", "a dot")] {
+        for (name, character) in [(" a", "a space at"), ("a\tb", "'\\t'"), (".a", "a dot")] {
             let path = PathBuf::from(format!("pty:/nowhere/{name}"));
             let refused = ports.open("--tap", &path, LineConfig::new_8n1(BAUD));
             let error = refused.err().map(|error| error.to_string());

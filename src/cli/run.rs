@@ -22,7 +22,7 @@ use crate::capture::case::{Case, Judgement};
 use crate::realtime::exec::Cpu;
 use crate::robots;
 use crate::run::check::Status;
-use crate::scenario::{Scenario, Source, text_of};
+use crate::scenario::{FaultKind, Scenario, Source, text_of};
 use crate::show::folder::FolderError;
 use crate::show::junit::{Suite, junit};
 use crate::show::shell::word;
@@ -140,6 +140,10 @@ pub(super) fn run(args: RunArgs) -> Result<Verdict, CliError> {
     for (_, file) in &files {
         if let Runnable::Scenario(scenario) = file {
             warn(&scenario.0, &scenario.1, args.program.cpu());
+            let is_of_file = scenario.0.programs().next().is_some();
+            if args.program.is_virtual() || is_of_file {
+                warn_of_pieces(&scenario.0, &scenario.1);
+            }
         }
     }
     let several = args.scenarios.len() > 1;
@@ -223,6 +227,20 @@ pub(super) fn warn(scenario: &Scenario, source: &Source, cpu: Option<Cpu>) {
     }
 }
 
+/// Warns about faults that virtual time does not show to a program.
+pub(super) fn warn_of_pieces(scenario: &Scenario, source: &Source) {
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        if fault.kind != FaultKind::ShortRead {
+            continue;
+        }
+        let message = "has no effect in virtual time, where each byte arrives by itself: run \
+                       without --virtual, or set adapter in [link.NAME]";
+        let span = source.find_in_list("fault", index, "kind");
+        let warning = source.invalid(span, format!("fault[{index}].kind"), message);
+        eprintln!("warning: {warning}");
+    }
+}
+
 /// A case of bytes in the form of `--json`.
 fn answer_of(judgement: &Judgement, repeat: &str) -> RunEnded {
     RunEnded {
@@ -253,7 +271,10 @@ fn one(
         true => lockstep.firmware.foreign(&scenario, &source, args.gdb)?,
         false => args.program.foreign(),
     };
-    let foreign = foreign.or_else(|| args.program.of_file(&scenario));
+    let foreign = match foreign {
+        Some(foreign) => Some(foreign),
+        None => args.program.of_file(&scenario, &source)?,
+    };
     if lockstep.is_given() && foreign.is_none() {
         let run = lockstep.run(scenario, &source, args.gdb)?;
         let pace = match args.realtime {

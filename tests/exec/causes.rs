@@ -515,6 +515,52 @@ fn in_real_time_the_cause_is_named_as_well() {
     assert_flawless(&side_by_side(&few(6, cases), &judge));
 }
 
+/// At stake: a program polls an address that no device of the wire has, gets no reply for a whole
+/// run, and passes because the other devices reply. A search for devices at the start is sound.
+/// CRCs as in the serial line specification, computed by the program.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+#[test]
+fn an_address_of_no_device_is_the_cause() {
+    const BUS: &str = r#"
+schema = 1
+name = "bus"
+robot = "none"
+duration = "6s"
+device.bus = { description = [
+  { file = "modbus-meter", name = "kitchen", address = 1 },
+  { file = "modbus-meter", name = "cellar", address = 2 },
+] }
+"#;
+    let program = |rounds: &str| {
+        format!(
+            "def crc(body):\n    \
+                 c = 0xFFFF\n    \
+                 for b in body:\n        \
+                     c ^= b\n        \
+                     for _ in range(8): c = c >> 1 ^ (0xA001 if c & 1 else 0)\n    \
+                 return body + c.to_bytes(2, 'little')\n\
+             fd = opened('BUS', termios.B9600)\n\
+             for units in {rounds}:\n    \
+                 for unit in units:\n        \
+                     os.write(fd, crc(bytes([unit, 4, 0, 10, 0, 2])))\n        \
+                     while select.select([fd], [], [], 0.1)[0]: os.read(fd, 99)\n"
+        )
+    };
+    let judged =
+        |name: &str, rounds: &str| run_in(BUS, name, "bus", &program(rounds), &["--virtual"]);
+    let asks = judged("asks-nine", "[(1, 2, 9)] * 999");
+    let words = "the program asked address 9, which no device of this link has (1, 2)";
+    assert_flawless(&Vec::from_iter(flaw(&asks, "asks-nine", words)));
+    let searches = judged("searches", "[range(1, 6)] + [(1, 2)] * 999");
+    assert_eq!(
+        searches.check("program-goes-on").0,
+        "pass",
+        "{}",
+        searches.said
+    );
+    assert!(searches.said.contains("wrong-address"), "{}", searches.said);
+}
+
 /// A device's program that fails is the cause, whatever the program under test does then.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]

@@ -324,6 +324,9 @@ fn a_session_looks_steps_changes_and_asks_the_rig() {
         "$3 = 100",
         "pose 0.000 m",
         "bytes-conserved",
+        // The checks of the program are among the verdicts.
+        "program-alive",
+        "program-goes-on",
         "error: until visited: expected a time such as 12.3s",
         "error: until 0.1s: the rig is at 0.",
         "error: wires nowhere: expected a link of sonar",

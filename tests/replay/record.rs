@@ -184,6 +184,13 @@ fn a_disk_that_fills_up_leaves_a_whole_file() {
     let capture = Capture::read(&path).expect("written");
     assert_eq!((capture.broken, capture.cut), (None, 0));
     assert_eq!(capture.links.len(), 1);
+    // What fits the 8 KiB is kept: more than half of them are recorded bytes.
+    let kept: usize = capture.records.iter().map(|one| one.bytes.len()).sum();
+    assert!(kept > 4 << 10, "{kept}");
+    assert!(
+        said.contains(&format!("a whole capture with {kept} of the ")),
+        "{said}"
+    );
 }
 
 #[test]

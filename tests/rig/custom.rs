@@ -171,7 +171,7 @@ fn what_cannot_be_is_told_with_its_place() {
     );
     insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"rescue\"")), @r#"<test>:18: chassis: expected none: this robot has its own chassis"#);
     insta::assert_snapshot!(refusal(&robot.replace("\"custom\"", "\"costum\"")), @r#"<test>:8: robot: is "costum", did you mean "custom"? Expected one of apollo13, custom, none, rescue, yellow"#);
-    insta::assert_snapshot!(refusal(&GRIPPER.replace("\"none\"", "\"custom\"")), @r#"<test>: world: is missing, expected a table with the robot's start and the obstacles"#);
+    insta::assert_snapshot!(refusal(&GRIPPER.replace("\"none\"", "\"custom\"")), @r#"<test>: world: is missing, expected a table with the robot's start and the obstacles; robot = "none" needs no world"#);
     let car = "[chassis.ackermann]\nwheelbase_m = -1\n";
     insta::assert_snapshot!(refusal(&robot.replace("[chassis.differential]", car)), @r#"<test>:18: chassis.ackermann: body.wheelbase_m is -1; expected 0.02 to 4"#);
     let flat = "[chassis.differential]\nfootprint_m = [[0, 0], [1, 1]]\n";

@@ -220,6 +220,99 @@ about = "the mode moves"
 set = { mode = "self + factor" }
 "#;
 
+/// At stake: a rule on a register of a Modbus device, which a reply does not name, is accepted and
+/// never observed. The second device has other registers; its CO2 is 640 to 660 ppm.
+#[test]
+fn registers_of_modbus_frames_have_names_in_rules() {
+    let bench = |condition: &str| {
+        let text = format!(
+            "schema = 1\nname = \"s\"\nrobot = \"none\"\nduration = \"2s\"\n\
+             device.bus = {{ description = [{{ file = \"modbus-meter\", address = 1 }}, \
+             {{ file = \"senseair-s8\", address = 2 }}] }}\n\
+             [device.plc.master]\ndescription = {{ file = \"senseair-s8\", address = 2 }}\n\
+             requests = [\"read co2 alarm_status\", \"write acknowledge=3\"]\n\
+             period = \"100ms\"\nof = \"bus\"\n\
+             [[expect.rule]]\nname = \"r\"\nalways = {{ frame = {{ link = \"bus\", {condition} }} }}\n"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("<test>"), text).expect("well-formed");
+        Run::new(scenario, &source, None).map(|run| {
+            let outcome = run.finish();
+            let mut checks = outcome.checks.iter();
+            let rule = checks.find(|check| check.name == "rule-r").expect("judged");
+            (rule.status, rule.detail.clone())
+        })
+    };
+    for (condition, status) in [
+        (
+            "direction = \"to-master\", field = \"co2\", op = \">\", value = 639",
+            Status::Pass,
+        ),
+        (
+            "direction = \"to-master\", field = \"co2\", op = \">\", value = 650",
+            Status::Fail,
+        ),
+        (
+            "direction = \"to-device\", field = \"acknowledge\", value = 3",
+            Status::Pass,
+        ),
+        // The master never asks the meter.
+        (
+            "direction = \"to-master\", field = \"voltage\", op = \">\", value = 1",
+            Status::NotObserved,
+        ),
+    ] {
+        let judged = bench(condition).expect("sound");
+        assert_eq!(judged.0, status, "{condition}: {}", judged.1);
+    }
+    for (condition, words) in [
+        (
+            "direction = \"to-master\", field = \"co\", op = \">\", value = 1",
+            "did you mean \"co2\"?",
+        ),
+        (
+            "direction = \"to-device\", field = \"co2\", op = \">\", value = 1",
+            "expected one of",
+        ),
+    ] {
+        let error = bench(condition).expect_err("no frame has it").to_string();
+        assert!(
+            error.contains("field: is") && error.contains(words),
+            "{condition}: {error}"
+        );
+    }
+}
+
+/// Each of these was accepted and had no effect, or blamed another key: a coil that equals 3, a
+/// misspelt robot without a world.
+#[test]
+fn what_a_bit_and_a_robot_cannot_be_is_named() {
+    let error = |robot: &str, more: &str| {
+        let text = format!(
+            "schema = 1\nname = \"s\"\nrobot = \"{robot}\"\nduration = \"1s\"\n{METER}{more}"
+        );
+        let (scenario, source) = Scenario::parse(Path::new("<test>"), text).expect("well-formed");
+        let run = Run::new(scenario, &source, None);
+        run.err().map_or(String::new(), |error| error.to_string())
+    };
+    let when = |value: &str| {
+        format!(
+            "[[fault]]\nkind = \"off\"\ndevice = \"meter\"\n\
+             when = {{ device = \"meter\", register = \"relay\", {value} }}\n"
+        )
+    };
+    for sound in ["equals = true", "equals = 0", "at_least = 1"] {
+        assert_eq!(error("none", &when(sound)), "", "{sound}");
+    }
+    let wrong = error("none", &when("equals = 3"));
+    let words = "<test>:10: fault[0].when.equals: is 3, but relay of meter is a bit, so \"== 3\" is \
+                 never true: expected true or false, or 1 or 0";
+    assert_eq!(wrong, words);
+    assert!(error("none", &when("at_least = 0")).contains("when.at_least: is 0"));
+    let misspelt = error("non", "");
+    assert!(misspelt.starts_with("<test>:3: robot: is \"non\", did you mean \"none\"?"));
+    assert!(error("custom", "").starts_with("<test>: world: is missing"));
+}
+
 /// A condition that compares a value with a name that it cannot have would never hold, or always.
 #[test]
 fn a_name_that_no_value_has_is_refused_in_every_condition() {

@@ -3,10 +3,12 @@
 //! `FORMATS` has one row per format: the mark that identifies it, and the function that reads it.
 //! [`open`] unpacks a file and finds its row. It refuses files of other known kinds and names the
 //! command that converts them. A reader is strict: unexpected content is an error with its line and
-//! byte, because a partly understood dump would test events that never happened.
+//! byte, because a partly understood dump would test events that never happened. A few damaged
+//! lines cost themselves alone; they are counted.
 
 mod cells;
 mod controls;
+mod damaged;
 mod decoded;
 mod foreign;
 mod hexdump;
@@ -313,6 +315,24 @@ impl Format {
         FORMATS.iter().find(is).map(|row| row.format)
     }
 
+    /// Whether each line of the text stands for itself: a damaged one can be left out.
+    const fn is_of_lines(self) -> bool {
+        matches!(
+            self,
+            Self::Socat
+                | Self::Jpnevulator
+                | Self::Interceptty
+                | Self::Spy
+                | Self::Hex
+                | Self::Log
+                | Self::Hexdump
+                | Self::Sigrok
+                | Self::Table
+                | Self::Strace
+                | Self::Csv
+        )
+    }
+
     fn row(self) -> &'static Row {
         let is_own = |row: &&Row| row.format == self;
         FORMATS.iter().find(is_own).expect("every form has a row")
@@ -354,14 +374,28 @@ pub fn unpacked(bytes: &[u8]) -> Result<Opened<'_>, ImportError> {
 pub fn open<'a>(bytes: &'a [u8], path: &Path) -> Result<Opened<'a>, ImportError> {
     let mut notes = Vec::new();
     let bytes = unpack::unpack(bytes, &mut notes)?;
-    let certain = Format::certain(&bytes);
+    if bytes.trim_ascii().is_empty() {
+        let message = "the file is empty: its tool has written nothing yet, or to another file; \
+                       record again";
+        return Err(ImportError::of_file(message));
+    }
+    let (whole, cuts) = damaged::without_cut_bytes(&bytes);
+    let certain = match (Format::certain(&whole), cuts.is_empty()) {
+        (Some(format), false) if format.is_of_lines() => Some(format),
+        _ => Format::certain(&bytes),
+    };
+    let possible = match (Format::detect(&whole), cuts.is_empty()) {
+        (Some(format), false) if format.is_of_lines() => Some(format),
+        _ => Format::detect(&bytes),
+    };
+    drop(whole);
     // Firmware images and logs of other buses are hex text as well.
     if certain.is_none_or(|format| matches!(format, Format::Hex | Format::Log))
         && let Some(message) = foreign::refusal(&bytes, path)
     {
         return Err(ImportError::of_file(message));
     }
-    let format = certain.or_else(|| Format::detect(&bytes));
+    let format = certain.or(possible);
     Ok(Opened {
         bytes,
         format,
@@ -386,9 +420,15 @@ pub fn looked_for(bytes: &[u8]) -> String {
 /// # Errors
 /// At the first unexpected line, or if the file has no data.
 pub fn read(bytes: &[u8], format: Format, options: &Options) -> Result<Imported, ImportError> {
-    let mut imported = Imported::new();
     let row = format.row();
-    (row.read)(bytes, options, &mut imported)?;
+    let mut imported = match format.is_of_lines() {
+        true => damaged::read(bytes, options, row.read)?,
+        false => {
+            let mut imported = Imported::new();
+            (row.read)(bytes, options, &mut imported)?;
+            imported
+        }
+    };
     imported.note_backwards();
     if imported.records().is_empty() {
         return Err(ImportError {

@@ -15,5 +15,5 @@ pub mod wireshark;
 pub use recording::pcapng;
 pub use recording::{
     Capture, Conclusion, Existing, Interface, Item, Kind, Limits, Reader, Record, Recording,
-    Section, Sent, about, about_live, event_words, record,
+    Section, Sent, about, about_live, event_words, record, write_whole,
 };

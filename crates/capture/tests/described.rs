@@ -10,6 +10,7 @@ use engine::scenario::device::description::codec_of;
 use hilrig_capture::decode::diagnose::{Change, Damage, Line, diagnose};
 use hilrig_capture::decode::framed::Framed;
 use hilrig_capture::decode::profile::messages;
+use hilrig_capture::decode::transcript::{Known, Transcript};
 use hilrig_capture::{Capture, Interface, Kind, Record, Section};
 use protocols::Instant;
 
@@ -158,4 +159,74 @@ fn a_translated_line_end_is_named() {
         expected.to_string(),
         "the host turns CR into LF (put right, 96 of 96 bytes are in valid frames)"
     );
+}
+
+/// The registers of a Modbus frame have names, also those of a reply, which only its request tells.
+/// The first request passes before the first byte of the other direction; the protocol of that one
+/// is known at once, or only after 64 bytes. CRCs by `frame_of`; 2405 tenths are 240.5 V.
+#[test]
+fn frames_of_modbus_name_their_registers() {
+    let text = ::description::shipped::text("modbus-meter").expect("shipped");
+    let none = |_: &str| Err("no file".to_owned());
+    let of = Description::parse("meter.toml", text, &none).expect("sound");
+    let codec = codec_of(&of);
+    let link = Interface::new("bus", 9_600);
+    let talk: [(&[u8], &[u8]); 3] = [
+        (
+            &[1, 4, 0, 9, 0, 3],
+            &[1, 4, 6, 0, 7, 0x01, 0x35, 0x29, 0x07],
+        ),
+        (&[1, 6, 0, 1, 0x09, 0x65], &[1, 6, 0, 1, 0x09, 0x65]),
+        (&[1, 1, 0, 0, 0, 1], &[1, 1, 1, 1]),
+    ];
+    let wanted = [
+        [
+            "device 1: read input registers 9, 3 of them: energy, serial_number",
+            "device 1: read input registers: serial_number 20261127",
+        ],
+        [
+            "device 1: write register 1 = 2405: alarm_voltage 240.5 V",
+            "device 1: write register 1 = 2405: alarm_voltage 240.5 V",
+        ],
+        [
+            "device 1: read coils 0, 1 of them: relay",
+            "device 1: read coils: relay true",
+        ],
+    ];
+    for (given, known) in [(Some(codec), None), (None, Some(codec))] {
+        let lanes = [Direction::ToMaster, Direction::ToDevice].map(|direction| Known {
+            link: "bus".to_owned(),
+            direction,
+            codec: known,
+            names: None,
+        });
+        let mut transcript = Transcript::new(given).knowing(lanes.to_vec());
+        let mut at = 0;
+        for _ in 0..4 {
+            for (request, reply) in talk {
+                let both = [(Direction::ToDevice, request), (Direction::ToMaster, reply)];
+                for (direction, body) in both {
+                    at += 50;
+                    let record = Record {
+                        link: 0,
+                        sequence: None,
+                        at: Instant::from_millis(at),
+                        direction,
+                        kind: Kind::Data,
+                        bytes: of.frame_of(0, body).expect("fits").into(),
+                        sent: None,
+                        pieces: Vec::new(),
+                        comment: String::new(),
+                    };
+                    transcript.record(&record, &link);
+                }
+            }
+        }
+        let said: Vec<String> = transcript
+            .finish()
+            .map(|entry| entry.said.to_string())
+            .collect();
+        let all: Vec<&str> = (0..4).flat_map(|_| wanted.concat()).collect();
+        assert_eq!(said, all);
+    }
 }

@@ -45,6 +45,34 @@ impl Scope for Asked<'_> {
     }
 }
 
+/// The field of requests that holds the address of a device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct AddressField {
+    name: String,
+    /// Other values that entries test, e.g. that of a broadcast.
+    special: Vec<i128>,
+}
+
+impl AddressField {
+    /// The address that a request asks; `None` if it asks none, or all devices.
+    pub(crate) fn asked(&self, request: &Record) -> Option<i128> {
+        let asked = request.get(&self.name)?.as_int()?;
+        (!self.special.contains(&asked)).then_some(asked)
+    }
+}
+
+/// An address that no description tests by its number.
+const OF_ITS_OWN: i128 = 1 << 100;
+
+/// A device of which only the address is known.
+struct OnlyAddress;
+
+impl Scope for OnlyAddress {
+    fn value(&self, name: &str) -> Option<Value> {
+        (name == "own_address").then_some(Value::Int(OF_ITS_OWN))
+    }
+}
+
 /// Maximum number of request values that are tried.
 const TRIALS_MAX: usize = 2_000;
 
@@ -79,6 +107,22 @@ impl Description {
             found.push(like);
         }
         found
+    }
+
+    /// The field that the entries compare with `own_address`; `None` without such an entry.
+    pub(crate) fn address_field(&self) -> Option<AddressField> {
+        let whens = self.on.iter().filter_map(|on| on.deed.when.as_ref());
+        let compared: Vec<(String, i128)> = whens
+            .flat_map(|when| when.compared(&OnlyAddress))
+            .filter_map(|(name, value)| Some((name, value.as_int()?)))
+            .collect();
+        let own = compared.iter().find(|(_, value)| *value == OF_ITS_OWN)?;
+        let same = compared.iter().filter(|(name, _)| *name == own.0);
+        let values = same.map(|(_, value)| *value);
+        Some(AddressField {
+            name: own.0.clone(),
+            special: values.filter(|value| *value != OF_ITS_OWN).collect(),
+        })
     }
 
     /// Returns `like` and its variants with the values that the conditions of `entries` test.

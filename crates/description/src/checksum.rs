@@ -27,7 +27,7 @@ pub struct Algorithm {
 type Sum = (&'static [&'static str], fn() -> (Engine, u8));
 
 /// Sums, with their aliases. Sums of 7 bits are those of protocols whose bytes are below 128.
-const SUMS: [Sum; 20] = [
+const SUMS: [Sum; 22] = [
     (&["SUM", "SUM8"], || (Engine::Sum, 8)),
     (&["SUM7"], || (Engine::Sum, 7)),
     (&["SUM15"], || (Engine::Sum, 15)),
@@ -48,6 +48,8 @@ const SUMS: [Sum; 20] = [
     (&["FLETCHER32"], || (Engine::Fletcher32, 32)),
     (&["ADLER32"], || (Engine::Adler32, 32)),
     (&["INTERNET"], || (Engine::Internet, 16)),
+    (&["LIN_CLASSIC"], || (Engine::Lin, 8)),
+    (&["LIN_ENHANCED"], || (Engine::Lin, 8)),
 ];
 
 /// Aliases of algorithms in the catalogue.
@@ -85,6 +87,16 @@ const ALIASES: [(&str, &str); 30] = [
 ];
 
 impl Algorithm {
+    /// The number of bytes behind the sync byte that the checksum leaves out by its definition: the
+    /// classic one of LIN the protected identifier.
+    pub(crate) fn left_out(&self) -> Option<i64> {
+        match &*self.name {
+            "lin-classic" => Some(1),
+            "lin-enhanced" => Some(0),
+            _ => None,
+        }
+    }
+
     /// The algorithm called `name`, and the width of its result in bytes.
     ///
     /// # Errors
@@ -313,6 +325,18 @@ mod tests {
         assert_eq!(of("adler32", b"Wikipedia"), 0x11e6_0398);
         let words = [0x00, 0x01, 0xf2, 0x03, 0xf4, 0xf5, 0xf6, 0xf7];
         assert_eq!(of("internet", &words), 0x220d);
+    }
+
+    /// The example of the LIN specification 2.2A, section 2.8.3: the carries are added, 0x4A + 0x55 +
+    /// 0x93 + 0xE5 gives 0x19, and inverted 0xE6. With the protected identifier 0xA3 of 0x23 the sum
+    /// is 0xBC. Sums of exactly 0xFF and 0 stay.
+    #[test]
+    fn the_checksum_of_lin_adds_its_carries() {
+        let data = [0x4A, 0x55, 0x93, 0xE5];
+        assert_eq!(of("lin-classic", &data), 0xE6);
+        assert_eq!(of("LIN enhanced", &[&[0xA3][..], &data].concat()), 0x43);
+        assert_eq!(of("lin-classic", &[0xFF, 0xFF]), 0);
+        assert_eq!(of("lin-classic", &[0, 0]), 0xFF);
     }
 
     /// 0x7F + 0x02 = 0x81, of which 7 bits are 1; 128 - 1 = 127; 127 - 1 = 126; 0x81 ^ 0x02 = 0x83.

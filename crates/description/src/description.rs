@@ -5,7 +5,7 @@ use core::time::Duration;
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use protocols::{FrameError, LineConfig};
+use protocols::{Decode as _, FrameError, LineConfig};
 
 use crate::behaviour::{After, Every, Fault, On, Trigger};
 use crate::compile::{Compiler, Files};
@@ -261,6 +261,18 @@ impl Description {
     /// Whether a silence ends the frames of a format whose length their bytes may not tell.
     pub fn may_need_silence(&self) -> bool {
         self.frames.ends_with_silence()
+    }
+
+    /// The number of frames of a driver that follow each other without the silence that ends a
+    /// frame, if `bytes` are several frames and nothing else.
+    pub fn without_pause(&self, bytes: &[u8]) -> Option<usize> {
+        self.protocol?;
+        let mut cutter = self.cutter_of(From::Host);
+        let mut all = Vec::new();
+        all.extend(cutter.push(bytes));
+        cutter.idle();
+        all.extend(cutter.push(&[]));
+        (all.len() > 1 && all.iter().all(Result::is_ok)).then_some(all.len())
     }
 
     /// Decodes the bytes that a driver sent between two silences as one frame.

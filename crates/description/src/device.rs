@@ -3,8 +3,9 @@
 mod act;
 mod faults;
 mod hear;
+mod modbus;
 mod scope;
-mod shared;
+pub(crate) mod shared;
 
 use core::time::Duration;
 use std::collections::VecDeque;
@@ -16,14 +17,16 @@ use emulators::rng::Rng;
 use emulators::world::World;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
+use crate::addressed::AddressField;
 use crate::description::{Description, Protocol};
 use crate::framing::{Cutter, Overlong};
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
 use crate::state::State;
-use crate::value::Value;
+use crate::value::{Record, Value};
 use act::{Doer, Timer};
 use faults::Faults;
+pub use hear::{MISSING_PAUSE, no_pause};
 use shared::Heard;
 
 /// Maximum number of queued replies.
@@ -86,6 +89,10 @@ pub struct Described {
     heard: Heard,
     /// Whether a frame was among the received bytes.
     has_framed: bool,
+    /// The addresses of all devices of the link.
+    link_addresses: Arc<[u32]>,
+    /// The field of requests that holds the address; without one, and for Modbus, `None`.
+    address_field: Option<Arc<AddressField>>,
 }
 
 impl Described {
@@ -121,11 +128,19 @@ impl Described {
             log: EventLog::default(),
             heard: Heard::default(),
             has_framed: false,
+            link_addresses: Arc::new([]),
+            address_field: description.address_field().map(Arc::new),
             description,
             place,
         };
+        device.link_addresses = Arc::new([device.address()]);
         device.begin(Instant::ZERO);
         device
+    }
+
+    /// Puts the device on a link whose devices have these addresses.
+    pub(crate) fn join(&mut self, addresses: Arc<[u32]>) {
+        self.link_addresses = addresses;
     }
 
     /// Its description.
@@ -263,6 +278,17 @@ impl Described {
 
     fn is_modbus(&self) -> bool {
         self.description.protocol.is_some()
+    }
+
+    /// Whether its requests contain an address.
+    fn is_addressed(&self) -> bool {
+        self.is_modbus() || self.address_field.is_some()
+    }
+
+    /// The address in `request`, if it is not the own one and no broadcast.
+    fn foreign_address(&self, request: &Record) -> Option<i128> {
+        let asked = self.address_field.as_ref()?.asked(request)?;
+        (asked != i128::from(self.address())).then_some(asked)
     }
 }
 

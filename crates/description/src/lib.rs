@@ -63,6 +63,7 @@ pub use error::{DescriptionError, Problem};
 pub use framing::{Cutter, Frame, FrameBytes, Frames};
 pub use lua::{LuaField, LuaPart, RUNTIME as LUA_RUNTIME};
 pub use message::Message;
+pub use modbus::Asked;
 pub use parts::NumberPlace;
 pub use schema::json_schema;
 pub use schema::message::From;

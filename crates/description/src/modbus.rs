@@ -1,6 +1,10 @@
 //! Modbus: requests to a table of registers (application protocol specification V1.1b3) and frames
 //! (serial line specification V1.02).
 
+mod named;
+
+pub use named::Asked;
+
 use crate::registers::{Refusal, Registers, Table};
 use crate::schema::message::From;
 use crate::value::Value;

@@ -16,6 +16,9 @@ impl Description {
     /// The names of the values that `field` has in all messages; `None` if it can have other
     /// values, or if there is no such field.
     pub fn names_of_field(&self, field: &str) -> Option<Vec<&str>> {
+        if self.protocol.is_some() {
+            return self.names_of_variable(field);
+        }
         let mut names = BTreeSet::new();
         for message in &self.messages {
             let mut found = 0;
@@ -61,8 +64,10 @@ impl Description {
     /// has a value for is one of them. `None` if a frame can contain any text, unless its words
     /// `beside_texts` are asked for, or if the description has no messages of its own.
     pub fn vocabulary(&self, from: From, beside_texts: bool) -> Option<Vec<&str>> {
-        let is_known = self.protocol.is_none() && !self.messages.is_empty();
-        if !is_known || !beside_texts && self.printed(from).any(Message::is_free) {
+        if self.protocol.is_some() {
+            return self.modbus_vocabulary(beside_texts);
+        }
+        if self.messages.is_empty() || !beside_texts && self.printed(from).any(Message::is_free) {
             return None;
         }
         let mut words = BTreeSet::from(PLAIN);

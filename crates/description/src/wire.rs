@@ -1,11 +1,14 @@
 //! Several devices on one wire, as on RS-485: all receive each request, the addressed one replies.
 
+use std::sync::Arc;
+
 use emulators::device::{BrokenRules, Device, Event, earliest};
 use emulators::world::World;
 use protocols::{Instant, LineConfig, LineEvent, Port};
 
 use crate::compile::COMMON_FAULTS;
 use crate::device::Described;
+use crate::device::shared::WRONG_ADDRESS;
 use crate::value::Value;
 
 /// Devices that share a line; also used for a single device.
@@ -31,7 +34,7 @@ impl Wire {
     /// # Errors
     /// If there is no device, or two devices have different lines, the same name or the same
     /// address.
-    pub fn new(units: Vec<(String, Described)>) -> Result<Self, WireError> {
+    pub fn new(mut units: Vec<(String, Described)>) -> Result<Self, WireError> {
         let Some((_, first)) = units.first() else {
             return Err(WireError(
                 "no device is on the wire, expected at least one".to_owned(),
@@ -59,6 +62,10 @@ impl Wire {
                     "\"{name}\" and \"{other}\" have the address {address}, expected one for each"
                 )));
             }
+        }
+        let addresses: Arc<[u32]> = units.iter().map(|(_, unit)| unit.address()).collect();
+        for (_, unit) in &mut units {
+            unit.join(addresses.clone());
         }
         let fault_names = match &units[..] {
             [(_, only)] => only.known_faults(),
@@ -305,6 +312,8 @@ impl Device for Wire {
         for (name, unit) in &mut self.units {
             all.extend(unit.take_events().into_iter().map(|event| match is_single {
                 true => event,
+                // Of all devices of the wire, none has the address.
+                false if event.rule == WRONG_ADDRESS => event,
                 false => Event {
                     detail: format!("{name}: {}", event.detail),
                     ..event

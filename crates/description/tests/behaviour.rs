@@ -202,6 +202,70 @@ fn devices_share_a_wire() {
     );
 }
 
+/// At stake: a driver asks for an address that no device of the link has, is never answered, and
+/// nothing tells. Modbus, a servo with messages, a module that ignores messages for others; alone
+/// and with others on the wire, of which one is off. A broadcast asks no address. The sums are of
+/// the documents: CRC by `frame_of`, servo ID+LEN+.. inverted, module the sum of all bytes.
+#[test]
+fn a_request_for_no_address_of_the_link_is_counted_once() {
+    let modbus = |address: u8| {
+        let meter = described(shipped::text("modbus-meter").expect("shipped"));
+        meter.frame_of(0, &[address, 4, 0, 10, 0, 2]).expect("fits")
+    };
+    let servo = |id: u8| {
+        let sum = 2_u8.wrapping_add(1).wrapping_add(id);
+        vec![0xFF, 0xFF, id, 2, 1, !sum]
+    };
+    let module = |id: u8| {
+        let body = [id, 6, 1, 0, 0, 0, 0, 0];
+        [&body[..], &[body.iter().sum()]].concat()
+    };
+    type Ask<'a> = &'a dyn Fn(u8) -> Vec<u8>;
+    let kinds: [(&str, Ask<'_>, u8); 3] = [
+        ("modbus-meter", &modbus, 0),
+        ("feetech-sts3215", &servo, 254),
+        ("tmcl", &module, 1),
+    ];
+    for (kind, ask, to_all) in kinds {
+        let text = shipped::text(kind).expect("shipped");
+        for (addresses, known) in [(&[1][..], "1"), (&[1, 2], "1, 2"), (&[1, 2, 3], "1, 2, 3")] {
+            let mut driver = Driver::new(text, addresses);
+            if addresses.len() == 1 {
+                let description = described(text);
+                let place = Place {
+                    name: "d1".to_owned(),
+                    seed: 1,
+                    address: None,
+                    is_alone: true,
+                };
+                let alone = ("d1".to_owned(), Described::new(description, place));
+                driver.wire = Wire::new(vec![alone]).expect("a device");
+            } else {
+                driver.wire.set_fault(driver.now, "d2.off", None, true);
+                driver.listen(1);
+                assert_eq!(driver.rules(), ["off"]);
+            }
+            let asked = addresses
+                .iter()
+                .map(|own| u8::try_from(*own).expect("small"));
+            for address in asked.chain([to_all]) {
+                driver.send(&ask(address));
+                driver.listen(200);
+            }
+            assert_eq!(driver.rules(), [""; 0], "{kind} {addresses:?}");
+            for _ in 0..5 {
+                driver.send(&ask(9));
+                assert!(driver.listen(200).is_empty());
+            }
+            let counts = driver.wire.broken_rules().expect("a count").iter();
+            assert_eq!(counts.collect::<Vec<_>>(), [("wrong-address", 5)], "{kind}");
+            let first = &driver.wire.take_events()[0].detail;
+            let wanted = format!("asked address 9, which no device of this link has ({known})");
+            assert_eq!(*first, wanted, "{kind}");
+        }
+    }
+}
+
 /// Three kinds of devices on one wire. `set` (1) is for the pot, which allows 0 to 100. The lamp
 /// knows `set` with other limits, the fan does not know it. A frame for one device breaks no rule
 /// of another one. A frame that no device knows, or with a wrong checksum, breaks one rule.
@@ -252,7 +316,7 @@ set = {{ level = "level" }}
         ([7, 1, 50], 0, &[][..]),
         ([9, 2, 50], 0, &[]),
         // For no device.
-        ([3, 1, 50], 0, &[]),
+        ([3, 1, 50], 0, &["wrong-address"]),
         ([7, 1, 101], 0, &["out-of-range"]),
         ([8, 1, 2], 0, &["out-of-range"]),
         ([7, 5, 0], 0, &["unknown-message"]),

@@ -200,6 +200,12 @@ fn mistakes_of_a_driver_are_refused_and_named() {
     // Two requests without a pause form one invalid frame.
     let one = with_crc(&[1, 3, 0, 0, 0, 1]);
     assert!(meter.ask(&[&one[..], &one].concat()).is_empty());
+    assert_eq!(meter.rules(), ["missing-pause"]);
+    // A damaged second one is a damaged frame.
+    meter.listen(Duration::from_millis(1_100));
+    let mut damaged = [&one[..], &one].concat();
+    damaged[12] ^= 1;
+    assert!(meter.ask(&damaged).is_empty());
     assert_eq!(meter.rules(), ["bad-checksum"]);
 }
 

@@ -21,6 +21,7 @@ mod links;
 mod log_rules;
 pub mod overlay;
 pub mod panel;
+mod rates;
 #[cfg(feature = "rescue")]
 pub mod rescue;
 #[cfg(feature = "robots")]

@@ -459,6 +459,7 @@ impl Run {
                 is_over,
                 checks: &checks,
                 misunderstood: check::misunderstood(&broken),
+                astray: check::astray(&broken, now),
             };
             goes_on.verdict(&self.rig, &rest)
         }));

@@ -336,14 +336,6 @@ impl Scenario {
         device::embed(&mut scenario.device, base);
         scenario.program.embed(base);
         scenario.embed_team(base);
-        let is_world = |problem: &ScenarioError| problem.key().starts_with("world");
-        if scenario.world.is_nowhere()
-            && scenario.robot != NO_ROBOT
-            && !problems.iter().any(is_world)
-        {
-            let message = "is missing, expected a table with the robot's start and the obstacles";
-            problems.push(source.invalid(None, "world", message));
-        }
         limits::check(&scenario, &source, &mut problems);
         scenario.check_team(&source, &mut problems);
         for (name, member, part) in scenario.members(&source) {

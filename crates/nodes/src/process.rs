@@ -111,6 +111,11 @@ impl Process {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         if let Some(folder) = folder.filter(|folder| !folder.as_os_str().is_empty()) {
+            if !folder.is_dir() {
+                return Err(io::Error::other(
+                    "there is no folder, expected that of the program",
+                ));
+            }
             shell.current_dir(folder);
         }
         let alarm = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;

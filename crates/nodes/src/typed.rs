@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use description::device::{MISSING_PAUSE, no_pause};
 use description::{Cutter, Description, Frame, From, Message, Record, Value};
 use protocols::{Decode as _, FrameError, Instant, LineConfig};
 use serde_json::{Map, Number, Value as Json, json};
@@ -57,9 +58,13 @@ impl Listener {
         }
         let bytes = core::mem::take(&mut self.silent);
         if !bytes.is_empty() {
-            let heard = match self.description.whole(&bytes) {
-                Ok(frame) => self.heard(&frame),
-                Err(error) => bad(error),
+            let count = self.description.without_pause(&bytes);
+            let heard = match (self.description.whole(&bytes), count) {
+                (Ok(frame), _) => self.heard(&frame),
+                (Err(_), Some(count)) => {
+                    Heard::Bad(MISSING_PAUSE, no_pause(count, self.description.idle()))
+                }
+                (Err(error), None) => bad(error),
             };
             to(at, heard);
         }

@@ -42,7 +42,7 @@ use engine::scenario::{Scenario, Source};
 
 pub use cause::in_lockstep;
 pub use companion::{Companion, Supervision};
-pub(crate) use conclude::Ending;
+pub(crate) use conclude::{Ending, SoFar};
 pub use cpu::Cpu;
 pub use environment::port_variable;
 pub(crate) use environment::{environment, terminal_of};

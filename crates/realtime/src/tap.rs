@@ -120,10 +120,10 @@ impl<C: Clock> Recorder<C> {
             about,
             scenario,
         };
-        self.file.put(|out| section.write(out))?;
+        self.file.put(0, |out| section.write(out))?;
         for wire in &self.wires {
             let interface = Interface::new(&wire.name, wire.baud);
-            self.file.put(|out| interface.write(out))?;
+            self.file.put(0, |out| interface.write(out))?;
         }
         self.file.flush()
     }
@@ -278,7 +278,8 @@ impl<C: Clock> Recorder<C> {
             comment,
         };
         let interface = u32::try_from(link).expect("few links");
-        self.file.put(|out| record.write(interface, out))
+        self.file
+            .put(bytes.len(), |out| record.write(interface, out))
     }
 
     fn wait(&self) {

@@ -6,7 +6,7 @@ use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
-use crate::pcapng::SECTION;
+use crate::pcapng::{SECTION, write_whole};
 
 /// Limits on the disk space of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,10 +83,14 @@ impl Files {
     /// Appends whole blocks. After an error, nothing more can be written; the file keeps whole
     /// blocks only.
     pub(super) fn write(&mut self, blocks: &[u8]) -> io::Result<()> {
-        if let Err(error) = self.file.write_all(blocks) {
+        if let Err((kept, error)) = write_whole(&mut self.file, blocks) {
             // A part of a block may have been written before the disk was full.
+            self.written += kept as u64;
             let _ = self.file.set_len(self.written);
-            return Err(error);
+            let whole = self.written;
+            let message =
+                format!("{error}; the first {whole} bytes of the file are a whole capture");
+            return Err(io::Error::new(error.kind(), message));
         }
         self.written += blocks.len() as u64;
         if self.written >= self.limits.file_bytes {

@@ -23,6 +23,7 @@ pub use conclusion::Conclusion;
 pub use files::{Existing, Limits};
 pub use join::event_words;
 pub use live::{Recording, about, about_live};
+pub use pcapng::write_whole;
 use pcapng::{Block, BlockError, Blocks};
 pub use record::{Interface, Kind, Record, Section, Sent};
 

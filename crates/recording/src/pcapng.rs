@@ -8,6 +8,8 @@
 //! The project has its own reader for two reasons. A capture must be readable up to the byte at
 //! which a machine failed, and an error must give the offset of the damage.
 
+use std::io::{self, Write};
+
 use bytes::{Bytes, BytesMut};
 
 /// Block type of a section header; its bytes are the same in both byte orders.
@@ -26,6 +28,37 @@ const BLOCK_MAX: u32 = 16 << 20;
 pub const COMMENT: u16 = 1;
 /// Option code of private bytes, which other tools copy.
 pub const CUSTOM: u16 = 2989;
+
+/// Writes `blocks`, all of them whole.
+///
+/// # Errors
+/// If the disk is full or the file cannot be written: the number of written bytes that are whole
+/// blocks, and the error. A part of the next block may follow them.
+pub fn write_whole(out: &mut impl Write, blocks: &[u8]) -> Result<(), (usize, io::Error)> {
+    let mut done = 0;
+    while done < blocks.len() {
+        match out.write(&blocks[done..]) {
+            Ok(0) => return Err((whole(&blocks[..done]), io::ErrorKind::WriteZero.into())),
+            Ok(len) => done += len,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err((whole(&blocks[..done]), error)),
+        }
+    }
+    Ok(())
+}
+
+/// The length of the whole blocks at the begin of `bytes`, which are little-endian.
+fn whole(bytes: &[u8]) -> usize {
+    let mut end = 0;
+    while let Some(length) = bytes.get(end + 4..end + 8) {
+        let length = u32::from_le_bytes(length.try_into().expect("four bytes"));
+        match usize::try_from(length) {
+            Ok(length) if length >= 12 && length <= bytes.len() - end => end += length,
+            _ => break,
+        }
+    }
+    end
+}
 
 /// Byte order of a section.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -338,6 +371,39 @@ mod tests {
             }
         }
         (whole, None, blocks.pending())
+    }
+
+    /// A disk with room for so many bytes.
+    struct Disk(usize);
+
+    impl Write for Disk {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            match bytes.len().min(self.0) {
+                0 => Err(io::ErrorKind::StorageFull.into()),
+                len => {
+                    self.0 -= len;
+                    Ok(len)
+                }
+            }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    /// The blocks that fit the disk are kept, not only those of earlier writes: of 28 and 20 bytes.
+    #[test]
+    fn a_full_disk_keeps_the_blocks_that_fit() {
+        for (room, kept) in [(0, 0), (27, 0), (28, 28), (47, 28)] {
+            let (whole, error) = write_whole(&mut Disk(room), &file()).expect_err("full");
+            assert_eq!(
+                (whole, error.kind()),
+                (kept, io::ErrorKind::StorageFull),
+                "{room}"
+            );
+        }
+        assert!(write_whole(&mut Disk(48), &file()).is_ok());
     }
 
     #[test]

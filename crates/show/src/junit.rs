@@ -50,8 +50,10 @@ impl<'a> From<&'a Outcome> for Suite<'a> {
 fn names(suites: &[Suite<'_>]) -> Vec<String> {
     let mut taken: Vec<String> = Vec::new();
     for suite in suites {
-        let is_same = |other: &&Suite<'_>| (other.name, other.seed) == (suite.name, suite.seed);
-        let is_alone = suites.iter().filter(is_same).count() == 1;
+        let is_same = |other: &&Suite<'_>| other.name == suite.name && other.file != suite.file;
+        let is_twin = |other: &&Suite<'_>| (other.name, other.seed) == (suite.name, suite.seed);
+        let is_alone = !suites.iter().any(|other| is_same(&other))
+            && suites.iter().filter(is_twin).count() == 1;
         let name = match suite.file.filter(|_| !is_alone) {
             Some(file) => format!("{} ({})", suite.name, file.display()),
             None => suite.name.to_owned(),
@@ -67,6 +69,25 @@ fn names(suites: &[Suite<'_>]) -> Vec<String> {
     taken
 }
 
+/// The classes of the test cases of each suite: its name without the seed, if no other suite has
+/// the same. Tools that know no suites tell test cases apart by class and name.
+fn classes(suites: &[Suite<'_>], names: &[String]) -> Vec<String> {
+    let plain = |(suite, name): (&Suite<'_>, &String)| {
+        let end = suite
+            .seed
+            .map_or(String::new(), |seed| format!(" seed {seed}"));
+        name.strip_suffix(&end).unwrap_or(name).to_owned()
+    };
+    let plain: Vec<String> = suites.iter().zip(names).map(plain).collect();
+    let each = plain.iter().zip(names).map(|(class, name)| {
+        match plain.iter().filter(|other| *other == class).count() {
+            1 => class.clone(),
+            _ => name.clone(),
+        }
+    });
+    each.collect()
+}
+
 /// The verdicts of `suites` as JUnit XML: one suite per run, one test case per check. `wall` is the
 /// total wall time.
 pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) -> String {
@@ -74,18 +95,15 @@ pub fn junit<'a>(suites: impl IntoIterator<Item = Suite<'a>>, wall: Duration) ->
     report.set_time(wall);
     let suites: Vec<Suite<'_>> = suites.into_iter().collect();
     let names = names(&suites);
-    for (suite, suite_name) in suites.into_iter().zip(names) {
+    let classes = classes(&suites, &names);
+    for ((suite, suite_name), class) in suites.into_iter().zip(names).zip(classes) {
         let Suite {
-            name,
-            seed,
             checks,
             unproved,
             again,
             probable_cause,
             ..
         } = suite;
-        let end = seed.map_or(String::new(), |seed| format!(" seed {seed}"));
-        let class = suite_name.strip_suffix(&end).unwrap_or(name).to_owned();
         let mut suite = TestSuite::new(suite_name);
         for check in checks {
             let status = match check.status {
@@ -141,6 +159,9 @@ mod tests {
             suite("other", "a/other.toml", None),
             suite("flat", "flat.toml", Some(1)),
             suite("flat", "flat.toml", Some(2)),
+            suite("room", "a/room.toml", Some(1)),
+            suite("room", "b/room.toml", Some(2)),
+            suite("hall", "hall.toml", Some(7)),
         ];
         let expected = [
             "case (a/case.toml)",
@@ -149,11 +170,24 @@ mod tests {
             "other",
             "flat seed 1",
             "flat seed 2",
+            "room (a/room.toml) seed 1",
+            "room (b/room.toml) seed 2",
+            "hall seed 7",
         ];
         assert_eq!(names(&suites), expected);
         let text = junit(suites, Duration::ZERO);
-        for class in ["case (b/case.toml)", "case (b/case.toml) 2", "flat"] {
-            assert!(text.contains(&format!("classname=\"{class}\"")), "{text}");
+        // A test case is its class and its name: each check has the same name here.
+        for class in [
+            "case (b/case.toml)",
+            "case (b/case.toml) 2",
+            "flat seed 1",
+            "flat seed 2",
+            "room (a/room.toml)",
+            "room (b/room.toml)",
+            "hall",
+        ] {
+            let times = text.matches(&format!("classname=\"{class}\"")).count();
+            assert_eq!(times, 1, "{class}: {text}");
         }
     }
 }

@@ -145,6 +145,12 @@ class RigFactory:
         marker = self._request.node.get_closest_marker("hilrig")
         if marker is not None:
             settings.update(marker.kwargs)
+            if len(marker.args) > 1:
+                more = ", ".join(repr(argument) for argument in marker.args[1:])
+                raise RigError(
+                    f"@pytest.mark.hilrig has {more} behind its scenario: expected one scenario, "
+                    "and settings by name, e.g. seed=5"
+                )
             if marker.args:
                 settings["scenario"] = marker.args[0]
         settings.update(given)

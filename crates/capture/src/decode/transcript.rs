@@ -4,7 +4,9 @@
 //! silence follows. Entries therefore wait for a short, constant time before they are returned, so
 //! that a long capture needs no more memory than a short one.
 
+mod beside;
 mod entry;
+mod lane;
 mod lines;
 
 use core::time::Duration;
@@ -12,13 +14,14 @@ use std::collections::VecDeque;
 
 use protocols::{FrameError, Instant, LineConfig};
 
+use beside::Beside;
 pub use entry::{Entry, Known, Said, Sum};
 use lines::texts;
 
 use super::pause::Pauses;
 
 use crate::{Interface, Kind, Record};
-use engine::codec::{self, Codec, RegisterNames, Stream, Stretch, What, words};
+use engine::codec::{Codec, RegisterNames, Stream, Stretch, What, words};
 use engine::rig::line::Direction;
 
 /// Minimum time that an entry waits for earlier ones: a record describes bytes before its time. On
@@ -65,6 +68,7 @@ struct Lane {
     /// Bytes that were not reported yet, and their offset in the stream.
     untold: VecDeque<u8>,
     told: u64,
+    beside: Beside,
     /// End offsets of the chunks of these bytes, with their times.
     times: VecDeque<(u64, Instant)>,
     framed: u64,
@@ -175,6 +179,10 @@ impl Transcript {
         }
         let mut known = self.known.iter();
         let known = known.rfind(|known| known.link == link.name && known.direction == direction);
+        let mut others = self.lanes.iter();
+        let other = others.find(|lane| lane.link == link_index);
+        let mut stream = self.codec.map(|codec| Stream::towards(codec, direction));
+        let beside = Beside::after(other.map(|lane| &lane.beside), stream.as_mut());
         self.lanes.push(Lane {
             expected: known.and_then(|known| known.codec),
             names: known.and_then(|known| known.names.clone()),
@@ -186,7 +194,8 @@ impl Transcript {
             is_turned: false,
             pauses: self.pauses,
             unknown: VecDeque::new(),
-            stream: self.codec.map(|codec| Stream::towards(codec, direction)),
+            beside,
+            stream,
             codec: self.codec,
             look_at: GUESS_FIRST,
             untold: VecDeque::new(),
@@ -211,8 +220,15 @@ impl Transcript {
     }
 
     fn feed(&mut self, index: usize, at: Instant, bytes: &[u8]) {
+        let link = self.lanes[index].link;
+        let others = self.lanes.iter_mut().enumerate();
+        for (_, other) in others.filter(|(at, lane)| *at != index && lane.link == link) {
+            let end = other.end();
+            other.beside.hear(end, bytes, other.stream.as_mut());
+        }
         let lane = &mut self.lanes[index];
         lane.is_turned = false;
+        lane.beside.send(bytes);
         lane.untold.extend(bytes);
         lane.times.push_back((lane.end(), at));
         match &mut lane.stream {
@@ -270,9 +286,11 @@ impl Transcript {
                 found.extend(stream.idle());
             }
             last = Some(at);
+            lane.beside.give(lane.told + start as u64, &mut stream);
             found.extend(stream.push(&held[start..until.min(len)]));
             start = until.min(len);
         }
+        lane.beside.give(u64::MAX, &mut stream);
         lane.stream = Some(stream);
         self.told(index, found);
     }
@@ -398,96 +416,10 @@ pub(crate) fn silence(baud: u32) -> Duration {
     }
 }
 
-impl Lane {
-    /// Protocol of the first `len` unreported bytes. The bytes reported before without a protocol
-    /// are included, so that repeated tries need as much evidence as one try with many bytes.
-    fn best(&mut self, len: usize) -> Option<(&'static Codec, u64)> {
-        let untold = &self.untold.make_contiguous()[..len];
-        if let Some(expected) = self.expected
-            && let framed = expected.framed_towards(untold, self.direction)
-            && framed > 0
-        {
-            return Some((expected, framed));
-        }
-        if self.unknown.is_empty() {
-            return codec::best(untold);
-        }
-        let mut all: Vec<u8> = self.unknown.iter().copied().collect();
-        all.extend(untold);
-        let (codec, _) = codec::best(&all)?;
-        let framed = codec.framed_towards(untold, self.direction);
-        (framed > 0).then_some((codec, framed))
-    }
-
-    /// Lengths of the chunks in which the first `len` unreported bytes came.
-    fn chunks(&mut self, len: usize) -> Vec<usize> {
-        let mut ends = Vec::new();
-        let mut last: Option<(usize, Instant)> = None;
-        for &(end, at) in &self.times {
-            let end = usize::try_from(end.saturating_sub(self.told)).unwrap_or(usize::MAX);
-            let end = end.min(len);
-            if let Some((before, was)) = last {
-                // At an unknown rate, the start of a chunk equals its end.
-                let begins = match self.rate.baud {
-                    1 => at,
-                    _ => self.rate.byte_end(at, (end - before) as u64),
-                };
-                let is_turn = self.turns.contains(&(self.told + before as u64));
-                if is_turn || (begins > was && begins - was > self.silence) {
-                    ends.push(before);
-                }
-            }
-            last = Some((end, at));
-            if end == len {
-                break;
-            }
-        }
-        ends.push(len);
-        let end = self.told + len as u64;
-        self.turns.retain(|&turn| turn > end);
-        let (mut chunks, mut start) = (Vec::new(), 0);
-        for end in ends {
-            while end > start {
-                let chunk = (end - start).min(CHUNK_MAX);
-                chunks.push(chunk);
-                start += chunk;
-            }
-        }
-        chunks
-    }
-
-    /// Whether the pause before `len` bytes that are complete at `now` discards a partial frame.
-    fn is_over(&self, now: Instant, len: usize) -> bool {
-        let limit = self.pauses.limit(self.codec, self.is_turned);
-        let pause = |&(_, last): &(u64, Instant)| Pauses::between(last, now, len, self.rate);
-        self.times.back().is_some_and(|last| pause(last) > limit)
-    }
-
-    /// Number of bytes so far.
-    fn end(&self) -> u64 {
-        self.told + self.untold.len() as u64
-    }
-
-    /// Time of the first unreported byte: no later entry of this lane is earlier.
-    fn first_untold(&self) -> Option<Instant> {
-        let untold = self.times.iter().find(|&&(end, _)| end > self.told);
-        untold.map(|&(_, at)| at)
-    }
-
-    /// Removes the first `len` unreported bytes, with the time of the last of them.
-    fn take(&mut self, len: usize) -> (Instant, Vec<u8>) {
-        let bytes: Vec<u8> = self.untold.drain(..len.min(self.untold.len())).collect();
-        self.told += bytes.len() as u64;
-        while self.times.len() > 1 && self.times[0].0 < self.told {
-            self.times.pop_front();
-        }
-        let at = self.times.front().map_or(Instant::ZERO, |&(_, at)| at);
-        (at, bytes)
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use engine::codec;
+
     use super::*;
 
     fn record(millis: u64, bytes: &[u8], comment: &str) -> Record {

@@ -111,6 +111,11 @@ const FOREIGN: &[Foreign] = &[
         "this is Wireshark's XML; import the pcap file itself",
     ),
     foreign(
+        |bytes, _| is_levels(bytes),
+        "these are levels of channels without times; export them with the times of the changes, or \
+         name the rate in the first line: ; Samplerate: 1 MHz",
+    ),
+    foreign(
         |bytes, _| any_line(bytes, |line| line.starts_with(b"Acquisition with ")),
         "these are samples of sigrok-cli as text (-O bits, hex or ascii), eight of one channel a \
          byte; write them with -O csv, -O vcd or -o FILE.sr, then import that",
@@ -224,6 +229,36 @@ fn all_lines(bytes: &[u8], is: fn(&[u8]) -> bool) -> bool {
     let full = lines(bytes).filter(|line| !line.text.is_empty());
     let mut full = full.take(LINES).peekable();
     full.peek().is_some() && full.all(|line| is(line.text))
+}
+
+/// Names of channels, such as `D0`, above nothing but levels: without times.
+fn is_levels(bytes: &[u8]) -> bool {
+    let full = lines(bytes).map(|line| utf8(line.text).trim());
+    let mut full = full.filter(|line| !line.is_empty());
+    let cells = |line: &str| -> Vec<String> {
+        let cells = line
+            .split([',', ';', '\t'])
+            .map(|cell| cell.trim().trim_matches('"'));
+        cells.map(str::to_ascii_lowercase).collect()
+    };
+    let is_channel = |name: &String| {
+        let prefixes = ["d", "ch", "channel ", "channel", "probe"];
+        prefixes.iter().any(|prefix| {
+            name.strip_prefix(prefix)
+                .is_some_and(|n| number(n).is_some())
+        })
+    };
+    let Some(names) = full
+        .next()
+        .map(cells)
+        .filter(|names| names.iter().all(is_channel))
+    else {
+        return false;
+    };
+    let is_level = |cell: &String| cell == "0" || cell == "1";
+    let mut rows = full.take(LINES).map(cells).peekable();
+    let is_row = |row: Vec<String>| row.len() == names.len() && row.iter().all(is_level);
+    rows.peek().is_some() && rows.all(is_row)
 }
 
 /// `:`, a length, as many bytes and five more, whose sum is 0.

@@ -129,6 +129,8 @@ struct Whole<'a> {
     groups: usize,
     has_marks: bool,
     base: Base,
+    /// Whether the base of the numbers is ambiguous.
+    is_doubtful: bool,
     /// Whether all directions were arrows without meaning.
     had_arrows: bool,
     /// Notes about the names of the ends.
@@ -145,8 +147,13 @@ pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     }
     let (whole, bad) = parse(bytes);
     let count: usize = whole.messages.iter().map(|one| one.bytes.len()).sum();
-    // One unreadable line among many is an error of that line, not another format.
-    if count == 0 || bad.len() * 10 > whole.messages.len() {
+    // One unreadable line among some is damage of that line, not another format. Numbers of an
+    // unknown base are no damage.
+    let (bad_share, of) = match whole.is_doubtful {
+        true => (bad.len() * 10, whole.messages.len()),
+        false => (bad.len() * 4, whole.messages.len() + bad.len()),
+    };
+    if count == 0 || bad_share > of {
         return None;
     }
     if matches!(whole.base, Base::Decimal | Base::Octal | Base::Binary) {
@@ -354,7 +361,10 @@ fn parse(bytes: &[u8]) -> (Whole<'_>, Vec<ImportError>) {
     };
     match base::of(texts.iter().map(|(_, text)| prefix::split(text).1), around) {
         Ok(base) => whole.base = base,
-        Err(message) => bad.extend(texts.first().map(|(line, _)| line.wrong(message))),
+        Err(message) => {
+            whole.is_doubtful = true;
+            bad.extend(texts.first().map(|(line, _)| line.wrong(message)));
+        }
     }
     for (line, text) in &texts {
         let (line, base) = (*line, whole.base);

@@ -27,6 +27,8 @@ pub(super) enum Engine {
     Adler32,
     /// The checksum of RFC 1071.
     Internet,
+    /// The checksum of LIN: the inverted sum of bytes, whose carries are added to it.
+    Lin,
     /// The sum of a Neato XV-11: 15 bits of shifted words.
     Xv11,
 }
@@ -86,7 +88,8 @@ impl Engine {
             Self::U32(crc) => crc.algorithm.width,
             Self::U64(crc) => crc.algorithm.width,
             Self::U128(crc) => crc.algorithm.width,
-            Self::Sum | Self::TwosComplement | Self::OnesComplement | Self::Xor8 => 8,
+            Self::Sum | Self::TwosComplement | Self::OnesComplement => 8,
+            Self::Xor8 | Self::Lin => 8,
             Self::Xor16 | Self::Fletcher(_) | Self::Internet | Self::Xv11 => 16,
             Self::Fletcher32 | Self::Adler32 => 32,
         }
@@ -154,6 +157,13 @@ impl Engine {
                     sum = (sum & 0xffff) + (sum >> 16);
                 }
                 !sum & 0xffff
+            }
+            Self::Lin => {
+                let mut sum = sum(bytes);
+                while sum > 0xff {
+                    sum = (sum & 0xff) + (sum >> 8);
+                }
+                !sum & 0xff
             }
             Self::Xv11 => xv11(bytes).into(),
         }

@@ -55,6 +55,7 @@ impl Algorithm {
             Engine::Fletcher32 => "fletcher32",
             Engine::Adler32 => "adler32",
             Engine::Internet => "internet",
+            Engine::Lin => "lin",
             Engine::Xv11 => "xv11",
         };
         format!("D.sum.{name}")

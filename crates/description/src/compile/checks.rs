@@ -24,7 +24,16 @@ impl Compiler<'_> {
                 true => format!("{key}.checksum"),
                 false => format!("{key}.checksum[{index}]"),
             };
-            if let Some(check) = self.check_spec(&key, check) {
+            let from = check.from;
+            if let Some(mut check) = self.check_spec(&key, check) {
+                // LIN covers no sync byte.
+                let first = match cut {
+                    Cut::Marked { .. } => 0,
+                    _ => sync.len(),
+                };
+                if let (Some(left_out), None) = (check.algorithm.left_out(), from) {
+                    check.from = left_out + i64::try_from(first).unwrap_or(0);
+                }
                 checks.push((key, check));
             }
         }

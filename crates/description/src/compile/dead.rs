@@ -4,6 +4,7 @@ use super::Compiler;
 use crate::description::Description;
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
+use span::Span;
 
 impl Compiler<'_> {
     /// Records errors for keys that can have no effect.
@@ -15,6 +16,40 @@ impl Compiler<'_> {
         self.check_events();
         self.check_safe();
         self.check_faults(description);
+        self.check_zeros();
+    }
+
+    /// Times of 0 that change nothing, or end each frame at its first byte.
+    fn check_zeros(&mut self) {
+        let schema = self.schema;
+        let is_zero = |time: Option<Span>| time.is_some_and(|span| span.0.is_zero());
+        let nothing = "is 0s, which has no effect, expected a longer time, or leave it out";
+        let frames = schema.frame.0.iter().enumerate();
+        let is_single = schema.frame.0.len() == 1;
+        let frames = frames.filter(|(_, frame)| is_zero(frame.idle));
+        let frames = frames.map(|(index, _)| match is_single {
+            true => "frame.idle".to_owned(),
+            false => format!("frame[{index}].idle"),
+        });
+        let cuts = "is 0s and would end each frame at its first byte, expected a longer time";
+        let busy = schema
+            .on
+            .iter()
+            .enumerate()
+            .filter(|(_, on)| is_zero(on.busy));
+        let busy = busy.map(|(index, _)| format!("on[{index}].busy"));
+        let late = schema
+            .faults
+            .iter()
+            .filter(|(_, fault)| is_zero(fault.late));
+        let late = late.map(|(name, _)| format!("faults.{name}.late"));
+        let wrong = frames.map(|key| (key, cuts));
+        let wrong: Vec<_> = wrong
+            .chain(busy.chain(late).map(|key| (key, nothing)))
+            .collect();
+        for (key, message) in wrong {
+            self.wrong(key, message);
+        }
     }
 
     fn check_events(&mut self) {

@@ -1,5 +1,6 @@
 //! The actions of a device: replies, state changes, timers.
 
+use core::ops::Range;
 use core::time::Duration;
 
 use emulators::device::EventKind;
@@ -8,13 +9,12 @@ use protocols::Instant;
 
 use super::Described;
 use super::scope::{Filled, Seen};
-use super::shared::Complaint;
+use super::shared::{Complaint, WRONG_ADDRESS};
 use crate::behaviour::{Deed, On, Trigger};
 use crate::description::Description;
 use crate::expr::Expr;
 use crate::framing::{Frame, Framing};
 use crate::message::Message;
-use crate::modbus::{self, Wrong};
 use crate::registers::Refusal;
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
@@ -111,18 +111,17 @@ impl<'d> Doer<'d> {
         }
     }
 
-    fn wrong(&mut self, at: Instant, rule: &'static str, detail: String) {
+    pub(super) fn wrong(&mut self, at: Instant, rule: &'static str, detail: String) {
         self.device
             .log
             .repeated(at, EventKind::Violation, rule, || detail);
     }
 
-    /// Handles a frame of a protocol other than Modbus.
-    pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8], behind: usize) {
+    /// Handles a frame of a protocol other than Modbus, which has the bytes `span` of the wire.
+    pub(super) fn message(&mut self, at: Instant, frame: &Frame, body: &[u8], span: Range<u64>) {
         let description = self.of;
         let Some((index, request)) = description.decode(frame.format, body, From::Host) else {
             let words = shortened(description.words(frame));
-            let span = self.device.heard.span(frame.bytes.len(), behind);
             self.device.complain(Complaint {
                 spans: vec![span],
                 ..Complaint::new(at, "unknown-message", words)
@@ -138,9 +137,19 @@ impl<'d> Doer<'d> {
         };
         let mut entries = description.on.iter().filter(|on| fits(on));
         let entry = entries.find(|on| self.holds(at, on.deed.when.as_ref(), &request));
+        let is_taken = entry.is_some_and(|on| !on.is_ignored());
+        let refuses = |on: &On| on.violation == Some(WRONG_ADDRESS);
+        if (!is_taken || entry.is_some_and(refuses))
+            && let Some(asked) = self.device.foreign_address(&request)
+        {
+            return self.device.complain_if_absent(at, asked, span);
+        }
         // Limits of a message for another device are not limits of this one.
         if entry.is_some_and(On::is_ignored) {
             return;
+        }
+        if is_taken && !self.device.place.is_alone && self.device.is_addressed() {
+            self.device.heard.claim(span);
         }
         let message = &description.messages[index];
         self.check_limits(at, message, &request);
@@ -198,7 +207,7 @@ impl<'d> Doer<'d> {
     }
 
     /// The time until a reply, with jitter and faults.
-    fn latency(&mut self, latency: Duration, jitter: Option<Duration>) -> Duration {
+    pub(super) fn latency(&mut self, latency: Duration, jitter: Option<Duration>) -> Duration {
         let by_chance = match jitter {
             None => Duration::ZERO,
             Some(most) => most.mul_f64(self.device.dice.uniform()),
@@ -255,7 +264,7 @@ impl<'d> Doer<'d> {
         }
     }
 
-    fn refused(&mut self, at: Instant, refusal: &Refusal) {
+    pub(super) fn refused(&mut self, at: Instant, refusal: &Refusal) {
         let description = self.of;
         let name = |variable: usize| &description.variables[variable].name;
         match refusal {
@@ -274,57 +283,6 @@ impl<'d> Doer<'d> {
                 let detail = format!("{} = {value}, expected {least} to {most}", name(*variable));
                 self.wrong(at, "out-of-range", detail);
             }
-        }
-    }
-
-    /// Handles a Modbus frame with its address.
-    pub(super) fn modbus(&mut self, at: Instant, body: &[u8]) {
-        let Some((&address, request)) = body.split_first() else {
-            return;
-        };
-        let own = self.device.address();
-        let is_broadcast = address == 0;
-        if !is_broadcast && u32::from(address) != own {
-            if self.device.place.is_alone {
-                let detail = format!("a request for device {address}, this is {own}");
-                self.wrong(at, "wrong-address", detail);
-            }
-            return;
-        }
-        let description = self.of;
-        let Some(registers) = &description.registers else {
-            return;
-        };
-        let values = |index: usize| self.device.state.read(index, at, self.world);
-        let answer = modbus::answer(registers, request, &values);
-        match &answer.wrong {
-            None => {}
-            Some(Wrong::Function(function)) => {
-                let name = modbus::function_name(*function);
-                let detail = format!("function {function}, {name}, is not known");
-                self.wrong(at, "unknown-function", detail);
-            }
-            Some(Wrong::Register(refusal)) => self.refused(at, refusal),
-            Some(Wrong::Malformed(detail)) => self.wrong(at, "bad-request", detail.clone()),
-        }
-        for variable in answer.cut {
-            let value = self.device.state.read(variable, at, self.world);
-            let name = &description.variables[variable].name;
-            let detail = || format!("register {name} cannot be {value}");
-            let log = &mut self.device.log;
-            log.repeated(at, EventKind::Note, "value-cut", detail);
-        }
-        for (variable, value) in answer.changes {
-            self.device.state.write(variable, value);
-        }
-        if is_broadcast {
-            return;
-        }
-        let frame = description.frame_of(0, &[&[address][..], &answer.response].concat());
-        let latency = self.latency(description.latency, description.jitter);
-        if let Some(frame) = frame {
-            let due = at + latency.max(description.turnaround);
-            self.queue(due, 0, frame);
         }
     }
 
@@ -458,7 +416,7 @@ impl<'d> Doer<'d> {
         }
     }
 
-    fn queue(&mut self, due: Instant, format: usize, frame: Vec<u8>) {
+    pub(super) fn queue(&mut self, due: Instant, format: usize, frame: Vec<u8>) {
         let frame = self.device.spoiled(format, frame);
         self.device.queue(due, frame);
     }

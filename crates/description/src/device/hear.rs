@@ -1,6 +1,7 @@
 //! Reception: from bytes to messages, with the driver's errors.
 
 use core::ops::Range;
+use core::time::Duration;
 
 use protocols::{Decode, FrameError, Instant};
 
@@ -12,6 +13,18 @@ use super::shared::Complaint;
 use crate::framing::{FRAME_MAX, Frame};
 use crate::schema::behaviour::EventSpec;
 use crate::schema::message::From;
+
+/// The rule: frames follow each other without the silence that ends a frame.
+pub const MISSING_PAUSE: &str = "missing-pause";
+
+/// The words on `count` frames without the silence `idle` between them.
+pub fn no_pause(count: usize, idle: Duration) -> String {
+    let ms = idle.as_secs_f64() * 1e3;
+    format!(
+        "{count} requests follow each other without a silence of {ms:.1} ms, so they are one invalid \
+         frame"
+    )
+}
 
 impl Doer<'_> {
     /// Processes the received bytes.
@@ -155,6 +168,11 @@ impl Doer<'_> {
             Err(error) => {
                 let len = usize::try_from(self.device.silent_len).unwrap_or(usize::MAX);
                 let span = self.device.heard.span(len, 0);
+                let count = self.of.without_pause(bytes).filter(|_| len == bytes.len());
+                if let Some(count) = count {
+                    let detail = no_pause(count, self.device.idle);
+                    return self.bad_for(at, (MISSING_PAUSE, detail), bytes, vec![span]);
+                }
                 self.bad(at, error, bytes, vec![span]);
             }
         }
@@ -206,10 +224,21 @@ impl Doer<'_> {
             FrameError::Length { .. } => "bad-length",
             _ => "bad-frame",
         };
+        self.bad_for(at, (rule, error.to_string()), bytes, spans);
+    }
+
+    /// Reports bytes that break `rule`.
+    fn bad_for(
+        &mut self,
+        at: Instant,
+        (rule, detail): (&'static str, String),
+        bytes: &[u8],
+        spans: Vec<Range<u64>>,
+    ) {
         self.device.complain(Complaint {
             bytes: bytes.to_vec(),
             spans,
-            ..Complaint::new(at, rule, error.to_string())
+            ..Complaint::new(at, rule, detail)
         });
         self.device.events.push_back((at, EventSpec::BadFrame));
         self.run_events(at);
@@ -218,8 +247,12 @@ impl Doer<'_> {
     /// Processes a frame, behind which the decoder has `behind` bytes already.
     fn frame(&mut self, at: Instant, frame: &Frame, behind: usize) {
         self.device.has_framed = true;
+        let span = self.device.heard.span(frame.bytes.len(), behind);
         if !self.device.place.is_alone && self.knows(frame) {
-            self.device.heard.know(frame.bytes.len(), behind);
+            self.device.heard.know(span.clone());
+            if !self.device.is_addressed() {
+                self.device.heard.claim(span.clone());
+            }
         }
         let device = &mut *self.device;
         if at < device.busy_until {
@@ -236,8 +269,8 @@ impl Doer<'_> {
             return;
         };
         match is_modbus {
-            true => self.modbus(at, &body),
-            false => self.message(at, frame, &body, behind),
+            true => self.modbus(at, &body, span),
+            false => self.message(at, frame, &body, span),
         }
     }
 

@@ -8,6 +8,11 @@ use protocols::{Decode as _, Instant};
 
 use super::Described;
 
+/// The rule: a request for an address that no device of the link has.
+pub(crate) const WRONG_ADDRESS: &str = "wrong-address";
+/// Maximum number of addresses in its words.
+const ADDRESSES_MAX: usize = 8;
+
 /// A frame that breaks a rule as such, whatever device it is for.
 #[derive(Clone, Debug)]
 pub(super) struct Complaint {
@@ -28,6 +33,8 @@ pub(super) struct Heard {
     passed: u64,
     /// The bytes of frames that it knows.
     known: Vec<Range<u64>>,
+    /// The bytes of frames that are for it.
+    claimed: Vec<Range<u64>>,
     complaints: Vec<Complaint>,
     /// Complaints that were logged, as long as the same one of another device may follow: time,
     /// rule and number of bytes on the wire.
@@ -45,10 +52,14 @@ impl Heard {
         self.passed
     }
 
-    /// Records a frame of `len` bytes that the device knows; `behind` bytes passed after it.
-    pub(super) fn know(&mut self, len: usize, behind: usize) {
-        let end = self.passed.saturating_sub(behind as u64);
-        self.known.push(end.saturating_sub(len as u64)..end);
+    /// Records the bytes of a frame that the device knows.
+    pub(super) fn know(&mut self, span: Range<u64>) {
+        self.known.push(span);
+    }
+
+    /// Records the bytes of a frame that is for the device.
+    pub(super) fn claim(&mut self, span: Range<u64>) {
+        self.claimed.push(span);
     }
 
     /// The last `len` bytes before the last `behind` ones.
@@ -57,10 +68,15 @@ impl Heard {
         end.saturating_sub(len as u64)..end
     }
 
-    /// Whether the device knows all of these bytes.
-    fn covers(&self, span: &Range<u64>) -> bool {
+    /// Whether the device knows all of the bytes that break the rule; a request for no address of
+    /// the link is a known frame, so there the bytes must be for the device.
+    fn covers(&self, rule: &str, span: &Range<u64>) -> bool {
+        let frames = match rule {
+            WRONG_ADDRESS => &self.claimed,
+            _ => &self.known,
+        };
         let mut from = span.start;
-        for known in &self.known {
+        for known in frames {
             if known.start <= from {
                 from = from.max(known.end);
             }
@@ -92,6 +108,28 @@ impl Described {
         self.log_complaint(of);
     }
 
+    /// Logs a request, in the bytes `span`, if no device of the link has the asked address.
+    pub(super) fn complain_if_absent(&mut self, at: Instant, asked: i128, span: Range<u64>) {
+        let mut known = self.link_addresses.iter();
+        if known.any(|known| i128::from(*known) == asked) {
+            return;
+        }
+        let known = self.link_addresses.iter().take(ADDRESSES_MAX);
+        let known: Vec<String> = known.map(u32::to_string).collect();
+        let more = match self.link_addresses.len() > ADDRESSES_MAX {
+            true => ", ..",
+            false => "",
+        };
+        let detail = format!(
+            "asked address {asked}, which no device of this link has ({}{more})",
+            known.join(", ")
+        );
+        self.complain(Complaint {
+            spans: vec![span],
+            ..Complaint::new(at, WRONG_ADDRESS, detail)
+        });
+    }
+
     fn log_complaint(&mut self, of: Complaint) {
         let (at, rule, detail) = (of.at, of.rule, of.detail);
         match &of.bytes[..] {
@@ -103,8 +141,8 @@ impl Described {
     /// Whether [`settle`](Self::settle) has something to do.
     pub(crate) const fn has_heard(&self) -> bool {
         let heard = &self.heard;
-        let is_over = heard.known.is_empty() && heard.complaints.is_empty();
-        !(is_over && heard.logged.is_empty())
+        let is_over = heard.known.is_empty() && heard.claimed.is_empty();
+        !(is_over && heard.complaints.is_empty() && heard.logged.is_empty())
     }
 
     /// The number of the first byte of which the device does not know yet whether it belongs to a
@@ -137,7 +175,7 @@ impl Described {
                 }
                 let is_known = |span: &Range<u64>| {
                     let mut heard = others.clone().map(|(_, other)| &other.heard);
-                    heard.any(|heard| heard.covers(span))
+                    heard.any(|heard| heard.covers(of.rule, span))
                 };
                 let is_excused = !of.spans.is_empty() && of.spans.iter().all(is_known);
                 // Of the same complaints, the first one stays.
@@ -157,6 +195,7 @@ impl Described {
         let needed = first.unwrap_or(decided).min(decided);
         for unit in units {
             unit.heard.known.retain(|known| known.end > needed);
+            unit.heard.claimed.retain(|claimed| claimed.end > needed);
             unit.heard.logged.retain(|(.., end)| *end > needed);
         }
     }

@@ -479,6 +479,11 @@ D.sum = {
     while all > 65535 do all = all % 65536 + math.floor(all / 65536) end
     return wide(65535 - all, count)
   end,
+  lin = function(s, count)
+    local all = byte_sum(s)
+    while all > 255 do all = all % 256 + math.floor(all / 256) end
+    return wide(255 - all, count)
+  end,
   xv11 = function(s, count)
     local all = 0
     for part in words_low_first(s) do all = (all * 2 + part) % 4294967296 end

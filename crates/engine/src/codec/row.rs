@@ -74,6 +74,12 @@ pub trait OwnFormat: Send + Sync {
         None
     }
 
+    /// The fields of which frames in this direction have values; `None` if they are not known, or
+    /// the same as the [vocabulary](Self::vocabulary).
+    fn field_names(&self, _direction: Direction) -> Option<Vec<&str>> {
+        None
+    }
+
     /// All words in which frames in this direction are printed, without numbers. `None` if a frame
     /// can have other names or contain any text; with `beside_texts`, texts do not count.
     fn vocabulary(&self, _direction: Direction, _beside_texts: bool) -> Option<Vec<&str>> {
@@ -287,6 +293,15 @@ impl Codec {
             Format::Typed { .. } => None,
             Format::Own(format) => format.names_of_field(field),
         }
+    }
+
+    /// As [`OwnFormat::field_names`], or the words beside texts; `None` for a built-in format.
+    pub fn field_names(&self, towards: Direction) -> Option<Vec<&'static str>> {
+        let Format::Own(format) = self.format else {
+            return None;
+        };
+        let own = format.field_names(towards);
+        own.or_else(|| format.vocabulary(towards, true))
     }
 
     /// As [`OwnFormat::vocabulary`]; `None` for a built-in format.

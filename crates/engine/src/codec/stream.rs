@@ -121,6 +121,11 @@ impl Stream {
         found
     }
 
+    /// Takes bytes that passed in the other direction before the next ones of this stream.
+    pub fn beside(&mut self, bytes: &[u8]) {
+        self.decoder.beside(bytes);
+    }
+
     /// Number of bytes that may belong to a frame whose end is missing.
     pub fn pending(&self) -> usize {
         self.decoder.pending()

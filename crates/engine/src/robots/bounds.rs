@@ -3,7 +3,7 @@
 use core::ops::Range;
 
 use super::conditions::Moment;
-use super::{Robot, Wired, ignored};
+use super::{Robot, Wired, ignored, rates};
 use crate::near;
 use crate::rig::Rig;
 use crate::scenario::{Action, Flaw, Scenario, ScenarioError, Source};
@@ -98,7 +98,15 @@ pub(super) fn check_conditions(
             check(moment.check(condition), ("fault", index, None), key);
         }
         if let (Some(_), Ok(Some(condition))) = (&fault.when, fault.begin_condition()) {
-            check(moment.check(&condition), ("fault", index, None), "when");
+            // The keys of `when` have other names than those of the condition.
+            let checked = moment.check(&condition).map_err(|flaw| {
+                let key = fault
+                    .when
+                    .as_ref()
+                    .map_or(flaw.key, |when| when.key_of(flaw.key));
+                Flaw::new(key, flaw.message)
+            });
+            check(checked, ("fault", index, None), "when");
         }
     }
     for (index, step) in scenario.mission.step.iter().enumerate() {
@@ -146,6 +154,7 @@ fn warnings_of_one(scenario: &Scenario, source: &Source) -> Vec<ScenarioError> {
     let robot = super::find(&scenario.robot);
     if let Some(robot) = robot {
         warnings.extend(ignored::warnings(robot, scenario, source));
+        warnings.extend(rates::warnings(robot, scenario, source));
     }
     let map = robot.and_then(Robot::map_m);
     let Some([least, most]) = map else {

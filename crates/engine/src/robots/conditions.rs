@@ -1,6 +1,8 @@
 //! Conditions on the state of a run: their current values, and whether the robot has the named
 //! items.
 
+mod values;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
@@ -17,6 +19,7 @@ use crate::scenario::{
     Action, AxisCondition, Condition, DeviceSpec, DirectionSpec, EventCondition, Figure, Flaw,
     FrameCondition, Operand, Quantity, RegisterCondition, RobotCondition,
 };
+use values::{check_bit, check_frame, check_name};
 
 /// A cell of a map that was never seen.
 const UNKNOWN: u8 = 127;
@@ -277,7 +280,9 @@ impl Moment<'_> {
             );
             return match is_wrong {
                 true => Err(Flaw::new("value", message)),
-                false => self.check_name_of_value(register),
+                false => {
+                    check_bit(&found, register).and_then(|()| self.check_name_of_value(register))
+                }
             };
         }
         let known: Vec<&str> = self.rig.device_names().collect();
@@ -424,66 +429,5 @@ impl Moment<'_> {
     fn may_get_a_map(&self) -> bool {
         let station = self.instruments.station(self.rig);
         station.is_some_and(|station| station.has_whole_map().is_some())
-    }
-}
-
-/// Checks that frames of `codec` can have the wanted value and words.
-fn check_frame(frame: &FrameCondition, codec: &Codec) -> Result<(), Flaw> {
-    if let (Some(field), Some(value)) = (&frame.field, &frame.value) {
-        check_name(value, codec.names_of_field(field))?;
-    }
-    let names = codec.vocabulary(frame.direction.into(), true);
-    if let (Some(field), Some(names)) = (&frame.field, &names)
-        && !names.contains(&field.as_str())
-    {
-        return Err(Flaw::new("field", near::expected(field, names)));
-    }
-    let Some(known) = codec.vocabulary(frame.direction.into(), false) else {
-        return Ok(());
-    };
-    let is_part = |c: char| c.is_alphanumeric() || "_-".contains(c);
-    let is_number = |word: &str| word.chars().all(|c| c.is_ascii_hexdigit() || c == '-');
-    let single: Vec<&str> = known
-        .iter()
-        .flat_map(|one| one.split(|c| !is_part(c)))
-        .collect();
-    // The wanted text may begin within its first word and end within its last one.
-    let (mut words, mut place) = (frame.contains.split(|c| !is_part(c)).peekable(), 0);
-    let unprinted = loop {
-        let Some(word) = words.next() else {
-            return Ok(());
-        };
-        let is_printed = |one: &&str| match (place == 0, words.peek().is_none()) {
-            (true, true) => one.contains(word),
-            (true, false) => one.ends_with(word),
-            (false, true) => one.starts_with(word),
-            (false, false) => *one == word,
-        };
-        if !is_number(word) && !single.iter().any(is_printed) {
-            break word;
-        }
-        place += 1;
-    };
-    let word = unprinted;
-    let link = &frame.link;
-    let message = match near::meant(word, &known) {
-        Some(meant) => format!("has \"{word}\", did you mean \"{meant}\"?"),
-        None => format!("has \"{word}\", which no frame of {link} contains: see \"hilrig decode\""),
-    };
-    Err(Flaw::new("contains", message))
-}
-
-/// Checks a wanted text if a value has only `names`.
-fn check_name(wanted: &Operand, names: Option<Vec<&str>>) -> Result<(), Flaw> {
-    match (wanted, names) {
-        (Operand::Text(text), Some(names)) if !names.contains(&text.as_str()) => {
-            Err(Flaw::new("value", near::expected(text, &names)))
-        }
-        (Operand::Number(number), Some(names)) => {
-            let names = names.join(", ");
-            let message = format!("is {number}, but the value has names: expected one of {names}");
-            Err(Flaw::new("value", message))
-        }
-        _ => Ok(()),
     }
 }

@@ -34,7 +34,7 @@ const OF_TEXT: [&str; 9] = [
 ];
 
 /// Rules of a device that a file describes.
-const OF_DESCRIPTION: [&str; 24] = [
+const OF_DESCRIPTION: [&str; 25] = [
     "bad-character",
     "bad-checksum",
     "bad-frame",
@@ -44,6 +44,7 @@ const OF_DESCRIPTION: [&str; 24] = [
     "frame-cut-off",
     "frame-too-long",
     "made-safe",
+    "missing-pause",
     "not-answered",
     "not-ready",
     "off",

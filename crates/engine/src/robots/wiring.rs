@@ -4,7 +4,7 @@ use emulators::world::{BodyConfig, Pose as WorldPose, Scene, Shape, World};
 
 use super::{Dut, PcEnd, Robot, WirePlan, Wired, add_devices, bounds, devices, links, of};
 use crate::scenario::world::BodySpec;
-use crate::scenario::{Scenario, ScenarioError, Source};
+use crate::scenario::{NO_ROBOT, Scenario, ScenarioError, Source};
 
 /// Wires the scenario's robot into its world.
 ///
@@ -37,6 +37,11 @@ pub fn wire_first(
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
     let robot = of(scenario, source)?;
+    if scenario.world.is_nowhere() && scenario.robot != NO_ROBOT {
+        let message = "is missing, expected a table with the robot's start and the obstacles; \
+                       robot = \"none\" needs no world";
+        return Err(source.invalid(None, "world", message));
+    }
     let checked = bounds::check_waypoints(robot, scenario, source);
     let mut wrong: Vec<ScenarioError> = checked.err().into_iter().collect();
     let plan = |world| WirePlan {
@@ -69,7 +74,7 @@ pub fn wire_first(
 }
 
 /// An empty world with the robot on its chassis, or on one with the default figures.
-fn stand_in(robot: &dyn Robot, scenario: &Scenario, source: &Source) -> Option<World> {
+pub(super) fn stand_in(robot: &dyn Robot, scenario: &Scenario, source: &Source) -> Option<World> {
     let mut plain = scenario.clone();
     plain.world.body = BodySpec::default();
     let chassis = robot.chassis(scenario, source);

@@ -23,7 +23,7 @@ pub use at_work::AtWorkAgain;
 #[cfg(feature = "described")]
 pub(crate) use goes_on::node::{GoesOn, Rest};
 pub use goes_on::{
-    GOES_ON, NOT_UNDERSTOOD, PAUSES_MAX, SILENT_MAX, STREAM, is_done, is_misunderstood,
+    GOES_ON, NOT_UNDERSTOOD, PAUSES_MAX, SILENT_MAX, STREAM, astray, is_done, is_misunderstood,
     misunderstood, unheard,
 };
 #[cfg(feature = "described")]

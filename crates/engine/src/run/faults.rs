@@ -293,6 +293,7 @@ impl Run {
         // A fault that never began has an empty window from now on.
         let fault = &mut self.scenario.fault[id.0];
         fault.until = Some(Span(next - Instant::ZERO));
+        fault.lasting = fault.lasting.filter(|_| fault.every.is_some());
         fault.ends_when = None;
         self.tell_checkers();
         self.fault_watches.retain(|(watched, _), _| *watched != id);

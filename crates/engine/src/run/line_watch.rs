@@ -281,9 +281,14 @@ impl Tap for LineWatches {
             };
             let mut watch = watch.lock();
             let is_over = watch.is_once && watch.found.has_held;
-            if watch.link == link && watch.direction == direction && !is_over {
+            if watch.link == link && !is_over {
+                let is_own = watch.direction == direction;
                 let LineWatch { wanted, found, .. } = &mut *watch;
-                wanted.take(at, bytes, found);
+                match wanted {
+                    _ if is_own => wanted.take(at, bytes, found),
+                    Wanted::Frame(frames) => frames.stream.beside(bytes),
+                    _ => {}
+                }
             }
             true
         });

@@ -30,6 +30,8 @@ pub struct OwnBreaks {
     /// Time and words of the first break that no fault explains, if it is in the log. An entry that
     /// stands for several breaks has no words of the later ones.
     pub first: Option<(Instant, String)>,
+    /// Time of the last such break that the device keeps.
+    pub last: Option<Instant>,
 }
 
 /// The broken rules of all devices of `rig`, split by whether one of `faults` explains them.
@@ -46,6 +48,7 @@ pub fn own_breaks(rig: &Rig, faults: &[FaultSpec]) -> Vec<OwnBreaks> {
             count,
             explained: 0,
             first: None,
+            last: None,
         });
     }
     let (moments, _) = rig.log_since(&LogPoint::default());
@@ -58,7 +61,10 @@ pub fn own_breaks(rig: &Rig, faults: &[FaultSpec]) -> Vec<OwnBreaks> {
         if broken.count > 0 && damage.explains(moment.at) {
             broken.count -= 1;
             broken.explained += 1;
-        } else if broken.first.is_none() {
+            continue;
+        }
+        broken.last = Some(moment.at);
+        if broken.first.is_none() {
             let mut events = rig.events().iter();
             let logged = events.find(|logged| {
                 let event = &logged.event;

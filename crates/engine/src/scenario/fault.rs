@@ -1,6 +1,7 @@
 //! Settings of links, and faults.
 
 mod catalogue;
+mod json;
 mod keys;
 mod kind;
 mod plan;
@@ -130,7 +131,7 @@ fault_spec! {
     from: Span;
     /// End of the fault; the end of the run if not given.
     until: Span;
-    /// Duration of the fault; with `every`, duration of each repetition.
+    /// Duration of the fault, in place of `until`; with `every`, duration of each repetition.
     lasting: Span;
     /// Period of repetition, at least 100us.
     every: Span;

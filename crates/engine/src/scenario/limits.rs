@@ -41,6 +41,7 @@ pub(super) fn check(scenario: &Scenario, source: &Source, problems: &mut Vec<Sce
     check_expectations(scenario, source, &mut found);
     check_rules(scenario, source, &mut found);
     check_mission(scenario, source, &mut found);
+    check_faults(scenario, source, &mut found);
     found.retain(|error| {
         let (key, table) = (error.key(), table_of(error.key()));
         let is_of = |wrong: &String| wrong.starts_with(key) || table_of(wrong) == table;
@@ -119,6 +120,17 @@ fn check_mission(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioE
             let span = source.find_in_list("mission.step", index, "do");
             let key = format!("mission.step[{index}].do.waypoints-m");
             found.push(source.invalid(span, key, message));
+        }
+    }
+}
+
+/// Checks the ends of faults, before phases set them.
+fn check_faults(scenario: &Scenario, source: &Source, found: &mut Vec<ScenarioError>) {
+    for (index, fault) in scenario.fault.iter().enumerate() {
+        if let Err(flaw) = fault.check_end() {
+            let span = source.find_in_list("fault", index, flaw.key);
+            let key = format!("fault[{index}].{}", flaw.key);
+            found.push(source.invalid(span, key, flaw.message));
         }
     }
 }
@@ -270,6 +282,22 @@ mod tests {
             (
                 format!("\"1s\"\n{device}{fault}kind = \"clog\"\nlasting = \"0s\"\n"),
                 "fault[0].lasting: is 0",
+            ),
+            (
+                format!(
+                    "\"1s\"\n{device}{fault}kind = \"cut\"\nuntil = \"9s\"\nlasting = \"1s\"\n"
+                ),
+                "fault[0].lasting: is 1s beside until = \"9s\", expected one of them",
+            ),
+            (
+                "\"1s\"\n[device.m.text]\nbaud = 9600\nwatchdog = \"0s\"\ncommand = []\n"
+                    .to_owned(),
+                "t.toml:7: device.m.text.watchdog: is 0s and would expire at once",
+            ),
+            (
+                "\"1s\"\n[device.m.registers]\nbaud = 9600\nidle_gap = \"0s\"\nregister = []\n"
+                    .to_owned(),
+                "t.toml:7: device.m.registers.idle_gap: is 0s and would end each frame",
             ),
             (
                 format!("\"1s\"\n{device}{fault}kind = \"burst\"\nrate = 0.1\nvalue = 0\n"),

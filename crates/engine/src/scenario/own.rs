@@ -231,9 +231,37 @@ fn line(baud: &Spanned<u32>, key: &str, source: &Source) -> Result<LineConfig, S
     Err(source.invalid(Some(baud.span()), format!("{key}.baud"), message))
 }
 
+/// Checks times of which 0 has no sense, each with its key and what it would do.
+fn check_times(
+    times: &[(&str, Option<Span>, &str)],
+    key: &str,
+    source: &Source,
+) -> Result<(), ScenarioError> {
+    let zero = |(.., time, _): &&(&str, Option<Span>, &str)| *time == Some(Span::default());
+    match times.iter().find(zero) {
+        None => Ok(()),
+        Some((name, _, what)) => {
+            let message =
+                format!("is 0s and would {what}, expected a longer time, or leave it out");
+            Err(source.invalid(source.find(name), format!("{key}.{name}"), message))
+        }
+    }
+}
+
+const EXPIRES: &str = "expire at once";
+
 impl RegistersSpec {
     /// The device; `key` is its path in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Registers, ScenarioError> {
+        let times = [
+            ("watchdog", self.watchdog, EXPIRES),
+            (
+                "idle_gap",
+                Some(self.idle_gap),
+                "end each frame at its first byte",
+            ),
+        ];
+        check_times(&times, key, source)?;
         let names = self.register.iter().map(|spec| &*spec.get_ref().name);
         let names: Vec<&str> = names.collect();
         let registers = self.register.iter().enumerate();

@@ -223,6 +223,34 @@ impl Warnings<'_> {
                 self.found.push(self.source.invalid(span, key, message));
             }
         }
+        let is_zero = |span: Option<Span>| span == Some(Span::default());
+        let phases = scenario.phases;
+        let budget = scenario.budget.unwrap_or_default();
+        let no_fault = "is 0: no random fault acts";
+        let zeros = [
+            (
+                "adversity",
+                is_zero(phases.map(|it| it.adversity)),
+                "phases.adversity",
+                no_fault,
+            ),
+            (
+                "judgement",
+                is_zero(phases.map(|it| it.judgement)),
+                "phases.judgement",
+                "has no effect: it is 0, so nothing is judged in it",
+            ),
+            ("total", budget.total == Some(0), "budget.total", no_fault),
+            (
+                "at_once",
+                budget.at_once == Some(0),
+                "budget.at_once",
+                no_fault,
+            ),
+        ];
+        for (name, _, key, message) in zeros.into_iter().filter(|(_, is_zero, ..)| *is_zero) {
+            self.add(name, key.to_owned(), message);
+        }
         let end = scenario.duration;
         for (name, spec) in &scenario.device {
             let registers = spec.settings::<RegistersSpec>().map(|it| it.watchdog);

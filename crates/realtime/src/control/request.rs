@@ -157,6 +157,13 @@ impl Request {
                 return Err(Refusal::new("do", message));
             }
         }
+        // A fault has the errors of a scenario file.
+        if let (Some("add"), Some(Value::Object(fault))) = (keys["do"].as_str(), keys.get("fault"))
+            && let Err(flaws) = FaultSpec::of_json(fault)
+            && let Some((key, message)) = flaws.into_iter().next()
+        {
+            return Err(Refusal::new(key, message));
+        }
         read(&keys).map_err(|message| Refusal::new(blamed(&keys, &message), message))
     }
 }
@@ -228,7 +235,7 @@ mod tests {
                 "{\"do\":\"add\",\"fault\":{\"kind\":\"cut\",\"rat\":1}}",
                 "rat",
             ),
-            ("{\"kind\":\"cut\",\"rate\":\"much\"}", "fault"),
+            ("{\"kind\":\"cut\",\"rate\":\"much\"}", "rate"),
         ];
         for (line, key) in cases {
             let said = Request::parse(line.as_bytes()).expect_err(line);

@@ -6,6 +6,7 @@
 
 mod devices;
 mod end;
+mod late;
 mod motion;
 mod port;
 mod trigger;
@@ -67,11 +68,14 @@ mod weight {
     pub(super) const LOST: u32 = 58;
     pub(super) const ORDER: u32 = 55;
     pub(super) const RULE: u32 = 52;
+    pub(super) const LATE_DEVICE: u32 = 51;
     pub(super) const ENDED: u32 = 50;
+    pub(super) const LATE: u32 = 49;
     pub(super) const MOTORS: u32 = 48;
     pub(super) const MOTION: u32 = 45;
     pub(super) const COLLISION: u32 = 35;
     pub(super) const FAULTED: u32 = 30;
+    pub(super) const SCENARIO: u32 = 10;
 }
 
 /// The probable cause of the failure; `None` if the run passed.
@@ -85,6 +89,7 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     causes.extend(devices::causes(evidence));
     causes.extend(motion::causes(evidence));
     causes.extend(trigger::rules(evidence));
+    causes.extend(late::causes(evidence));
     // Of two causes with equal weight, the first one stays first.
     causes.sort_by_key(|cause| core::cmp::Reverse(cause.weight));
     let mut causes = causes.into_iter();
@@ -147,6 +152,7 @@ pub fn in_lockstep(outcome: &Outcome) -> Option<String> {
     let mut causes = devices::causes(&evidence);
     causes.extend(motion::causes(&evidence));
     causes.extend(trigger::rules(&evidence));
+    causes.extend(late::causes(&evidence));
     causes.extend(end::stopped(outcome));
     // The failed node program is the one under test.
     causes.retain(|cause| cause.weight != weight::DEVICE);

@@ -12,8 +12,9 @@ use super::verdict::{alive, childless};
 use super::{Foreign, add_checks};
 use crate::process::waits::Wait;
 use crate::process::{Ended, Farewell};
-use engine::run::Outcome;
-use engine::run::check::{Check, STOPS, Status, misunderstood, must_answer};
+use engine::run::check::{Check, GOES_ON, STOPS, Status, astray, misunderstood, must_answer};
+use engine::run::{Outcome, OwnBreaks};
+use engine::scenario::FaultSpec;
 
 /// Rig time after the program's end within which motors must rest.
 const REST: Duration = Duration::from_secs(1);
@@ -59,6 +60,20 @@ pub(crate) struct Ending<'a> {
     pub(crate) is_over: bool,
     /// Further checks.
     pub(crate) more: Option<Check>,
+}
+
+/// The run so far, for the checks about a program.
+pub(crate) struct SoFar<'a> {
+    /// Rig time.
+    pub(crate) now: Instant,
+    /// The checks of the run.
+    pub(crate) checks: &'a [Check],
+    /// The faults of the run, each struck byte as one of its own.
+    pub(crate) faults: &'a [FaultSpec],
+    /// Whether a device received a byte.
+    pub(crate) was_heard: bool,
+    /// The broken rules of the devices.
+    pub(crate) breaks: &'a [OwnBreaks],
 }
 
 impl Ending<'_> {
@@ -116,8 +131,8 @@ impl Ending<'_> {
         }
     }
 
-    /// Adds the checks about the program to `outcome`, and the probable cause if it failed.
-    pub(crate) fn conclude(self, outcome: &mut Outcome) {
+    /// The checks about the program and its ports.
+    pub(crate) fn own_checks(&self, so_far: &SoFar<'_>) -> Vec<Check> {
         let (ports, foreign) = (self.ports, self.foreign);
         let ended = self
             .ended
@@ -127,31 +142,43 @@ impl Ending<'_> {
         let is_told = [&connected, &reads]
             .iter()
             .any(|check| check.status == Status::Fail);
+        let end = self.ended.map_or(so_far.now, |(_, at)| at);
+        let astray = astray(so_far.breaks, end);
         let goes_on = ports.go_on(&Rest {
-            now: Instant::ZERO + outcome.ran,
+            now: so_far.now,
             has_ended: self.ended.is_some(),
             is_cut: !self.is_over && self.ended.is_none() && ports.is_complete(),
             is_mute: (!foreign.prints || self.farewell.said.trim().is_empty())
                 && !self.ended.is_some_and(|(how, _)| how == Ended::Code(0)),
             may_idle: foreign.may_idle,
             is_told,
+            checks: so_far.checks,
+            faults: so_far.faults,
+            was_heard: so_far.was_heard,
+            misunderstood: misunderstood(so_far.breaks),
+            astray: astray.as_deref(),
+        });
+        let alive = self.alive(so_far.now);
+        let left = childless(&self.farewell.left);
+        vec![connected, alive, reads, goes_on, ports.settings(), left]
+    }
+
+    /// Adds the checks about the program to `outcome`, and the probable cause if it failed.
+    pub(crate) fn conclude(self, outcome: &mut Outcome) {
+        let ports = self.ports;
+        let mut own = self.own_checks(&SoFar {
+            now: Instant::ZERO + outcome.ran,
             checks: &outcome.checks,
             faults: &outcome.case.fault,
             was_heard: outcome.was_asked || outcome.team.iter().any(|(_, end)| end.was_asked),
-            misunderstood: misunderstood(&outcome.own_breaks),
+            breaks: &outcome.own_breaks,
         });
         let unanswered = outcome.unanswered.iter();
         let left = unanswered.filter(|master| ports.was_opened(master));
         must_answer(&mut outcome.checks, left, &outcome.case.fault);
-        self.judge_all_motors(outcome, goes_on.status == Status::Fail);
-        let mut own = vec![
-            connected,
-            self.alive(Instant::ZERO + outcome.ran),
-            reads,
-            goes_on,
-            ports.settings(),
-            childless(&self.farewell.left),
-        ];
+        let mut goes_on = own.iter().filter(|check| check.name == GOES_ON);
+        let is_silent = goes_on.any(|check| check.status == Status::Fail);
+        self.judge_all_motors(outcome, is_silent);
         own.extend(self.more);
         add_checks(outcome, own);
         outcome.probable_cause = cause::probable(&Evidence {

@@ -49,6 +49,8 @@ pub(crate) struct Rest<'a> {
     pub was_heard: bool,
     /// Number of broken rules that mean that a device does not understand its input.
     pub misunderstood: u64,
+    /// Requests that no device can answer, see [`astray`](engine::run::check::astray).
+    pub astray: Option<&'a str>,
     /// The faults of the run, each struck byte as one of its own.
     pub faults: &'a [FaultSpec],
 }
@@ -103,6 +105,9 @@ impl Ports {
             return fail(format!(
                 "{passed}: {times} times a device did not understand it, or refused it"
             ));
+        }
+        if let Some(astray) = rest.astray {
+            return fail(format!("{passed}: {astray}"));
         }
         if let (Some(port), false) = (
             self.stalled(rest.now, rest.faults),

@@ -1,6 +1,7 @@
 //! A foreign program on trial in virtual time: started, run, ended, judged by the same checks as in
 //! real time.
 
+mod checks;
 mod environment;
 mod processor;
 mod rewind;

@@ -299,9 +299,10 @@ fn remove_link(dir: &Dir, name: &str, target: &Path) {
     }
 }
 
-/// Whether a port can have this name: a plain one in the directory.
+/// Whether a port can have this name: a plain one in the directory, also with spaces inside.
 fn is_port_name(name: &str) -> bool {
-    !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\n', ' ', '\0'])
+    let is_plain = |c: char| c == ' ' || c != '/' && !c.is_whitespace() && !c.is_control();
+    !name.is_empty() && !name.starts_with('.') && name.trim() == name && name.chars().all(is_plain)
 }
 
 fn read_record(record: &mut File) -> io::Result<Vec<(String, String)>> {
@@ -309,7 +310,8 @@ fn read_record(record: &mut File) -> io::Result<Vec<(String, String)>> {
     record.take(RECORD_LEN_MAX).read_to_end(&mut text)?;
     Ok(String::from_utf8_lossy(&text)
         .lines()
-        .filter_map(|line| line.split_once(' '))
+        // The name may have spaces, its target, a terminal, has none.
+        .filter_map(|line| line.rsplit_once(' '))
         // Other users can write this file: names are checked.
         .filter(|(name, _)| is_port_name(name))
         .map(|(name, target)| (name.to_owned(), target.to_owned()))

@@ -120,7 +120,7 @@ pub(super) fn read(
         }
         let taken = match serde_json::from_slice(&bytes) {
             Ok(line) => take(&line),
-            Err(error) => Err(format!("{error}, expected a run")),
+            Err(error) => Err(unread(&error)),
         };
         if let Err(what) = taken {
             return wrong(what);
@@ -128,6 +128,20 @@ pub(super) fn read(
         whole += bytes.len() as u64;
     }
     Ok(whole)
+}
+
+/// The message on a line that is no run, with the place in it and the fix.
+fn unread(error: &serde_json::Error) -> String {
+    let column = error.column();
+    let words = error.to_string();
+    // The reader counts lines from the begin of this one.
+    let words = words
+        .rsplit_once(" at line ")
+        .map_or(&*words, |(words, _)| words);
+    format!(
+        "column {column}: {words}, expected the JSON object of a finished run; remove the line, \
+         and the campaign repeats its run"
+    )
 }
 
 /// Whether `bytes` are the beginning of a line. After a power cut some file systems fill the
@@ -214,6 +228,27 @@ mod tests {
                 prop_assert!(message.contains("expected"), "{}", message);
             }
         }
+    }
+
+    /// A damaged line names its place, and what to do.
+    #[test]
+    fn a_damaged_line_names_its_place_and_the_fix() {
+        let record = Record {
+            scenario: "s".to_owned(),
+            seed: 1,
+            cause: None,
+            detail: None,
+            ran_ms: 5,
+            trace: String::new(),
+            reached: Vec::new(),
+        };
+        let damaged = line(&record).replace("\"seed\":1", "\"seed\":x");
+        let error = parse(format!("{}{damaged}", line(&record)).as_bytes()).expect_err("damaged");
+        assert_eq!(
+            error,
+            "line 2: column 24: expected value, expected the JSON object of a finished run; remove \
+             the line, and the campaign repeats its run"
+        );
     }
 
     /// Only the truncated line of a campaign is removed: a foreign file without a final line end is

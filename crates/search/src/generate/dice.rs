@@ -65,6 +65,13 @@ impl Draw {
         least + self.below(most - least + 1)
     }
 
+    /// A whole number from `-most` to `most`, other than 0.
+    pub(super) fn other_than_0(&mut self, most: u32) -> f64 {
+        let drawn = self.between(0, 2 * u64::from(most));
+        let drawn = u32::try_from(drawn).map_or(0.0, f64::from) - f64::from(most);
+        if drawn == 0.0 { 1.0 } else { drawn }
+    }
+
     /// Like `between`, for a smaller type.
     pub(super) fn narrow<T: TryFrom<u64>>(&mut self, least: u64, most: u64) -> T
     where

@@ -414,8 +414,8 @@ impl Drawn<'_> {
             K::Wrong => fault.factor = Some(factors[dice.index(factors.len())]),
             K::WrongBaud => match dice.below(3) {
                 0 => fault.baud = Some(BAUDS[dice.index(BAUDS.len())]),
-                1 => fault.ppm = Some(dice.between(0, 120_000) as f64 - 60_000.0),
-                _ => fault.ppm_per_s = Some(dice.between(0, 40_000) as f64 - 20_000.0),
+                1 => fault.ppm = Some(dice.other_than_0(60_000)),
+                _ => fault.ppm_per_s = Some(dice.other_than_0(20_000)),
             },
             K::Swizzle => {
                 let others: Vec<&str> = targets

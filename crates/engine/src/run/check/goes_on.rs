@@ -3,6 +3,8 @@
 
 use core::time::Duration;
 
+use protocols::Instant;
+
 use super::{Check, Status};
 use crate::rig::NO_FRAME;
 use crate::run::OwnBreaks;
@@ -24,7 +26,7 @@ const FEW: u64 = 3;
 const FRAME: u64 = 16;
 
 /// Rules that mean: the device does not understand its input.
-pub const NOT_UNDERSTOOD: [&str; 16] = [
+pub const NOT_UNDERSTOOD: [&str; 17] = [
     NO_FRAME,
     "bad-checksum",
     "stray-bytes",
@@ -41,6 +43,7 @@ pub const NOT_UNDERSTOOD: [&str; 16] = [
     "unknown-command",
     "line-too-long",
     "gap-in-frame",
+    "missing-pause",
 ];
 
 /// Rules that mean: the device understands the request, and has nothing to answer with.
@@ -57,6 +60,20 @@ pub fn misunderstood(broken: &[OwnBreaks]) -> u64 {
     let is_wrong = |rule: &str| NOT_UNDERSTOOD.contains(&rule) || UNANSWERABLE.contains(&rule);
     let format = broken.iter().filter(|broken| is_wrong(broken.rule));
     format.map(|broken| broken.count).sum()
+}
+
+/// Requests that are repeated to the end of a run, at `end`, and that no device can answer, because
+/// none has their address. A search for devices at the start is no mistake.
+pub fn astray(broken: &[OwnBreaks], end: Instant) -> Option<String> {
+    let mut broken = broken.iter().filter(|broken| {
+        let lasts = |last: Instant| last.as_nanos() >= end.as_nanos() / 4 * 3;
+        broken.rule == "wrong-address" && broken.count >= FEW && broken.last.is_some_and(lasts)
+    });
+    let found = broken.next()?;
+    let (device, count) = (&found.device, found.count);
+    let detail = found.first.as_ref().map(|(_, detail)| detail.as_str());
+    let detail = detail.unwrap_or("asked an address that no device of the link has");
+    Some(format!("{count} times it {detail}, on {device}"))
 }
 
 /// Whether frames that devices did not understand are an error: there are some, and nothing arrived

@@ -21,6 +21,7 @@ use crate::rig::Rig;
 use crate::scenario::{Operand, ScenarioError};
 
 pub use codec::codec_of;
+use codec::codec_of_all;
 pub use load::{LoadError, load};
 pub use spec::{DescriptionSpec, UnitSpec};
 
@@ -121,7 +122,7 @@ impl DeviceKind for DescriptionKind {
         let at = || source.find(context.name);
         let is_alone = spec.0.len() == 1;
         let mut units: Vec<(String, Described)> = Vec::new();
-        let mut codec = None;
+        let mut lines = Vec::new();
         for unit in &spec.0 {
             let base = source.path.parent().unwrap_or_else(|| ".".as_ref());
             let description = unit.load(base).map_err(|error| match error {
@@ -136,7 +137,6 @@ impl DeviceKind for DescriptionKind {
                 };
                 return Err(source.invalid(span, key, message));
             }
-            codec.get_or_insert_with(|| codec_of(&description));
             let name = unit
                 .name
                 .clone()
@@ -150,12 +150,14 @@ impl DeviceKind for DescriptionKind {
                 address: unit.address,
                 is_alone,
             };
-            units.push((name, Described::new(description, place)));
+            let device = Described::new(description.clone(), place);
+            lines.push((device.address(), description));
+            units.push((name, device));
         }
         let device = Wire::new(units).map_err(|error| source.invalid(at(), key, error.0))?;
         let line = device.line_config(Described::UART);
         let port = PortInfo::uart("uart", Described::UART, line, "your own program");
-        let port = codec.map_or(port, |codec| port.speaking(codec));
+        let port = codec_of_all(&lines).map_or(port, |codec| port.speaking(codec));
         Ok(Built {
             device: Box::new(device),
             ports: vec![port],

@@ -76,8 +76,26 @@ impl FaultSpec {
         }
     }
 
+    /// Checks that the fault has one end.
+    ///
+    /// # Errors
+    /// If it has two: the earlier one would end it.
+    pub(in crate::scenario) fn check_end(&self) -> Result<(), Flaw> {
+        match (self.until, self.lasting, self.every) {
+            (Some(until), Some(lasting), None) => {
+                let message = format!(
+                    "is {lasting} beside until = \"{until}\", expected one of them; with every, \
+                     lasting is the duration of each repetition"
+                );
+                Err(Flaw::new("lasting", message))
+            }
+            _ => Ok(()),
+        }
+    }
+
     fn check_time(&self) -> Result<(), Flaw> {
         let name = self.kind.name();
+        self.check_end()?;
         if self.window().is_empty() {
             let message = "is not after its begin, expected a later time";
             let key = if self.until.is_some() {
@@ -142,6 +160,15 @@ impl FaultSpec {
             _ => {}
         }
         Ok(())
+    }
+
+    /// Whether the fault is a wrong rate that is this one.
+    pub fn is_at_rate(&self, baud: u32) -> bool {
+        let is_zero = |value: Option<f64>| value.is_none_or(|value| value == 0.0);
+        self.kind == FaultKind::WrongBaud
+            && self.baud == Some(baud)
+            && is_zero(self.ppm)
+            && is_zero(self.ppm_per_s)
     }
 
     /// Whether the fault only acts on the bytes of its line.

@@ -51,6 +51,16 @@ impl WhenSpec {
         ("the robot is near a position", &["near_m", "within_m"]),
     ];
 
+    /// The key that gives this one of the condition.
+    pub(crate) fn key_of(&self, key: &'static str) -> &'static str {
+        match key {
+            "address" | "name" => "register",
+            "value" if self.equals.is_some() => "equals",
+            "value" => "at_least",
+            other => other,
+        }
+    }
+
     /// The condition.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use toml::Spanned;
 
-use super::{SourceSpec, default_latency, driven, line, sink};
+use super::{EXPIRES, SourceSpec, check_times, default_latency, driven, line, sink};
 use crate::scenario::board::{BoardKeys, RaisesSpec, ResetSpec};
 use crate::scenario::device::{Drives, PortInfo};
 use crate::scenario::drives::DrivesSpec;
@@ -111,6 +111,7 @@ fn default_terminator() -> String {
 impl TextSpec {
     /// The device; `key` is its path in the scenario.
     pub fn device(&self, key: &str, source: &Source) -> Result<Text, ScenarioError> {
+        check_times(&[("watchdog", self.watchdog, EXPIRES)], key, source)?;
         let names = self.variable.iter().map(|spec| &*spec.get_ref().name);
         let names: Vec<&str> = names.collect();
         let variables = self.variable.iter().enumerate();

@@ -3,6 +3,7 @@
 
 use protocols::Instant;
 
+use super::late::LATE;
 use super::trigger::{Trigger, after, explains};
 use super::{Cause, Evidence, MANY, weight};
 use engine::rig::{Logged, NO_FRAME};
@@ -25,6 +26,8 @@ const ADDRESS: [&str; 11] = [
 ];
 /// Those of them that mean: the value is beyond its limits.
 const VALUES: [&str; 3] = ["value-cut", "out-of-range", "set-point-out-of-range"];
+/// The rule that means: no device of the link has the address of the request.
+const ASTRAY: &str = "wrong-address";
 /// Rules that mean: the program did not wait for the device.
 const ORDER: [&str; 8] = [
     "request-before-reply",
@@ -50,7 +53,16 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
             let those = own.iter().filter(|broken| is_of(broken.rule));
             those.copied().collect()
         };
-        let known = [&NOT_UNDERSTOOD[..], &ADDRESS, &ORDER, &WATCHDOG].concat();
+        let known = [
+            &NOT_UNDERSTOOD[..],
+            &ADDRESS,
+            &ORDER,
+            &WATCHDOG,
+            &[ASTRAY],
+            &LATE,
+        ]
+        .concat();
+        causes.extend(astray(&device, &of(&|rule| rule == ASTRAY)));
         causes.extend(format(&device, &of(&|rule| NOT_UNDERSTOOD.contains(&rule))));
         causes.extend(address(
             evidence,
@@ -94,6 +106,18 @@ fn failed_expression(outcome: &Outcome) -> Option<Cause> {
          the description first"
     );
     Some(Cause::new(weight::DEVICE, text))
+}
+
+/// Requests for an address that no device of the link has.
+fn astray(device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
+    let broken = rules.first()?;
+    let count = broken.count;
+    let first = broken.first.as_ref();
+    let (at, detail) = first.map(|(at, detail)| (*at, detail.as_str()))?;
+    let text = format!(
+        "the program {detail}, {count} times on {device}, first at {at} s: no device answers it;          ask an address of the list, or add the device to the scenario"
+    );
+    Some(Cause::new(weight::ADDRESS, text))
 }
 
 /// Requests for unknown or forbidden addresses and values.
@@ -247,8 +271,12 @@ fn format(device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
         1 | 2 => weight::ORDER,
         _ => weight::FORMAT,
     };
-    let sums = rules.iter().any(|broken| broken.rule == "bad-checksum");
-    let fix = match sums {
+    let has = |rule: &str| rules.iter().any(|broken| broken.rule == rule);
+    let fix = match has("bad-checksum") {
+        _ if has("missing-pause") => {
+            "wait for the reply before the next request, and leave a silence of 3.5 characters \
+             before it"
+        }
         true => {
             "compare the checksum (which bytes it covers, its width and byte order), and whether \
              requests follow each other without a pause"

@@ -26,13 +26,14 @@ fn failed<'a>(evidence: &'a Evidence<'_>, name: &str) -> Option<&'a Check> {
 /// A crash after SIGTERM.
 fn crashed(evidence: &Evidence<'_>) -> Option<Cause> {
     let detail = &failed(evidence, "program-alive")?.detail;
-    let (_, how) = detail.split_once(CRASHED)?;
+    let (before, how) = detail.split_once(CRASHED)?;
     let how = how.split(';').next().unwrap_or_default();
+    let program = in_words(name_before(before, " to the end; "));
     let words = last_words(evidence.said);
     let words = words.map_or_else(String::new, |line| format!("; its last words: {line}"));
     Some(Cause::new(
         weight::MOTORS,
-        format!("the program crashed while it ended, after SIGTERM:{how}{words}"),
+        format!("{program} crashed while it ended, after SIGTERM:{how}{words}"),
     ))
 }
 
@@ -84,11 +85,13 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
     let mut alive = checks.iter().filter(|check| check.name == "program-alive");
     let failed = alive.find(|check| check.status == Status::Fail)?;
     // Several programs have names, and one log.
-    let name = failed.detail.split(" ended with").next();
-    let name = name.filter(|name| !name.is_empty() && !name.starts_with("ended"));
-    let program = name.map_or("the program".to_owned(), |name| {
-        format!("the program {name}")
-    });
+    let end = format!(" ended with {ended} at {at} s");
+    let before = failed
+        .detail
+        .find(&end)
+        .map(|place| &failed.detail[..place + end.len()]);
+    let name = before.and_then(|before| name_before(before, &end));
+    let program = in_words(name);
     let words = match name {
         None => last_words(evidence.said),
         Some(_) => failure(evidence.said),
@@ -111,6 +114,19 @@ fn own(evidence: &Evidence<'_>) -> Option<Cause> {
             weight::ENDED,
             format!("{program} gave up with {ended} at {at} s{after}{words}"),
         ),
+    })
+}
+
+/// The name of the program whose words end with `end`: the verdict on several programs has the name
+/// of each before its words, and `;` between them.
+fn name_before<'a>(words: &'a str, end: &str) -> Option<&'a str> {
+    let name = words.strip_suffix(end)?.rsplit("; ").next()?;
+    (!name.is_empty()).then_some(name)
+}
+
+fn in_words(name: Option<&str>) -> String {
+    name.map_or("the program".to_owned(), |name| {
+        format!("the program {name}")
     })
 }
 
@@ -153,4 +169,33 @@ fn failure(said: &str) -> Option<&str> {
         words.iter().any(|word| line.contains(word))
     };
     said.lines().rev().map(str::trim).find(tells)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The name of the program that ended is that of its own words, wherever it is in the list.
+    #[test]
+    fn of_several_programs_the_ended_one_is_named() {
+        let end = " ended with exit code 3 at 1.5 s";
+        for (words, name) in [
+            ("planner ended with exit code 3 at 1.5 s", Some("planner")),
+            (
+                "driver to the end; planner ended with exit code 3 at 1.5 s",
+                Some("planner"),
+            ),
+            (
+                "driver to the end; exit code 1 after SIGTERM; wheel/arm ended with exit code 3 at \
+                 1.5 s",
+                Some("wheel/arm"),
+            ),
+            ("ended with exit code 3 at 1.5 s", None),
+        ] {
+            assert_eq!(name_before(words, end), name, "{words}");
+        }
+        let crashed = "a to the end; b to the end; ";
+        assert_eq!(name_before(crashed, " to the end; "), Some("b"));
+        assert_eq!(name_before("to the end; ", " to the end; "), None);
+    }
 }

@@ -152,7 +152,7 @@ impl Session<'_> {
     }
 
     fn verdict(&mut self) -> String {
-        let checks = self.trial().run().checks();
+        let checks = self.trial().checks_now();
         let lines = checks.iter().map(|check| {
             let status = match check.status {
                 Status::Pass => "pass",
@@ -166,19 +166,26 @@ impl Session<'_> {
     }
 
     fn add_fault(&mut self, pairs: &[&str]) -> Result<String, String> {
-        let toml = pairs.join("\n").replace('=', " = ");
-        let quoted = pairs.iter().map(|pair| match pair.split_once('=') {
-            Some((key, value))
-                if toml::from_str::<toml::Table>(&format!("v = {value}")).is_err() =>
-            {
-                format!("{key} = {value:?}")
-            }
-            Some((key, value)) => format!("{key} = {value}"),
-            None => (*pair).to_owned(),
-        });
-        let quoted: Vec<String> = quoted.collect();
-        let fault: FaultSpec = toml::from_str(&quoted.join("\n"))
-            .map_err(|error| format!("fault add {toml}: {}", error.message()))?;
+        let mut keys = serde_json::Map::new();
+        for pair in pairs {
+            let (key, value) = pair
+                .split_once('=')
+                .ok_or_else(|| format!("fault add: \"{pair}\": expected KEY=VALUE"))?;
+            let table = toml::from_str::<toml::Table>(&format!("v = {value}"));
+            let value = table
+                .ok()
+                .and_then(|table| serde_json::to_value(table.get("v")?).ok());
+            keys.insert(
+                key.to_owned(),
+                value.unwrap_or_else(|| pair[key.len() + 1..].into()),
+            );
+        }
+        let fault = FaultSpec::of_json(&keys).map_err(|flaws| {
+            let flaws = flaws
+                .iter()
+                .map(|(key, message)| format!("{key}: {message}"));
+            format!("fault add: {}", flaws.collect::<Vec<_>>().join("; "))
+        })?;
         let added = self.trial().run().inject(fault);
         let id = added.map_err(|flaw| format!("fault add: {flaw}"))?;
         Ok(format!("fault {} from now on", id.0))

@@ -46,6 +46,8 @@ pub(crate) struct Rest<'a> {
     pub checks: &'a [Check],
     /// See [`misunderstood`].
     pub misunderstood: u64,
+    /// See [`astray`](super::astray).
+    pub astray: Option<String>,
 }
 
 impl GoesOn {
@@ -179,6 +181,9 @@ impl GoesOn {
             return fail(format!(
                 "{passed}: {times} times a device did not understand it, or refused it"
             ));
+        }
+        if let Some(astray) = &rest.astray {
+            return fail(format!("{passed}: {astray}"));
         }
         let Some(active) = self.active_at() else {
             let printed = match program.said().trim().is_empty() {
