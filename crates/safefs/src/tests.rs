@@ -245,5 +245,8 @@ fn only_plain_files_are_read() {
         let error = read(name).expect_err("no plain file");
         assert_eq!(error.to_string(), "is not a file", "{name}");
     }
-    assert_eq!(read("missing").expect_err("missing").kind(), std::io::ErrorKind::NotFound);
+    assert_eq!(
+        read("missing").expect_err("missing").kind(),
+        std::io::ErrorKind::NotFound
+    );
 }
