@@ -108,9 +108,11 @@ fi
 if proof python nodes crates tests/bridges; then
     # A node of ROS 1 reads a bridge.
     python3_rospy=/usr/lib/python3/dist-packages
-    [[ -d $python3_rospy/rospy && -d $python3_rospy/nav_msgs && -d $python3_rospy/tf2_msgs ]] &&
+    [[ -d $python3_rospy/rospy && -d $python3_rospy/sensor_msgs && -d $python3_rospy/nav_msgs &&
+        -d $python3_rospy/tf2_msgs ]] &&
         command -v rosmaster >/dev/null ||
-        missing+=(ros-core python3-rospy python3-rosmaster python3-nav-msgs python3-tf2-msgs)
+        missing+=(ros-core python3-rospy python3-rosmaster python3-sensor-msgs
+            python3-nav-msgs python3-tf2-msgs)
 fi
 if proof protocols emulators crates tests/osc_clients; then
     # Drives the model car.

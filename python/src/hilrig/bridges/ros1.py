@@ -30,7 +30,10 @@ class Ros1(Sink):
             import rosgraph
             import rospy
         except ImportError as error:
-            sys.exit(f"{error}: install ROS 1, e.g. Debian's ros-core and python3-nav-msgs")
+            sys.exit(
+                f"{error}: install ROS 1, e.g. Debian's ros-core, python3-sensor-msgs and "
+                "python3-nav-msgs"
+            )
         if not rosgraph.is_master_online():
             sys.exit("no ROS master answers: start roscore, or set ROS_MASTER_URI")
         self._ros: Any = rospy
