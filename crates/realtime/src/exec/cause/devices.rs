@@ -115,7 +115,8 @@ fn astray(device: &str, rules: &[&OwnBreaks]) -> Option<Cause> {
     let first = broken.first.as_ref();
     let (at, detail) = first.map(|(at, detail)| (*at, detail.as_str()))?;
     let text = format!(
-        "the program {detail}, {count} times on {device}, first at {at} s: no device answers it;          ask an address of the list, or add the device to the scenario"
+        "the program {detail}, {count} times on {device}, first at {at} s: no device answers it; \
+         ask an address of the list, or add the device to the scenario"
     );
     Some(Cause::new(weight::ADDRESS, text))
 }
