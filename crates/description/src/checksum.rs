@@ -327,8 +327,8 @@ mod tests {
         assert_eq!(of("internet", &words), 0x220d);
     }
 
-    /// The example of the LIN specification 2.2A, section 2.8.3: the sum with carry of 4A, 55, 93 and
-    /// E5 is 19, and inverted E6. With the protected identifier A3 of 23 the
+    /// The example of the LIN specification 2.2A, section 2.8.3: the sum with carry of 4A, 55, 93
+    /// and E5 is 19, inverted E6. With the protected identifier A3 of 23 the
     /// sum is BC. Sums of exactly FF and 0 stay.
     #[test]
     fn the_checksum_of_lin_adds_its_carries() {
