@@ -327,9 +327,9 @@ mod tests {
         assert_eq!(of("internet", &words), 0x220d);
     }
 
-    /// The example of the LIN specification 2.2A, section 2.8.3: the carries are added, 0x4A + 0x55 +
-    /// 0x93 + 0xE5 gives 0x19, and inverted 0xE6. With the protected identifier 0xA3 of 0x23 the sum
-    /// is 0xBC. Sums of exactly 0xFF and 0 stay.
+    /// The example of the LIN specification 2.2A, section 2.8.3: the sum with carry of 4A, 55, 93
+    /// and E5 is 19, inverted E6. With the protected identifier A3 of 23 the
+    /// sum is BC. Sums of exactly FF and 0 stay.
     #[test]
     fn the_checksum_of_lin_adds_its_carries() {
         let data = [0x4A, 0x55, 0x93, 0xE5];

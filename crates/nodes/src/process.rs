@@ -90,6 +90,12 @@ impl Process {
         env: &[(String, String)],
         limit: Duration,
     ) -> Result<Self, NodeError> {
+        let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.is_dir();
+        if let Some(folder) = folder.filter(is_missing) {
+            let folder = folder.display();
+            let message = format!("its folder {folder} is missing; correct the key \"folder\"");
+            return Err(NodeError::NotStarted(message));
+        }
         Self::try_start(command, folder, env, limit).map_err(|error| {
             let place = folder.map(|folder| format!(" in {}", folder.display()));
             NodeError::NotStarted(format!("{error}{}", place.unwrap_or_default()))
@@ -111,11 +117,6 @@ impl Process {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
         if let Some(folder) = folder.filter(|folder| !folder.as_os_str().is_empty()) {
-            if !folder.is_dir() {
-                return Err(io::Error::other(
-                    "there is no folder, expected that of the program",
-                ));
-            }
             shell.current_dir(folder);
         }
         let alarm = timerfd_create(TimerfdClockId::Monotonic, TimerfdFlags::CLOEXEC)?;

@@ -142,7 +142,10 @@ fn table(bytes: &[u8]) -> Option<Table<'_>> {
             .iter()
             .find_map(|divider| without_head(bytes, *divider));
     };
-    let mut rows = cells::rows_of(bytes, divider).map(|row| (row.line, row.cells));
+    let rows = cells::rows_of(bytes, divider).map(|row| (row.line, row.cells));
+    // A damaged row may have been blanked.
+    let is_full = |(_, cells): &(Line<'_>, Vec<String>)| cells.iter().any(|cell| !cell.is_empty());
+    let mut rows = rows.filter(is_full);
     let (_, names) = rows.next()?;
     let rows = rows.collect();
     Some(Table { names, rows })
