@@ -266,8 +266,8 @@ fn registers_of_modbus_frames_have_names_in_rules() {
     }
     for (condition, words) in [
         (
-            "direction = \"to-master\", field = \"co\", op = \">\", value = 1",
-            "did you mean \"co2\"?",
+            "direction = \"to-master\", field = \"alarm_stats\", op = \">\", value = 1",
+            "did you mean \"alarm_status\"?",
         ),
         (
             "direction = \"to-device\", field = \"co2\", op = \">\", value = 1",
