@@ -64,6 +64,24 @@ fn end_of(line: &str) -> End {
     }
 }
 
+/// The number of digits of the offsets before the bytes of a dump, if it is odd: most lines begin
+/// with as many, and have bytes behind them.
+fn offset_len(bytes: &[u8]) -> Option<usize> {
+    let (mut count, mut begin_alike, mut len) = (0, 0, None);
+    for line in lines(bytes) {
+        let mut words = utf8(line.text).split_whitespace();
+        let (Some(first), Some(_)) = (words.next(), words.next()) else {
+            continue;
+        };
+        count += 1;
+        if len.is_none() && first.len() % 2 == 1 && is_hex(first) {
+            len = Some(first.len());
+        }
+        begin_alike += usize::from(len == Some(first.len()) && is_hex(first));
+    }
+    len.filter(|_| 2 * begin_alike > count)
+}
+
 /// The text without the digits that are left over where lines are cut inside a byte, and the
 /// numbers of these lines. Each digit becomes a blank, so that all places stay.
 pub(super) fn without_cut_bytes(bytes: &[u8]) -> (Cow<'_, [u8]>, Vec<usize>) {
@@ -72,7 +90,12 @@ pub(super) fn without_cut_bytes(bytes: &[u8]) -> (Cow<'_, [u8]>, Vec<usize>) {
         return nothing;
     }
     let (mut whole, mut cuts) = (0, Vec::new());
+    let offsets = offset_len(bytes);
     for line in lines(bytes) {
+        // A dump ends with the offset behind its last byte.
+        if offsets == Some(utf8(line.text).trim().len()) {
+            continue;
+        }
         match end_of(utf8(line.text)) {
             End::Whole => whole += 1,
             End::Cut(at) => cuts.push((line.number, line.offset + at)),
@@ -199,6 +222,13 @@ mod tests {
         }
         // Numbers without leading zeros are whole.
         assert_eq!(told("0A 1 2B\n0B 11 2\n0A 1 2B\n").2, [""; 0]);
+        // So is the offset behind a dump, of hexdump and od.
+        for dump in [
+            "0000000 0201 0403\n0000004 0005\n0000005\n",
+            "0000000 001 002\n0000002\n",
+        ] {
+            assert_eq!(without_cut_bytes(dump.as_bytes()).1, [0; 0], "{dump}");
+        }
     }
 
     /// A line of another kind costs itself alone, in each form of lines.

@@ -139,7 +139,7 @@ fn unread(error: &serde_json::Error) -> String {
         .rsplit_once(" at line ")
         .map_or(&*words, |(words, _)| words);
     format!(
-        "column {column}: {words}, expected the JSON object of a finished run; remove the line, \
+        "column {column}: {words}, expected a run, as a JSON object; remove the line, \
          and the campaign repeats its run"
     )
 }
@@ -246,8 +246,8 @@ mod tests {
         let error = parse(format!("{}{damaged}", line(&record)).as_bytes()).expect_err("damaged");
         assert_eq!(
             error,
-            "line 2: column 24: expected value, expected the JSON object of a finished run; remove \
-             the line, and the campaign repeats its run"
+            "line 2: column 24: expected value, expected a run, as a JSON object; remove the line, \
+             and the campaign repeats its run"
         );
     }
 
