@@ -42,7 +42,11 @@ impl Trial {
         checks.extend(spins.map(|spins| Check::new("program-yields", false, spins)));
         // The run itself has seen no program in this process.
         let own: Vec<_> = checks.iter().map(|check| check.name.clone()).collect();
-        checks.extend(so_far.into_iter().filter(|check| !own.contains(&check.name)));
+        checks.extend(
+            so_far
+                .into_iter()
+                .filter(|check| !own.contains(&check.name)),
+        );
         checks
     }
 }
