@@ -32,7 +32,7 @@ fn a_request_that_makes_no_sense_is_told_what_was_expected() {
     insta::assert_snapshot!(said(&mut run, r#"{"do":"list","of":1}"#), @r#"{"ok":false,"key":"of","message":"unknown field `of`, there are no fields"}"#);
     let add =
         r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"cut","rat":1}}"#;
-    insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rat","message":"unknown field `rat`, expected one of `kind`, `link`, `direction`, `device`, `devices`, `rate`, `byte`, `bit`, `value`, `len`, `fifo`, `by`, `baud`, `ppm`, `ppm_per_s`, `with`, `back_as`, `fault`, `factor`, `from`, `until`, `lasting`, `every`, `count`, `at_byte`, `at_frame`, `when`, `begins_when`, `ends_when`, `stream`"}"#);
+    insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rat","message":"is an unknown key, did you mean \"rate\"? Expected one of kind, link, direction, device, devices, rate, byte, bit, value, len, fifo, by, baud, ppm, ppm_per_s, with, back_as, fault, factor, from, until, lasting, every, count, at_byte, at_frame, when, begins_when, ends_when, stream"}"#);
     let add =
         r#"{"do":"add","fault":{"link":"base","direction":"to-device","kind":"flip","rate":7}}"#;
     insta::assert_snapshot!(said(&mut run, add), @r#"{"ok":false,"key":"rate","message":"is 7, expected a chance per byte from 0 to 1"}"#);
