@@ -424,3 +424,22 @@ fn a_length_may_share_its_field_with_the_message() {
         );
     }
 }
+
+/// LIN 2.2A: the sum with carry of 4A 55 93 E5 is 19, inverted E6; with the protected identifier A3
+/// it is BC, inverted 43. The sync byte 55 belongs to neither.
+#[test]
+fn a_checksum_of_lin_covers_what_its_name_says() {
+    for (name, sum) in [("lin-classic", 0xE6), ("lin-enhanced", 0x43)] {
+        let of = parse(&format!(
+            "name = \"lin\"\nabout = \"LIN slave\"\nline = {{ baud = 19200 }}\n\
+             frame = {{ sync = [0x55], size = 7, checksum = \"{name}\" }}\n\
+             message = [{{ name = \"frame\", from = \"device\", fields = [\
+             {{ name = \"pid\", type = \"u8\" }}, {{ name = \"data\", type = \"bytes\", size = 4 }}] }}]\n\
+             every = [{{ period = \"100ms\", send = \"frame\" }}]\n"
+        ));
+        let frame = of
+            .frame_of(0, &[0xA3, 0x4A, 0x55, 0x93, 0xE5])
+            .expect("fits");
+        assert_eq!(frame, [0x55, 0xA3, 0x4A, 0x55, 0x93, 0xE5, sum], "{name}");
+    }
+}
