@@ -12,8 +12,8 @@
 //!   name was removed. The target of a link, the other names of a file and the reader of a pipe are
 //!   not affected.
 //! - A name that was read from a file must be a single component; otherwise it is refused.
-//! - A file of a folder is read with [`open`], [`read`] or [`read_text`]: a pipe in its place, whose
-//!   writer may never come, is an error.
+//! - A file of a folder is read with [`open`], [`read`] or [`read_text`]: a pipe in its place,
+//!   whose writer may never come, is an error.
 //!
 //! Paths from the user are resolved as usual up to the last component, which is not followed if it
 //! is a link. The default folder `hilrig-out`, which the user never types, is not followed either.
