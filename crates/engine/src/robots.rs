@@ -27,6 +27,7 @@ pub mod rescue;
 #[cfg(feature = "robots")]
 mod script;
 pub mod station;
+mod warnings;
 mod wiring;
 #[cfg(feature = "robots")]
 mod yellow;
@@ -41,7 +42,6 @@ use protocols::{LineConfig, Port};
 pub use crate::scenario::device::scan::{Beam, ScanDecoder};
 pub use axis::Axis;
 pub(crate) use bounds::beyond_map;
-pub use bounds::warnings;
 pub use checker::{Check, Checker, Look, Status};
 use devices::add_devices;
 pub use instruments::{
@@ -52,6 +52,7 @@ pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
 pub use panel::{Panel, PanelRow};
 pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
+pub use warnings::warnings;
 pub use wiring::{nowhere, wire, wire_first, wire_into, wire_without_start};
 
 use crate::near;

@@ -279,7 +279,7 @@ mod tests {
         assert_eq!(error.expect_err("too many").line, 4);
     }
 
-    /// Levels without times, and a file without a byte, name what is missing.
+    /// Levels without times, and a file without a byte, name the missing part.
     #[test]
     fn levels_without_times_and_an_empty_file_are_named() {
         for (text, words) in [

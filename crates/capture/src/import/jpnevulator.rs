@@ -36,7 +36,7 @@ fn head(text: &[u8]) -> Option<(u64, &str)> {
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     out.note(LOCAL);
     let mut block: Option<(u64, usize, Vec<u8>)> = None;
-    for line in lines(bytes).filter(|line| !line.text.is_empty()) {
+    for line in lines(bytes).filter(|line| !line.text.trim_ascii().is_empty()) {
         if let Some((nanos, alias)) = head(line.text) {
             end(block.take(), options, out);
             let name = if alias.is_empty() {

@@ -80,7 +80,7 @@ struct Decoder {
 
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     out.clock = "virtual";
-    let full = || lines(bytes).filter(|line| !line.text.is_empty());
+    let full = || lines(bytes).filter(|line| !line.text.trim_ascii().is_empty());
     let mut names: Vec<String> = Vec::new();
     for one in full().filter_map(|line| annotation(line.text)) {
         if !is_part(&one) && !names.contains(&one.decoder) {

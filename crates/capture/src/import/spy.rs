@@ -59,7 +59,7 @@ pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Resul
     out.clock = "virtual";
     let link = out.link(&options.link, options);
     let mut open: Option<(u64, bool, Vec<u8>)> = None;
-    for line in lines(bytes).filter(|line| !line.text.is_empty()) {
+    for line in lines(bytes).filter(|line| !line.text.trim_ascii().is_empty()) {
         let expected = "expected \"SSSSSS.mmm TX   0000  AB 24 ..\", as spy:// writes";
         let row = row(line.text).ok_or_else(|| line.wrong(expected))?;
         let is_received = match row.event {

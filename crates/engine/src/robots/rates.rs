@@ -27,7 +27,7 @@ pub(super) fn warnings(
         dut: Dut::External,
         pc: PcEnd::External,
     });
-    // The errors of the wiring are told by the run.
+    // The run reports the errors of the wiring.
     let Ok(wired) = wired else {
         return Vec::new();
     };

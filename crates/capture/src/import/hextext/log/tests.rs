@@ -176,7 +176,6 @@ fn a_line_gives_its_bytes_and_nothing_else() {
         "RX: E5 02 03 ?? 16",
         "RX: E5 02 03 1G 16",
         "RX: E5 02 03 116 16",
-        "RX: E5 02 03 0",
     ] {
         let (found, notes) = imported(&format!("TX: 10 5B 01\n{lost}\nRX: E5 AF\n"));
         assert_eq!(found, expected, "{lost}");
@@ -185,6 +184,10 @@ fn a_line_gives_its_bytes_and_nothing_else() {
             "{lost}: {notes}"
         );
     }
+    // Only the last byte of a line is cut.
+    let (found, notes) = imported("TX: 10 5B 01\nRX: E5 02 03 0\nRX: E5 AF\n");
+    assert_eq!(found[1], (false, vec![0xE5, 2, 3]));
+    assert!(notes.contains("cut inside a byte, line 2"), "{notes}");
 }
 
 /// Times in seconds of the records from the first one on, and the notes.
