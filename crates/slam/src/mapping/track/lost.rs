@@ -146,6 +146,7 @@ impl Mapper {
             scan: self.scans.len(),
             turned: self.by_wheels.turned,
             wheels_m: self.by_wheels.way_m,
+            by_odometry: 1.0,
             part: self.lost.part,
         });
         self.scans.push((number, Pose::default()));
@@ -598,6 +599,7 @@ mod tests {
                 scan: 0,
                 turned: mapper.by_wheels.turned,
                 wheels_m: mapper.by_wheels.way_m,
+                by_odometry: 0.0,
                 part: mapper.lost.part,
             });
         }
