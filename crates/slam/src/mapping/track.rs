@@ -470,6 +470,7 @@ impl Mapper {
         if !self.keyframes.is_empty() {
             self.find_rest();
             self.settle();
+            self.check_joins();
         }
     }
 }
