@@ -348,6 +348,10 @@ impl Mapper {
     /// joined, such a place may have been unknown: one corridor looks like another from its far
     /// end.
     pub(super) fn check_joins(&mut self) {
+        // The search takes long, and the map is doubted already.
+        if self.parts() != Some(1) || self.unsure_joins() > 0 {
+            return;
+        }
         let mut left = CHECKED_MOST;
         let mut seen: BTreeMap<usize, Vec<Recognised>> = BTreeMap::new();
         for motion in self.unknown_motions() {
