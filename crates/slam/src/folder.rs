@@ -44,8 +44,8 @@ pub struct Timing<'a> {
     /// `null` if the mapper does not close loops, or the log has no odometry.
     pub doubt: Option<f64>,
     /// 95 % bound of the mean distance between trajectory and truth after the best rigid alignment,
-    /// metres. `null` if the mapper does not close loops, or parts of the map were not joined or
-    /// joined at one place only.
+    /// metres. `null` if the mapper does not close loops, or parts of the map were not joined, or a
+    /// join is unsure.
     pub error_m: Option<f64>,
     /// Mean distance between the trajectory and that of the odometry alone after the best rigid
     /// alignment, metres.

@@ -8,7 +8,7 @@ use crate::mapping::motion::distance;
 pub enum Warning {
     /// The map has this number of separate parts.
     Parts(usize),
-    /// This number of joins of two parts rests on one place.
+    /// This number of joins of two parts rests on one place, or on a place that resembles another.
     Joins(usize),
     /// The 95 % bound of the error, metres, is a large part of the path.
     Error(f64),
@@ -39,8 +39,9 @@ impl Warning {
                  another is unknown. The column part of scans.csv names the part of each scan"
             ),
             Self::Joins(joins) => format!(
-                "{joins} times the robot moved unseen and was recognised at one place only. A \
-                 similar place may have been taken for it, so the pose of what follows may be wrong"
+                "{joins} times the robot moved unseen and was recognised at one place only, or at a \
+                 place that resembles another. A similar place may have been taken for it, so the \
+                 pose of what follows may be wrong"
             ),
             Self::Error(bound_m) => format!(
                 "the map may be off by {bound_m:.2} m on average, more than {} % of the path: few \

@@ -11,7 +11,7 @@ use emulators::world::{Pose, wrap_angle};
 use crate::mapping::matrix::{Matrix, applied, diagonal, product, scaled, transposed, weighed};
 use crate::mapping::motion::{between, moved};
 use crate::mapping::sparse::{Plan, System};
-pub(crate) use samples::Errors;
+pub(crate) use samples::{Errors, Held};
 
 /// The source of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,6 +15,8 @@ pub(crate) struct Keyframe {
     /// Rotation and length of the path by odometry only, radians and metres.
     pub(crate) turned: f64,
     pub(crate) wheels_m: f64,
+    /// Share of the odometry in the rotation since the previous keyframe, 0 to 1.
+    pub(crate) by_odometry: f64,
     /// Part of the map, as the index of its first keyframe.
     pub(crate) part: usize,
 }

@@ -245,6 +245,7 @@ mod tests {
             scan: 0,
             turned: 0.0,
             wheels_m: 0.0,
+            by_odometry: 0.0,
             part: 0,
         };
         let sheet = Sheet::of(&[keyframe], &[Pose::default()], 0.05);

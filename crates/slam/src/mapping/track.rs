@@ -358,6 +358,9 @@ impl Mapper {
     /// Stores a scan at the current pose as a keyframe; `fit` is its alignment with the walls.
     fn keep(&mut self, cloud: Cloud, quality: f64, fit: Option<Fit>) {
         let number = self.graph.add_pose(self.pose);
+        let unsure = self.unsure.map(|variance| 1.0 / variance.max(1e-8));
+        let by_wheels = diagonal([unsure[0], unsure[0], unsure[1]]);
+        let known = fit.and_then(|fit| inverse(&sum(&fit.information, &by_wheels)));
         self.keyframes.push(Keyframe {
             cloud,
             path_m: self.path_m,
@@ -365,14 +368,13 @@ impl Mapper {
             scan: self.scans.len(),
             turned: self.by_wheels.turned,
             wheels_m: self.by_wheels.way_m,
+            by_odometry: known.map_or(1.0, |variance| variance[2][2] * unsure[1]),
             part: self.lost.part,
         });
         self.scans.push((number, Pose::default()));
         if number > 0 {
             let last = self.at;
             let from = self.graph.poses[last];
-            let unsure = self.unsure.map(|variance| 1.0 / variance.max(1e-8));
-            let by_wheels = diagonal([unsure[0], unsure[0], unsure[1]]);
             let edge = |way: Pose, information: &Matrix, kind: Kind| Edge {
                 from: last,
                 to: number,
@@ -468,6 +470,7 @@ impl Mapper {
         if !self.keyframes.is_empty() {
             self.find_rest();
             self.settle();
+            self.check_joins();
         }
     }
 }

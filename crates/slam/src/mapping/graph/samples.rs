@@ -9,17 +9,38 @@ use crate::mapping::matrix::{Matrix, applied, scaled, transposed};
 use crate::mapping::sparse::Plan;
 
 /// Errors of edges.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Errors {
-    /// Standard deviations relative to those of the edges.
-    pub(crate) scale: f64,
+    /// Standard deviations relative to those of the edges: motions, motions where nothing of a scan
+    /// lies on known walls (in addition), odometry alone, and loops.
+    pub(crate) way: f64,
+    pub(crate) unseen_way: f64,
+    pub(crate) wheels: f64,
+    pub(crate) loops: f64,
     /// Standard deviation of the systematic turn error that all motions share, radians per metre:
-    /// where all of a scan lies on known walls, and where nothing of it does.
+    /// everywhere, and in addition where nothing of a scan lies on known walls.
     pub(crate) bend: [f64; 2],
+    /// Standard deviation of a turn error that changes along the path, radians per metre.
+    pub(crate) drift: f64,
     /// Standard deviation of the systematic error of distances where nothing of a scan lies on
     /// known walls.
     pub(crate) length: f64,
+    /// Standard deviation of the systematic turn error of the odometry, radians per metre. It
+    /// counts for a motion by the share of the odometry.
+    pub(crate) odometry: f64,
 }
+
+/// What held the pose of a keyframe.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Held {
+    /// Share of the scan that lay on no known wall, 0 to 1.
+    pub(crate) unseen: f64,
+    /// Share of the odometry in the rotation since the previous keyframe, 0 to 1.
+    pub(crate) by_odometry: f64,
+}
+
+/// Path length over which the changing turn error persists, metres.
+const DRIFT_M: f64 = 10.0;
 
 /// An edge with all that its variants have in common.
 struct Varied<'a> {
@@ -30,17 +51,20 @@ struct Varied<'a> {
     /// Transposed derivatives of the error by the two poses.
     slopes: [Matrix; 2],
     unseen: f64,
+    by_odometry: f64,
     way_m: f64,
+    /// Parts of the changing turn error before and after the edge: what persists, and what is new.
+    kept: [f64; 2],
 }
 
 impl Graph {
     /// `count` variants of all poses, each with other errors of the edges; `None` if the poses are
-    /// not determined. `unseen` is the share of each pose's scan that lay on no known wall.
+    /// not determined. `held` says of each pose what held it.
     pub(crate) fn samples(
         &self,
         count: usize,
         errors: &Errors,
-        unseen: &[f64],
+        held: &[Held],
     ) -> Option<Vec<Vec<Pose>>> {
         let all: Vec<usize> = (0..self.poses.len()).collect();
         let part = Part::of(self, &all);
@@ -53,32 +77,50 @@ impl Graph {
             .map(|edge| {
                 let (off, from, to) = self.slopes(edge);
                 let information = scaled(&edge.information, weight(edge, off));
+                let way_m = libm::hypot(edge.way.x, edge.way.y);
+                let kept = libm::exp(-way_m / DRIFT_M);
                 Varied {
                     edge,
                     root: root(&information),
                     information,
                     slopes: [transposed(&from), transposed(&to)],
                     // Two shares of unknown walls: few walls hold a scan, and they hold it badly.
-                    unseen: unseen[edge.to] * unseen[edge.to],
-                    way_m: libm::hypot(edge.way.x, edge.way.y),
+                    unseen: held[edge.to].unseen * held[edge.to].unseen,
+                    by_odometry: held[edge.to].by_odometry,
+                    way_m,
+                    kept: [kept, libm::sqrt(1.0 - kept * kept)],
                 }
             })
             .collect();
         let mut rng = Rng::stream(1, "slam.accuracy");
         let samples = (0..count).map(|_| {
-            let [seen, bend, length] = [0, 1, 2].map(|_: u8| rng.gauss());
+            let [bend, unseen_bend, length, odometry] = [0, 1, 2, 3].map(|_: u8| rng.gauss());
+            let mut drift = rng.gauss();
             let mut right = factored.right();
             for varied in &edges {
                 let (edge, unseen, way_m) = (varied.edge, varied.unseen, varied.way_m);
-                let turn = way_m * (errors.bend[0] * seen + unseen * errors.bend[1] * bend);
-                let part = unseen * errors.length * length;
-                let drawn = [0, 1, 2].map(|_: u8| errors.scale * rng.gauss());
-                let random = applied(&varied.root, drawn);
-                let shift = [part * edge.way.x, part * edge.way.y, turn];
-                let common = match edge.kind {
-                    Kind::Way | Kind::Wheels => applied(&varied.information, shift),
-                    Kind::Loop | Kind::Unknown => [0.0; 3],
+                if edge.kind == Kind::Way {
+                    drift = varied.kept[0] * drift + varied.kept[1] * rng.gauss();
+                }
+                // Random errors; the shares of the errors that all motions share, of the changing
+                // turn error, and of the odometry.
+                let [scale, common, changing, by_odometry] = match edge.kind {
+                    Kind::Way => {
+                        let scale = errors.way + errors.unseen_way * unseen;
+                        [scale, 1.0, 1.0, varied.by_odometry]
+                    }
+                    Kind::Wheels => [errors.wheels, 1.0, 0.0, 1.0],
+                    Kind::Loop => [errors.loops, 0.0, 0.0, 0.0],
+                    Kind::Unknown => [1.0, 0.0, 0.0, 0.0],
                 };
+                let bend = common * (errors.bend[0] * bend + unseen * errors.bend[1] * unseen_bend)
+                    + changing * errors.drift * drift
+                    + by_odometry * errors.odometry * odometry;
+                let turn = way_m * bend;
+                let part = common * unseen * errors.length * length;
+                let shift = [part * edge.way.x, part * edge.way.y, turn];
+                let random = applied(&varied.root, [0, 1, 2].map(|_: u8| scale * rng.gauss()));
+                let common = applied(&varied.information, shift);
                 let by = [0, 1, 2].map(|axis| random[axis] + common[axis]);
                 let [from, to] = &varied.slopes;
                 factored.add_right(&mut right, edge.from, applied(from, by));
@@ -153,17 +195,84 @@ mod tests {
                 });
             }
             let errors = Errors {
-                scale: 1.0,
-                bend: [0.0; 2],
-                length: 0.0,
+                way: 1.0,
+                loops: 1.0,
+                ..Errors::default()
             };
-            let samples = graph.samples(400, &errors, &[0.0; 5]).expect("determined");
+            let samples = graph
+                .samples(400, &errors, &[Held::default(); 5])
+                .expect("determined");
             let squares = samples.iter().map(|poses| {
                 let off = poses[4].x - 4.0;
                 off * off
             });
             let deviation = libm::sqrt(squares.sum::<f64>() / 400.0);
             assert!((deviation / expected - 1.0).abs() < 0.12, "{deviation}");
+        }
+    }
+
+    /// Four motions of 1 m along x, of which the odometry holds half of the rotation: its
+    /// systematic error of 0.01 rad per metre leaves 4 * 0.5 * 0.01 = 0.02 rad at the end. Motions
+    /// that share 0.01 rad per metre leave 0.04 rad, and so do scans off all known walls. A turn
+    /// error that changes over 10 m leaves a little less: the sum of exp(-|i - j| / 10) over four
+    /// motions is 14.2, so it is 0.01 * sqrt(14.2) = 0.0377 rad.
+    #[test]
+    fn systematic_errors_add_up_along_the_path() {
+        let held = Held {
+            unseen: 1.0,
+            by_odometry: 0.5,
+        };
+        let none = Errors::default();
+        for (errors, expected) in [
+            (
+                Errors {
+                    odometry: 0.01,
+                    ..none
+                },
+                0.02,
+            ),
+            (
+                Errors {
+                    bend: [0.01, 0.0],
+                    ..none
+                },
+                0.04,
+            ),
+            (
+                Errors {
+                    bend: [0.0, 0.01],
+                    ..none
+                },
+                0.04,
+            ),
+            (
+                Errors {
+                    drift: 0.01,
+                    ..none
+                },
+                0.0377,
+            ),
+        ] {
+            let mut graph = Graph::default();
+            for number in 0..5 {
+                graph.add_pose(Pose::new(f64::from(number), 0.0, 0.0));
+            }
+            for from in 0..4 {
+                graph.add_edge(Edge {
+                    from,
+                    to: from + 1,
+                    way: Pose::new(1.0, 0.0, 0.0),
+                    information: diagonal([100.0, 100.0, 1e4]),
+                    kind: Kind::Way,
+                });
+            }
+            let samples = graph.samples(400, &errors, &[held; 5]).expect("determined");
+            let squares = samples.iter().map(|poses| poses[4].theta * poses[4].theta);
+            let deviation = libm::sqrt(squares.sum::<f64>() / 400.0);
+            assert!(
+                (deviation / expected - 1.0).abs() < 0.12,
+                "{deviation} {errors:?}"
+            );
         }
     }
 }

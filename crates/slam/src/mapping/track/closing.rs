@@ -526,6 +526,7 @@ mod tests {
                     scan: number,
                     turned: 0.0,
                     wheels_m: path_m,
+                    by_odometry: 0.0,
                     part: 0,
                 });
                 if number > 0 {
@@ -560,6 +561,7 @@ mod tests {
                 scan: 0,
                 turned: 0.0,
                 wheels_m: 0.0,
+                by_odometry: 0.0,
                 part: 0,
             });
         }

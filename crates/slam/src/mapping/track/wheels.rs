@@ -65,6 +65,8 @@ const LATELY_M: f64 = 100.0;
 /// paths between two sights of a place. The maximum bend, radians per metre.
 const HALF_M: [f64; 2] = [5.0, 20.0];
 const BEND_MOST: f64 = 0.05;
+/// Standard deviation of the bend before any loop has taught it, radians per metre.
+const UNTAUGHT: f64 = 0.01;
 /// Steps with a larger turn error are slips and teach no bend: radians, and share of the turn.
 const SLIP_RAD: f64 = 0.05;
 const SLIP_PART: f64 = 0.15;
@@ -98,6 +100,13 @@ impl Bend {
         let noise = HIDDEN * HIDDEN + SIGMAS * SIGMAS * squares / (way_m * way_m);
         let strong = lately * lately * lately / (lately * lately + noise);
         (looped + strong).clamp(-BEND_MOST, BEND_MOST)
+    }
+}
+
+impl Bend {
+    /// Standard deviation of the bend that loops leave open, radians per metre.
+    pub(super) fn unsure(&self) -> f64 {
+        UNTAUGHT * HALF_M[1] / (self.looped[1] + HALF_M[1])
     }
 }
 
@@ -192,6 +201,18 @@ mod tests {
         }
     }
 
+    /// Loops around a path as long as the one after which half of a bend is applied leave half of
+    /// the deviation.
+    #[test]
+    fn loops_leave_less_of_the_bend_open() {
+        let unsure = |way_m: f64| {
+            let mut bend = Bend::default();
+            bend.looped[1] = way_m;
+            bend.unsure()
+        };
+        assert_eq!([0.0, HALF_M[1]].map(unsure), [UNTAUGHT, UNTAUGHT / 2.0]);
+    }
+
     /// A place is seen at the first and the last of five keyframes. The loop confirms the path only
     /// if all motion between them is known.
     #[test]
@@ -207,6 +228,7 @@ mod tests {
                     scan: number,
                     turned: 0.0,
                     wheels_m: number as f64,
+                    by_odometry: 0.0,
                     part: 0,
                 });
             }
