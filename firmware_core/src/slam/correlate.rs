@@ -2,10 +2,11 @@
 //! across at once (Olson, "Real-time correlative scan matching", 2009). The kernel for rows is our
 //! own.
 
+use super::WIDE;
 use super::effort::Effort;
 use super::matching::{Placement, whole};
 use super::prior::Prior;
-use super::row::{Cut, LANES, POINTS_MAX, Sums, add_cut, pair, sums};
+use super::row::{Cut, LANES, POINTS_MAX, Sums, add_cut, narrow, pair, sums};
 use super::window::{REACH_MAX, Window};
 use crate::grid::Grid;
 use crate::pose::{Pose, normalised};
@@ -46,10 +47,44 @@ pub(super) fn search<const W: usize, const H: usize>(
         let placement = Placement::new(Pose { heading, ..centre }, cell_mm);
         let cost_turn = prior.deviation_heading(heading) * prior.cost * scale;
         let placed = Placed::<W, H>::new(points, &placement, reach);
+        let mut rows = AtHeading {
+            contest: &mut contest,
+            prior,
+            heading,
+            turn,
+            cost: cost_turn,
+            scale,
+        };
+        if WIDE && reach <= NARROW && placed.cut == 0 {
+            rows.narrow(grid, &placed);
+        } else {
+            rows.wide(grid, &placed);
+        }
+    }
+    contest.best
+}
+
+/// Greatest reach of a window whose rows have at most 16 poses.
+const NARROW: i32 = 7;
+
+/// The poses at one heading, compared row after row, the lowest first.
+struct AtHeading<'a> {
+    contest: &'a mut Contest,
+    prior: &'a Prior,
+    heading: f32,
+    turn: i32,
+    /// Cost of the heading.
+    cost: f32,
+    scale: f32,
+}
+
+impl AtHeading<'_> {
+    /// Compares the rows of a window by 32 lanes.
+    fn wide<const W: usize, const H: usize>(&mut self, grid: &Grid<W, H>, placed: &Placed<W, H>) {
+        let in_window = self.contest.in_window;
+        let reach = placed.reach;
         let mut enter = |row: i32, lanes: &Sums| {
-            let y_mm = centre.y_mm + row as f32 * cell_mm;
-            let cost = cost_turn + prior.deviation_y(y_mm) * prior.cost * scale;
-            contest.enter([row, turn], [y_mm, heading], cost, lanes);
+            self.enter(row, lanes.highest(&in_window), lanes.lanes());
         };
         let mut row = -reach;
         while row < reach {
@@ -62,7 +97,53 @@ pub(super) fn search<const W: usize, const H: usize>(
             enter(row, &placed.sums(grid, row));
         }
     }
-    contest.best
+
+    /// As [`wide`](Self::wide), for a window of a reach up to [`NARROW`] with all its points on
+    /// the map: by 8 lanes and all rows at once, or by 16 lanes and three rows.
+    fn narrow<const W: usize, const H: usize>(&mut self, grid: &Grid<W, H>, placed: &Placed<W, H>) {
+        let mut row = -placed.reach;
+        match placed.reach {
+            1 => return self.rows::<3, 8, W, H>(grid, placed, row),
+            2 => return self.rows::<5, 8, W, H>(grid, placed, row),
+            3 => return self.rows::<7, 8, W, H>(grid, placed, row),
+            _ => {}
+        }
+        while row + 2 <= placed.reach {
+            self.rows::<3, 16, W, H>(grid, placed, row);
+            row += 3;
+        }
+        match placed.reach - row {
+            0 => self.rows::<1, 16, W, H>(grid, placed, row),
+            1 => self.rows::<2, 16, W, H>(grid, placed, row),
+            _ => {}
+        }
+    }
+
+    /// Compares `N` rows from `first` on, by `L` lanes.
+    fn rows<const N: usize, const L: usize, const W: usize, const H: usize>(
+        &mut self,
+        grid: &Grid<W, H>,
+        placed: &Placed<W, H>,
+        first: i32,
+    ) {
+        let cells = grid.rows().as_flattened();
+        let offset = usize::from(placed.row(first)) * W;
+        let rows = narrow::<N, L, W>(cells, &placed.starts[..placed.whole], offset);
+        let side = (self.contest.side as usize).min(L);
+        for (row, lanes) in (first..).zip(&rows) {
+            let lanes = lanes[..side].iter().copied();
+            self.enter(row, lanes.clone().fold(0, u16::max), lanes);
+        }
+    }
+
+    /// Compares the poses of a row; `highest` is the highest of the `lanes` that are poses of the
+    /// window.
+    fn enter(&mut self, row: i32, highest: u16, lanes: impl Iterator<Item = u16>) {
+        let y_mm = self.contest.centre.y_mm + row as f32 * self.contest.cell_mm;
+        let cost = self.cost + self.prior.deviation_y(y_mm) * self.prior.cost * self.scale;
+        let (steps, at) = ([row, self.turn], [y_mm, self.heading]);
+        self.contest.enter(steps, at, cost, (highest, lanes));
+    }
 }
 
 /// Rows of poses, compared one after the other.
@@ -111,15 +192,22 @@ impl Contest {
         }
     }
 
-    /// Compares the poses of a row, with the common `cost` of their y and heading.
-    fn enter(&mut self, [row, turn]: [i32; 2], [y_mm, heading]: [f32; 2], cost: f32, lanes: &Sums) {
+    /// Compares the poses of a row, with the common `cost` of their y and heading. The first lanes
+    /// are the poses of the window, `highest` is the highest of them.
+    fn enter(
+        &mut self,
+        [row, turn]: [i32; 2],
+        [y_mm, heading]: [f32; 2],
+        cost: f32,
+        (highest, lanes): (u16, impl Iterator<Item = u16>),
+    ) {
         // No pose of the row can be better than its highest sum at its least cost.
-        let highest = 16 * i32::from(lanes.highest(&self.in_window));
+        let highest = 16 * i32::from(highest);
         if highest - whole((cost + self.least_cost_x).min(self.cost_max)) <= self.best.rating {
             return;
         }
         let columns = -self.reach..=self.reach;
-        for ((column, sum), cost_x) in columns.zip(lanes.lanes()).zip(&self.costs_x) {
+        for ((column, sum), cost_x) in columns.zip(lanes).zip(&self.costs_x) {
             let cost = whole((cost + cost_x).min(self.cost_max));
             let rating = 16 * i32::from(sum) - cost;
             if rating > self.best.rating {

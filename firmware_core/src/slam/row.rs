@@ -87,6 +87,33 @@ pub(super) fn pair<const W: usize>(cells: &[u8], starts: &[u32], offset: usize) 
     [low.sums(), high.sums()]
 }
 
+/// As [`sums`], for the first `L` lanes of `N` rows, one above the other: a window that is narrow
+/// needs few lanes, and all of its rows pass while a point's position is at hand. Rows of a window
+/// that lies on the map are on it.
+#[inline(never)]
+pub(super) fn narrow<const N: usize, const L: usize, const W: usize>(
+    cells: &[u8],
+    starts: &[u32],
+    offset: usize,
+) -> [[u16; L]; N] {
+    let cells = cells.get(offset..).unwrap_or(&[]);
+    let mut sums = [[0_u16; L]; N];
+    for start in starts {
+        let start = *start as usize;
+        let Some(cells) = cells.get(start..start.wrapping_add((N - 1) * W + L)) else {
+            continue;
+        };
+        for (row, sums) in sums.iter_mut().enumerate() {
+            if let Some(lanes) = cells[row * W..].first_chunk::<L>() {
+                for (sum, cell) in sums.iter_mut().zip(lanes) {
+                    *sum += u16::from(*cell);
+                }
+            }
+        }
+    }
+    sums
+}
+
 /// One row of them.
 #[inline]
 fn spread(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
@@ -357,6 +384,34 @@ mod tests {
             prop_assert_eq!(spread(&cells, &starts, offset), naive);
             prop_assert_eq!(packed(&cells, &starts, offset), naive);
             prop_assert_eq!(sums(&cells, &starts, offset), naive);
+        }
+
+        /// The narrow kernel has the first lanes of each row, in every form that is used.
+        #[test]
+        fn narrow_rows_are_the_first_lanes_of_rows(
+            cells in proptest::collection::vec(0_u8.., 900),
+            starts in proptest::collection::vec(0_u32..500, 0..POINTS_MAX),
+            offset in 0_usize..60,
+        ) {
+            const W: usize = 40;
+            fn check<const N: usize, const L: usize>(
+                cells: &[u8],
+                starts: &[u32],
+                offset: usize,
+            ) -> Result<(), TestCaseError> {
+                let found = narrow::<N, L, W>(cells, starts, offset);
+                for (row, found) in found.iter().enumerate() {
+                    let row = sums(cells, starts, offset + row * W);
+                    prop_assert!(row.lanes().take(L).eq(found.iter().copied()), "{found:?}");
+                }
+                Ok(())
+            }
+            check::<1, 16>(&cells, &starts, offset)?;
+            check::<2, 16>(&cells, &starts, offset)?;
+            check::<3, 16>(&cells, &starts, offset)?;
+            check::<3, 8>(&cells, &starts, offset)?;
+            check::<5, 8>(&cells, &starts, offset)?;
+            check::<7, 8>(&cells, &starts, offset)?;
         }
 
         /// Two rows at once are two rows.

@@ -171,16 +171,18 @@ pub(crate) fn wall_overlap(
     }
     let mut seen = Cells::like(map);
     let degrees = (0..360_u16).map(|degree| f64::from(degree).to_radians());
-    let degrees = degrees.map(|angle| (angle, libm::sin(angle), libm::cos(angle)));
-    let degrees: Vec<(f64, f64, f64)> = degrees.collect();
-    for pose in way {
-        for &(angle, sin, cos) in &degrees {
-            if let Some(hit) = world
-                .scene()
-                .cast_ray(Instant::ZERO, pose.point(), angle, REACH_M)
-            {
-                let place = Point::new(pose.x + hit.distance * cos, pose.y + hit.distance * sin);
-                seen.mark(place);
+    let degrees: Vec<(f64, Point)> = degrees.map(|angle| (angle, ahead(angle))).collect();
+    let mut before = None;
+    for from in way.iter().map(|pose| pose.point()) {
+        // A robot at rest sees the same walls again.
+        if before.replace(from) == Some(from) {
+            continue;
+        }
+        for &(angle, dir) in &degrees {
+            let ray = (from, angle, dir);
+            if let Some(hit) = world.scene().cast_ahead(Instant::ZERO, ray, REACH_M) {
+                let [x, y] = [dir.x, dir.y].map(|part| hit.distance * part);
+                seen.mark(Point::new(from.x + x, from.y + y));
             }
         }
     }
@@ -193,6 +195,12 @@ pub(crate) fn wall_overlap(
         found: share(&seen, &drawn, reach),
         right: share(&drawn, &solid, reach),
     }
+}
+
+/// The unit vector in the direction `angle`.
+fn ahead(angle: f64) -> Point {
+    let (sin, cos) = libm::sincos(angle);
+    Point::new(cos, sin)
 }
 
 fn share(of: &Cells, near: &Cells, reach: usize) -> f64 {

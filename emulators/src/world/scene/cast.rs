@@ -11,8 +11,9 @@ impl Scene {
         self.cast(at, (Ray::new(from, angle), angle), max_range)
     }
 
-    /// As [`cast_ray`](Self::cast_ray), for a direction whose unit vector is known.
-    pub(crate) fn cast_ahead(
+    /// As [`cast_ray`](Self::cast_ray), for a direction whose unit vector is known: the sine and
+    /// cosine of the angle by `libm::sincos`.
+    pub fn cast_ahead(
         &self,
         at: Instant,
         (from, angle, dir): (Point, f64, Point),
