@@ -53,7 +53,8 @@ struct Varied<'a> {
     unseen: f64,
     by_odometry: f64,
     way_m: f64,
-    /// Parts of the changing turn error before and after the edge: what persists, and what is new.
+    /// Parts of the changing turn error before and after the edge: the share that persists, and
+    /// the new one.
     kept: [f64; 2],
 }
 

@@ -2,6 +2,7 @@
 //! the walls begins a new part of the map. The part is joined to the others once the mapper
 //! recognises it there, at one place only and twice. Until then their relative pose is unknown.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 use emulators::world::{Pose, wrap_angle};
@@ -345,8 +346,7 @@ impl Mapper {
     }
 
     /// Searches the finished map for other places like those that joined parts. When the parts were
-    /// joined, such a place may have been unknown: one corridor looks like another from its far
-    /// end.
+    /// joined, such a place may have been unknown: two corridors look alike from their ends.
     pub(super) fn check_joins(&mut self) {
         // The search takes long, and the map is doubted already.
         if self.parts() != Some(1) || self.unsure_joins() > 0 {
@@ -358,17 +358,20 @@ impl Mapper {
             let Some(number) = self.joined_by(motion) else {
                 continue;
             };
-            if !seen.contains_key(&number) {
-                let tour = self.tour(number, usize::MAX);
-                // A join that is not checked is not confirmed.
-                let Some(rest) = left.checked_sub(tour.places.len()) else {
-                    self.lost.alike.insert(motion);
-                    continue;
-                };
-                left = rest;
-                seen.insert(number, self.sights(&tour));
-            }
-            if seen.get(&number).is_some_and(|all| has_double(all, motion)) {
+            let sights = match seen.entry(number) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(free) => {
+                    let tour = self.tour(number, usize::MAX);
+                    // A join that is not checked is not confirmed.
+                    let Some(rest) = left.checked_sub(tour.places.len()) else {
+                        self.lost.alike.insert(motion);
+                        continue;
+                    };
+                    left = rest;
+                    free.insert(self.sights(&tour))
+                }
+            };
+            if has_double(sights, motion) {
                 self.lost.alike.insert(motion);
             }
         }
