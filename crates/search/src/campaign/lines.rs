@@ -240,7 +240,7 @@ mod tests {
             detail: None,
             ran_ms: 5,
             trace: String::new(),
-            reached: Vec::new(),
+            reached: std::collections::BTreeSet::new(),
         };
         let damaged = line(&record).replace("\"seed\":1", "\"seed\":x");
         let error = parse(format!("{}{damaged}", line(&record)).as_bytes()).expect_err("damaged");
