@@ -64,9 +64,9 @@ fn end_of(line: &str) -> End {
     }
 }
 
-/// The number of digits of the offsets before the bytes of a dump, if it is odd: most lines begin
-/// with as many, and have bytes behind them.
-fn offset_len(bytes: &[u8]) -> Option<usize> {
+/// Whether a text is a dump with offsets of an odd number of digits: most lines begin with as many
+/// digits, and have bytes behind them. The offset at its end is whole.
+fn has_offsets(bytes: &[u8]) -> bool {
     let (mut count, mut begin_alike, mut len) = (0, 0, None);
     for line in lines(bytes) {
         let mut words = utf8(line.text).split_whitespace();
@@ -79,23 +79,18 @@ fn offset_len(bytes: &[u8]) -> Option<usize> {
         }
         begin_alike += usize::from(len == Some(first.len()) && is_hex(first));
     }
-    len.filter(|_| 2 * begin_alike > count)
+    2 * begin_alike > count
 }
 
 /// The text without the digits that are left over where lines are cut inside a byte, and the
 /// numbers of these lines. Each digit becomes a blank, so that all places stay.
 pub(super) fn without_cut_bytes(bytes: &[u8]) -> (Cow<'_, [u8]>, Vec<usize>) {
     let nothing = (Cow::Borrowed(bytes), Vec::new());
-    if core::str::from_utf8(bytes).is_err() {
+    if core::str::from_utf8(bytes).is_err() || has_offsets(bytes) {
         return nothing;
     }
     let (mut whole, mut cuts) = (0, Vec::new());
-    let offsets = offset_len(bytes);
     for line in lines(bytes) {
-        // A dump ends with the offset behind its last byte.
-        if offsets == Some(utf8(line.text).trim().len()) {
-            continue;
-        }
         match end_of(utf8(line.text)) {
             End::Whole => whole += 1,
             End::Cut(at) => cuts.push((line.number, line.offset + at)),
