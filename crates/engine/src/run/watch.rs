@@ -33,7 +33,7 @@ impl Watchers {
             )));
         }
         checkers.extend(check::safety::asked_for(scenario, rig, instruments));
-        let later = check::ViolationsLater::of(scenario);
+        let later = check::ViolationsLater::of(scenario, instruments.station_links());
         checkers.extend(later.map(|later| Box::new(later) as Box<dyn Checker>));
         let safety = scenario.expect.safety.clone();
         Self {

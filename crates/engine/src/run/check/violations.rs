@@ -6,7 +6,7 @@ use super::safety::EFFECTS;
 use super::{Check, Checker, Look, VIOLATIONS};
 use crate::rig::Rig;
 use crate::rig::fault::Window;
-use crate::scenario::{FaultSpec, Scenario};
+use crate::scenario::{Action, FaultKind, FaultSpec, Scenario};
 
 /// Whether at most `max` rules were broken in the whole run.
 pub(crate) fn violations(max: u64, rig: &Rig) -> Check {
@@ -30,6 +30,11 @@ pub struct ViolationsLater {
     from: Instant,
     /// Links with faults to the end.
     exempt: Vec<String>,
+    /// Links of the station, and the time of the last step that connects it.
+    station: &'static [&'static str],
+    connected: Option<Instant>,
+    /// Devices of the station that wait for answers over a connection that a fault has ended.
+    unconnected: Vec<&'static str>,
     /// Begin of each fault that has an end, and the end of its effects: violations in between do
     /// not count. A fault that waits for a condition may begin at any time.
     faults: Vec<[Instant; 2]>,
@@ -79,11 +84,19 @@ impl Tally {
 }
 
 impl ViolationsLater {
-    /// The checker of the expectations of `scenario`; `None` if they judge the whole run.
-    pub fn of(scenario: &Scenario) -> Option<Self> {
+    /// The checker of the expectations of `scenario`, whose robot has these links to its station;
+    /// `None` if they judge the whole run.
+    pub fn of(scenario: &Scenario, station: &'static [&'static str]) -> Option<Self> {
         let expect = &scenario.expect;
         let safety = expect.safety.as_ref();
+        let steps = scenario.mission.step.iter();
+        let connects = steps.filter(|step| step.action == Action::Connect);
+        let connected = connects.filter_map(|step| step.at).max();
+        let connected = connected.map(|at| at.instant());
         Some(Self {
+            station,
+            connected,
+            unconnected: unconnected(&scenario.fault, station, connected),
             max: expect.violations_max?,
             from: expect.violations_from?.instant(),
             exempt: safety.map_or(Vec::new(), |safety| safety.alive_without.clone()),
@@ -107,6 +120,34 @@ fn times(faults: &[FaultSpec]) -> Vec<[Instant; 2]> {
         (until < Window::ALWAYS.until).then(|| [from, until + EFFECTS])
     });
     times.collect()
+}
+
+/// Devices of the station behind one that was without power, such as the PC behind its radio, if no
+/// step has connected it again: nothing that they send arrives.
+fn unconnected(
+    faults: &[FaultSpec],
+    station: &'static [&'static str],
+    connected: Option<Instant>,
+) -> Vec<&'static str> {
+    use FaultKind::{Intermittent, Off, PowerDip, Restart};
+    let ends = faults
+        .iter()
+        .filter(|fault| matches!(fault.kind, Intermittent | Off | PowerDip | Restart));
+    let ends: Vec<_> = ends.map(|fault| (fault, fault.window().from)).collect();
+    let is_hit = |link: &str| {
+        let mut hits = ends.iter().filter(|(fault, _)| fault.is_at(link));
+        hits.any(|(fault, from)| {
+            fault.waits_for_condition() || connected.is_none_or(|connected| connected <= *from)
+        })
+    };
+    match station.iter().any(|link| is_hit(link)) {
+        true => station
+            .iter()
+            .copied()
+            .filter(|link| !is_hit(link))
+            .collect(),
+        false => Vec::new(),
+    }
 }
 
 impl Checker for ViolationsLater {
@@ -143,7 +184,9 @@ impl Checker for ViolationsLater {
         }
         let (mut exempt, mut words) = (0, Vec::new());
         for (device, rule, count) in &all.rules {
-            match self.exempt.contains(device) {
+            let is_exempt =
+                self.exempt.contains(device) || self.unconnected.contains(&device.as_str());
+            match is_exempt {
                 true => exempt += count,
                 false if *count > 0 => words.push(format!("{count} times {rule} of {device}")),
                 false => {}
@@ -159,9 +202,38 @@ impl Checker for ViolationsLater {
 
     fn faults_changed(&mut self, faults: &[FaultSpec], _rig: &Rig) {
         self.faults = times(faults);
+        self.unconnected = unconnected(faults, self.station, self.connected);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
         Some(Box::new(self.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A restart of the radio at 38 s ends the connection of the PC: what it waits for is not the
+    /// robot's mistake, until a step connects it again. A restart of the lidar changes nothing.
+    #[test]
+    fn a_pc_behind_a_restarted_radio_waits_in_vain() {
+        const STATION: &[&str] = &["radio", "pc"];
+        let of = |device: &str, steps: &str| {
+            let text = format!(
+                "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+                 [expect]\nviolations_max = 0\nviolations_from = \"56s\"\n\
+                 [world]\nstart = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n\
+                 [[fault]]\nkind = \"restart\"\ndevice = \"{device}\"\nfrom = \"38s\"\n\
+                 [mission]\n{steps}"
+            );
+            let (scenario, _) = Scenario::from_text(&text).expect("sound");
+            ViolationsLater::of(&scenario, STATION).expect("later")
+        };
+        let connect = |at: u32| format!("[[mission.step]]\nat = \"{at}s\"\ndo = \"connect\"\n");
+        assert_eq!(of("radio", "").unconnected, ["pc"]);
+        assert_eq!(of("radio", &connect(20)).unconnected, ["pc"]);
+        assert_eq!(of("radio", &connect(40)).unconnected, [""; 0]);
+        assert_eq!(of("lidar", "").unconnected, [""; 0]);
     }
 }
