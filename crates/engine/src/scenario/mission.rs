@@ -244,8 +244,8 @@ pub struct Expect {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_max: Option<u64>,
     /// Time from which violations count for `violations_max`, except during a fault that has an end
-    /// and for 5 s after it; those of links in `safety.alive_without` never count, nor those of a PC
-    /// that waits behind a radio that was without power. All violations count if not given.
+    /// and for 5 s after it; those of links in `safety.alive_without` never count, nor those of a
+    /// PC that waits behind a radio that was without power. All violations count if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violations_from: Option<Span>,
     /// Whether the PC must receive every row of the map.
