@@ -93,13 +93,14 @@ impl ViolationsLater {
         let connects = steps.filter(|step| step.action == Action::Connect);
         let connected = connects.filter_map(|step| step.at).max();
         let connected = connected.map(|at| at.instant());
+        let broken = safety.map_or(Vec::new(), |safety| safety.alive_without.clone());
         Some(Self {
             station,
             connected,
-            unconnected: unconnected(&scenario.fault, station, connected),
+            unconnected: unconnected(&scenario.fault, &broken, station, connected),
             max: expect.violations_max?,
             from: expect.violations_from?.instant(),
-            exempt: safety.map_or(Vec::new(), |safety| safety.alive_without.clone()),
+            exempt: broken,
             faults: times(&scenario.fault),
             tallies: None,
             found: Tally::default(),
@@ -123,9 +124,11 @@ fn times(faults: &[FaultSpec]) -> Vec<[Instant; 2]> {
 }
 
 /// Devices of the station behind one that was without power, such as the PC behind its radio, if no
-/// step has connected it again: nothing that they send arrives.
+/// step has connected it again, or behind a link that is `broken` to the end: nothing that they send
+/// arrives, or no answer to it.
 fn unconnected(
     faults: &[FaultSpec],
+    broken: &[String],
     station: &'static [&'static str],
     connected: Option<Instant>,
 ) -> Vec<&'static str> {
@@ -135,6 +138,9 @@ fn unconnected(
         .filter(|fault| matches!(fault.kind, Intermittent | Off | PowerDip | Restart));
     let ends: Vec<_> = ends.map(|fault| (fault, fault.window().from)).collect();
     let is_hit = |link: &str| {
+        if broken.iter().any(|one| one == link) {
+            return true;
+        }
         let mut hits = ends.iter().filter(|(fault, _)| fault.is_at(link));
         hits.any(|(fault, from)| {
             fault.waits_for_condition() || connected.is_none_or(|connected| connected <= *from)
@@ -202,7 +208,7 @@ impl Checker for ViolationsLater {
 
     fn faults_changed(&mut self, faults: &[FaultSpec], _rig: &Rig) {
         self.faults = times(faults);
-        self.unconnected = unconnected(faults, self.station, self.connected);
+        self.unconnected = unconnected(faults, &self.exempt, self.station, self.connected);
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
@@ -219,10 +225,11 @@ mod tests {
     #[test]
     fn a_pc_behind_a_restarted_radio_waits_in_vain() {
         const STATION: &[&str] = &["radio", "pc"];
-        let of = |device: &str, steps: &str| {
+        let with = |broken: &str, device: &str, steps: &str| {
             let text = format!(
                 "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
                  [expect]\nviolations_max = 0\nviolations_from = \"56s\"\n\
+                 [expect.safety]\nalive_without = [{broken}]\n\
                  [world]\nstart = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n\
                  [[fault]]\nkind = \"restart\"\ndevice = \"{device}\"\nfrom = \"38s\"\n\
                  [mission]\n{steps}"
@@ -230,10 +237,13 @@ mod tests {
             let (scenario, _) = Scenario::from_text(&text).expect("sound");
             ViolationsLater::of(&scenario, STATION).expect("later")
         };
+        let of = |device: &str, steps: &str| with("", device, steps);
         let connect = |at: u32| format!("[[mission.step]]\nat = \"{at}s\"\ndo = \"connect\"\n");
         assert_eq!(of("radio", "").unconnected, ["pc"]);
         assert_eq!(of("radio", &connect(20)).unconnected, ["pc"]);
         assert_eq!(of("radio", &connect(40)).unconnected, [""; 0]);
         assert_eq!(of("lidar", "").unconnected, [""; 0]);
+        // A radio whose link is broken to the end.
+        assert_eq!(with("\"radio\"", "lidar", "").unconnected, ["pc"]);
     }
 }
