@@ -124,8 +124,8 @@ fn times(faults: &[FaultSpec]) -> Vec<[Instant; 2]> {
 }
 
 /// Devices of the station behind one that was without power, such as the PC behind its radio, if no
-/// step has connected it again, or behind a link that is `broken` to the end: nothing that they send
-/// arrives, or no answer to it.
+/// step has connected it again, or behind a link that is `broken` to the end: nothing that they
+/// send arrives, or no answer to it.
 fn unconnected(
     faults: &[FaultSpec],
     broken: &[String],
