@@ -255,6 +255,16 @@ fn read_text(path: &Path, name: &str) -> Result<(PathBuf, String), CliError> {
     Ok((path, text))
 }
 
+/// The path of the file `name` in a folder. A pipe in its place, whose writer may never come, is an
+/// error.
+fn file_of(folder: &Path, name: &str) -> Result<PathBuf, CliError> {
+    let path = folder.join(name);
+    match safefs::open(&path) {
+        Ok(_) => Ok(path),
+        Err(error) => Err(CliError::read(&path, error)),
+    }
+}
+
 /// All bytes of a file that the command was given.
 fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     std::fs::read(path).map_err(|error| CliError::read(path, error))

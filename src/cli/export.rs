@@ -48,7 +48,7 @@ pub(super) fn run(args: ExportArgs) -> Result<Verdict, CliError> {
         return Err(CliError::Usage(error));
     };
     let file = match args.file.is_dir() {
-        true => args.file.join("capture.pcapng"),
+        true => super::file_of(&args.file, "capture.pcapng")?,
         false => args.file.clone(),
     };
     let mut capture = super::replay::read(&file)?;

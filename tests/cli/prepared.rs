@@ -172,6 +172,49 @@ fn behind_links(bench: &Bench, verb: &Verb, names: &[PathBuf]) {
     }
 }
 
+/// A pipe in the place of a file that a command reads from a folder holds no command up, although
+/// its writer never comes: this one comes only to a reader that waits, and ends it.
+#[test]
+fn a_pipe_in_the_place_of_a_file_of_a_folder_is_an_error() {
+    let bench = Bench::new("pipes");
+    let path = |name: &str| bench.session.path(name);
+    let rows = [
+        ("o/result/capture.pcapng", "export o/result -o o/a.csv"),
+        ("o/result/capture.pcapng", "slam o/result --out o/slam"),
+        ("o/fuzz/fuzz.json", "fuzz pcui --cases 1 --out o/fuzz"),
+        (
+            "o/fuzz/stream.txt",
+            "fuzz pcui --repeat o/fuzz --out o/again",
+        ),
+        ("o/map/map.yaml", "map diff o/map o/map"),
+        ("o/map/map.pgm", "map diff o/map o/map"),
+        (
+            "o/night/runs.jsonl",
+            "campaign s.toml --seeds 0..1 --out o/night",
+        ),
+    ];
+    for (name, line) in rows {
+        bench.clear();
+        let pipe = path(name);
+        fs::create_dir_all(pipe.parent().expect("below o")).expect("can be made");
+        if name.ends_with("map.pgm") {
+            let yaml = "image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n\
+                        occupied_thresh: 0.65\nfree_thresh: 0.2\n";
+            fs::write(path("o/map/map.yaml"), yaml).expect("can be written");
+        }
+        mknodat(CWD, &pipe, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).expect("a free name");
+        let writer = pipe.clone();
+        // If no reader waits, this thread does, until the end of the tests.
+        std::thread::spawn(move || drop(fs::File::options().write(true).open(writer)));
+        let output = bench.command(line).output().expect("starts");
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{line}: {said}");
+        let named = format!("{name}: ");
+        assert!(said.contains(&named), "{line}: {said}");
+        assert!(said.contains("is not a file"), "{line}: {said}");
+    }
+}
+
 /// A record of ports is data: the names in it are not followed.
 #[test]
 fn s1_a_prepared_record_deletes_nothing() {

@@ -21,8 +21,8 @@ const MCAP: &[u8] = b"\x89MCAP";
 /// Reads a log of any known format, and returns the usual mapper for it.
 pub(super) fn open(path: &Path, scenario: Option<&Path>) -> Result<(Log, ModeArg), CliError> {
     if path.is_dir() {
-        let inside = path.join("capture.pcapng");
-        if inside.exists() {
+        if path.join(CAPTURE).exists() {
+            let inside = crate::cli::file_of(path, CAPTURE)?;
             return Ok((capture(&inside, scenario)?, ModeArg::Core));
         }
         let files = folder::files(path).map_err(|what| CliError::content(path, what))?;
@@ -62,6 +62,9 @@ const FOREIGN: [(&[u8], &str); 3] = [
         "is packed by xz, expected plain text, gzip, zstd or lz4: unpack it with unxz",
     ),
 ];
+
+/// The capture of a result folder.
+const CAPTURE: &str = "capture.pcapng";
 
 /// Reads the files of one recording; unreadable parts are skipped and counted.
 fn bag(dir: &Path, files: &[PathBuf], scenario: Option<&Path>) -> Result<Log, CliError> {

@@ -262,7 +262,8 @@ pub trait Instruments: Send + Sync {
         None
     }
 
-    /// Links of the station: they only carry bytes when an operator acts.
+    /// Links of the station, the nearest to the robot first: they only carry bytes when an operator
+    /// acts.
     fn station_links(&self) -> &'static [&'static str] {
         &[]
     }

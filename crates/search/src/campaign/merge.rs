@@ -6,7 +6,7 @@ use serde::Serialize;
 use super::judge::{self, rules_of, situations_of};
 use super::strip::Strip;
 use super::{CampaignPlan, Comparison, Store, compare, page};
-use crate::error::StoreError;
+use crate::error::{StoreError, failed};
 use crate::files;
 use crate::shrink::{self, Branches, Effort};
 use engine::scenario::Scenario;
@@ -302,6 +302,7 @@ fn minimise(
     if !path.exists() {
         return Ok(());
     }
+    safefs::open(&path).map_err(failed(&path))?;
     let (case, source) = Scenario::read(&path).map_err(|error| StoreError::Content {
         path,
         message: error.to_string(),

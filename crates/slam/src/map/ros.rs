@@ -91,6 +91,7 @@ impl RosMap {
         })?;
         let header = Header::parse(&text).map_err(|what| fail(&path, what))?;
         let image = path.parent().unwrap_or(Path::new("")).join(&header.image);
+        safefs::open(&image).map_err(|error| fail(&image, format!("cannot be read: {error}")))?;
         let picture = Picture::read(&image, CELLS_MAX).map_err(|error| {
             let what = match error {
                 PictureError::Open(error) => format!("cannot be read: {error}"),

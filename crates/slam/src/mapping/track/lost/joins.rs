@@ -33,8 +33,7 @@ fn has_double(sights: &[Recognised], motion: usize) -> bool {
 
 impl Mapper {
     /// Searches the finished map for other places like those that joined parts. When the parts were
-    /// joined, such a place may have been unknown: one corridor looks like another from its far
-    /// end.
+    /// joined, such a place may have been unknown: two corridors look alike from their ends.
     pub(crate) fn check_joins(&mut self) {
         // The search takes long, and the map is doubted already.
         if self.parts() != Some(1) || self.unsure_joins() > 0 {
