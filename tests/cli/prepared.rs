@@ -189,7 +189,7 @@ fn a_pipe_in_the_place_of_a_file_of_a_folder_is_an_error() {
         ("o/map/map.yaml", "map diff o/map o/map"),
         ("o/map/map.pgm", "map diff o/map o/map"),
         (
-            "o/night/runs.jsonl",
+            "o/night/plan.json",
             "campaign s.toml --seeds 0..1 --out o/night",
         ),
     ];
