@@ -55,7 +55,7 @@ fn a_rig_on_ports_is_shown_and_steered() {
     );
 }
 
-/// A judged run may be watched: the page sees its begin and progress, and the verdict does not
+/// A judged run may be watched: the page sees its start and progress, and the verdict does not
 /// change.
 #[test]
 fn a_judged_run_in_real_time_is_shown() {

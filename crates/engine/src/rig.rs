@@ -103,7 +103,7 @@ pub struct Rig {
     was_heard: bool,
     /// Buffer for the bytes that nodes send.
     room: [u8; line::MESSAGE_MAX],
-    /// Deadlines, computed again at the begin of a run.
+    /// Deadlines, computed again at the start of a run.
     plan: Plan,
 }
 

@@ -1,4 +1,4 @@
-//! Bytes that a port lost because its client did not read. The log gets a note at the begin and at
+//! Bytes that a port lost because its client did not read. The log gets a note at the start and at
 //! the end of a loss, so that a client which is always a little late does not fill it.
 
 use core::time::Duration;
@@ -9,7 +9,7 @@ use protocols::Instant;
 pub(super) const RULE: &str = "port-overrun";
 /// Rig time without a further loss after which the loss has ended.
 const OVER: Duration = Duration::from_millis(200);
-/// Minimum rig time between two notes about a begin.
+/// Minimum rig time between two notes about a start.
 const TOLD_EVERY: Duration = Duration::from_secs(1);
 
 /// Lost bytes of one port.
@@ -19,7 +19,7 @@ pub(super) struct Losses {
     lost: u64,
     told: u64,
     last_at: Instant,
-    /// Begin of the current loss.
+    /// Start of the current loss.
     began: Option<Instant>,
     told_at: Option<Instant>,
 }

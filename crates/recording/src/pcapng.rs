@@ -47,7 +47,7 @@ pub fn write_whole(out: &mut impl Write, blocks: &[u8]) -> Result<(), (usize, io
     Ok(())
 }
 
-/// The length of the whole blocks at the begin of `bytes`, which are little-endian.
+/// The length of the whole blocks at the beginning of `bytes`, which are little-endian.
 fn whole(bytes: &[u8]) -> usize {
     let mut end = 0;
     while let Some(length) = bytes.get(end + 4..end + 8) {

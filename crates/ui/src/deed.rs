@@ -13,7 +13,7 @@ use engine::scenario::FaultSpec;
 pub(super) enum Deed {
     /// An action of the robot's station.
     Gesture(Gesture),
-    /// The begin of a fault.
+    /// The start of a fault.
     Fault(Box<FaultSpec>),
     /// The end of a fault.
     EndFault(FaultId),

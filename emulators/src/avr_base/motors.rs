@@ -133,7 +133,7 @@ impl AvrBase {
         self.tell_motors(at, enabled && set_points != [0; 2]);
     }
 
-    /// Notes when the motors begin and end to be driven.
+    /// Notes when the motors start and end to be driven.
     pub(super) fn tell_motors(&mut self, at: Instant, driven: bool) {
         if driven == self.motors.driven {
             return;

@@ -439,7 +439,7 @@ fn a_sample_is_offered_until_it_is_taken() {
     );
 }
 
-/// Only the begin of the fault `restart` causes a restart; its end has no effect.
+/// Only the start of the fault `restart` causes a restart; its end has no effect.
 #[test]
 fn a_restart_is_one() {
     let mut bench = bench(motors_alike(), &[]);

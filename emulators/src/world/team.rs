@@ -1,7 +1,7 @@
 //! Several robots in one world. Each robot has a [`World`] of its own, in which the others are
 //! moving surfaces: its sensors see them, and its body collides with them.
 //!
-//! The worlds advance together, step by step. At the begin of each step each world learns the
+//! The worlds advance together, step by step. At the start of each step each world learns the
 //! motion of the others ([`World::see`]); in this world they continue that motion until the next
 //! step. So the order in which the worlds advance changes nothing. If a robot brakes, the other
 //! worlds show it one step, 1 ms, later.

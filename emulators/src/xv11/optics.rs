@@ -35,7 +35,7 @@ impl Default for Optics {
 
 /// Beyond this there is no dot.
 pub const RANGE_MAX_MM: f64 = 6_000.0;
-/// Nearer than this the dot is too wide: the runs of 0x03 in (A) and (B) begin and end at 144 to
+/// Nearer than this the dot is too wide: the runs of 0x03 in (A) and (B) start and end at 144 to
 /// 154 mm.
 pub const RANGE_MIN_MM: f64 = 145.0;
 /// No reading from here on carries the strength warning (A, B).

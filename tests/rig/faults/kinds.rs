@@ -27,7 +27,7 @@ enum Sees {
 const PLAIN: &str = "1:00 2:0d 3:11 4:13 5:81 6:05 7:06 8:07 9:08 10:09";
 /// Bytes 3 and 4 are sent in this window, and bytes 2 and 3 arrive in it.
 const SHORT: &str = "from = \"10300us\"\nuntil = \"10500us\"";
-/// Bytes 3 to 6 arrive in this window; byte 2 arrives at its begin.
+/// Bytes 3 to 6 arrive in this window; byte 2 arrives at its start.
 const LONG: &str = "from = \"10300us\"\nuntil = \"10800us\"";
 
 /// Keys with which a fault never strikes.

@@ -183,7 +183,7 @@ fn keys_that_mean_nothing_together_are_refused() {
     );
     said(
         "until = \"0s\"",
-        "9: fault[0].until: is not after its begin, expected a later time",
+        "9: fault[0].until: is not after its start, expected a later time",
     );
     said(
         "at_byte = 1\nfrom = \"1s\"",

@@ -88,7 +88,7 @@ const fn argument_len(kind: u8) -> Option<usize> {
 /// Address, types and arguments.
 type Message<'a> = [&'a [u8]; 3];
 
-/// The message at the begin of `bytes`, and its length; `None` if more bytes are needed.
+/// The message at the start of `bytes`, and its length; `None` if more bytes are needed.
 fn message(bytes: &[u8]) -> Result<Option<(Message<'_>, usize)>, FrameError> {
     let Some((address, begin)) = text(bytes, 0)? else {
         return Ok(None);

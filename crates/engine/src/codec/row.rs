@@ -333,7 +333,7 @@ impl Codec {
         }
     }
 
-    /// The length of the frame at the begin of `bytes`, by the slow reference decoder of the
+    /// The length of the frame at the start of `bytes`, by the slow reference decoder of the
     /// format.
     pub fn frame_at(&self, bytes: &[u8]) -> Option<usize> {
         match self.format {

@@ -9,7 +9,7 @@ use crate::rig::line::Direction;
 /// The fault of a device without supply.
 const OFF: &str = "off";
 
-/// Actions on a rig at the begin and end of a fault, except those on bytes.
+/// Actions on a rig at the start and end of a fault, except those on bytes.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Disturbance {
     /// A fault of a device.
@@ -27,7 +27,7 @@ pub enum Disturbance {
         link: String,
         /// Direction.
         direction: Direction,
-        /// Line event at the begin.
+        /// Line event at the start.
         begin: LineEvent,
         /// Line event at the end.
         end: Option<LineEvent>,

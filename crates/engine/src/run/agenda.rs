@@ -28,7 +28,7 @@ impl Item {
 }
 
 impl Agenda {
-    /// Schedules the actions at the begin and end of a fault.
+    /// Schedules the actions at the start and end of a fault.
     pub fn add(&mut self, id: FaultId, activity: Activity, what: Vec<Disturbance>) {
         if !what.is_empty() {
             self.0.push(Item {
@@ -141,7 +141,7 @@ mod tests {
         assert!(agenda.0.is_empty());
     }
 
-    /// If time advances without a call, each begin and end is performed afterwards.
+    /// If time advances without a call, each start and end is performed afterwards.
     #[test]
     fn what_was_due_meanwhile_is_made_up_for() {
         let (mut agenda, mut rig) = (Agenda::default(), rig());

@@ -221,7 +221,7 @@ mod tests {
     }
 
     /// Twelve cells, some of them known. A cell between two known ones in a row, a column or a
-    /// diagonal counts. At the rim no cell does, and the end of a row is not beside the begin of
+    /// diagonal counts. At the rim no cell does, and the end of a row is not beside the start of
     /// the next one.
     #[test]
     fn a_slit_lies_between_what_is_known() {

@@ -47,7 +47,7 @@ const SPELLS_MAX: u128 = 100_000;
 impl Run {
     /// Adds a fault to the run, from now on or from its own later time. Its times count from the
     /// start of the run. The fault becomes part of the scenario: the saved [`case`](Self::case)
-    /// contains the fault with the time of its begin.
+    /// contains the fault with the time of its start.
     ///
     /// # Errors
     /// If the keys of the fault contradict each other, if it names an unknown link or a byte that
@@ -144,8 +144,8 @@ impl Run {
         }
     }
 
-    /// Watches the conditions of faults: those for a begin from the start, those for an end after
-    /// the begin.
+    /// Watches the conditions of faults: those that start one from the beginning of the run, those
+    /// that end one from its start.
     pub(super) fn watch_faults(&mut self) {
         let now = self.rig.now();
         let mut wanted = Vec::new();
@@ -488,7 +488,7 @@ mod tests {
     }
 
     /// An action takes effect a nanosecond later. So the fault counts as active a nanosecond before
-    /// its begin, and as over a nanosecond before its end.
+    /// its start, and as over a nanosecond before its end.
     #[test]
     fn a_fault_is_planned_then_active_then_over() {
         use FaultState::{Active, Over, Planned};

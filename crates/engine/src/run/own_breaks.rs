@@ -13,7 +13,7 @@ use crate::scenario::{DirectionSpec, FaultKind, FaultSpec, is_place_of};
 /// until the next request.
 const REACH: Duration = Duration::from_secs(2);
 /// Number of reports that one damaged byte explains: its own frame in up to two pieces, and the
-/// next one, whose begin is taken for the missing rest.
+/// next one, whose start is taken for the missing rest.
 const REPORTS: u32 = 4;
 
 /// A rule of a device that the program broke.

@@ -23,7 +23,7 @@ struct Waiting {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Steps {
     waiting: VecDeque<Waiting>,
-    /// The watch of the next step, and the time of its begin.
+    /// The watch of the next step, and the time of its start.
     watch: Option<(Watch, Instant)>,
     done: Vec<Check>,
     has_failed: bool,

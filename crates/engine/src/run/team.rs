@@ -315,7 +315,7 @@ fn named(name: &str, checks: Vec<Check>) -> impl Iterator<Item = Check> {
     })
 }
 
-/// The begin of the first step of the physics after `now`.
+/// The start of the first step of the physics after `now`.
 fn meeting_after(now: Instant) -> Instant {
     let every = step_nanos();
     Instant::from_nanos((now.as_nanos() / every + 1) * every)

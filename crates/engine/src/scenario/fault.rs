@@ -127,7 +127,7 @@ fault_spec! {
     fault: String;
     /// Factor or amount, -1000000 to 1000000.
     factor: f64, -1_000_000.0 to 1_000_000.0;
-    /// Begin of the fault; the start of the run if not given.
+    /// Start of the fault; the start of the run if not given.
     from: Span;
     /// End of the fault; the end of the run if not given.
     until: Span;
@@ -145,7 +145,7 @@ fault_spec! {
     when: WhenSpec;
     /// Begins when this condition is true: any condition of rules and steps.
     begins_when: Condition;
-    /// Ends when this condition is true after its begin, at `until` or after `lasting` at the
+    /// Ends when this condition is true after its start, at `until` or after `lasting` at the
     /// latest.
     ends_when: Condition;
     /// Name of the random stream; by default the position in the list selects it.
@@ -237,7 +237,7 @@ impl FaultSpec {
         }
     }
 
-    /// Each condition of its begin and end, with its key.
+    /// Each condition of its start and end, with its key.
     pub fn conditions(&self) -> impl Iterator<Item = (&'static str, &Condition)> {
         let both = [
             ("begins_when", self.begins_when.as_ref()),

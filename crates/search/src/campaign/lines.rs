@@ -134,7 +134,7 @@ pub(super) fn read(
 fn unread(error: &serde_json::Error) -> String {
     let column = error.column();
     let words = error.to_string();
-    // The reader counts lines from the begin of this one.
+    // The reader counts lines from the start of this one.
     let words = words
         .rsplit_once(" at line ")
         .map_or(&*words, |(words, _)| words);

@@ -92,9 +92,9 @@ pub struct Faults {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Time {
-    /// Earliest begin of a fault.
+    /// Earliest start of a fault.
     pub from: Span,
-    /// End of all faults; if not given, the begin of the last phase.
+    /// End of all faults; if not given, the start of the last phase.
     #[serde(default)]
     pub until: Option<Span>,
     /// Maximum length of a run with faults.

@@ -101,7 +101,7 @@ fn tried(format: Format, chunks: &[Vec<u8>]) -> Option<(f64, Format, Vec<Vec<u8>
     let is_ended = |chunk: &&Vec<u8>| chunk.ends_with(&format.end);
     let ended = chunks.iter().filter(is_ended).count();
     let ends = |chunk: &Vec<u8>| format.split(chunk).len();
-    // A single long chunk is a stream that may begin and end within a frame.
+    // A single long chunk is a stream that may start and end within a frame.
     let is_stream = chunks.iter().any(|chunk| ends(chunk) > 3);
     let is_usual = is_stream || ended * DAMAGED_SHARE >= chunks.len() * (DAMAGED_SHARE - 1);
     // If a conversation ends within a frame, its last chunk is truncated.

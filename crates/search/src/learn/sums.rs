@@ -216,7 +216,7 @@ pub(crate) static ALL: LazyLock<Vec<Sum>> = LazyLock::new(|| {
     all
 });
 
-/// Begin of the name of a CRC without a name in the catalogue; its polynomial follows.
+/// Start of the name of a CRC without a name in the catalogue; its polynomial follows.
 const POLYNOMIAL: &str = "CRC-8 with polynomial ";
 
 /// CRCs of 8 bits with each polynomial, from 0 and without a change at the end: some devices use

@@ -122,7 +122,7 @@ impl<'a> Branches<'a> {
         let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
         let from = run.as_ref().map_or(Duration::ZERO, time_of);
         let mut next = from + every;
-        // Most tries remove or move a fault: they differ from its begin on.
+        // Most tries remove or move a fault: they differ from its start on.
         let mut begins = begins_of(candidate);
         begins.retain(|begin| *begin > from + LOOK_EVERY);
         let mut begins = begins.into_iter().peekable();

@@ -29,7 +29,7 @@ function listTalk({ talks, exchanges, listed_from_s, late_s }) {
     ? `Bytes of this time are no longer kept: the figures count until ${late_s.toFixed(3)} s.`
     : !exchanges.length ? "No bytes yet. A program that opens the port of a "
       + "device, or an action of the scenario, starts the dialogue."
-    : listed_from_s > 0 ? "The figures count from the begin of the run, the list begins at "
+    : listed_from_s > 0 ? "The figures count from the start of the run, the list begins at "
       + `${listed_from_s.toFixed(3)} s.` : "");
   const box = $("exchanges-box"), atEnd = box.scrollTop + box.clientHeight >= box.scrollHeight - 20;
   listRows(exchanges, box);

@@ -141,7 +141,7 @@ pub(super) fn slow_sender(bytes: &[u8]) -> Option<Damage> {
     })
 }
 
-/// Whether all runs of equal bits that begin and end inside the character are multiples of `factor`
+/// Whether all runs of equal bits that start and end inside the character are multiples of `factor`
 /// long. The last run continues after the stop bit.
 fn is_stretched(byte: u8, factor: u32) -> bool {
     // Start bit, data from the lowest bit, stop bit.

@@ -81,7 +81,7 @@ impl Effect {
 pub struct Rate {
     /// Rate of the sender during the fault; `None`: its own.
     pub baud: Option<u32>,
-    /// Deviation of the rate at the begin, millionths; positive is too fast.
+    /// Deviation of the rate at the start, millionths; positive is too fast.
     pub ppm: f64,
     /// Change of the deviation per second, millionths.
     pub ppm_per_s: f64,
@@ -91,7 +91,7 @@ pub struct Rate {
 const DRIFT_STEP: Duration = Duration::from_millis(10);
 
 impl Rate {
-    /// Line coding of a sender with `line`, at the time `since` after the begin of the fault.
+    /// Line coding of a sender with `line`, at the time `since` after the start of the fault.
     pub fn of(self, line: LineConfig, since: Duration) -> LineConfig {
         let steps = since.as_nanos() / DRIFT_STEP.as_nanos();
         let seconds = steps as f64 * DRIFT_STEP.as_secs_f64();

@@ -105,7 +105,7 @@ impl LineFaults {
 
     /// Adds random damage with `chance` per byte. Random numbers are drawn from `rng` for every
     /// byte of the run, inside the window or not, so that a change of one fault never shifts
-    /// another one. Numbers for bytes before the window are drawn at its begin; bytes after the
+    /// another one. Numbers for bytes before the window are drawn at its start; bytes after the
     /// window need none.
     pub fn add_rate(
         &mut self,
@@ -234,7 +234,7 @@ impl LineFaults {
                 Effect::Overrun { fifo } => Some(fifo),
                 _ => return None,
             };
-            // Bytes that arrive at the begin of the fault were sent before and pass. This also
+            // Bytes that arrive at the start of the fault were sent before and pass. This also
             // holds if the fault begins when another byte is sent.
             let spell = entry
                 .activity

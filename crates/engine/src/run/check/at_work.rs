@@ -17,9 +17,9 @@ pub struct AtWorkAgain {
     /// The phases: warm-up, adversity, recovery, judgement.
     phases: [Window; 4],
     /// Bytes delivered per line: at the four quarters of the second half of the warm-up, at its
-    /// end, at the begin of the judgement, and now.
+    /// end, at the start of the judgement, and now.
     delivered: [Vec<u64>; 7],
-    /// Time of the last estimate at the begin of the judgement, and now.
+    /// Time of the last estimate at the start of the judgement, and now.
     estimated: [Option<Instant>; 2],
     names: Vec<String>,
     /// Links that may be silent.

@@ -35,7 +35,7 @@ pub struct ViolationsLater {
     connected: Option<Instant>,
     /// Devices of the station that wait for answers over a connection that a fault has ended.
     unconnected: Vec<&'static str>,
-    /// Begin of each fault that has an end, and the end of its effects: violations in between do
+    /// Start of each fault that has an end, and the end of its effects: violations in between do
     /// not count. A fault that waits for a condition may begin at any time.
     faults: Vec<[Instant; 2]>,
     /// The violations when the current time of counting began, and now.
@@ -111,7 +111,7 @@ impl ViolationsLater {
     }
 }
 
-/// Begin of each of `faults` that has begun or will begin at its time and has an end, and the end
+/// Start of each of `faults` that has begun or will begin at its time and has an end, and the end
 /// of its effects.
 fn times(faults: &[FaultSpec]) -> Vec<[Instant; 2]> {
     let faults = faults

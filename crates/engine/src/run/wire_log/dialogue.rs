@@ -108,7 +108,7 @@ pub struct Dialogue {
     pub plots: Vec<ReplyTimes>,
     /// The last exchanges, in order of time.
     pub exchanges: Vec<Exchange>,
-    /// Begin of the listed exchanges, seconds; zero if the list is complete.
+    /// Start of the listed exchanges, seconds; zero if the list is complete.
     pub listed_from_s: f64,
     /// Time until which the figures count, seconds, if the bytes of the asked time are no longer
     /// kept.

@@ -111,7 +111,7 @@ pub struct ReplyTimes {
 pub struct Talk {
     /// Name of the link.
     pub link: String,
-    /// Begin of the count, seconds, if earlier requests are not counted.
+    /// Start of the count, seconds, if earlier requests are not counted.
     pub since_s: Option<f64>,
     /// Number of all bytes from the device.
     pub bytes_to_master: u64,

@@ -14,7 +14,7 @@ const TIMES_MAX: usize = 512;
 /// Figures of a link.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Figures {
-    /// Begin of the count, if it is not the begin of the run.
+    /// Start of the count, if it is not the start of the run.
     since: Option<Instant>,
     requests: u64,
     unanswered: u64,
@@ -44,7 +44,7 @@ struct Point {
 }
 
 impl Figures {
-    /// Figures that count from `begin` on, not from the begin of the run.
+    /// Figures that count from `begin` on, not from the start of the run.
     pub(super) fn since(begin: Instant) -> Self {
         Self {
             since: Some(begin),

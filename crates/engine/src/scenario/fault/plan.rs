@@ -97,7 +97,7 @@ impl FaultSpec {
         let name = self.kind.name();
         self.check_end()?;
         if self.window().is_empty() {
-            let message = "is not after its begin, expected a later time";
+            let message = "is not after its start, expected a later time";
             let key = if self.until.is_some() {
                 "until"
             } else {

@@ -12,7 +12,7 @@ use super::{FaultKind, FaultPlace, FaultSpec, Flaw};
 const CONTROL: &str = "control";
 
 impl Rig {
-    /// Schedules `fault` on its lines and returns the other actions at its begin and end. A fault
+    /// Schedules `fault` on its lines and returns the other actions at its start and end. A fault
     /// with a condition is not scheduled yet. `seed` and `id` choose its random stream.
     ///
     /// # Errors

@@ -212,7 +212,7 @@ fn wrong_turn(goal: &Goal, turn: &Turn, encoders: Option<&str>) -> Option<String
     None
 }
 
-/// Turned angle since the begin of a path, at each of its points.
+/// Turned angle since the start of a path, at each of its points.
 fn turns(way: &[(Instant, Pose)]) -> Vec<f64> {
     let mut sum = 0.0;
     let steps = way

@@ -225,7 +225,7 @@ fn failed_at(check: &Check) -> Option<Instant> {
 const NAMED_MAX: usize = 6;
 
 /// The faults that took effect during the run, in words: struck bytes by link and kind, then the
-/// others with their begin. `None` without such a fault.
+/// others with their start. `None` without such a fault.
 pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
     let ran = Instant::ZERO + evidence.outcome.ran;
     let mut struck: BTreeMap<(String, &str), u64> = BTreeMap::new();
@@ -260,7 +260,7 @@ pub(super) fn all_in_words(evidence: &Evidence<'_>) -> Option<String> {
     (!all.is_empty()).then(|| all.join(", ") + &more)
 }
 
-/// Whether `fault` waits for a byte, a frame or a condition, so that its begin is unknown.
+/// Whether `fault` waits for a byte, a frame or a condition, so that its start is unknown.
 fn waits(fault: &FaultSpec) -> bool {
     fault.at_byte.is_some() || fault.at_frame.is_some() || fault.waits_for_condition()
 }
@@ -270,7 +270,7 @@ pub(super) fn after(evidence: &Evidence<'_>, at: Instant) -> String {
     Trigger::before(evidence, at).map_or_else(String::new, |trigger| trigger.words(at))
 }
 
-/// Begin of `fault`; `None` if it has not begun, or if the begin is unknown.
+/// Start of `fault`; `None` if it has not begun, or if the start is unknown.
 fn begin(evidence: &Evidence<'_>, fault: &FaultSpec) -> Option<Instant> {
     if fault.byte.is_none() {
         let is_unknown = waits(fault);
@@ -474,7 +474,7 @@ mod tests {
 
     /// A watchdog that fires at 5 s explains a failure at 8 s, not one at 12 s nor an earlier one;
     /// a check without a time judges the whole run. A fault acts on a device by its name or that of
-    /// its link, not by the begin of another name.
+    /// its link, not by the start of another name.
     #[test]
     fn a_cause_is_near_its_effect_in_time_and_place() {
         let at = Instant::from_secs(5);

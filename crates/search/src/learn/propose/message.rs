@@ -135,7 +135,7 @@ pub(super) fn messages(
     (text + &behaviour, all)
 }
 
-/// A body with its sender, the begin and the end of its chunk, and its format.
+/// A body with its sender, the start and the end of its chunk, and its format.
 type Body = (bool, [u64; 2], usize, Vec<u8>);
 
 /// The bodies of all frames in order of time.
@@ -332,7 +332,7 @@ fn counter(bodies: &[Vec<u8>], at: usize) -> Option<(&'static str, usize)> {
 }
 
 /// Replies to requests, and periods of unsolicited messages.
-/// A latency is the time from the end of the request to the begin of the reply.
+/// A latency is the time from the end of the request to the start of the reply.
 fn behaviour(kinds: &[Kind], order: &[(usize, [u64; 2])]) -> (String, Vec<Claim>) {
     let (mut text, mut claims) = (String::new(), Vec::new());
     let mut pairs: BTreeMap<usize, Vec<(usize, u64)>> = BTreeMap::new();

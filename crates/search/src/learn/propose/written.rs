@@ -359,7 +359,7 @@ fn of_format(
         let words = format!("frames of {size} bytes");
         return Some((format!("size = {size}\n"), 0, claim(words, evidence, true)));
     }
-    // Bytes that begin and end each frame look like markers, as STX and ETX: a silence is then not
+    // Bytes that start and end each frame look like markers, as STX and ETX: a silence is then not
     // the only rule that fits.
     let behind = found.checksum.map_or(0, |sum| sum.len_behind());
     let last = [0, behind].map(|behind| common_last(&found.frames, behind));

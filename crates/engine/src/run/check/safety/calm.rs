@@ -19,7 +19,7 @@ pub struct Calm {
     links: Vec<String>,
     /// Time after the effects of a fault.
     more: Duration,
-    /// Begin and end of each fault with its effects.
+    /// Start and end of each fault with its effects.
     faults: Vec<(Instant, Option<Instant>)>,
 }
 
@@ -72,7 +72,7 @@ impl Calm {
         !self.faults.iter().any(acts)
     }
 
-    /// Begin of the first fault.
+    /// Start of the first fault.
     fn first(&self) -> Option<Instant> {
         self.faults.iter().map(|(from, _)| *from).min()
     }

@@ -34,12 +34,12 @@ struct Watched {
     ear: usize,
     index: usize,
     calm: Calm,
-    /// Number of frames so far, and time of the last one, or of the begin of the calm.
+    /// Number of frames so far, and time of the last one, or of the start of the calm.
     count: u64,
     since: Instant,
     in_a_row: u32,
     longest: Duration,
-    /// Begin of the current second, and the number of frames then.
+    /// Start of the current second, and the number of frames then.
     second: (Instant, u64),
     broken: Option<(Instant, String)>,
 }

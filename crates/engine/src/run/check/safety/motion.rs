@@ -14,7 +14,7 @@ use crate::scenario::{FaultSpec, Scenario};
 
 /// Length of a section of the motion.
 const SECTION: Duration = Duration::from_millis(500);
-/// Time after a contact or the begin of a push in which wheels may slip.
+/// Time after a contact or the start of a push in which wheels may slip.
 const SLIPS: Duration = Duration::from_secs(3);
 /// Minimum motion of a section that counts, metres and radians; a shorter one is rest or noise.
 const LEAST: [f64; 2] = [0.03, 0.05];
@@ -38,7 +38,7 @@ pub struct MotionTrue {
     pushes: Vec<Instant>,
     /// Permitted error, a share of the motion.
     within: f64,
-    /// Begin of the current section: time, measured pose, true pose.
+    /// Start of the current section: time, measured pose, true pose.
     begin: Option<(Instant, Pose, Pose)>,
     /// Number of poses that another source has set.
     anew: u64,

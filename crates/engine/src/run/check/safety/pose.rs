@@ -27,7 +27,7 @@ pub struct PoseBelieved {
     quiet: Undisturbed,
     judged: u64,
     last: Option<Instant>,
-    /// Begin of the current error.
+    /// Start of the current error.
     wrong_since: Option<Instant>,
     worst_m: f64,
     broken: Option<(Instant, f64, f64)>,

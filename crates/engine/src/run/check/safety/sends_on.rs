@@ -32,7 +32,7 @@ struct Watched {
     calm: Calm,
     sent: u64,
     sent_at: Instant,
-    /// Begin of the steady use, and the number of bytes then.
+    /// Start of the steady use, and the number of bytes then.
     steady_since: Option<(Instant, u64)>,
     longest: Duration,
 }
