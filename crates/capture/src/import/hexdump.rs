@@ -17,9 +17,13 @@
 //! Lines of words are heads: each begins a message and may contain its time and direction. Indented
 //! rows among unindented ones are the other direction, as Wireshark shows a conversation. Rulers of
 //! columns and a shell prompt at an end of the file are ignored.
+//!
+//! A row that is cut, changed or missing costs its own bytes: the offsets tell how many. They are
+//! counted in a note. If no layout fits most of the rows, the first error is that of the file.
 
 mod layout;
 mod lines;
+mod losses;
 
 use super::Look;
 use super::hextext::{Dates, Ends, Message, emit, log};
@@ -28,9 +32,11 @@ use super::text::Line;
 use super::textlog;
 use layout::{Layout, Shape, layouts, same};
 use lines::{Row, rows};
+use losses::{Losses, stride};
 
-/// Maximum number of bytes of a dump.
+/// Maximum number of bytes of a dump, and of a row.
 const BYTES_MAX: usize = 64 << 20;
+const ROW_MAX: usize = 64 << 10;
 
 pub(super) fn look(bytes: &[u8]) -> Option<Look> {
     // Most other files have no row at their beginning; then the rest is not examined.
@@ -99,7 +105,13 @@ struct Chunk {
 pub(super) fn read(bytes: &[u8], options: &Options, out: &mut Imported) -> Result<(), ImportError> {
     let rows = rows(bytes, &mut out.notes)?;
     refuse_headers(&rows)?;
-    let (layout, first, chunks) = chunks(&rows)?;
+    let Fit {
+        layout,
+        first,
+        chunks,
+        losses,
+    } = chunks(&rows)?;
+    losses.note().into_iter().for_each(|note| out.note(note));
     if layout.is_swapped() {
         out.note(
             "the dump has words: they are taken as low byte first, as od and hexdump write them \
@@ -193,11 +205,18 @@ fn messages<'a>(
     chunks.into_iter().map(message).collect()
 }
 
-/// A layout, the offset of the first byte, and the bytes.
-type Fit = (Layout, usize, Vec<Chunk>);
+/// The rows, decoded with a layout.
+#[derive(Clone, Debug)]
+struct Fit {
+    layout: Layout,
+    /// Offset of the first byte.
+    first: usize,
+    chunks: Vec<Chunk>,
+    losses: Losses,
+}
 
-/// Decodes with the first layout that fits all rows. A dump may begin again at offset 0, as a dump
-/// of packets does.
+/// Decodes with the first layout that fits all rows; if there is none, with the one that fits the
+/// most. A dump may begin again at offset 0, as a dump of packets does.
 fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
     let offsets = || {
         rows.iter().filter_map(|(_, row)| match row {
@@ -215,8 +234,8 @@ fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
     for group in layouts(digits) {
         let mut fits: Vec<Fit> = Vec::new();
         for layout in group {
-            match with(layout, shape, rows) {
-                Ok((first, chunks)) => fits.push((layout, first, chunks)),
+            match with(layout, shape, rows, Losses::none()) {
+                Ok(fit) => fits.push(fit),
                 Err(error) if worst.as_ref().is_none_or(|worst| error.line > worst.line) => {
                     worst = Some(error);
                 }
@@ -226,6 +245,13 @@ fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
         if !fits.is_empty() {
             return decided(fits, digits, rows);
         }
+    }
+    let all = layouts(digits).flatten();
+    let most = all.filter_map(|layout| with(layout, shape, rows, Losses::counted()).ok());
+    let best = most.min_by_key(|fit| (fit.losses.rows, fit.losses.bytes));
+    let count = offsets().count();
+    if let Some(fit) = best.filter(|fit| fit.losses.are_few(count)) {
+        return Ok(fit);
     }
     Err(worst.unwrap_or_else(|| ImportError::of_file("expected rows of an offset and bytes")))
 }
@@ -237,8 +263,8 @@ fn decided(
     digits: usize,
     rows: &[(Line<'_>, Row)],
 ) -> Result<Fit, ImportError> {
-    let is_same = fits.iter().all(|fit| fit.2 == fits[0].2);
-    if !is_same && digits == 7 && fits[0].0.is_of_hexdump() {
+    let is_same = fits.iter().all(|fit| fit.chunks == fits[0].chunks);
+    if !is_same && digits == 7 && fits[0].layout.is_of_hexdump() {
         let mut data = rows.iter().filter_map(|(line, row)| match row {
             Row::At { rest, .. } if !rest.is_empty() => Some((line, rest)),
             _ => None,
@@ -249,7 +275,7 @@ fn decided(
         match last.filter(|(_, rest)| cells(rest) < first) {
             Some((_, rest)) => {
                 let is_padded = rest.ends_with(' ');
-                fits.retain(|fit| fit.0.has_hex_offsets() == is_padded);
+                fits.retain(|fit| fit.layout.has_hex_offsets() == is_padded);
             }
             None => {
                 let (line, _) = rows[rows.len() - 1];
@@ -278,13 +304,30 @@ fn with(
     layout: Layout,
     shape: Shape,
     rows: &[(Line<'_>, Row)],
-) -> Result<(usize, Vec<Chunk>), ImportError> {
+    mut losses: Losses,
+) -> Result<Fit, ImportError> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut lanes = [Lane::default(), Lane::default()];
     let (mut first, mut head, mut is_open, mut last) = (None, None, false, 0);
+    let stride = stride(layout, rows);
+    let next_offset = |index: usize| {
+        let next = rows[index + 1..].iter().find_map(|(_, row)| match row {
+            Row::Same(_) => None,
+            Row::At { offset, .. } => Some(layout.offset(offset)),
+            _ => Some(None),
+        });
+        next.flatten()
+    };
     for (index, (line, row)) in rows.iter().enumerate() {
         let (offset, rest, is_indented) = match row {
             Row::Head(_) => {
+                if losses.are_counted()
+                    && lanes[last].reached.is_some()
+                    && next_offset(index).is_some_and(|next| next > 0)
+                {
+                    losses.take(line.wrong("expected an offset and bytes"))?;
+                    continue;
+                }
                 (head, is_open) = (Some(index), false);
                 continue;
             }
@@ -294,7 +337,8 @@ fn with(
             }
             Row::Same(text) => {
                 if !same(text, &lanes[last].last_row, shape) {
-                    return Err(line.wrong("expected the bytes of the row before in another form"));
+                    let message = "expected the bytes of the row before in another form";
+                    losses.take(line.wrong(message))?;
                 }
                 continue;
             }
@@ -305,10 +349,11 @@ fn with(
                 ..
             } => (offset, rest, *is_indented),
         };
-        let offset = layout.offset(offset).ok_or_else(|| {
-            line.wrong(format!("expected {} as the offset", layout.offset_name()))
-        })?;
-        first = first.or(Some(offset));
+        let Some(offset) = layout.offset(offset) else {
+            let message = format!("expected {} as the offset", layout.offset_name());
+            losses.take(line.wrong(message))?;
+            continue;
+        };
         let lane = usize::from(is_indented);
         let is_anew = offset == 0 && !rest.is_empty() && !lanes[lane].repeats;
         let own = &mut lanes[lane];
@@ -316,6 +361,22 @@ fn with(
             own.reached = Some(offset);
             own.repeats = false;
         }
+        let reached = own.reached.unwrap_or(offset);
+        let is_gap = offset != reached && !own.repeats;
+        if is_gap {
+            losses.take(line.wrong(format!(
+                "the offset is {offset:#x}, the bytes before it end at {reached:#x}: rows are \
+                 missing or damaged"
+            )))?;
+            let is_damaged = offset < reached
+                || offset - reached > losses::GAP_MAX * stride
+                || next_offset(index).is_some_and(|next| next <= offset);
+            if is_damaged {
+                continue;
+            }
+            losses.bytes += offset - reached;
+        }
+        first = first.or(Some(offset));
         if is_anew || !is_open || lane != last {
             chunks.push(Chunk {
                 head: head.take(),
@@ -326,37 +387,44 @@ fn with(
         }
         (is_open, last) = (true, lane);
         let chunk = chunks.last_mut().expect("one was begun");
-        let reached = own.reached.unwrap_or(offset);
         if own.repeats {
             own.repeats = false;
             let missing = fill(&mut chunk.bytes, reached, offset, &own.last_row);
-            missing.map_err(|message| line.wrong(message))?;
-        } else if offset != reached {
-            return Err(line.wrong(format!(
-                "the offset is {offset:#x}, the bytes before it end at {reached:#x}: rows are \
-                 missing or damaged"
-            )));
+            if let Err(message) = missing {
+                losses.take(line.wrong(message))?;
+                losses.bytes += offset.saturating_sub(reached);
+            }
         }
         own.reached = Some(offset);
         if rest.is_empty() {
             continue;
         }
-        let next = rows[index + 1..].iter().find_map(|(_, row)| match row {
-            Row::Same(_) => None,
-            Row::At { offset, .. } => Some(layout.offset(offset)),
-            _ => Some(None),
-        });
-        let len = next
-            .flatten()
+        let len = next_offset(index)
             .and_then(|next| next.checked_sub(offset))
-            .filter(|&len| len > 0);
-        let row = layout.row(rest, len, shape);
-        own.last_row = row.map_err(|message| line.wrong(message))?;
-        own.reached = Some(offset + own.last_row.len());
-        chunk.bytes.extend_from_slice(&own.last_row);
+            .filter(|&len| len > 0 && len <= ROW_MAX)
+            .filter(|&len| !losses.are_counted() || len <= stride);
+        let row = match layout.row(rest, len, shape) {
+            Ok(row) => row,
+            Err(message) => {
+                losses.take(line.wrong(message))?;
+                let kept = layout.rest_of(rest, len.unwrap_or(stride), shape);
+                let lost = len.unwrap_or(kept.len()) - kept.len();
+                losses.bytes += lost;
+                own.reached = Some(offset + lost);
+                kept
+            }
+        };
+        own.reached = own.reached.map(|reached| reached + row.len());
+        chunk.bytes.extend_from_slice(&row);
+        own.last_row = row;
     }
     chunks.retain(|chunk| !chunk.bytes.is_empty());
-    Ok((first.unwrap_or(0), chunks))
+    Ok(Fit {
+        layout,
+        first: first.unwrap_or(0),
+        chunks,
+        losses,
+    })
 }
 
 /// Repeats the last row up to `offset`.

@@ -12,7 +12,7 @@ use super::Span;
 pub struct SafetySpec {
     /// Silence of a link in `rests_without` after which the robot must stop, and stay at rest until
     /// the link carries bytes again. A lidar without any distance counts as silent. The robot may
-    /// take 0.5 s to brake.
+    /// take 0.8 s to brake.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rests_within: Option<Span>,
     /// Links from which the robot must receive bytes in order to drive, e.g. `["lidar"]`. Built-in

@@ -156,6 +156,27 @@ impl Layout {
         })
     }
 
+    /// The bytes of a damaged row up to the damage, at most `most`.
+    pub(super) fn rest_of(self, rest: &str, most: usize, shape: Shape) -> Vec<u8> {
+        // Text is farther away from the last cell than the cells from each other.
+        let blanks_max = if self.cell == Cell::Pairs { 2 } else { 8 };
+        let (mut bytes, mut end) = (Vec::new(), 0);
+        while let Some((token, after)) = next_token(rest, end) {
+            let blanks = after - token.len() - end;
+            let is_text = !bytes.is_empty() && blanks > blanks_max;
+            let Some(cell) = self.cell(token, shape).filter(|_| !is_text) else {
+                break;
+            };
+            bytes.extend(cell);
+            end = after;
+            if bytes.len() >= most {
+                break;
+            }
+        }
+        bytes.truncate(most);
+        bytes
+    }
+
     /// Whether the cells alone do not determine the order of their bytes.
     fn needs_proof(self, rest: &str, shape: Shape) -> bool {
         let token = next_token(rest, 0).map_or("", |(token, _)| token);

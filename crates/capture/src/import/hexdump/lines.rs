@@ -50,6 +50,10 @@ pub(super) fn rows<'a>(
             ));
             continue;
         }
+        if !rows.is_empty() && Some(line.number) == last && is_cut_offset(&text) {
+            notes.push(format!("line {} is cut and left out: {text}", line.number));
+            continue;
+        }
         // Words in the middle of a dump are damage, unless a message begins after them.
         rows.push((line, Row::Head(text)));
     }
@@ -198,6 +202,15 @@ fn row(text: &str, last: Option<&Row>) -> Option<Row> {
             is_indented: false,
         })
     })
+}
+
+/// Whether a line is the beginning of an offset.
+fn is_cut_offset(text: &str) -> bool {
+    let digits = text.trim();
+    digits
+        .trim_start_matches("0x")
+        .bytes()
+        .all(|byte| byte.is_ascii_hexdigit())
 }
 
 fn is_cell(word: &str) -> bool {

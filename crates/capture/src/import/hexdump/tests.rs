@@ -9,8 +9,12 @@ fn source() -> Vec<u8> {
 
 fn bytes(text: &str) -> Result<Vec<u8>, String> {
     let rows = rows(text.as_bytes(), &mut Vec::new()).map_err(|error| error.to_string())?;
-    let (_, _, chunks) = chunks(&rows).map_err(|error| error.to_string())?;
-    Ok(chunks.into_iter().flat_map(|chunk| chunk.bytes).collect())
+    let fit = chunks(&rows).map_err(|error| error.to_string())?;
+    Ok(fit
+        .chunks
+        .into_iter()
+        .flat_map(|chunk| chunk.bytes)
+        .collect())
 }
 
 #[test]
@@ -106,8 +110,8 @@ fn binary_digits_and_packets_are_read() {
     let packets = "0000  ab 24 0a 00 d9                                    .$...\n\n\
                    0000  ab 24 84 09                                       .$..\n";
     let rows = rows(packets.as_bytes(), &mut Vec::new()).expect("rows");
-    let (_, _, chunks) = chunks(&rows).expect("packets");
-    let chunks: Vec<&[u8]> = chunks.iter().map(|chunk| &chunk.bytes[..]).collect();
+    let fit = chunks(&rows).expect("packets");
+    let chunks: Vec<&[u8]> = fit.chunks.iter().map(|chunk| &chunk.bytes[..]).collect();
     assert_eq!(chunks, [&b"\xAB\x24\x0A\x00\xD9"[..], b"\xAB\x24\x84\x09"]);
 }
 
@@ -137,6 +141,123 @@ fn damage_is_an_error_with_its_line() {
     assert!(star.contains("\"*\""), "{star}");
     assert!(error("0000000 ab24\n*\nffffffffffffffff 00\n").contains("line"));
     assert!(error("hello\n").contains("expected an offset"));
+}
+
+/// Eight rows of each tool, one of them damaged in each way: the others keep their bytes, and what
+/// is lost is counted.
+#[test]
+fn a_damaged_row_costs_its_own_bytes() {
+    let source: Vec<u8> = (0..128_u8).map(|n| n.wrapping_mul(37) ^ 0x5A).collect();
+    let cells = |row: &[u8], group: usize| {
+        let groups = row.chunks(group);
+        let group = |group: &[u8]| group.iter().map(|byte| format!("{byte:02x}")).collect();
+        groups.map(group).collect::<Vec<String>>().join(" ")
+    };
+    let text = |row: &[u8]| -> String {
+        let shown = |byte: &u8| match byte {
+            b' '..=b'~' => char::from(*byte),
+            _ => '.',
+        };
+        row.iter().map(shown).collect()
+    };
+    let dumps: [(&str, Vec<String>); 4] = [
+        ("xxd", {
+            let row = |(n, row): (usize, &[u8])| {
+                format!("{:08x}: {}  {}", 16 * n, cells(row, 2), text(row))
+            };
+            source.chunks(16).enumerate().map(row).collect()
+        }),
+        ("hexdump -C", {
+            let row = |(n, row): (usize, &[u8])| {
+                let halves = [&row[..8], &row[8..]].map(|half| cells(half, 1));
+                format!("{:08x}  {}  |{}|", 16 * n, halves.join("  "), text(row))
+            };
+            source.chunks(16).enumerate().map(row).collect()
+        }),
+        ("od -t x1", {
+            let row = |(n, row): (usize, &[u8])| format!("{:07o} {}", 16 * n, cells(row, 1));
+            source.chunks(16).enumerate().map(row).collect()
+        }),
+        ("hexdump", {
+            let word = |pair: &[u8]| format!("{:02x}{:02x}", pair[1], pair[0]);
+            let row = |(n, row): (usize, &[u8])| {
+                let words: Vec<String> = row.chunks(2).map(word).collect();
+                format!("{:07x} {}", 16 * n, words.join(" "))
+            };
+            source.chunks(16).enumerate().map(row).collect()
+        }),
+    ];
+    /// What happens to the row, and how many of its bytes are kept; those before it and behind it
+    /// are.
+    type Damage = fn(&str) -> (String, usize);
+    let damages: [(&str, Damage); 5] = [
+        ("missing", |_| (String::new(), 0)),
+        ("cut behind four bytes", |row| {
+            let digits = row.split_once(' ').expect("an offset").1;
+            let mut count = 0;
+            let is_eighth = |c: char| {
+                count += usize::from(c.is_ascii_hexdigit());
+                count == 8
+            };
+            let end = digits.find(is_eighth).expect("eight digits") + 1;
+            (row[..row.len() - digits.len() + end].to_owned(), 4)
+        }),
+        ("a changed offset", |row| (row.replacen('0', "7", 1), 0)),
+        ("no offset", |row| (row.replacen('0', "?", 1), 0)),
+        ("no digit", |row| {
+            let (offset, digits) = row.split_once(' ').expect("an offset");
+            let first = digits.trim_start().chars().next().expect("a digit");
+            (format!("{offset} {}", digits.replacen(first, "?", 1)), 0)
+        }),
+    ];
+    for (tool, rows_of_it) in &dumps {
+        for (name, damage) in &damages {
+            for at in 1..8 {
+                let mut lines = rows_of_it.clone();
+                let (line, kept) = damage(&lines[at]);
+                lines[at] = line;
+                let dump = lines.join("\n") + "\n";
+                let case = format!("{tool}, {name}, row {at}:\n{dump}");
+                let mut expected = source.clone();
+                expected.drain(16 * at + kept..16 * (at + 1));
+                let found = rows(dump.as_bytes(), &mut Vec::new()).map_err(|e| e.to_string());
+                let fit = found.and_then(|rows| chunks(&rows).map_err(|e| e.to_string()));
+                let fit = fit.unwrap_or_else(|error| panic!("{case}{error}"));
+                let bytes: Vec<u8> = fit
+                    .chunks
+                    .iter()
+                    .flat_map(|one| one.bytes.clone())
+                    .collect();
+                assert_eq!(bytes, expected, "{case}");
+                assert_eq!(look(dump.as_bytes()), Some(Look::Surely), "{case}");
+                // Nobody knows what a dump would have had behind its end.
+                if at < 7 {
+                    let note = fit.losses.note().expect("a note");
+                    let lost = format!("{} bytes are lost", 16 - kept);
+                    assert!(note.contains(&lost), "{case}{note}");
+                }
+            }
+        }
+    }
+    // A file that ends within a row, or within an offset.
+    for (_, rows_of_it) in &dumps {
+        let dump = rows_of_it.join("\n");
+        let start = dump.rfind('\n').expect("rows") + 1;
+        for end in start..dump.len() {
+            let found =
+                bytes(&dump[..end]).unwrap_or_else(|error| panic!("{}: {error}", &dump[..end]));
+            let is_begun = found.len() >= 112 && source.starts_with(&found);
+            assert!(is_begun, "{}: {} bytes", &dump[..end], found.len());
+        }
+    }
+}
+
+/// An offset of a tebibyte, in a row of characters whose last blanks may be lost: it is no number of
+/// blanks.
+#[test]
+fn a_damaged_offset_costs_no_memory() {
+    let text = "0000000   a   b\n20000000000000   c\n";
+    assert!(bytes(text).expect_err("damaged").contains("rows are missing"));
 }
 
 /// od's 0000040 is 32, hexdump's is 64. The last row distinguishes them if it is not full.
