@@ -21,11 +21,7 @@ fn outline() -> Outline {
 }
 
 fn at(x_m: f64, y_m: f64, heading_deg: f64) -> CarPose {
-    CarPose {
-        x_m,
-        y_m,
-        heading_rad: heading_deg.to_radians(),
-    }
+    CarPose::new(x_m, y_m, heading_deg.to_radians())
 }
 
 fn to(pose: CarPose) -> Goal {
@@ -375,16 +371,6 @@ fn a_primitive_that_leads_nowhere_is_refused() {
     assert_eq!(crosses(|one| one.multiplier = 0), nowhere);
 }
 
-/// 4 to 256 headings, by fours; cells from a millimetre to a kilometre.
-#[test]
-fn a_grid_has_cells_with_a_size_and_headings_by_fours() {
-    let is_grid = |size, angles| PrimitiveSet::new(size, angles, Vec::new()).is_ok();
-    let headings = [0, 3, 4, 6, 8, 256, 260].map(|angles| is_grid(0.05, angles));
-    assert_eq!(headings, [false, false, true, false, true, true, false]);
-    let sizes = [0.000_9, 0.001, 999.0, 1_000.0, f64::NAN].map(|size| is_grid(size, 4));
-    assert_eq!(sizes, [false, true, true, false, false]);
-}
-
 /// The heading nearest to an angle, without whole turns: each of four headings is 90 degrees.
 #[test]
 fn a_heading_is_the_nearest_one() {
@@ -396,42 +382,6 @@ fn a_heading_is_the_nearest_one() {
         [0, 3, 0, 0, 3]
     );
     assert!((set.heading_rad(3).to_degrees() - 270.0).abs() < 1e-9);
-}
-
-/// A plan across a free floor of 3 m, from the left to the right.
-fn crossing(limits: Limits) -> Plan {
-    let floor = map([3.0, 2.0], |_, _| false);
-    car()
-        .plan(&floor, at(0.62, 1.02, 0.0), to(at(1.62, 1.02, 0.0)), limits)
-        .unwrap()
-}
-
-/// Each pass lowers its factor by the step, and the last one is 1. A factor below 1 becomes 1, and
-/// an infinite one becomes 1000.
-#[test]
-fn passes_lower_their_factor_to_one() {
-    let bounds = |first_bound, bound_step| {
-        let plan = crossing(Limits {
-            first_bound,
-            bound_step,
-            ..Limits::default()
-        });
-        // A metre at 0.4 m/s.
-        assert!(plan.passes.iter().all(|(_, cost)| *cost >= 2_500));
-        assert_eq!(
-            (plan.cost, plan.bound),
-            (2_500, plan.passes.last().unwrap().0)
-        );
-        plan.passes
-            .iter()
-            .map(|(bound, _)| *bound)
-            .collect::<Vec<_>>()
-    };
-    assert_eq!(bounds(1.5, 0.25), [1.5, 1.25, 1.0]);
-    assert_eq!(bounds(1.6, 0.4), [1.6, 1.200_000_000_000_000_2, 1.0]);
-    assert_eq!(bounds(0.2, 0.4), [1.0]);
-    assert_eq!(bounds(f64::INFINITY, 999.5), [1_000.0, 1.0]);
-    assert_eq!(bounds(1.02, 0.0).len(), 3);
 }
 
 /// With any heading allowed the car drives straight on: 20 cells of 5 cm at 0.4 m/s.

@@ -180,10 +180,7 @@ impl Apollo13 {
         }
         let turn_rad = self.gyro.hear(reading, self.by_board.steering_rad());
         if turn_rad != 0.0 {
-            self.odometry.bridge(Motion {
-                turn_rad,
-                ..Motion::default()
-            });
+            self.odometry.bridge(Motion::new(0.0, 0.0, turn_rad));
         }
     }
 
@@ -327,11 +324,10 @@ impl Apollo13 {
     fn take_marker(&mut self, marker: Marker) {
         // The camera's axes: to the right, down, ahead.
         let [right, _, ahead] = marker.place_mm.map(|mm| f64::from(mm) / 1e3);
-        let place = self.pose().shifted(CAMERA_AHEAD_M).then(Motion {
-            ahead_m: ahead,
-            left_m: -right,
-            turn_rad: 0.0,
-        });
+        let place = self
+            .pose()
+            .shifted(CAMERA_AHEAD_M)
+            .then(Motion::new(ahead, -right, 0.0));
         self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
         // A marker's post may be lower than the camera, so the camera must not clear it.
         let places = self.gates.markers().map(|(_, place)| place);
@@ -370,11 +366,11 @@ impl Apollo13 {
             return false;
         };
         let pose = |values: &[f32]| match values {
-            [x, y, heading] if values.iter().all(|value| value.is_finite()) => Some(CarPose {
-                x_m: f64::from(*x),
-                y_m: f64::from(*y),
-                heading_rad: crate::ackermann::wrapped(f64::from(*heading)),
-            }),
+            [x, y, heading] if values.iter().all(|value| value.is_finite()) => Some(CarPose::new(
+                f64::from(*x),
+                f64::from(*y),
+                crate::ackermann::wrapped(f64::from(*heading)),
+            )),
             _ => None,
         };
         match (message.addr.as_str(), &values[..]) {
