@@ -180,19 +180,14 @@ impl Waypoints {
 
     /// Appends a waypoint; returns its number.
     pub fn push(&mut self, position_mm: [i16; 2], layer: i8) -> Result<i16, WaypointError> {
-        self.insert_at(self.len, position_mm, layer)
-    }
-
-    /// Inserts a waypoint behind the one with number `before`; returns its number. If `before` and
-    /// the next waypoint were reached, the new one counts as reached, too.
-    pub fn insert_after(
-        &mut self,
-        before: i16,
-        position_mm: [i16; 2],
-        layer: i8,
-    ) -> Result<i16, WaypointError> {
-        let index = self.index_of(before)? + 1;
-        self.insert_at(index, position_mm, layer)
+        let id = self.next_id.ok_or(WaypointError::NumbersUsedUp)?;
+        self.append(Waypoint {
+            id,
+            position_mm,
+            layer,
+        })?;
+        self.next_id = id.checked_add(1);
+        Ok(id)
     }
 
     /// Removes a waypoint.
@@ -240,14 +235,11 @@ impl Waypoints {
                     && known.layer == sent.layer
             }) && self.index_of(sent.id).is_err();
             let taken = if known {
-                self.insert_slot(
-                    self.len,
-                    Waypoint {
-                        id: sent.id,
-                        position_mm: sent.position_mm,
-                        layer: sent.layer,
-                    },
-                )
+                self.append(Waypoint {
+                    id: sent.id,
+                    position_mm: sent.position_mm,
+                    layer: sent.layer,
+                })
             } else {
                 self.push(sent.position_mm, sent.layer).map(|_| ())
             };
@@ -312,26 +304,7 @@ impl Waypoints {
             .ok_or(WaypointError::Unknown(id))
     }
 
-    fn insert_at(
-        &mut self,
-        index: usize,
-        position_mm: [i16; 2],
-        layer: i8,
-    ) -> Result<i16, WaypointError> {
-        let id = self.next_id.ok_or(WaypointError::NumbersUsedUp)?;
-        self.insert_slot(
-            index,
-            Waypoint {
-                id,
-                position_mm,
-                layer,
-            },
-        )?;
-        self.next_id = id.checked_add(1);
-        Ok(id)
-    }
-
-    fn insert_slot(&mut self, index: usize, waypoint: Waypoint) -> Result<(), WaypointError> {
+    fn append(&mut self, waypoint: Waypoint) -> Result<(), WaypointError> {
         if self.len == CAPACITY {
             let told = !self.defects.drops_silently;
             return if told {
@@ -343,12 +316,8 @@ impl Waypoints {
         if self.broken.has_no_end {
             return Ok(());
         }
-        self.slots.copy_within(index..self.len, index + 1);
-        self.slots[index] = waypoint;
+        self.slots[self.len] = waypoint;
         self.len += 1;
-        if index < self.reached {
-            self.reached += 1;
-        }
         Ok(())
     }
 }

@@ -501,27 +501,6 @@ mod tests {
         heading: 0.0,
     };
 
-    /// Up to six views in vain everything counts, up to twelve only large views, up to eighteen
-    /// only heat.
-    #[test]
-    fn after_views_in_vain_less_is_worth_a_way() {
-        let mut explore = Explore::new(Sought::Floor);
-        let least = [0, 6, 7, 12, 13, 18, 19].map(|vain| {
-            explore.vain = vain;
-            explore.least()
-        });
-        let expected = [
-            Some(6),
-            Some(6),
-            Some(30),
-            Some(30),
-            Some(u16::MAX),
-            Some(u16::MAX),
-            None,
-        ];
-        assert_eq!(least, expected);
-    }
-
     /// 25 new cells of 30 mm since the last view that added some count as news.
     #[test]
     fn twenty_five_cells_are_news() {
@@ -534,24 +513,6 @@ mod tests {
             (explore.vain, explore.known == known)
         };
         assert_eq!([24, 25].map(vain), [(4, false), (0, true)]);
-    }
-
-    /// Nine by ten cells are the floor under the robot; with fewer there is no map yet.
-    #[test]
-    fn ninety_cells_are_a_map() {
-        let seconds = [90, 89].map(|cells: usize| {
-            let mut map = std::boxed::Box::new(Grid::new(10.0));
-            for cell in 0..cells {
-                let (x, y) = (30 + cell % 10, 30 + cell / 10);
-                let fine = (0..9).map(|fine| (3 * x + fine % 3, 3 * y + fine / 3));
-                fine.for_each(|(x, y)| map.set(x, y, 0));
-            }
-            let mut explore = Explore::new(Sought::Floor);
-            (explore.vain, explore.known) = (9, 1_000);
-            step(&mut explore, &map, Pose::new(1_000.0, 1_000.0, 0.0));
-            explore.vain
-        });
-        assert_eq!(seconds, [10, 0]);
     }
 
     fn on_the_way(x_mm: f32, way_cells: u16, scans: u16, age: u8) -> Explore {
@@ -707,30 +668,6 @@ mod tests {
         });
         assert_eq!(step(&mut explore, &map, Pose::new(520.0, 900.0, 0.1)), HALT);
         assert!(explore.at.is_none());
-    }
-
-    /// Both heat sensors point sideways: they feel neither cold nor warm walls ahead.
-    #[test]
-    fn only_what_lies_beside_is_felt() {
-        let map = room(false);
-        let unfelt = |heading, is_felt| {
-            let mut explore = Explore::new(Sought::FloorAndHeat);
-            let pose = Pose::new(520.0, 900.0, heading);
-            let before = explore.frontiers.outlook(&map, pose.position()).unfelt;
-            explore.feel(Sight {
-                map: &map,
-                pose,
-                around: &Surroundings::EMPTY,
-                is_felt,
-            });
-            before - explore.frontiers.outlook(&map, pose.position()).unfelt
-        };
-        assert_eq!(unfelt(0.0, [true; 2]), 0);
-        // Turned to the right, the left sensor faces the room and the right one the wall behind.
-        assert_eq!(unfelt(-FRAC_PI_2, [true, false]), 0);
-        assert!(unfelt(-FRAC_PI_2, [false, true]) > 0);
-        assert!(unfelt(FRAC_PI_2, [true, false]) > 0);
-        assert_eq!(unfelt(FRAC_PI_2, [false, true]), 0);
     }
 
     /// Home is the start of the search, or the given position if no search was started.
