@@ -4,7 +4,6 @@
 mod bench;
 mod chance;
 mod driving;
-mod lines;
 mod link;
 mod looking;
 mod mapping;
