@@ -4,6 +4,7 @@
 mod bench;
 mod chance;
 mod driving;
+mod lines;
 mod link;
 mod looking;
 mod mapping;

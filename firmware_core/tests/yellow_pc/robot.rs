@@ -1,12 +1,11 @@
 //! The robot: an ideal differential drive that follows commands as the real one does.
 
-use firmware_core::lines::{Lines, Settings};
-use firmware_core::pose::Point;
 use protocols::telemetry::message::{
     ANY_HEADING, Line, Odometry, Pose, State, Telecommand, Telemetry,
 };
 
 use crate::chance::Chance;
+use crate::lines::lines;
 use crate::world::World;
 
 /// Half of the robot's width: wheels 18 cm apart, plus the wheels themselves.
@@ -255,22 +254,22 @@ impl Robot {
                 world.ray([x, y], heading + angle) + self.errors.range * self.chance.normal();
             if (0.15..5.0).contains(&range) && !self.is_blind {
                 let (sin, cos) = libm::sincos(angle + turned);
-                #[expect(clippy::cast_possible_truncation, reason = "as the robot has it")]
-                let [x, y] = [range * cos, range * sin].map(|m| (m * 1e3) as f32);
-                points.push(Point::new(x, y));
+                points.push([range * cos, range * sin]);
             }
         }
-        let end = |at: Point| Pose {
-            x: at.x_mm,
-            y: at.y_mm,
-            alpha: 0.0,
+        let end = |[x, y]: [f64; 2]| {
+            At {
+                x: x * 1e3,
+                y: y * 1e3,
+                heading: 0.0,
+            }
+            .wire()
         };
-        let found = Lines::find(&points, &Settings::DEFAULT);
-        let lines = found.as_slice().iter();
+        let lines = lines(&points).into_iter();
         lines
-            .map(|line| Line {
-                start: end(line.start),
-                end: end(line.end),
+            .map(|(start, stop)| Line {
+                start: end(start),
+                end: end(stop),
             })
             .collect()
     }
