@@ -63,16 +63,6 @@ impl Told {
             self.steered.motion_to(to.steered),
         ]
     }
-
-    /// The motions from `self` to `to`, if the odometer's direction is opposite to the board's.
-    fn other_way(&self, to: &Self) -> Option<Finding> {
-        let [odometer, board, _] = self.motions(to);
-        let is_other_way = odometer.ahead_m * board.ahead_m < 0.0;
-        let is_off = (odometer.ahead_m - board.ahead_m).abs() > WAY_OFF_M;
-        let is_found = length(&board) >= WAY_M[0] && is_other_way && is_off;
-        let turn_rad = odometer.turn_rad;
-        is_found.then_some(Finding::Way(odometer, Motion { turn_rad, ..board }))
-    }
 }
 
 /// The comparison: start poses, for travel and for turns.
@@ -81,8 +71,6 @@ pub struct Witness {
     way: Told,
     turn: Told,
     heard: Instant,
-    /// Poses at the order to drive in the other direction.
-    turned: Option<Told>,
 }
 
 impl Witness {
@@ -91,23 +79,15 @@ impl Witness {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
 
-    /// Notes the order to drive in the other direction.
-    pub const fn turn_round(&mut self, told: Told) {
-        self.turned = Some(told);
-    }
-
     /// Compares the motions up to the current frame. After a change of direction the car rolls on
     /// for a while, which only the odometer reports: that motion is left out. Delayed frames report
     /// motion that the odometer reported earlier, so nothing is compared until frames arrive in
-    /// time again. One fault is found even then: an encoder that has counted in the wrong direction
-    /// since the car changed its own.
+    /// time again.
     pub fn compare(&mut self, told: Told) -> Option<Finding> {
         let passed = told.now - core::mem::replace(&mut self.heard, told.now);
         if told.is_backwards != self.way.is_backwards {
-            let is_late = passed > *IN_TIME.end();
-            let turned = self.turned.take().filter(|_| is_late);
             self.begin(told);
-            return turned.and_then(|from| from.other_way(&told));
+            return None;
         }
         if !IN_TIME.contains(&passed) {
             return None;
@@ -209,35 +189,6 @@ mod tests {
                 matches!(witness.compare(told), Some(Finding::Way(..)))
             });
             assert_eq!(found, found_at, "{counted_m}");
-        }
-    }
-
-    /// The car changes its direction while the board's frames are lost for two seconds: it drove
-    /// 0.4 m back, and the encoder reports ahead. An encoder that reports back is trusted at any
-    /// distance. Without lost frames both are, because the car rolled on.
-    #[test]
-    fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
-        for (told_m, gap_ms, is_found) in [
-            (0.40, 2_000, true),
-            (-0.40, 2_000, false),
-            (-0.20, 2_000, false),
-            (0.40, 67, false),
-        ] {
-            let mut witness = Witness::default();
-            let turned = Told {
-                is_backwards: true,
-                ..Told::default()
-            };
-            witness.turn_round(turned);
-            let back = Told {
-                now: Instant::ZERO + Duration::from_millis(gap_ms),
-                odometer: at(told_m, 0.0),
-                board: at(-0.40, 0.0),
-                ..turned
-            };
-            let finding = witness.compare(back);
-            let way = matches!(finding, Some(Finding::Way(_, other)) if other.ahead_m == -0.40);
-            assert_eq!(way, is_found, "{told_m} m, {gap_ms} ms");
         }
     }
 

@@ -200,15 +200,6 @@ impl Apollo13 {
         self.gates.moved(before, self.pose());
     }
 
-    /// Notes the command sent to the board: it gives the direction of the following pulses.
-    pub(super) fn note_command(&mut self) {
-        let was_backwards = self.by_board.is_backwards();
-        self.by_board.command(self.drive);
-        if self.by_board.is_backwards() != was_backwards {
-            self.witness.turn_round(self.told());
-        }
-    }
-
     /// Compares the motions of the odometer and the board, which must agree.
     fn compare(&mut self) {
         let finding = self.witness.compare(self.told());
