@@ -43,11 +43,6 @@ impl GyroOdometry {
         self.pose = self.pose.then(motion);
     }
 
-    /// Distance counted since the last reading, metres; 0 without one.
-    pub fn counted_m(&self, travel_m: f64) -> f64 {
-        self.told.map_or(0.0, |[before_m, _]| travel_m - before_m)
-    }
-
     /// Takes the travel since the board's start, metres, and the gyroscope's heading, radians; the
     /// first ones only set the start values. A travel that falls back by more than a metre means a
     /// reset of the board, and sets the start values again. Returns the distance since the last

@@ -17,9 +17,6 @@ use crate::robots::apollo13::witness::{Finding, Told};
 
 /// Maximum valid ultrasonic range, metres, as published by the fielded program.
 const ULTRASOUND_MAX_M: f64 = 3.0;
-/// Distance by which a silent odometer has counted less than the board, more than by chance,
-/// metres: three pulses.
-const MISSED_M: f64 = 0.08;
 /// Minimum time between scans entered into the floor; the fielded costmap did it each 200 ms.
 const SEE_EVERY: Duration = Duration::from_millis(100);
 /// Minimum ultrasonic range ahead, metres, with which columns without a depth count as open floor.
@@ -143,10 +140,9 @@ impl Apollo13 {
         let before = self.pose();
         // The odometer's clock falls back at a reset.
         let is_reset = reading.time_s < self.odometer_s;
-        let has_missed = self.watch.is_silent(self.now) && self.has_missed_way(reading.distance_m);
         self.watch.hear(self.now, is_reset);
         // Ignore a gyroscope whose offset was measured while the car turned.
-        if is_reset || has_missed || self.watch.is_misled() {
+        if is_reset || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
             self.gyro.begin_anew();
@@ -161,15 +157,6 @@ impl Apollo13 {
         self.turn_as_steered(reading);
         self.at_line = (self.odometry.clone(), self.by_board.pose_at(self.now));
         self.gates.moved(before, self.pose());
-    }
-
-    /// Whether a silent odometer has counted less than the board since its last line: during the
-    /// gyroscope's calibration it does not read its encoder.
-    fn has_missed_way(&self, travel_m: f64) -> bool {
-        let (odometry, board) = &self.at_line;
-        let by_board = board.motion_to(self.by_board.pose_at(self.now));
-        odometry.counted_m(travel_m).abs() + MISSED_M
-            < libm::hypot(by_board.ahead_m, by_board.left_m)
     }
 
     /// Replaces the turn of a stuck gyroscope by that of the steering. The other dialects round the

@@ -142,17 +142,6 @@ fn messages_without_meaning_are_counted() {
     assert_eq!(car.misfits, 0);
 }
 
-/// While it was silent the odometer counted at least 8 cm less than the board, three pulses: half a
-/// metre by the board, and 41, 43 or minus 43 cm by the odometer.
-#[test]
-fn an_odometer_that_missed_three_pulses_was_deaf() {
-    let mut car = car();
-    car.odometry.update(1.0, 0.0);
-    car.at_line = (car.odometry.clone(), CarPose::new(-0.4, 0.3, 0.0));
-    let missed = [0.41, -0.41, 0.43, -0.43, 0.6].map(|way_m| car.has_missed_way(1.0 + way_m));
-    assert_eq!(missed, [true, true, false, false, false]);
-}
-
 /// Frames with impossible values are counted and ignored.
 #[test]
 fn frames_of_the_board_that_are_damaged_are_counted() {
