@@ -30,12 +30,9 @@ const FOOTPRINT_CELLS: u32 = 90;
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot stays at a view.
 const LOOK_SCANS: u8 = 4;
-/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s; and ten seconds more if the
-/// robot is nearly there.
+/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
-const NEARLY_SCANS: u16 = 50;
-const NEARLY_MM: f32 = 500.0;
 /// Minimum progress towards a view, millimetres, within 75 scans (15 s). A robot below it is stuck
 /// and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
@@ -322,10 +319,8 @@ impl Explore {
         let Sight {
             map, pose, around, ..
         } = sight;
-        let is_nearly_there = pose.position().distance_mm(view.place) < NEARLY_MM;
-        let patience = PATIENCE_SCANS
-            .saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL))
-            .saturating_add(if is_nearly_there { NEARLY_SCANS } else { 0 });
+        let patience =
+            PATIENCE_SCANS.saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL));
         let shuffle = shuffle.after(pose.position());
         if scans > patience || shuffle.scans > SHUFFLE_SCANS {
             return self.cannot_reach(map, view.place);
@@ -550,26 +545,24 @@ mod tests {
         assert_eq!([stayed(75, 300.0), stayed(75, 301.0)], [None, Some(0)]);
     }
 
-    /// A path of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less
-    /// than half a metre remains.
+    /// A path of 10 cells may take 100 scans and two for each cell.
     #[test]
     fn a_way_that_takes_too_long_is_given_up() {
         let map = room(true);
-        let after = |x_mm, scans| {
-            let mut explore = on_the_way(x_mm, 10, scans, 0);
+        let after = |scans| {
+            let mut explore = on_the_way(1_400.0, 10, scans, 0);
             step(&mut explore, &map, MIDDLE);
             explore.at
         };
         assert!(matches!(
-            after(1_400.0, 120),
+            after(120),
             Some(At::Way {
                 scans: 121,
                 age: 1,
                 ..
             })
         ));
-        assert!(after(1_400.0, 121).is_none());
-        assert!(after(1_399.0, 170).is_some() && after(1_399.0, 171).is_none());
+        assert!(after(121).is_none());
     }
 
     /// Each fifth scan the view is judged again: behind an open door it still shows unknown cells,
