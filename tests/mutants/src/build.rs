@@ -136,7 +136,7 @@ fn copy_tree(tree: &Path) -> Result<(), String> {
     fs::create_dir_all(tree).map_err(|error| format!("{}: {error}", tree.display()))?;
     let done = Command::new("sh")
         .arg("-c")
-        .arg("git ls-files -z | xargs -0 cp --parents -t \"$0\"")
+        .arg("git ls-files -z | xargs -0 cp --no-dereference --parents -t \"$0\"")
         .arg(tree)
         .status();
     if !done.is_ok_and(|status| status.success()) {
