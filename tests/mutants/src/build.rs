@@ -77,11 +77,7 @@ pub struct Built {
 pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Built, String> {
     let tree = out.join("tree");
     copy_tree(&tree)?;
-    let folder = if package == "hilrig" {
-        tree.clone()
-    } else {
-        tree.join(package)
-    };
+    let (folder, lib) = places(package, &tree)?;
     let target = out.join("target");
     fs::create_dir_all(&target).map_err(|error| format!("{}: {error}", target.display()))?;
     let mut files: BTreeMap<&str, (String, Vec<usize>)> = BTreeMap::new();
@@ -100,6 +96,7 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     let mut copy = Copy {
         package,
         tree: &tree,
+        lib,
         // The path as the compiler in the copy sees it.
         target: fs::canonicalize(&target).unwrap_or(target),
         mutants,
@@ -145,9 +142,38 @@ fn copy_tree(tree: &Path) -> Result<(), String> {
     Ok(())
 }
 
+/// The folder of `package` in the workspace `tree`, and the file of its library.
+fn places(package: &str, tree: &Path) -> Result<(PathBuf, PathBuf), String> {
+    let output = Command::new("cargo")
+        .args(["metadata", "--locked", "--no-deps", "--format-version", "1"])
+        .current_dir(tree)
+        .stderr(Stdio::inherit())
+        .output()
+        .map_err(|error| format!("cargo: {error}"))?;
+    let metadata: Value = serde_json::from_slice(&output.stdout)
+        .map_err(|error| format!("cargo metadata: {error}"))?;
+    let all = metadata["packages"].as_array();
+    let one = all.and_then(|all| all.iter().find(|one| one["name"] == package));
+    let one = one.ok_or_else(|| format!("{package}: not a package of the workspace"))?;
+    let manifest = one["manifest_path"].as_str().map(Path::new);
+    let targets = one["targets"].as_array();
+    let is_lib = |target: &&Value| {
+        target["kind"]
+            .as_array()
+            .is_some_and(|all| all.contains(&"lib".into()))
+    };
+    let lib = targets.and_then(|all| all.iter().find(is_lib)?["src_path"].as_str());
+    let (Some(folder), Some(lib)) = (manifest.and_then(Path::parent), lib) else {
+        return Err(format!("{package}: no library"));
+    };
+    Ok((folder.to_owned(), PathBuf::from(lib)))
+}
+
 struct Copy<'a> {
     package: &'a str,
     tree: &'a Path,
+    /// The file of its library.
+    lib: PathBuf,
     target: PathBuf,
     mutants: &'a [Mutant],
     unviable: BTreeSet<usize>,
@@ -175,19 +201,14 @@ impl<'a> Copy<'a> {
     }
 
     fn write_switch(&self) -> Result<(), String> {
-        let folder = if self.package == "hilrig" {
-            "src"
-        } else {
-            &format!("{}/src", self.package)
-        };
-        let path = self.tree.join(folder).join("lib.rs");
-        let text = fs::read_to_string(&path).map_err(|error| format!("lib.rs: {error}"))?;
+        let path = &self.lib;
+        let wrong = |error| format!("{}: {error}", path.display());
+        let text = fs::read_to_string(path).map_err(wrong)?;
         if !text.contains(SWITCH) {
             // After the documentation of the crate, only attributes may follow.
             let at = text.find("\n\n").map_or(0, |at| at + 2);
             let (head, rest) = text.split_at(at);
-            fs::write(&path, format!("{head}{ALLOWED}{rest}{SWITCH}"))
-                .map_err(|error| format!("lib.rs: {error}"))?;
+            fs::write(path, format!("{head}{ALLOWED}{rest}{SWITCH}")).map_err(wrong)?;
         }
         Ok(())
     }
@@ -314,7 +335,7 @@ impl<'a> Copy<'a> {
 /// heap.
 fn features(package: &str) -> &'static [&'static str] {
     match package {
-        "firmware_core" => &["--features", "host"],
+        "hilrig-firmware" => &["--features", "host,large"],
         _ => &[],
     }
 }

@@ -32,6 +32,8 @@ const JOBS: usize = 2;
 /// Maximum number of tests of a binary that may fail without a mutant: on a busy machine, tests of
 /// the clock do.
 const FAILING_MAX: usize = 5;
+/// Stack of a test, bytes: a function with switches takes several times its own.
+const STACK: &str = "67108864";
 /// A test counts as late only after this time.
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -194,6 +196,7 @@ fn run(
     let child = Command::new(binary)
         .args(arguments)
         .current_dir(folder)
+        .env("RUST_MIN_STACK", STACK)
         .env(ACTIVE, active.to_string())
         .envs(notes.map(|notes| (REACHED, notes)))
         .env("CARGO_MANIFEST_DIR", folder)
