@@ -9,8 +9,8 @@ use hilrig::prelude::*;
 
 use crate::{board, turret};
 
-/// Edge of a map cell, mm, maximum number of cells, and number of cells that each growth adds beyond
-/// the required ones.
+/// Edge of a map cell, mm, maximum number of cells, and cells that each growth adds beyond the
+/// required ones.
 const CELL_MM: f64 = 100.0;
 const CELLS_MAX: usize = 100_000;
 const MARGIN: u8 = 32;
