@@ -335,7 +335,7 @@ impl<'a> Copy<'a> {
 /// heap.
 fn features(package: &str) -> &'static [&'static str] {
     match package {
-        "hilrig-firmware" => &["--features", "host,large"],
+        "hilrig-firmware" => &["--features", "host"],
         _ => &[],
     }
 }
