@@ -321,11 +321,16 @@ fn with(
     for (index, (line, row)) in rows.iter().enumerate() {
         let (offset, rest, is_indented) = match row {
             Row::Head(_) => {
+                if index + 1 == rows.len() {
+                    let message = "expected rows of an offset and bytes behind this line";
+                    losses.skip(line.wrong(message))?;
+                    continue;
+                }
                 if losses.are_counted()
                     && lanes[last].reached.is_some()
                     && next_offset(index).is_some_and(|next| next > 0)
                 {
-                    losses.take(line.wrong("expected an offset and bytes"))?;
+                    losses.skip(line.wrong("expected an offset and bytes"))?;
                     continue;
                 }
                 (head, is_open) = (Some(index), false);
@@ -351,7 +356,7 @@ fn with(
         };
         let Some(offset) = layout.offset(offset) else {
             let message = format!("expected {} as the offset", layout.offset_name());
-            losses.take(line.wrong(message))?;
+            losses.skip(line.wrong(message))?;
             continue;
         };
         let lane = usize::from(is_indented);
@@ -364,16 +369,18 @@ fn with(
         let reached = own.reached.unwrap_or(offset);
         let is_gap = offset != reached && !own.repeats;
         if is_gap {
-            losses.take(line.wrong(format!(
+            let error = line.wrong(format!(
                 "the offset is {offset:#x}, the bytes before it end at {reached:#x}: rows are \
                  missing or damaged"
-            )))?;
+            ));
             let is_damaged = offset < reached
                 || offset - reached > losses::GAP_MAX * stride
                 || next_offset(index).is_some_and(|next| next <= offset);
             if is_damaged {
+                losses.skip(error)?;
                 continue;
             }
+            losses.gap(error)?;
             losses.bytes += offset - reached;
         }
         first = first.or(Some(offset));
@@ -410,14 +417,16 @@ fn with(
                 let kept = layout.rest_of(rest, len.unwrap_or(stride), shape);
                 let lost = len.unwrap_or(kept.len()) - kept.len();
                 losses.bytes += lost;
-                own.reached = Some(offset + lost);
+                own.reached = Some(offset.saturating_add(lost));
                 kept
             }
         };
-        own.reached = own.reached.map(|reached| reached + row.len());
+        let reached = own.reached.unwrap_or(offset);
+        own.reached = Some(reached.saturating_add(row.len()));
         chunk.bytes.extend_from_slice(&row);
         own.last_row = row;
     }
+    losses.end()?;
     chunks.retain(|chunk| !chunk.bytes.is_empty());
     Ok(Fit {
         layout,

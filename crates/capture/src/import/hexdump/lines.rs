@@ -63,9 +63,6 @@ pub(super) fn rows<'a>(
     {
         return Err(line.wrong("expected an offset and bytes, as xxd, hexdump and od write"));
     }
-    if let Some((line, Row::Head(_))) = rows.last() {
-        return Err(line.wrong("expected rows of an offset and bytes behind this line"));
-    }
     let mut pairs = rows.windows(2);
     if let Some([_, (line, _)]) = pairs.find(|pair| {
         matches!(

@@ -20,6 +20,8 @@ pub(super) struct Losses {
     pub(super) rows: usize,
     pub(super) bytes: usize,
     first: Option<ImportError>,
+    /// The first row that was left out and is not counted yet: the gap behind it is.
+    skipped: Option<ImportError>,
 }
 
 impl Losses {
@@ -51,6 +53,35 @@ impl Losses {
         self.rows += 1;
         self.first.get_or_insert(error);
         Ok(())
+    }
+
+    /// Leaves a row out.
+    ///
+    /// # Errors
+    /// As of [`take`](Self::take).
+    pub(super) fn skip(&mut self, error: ImportError) -> Result<(), ImportError> {
+        if !self.are_counted {
+            return Err(error);
+        }
+        self.skipped.get_or_insert(error);
+        Ok(())
+    }
+
+    /// Counts a place where rows are missing, or were left out.
+    ///
+    /// # Errors
+    /// As of [`take`](Self::take).
+    pub(super) fn gap(&mut self, error: ImportError) -> Result<(), ImportError> {
+        let error = self.skipped.take().unwrap_or(error);
+        self.take(error)
+    }
+
+    /// Counts rows that were left out without a gap behind them.
+    ///
+    /// # Errors
+    /// As of [`take`](Self::take).
+    pub(super) fn end(&mut self) -> Result<(), ImportError> {
+        self.skipped.take().map_or(Ok(()), |error| self.take(error))
     }
 
     /// Whether few of `rows` are damaged: otherwise the text is no dump, or of another layout.

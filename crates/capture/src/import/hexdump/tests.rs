@@ -257,7 +257,11 @@ fn a_damaged_row_costs_its_own_bytes() {
 #[test]
 fn a_damaged_offset_costs_no_memory() {
     let text = "0000000   a   b\n20000000000000   c\n";
-    assert!(bytes(text).expect_err("damaged").contains("rows are missing"));
+    assert!(
+        bytes(text)
+            .expect_err("damaged")
+            .contains("rows are missing")
+    );
 }
 
 /// od's 0000040 is 32, hexdump's is 64. The last row distinguishes them if it is not full.
