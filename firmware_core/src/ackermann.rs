@@ -38,15 +38,6 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// A motion by these parts.
-    pub const fn new(ahead_m: f64, left_m: f64, turn_rad: f64) -> Self {
-        Self {
-            ahead_m,
-            left_m,
-            turn_rad,
-        }
-    }
-
     /// The motion that leads back.
     #[must_use]
     pub fn inverse(self) -> Self {
@@ -66,15 +57,6 @@ pub struct CarPose {
 }
 
 impl CarPose {
-    /// A pose at these coordinates.
-    pub const fn new(x_m: f64, y_m: f64, heading_rad: f64) -> Self {
-        Self {
-            x_m,
-            y_m,
-            heading_rad,
-        }
-    }
-
     /// The pose after `motion`.
     #[must_use]
     pub fn then(self, motion: Motion) -> Self {
@@ -90,18 +72,21 @@ impl CarPose {
     pub fn motion_to(self, target: Self) -> Motion {
         let (sin, cos) = libm::sincos(self.heading_rad);
         let (dx, dy) = (target.x_m - self.x_m, target.y_m - self.y_m);
-        Motion::new(
-            cos * dx + sin * dy,
-            cos * dy - sin * dx,
-            wrapped(target.heading_rad - self.heading_rad),
-        )
+        Motion {
+            ahead_m: cos * dx + sin * dy,
+            left_m: cos * dy - sin * dx,
+            turn_rad: wrapped(target.heading_rad - self.heading_rad),
+        }
     }
 
     /// The pose of a point `ahead_m` before this one on the same body. From the rear axle to the
     /// front axle `ahead_m` is the wheelbase, back its negative, to the middle half of it.
     #[must_use]
     pub fn shifted(self, ahead_m: f64) -> Self {
-        let along = Motion::new(ahead_m, 0.0, 0.0);
+        let along = Motion {
+            ahead_m,
+            ..Motion::default()
+        };
         self.then(along)
     }
 
@@ -143,11 +128,11 @@ impl CarGeometry {
         let turn_rad = path_m * sin / self.wheelbase_m;
         let seen = arc(path_m, turn_rad);
         // Along the wheels, which point sideways.
-        Motion::new(
-            cos * seen.ahead_m - sin * seen.left_m,
-            sin * seen.ahead_m + cos * seen.left_m,
+        Motion {
+            ahead_m: cos * seen.ahead_m - sin * seen.left_m,
+            left_m: sin * seen.ahead_m + cos * seen.left_m,
             turn_rad,
-        )
+        }
     }
 
     /// Steering angle and travel of the front axle that move it to `ahead_m`, `left_m` on the
@@ -184,6 +169,20 @@ impl CarGeometry {
         let turn_per_m = libm::tan(steering_rad) / self.wheelbase_m;
         wheel_m / (1.0 - turn_per_m * self.track_m / 2.0)
     }
+
+    /// Travel of the front axle's middle when the rear axle's has moved `rear_m`.
+    pub fn front_of_rear(&self, steering_rad: f64, rear_m: f64) -> f64 {
+        rear_m / libm::cos(steering_rad)
+    }
+
+    /// Steering angle at which the car turns at `turn_rad_s` while its rear axle goes at
+    /// `speed_m_s`; 0 at rest.
+    pub fn steering_for(&self, turn_rad_s: f64, speed_m_s: f64) -> f64 {
+        match speed_m_s == 0.0 {
+            true => 0.0,
+            false => libm::atan(self.wheelbase_m * turn_rad_s / speed_m_s),
+        }
+    }
 }
 
 /// Motion along an arc of this length that starts ahead.
@@ -196,7 +195,11 @@ fn arc(path_m: f64, turn_rad: f64) -> Motion {
         true => path_m * (1.0 - half * half / 6.0),
         false => path_m * sin / half,
     };
-    Motion::new(chord * cos, chord * sin, turn_rad)
+    Motion {
+        ahead_m: chord * cos,
+        left_m: chord * sin,
+        turn_rad,
+    }
 }
 
 /// `angle` brought into (-pi, pi].
@@ -271,10 +274,50 @@ mod tests {
             prop_assert!((found - steering).abs() < 1e-9, "{found} for {steering}");
             prop_assert!((travel - path).abs() < 1e-9, "{travel} for {path}");
         }
+
+        #[test]
+        fn any_place_has_an_arc_or_none(ahead in -1e3..1e3_f64, left in -1e3..1e3_f64) {
+            if let Some((steering, path)) = CAR.front_inverse(ahead, left) {
+                let there = CAR.front_arc(steering, path);
+                let off = libm::hypot(there.ahead_m - ahead, there.left_m - left);
+                prop_assert!(off < 1e-6 * (1.0 + path.abs()), "{off}");
+            }
+        }
     }
 
-    /// Specification A3: at 25 degrees to the left the left rear wheel travels 14 % less than its
-    /// axle.
+    /// The report's inverse, sign by sign: each is wrong by many degrees for most arcs.
+    #[test]
+    fn ap6_the_signs_of_the_report_are_wrong() {
+        let k = CAR.wheelbase_m;
+        let (mut steering_off, mut left_off, mut right_off) = (0, 0, 0);
+        let mut count = 0;
+        for deg in 2..=25 {
+            for tenth in 1..=20 {
+                count += 1;
+                let (steering, way) = (f64::from(deg).to_radians(), f64::from(tenth) / 10.0);
+                let radius = k / libm::sin(steering);
+                let left = CAR.front_arc(steering, way * radius);
+                let (x, y) = (-left.left_m, left.ahead_m);
+                // (V): + 2 y k instead of - 2 y k.
+                let seed = libm::atan(2.0 * x * k / (-x * x - y * y + 2.0 * y * k));
+                steering_off += i32::from((seed - steering).abs() > 1_f64.to_radians());
+                // (VII) for a left turn: + alpha instead of - alpha.
+                let seed = libm::asin(((y + k) / radius).min(1.0)) + steering;
+                left_off += i32::from((seed - way).abs() > 1_f64.to_radians());
+                // (VII) for a right turn: the arc sine covers only half of the circle.
+                let right = CAR.front_arc(-steering, way * radius);
+                let sine = ((right.ahead_m + k) / radius).min(1.0);
+                let seed = PI - steering - libm::asin(sine);
+                right_off += i32::from((seed - way).abs() > 1_f64.to_radians());
+            }
+        }
+        assert!(steering_off * 10 > count * 8, "{steering_off} of {count}");
+        assert!(left_off * 10 > count * 8, "{left_off} of {count}");
+        assert!(right_off * 10 > count * 4, "{right_off} of {count}");
+    }
+
+    /// Specification A3: the front axle travels 9.4 % more than the rear axle at 25 degrees to the
+    /// left, the left rear wheel 14 % less than its axle.
     #[test]
     fn the_left_rear_wheel_goes_less_in_a_left_turn() {
         let steering = 25_f64.to_radians();
@@ -282,6 +325,11 @@ mod tests {
         // k / tan(25) = 0.5361; less half the track 0.4586: 1 / 0.8554.
         assert!((rear - 1.169).abs() < 0.001, "{rear}");
         assert!((CAR.rear_of_left_wheel(-steering, 1.0) - 0.874).abs() < 0.001);
+        // The cosine of 25 degrees is 0.9063: 9.4 % less.
+        assert!((1.0 / CAR.front_of_rear(steering, 1.0) - 0.906).abs() < 0.001);
+        // Both together: 22.5 % less than the front axle.
+        let front = CAR.front_of_rear(steering, rear);
+        assert!((1.0 - 1.0 / front - 0.225).abs() < 0.002, "{front}");
     }
 
     #[test]
@@ -296,6 +344,10 @@ mod tests {
         assert_eq!(CAR.front_inverse(behind, 0.0), Some((0.0, behind)));
         assert_eq!(CAR.front_inverse(0.0, 0.0), None);
         assert_eq!(CAR.front_inverse(f64::NAN, 1.0), None);
+        assert_eq!(CAR.steering_for(1.0, 0.0), 0.0);
+        // tan(25 degrees) * 0.3 / 0.25 = 0.5596 rad/s.
+        let steering = CAR.steering_for(0.5596, 0.3);
+        assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }
 
     /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and starts at t / 2. It

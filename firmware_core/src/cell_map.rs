@@ -4,18 +4,9 @@
 use alloc::vec::Vec;
 
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::growing_map::NotWritten;
 use crate::map_view::MapView;
 use crate::pose::Point;
-
-/// Reason why a cell was not written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum NotWritten {
-    /// The position has no finite coordinates.
-    NoPlace,
-    /// The map would have more cells than it may.
-    TooLarge,
-}
 
 /// A cell, counted from the one with its lower left corner at the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -369,5 +360,21 @@ mod tests {
         let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
         assert!(free.iter().all(|cell| (1..4).contains(&cell.x)));
         assert_eq!(free.len(), 9);
+    }
+
+    /// Row by row from below, each from left to right; the neighbours are the same without the
+    /// middle.
+    #[test]
+    fn a_block_is_told_row_by_row() {
+        let places = |cells: Vec<Cell>| cells.iter().map(|it| (it.x, it.y)).collect::<Vec<_>>();
+        let block = places(Cell::new(5, -7).block().collect());
+        let rows = [-8, -7, -6].map(|y| [(4, y), (5, y), (6, y)]);
+        assert_eq!(block, rows.concat());
+        let around = places(Cell::new(5, -7).neighbours().collect());
+        assert_eq!(around, [&rows.concat()[..4], &rows.concat()[5..]].concat());
+        let edges = places(Cell::new(5, -7).edge_neighbours().to_vec());
+        assert_eq!(edges, [(6, -7), (5, -6), (4, -7), (5, -8)]);
+        // Three to the right and four down.
+        assert_eq!(Cell::new(5, -7).distance(Cell::new(8, -11)), 5.0);
     }
 }

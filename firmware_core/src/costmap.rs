@@ -319,4 +319,18 @@ mod tests {
             }
         }
     }
+
+    /// Cells are counted up to 2^30 to each side; a position farther away or not finite has no
+    /// cell.
+    #[test]
+    fn a_place_too_far_away_has_no_cell() {
+        let map = Costmap::new(1, 1.0, [0.0; 2], alloc::vec![false], CAR);
+        let most = f64::from(1 << 30);
+        assert_eq!(map.cell([most - 1.0, 0.0]), Some([(1 << 30) - 1, 0]));
+        assert_eq!(map.cell([0.0, 1.0 - most]), Some([0, 1 - (1 << 30)]));
+        for beyond in [most, -most, 1e300, f64::INFINITY, f64::NAN] {
+            assert_eq!(map.cell([beyond, 0.0]), None);
+            assert_eq!(map.cell([0.0, beyond]), None);
+        }
+    }
 }

@@ -158,6 +158,17 @@ impl DrawTarget for Tile {
     }
 }
 
+/// Counters of the link since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Rows sent.
+    pub rows: u32,
+    /// Taps.
+    pub taps: u32,
+    /// Reports that were damaged or invalid.
+    pub bad_reports: u32,
+}
+
 /// The program's end of the link.
 #[derive(Clone, Debug)]
 pub struct Display {
@@ -174,6 +185,7 @@ pub struct Display {
     received_at: Instant,
     /// Time at which the pen was last down; `None` once it was lifted.
     down_at: Option<Instant>,
+    counters: Counters,
 }
 
 impl Display {
@@ -189,7 +201,17 @@ impl Display {
             decoder: panel::PenDecoder::with_format(panel::Framing::<PEN_LEN>),
             received_at: Instant::ZERO,
             down_at: None,
+            counters: Counters {
+                rows: 0,
+                taps: 0,
+                bad_reports: 0,
+            },
         }
+    }
+
+    /// The counters so far.
+    pub const fn counters(&self) -> &Counters {
+        &self.counters
     }
 
     /// Notes that the picture in `area` may have changed.
@@ -246,11 +268,13 @@ impl Display {
         let mut input = bytes;
         while let Some(frame) = self.decoder.step(&mut input) {
             let Some(pen) = frame.ok().and_then(|frame| frame.pen()) else {
+                self.counters.bad_reports = self.counters.bad_reports.saturating_add(1);
                 continue;
             };
             let was_up = self.down_at.is_none_or(|at| now - at >= LIFTED_AFTER);
             self.down_at = (pen.contact == Contact::Down).then_some(now);
             if was_up && pen.contact == Contact::Down {
+                self.counters.taps = self.counters.taps.saturating_add(1);
                 let [x, y] = pen.reading;
                 tap = Some([scaled(x, WIDTH), scaled(y, HEIGHT)]);
             }
@@ -318,6 +342,7 @@ impl Display {
             }
             self.tx.push(&frame[..len]);
             *sent = sum;
+            self.counters.rows = self.counters.rows.saturating_add(1);
         }
         true
     }
@@ -439,6 +464,20 @@ mod tests {
         assert_eq!(far.rows, 200);
     }
 
+    /// Everything is sent and the line is free: there is no work until the next tile is resent, a
+    /// third of a second after the last, or until a change.
+    #[test]
+    fn a_display_that_shows_all_has_no_work() {
+        let (mut display, mut far) = (Display::new(), far());
+        let area = Rectangle::new(Point::new(10, 10), Size::new(400, 200));
+        assert!(display.has_work(Instant::ZERO));
+        paint(&mut display, &mut far, Instant::ZERO, area);
+        assert!(!display.has_work(Instant::from_millis(332)));
+        assert!(display.has_work(Instant::from_millis(333)));
+        display.mark(&Rectangle::new(Point::new(479, 271), Size::new(1, 1)));
+        assert!(display.has_work(Instant::from_millis(1)));
+    }
+
     /// The display lost its picture; each of the 102 tiles is resent, three a second.
     #[test]
     fn a_damaged_picture_is_mended_within_half_a_minute() {
@@ -473,23 +512,168 @@ mod tests {
         assert_eq!(tap(Contact::Down, 200), Some([240, 0]));
     }
 
+    /// Garbage, then a pause: the next report counts.
+    #[test]
+    fn garbage_costs_no_tap_behind_a_pause() {
+        let mut display = Display::new();
+        assert_eq!(
+            display.receive(Instant::ZERO, &[0x7E, 0x54, 0, 5, 1, 0]),
+            None
+        );
+        let down = report(Contact::Down, [0, 0]);
+        assert_eq!(
+            display.receive(Instant::from_millis(20), &down),
+            Some([0, 0])
+        );
+        assert_eq!(display.counters().bad_reports, 1);
+    }
+
+    fn area(x: i32, y: i32, width: u32, height: u32) -> Rectangle {
+        Rectangle::new(Point::new(x, y), Size::new(width, height))
+    }
+
+    /// Columns begin at 0, 106 and 212; bands have 8 rows each, the last band is 33. A change
+    /// beyond the edge marks the band at the edge, an empty change marks none.
+    #[test]
+    fn what_changed_is_marked_by_columns_and_bands() {
+        let marked = |changed: Rectangle| {
+            let mut display = Display::new();
+            display.dirty = [0; 3];
+            display.mark(&changed);
+            display.dirty
+        };
+        assert_eq!(marked(area(105, 7, 1, 1)), [1, 0, 0]);
+        assert_eq!(marked(area(106, 8, 1, 1)), [0, 2, 0]);
+        assert_eq!(marked(area(105, 15, 2, 2)), [0b110, 0b110, 0]);
+        assert_eq!(marked(area(211, 40, 2, 1)), [0, 32, 32]);
+        assert_eq!(marked(area(212, 40, 268, 9)), [0, 0, 96]);
+        assert_eq!(marked(area(0, -20, 10, 21)), [1, 0, 0]);
+        assert_eq!(marked(area(300, 270, 10, 30)), [0, 0, 1 << 33]);
+        assert_eq!(marked(area(-10, 0, 10, 8)), [0; 3]);
+        assert_eq!(marked(area(479, 0, 50, 272)), [0, 0, (1 << 34) - 1]);
+        assert_eq!(marked(area(480, 0, 50, 272)), [0; 3]);
+        assert_eq!(marked(area(5, 5, 0, 9)), [0; 3]);
+    }
+
+    /// The widest column's third band: columns 212 to 479, rows 16 to 23.
+    #[test]
+    fn a_tile_holds_what_lies_in_it() {
+        let mut tile = Tile::new(2, 2);
+        assert!(tile.touches(&area(0, 0, 213, 17)) && !tile.touches(&area(0, 0, 213, 16)));
+        assert!(!tile.touches(&area(0, 0, 212, 300)) && tile.touches(&area(479, 23, 9, 9)));
+        assert!(!tile.touches(&area(400, 24, 9, 9)) && !tile.touches(&area(480, 20, 9, 9)));
+        assert_eq!(tile.part_of(&area(200, 20, 20, 20)), (212..220, 20..24));
+        tile.put(212, 16, Rgb565::RED);
+        tile.put(479, 23, Rgb565::GREEN);
+        let inside = tile.pixels;
+        for (x, y) in [(211, 16), (480, 16), (300, 15), (300, 24), (0, 0)] {
+            tile.put(x, y, Rgb565::BLUE);
+        }
+        assert!(tile.pixels == inside);
+        assert_eq!(tile.pixels[0], Rgb565::RED.into_storage());
+        assert_eq!(tile.pixels[7 * 268 + 267], Rgb565::GREEN.into_storage());
+        assert_eq!(tile.row(7)[267], Rgb565::GREEN.into_storage());
+        let Ok(()) = tile.fill_solid(&area(210, 18, 4, 2), Rgb565::WHITE);
+        let white = Rgb565::WHITE.into_storage();
+        assert_eq!([tile.row(2)[1], tile.row(3)[0]], [white; 2]);
+        assert_eq!(
+            tile.pixels.iter().filter(|pixel| **pixel == white).count(),
+            4
+        );
+    }
+
+    /// Pixels of a row by their columns on the display; none if one of them belongs to another
+    /// tile.
+    #[test]
+    fn pixels_of_a_tile_are_found_by_their_place() {
+        let mut tile = Tile::new(1, 1);
+        tile.pixels_mut(9, 110..113).fill(7);
+        assert_eq!(tile.pixels[106 + 3..106 + 8], [0, 7, 7, 7, 0]);
+        let mut len = |y, columns| tile.pixels_mut(y, columns).len();
+        assert_eq!(
+            [len(8, 106..212), len(15, 211..212), len(15, 106..106)],
+            [106, 1, 0]
+        );
+        assert_eq!([len(8, 106..213), len(8, 105..212)], [0; 2]);
+        assert_eq!([len(7, 106..212), len(16, 106..212)], [0; 2]);
+    }
+
+    /// From the third band of the second column on: the rest of that column, the next two columns,
+    /// and at last the start of the second column.
+    #[test]
+    fn tiles_take_turns() {
+        let mut display = Display::new();
+        display.next = 34 + 2;
+        display.dirty = [1 << 5, 0b11, 1 << 33];
+        let mut turns = Vec::new();
+        while let Some((column, band)) = display.next_tile() {
+            display.dirty[column] &= !(1 << band);
+            display.next += 1;
+            turns.push((column, band));
+        }
+        assert_eq!(turns, [(2, 33), (0, 5), (1, 0), (1, 1)]);
+        display.dirty[1] = 1 << 2;
+        display.next = 102 + 36;
+        assert_eq!((display.next_tile(), display.next), (Some((1, 2)), 36));
+    }
+
+    /// FNV-1a (Fowler, Noll and Vo) of a zero is 0x050C5D1F, folded 0x5813; each 8 rows are a band.
+    #[test]
+    fn a_row_is_remembered_by_sixteen_bits() {
+        assert_eq!(sum_of(&[0]), 0x5813);
+        assert_eq!(sum_of(&[]), 0x811C ^ 0x9DC5);
+        assert_ne!(sum_of(&[1, 2]), sum_of(&[2, 1]));
+        assert_eq!([rows_of(0), rows_of(33)], [0..=7, 264..=271]);
+    }
+
+    /// 4096 readings across: 4095 is the last pixel, 8 of 480 is still the first, 9 the second.
+    #[test]
+    fn a_reading_lies_in_a_pixel() {
+        let across = [0, 8, 9, 2047, 2048, 4095].map(|reading| scaled(reading, WIDTH));
+        assert_eq!(across, [0, 0, 1, 239, 240, 479]);
+        assert_eq!(scaled(4095, HEIGHT), 271);
+    }
+
     /// A pen is down for up to a tenth of a second without a message; half a report is kept for
-    /// less than 10 ms.
+    /// less than 10 ms. Taps and sent rows are counted.
     #[test]
     fn a_pen_and_a_report_are_given_up_when_nothing_comes() {
         let down = report(Contact::Down, [0, 0]);
         let second_tap = |millis: u64| {
             let mut display = Display::new();
             display.receive(Instant::from_millis(50), &down);
-            display.receive(Instant::from_millis(50 + millis), &down)
+            display.receive(Instant::from_millis(50 + millis), &down);
+            display.counters().taps
         };
-        assert_eq!([second_tap(99), second_tap(100)], [None, Some([0, 0])]);
+        assert_eq!([second_tap(99), second_tap(100)], [1, 2]);
         let halves = |millis: u64| {
             let mut display = Display::new();
             display.receive(Instant::from_millis(50), &down[..4]);
-            display.receive(Instant::from_millis(50 + millis), &down[4..])
+            display.receive(Instant::from_millis(50 + millis), &down[4..]);
+            display.counters().taps
         };
-        assert_eq!([halves(9), halves(10)], [Some([0, 0]), None]);
+        assert_eq!([halves(9), halves(10)], [1, 0]);
+    }
+
+    /// A tile is resent at once and each third of a second: the display is switched on again, the
+    /// tile's sums are cleared, and after the last tile the first one follows.
+    #[test]
+    fn tiles_are_sent_anew_in_turn() {
+        let mut display = Display::new();
+        (display.dirty, display.sums) = ([0; 3], [[5; ROWS]; 3]);
+        display.heal = 34 + 33;
+        display.send_anew(Instant::from_millis(7));
+        assert_eq!(display.heal_at, Instant::from_millis(340));
+        assert_eq!((display.dirty, display.heal), ([0, 1 << 33, 0], 68));
+        let forgotten = |sums: &[u16]| sums.iter().filter(|sum| **sum == 0).count();
+        assert_eq!(display.sums.map(|sums| forgotten(&sums)), [0, 8, 0]);
+        assert_eq!(display.sums[1][263..265], [5, 0]);
+        let mut buf = [0; 64];
+        let len = display.transmit(&mut buf);
+        assert_eq!(buf[..len], panel::encode_switch(panel::ON));
+        display.heal = 101;
+        display.send_anew(Instant::from_millis(400));
+        assert_eq!((display.heal, display.dirty[2]), (0, 1 << 33));
     }
 
     /// A tile of 8 rows of 268 pixels as noise takes 543 bytes a row: two rows fit at a time, and
@@ -509,11 +693,24 @@ mod tests {
         while display.has_work(Instant::ZERO) {
             display.paint(Instant::ZERO, |drawn| drawn.pixels = tile.pixels);
             assert!(display.has_output());
+            rows.push(display.counters().rows);
             far.take(&mut display);
-            rows.push(far.rows);
         }
         assert_eq!(rows, [2, 4, 6, 8]);
         assert_eq!(far.pixels[480 * 7 + 212..][..268], *tile.row(7));
         assert_eq!((display.dirty, display.has_output()), ([0; 3], false));
+    }
+
+    /// A tile is drawn if 1280 of the 1536 bytes of the queue are free, and not if fewer are.
+    #[test]
+    fn a_tile_waits_until_there_is_room_to_send_it() {
+        let drawn = |queued: usize| {
+            let mut display = Display::new();
+            assert!(display.tx.push(&[0; 300][..queued]));
+            let (has_work, mut is_drawn) = (display.has_work(Instant::ZERO), false);
+            display.paint(Instant::ZERO, |_| is_drawn = true);
+            [has_work, is_drawn]
+        };
+        assert_eq!([256, 257].map(drawn), [[true; 2], [false; 2]]);
     }
 }

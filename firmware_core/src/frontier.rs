@@ -246,4 +246,37 @@ mod tests {
         let none = random_view(&closed, &closed.eroded(), &mut Dice::new(1));
         assert_eq!(none, None);
     }
+
+    /// Rays of 1, 11 and 351 degrees from the middle of the room leave through the door of three
+    /// cells; rays of 21 and 341 degrees meet the wall beside it. Each ray counts at most 15
+    /// unknown cells, and none behind the next free cell, 3 m ahead.
+    #[test]
+    fn a_view_counts_what_is_unknown_behind_the_door() {
+        let (mut map, door) = (room(3), edges(&room(3)));
+        let seen = [4, 5, 6].map(|y| Cell::new(10, y));
+        assert_eq!(
+            look(&map, MIDDLE, &door, &rays()),
+            (45, BTreeSet::from(seen))
+        );
+        let only = BTreeSet::from([seen[0]]);
+        assert_eq!(look(&map, MIDDLE, &only, &rays()), (15, only.clone()));
+        map.set(Cell::new(13, 5), FREE).expect("fits");
+        assert_eq!(look(&map, MIDDLE, &door, &rays()).0, 2 + 15 + 15);
+        // The course's rays stay in the map, whose margin is one cell there; the walls hide all
+        // other unknown cells.
+        assert_eq!(all_unknown(&room(3), MIDDLE, &rays()), 3);
+        assert_eq!(all_unknown(&room(0), MIDDLE, &rays()), 0);
+    }
+
+    /// Steps along edges: of 7 x 7 cells the corners are 3 + 3 away.
+    #[test]
+    fn the_way_to_a_cell_is_counted_in_steps() {
+        let map = room(0);
+        let reach = reach(&map, &map.eroded(), MIDDLE);
+        assert_eq!(reach.len(), 49);
+        for (cell, steps) in reach {
+            let expected = (cell.x - 5).unsigned_abs() + (cell.y - 5).unsigned_abs();
+            assert_eq!(steps, expected, "{cell:?}");
+        }
+    }
 }

@@ -131,4 +131,69 @@ mod tests {
         assert_eq!(gyro.turned(later, 900, Wheels::Turned), None);
         assert_eq!(gyro.turned(later + APART_MAX * 2, 0, Wheels::Turned), None);
     }
+
+    /// Six readings of a degree a second at rest and five of two degrees: the offset is 16 / 11;
+    /// 1.04 degrees in 40 ms less that are 0.98182.
+    #[test]
+    fn the_offset_is_the_mean_of_the_rest() {
+        let mut gyro = Gyro::new();
+        run(&mut gyro, (Instant::ZERO, 0), 6, 4, Wheels::AtRest);
+        // The very first reading has no predecessor.
+        let from = (Instant::ZERO + STEP * 6, 24);
+        run(&mut gyro, from, 6, 8, Wheels::AtRest);
+        let from = (Instant::ZERO + STEP * 12, 72);
+        let turned = run(&mut gyro, from, 1, 104, Wheels::Turned);
+        assert!(
+            (turned - 1.04 + 0.04 * 17.0 / 11.0).abs() < 1e-5,
+            "{turned}"
+        );
+    }
+
+    /// At most ten seconds are averaged: 2.5 degrees a second for 40 ms add a hundredth of a degree
+    /// a second.
+    #[test]
+    fn an_old_offset_changes_slowly() {
+        let mut gyro = Gyro::new();
+        run(&mut gyro, (Instant::ZERO, 0), 400, 0, Wheels::AtRest);
+        run(
+            &mut gyro,
+            (Instant::ZERO + STEP * 400, 0),
+            1,
+            10,
+            Wheels::AtRest,
+        );
+        assert!(
+            (gyro.offset_deg_s - 0.01).abs() < 1e-5,
+            "{}",
+            gyro.offset_deg_s
+        );
+        // 13 hundredths are 3.25 degrees a second: a person turns the robot.
+        run(
+            &mut gyro,
+            (Instant::ZERO + STEP * 401, 10),
+            1,
+            13,
+            Wheels::AtRest,
+        );
+        assert!((gyro.offset_deg_s - 0.01).abs() < 1e-5);
+    }
+
+    /// Readings half a second apart still give a turn, readings farther apart do not.
+    #[test]
+    fn readings_too_far_apart_tell_no_turn() {
+        let told = |apart| {
+            let mut gyro = Gyro::new();
+            run(&mut gyro, (Instant::ZERO, 0), 50, 0, Wheels::AtRest);
+            let at = Instant::ZERO + STEP * 50 + apart;
+            gyro.turned(at, 500, Wheels::Turned).map(f32::to_degrees)
+        };
+        assert!(told(APART_MAX).is_some_and(|turned| (turned - 5.0).abs() < 1e-4));
+        assert_eq!(
+            [
+                told(APART_MAX + Duration::from_nanos(1)),
+                told(Duration::ZERO)
+            ],
+            [None; 2]
+        );
+    }
 }

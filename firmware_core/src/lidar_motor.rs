@@ -37,6 +37,8 @@ const PROPORTIONAL: f32 = 0.5;
 const ERROR_MAX_RPM: f32 = 100.0;
 /// Maximum deviation from the target speed of a running motor.
 const TOLERANCE_RPM: f32 = 20.0;
+/// Good packets in a row after which the speed counts as stable, as in the fielded program.
+const STABLE_AFTER: u16 = 251;
 
 /// The regulator.
 #[derive(Clone, Debug)]
@@ -48,6 +50,7 @@ pub struct LidarMotor {
     /// The last duty returned.
     told: Option<u8>,
     packet_at: Instant,
+    good_in_a_row: u16,
     slow_in_a_row: u16,
     /// Starts since the last packet.
     starts: u16,
@@ -63,6 +66,7 @@ impl LidarMotor {
             is_off: false,
             told: None,
             packet_at: Instant::ZERO,
+            good_in_a_row: 0,
             slow_in_a_row: 0,
             starts: 0,
         }
@@ -79,12 +83,10 @@ impl LidarMotor {
         self.duty = duty;
         self.packet_at = now;
         self.starts = 0;
+        let count = |so_far: u16, holds: bool| if holds { so_far.saturating_add(1) } else { 0 };
+        self.good_in_a_row = count(self.good_in_a_row, error.abs() <= TOLERANCE_RPM);
         let is_slow = duty == u8::MAX && error > TOLERANCE_RPM;
-        self.slow_in_a_row = if is_slow {
-            self.slow_in_a_row.saturating_add(1)
-        } else {
-            0
-        };
+        self.slow_in_a_row = count(self.slow_in_a_row, is_slow);
     }
 
     /// Sets the duty to that of the start, as the fielded program did whenever it lost its position
@@ -99,6 +101,7 @@ impl LidarMotor {
             self.packet_at = now;
             self.duty = STARTS[usize::from(self.starts / TRIES) % STARTS.len()];
             self.integral = f32::from(self.duty);
+            self.good_in_a_row = 0;
             self.starts = self.starts.wrapping_add(1);
         }
     }
@@ -131,6 +134,11 @@ impl LidarMotor {
                 ..Self::new(self.target_rpm)
             };
         }
+    }
+
+    /// Whether the speed has been within 20 rpm of the target for half a second.
+    pub const fn is_stable(&self) -> bool {
+        self.good_in_a_row >= STABLE_AFTER
     }
 
     /// Whether full drive does not bring the motor near its target speed, because of low voltage or
@@ -166,6 +174,16 @@ mod tests {
         let (mut motor, mut rpm) = (LidarMotor::new(300.0), 0.0);
         run(&mut motor, &mut rpm, 0..1350, 1.4);
         assert!((rpm - 300.0).abs() < 3.0, "{rpm}");
+        assert!(motor.is_stable());
+    }
+
+    /// Fielded constants: the duty starts at 180 and stays there at the target speed.
+    #[test]
+    fn a_duty_is_told_once() {
+        let mut motor = LidarMotor::new(300.0);
+        assert_eq!(motor.take_duty(), Some(180));
+        motor.packet(at(1), 300.0);
+        assert_eq!(motor.take_duty(), None);
     }
 
     /// Sensor capture "hand in box": one tooth read as 351 rpm while the motor turned at 175.
@@ -227,6 +245,22 @@ mod tests {
         motor.packet(at(1), 350.0);
         assert!(motor.take_duty().is_some_and(|duty| duty < 180));
         motor.kick();
+        assert_eq!(motor.take_duty(), Some(180));
+    }
+
+    /// Off and on again before the duty is read: the duty equals the last one read.
+    #[test]
+    fn a_motor_that_is_switched_on_again_tells_its_duty_only_if_it_changed() {
+        let mut motor = LidarMotor::new(300.0);
+        motor.tick(motor.next_at());
+        let next_at = motor.next_at();
+        assert_eq!(motor.take_duty(), Some(180));
+        motor.switch_off();
+        motor.switch_on();
+        assert_eq!((motor.take_duty(), motor.next_at()), (None, next_at));
+        motor.switch_off();
+        assert_eq!([motor.take_duty(), motor.take_duty()], [Some(0), None]);
+        motor.switch_on();
         assert_eq!(motor.take_duty(), Some(180));
     }
 }

@@ -351,6 +351,20 @@ mod tests {
         );
     }
 
+    /// Three points within 40 mm are a line, and the only one: it continues nowhere.
+    #[test]
+    fn a_short_line_alone_stays() {
+        let points = [0.0, 20.0, 40.0].map(|y| Point::new(1_000.0, y));
+        let lines = Lines::find(&points, &Settings::default());
+        assert_eq!(
+            lines.as_slice(),
+            [Line {
+                start: points[0],
+                end: points[2]
+            }]
+        );
+    }
+
     /// A spiral, each point twice as far as the one before and a quarter turn on. The farthest
     /// point from each chord is the last but one, so that each bend waits for the next. Splitting
     /// stops when the stack is full, and the rest becomes one more line.
@@ -374,5 +388,44 @@ mod tests {
         };
         assert_eq!([10, 62, 66].map(found), [9, 61, 64]);
         assert_eq!(found(82), 64);
+    }
+
+    /// Eight points along x, indices 0 to 7 of a turn. Two merged pieces end where the second ends;
+    /// from the turn's last piece to its first that is a turn later.
+    #[test]
+    fn united_segments_end_where_the_second_ends() {
+        let points: Vec<Point> = (0..8_u8)
+            .map(|n| Point::new(f32::from(n) * 10.0, 0.0))
+            .collect();
+        let settings = Settings::default();
+        let circle = Circle {
+            points: &points,
+            begin: 0,
+            is_closed: true,
+        };
+        let united = |at: usize, next: usize| {
+            let piece = |first, last| Segment {
+                first,
+                last,
+                fit: Fit::of(circle.run(first, last), &settings),
+            };
+            let mut segments = Segments {
+                items: [piece(0, 1); SEGMENTS_MAX],
+                len: 0,
+                left_out: 0,
+            };
+            for (first, last) in [(0, 2), (2, 4), (5, 7)] {
+                segments.push(piece(first, last));
+            }
+            segments.unite(at, next, &circle, &settings);
+            segments
+                .as_slice()
+                .iter()
+                .map(|one| (one.first, one.last))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(united(0, 1), [(0, 4), (5, 7)]);
+        assert_eq!(united(1, 2), [(0, 2), (2, 7)]);
+        assert_eq!(united(2, 0), [(2, 4), (5, 10)]);
     }
 }

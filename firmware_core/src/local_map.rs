@@ -3,8 +3,9 @@
 
 use alloc::vec::Vec;
 
-use crate::cell_map::{Cell, CellMap, NotWritten};
+use crate::cell_map::{Cell, CellMap};
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::growing_map::NotWritten;
 use crate::pose::{Point, Pose};
 
 /// A straight piece of wall.
@@ -150,6 +151,19 @@ mod tests {
         Pose::new(50.0, 50.0, 0.0)
     }
 
+    /// 300 and 400 mm make 500: in steps of 250 or 499 mm that are three points, in steps of 500 mm
+    /// only the ends.
+    #[test]
+    fn points_are_at_most_a_step_apart() {
+        let line = segment((0.0, 0.0), (300.0, 400.0));
+        assert_eq!(line.length_mm(), 500.0);
+        let points: Vec<Point> = line.points(250.0).collect();
+        let expected = [(0.0, 0.0), (150.0, 200.0), (300.0, 400.0)];
+        assert_eq!(points, expected.map(|(x, y)| Point::new(x, y)));
+        assert_eq!(line.points(499.0).count(), 3);
+        assert_eq!(line.points(500.0).count(), 2);
+    }
+
     /// A wall 1 m ahead and 600 mm long lies in cells -3 to 3 of column 10. The space before it is
     /// free, the space behind it and beside the robot is unknown.
     #[test]
@@ -166,6 +180,18 @@ mod tests {
         }
         assert_eq!(map.get(Cell::new(0, 5)), UNKNOWN);
         assert_eq!(map.get(Cell::new(-1, 0)), UNKNOWN);
+    }
+
+    /// A second wall behind the first is drawn, but nothing between them is free.
+    #[test]
+    fn rays_end_at_the_first_wall() {
+        let near = segment((1_000.0, -300.0), (1_000.0, 300.0));
+        let far = segment((1_500.0, -100.0), (1_500.0, 100.0));
+        let map = local_map(eye(), &[near, far]).expect("near");
+        assert_eq!(map.get(Cell::new(15, 0)), OBSTACLE);
+        for x in 11..15 {
+            assert_eq!(map.get(Cell::new(x, 0)), UNKNOWN, "{x}");
+        }
     }
 
     /// Ends at -70 and 70 mm are in the cells beside that of the gap, as are those at -80 and 80.

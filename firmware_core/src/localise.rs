@@ -482,7 +482,10 @@ mod tests {
         let from_behind: Vec<_> = walls().iter().map(|wall| wall.to_world(ahead)).collect();
         let known = Matches::new(&left, &from_behind).expect("walls");
         let later = Matches::new(&map, &walls()).expect("walls");
-        let change = PoseChange::new(500.0, 0.0, 0.0);
+        let change = PoseChange {
+            forward_mm: 500.0,
+            ..PoseChange::NONE
+        };
         let estimate = known.then(change, &later).estimate(Votes::Best);
         let estimate = estimate.expect("places");
         assert!(!estimate.is_ambiguous(), "{estimate:?}");
@@ -506,6 +509,21 @@ mod tests {
         assert_eq!(Matches::new(&map, &[]), None);
     }
 
+    #[test]
+    fn headings_are_a_circle() {
+        let turned = [(0, -1), (359, 2), (90, 30)].map(|(from, by)| turned_by(from, by));
+        assert_eq!(turned, [359, 1, 120]);
+        let angles = [(350, 10), (10, 350), (0, 180), (5, 15)].map(|(one, two)| apart(one, two));
+        assert_eq!(angles, [20, 20, 180, 10]);
+        // 352 and 12 are 10 degrees to either side of 2; 13 is one too far.
+        let weight = |heading| match heading {
+            352 | 12 => 1.0,
+            13 => 100.0,
+            _ => 0.0,
+        };
+        assert!((mean(2, weight).to_degrees() - 2.0).abs() < 1e-3);
+    }
+
     /// The report's weights: the cell, the four at its edges, the four at its corners.
     #[test]
     fn d2_votes_of_360_headings_are_worth_less_beside_their_cell() {
@@ -515,6 +533,23 @@ mod tests {
         assert_eq!([at(1, 0), at(-1, 0), at(0, 1), at(0, -1)], [0.75; 4]);
         assert_eq!([at(1, 1), at(-1, 1), at(1, -1), at(-1, -1)], [0.5; 4]);
         assert_eq!([at(2, 0), at(0, 2), at(-2, 1)], [0.0; 3]);
+    }
+
+    /// Cells have their middles at whole 100 mm; points from 60 cells on, 6 m, are too far.
+    #[test]
+    fn points_fall_into_the_cells_around_them() {
+        let points = [
+            (49.0, 0.0),
+            (51.0, -51.0),
+            (-49.0, 49.0),
+            (5_949.0, 0.0),
+            (5_951.0, 0.0),
+            (0.0, -5_951.0),
+        ];
+        let found = cells(points.map(|(x, y)| Point::new(x, y)).into_iter());
+        let mut expected = [(0, 0), (1, -1), (59, 0)].map(|(x, y)| Cell::new(x, y));
+        expected.sort_unstable();
+        assert_eq!(found, expected);
     }
 
     /// Ten free cells in a row, and these scores by place and heading.
@@ -535,6 +570,28 @@ mod tests {
 
     fn degrees(pose: Pose) -> f32 {
         pose.heading.to_degrees()
+    }
+
+    /// Cells of 100 mm from (-200, 700) on: the fifth has its middle at (250, 750). Scores of a
+    /// degree to either side have equal weights, by their fourth power.
+    #[test]
+    fn the_best_score_is_the_place() {
+        let matches = row(&[(4, 90, 204), (4, 88, 102), (4, 92, 102), (9, 300, 153)]);
+        assert!((matches.fit(4, 90) - 0.409_6).abs() < 1e-6 && matches.score(4, 88) == 102);
+        assert!((matches.fit(4, 88) - 0.025_6).abs() < 1e-6 && matches.fit(4, 89) == 0.0);
+        let estimate = matches.estimate(Votes::Best).expect("places");
+        assert_eq!((estimate.pose.x_mm, estimate.pose.y_mm), (250.0, 750.0));
+        assert!((degrees(estimate.pose) - 90.0).abs() < 1e-3);
+        assert!((estimate.score - 0.8).abs() < 1e-6 && (estimate.ratio - 0.75).abs() < 1e-6);
+        assert_eq!((estimate.second.x_mm, estimate.second_cells), (750.0, 5.0));
+        assert!((degrees(estimate.second) + 60.0).abs() < 1e-3 && !estimate.is_ambiguous());
+        // 0.0256 of 0.4352 parts two degrees on.
+        let askew = row(&[(4, 90, 204), (4, 92, 102)]).estimate(Votes::Best);
+        let heading = degrees(askew.expect("places").pose);
+        assert!(
+            (heading - 90.0 - 2.0 * 0.025_6 / 0.435_2).abs() < 1e-3,
+            "{heading}"
+        );
     }
 
     /// 200 at the fifth cell and 150 beside it: 200 and three quarters of 150 are more than 240
@@ -562,5 +619,58 @@ mod tests {
             let x_mm = matches.estimate(votes).expect("places").pose.x_mm;
             assert_eq!(x_mm, if votes == Votes::Added { 750.0 } else { 250.0 });
         }
+    }
+
+    /// Three cells or 30 degrees away it is the same position; four or 31 make a different one.
+    #[test]
+    fn another_place_is_more_than_three_cells_or_30_degrees_away() {
+        let second = |scores: &[(usize, usize, u8)]| row(scores).second(0, 90);
+        assert_eq!(second(&[(3, 90, 200)]), (0, 0, 90));
+        assert_eq!(second(&[(3, 90, 200), (4, 90, 150)]), (150, 4, 90));
+        assert_eq!(second(&[(1, 120, 200), (1, 60, 190)]), (0, 0, 90));
+        assert_eq!(second(&[(1, 121, 180), (4, 90, 150)]), (180, 1, 121));
+        assert_eq!(second(&[(0, 59, 20)]), (20, 0, 59));
+    }
+
+    /// A cell ahead, and none to the side: the earlier scan counts one cell behind, within two
+    /// degrees and a cell. Positions with a current score of 100 of 255 or less are skipped.
+    #[test]
+    fn what_fits_both_times_is_the_product() {
+        let ahead = PoseChange {
+            forward_mm: 104.0,
+            ..PoseChange::NONE
+        };
+        let both = |before: (usize, usize, u8), now: u8| {
+            row(&[before]).then(ahead, &row(&[(5, 0, now)])).score(5, 0)
+        };
+        assert_eq!(both((4, 0, 127), 204), 101);
+        assert_eq!([both((4, 0, 255), 101), both((4, 0, 255), 100)], [101, 0]);
+        assert_eq!([both((3, 2, 255), 204), both((5, 358, 255), 204)], [204; 2]);
+        assert_eq!([both((2, 0, 255), 204), both((6, 0, 255), 204)], [0; 2]);
+        assert_eq!([both((4, 3, 255), 204), both((4, 1, 255), 204)], [0; 2]);
+        // Turned by 90 degrees to the left, a cell to the left before is one ahead now.
+        let turned = PoseChange {
+            forward_mm: 0.0,
+            left_mm: -100.0,
+            turn: core::f32::consts::FRAC_PI_2,
+        };
+        let now = row(&[(7, 180, 204)]);
+        assert_eq!(row(&[(5, 90, 255)]).then(turned, &now).score(7, 180), 204);
+        assert_eq!(row(&[(8, 90, 255)]).then(turned, &now).score(7, 180), 0);
+    }
+
+    #[test]
+    fn cells_off_the_map_have_no_place() {
+        let matches = row(&[]);
+        let place = |x, y| matches.place(Cell::new(x, y));
+        assert_eq!(
+            [place(-2, 7), place(7, 7), place(0, 7)],
+            [Some(0), Some(9), Some(2)]
+        );
+        assert_eq!(
+            [place(-3, 7), place(8, 7), place(0, 6), place(0, 8)],
+            [None; 4]
+        );
+        assert_eq!(matches.best_near(Cell::new(9, 9), 0), 0);
     }
 }

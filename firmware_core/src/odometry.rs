@@ -44,7 +44,11 @@ impl WheelGeometry {
         // The chord starts at half the turn.
         let (sin, cos) = sin_cos(turn / 2.0);
         let chord = path * chord_of_arc(turn);
-        PoseChange::new(chord * cos, chord * sin, turn)
+        PoseChange {
+            forward_mm: chord * cos,
+            left_mm: chord * sin,
+            turn,
+        }
     }
 }
 
@@ -309,7 +313,11 @@ fn between(a: Sample, b: Sample, at: Instant) -> Pose {
     let (sin, cos) = sin_cos((turn - change.turn) / 2.0);
     let length = share * chord_of_arc(turn) / chord_of_arc(change.turn);
     let (forward, left) = (change.forward_mm * length, change.left_mm * length);
-    let change = PoseChange::new(cos * forward - sin * left, sin * forward + cos * left, turn);
+    let change = PoseChange {
+        forward_mm: cos * forward - sin * left,
+        left_mm: sin * forward + cos * left,
+        turn,
+    };
     a.pose.then(change)
 }
 
@@ -362,7 +370,11 @@ pub mod fielded {
             sound.turn / 2.0
         };
         let (sin, cos) = sin_cos(along);
-        PoseChange::new(length * cos, length * sin, sound.turn)
+        PoseChange {
+            forward_mm: length * cos,
+            left_mm: length * sin,
+            turn: sound.turn,
+        }
     }
 }
 
@@ -439,6 +451,16 @@ mod tests {
         assert!(near(odometry.pose().x_mm, 4.54, 0.01));
     }
 
+    /// A quarter circle on the spot: each wheel runs 130 mm * pi / 2 = 204.2 mm = 450 ticks.
+    #[test]
+    fn opposite_wheels_turn_on_the_spot() {
+        let spin = DRIVE.arc([-450, 450]);
+        assert!(
+            near(spin.turn, FRAC_PI_2, 1e-4) && spin.distance_mm() < 1e-6,
+            "{spin:?}"
+        );
+    }
+
     /// The pose after one step from psi 90 or another psi, with one defect and without.
     fn stepped(defects: Defects, psi_deg: i16, ticks: [i32; 2]) -> [Pose; 2] {
         let start = Pose::from_wire(crate::pose::WirePose {
@@ -450,6 +472,27 @@ mod tests {
             let psi = f32::from(psi_deg);
             start.then(fielded::change(&DRIVE, defects, psi, ticks))
         })
+    }
+
+    /// A heading multiplied by 57.3 once too often: 29,000 degrees become 1,661,578, which 32 bits
+    /// resolve to eighths. A turn of half an eighth, 0.0573 rad or 15 mm of 262, is lost, and the
+    /// robot does not move.
+    #[test]
+    fn a_garbled_heading_swallows_a_small_turn() {
+        let defects = Defects {
+            garbles_the_heading: true,
+            ..Defects::NONE
+        };
+        let geometry = WheelGeometry {
+            wheel_radius_mm: 10.0 / TAU,
+            axle_mm: 262.0,
+            ticks_per_turn: 10,
+            ticks_per_second_max: 1_000,
+        };
+        let moved =
+            |psi_deg| fielded::change(&geometry, defects, psi_deg, [100, 115]).distance_mm();
+        assert!(moved(29_000.0) < 1e-3, "{}", moved(29_000.0));
+        assert!((moved(0.0) - 107.5).abs() < 0.1, "{}", moved(0.0));
     }
 
     /// SL-07: 100 ticks backwards, looking to +y: +45.4 mm instead of -45.4.
@@ -484,6 +527,19 @@ mod tests {
         };
         let [fielded, sound] = stepped(defects, 90, [100, 50]);
         assert!(near(fielded.x_mm, -2.97, 0.02) && near(sound.x_mm, 1.48, 0.01));
+    }
+
+    /// The enabled defects change the believed pose.
+    #[test]
+    fn an_odometry_with_defects_shows_them() {
+        let defects = Defects {
+            loses_the_sign: true,
+            ..Defects::NONE
+        };
+        let mut odometry = Odometry::with_defects(DRIVE, defects);
+        odometry.update(at(0), [0, 0]);
+        let change = odometry.update(at(200), [-100, -100]);
+        assert!(near(change.forward_mm, 45.379, 1e-2), "{change:?}");
     }
 
     #[test]

@@ -213,6 +213,36 @@ mod tests {
         (good, bad, packets.stray_writes())
     }
 
+    /// Field defect XV-01: the first packet passes, the second (3028 computed, 519B sent) and all
+    /// later ones do not.
+    #[test]
+    fn a_sum_that_is_never_cleared_passes_the_first_packet_only() {
+        let defects = Defects {
+            sum_is_never_cleared: true,
+            ..Defects::NONE
+        };
+        let mut packets = Packets::with_defects(defects);
+        let (first, second) = (packet(0), packet(1));
+        assert!(matches!(packets.step(&mut &first[..]), Some(Ok(_))));
+        let error = FrameError::Checksum {
+            expected: 0x3028,
+            found: 0x519B,
+        };
+        assert_eq!(packets.step(&mut &second[..]), Some(Err(error)));
+    }
+
+    /// Field defect XV-03: index bytes FA, FF, 00 and 9F.
+    #[test]
+    fn an_unchecked_index_leaves_the_array() {
+        for (index, place) in [(0xFA, 360), (0xFF, 380), (0x00, 64_896), (0x9F, 65_532_i32)] {
+            let bytes = packet(u8::wrapping_sub(index, FIRST_INDEX));
+            let (good, bad, stray) = outcomes(Defects::FIELDED, &bytes);
+            assert_eq!((good, bad, stray.count, stray.first), (0, 0, 1, place));
+            let (good, _, stray) = outcomes(Defects::NONE, &bytes);
+            assert_eq!((good, stray), (0, StrayWrites::NONE));
+        }
+    }
+
     #[test]
     fn a_sound_stream_is_the_same_to_both() {
         let bytes: [[u8; FRAME_LEN]; 90] =
@@ -241,5 +271,46 @@ mod tests {
         let mut packets = Packets::with_defects(defects);
         assert_eq!(packets.step(&mut &[0, 1, START, 2][..]), None);
         assert_eq!(packets.pending(), 2);
+    }
+
+    /// 0xFA occurs within the first packet: the parser never searches bytes it has taken, whether
+    /// the packet was valid, or invalid and accepted to keep its position.
+    #[test]
+    fn a_packet_that_was_taken_is_not_searched() {
+        let within = |mut bytes: [u8; FRAME_LEN]| {
+            bytes[6] = START;
+            let sum = xv11::checksum(&bytes).to_le_bytes();
+            bytes[20..].copy_from_slice(&sum);
+            bytes
+        };
+        let indices = |defects, bytes: &[u8]| {
+            let mut packets = Packets::with_defects(defects);
+            let mut input = bytes;
+            let mut found = [None; 4];
+            for slot in &mut found {
+                let outcome = packets.step(&mut input);
+                *slot = outcome.map(|outcome| outcome.map_or(99, |frame| frame.index()));
+            }
+            found
+        };
+        let three = [within(packet(1)), within(packet(2)), within(packet(3))].concat();
+        let any_index = Defects {
+            any_index: true,
+            ..Defects::NONE
+        };
+        assert_eq!(
+            indices(any_index, &three),
+            [Some(1), Some(2), Some(3), None]
+        );
+        let mut wrong = three.clone();
+        wrong[10] ^= 1;
+        let keeps_alignment = Defects {
+            keeps_alignment: true,
+            ..Defects::NONE
+        };
+        assert_eq!(
+            indices(keeps_alignment, &wrong),
+            [Some(99), Some(2), Some(3), None]
+        );
     }
 }

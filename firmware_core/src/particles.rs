@@ -88,16 +88,6 @@ pub struct Beam {
     pub range_m: f64,
 }
 
-impl Beam {
-    /// A reading of this range in this direction.
-    pub const fn new(bearing_rad: f64, range_m: f64) -> Self {
-        Self {
-            bearing_rad,
-            range_m,
-        }
-    }
-}
-
 /// Most likely pose of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
@@ -165,11 +155,11 @@ impl Localiser {
         let weight = 1.0 / count as f64;
         let random = &mut self.random;
         let particles = (0..count).map(|_| Particle {
-            pose: CarPose::new(
-                start.x_m + random.normal(sigma[0]),
-                start.y_m + random.normal(sigma[1]),
-                wrapped(start.heading_rad + random.normal(sigma[2])),
-            ),
+            pose: CarPose {
+                x_m: start.x_m + random.normal(sigma[0]),
+                y_m: start.y_m + random.normal(sigma[1]),
+                heading_rad: wrapped(start.heading_rad + random.normal(sigma[2])),
+            },
             weight,
         });
         self.particles = particles.collect();
@@ -230,11 +220,11 @@ impl Localiser {
         let random = &mut self.random;
         for particle in &mut self.particles {
             if random.unit() < part {
-                particle.pose = CarPose::new(
-                    about.x_m + random.normal(sigma[0]),
-                    about.y_m + random.normal(sigma[1]),
-                    wrapped(about.heading_rad + random.normal(sigma[2])),
-                );
+                particle.pose = CarPose {
+                    x_m: about.x_m + random.normal(sigma[0]),
+                    y_m: about.y_m + random.normal(sigma[1]),
+                    heading_rad: wrapped(about.heading_rad + random.normal(sigma[2])),
+                };
             }
         }
     }
@@ -262,7 +252,11 @@ impl Localiser {
         // Headings of a cluster lie within 30 degrees, so their mean is the mean of their offsets.
         let about = near.first().map_or(0.0, |one| one.pose.heading_rad);
         let off = mean(&|one| wrapped(one.pose.heading_rad - about));
-        let pose = CarPose::new(x_m, y_m, wrapped(about + off));
+        let pose = CarPose {
+            x_m,
+            y_m,
+            heading_rad: wrapped(about + off),
+        };
         let square = |one: &Particle| {
             let (x, y) = (one.pose.x_m - x_m, one.pose.y_m - y_m);
             x * x + y * y
@@ -329,9 +323,11 @@ impl Localiser {
         let beams = beams.filter(|beam| beam.range_m >= near && beam.range_m < far);
         let end = |beam: &Beam| {
             let (sin, cos) = libm::sincos(beam.bearing_rad);
-            let end = self
-                .scanner
-                .then(Motion::new(beam.range_m * cos, beam.range_m * sin, 0.0));
+            let end = self.scanner.then(Motion {
+                ahead_m: beam.range_m * cos,
+                left_m: beam.range_m * sin,
+                turn_rad: 0.0,
+            });
             [end.x_m, end.y_m]
         };
         beams.map(end).collect()

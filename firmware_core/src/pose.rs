@@ -75,15 +75,6 @@ pub struct WirePose {
 }
 
 impl PoseChange {
-    /// A change by these parts.
-    pub const fn new(forward_mm: f32, left_mm: f32, turn: f32) -> Self {
-        Self {
-            forward_mm,
-            left_mm,
-            turn,
-        }
-    }
-
     /// No change.
     pub const NONE: Self = Self {
         forward_mm: 0.0,
@@ -142,11 +133,11 @@ impl Pose {
     pub fn change_to(self, target: Self) -> PoseChange {
         let (sin, cos) = sin_cos(self.heading);
         let (dx, dy) = (target.x_mm - self.x_mm, target.y_mm - self.y_mm);
-        PoseChange::new(
-            cos * dx + sin * dy,
-            cos * dy - sin * dx,
-            normalised(target.heading - self.heading),
-        )
+        PoseChange {
+            forward_mm: cos * dx + sin * dy,
+            left_mm: cos * dy - sin * dx,
+            turn: normalised(target.heading - self.heading),
+        }
     }
 
     /// Converts a point of the robot's frame to the world's.
@@ -208,7 +199,10 @@ mod tests {
     /// Seed report, chapter on the PC link: psi 90 drives to +y, psi 0 to -x, psi 180 to +x.
     #[test]
     fn psi_runs_clockwise_from_minus_x() {
-        let ahead = PoseChange::new(100.0, 0.0, 0.0);
+        let ahead = PoseChange {
+            forward_mm: 100.0,
+            ..PoseChange::NONE
+        };
         let drive = |psi_deg| {
             let end = Pose::from_wire(WirePose {
                 x_mm: 0,
@@ -241,12 +235,26 @@ mod tests {
         assert_eq!((far.x_mm, far.y_mm), (i16::MAX, i16::MIN));
     }
 
+    #[test]
+    fn a_quarter_turn_maps_forward_to_left() {
+        let pose = Pose::new(10.0, 20.0, FRAC_PI_2);
+        let tip = pose.to_world(Point::new(100.0, 5.0));
+        assert!(
+            near(tip.x_mm, 5.0, 1e-3) && near(tip.y_mm, 120.0, 1e-3),
+            "{tip:?}"
+        );
+    }
+
     /// 100 mm ahead, 50 mm to the left and a quarter turn to the left. The start is then 50 mm
     /// behind and 100 mm to the left; the same change once more ends 50 mm ahead, 150 mm to the
     /// left.
     #[test]
     fn a_change_with_a_quarter_turn_is_undone_and_added_by_hand() {
-        let change = PoseChange::new(100.0, 50.0, FRAC_PI_2);
+        let change = PoseChange {
+            forward_mm: 100.0,
+            left_mm: 50.0,
+            turn: FRAC_PI_2,
+        };
         let is_near = |found: PoseChange, [forward, left, turn]: [f32; 3]| {
             near(found.forward_mm, forward, 1e-3)
                 && near(found.left_mm, left, 1e-3)
@@ -277,7 +285,7 @@ mod tests {
             f in -500.0_f32..500.0, l in -500.0_f32..500.0, t in -3.0_f32..3.0,
         ) {
             let from = Pose::new(x, y, a);
-            let change = PoseChange::new(f, l, t);
+            let change = PoseChange { forward_mm: f, left_mm: l, turn: t };
             let to = from.then(change);
             let back = from.change_to(to);
             prop_assert!(near(back.forward_mm, f, 0.01) && near(back.left_mm, l, 0.01));

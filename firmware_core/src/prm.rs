@@ -498,4 +498,75 @@ mod tests {
         map.set(Cell::new(6, 11), OBSTACLE).expect("inside");
         assert_eq!(room(&map, Cell::new(4, 10)), 5);
     }
+
+    /// On an open floor exactly those vertices are joined that are at most 30 cells apart.
+    #[test]
+    fn vertices_within_reach_are_joined() {
+        let open = drawn(
+            ORIGIN,
+            &["............................................."; 2],
+        );
+        let roadmap = Roadmap::new(&open, 40, &mut Dice::new(3));
+        assert_eq!(roadmap.vertices.len(), 40);
+        for (one, from) in roadmap.vertices.iter().enumerate() {
+            for (other, to) in roadmap.vertices.iter().enumerate().take(one) {
+                let is_near = from.distance(*to) <= 30.0;
+                assert_eq!(
+                    roadmap.edges.contains(&(one, other)),
+                    is_near,
+                    "{from:?} {to:?}"
+                );
+            }
+        }
+        let walled = drawn(ORIGIN, &["###"]);
+        assert_eq!(
+            Roadmap::new(&walled, 40, &mut Dice::new(3)),
+            Roadmap::default()
+        );
+    }
+
+    /// From 1 the nearest vertex is 0, to 8 it is 9; the straight edge between them is shorter than
+    /// the path by row 1. A nearer vertex behind a wall is not in sight.
+    #[test]
+    fn a_way_begins_and_ends_at_the_vertices_in_sight() {
+        let open = drawn(ORIGIN, &["..........", ".........."]);
+        let roadmap = Roadmap {
+            vertices: cells(&[(0, 0), (5, 1), (9, 0)]),
+            edges: alloc::vec![(1, 0), (2, 1)],
+        };
+        let ends = (Cell::new(1, 0), Cell::new(8, 0));
+        let way = roadmap.way(&open, ends.0, ends.1);
+        assert_eq!(way, Some(cells(&[(1, 0), (0, 0), (5, 1), (9, 0), (8, 0)])));
+        let direct = Roadmap {
+            edges: alloc::vec![(1, 0), (2, 0), (2, 1)],
+            ..roadmap.clone()
+        };
+        let way = direct.way(&open, ends.0, ends.1);
+        assert_eq!(way, Some(cells(&[(1, 0), (0, 0), (9, 0), (8, 0)])));
+        let walled = drawn(ORIGIN, &["...#......", "...#......"]);
+        let beside = Roadmap {
+            vertices: cells(&[(4, 0), (0, 0)]),
+            edges: Vec::new(),
+        };
+        assert_eq!(beside.nearest(&open, Cell::new(2, 0)), Some(0));
+        assert_eq!(beside.nearest(&walled, Cell::new(2, 0)), Some(1));
+        assert_eq!(Roadmap::default().way(&open, ends.0, ends.1), None);
+    }
+
+    /// From a cell beside the wall of a room the next open cell is one step away, and four steps
+    /// are not too many; five are.
+    #[test]
+    fn the_next_open_cell_is_at_most_four_steps_away() {
+        let map = drawn(ORIGIN, &["........"]);
+        let escaped = |steps: i32| {
+            let mut open = drawn(ORIGIN, &["########"]);
+            open.set(Cell::new(1 + steps, 0), FREE).expect("inside");
+            let way = escape(&map, &open, Cell::new(1, 0));
+            way.map(|way| way.iter().map(|cell| cell.x).collect::<Vec<_>>())
+        };
+        assert_eq!(escaped(0), Some(alloc::vec![1]));
+        assert_eq!(escaped(-1), Some(alloc::vec![1, 0]));
+        assert_eq!(escaped(4), Some(alloc::vec![1, 2, 3, 4, 5]));
+        assert_eq!(escaped(5), None);
+    }
 }

@@ -109,4 +109,33 @@ mod tests {
         ];
         assert_eq!(drawn, expected);
     }
+
+    /// 0xC2F5 and 0x6B07 of 0x1_0000 are 0.7616 and 0.4181: of a thousand 761 and 418. Without a
+    /// limit, half of the drawn number.
+    #[test]
+    fn a_number_below_a_limit_is_its_part_of_all() {
+        let mut random = Pcg32::new(42);
+        assert_eq!([random.below(1_000), random.below(1_000)], [761, 418]);
+        assert_eq!(random.below(0), 0x72B7_B29B / 2);
+    }
+
+    /// The parts of one that these six are; Box and Muller take two of them for each number.
+    #[cfg(feature = "host")]
+    #[test]
+    fn unit_and_normal_numbers_are_made_of_draws() {
+        let mut random = Pcg32::new(42);
+        let units = [(); 2].map(|()| random.unit());
+        let all = 4_294_967_296.0;
+        assert_eq!(
+            units,
+            [
+                f64::from(0xC2F5_7BD6_u32) / all,
+                f64::from(0x6B07_C4A9) / all
+            ]
+        );
+        assert!((units[0] - 0.761_558).abs() < 1e-6 && (units[1] - 0.418_087).abs() < 1e-6);
+        let mut random = Pcg32::new(42);
+        // sqrt(-2 ln(1 - 0.761558)) = 1.693299; cos(2 pi 0.418087) = -0.870454; times three.
+        assert!((random.normal(3.0) + 4.421_815).abs() < 1e-4);
+    }
 }

@@ -361,7 +361,11 @@ impl Scan {
             end: turn.end,
             ..Self::EMPTY
         };
-        let lidar = PoseChange::new(mounting.position.x_mm, mounting.position.y_mm, 0.0);
+        let lidar = PoseChange {
+            forward_mm: mounting.position.x_mm,
+            left_mm: mounting.position.y_mm,
+            turn: 0.0,
+        };
         let knots = knots.map(|knot| knot.then(lidar));
         scan.origins = knots.map(|knot| Point::new(knot.forward_mm, knot.left_mm));
         for (beam, distance_mm) in (0..).zip(turn.distances_mm) {
@@ -653,6 +657,56 @@ mod tests {
         assert!(scan.origin(359).x_mm.abs() < 0.5);
     }
 
+    #[test]
+    fn points_of_others_keep_their_order_and_their_number_is_bounded() {
+        let points = [Point::new(1.0, 2.0); 400];
+        let scan = Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
+        assert_eq!((scan.points().len(), scan.beams()[359]), (BEAMS, 359));
+    }
+
+    /// Each half second without packets discards the current turn, but no complete one.
+    #[test]
+    fn turns_that_were_given_up_are_counted() {
+        let mut assembler = TurnAssembler::new(MOUNTING);
+        assert_eq!(assembler.abandoned(), 0);
+        feed(&mut assembler, 0, 1000, &[]);
+        assert_eq!((assembler.abandoned(), assembler.turn().packets), (0, 90));
+        for count in 1..4 {
+            let at = arrival(10 * u64::from(count), 5);
+            assembler.push(at, &packet(5, range(1000)));
+            assert_eq!(assembler.abandoned(), count - 1);
+        }
+        assert_eq!(assembler.speed_rpm(), 300.0);
+    }
+
+    /// A turn may take half a second less a nanosecond.
+    #[test]
+    fn a_pause_of_half_a_second_ends_a_turn() {
+        let ends_after = |pause: Duration| {
+            let mut assembler = TurnAssembler::new(MOUNTING);
+            assembler.push(Instant::from_millis(1), &packet(3, range(1000)));
+            let at = Instant::from_millis(1) + pause;
+            assembler.push(at, &packet(4, range(1000)));
+            (assembler.abandoned(), assembler.building.packets)
+        };
+        let half = Duration::from_millis(500);
+        assert_eq!(ends_after(half - Duration::from_nanos(1)), (0, 2));
+        assert_eq!(ends_after(half), (1, 1));
+    }
+
+    /// 3,840,000,000,000 nanoseconds divided by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250
+    /// ms, and 120 rpm just half a second. A lower speed, or none, counts as 300.
+    #[test]
+    fn a_turn_lasts_as_long_as_the_reported_speed_says() {
+        let ms = |word: u16| reported_period(SpeedWord(word)).as_micros();
+        assert_eq!(
+            [300, 240, 120].map(|rpm| ms(rpm * 64)),
+            [200_000, 250_000, 500_000]
+        );
+        assert_eq!([ms(119 * 64), ms(1), ms(0)], [200_000; 3]);
+        assert_eq!(ms(400 * 64), 150_000);
+    }
+
     /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: 5 % longer than the reported
     /// turn, which is accepted. The last packet comes 29 / 90 of a turn later, the beams a delay
     /// before. 44 packets are too few, and 225 ms is too far off: the reported 200 ms counts.
@@ -682,6 +736,18 @@ mod tests {
         assert_eq!(span(225_000, 10, 60), [1_012_444, 1_212_444]);
         assert_eq!(span(181_000, 0, 89), [995_988, 1_176_988]);
         assert_eq!(span(179_000, 0, 89), [975_011, 1_175_011]);
+    }
+
+    /// 45 beams are a part; 67 beams are one part and 22 of 45.
+    #[test]
+    fn beams_lie_in_eight_parts_of_a_turn() {
+        let is = |beam, knot, share: f32| {
+            let found = knot_of(beam);
+            found.0 == knot && (found.1 - share).abs() < 1e-6
+        };
+        assert!(is(0, 0, 0.0) && is(44, 0, 44.0 / 45.0) && is(45, 1, 0.0));
+        assert!(is(67, 1, 22.0 / 45.0) && is(359, 7, 44.0 / 45.0) && is(400, 7, 44.0 / 45.0));
+        assert_eq!(lerp(10.0, 30.0, 0.25), 15.0);
     }
 
     /// A lidar 100 mm before the axle of a robot that turns by 90 degrees to the left in a turn. At

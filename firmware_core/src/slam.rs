@@ -611,7 +611,10 @@ mod tests {
                 },
                 ..Settings::document()
             });
-            let step = PoseChange::new(50.0, 0.0, 0.0);
+            let step = PoseChange {
+                forward_mm: 50.0,
+                ..PoseChange::NONE
+            };
             for _ in 0..10 {
                 mapper.predict(step);
                 mapper.locate(&scan_of(&[]));
@@ -663,6 +666,17 @@ mod tests {
         }
     }
 
+    /// A robot at rest in front of known walls stays, to a fifth of a cell.
+    #[test]
+    fn a_robot_at_rest_stays() {
+        let mut mapper = mapper(Settings::default());
+        for _ in 0..50 {
+            mapper.integrate(&scan_of(&room()), [0, 0]);
+        }
+        let off = Pose::new(1500.0, 1500.0, 0.0).change_to(mapper.pose());
+        assert!(off.distance_mm() < 2.0 && off.turn.abs() < 0.002, "{off:?}");
+    }
+
     /// A half turn is drawn, and the other half is seen next: only the ends of the known walls
     /// match it. Missing wheel readings are no reason to slide along them.
     #[test]
@@ -679,5 +693,36 @@ mod tests {
                 "{seen:?}: {off:?}"
             );
         }
+    }
+
+    /// 17 of 20 points on the wall are 0.85; after 5 scans the world has changed.
+    #[test]
+    fn a_push_is_over_when_a_scan_fits_or_after_five() {
+        let mut grid = Grid::<9, 1>::new(10.0);
+        grid.set(4, 0, 255);
+        grid.set(5, 0, 0);
+        let unsettled = |hits: usize, is_elsewhere, is_at_rest, before| {
+            let points: [[i16; 2]; 20] =
+                core::array::from_fn(|at| [if at < hits { 64 } else { 80 }, 0]);
+            let pose = Pose::new(5.0, 5.0, 0.0);
+            let place = tracking::Place {
+                pose,
+                sum: 0,
+                evidence: evidence::Evidence::of(&grid, &points, pose),
+                is_elsewhere,
+            };
+            unsettled_by(&place, is_at_rest, before)
+        };
+        assert_eq!(
+            [16, 17].map(|hits| unsettled(hits, false, true, Some(0))),
+            [Some(1), None]
+        );
+        let after = [0, 3, 4].map(|before| unsettled(0, false, true, Some(before)));
+        assert_eq!(after, [Some(1), Some(4), None]);
+        // Found elsewhere, or still moving without wheels: the count restarts.
+        assert_eq!(unsettled(20, true, true, None), Some(0));
+        assert_eq!(unsettled(20, false, false, Some(3)), Some(0));
+        assert_eq!(unsettled(0, false, false, None), None);
+        assert_eq!(unsettled(0, false, true, None), None);
     }
 }

@@ -382,4 +382,39 @@ mod tests {
         );
         assert_eq!(known.segments, [line(-200.0, 200.0); 2]);
     }
+
+    /// One of a corner's two walls is known, each 1 m long: half.
+    #[test]
+    fn what_is_known_of_a_sight_is_a_share() {
+        let far = Segment::new(Point::new(1_000.0, -500.0), Point::new(1_000.0, 500.0));
+        let beside = Segment::new(Point::new(0.0, 1_000.0), Point::new(1_000.0, 1_000.0));
+        let home = Pose::new(0.0, 0.0, 0.0);
+        let mut known = Walls::default();
+        assert_eq!(known.share_known(home, &[far]), 0.0);
+        known.add(home, &[far]);
+        assert_eq!(known.share_known(home, &[]), 0.0);
+        let share = known.share_known(Pose::new(20.0, 0.0, 0.0), &[far, beside]);
+        assert!((share - 0.5).abs() < 0.05, "{share}");
+    }
+
+    /// A turn of 0.2 rad exceeds the odometry's error between two looks; one of 0.1 does not.
+    #[test]
+    fn a_correction_that_is_too_large_is_none() {
+        let corners = [
+            (-1e3, -1e3),
+            (1e3, -1e3),
+            (1e3, 1e3),
+            (-1e3, 1e3),
+            (-1e3, -1e3),
+        ];
+        let corners = corners.map(|(x, y)| Point::new(x, y));
+        let walls = corners.windows(2);
+        let walls: Vec<_> = walls.map(|pair| Segment::new(pair[0], pair[1])).collect();
+        let mut known = Walls::default();
+        known.add(Pose::new(0.0, 0.0, 0.0), &walls);
+        let far = Pose::new(0.0, 0.0, 0.2);
+        assert_eq!(known.corrected(far, &walls), far);
+        let near = known.corrected(Pose::new(0.0, 0.0, 0.1), &walls);
+        assert!(near.heading.abs() < 0.02, "{near:?}");
+    }
 }

@@ -180,14 +180,19 @@ impl Waypoints {
 
     /// Appends a waypoint; returns its number.
     pub fn push(&mut self, position_mm: [i16; 2], layer: i8) -> Result<i16, WaypointError> {
-        let id = self.next_id.ok_or(WaypointError::NumbersUsedUp)?;
-        self.append(Waypoint {
-            id,
-            position_mm,
-            layer,
-        })?;
-        self.next_id = id.checked_add(1);
-        Ok(id)
+        self.insert_at(self.len, position_mm, layer)
+    }
+
+    /// Inserts a waypoint behind the one with number `before`; returns its number. If `before` and
+    /// the next waypoint were reached, the new one counts as reached, too.
+    pub fn insert_after(
+        &mut self,
+        before: i16,
+        position_mm: [i16; 2],
+        layer: i8,
+    ) -> Result<i16, WaypointError> {
+        let index = self.index_of(before)? + 1;
+        self.insert_at(index, position_mm, layer)
     }
 
     /// Removes a waypoint.
@@ -235,11 +240,14 @@ impl Waypoints {
                     && known.layer == sent.layer
             }) && self.index_of(sent.id).is_err();
             let taken = if known {
-                self.append(Waypoint {
-                    id: sent.id,
-                    position_mm: sent.position_mm,
-                    layer: sent.layer,
-                })
+                self.insert_slot(
+                    self.len,
+                    Waypoint {
+                        id: sent.id,
+                        position_mm: sent.position_mm,
+                        layer: sent.layer,
+                    },
+                )
             } else {
                 self.push(sent.position_mm, sent.layer).map(|_| ())
             };
@@ -304,7 +312,26 @@ impl Waypoints {
             .ok_or(WaypointError::Unknown(id))
     }
 
-    fn append(&mut self, waypoint: Waypoint) -> Result<(), WaypointError> {
+    fn insert_at(
+        &mut self,
+        index: usize,
+        position_mm: [i16; 2],
+        layer: i8,
+    ) -> Result<i16, WaypointError> {
+        let id = self.next_id.ok_or(WaypointError::NumbersUsedUp)?;
+        self.insert_slot(
+            index,
+            Waypoint {
+                id,
+                position_mm,
+                layer,
+            },
+        )?;
+        self.next_id = id.checked_add(1);
+        Ok(id)
+    }
+
+    fn insert_slot(&mut self, index: usize, waypoint: Waypoint) -> Result<(), WaypointError> {
         if self.len == CAPACITY {
             let told = !self.defects.drops_silently;
             return if told {
@@ -316,8 +343,12 @@ impl Waypoints {
         if self.broken.has_no_end {
             return Ok(());
         }
-        self.slots[self.len] = waypoint;
+        self.slots.copy_within(index..self.len, index + 1);
+        self.slots[index] = waypoint;
         self.len += 1;
+        if index < self.reached {
+            self.reached += 1;
+        }
         Ok(())
     }
 }

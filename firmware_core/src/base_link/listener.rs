@@ -118,3 +118,102 @@ impl Listener {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec;
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// Number of bytes stored outside a buffer of `wanted`, and the offset of the last one.
+    fn strays(defects: Defects, wanted: Option<u8>, bytes: &[u8]) -> (u32, i32) {
+        let mut listener = Listener::new();
+        for byte in bytes {
+            listener.take(*byte, wanted, &defects);
+        }
+        (listener.stray.count, listener.stray.last)
+    }
+
+    /// Noise, then a write of `count` bytes with its checksum.
+    fn frame(count: u8) -> Vec<u8> {
+        let mut bytes = vec![0x55, START, 0x24, 0x80 | count];
+        bytes.extend(vec![7; usize::from(count)]);
+        bytes.extend([0x01, 0x02]);
+        bytes
+    }
+
+    const CHECKSUM: Defects = Defects {
+        stores_checksum: true,
+        ..Defects::NONE
+    };
+
+    /// MA-01: one byte behind the data, in each frame; an acknowledgement between them has none.
+    #[test]
+    fn the_checksum_is_stored_behind_the_data() {
+        assert_eq!(strays(CHECKSUM, Some(2), &frame(2)), (1, 2));
+        assert_eq!(strays(Defects::NONE, Some(2), &frame(2)).0, 0);
+        assert_eq!(strays(CHECKSUM, Some(3), &frame(2)).0, 0);
+        let both = [frame(2), frame(2)].concat();
+        assert_eq!(strays(CHECKSUM, Some(2), &both), (2, 2));
+        let acknowledged = [&[START, 0x24, 0, 0x01, 0x02][..], &frame(2)].concat();
+        assert_eq!(strays(CHECKSUM, Some(2), &acknowledged), (1, 2));
+        let read = [&[START, 0x24, 3, START, START][..], &frame(2)].concat();
+        assert_eq!(strays(CHECKSUM, Some(2), &read), (1, 2));
+    }
+
+    /// MA-02: two bytes were requested and four arrive: two of them, and the checksum, are too
+    /// many.
+    #[test]
+    fn a_longer_reply_is_stored_whole() {
+        let unbounded_store = Defects {
+            unbounded_store: true,
+            ..Defects::NONE
+        };
+        assert_eq!(strays(unbounded_store, Some(2), &frame(4)), (3, 4));
+        assert_eq!(strays(unbounded_store, Some(4), &frame(4)).0, 0);
+        assert_eq!(strays(CHECKSUM, Some(2), &frame(4)).0, 0);
+    }
+
+    /// MA-03: after the 128th byte of a frame of 127 the offset becomes -128.
+    #[test]
+    fn the_counter_of_bytes_falls_below_zero() {
+        let signed_counter = Defects {
+            signed_counter: true,
+            ..Defects::NONE
+        };
+        let mut bytes = vec![START, 0x24, 0xFF];
+        bytes.extend(vec![7; 128]);
+        assert_eq!(strays(signed_counter, Some(10), &bytes).0, 0);
+        bytes.extend([7; 2]);
+        assert_eq!(strays(signed_counter, Some(10), &bytes), (2, -127));
+        assert_eq!(strays(Defects::NONE, Some(10), &bytes).0, 0);
+        assert_eq!(strays(signed_counter, Some(10), &frame(2)).0, 0);
+    }
+
+    /// MA-06: two bytes and the checksum are stored where the last reader's buffer was.
+    #[test]
+    fn a_frame_that_nobody_waits_for_is_stored_as_well() {
+        let unguarded = Defects {
+            writes_when_nobody_waits: true,
+            ..Defects::NONE
+        };
+        assert_eq!(strays(unguarded, None, &frame(2)), (3, 2));
+        assert_eq!(strays(unguarded, Some(2), &frame(2)).0, 0);
+        assert_eq!(strays(CHECKSUM, None, &frame(2)).0, 0);
+    }
+
+    /// An armed listener waits for the start of a frame, independent of earlier bytes.
+    #[test]
+    fn an_armed_listener_begins_anew() {
+        let mut listener = Listener::new();
+        listener.take(START, Some(2), &CHECKSUM);
+        listener.arm();
+        for byte in frame(2) {
+            listener.take(byte, Some(2), &CHECKSUM);
+        }
+        assert_eq!(listener.stray.count, 1);
+    }
+}

@@ -84,6 +84,43 @@ mod tests {
     const ORDER: ChecksumOrder = ChecksumOrder::LowFirst;
     const READ: Request = Request::read(36, 10);
 
+    fn data(count: usize) -> Frame {
+        Frame::write(36, &[7; 12][..count], ORDER)
+    }
+
+    /// Ten bytes answer a request for ten. Fewer bytes answer it only with the defect of short
+    /// replies (MA-04), and none at all only if acknowledgements count as data (MA-05).
+    #[test]
+    fn an_answer_has_as_many_bytes_as_were_asked_for() {
+        let sound = Defects::NONE;
+        let short = Defects {
+            takes_short_replies: true,
+            ..sound
+        };
+        let empty = Defects {
+            takes_acknowledgements: true,
+            ..sound
+        };
+        let taken = |frame: &Frame| [sound, short, empty].map(|it| READ.is_answered_by(frame, &it));
+        assert_eq!(taken(&data(10)), [true; 3]);
+        assert_eq!(taken(&data(9)), [false, true, false]);
+        assert_eq!(taken(&data(0)), [false, true, false]);
+        assert_eq!(taken(&data(11)), [false; 3]);
+        assert_eq!(taken(&Frame::read(36, 0, ORDER)), [false, false, true]);
+        assert_eq!(taken(&Frame::read(36, 10, ORDER)), [false; 3]);
+        assert_eq!(taken(&Frame::read(36, 3, ORDER)), [false; 3]);
+        assert_eq!(taken(&Frame::write(37, &[7; 10], ORDER)), [false; 3]);
+        let write = Request::write(36, [1, 2]);
+        let taken =
+            |frame: &Frame| [sound, short, empty].map(|it| write.is_answered_by(frame, &it));
+        assert_eq!(taken(&Frame::read(36, 0, ORDER)), [true; 3]);
+        assert_eq!(
+            [taken(&data(2)), taken(&data(0)), taken(&data(1))],
+            [[false; 3]; 3]
+        );
+        assert_eq!(taken(&Frame::read(36, 2, ORDER)), [false; 3]);
+    }
+
     #[test]
     fn a_request_replaces_one_of_the_same_registers_and_direction() {
         assert!(READ.replaces(&Request::read(36, 10)) && !READ.is_write());

@@ -295,3 +295,45 @@ fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
         (WHEELS, true)
     );
 }
+
+/// Stale data stays behind ten registers if the link accepts short replies or acknowledgements as
+/// answers; else those bytes are 0.
+#[test]
+fn old_data_is_left_behind_a_reply_of_the_fielded_link() {
+    let behind = |takes_short_replies, takes_acknowledgements| {
+        let defects = Defects {
+            takes_short_replies,
+            takes_acknowledgements,
+            ..Defects::NONE
+        };
+        let mut link = BaseLink::with_defects(HighFirst, TIMEOUT, defects);
+        link.stale = [7; READ_MAX];
+        link.submit(at(0), WHEELS);
+        sent(&mut link);
+        link.receive(at(250), &REPLY);
+        match link.take_completion().map(|done| done.outcome) {
+            Some(Outcome::Data(data)) if data[..10] == REPLY[3..13] => data[10..].to_vec(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(behind(false, false), [0; READ_MAX - 10]);
+    assert_eq!(behind(true, false), [7; READ_MAX - 10]);
+    assert_eq!(behind(false, true), [7; READ_MAX - 10]);
+}
+
+/// There is room for eight outcomes; the ninth, not read by then, is counted and lost.
+#[test]
+fn outcomes_that_nobody_takes_are_counted_once_there_is_no_room() {
+    let mut link = link();
+    let overflows: Vec<u32> = (0..10)
+        .map(|round| {
+            link.submit(at(1_000 * round), WHEELS);
+            assert_eq!(sent(&mut link), READ);
+            link.receive(at(1_000 * round + 250), &REPLY);
+            link.counters().overflows
+        })
+        .collect();
+    assert_eq!(overflows, [0, 0, 0, 0, 0, 0, 0, 0, 1, 2]);
+    let taken = core::iter::from_fn(|| link.take_completion()).count();
+    assert_eq!(taken, 8);
+}

@@ -407,6 +407,69 @@ mod tests {
         assert!(!overlaps(-0.61, 0.0) && !overlaps(0.0, 0.36) && !overlaps(0.0, -0.36));
     }
 
+    /// A rectangle of 0.3 m by 0.1 m around the middle of a cell of 0.1 m covers five by three
+    /// cells; the cells at its edge are cut in half. At rest it reaches 0.158 m, two cells.
+    #[test]
+    fn an_outline_covers_and_cuts_cells() {
+        let outline = Outline::rectangle(0.16, 0.16, 0.06);
+        let covered: Vec<[i32; 2]> = outline.cells([0.0; 3], 0.1, |_| false).collect();
+        let expected = (-1..=1).flat_map(|y| (-2..=2).map(move |x| [x, y]));
+        assert!(covered.iter().copied().eq(expected));
+        let new: Vec<[i32; 2]> = outline
+            .cells([0.1, 0.0, 0.0], 0.1, |at| at[0] < 3)
+            .collect();
+        assert_eq!(new, cells(&[(3, -1), (3, 0), (3, 1)]));
+        assert_eq!((outline.reach(0.1), outline.reach(0.2)), (2, 1));
+        assert_eq!(Outline::rectangle(0.3, 0.1, 0.4).reach(0.1), 5);
+    }
+
+    /// Two cells ahead: the cells that the body sweeps beyond those it covered.
+    #[test]
+    fn a_body_sweeps_the_cells_before_it() {
+        let outline = Outline::rectangle(0.16, 0.16, 0.06);
+        let covered: Vec<[i32; 2]> = outline.cells([0.0; 3], 0.1, |_| false).collect();
+        let way = [[0.0; 3], [0.1, 0.0, 0.0], [0.2, 0.0, 0.0]];
+        let mut swept = Swept::new(&way, 0.1, 2, &covered);
+        assert_eq!(swept.low, [-3, -3]);
+        way.iter().for_each(|pose| swept.add(&outline, *pose, 0.1));
+        let expected = cells(&[(3, -1), (3, 0), (3, 1), (4, -1), (4, 0), (4, 1)]);
+        assert_eq!(swept.into_cells(), expected);
+    }
+
+    /// 0.1 m in parts of at most 0.04 m are three; a turn on the spot is one.
+    #[test]
+    fn poses_on_the_way_are_near_each_other() {
+        let way = on_the_way(
+            &[[0.0, 0.0, 0.2], [0.06, 0.08, 0.5], [0.06, 0.08, 0.1]],
+            0.04,
+        );
+        let expected = [
+            [0.0, 0.0, 0.2],
+            [0.02, 0.08 / 3.0, 0.3],
+            [0.04, 0.16 / 3.0, 0.4],
+            [0.06, 0.08, 0.5],
+            [0.06, 0.08, 0.1],
+        ];
+        assert_eq!(way.len(), 5);
+        for (found, expected) in way.iter().zip(expected) {
+            assert!((0..3).all(|axis| (found[axis] - expected[axis]).abs() < 1e-12));
+        }
+        // Across half a turn in the shorter direction.
+        let way = on_the_way(&[[0.0, 0.0, 3.1], [0.0, 0.08, -3.1]], 0.04);
+        assert!((way[1][2] - core::f64::consts::PI).abs() < 1e-9, "{way:?}");
+    }
+
+    /// One step ahead, one diagonal, a knight's move: 1 + 1.4142 + 2.4142.
+    #[test]
+    fn ways_through_cells_go_ahead_and_aslant() {
+        let length = octile(&cells(&[(1, 0), (2, 1), (3, -1)]));
+        assert!(
+            (length - 2.0 - 2.0 * core::f64::consts::SQRT_2).abs() < 1e-12,
+            "{length}"
+        );
+        assert_eq!(octile(&[]), 0.0);
+    }
+
     /// The cost is 1 + the most expensive cell. Cells of the outline may have any cost except that
     /// of an obstacle, and are checked only where an obstacle is near.
     #[test]
@@ -447,5 +510,25 @@ mod tests {
         assert_eq!(cost(&[(1, 0)], &[(-3, 0)], [16, 10]), Some(100 * 19));
         assert_eq!(cost(&[(1, 0)], &[(-6, 0)], [16, 10]), None);
         assert_eq!(cost(&[(1, 0)], &[(-20, 0)], [30, 10]), Some(100));
+    }
+
+    /// A metre straight on without a pose between: in steps of a quarter of a cell no cell of the
+    /// path is left out, for any cell size.
+    #[test]
+    fn an_action_passes_every_cell_of_its_way() {
+        for cell_m in [0.05, 0.2, 1.0] {
+            let one = Primitive {
+                id: 0,
+                start: 0,
+                end: ([10, 0], 0),
+                multiplier: 1,
+                poses: [[0.0; 3], [10.0 * cell_m, 0.0, 0.0]].into(),
+            };
+            let outline = Outline::rectangle(0.1 * cell_m, 0.1 * cell_m, 0.1 * cell_m);
+            let action = action(7, &one, &outline, cell_m, &[[0, 0]]);
+            let ahead: Vec<[i32; 2]> = (1..=10).map(|x| [x, 0]).collect();
+            assert_eq!((action.primitive, action.end), (7, [10, 0]));
+            assert_eq!((&action.middle, &action.swept), (&ahead, &ahead));
+        }
     }
 }

@@ -118,6 +118,14 @@ mod tests {
         Point::new(x_mm, y_mm)
     }
 
+    /// 3, 4, 5; between two equal points no direction is better than another.
+    #[test]
+    fn a_chord_runs_from_point_to_point() {
+        let chord = Fit::chord(at(10.0, 20.0), at(40.0, -20.0));
+        assert_eq!(chord.direction, [0.6, -0.8]);
+        assert_eq!(Fit::chord(at(1.0, 1.0), at(1.0, 1.0)).direction, [1.0, 0.0]);
+    }
+
     /// x = 10 + 4 s, y = 20 + 3 s, and points 5 to both sides of it, which cancel out. Backwards
     /// the line has the other direction.
     #[test]
@@ -164,5 +172,42 @@ mod tests {
         let meets = |y_mm: f32| level.crossing(&Fit::chord(at(0.0, 50.0), at(100.0, y_mm)));
         assert_eq!((meets(59.9), meets(40.1)), (None, None));
         assert!(meets(60.1).is_some() && meets(39.9).is_some());
+    }
+
+    /// Deviations from the mean (150, 22.5): squares 50,000 - 1,475 and products 8,500: half of the
+    /// angle of (48,525, 17,000) is 0.168, and so on, worked out with a calculator.
+    #[test]
+    fn a_line_leans_to_where_its_points_do() {
+        let points = [(0.0, 0.0), (100.0, 20.0), (200.0, 10.0), (300.0, 60.0)];
+        let points = points.map(|(x, y)| at(x + 1_000.0, y - 500.0));
+        let fit = Fit::of(points.into_iter(), &Settings::default());
+        assert!((fit.direction[0] - 0.985_511).abs() < 1e-5, "{fit:?}");
+        assert!((fit.direction[1] - 0.169_613).abs() < 1e-5);
+        assert!(fit.start.distance_mm(at(1_000.554, -503.221)) < 0.01);
+        assert!(fit.end.distance_mm(at(1_301.953, -451.348)) < 0.01);
+    }
+
+    /// Nearly along y, from below to above and back: the signs of x and y must both count.
+    #[test]
+    fn a_line_points_from_its_first_point_to_its_last() {
+        let points = [(3.0, 0.0), (2.0, 100.0), (0.0, 200.0), (-1.0, 300.0)].map(|(x, y)| at(x, y));
+        for (angle, swap) in [(0, false), (0, true), (1, false), (1, true)] {
+            let turned = points.map(|point| match angle {
+                0 => point,
+                _ => at(point.y_mm, point.x_mm),
+            });
+            let settings = Settings::default();
+            let fit = match swap {
+                false => Fit::of(turned.into_iter(), &settings),
+                true => Fit::of(turned.into_iter().rev(), &settings),
+            };
+            let (first, last) = if swap { (3, 0) } else { (0, 3) };
+            let way = [
+                turned[last].x_mm - turned[first].x_mm,
+                turned[last].y_mm - turned[first].y_mm,
+            ];
+            let along = way[0] * fit.direction[0] + way[1] * fit.direction[1];
+            assert!((along - 300.0).abs() < 0.1, "{angle} {swap}: {fit:?}");
+        }
     }
 }

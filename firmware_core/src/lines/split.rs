@@ -109,3 +109,98 @@ fn beside_mm(from: Point, to: Point, point: Point) -> f32 {
     let across = dy * (point.x_mm - from.x_mm) - dx * (point.y_mm - from.y_mm);
     across.abs() / length
 }
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::lines::Defects;
+
+    /// First and last index of each segment of these points.
+    fn segments(points: &[(f32, f32)], defects: Defects) -> Vec<(usize, usize)> {
+        let points: Vec<Point> = points.iter().map(|(x, y)| Point::new(*x, *y)).collect();
+        let circle = Circle {
+            points: &points,
+            begin: 0,
+            is_closed: false,
+        };
+        let settings = Settings {
+            defects,
+            ..Settings::DEFAULT
+        };
+        let found = Splitter::new(&circle, &settings).segments();
+        let places = found.as_slice().iter().map(|it| (it.first, it.last));
+        places.collect()
+    }
+
+    /// Distance from a line of 3, 4 and 5; for a line shorter than a millimetre, the distance from
+    /// its point.
+    #[test]
+    fn a_point_lies_beside_its_chord() {
+        let beside = |(x, y), (px, py)| {
+            beside_mm(Point::new(1.0, 2.0), Point::new(x, y), Point::new(px, py))
+        };
+        assert_eq!(beside((101.0, 2.0), (51.0, 32.0)), 30.0);
+        assert_eq!(beside((1.0, 102.0), (-19.0, 52.0)), 20.0);
+        // 40 x 40 less 30 x 30, by 50.
+        assert_eq!(beside((31.0, 42.0), (41.0, 32.0)), 14.0);
+        assert_eq!(beside((2.0, 2.0), (4.0, 6.0)), 4.0);
+        assert_eq!(beside((1.5, 2.0), (4.0, 6.0)), 5.0);
+    }
+
+    /// 300 mm are no gap yet. Three points are a segment; a program that drops the first point of
+    /// each region, or counts the last one twice, counts one less or more.
+    #[test]
+    fn a_region_ends_at_a_gap() {
+        let row = |xs: &[f32]| xs.iter().map(|x| (*x, 1_000.0)).collect::<Vec<_>>();
+        let two = row(&[0.0, 100.0, 200.0, 500.0, 801.0, 901.0, 1_001.0]);
+        assert_eq!(segments(&two, Defects::NONE), [(0, 3), (4, 6)]);
+        let drops_first = Defects {
+            drops_first: true,
+            ..Defects::NONE
+        };
+        assert_eq!(segments(&two, drops_first), [(1, 3)]);
+        let pair = row(&[0.0, 100.0]);
+        let duplicates_last = Defects {
+            duplicates_last: true,
+            ..Defects::NONE
+        };
+        assert_eq!(segments(&pair, Defects::NONE), []);
+        assert_eq!(segments(&pair, duplicates_last), [(0, 1)]);
+        assert_eq!(segments(&pair[..1], duplicates_last), []);
+        assert_eq!(segments(&[], Defects::NONE), []);
+    }
+
+    /// A roof with its ridge 60 mm from the chord is one line, and two if the ridge is higher.
+    #[test]
+    fn a_bend_is_more_than_60_mm_high() {
+        let roof = |ridge: f32| {
+            let half = ridge / 2.0;
+            let points = [
+                (0.0, 0.0),
+                (50.0, half),
+                (100.0, ridge),
+                (150.0, half),
+                (200.0, 0.0),
+            ];
+            segments(&points, Defects::NONE)
+        };
+        assert_eq!(roof(60.0), [(0, 4)]);
+        assert_eq!([roof(60.5), roof(-90.0)], [[(0, 2), (2, 4)]; 2]);
+    }
+
+    /// Three pairs of points, each too short: the fielded loop skips the one behind an erased one.
+    #[test]
+    fn the_segment_behind_an_erased_one_may_be_kept() {
+        let pairs = [0.0, 100.0, 1_000.0, 1_100.0, 2_000.0, 2_100.0].map(|x| (x, 0.0));
+        let skips_behind_erased = Defects {
+            skips_behind_erased: true,
+            ..Defects::NONE
+        };
+        assert_eq!(segments(&pairs, Defects::NONE), []);
+        assert_eq!(segments(&pairs, skips_behind_erased), [(2, 3)]);
+    }
+}

@@ -168,6 +168,31 @@ mod tests {
         assert!(is_quiet);
     }
 
+    /// A turn by 180 degrees must gain a millimetre of free path, one by 90 degrees half a
+    /// millimetre. More than a metre has no value.
+    #[test]
+    fn of_equally_free_ways_the_nearest_is_taken() {
+        let ahead_or = |more: f32, side: f32| {
+            let is_there = move |bearing: f32| (bearing - side).abs() < 0.01;
+            let (bearing, free) = most(|bearing| {
+                if is_there(bearing) {
+                    500.0 + more
+                } else {
+                    500.0
+                }
+            });
+            assert!(free == 500.0 || (free - 500.0 - more).abs() < 1e-3);
+            bearing
+        };
+        let quarter = PI / 2.0;
+        assert_eq!([ahead_or(0.4, quarter), ahead_or(0.4, -quarter)], [0.0; 2]);
+        assert!((ahead_or(0.6, quarter) - quarter).abs() < 0.01);
+        assert!((ahead_or(0.6, -quarter) + quarter).abs() < 0.01);
+        assert!(ahead_or(0.9, -PI) == 0.0 && ahead_or(1.1, -PI) < -3.1);
+        let far = most(|bearing| if bearing > 1.0 { 9_000.0 } else { 1_000.0 });
+        assert_eq!(far, (0.0, 1_000.0));
+    }
+
     /// Walls 190 mm to both sides, and one ahead: no direction keeps the body's 205 mm. At the
     /// distance of the walls, the direction back is free.
     #[test]
@@ -178,5 +203,28 @@ mod tests {
         let strict = most(|bearing| around.free_by_mm(SETTINGS.body.keep_mm(), bearing));
         assert_eq!(strict, (0.0, 0.0));
         assert_eq!(freest(&SETTINGS, &around), -PI);
+    }
+
+    /// No direction is free: straight on is as good as any.
+    #[test]
+    fn a_robot_that_is_walled_in_stays_as_it_looks() {
+        let ring = (0..72_u8).map(|n| {
+            let (sin, cos) = libm::sincosf(f32::from(n) * STEP);
+            Point::new(5.0 * cos, 5.0 * sin)
+        });
+        assert_eq!(freest(&SETTINGS, &Surroundings::of(ring)), 0.0);
+    }
+
+    #[test]
+    fn a_way_out_begins_once() {
+        let (mut escape, around) = (Escape::new(), niche());
+        let mut begins = |scans: u8| {
+            let begun = (0..scans).filter(|_| {
+                escape.step(&SETTINGS, Pose::default(), &around);
+                escape.has_begun()
+            });
+            begun.count()
+        };
+        assert_eq!([40, 1, 34].map(&mut begins), [0, 1, 0]);
     }
 }

@@ -532,4 +532,80 @@ mod tests {
         let (from, goal) = (Point::new(500.0, 1190.0), Point::new(2500.0, 1500.0));
         assert!(planned(&map, from, goal).way_from(from).is_some());
     }
+
+    /// Cells of 30 mm: 120 mm are four of them, and the refused cell is two more beyond, along the
+    /// path.
+    #[test]
+    fn a_way_that_is_none_is_refused_a_little_ahead() {
+        let map = map(&[]);
+        let (from, goal) = (Point::new(500.0, 515.0), Point::new(2_500.0, 515.0));
+        let mut planner = planned(&map, from, goal);
+        let aim = planner.way_from(from).expect("a way");
+        assert_eq!(aim.y_mm, 525.0);
+        planner.refuse_way_from(from);
+        assert_eq!(
+            (planner.refusals, planner.refused[0]),
+            (1, Cell { x: 22, y: 17 })
+        );
+        assert_eq!(planner.way_from(from), None);
+        planner.refuse_way_from(from);
+        assert_eq!(planner.refusals, 1);
+        planner.forget();
+        assert_eq!((planner.refusals, planner.kept), (0, None));
+    }
+
+    /// Neighbouring nibbles do not change each other.
+    #[test]
+    fn two_cells_share_a_byte() {
+        let mut planner = Planner::new();
+        let cell = |x| Cell { x, y: 3 };
+        for (x, value) in [(4, 9), (5, 6), (7, 1), (6, 8), (4, 2)] {
+            planner.set(cell(x), value);
+        }
+        let found = [3, 4, 5, 6, 7, 8].map(|x| planner.get(cell(x)));
+        assert_eq!(found, [0, 2, 6, 8, 1, 0]);
+        assert_eq!(planner.get(Cell { x: 4, y: 2 }), 0);
+    }
+
+    /// A post at (20, 12): a line through it is blocked, one beside it is free.
+    #[test]
+    fn what_is_near_something_is_not_seen_through() {
+        let mut planner = Planner::new();
+        planner.near.set(Cell { x: 20, y: 12 });
+        let sees = |from: (u16, u16), to: (u16, u16)| {
+            let [from, to] = [from, to].map(|(x, y)| Cell { x, y });
+            let both = [planner.sees(from, to), planner.sees(to, from)];
+            assert_eq!(both[0], both[1]);
+            both[0]
+        };
+        assert!(!sees((10, 12), (30, 12)) && !sees((20, 2), (20, 40)) && !sees((10, 2), (30, 22)));
+        assert!(!sees((10, 7), (30, 17)) && !sees((20, 12), (20, 12)) && !sees((25, 2), (15, 22)));
+        assert!(sees((10, 11), (30, 11)) && sees((21, 2), (21, 40)) && sees((10, 3), (30, 23)));
+        assert!(sees((10, 12), (19, 12)) && sees((10, 8), (30, 18)));
+    }
+
+    /// A straight path of 2 m crosses 4 columns of 30 mm and farther on 10 more: the result is the
+    /// middle of the first ones.
+    #[test]
+    fn the_first_stretch_of_a_way_is_told() {
+        let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));
+        let (mut planner, map) = (Planner::new(), map(&[]));
+        planner.plan(&map, (&BODY, THIN_MM), pose, goal, &Surroundings::EMPTY);
+        let over = |columns: &[core::ops::Range<u16>]| {
+            let mut cells = Cells::NONE;
+            for x in columns.iter().cloned().flatten() {
+                (0..100).for_each(|y| cells.set(Cell { x, y }));
+            }
+            let middle = planner
+                .stretch_on_way(pose.position(), &cells)
+                .expect("a way");
+            middle.map(|cell| cell.x)
+        };
+        assert_eq!(over(&[30..34, 60..70]), Some(31));
+        assert_eq!(over(&[60..62, 62..70]), Some(64));
+        assert_eq!(over(&[95..97, 97..99]), None);
+        let mut new = Planner::new();
+        new.forget();
+        assert_eq!(new.stretch_on_way(pose.position(), &Cells::NONE), None);
+    }
 }

@@ -155,6 +155,29 @@ mod tests {
         assert!(has(10, 13) && !has(10, 10) && !has(13, 10));
     }
 
+    #[test]
+    fn a_place_has_a_cell_on_the_map_only() {
+        let raster = Raster { cell_mm: 30.0 };
+        let cell = |x_mm, y_mm| raster.cell_of(Point::new(x_mm, y_mm));
+        assert_eq!(cell(29.9, 30.0), Some(Cell { x: 0, y: 1 }));
+        let edge = f32::from(EDGE) * 30.0;
+        assert_eq!(cell(edge - 1.0, 0.0), Some(Cell { x: EDGE - 1, y: 0 }));
+        assert_eq!(
+            [
+                cell(-0.1, 5.0),
+                cell(5.0, -0.1),
+                cell(edge, 0.0),
+                cell(0.0, edge)
+            ],
+            [None; 4]
+        );
+        assert_eq!(raster.middle(Cell { x: 2, y: 1 }), Point::new(75.0, 45.0));
+        assert_eq!(
+            [raster.reach(120.0), raster.reach(179.0), raster.reach(9e9)],
+            [4, 5, 20]
+        );
+    }
+
     /// Cells near an obstacle are opened 120 mm around both ends, the obstacle itself is not.
     #[test]
     fn what_is_near_is_open_around_the_ends() {
@@ -170,5 +193,27 @@ mod tests {
         let elsewhere = blocked(far);
         assert!((17..=23).all(|y| is_blocked(&elsewhere, y)));
         assert!(!is_blocked(&elsewhere, 16) && !is_blocked(&elsewhere, 24));
+    }
+
+    /// First in, first out, in a ring; cells that do not fit are lost.
+    #[test]
+    fn a_front_is_a_queue() {
+        let mut front = Front::new();
+        let mut next = 0;
+        for round in 0..3_u16 {
+            for n in 0..500 {
+                front.push(Cell {
+                    x: round * 500 + n,
+                    y: 0,
+                });
+            }
+            assert_eq!(front.len(), 500.min(FRONT_MAX));
+            while let Some(cell) = front.pop() {
+                assert_eq!(cell.x, next);
+                next += 1;
+            }
+        }
+        (0..FRONT_MAX + 3).for_each(|_| front.push(Cell { x: 7, y: 7 }));
+        assert_eq!(front.len(), FRONT_MAX);
     }
 }

@@ -199,6 +199,28 @@ mod tests {
         assert!(is_at([0, 20], 0.0, [0.0, 0.0]));
     }
 
+    /// Of two equally near points (3, 4 and 5) the first counts; a nearer one outside the bearings
+    /// does not.
+    #[test]
+    fn the_nearest_point_between_two_bearings_is_told() {
+        let places = [
+            (400.0, -300.0),
+            (300.0, 400.0),
+            (400.0, 300.0),
+            (600.0, 800.0),
+        ];
+        let points = places.map(|(x, y)| Point::new(x, y));
+        let around = Surroundings::of(points.into_iter());
+        let nearest = around.nearest(0.0..=1.5).expect("there are three");
+        assert!(
+            (nearest.0 - 0.9273).abs() < 1e-3 && (nearest.1 - 500.0).abs() < 0.1,
+            "{nearest:?}"
+        );
+        let right = around.nearest(-1.5..=0.0).expect("there is one");
+        assert!((right.0 + 0.6435).abs() < 1e-3, "{right:?}");
+        assert_eq!(around.nearest(2.0..=3.0), None);
+    }
+
     /// A robot has driven 100 mm forward and 20 mm to the left, and turned left by a quarter. A
     /// point that was at (300, 220) is then 200 mm ahead in the old direction, which is now to the
     /// robot's right.
@@ -206,7 +228,11 @@ mod tests {
     fn what_was_seen_is_where_the_robot_has_left_it() {
         let points = [Point::new(300.0, 220.0), Point::new(100.0, 120.0)];
         let scan = Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
-        let since = PoseChange::new(100.0, 20.0, core::f32::consts::FRAC_PI_2);
+        let since = PoseChange {
+            forward_mm: 100.0,
+            left_mm: 20.0,
+            turn: core::f32::consts::FRAC_PI_2,
+        };
         let around = Surroundings::seen(&scan, since);
         let near = |at: usize, x, y| around.points[at].distance_mm(Point::new(x, y)) < 0.01;
         assert!(near(0, 200.0, -200.0) && near(1, 100.0, 0.0));
@@ -227,5 +253,38 @@ mod tests {
         around.add(points(1_000));
         assert_eq!(around.count, POINTS_MAX);
         assert_eq!(Surroundings::of(points(1_000)).count, BEAMS);
+    }
+
+    /// 20 ticks are 226.9 mm/s, 204.2 mm in the 0.9 s ahead; 205 mm are kept. With a post 400 mm
+    /// ahead seven tenths of that, 142.9 mm, are clear; with one at 300 mm a quarter, 51.1 mm; with
+    /// one at 230 mm nothing. The robot may turn on the spot.
+    #[test]
+    fn a_robot_slows_down_before_what_is_near() {
+        let guarded = |x: f32, y: f32, wanted| {
+            let near = core::iter::once(Point::new(x, y));
+            let far = core::iter::repeat_n(Point::new(-2_000.0, 0.0), 10);
+            Surroundings::of(near.chain(far)).guarded(&BODY, wanted)
+        };
+        assert_eq!(guarded(420.0, 0.0, [20, 20]), [20, 20]);
+        assert_eq!(guarded(400.0, 0.0, [20, 20]), [14, 14]);
+        assert_eq!(guarded(300.0, 0.0, [20, 20]), [9, 9]);
+        assert_eq!(guarded(280.0, 0.0, [20, 20]), [5, 5]);
+        assert_eq!(guarded(230.0, 0.0, [20, 20]), [0, 0]);
+        assert_eq!(guarded(-230.0, 0.0, [20, 20]), [20, 20]);
+        assert_eq!(guarded(-230.0, 0.0, [-20, -20]), [0, 0]);
+        assert_eq!(guarded(230.0, 0.0, [-10, 10]), [-10, 10]);
+        assert_eq!(guarded(200.0, 0.0, [4, 20]), [-8, 8]);
+    }
+
+    /// 204.2 mm on, a post at 409.0 mm is 204.8 mm away, one at 409.4 mm is 205.2 mm away: only the
+    /// latter is clear.
+    #[test]
+    fn a_post_just_within_what_is_kept_counts() {
+        let guarded = |x: f32| {
+            let near = core::iter::once(Point::new(x, 0.0));
+            let far = core::iter::repeat_n(Point::new(-2_000.0, 0.0), 10);
+            Surroundings::of(near.chain(far)).guarded(&BODY, [20, 20])
+        };
+        assert_eq!([409.0, 409.4].map(guarded), [[14, 14], [20, 20]]);
     }
 }

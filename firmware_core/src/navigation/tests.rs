@@ -65,6 +65,15 @@ fn wall(ahead: f32) -> Surroundings {
     Surroundings::of(across.chain(behind))
 }
 
+/// The body's radius and the clearance are 205 mm.
+#[test]
+fn the_free_way_ends_where_the_body_would_come_too_near() {
+    let around = wall(600.0);
+    assert!((around.free_mm(&BODY, 0.0) - 395.0).abs() < 0.5);
+    assert!((around.free_mm(&BODY, core::f32::consts::PI) - 795.0).abs() < 0.5);
+    assert!(around.free_mm(&BODY, core::f32::consts::FRAC_PI_2) > 5000.0);
+}
+
 #[test]
 fn the_guard_slows_down_before_a_wall_and_stops_at_it() {
     let guarded = |ahead| wall(ahead).guarded(&BODY, [20, 20]);
@@ -82,6 +91,20 @@ fn a_robot_that_is_too_near_already_may_leave() {
     let aside = Surroundings::of((-60..=60_i8).map(|n| Point::new(f32::from(n) * 10.0, 190.0)));
     assert_eq!(aside.guarded(&BODY, [20, 20]), [20, 20]);
     assert!(aside.free_mm(&BODY, 0.0) > 1000.0);
+}
+
+#[test]
+fn a_blind_robot_stands() {
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let around = Surroundings::EMPTY;
+    assert_eq!(navigator.explore(Pose::default(), &around), HALT);
+    let goal = Goal {
+        position: Point::new(1000.0, 0.0),
+        is_last: true,
+    };
+    let map = std::boxed::Box::new(Grid::new(10.0));
+    let step = navigator.approach(&map, Pose::default(), goal, &around);
+    assert_eq!(step, Step::Drive(HALT));
 }
 
 /// Seed report: reg = (260 - distance) / 10 in tens of millimetres.
@@ -188,6 +211,20 @@ fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
     assert_eq!([17.0, 25.0].map(|at| around_a_post(at, 1.0)), [65.0, -20.0]);
 }
 
+/// Only a free straight path resets the chosen side; a path shorter than 450 mm needs only its own
+/// length.
+#[test]
+fn the_straight_way_is_taken_if_it_is_long_enough() {
+    let around = wall(600.0);
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    navigator.side = 1.0;
+    // 395 mm are free ahead.
+    assert_eq!(navigator.free_way(&BODY, &around, 0.0, 390.0), 0.0);
+    assert_eq!(navigator.side, 0.0);
+    assert_ne!(navigator.free_way(&BODY, &around, 0.0, 1000.0), 0.0);
+    assert_ne!(navigator.side, 0.0);
+}
+
 /// T5: after 15 scans without 10 mm of progress, a goal within 160 mm counts as reached; a farther
 /// one never does.
 #[test]
@@ -287,6 +324,34 @@ fn ways_that_are_blocked_in_turn_are_none() {
     panic!("it goes to and fro: {rounds:?}");
 }
 
+/// A post dead ahead is passed on the left: 43.1 degrees, in steps of five.
+#[test]
+fn of_two_sides_alike_the_left_is_taken() {
+    assert_eq!(around_a_post(0.0, 0.0), 45.0);
+}
+
+/// Points each degree, 380 mm away except two niches of 40 degrees about 40 to the left and to the
+/// right, where they are 400 mm away. No direction has 200 mm free, and of the 195 mm in both
+/// niches the left ones come first.
+#[test]
+fn where_nothing_is_free_far_enough_the_freest_way_is_taken() {
+    let point = |degree: i16| {
+        let is_niche = (20..=60).contains(&degree.abs());
+        let range = if is_niche { 400.0 } else { 380.0 };
+        let (sin, cos) = sin_cos(f32::from(degree.abs()).to_radians());
+        Point::new(range * cos, range * sin * f32::from(degree.signum()))
+    };
+    let around = Surroundings::of((-179..=180).map(point));
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let way = navigator.free_way(&BODY, &around, 0.0, 1_000.0);
+    assert!(
+        (way.to_degrees() - 40.0).abs() < 0.1,
+        "{}",
+        way.to_degrees()
+    );
+    assert_eq!(navigator.side, 0.0);
+}
+
 /// A path past the end of a board into an alley across it; the alley's far wall is 397 mm away at
 /// 67 degrees. 450 mm are free only where the robot came from, but it must get past the board.
 /// Noise moves the board's end a hand's breadth to either side of the body's limit.
@@ -308,6 +373,19 @@ fn a_short_way_on_is_better_than_a_long_one_back() {
         let degrees = way.to_degrees();
         assert!((0.0..=30.0).contains(&degrees), "{degrees} at {past_mm}");
     }
+}
+
+/// 10 mm nearer are no progress, more are.
+#[test]
+fn progress_is_more_than_ten_millimetres() {
+    let mut navigator = Navigator::new(Settings::new(BODY));
+    let stalled = [200.0, 190.0, 189.0, 180.0, 179.0, 178.9].map(|distance| {
+        navigator.watch_progress(Point::new(9.0, 9.0), distance);
+        navigator.stalled
+    });
+    assert_eq!(stalled, [0, 1, 0, 1, 2, 0]);
+    navigator.watch_progress(Point::new(9.0, 8.0), 300.0);
+    assert_eq!((navigator.stalled, navigator.nearest_mm), (0, 300.0));
 }
 
 /// Straight walls from end to end, millimetres.

@@ -85,11 +85,11 @@ impl Noisy {
         let first = wrapped(self.first - first);
         let (sin, cos) = libm::sincos(pose.heading_rad + first);
         let way = self.way - way;
-        CarPose::new(
-            pose.x_m + way * cos,
-            pose.y_m + way * sin,
-            wrapped(pose.heading_rad + first + self.last - last),
-        )
+        CarPose {
+            x_m: pose.x_m + way * cos,
+            y_m: pose.y_m + way * sin,
+            heading_rad: wrapped(pose.heading_rad + first + self.last - last),
+        }
     }
 }
 
@@ -98,7 +98,11 @@ mod tests {
     use super::*;
 
     fn parts(noise: Noise, ahead_m: f64, left_m: f64, turn_rad: f64) -> [f64; 6] {
-        let noisy = noise.of(Motion::new(ahead_m, left_m, turn_rad));
+        let noisy = noise.of(Motion {
+            ahead_m,
+            left_m,
+            turn_rad,
+        });
         let [first, way, last] = noisy.sigmas;
         [noisy.first, noisy.way, noisy.last, first, way, last]
     }
@@ -146,7 +150,11 @@ mod tests {
             way_by_way: 0.25,
             ..Noise::NONE
         };
-        let motion = Motion::new(1.0, 0.0, 0.2);
+        let motion = Motion {
+            ahead_m: 1.0,
+            left_m: 0.0,
+            turn_rad: 0.2,
+        };
         let noisy = noise.of(motion);
         let mut sums = [0.0; 4];
         for _ in 0..1_000 {

@@ -34,8 +34,10 @@ fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
             .find(|step| is_wall(pose.x_m + cos * along(*step), pose.y_m + sin * along(*step)));
         met.map_or(10.0, along)
     };
-    let beams = bearings
-        .map(|bearing_rad| Beam::new(bearing_rad, range(bearing_rad) + random.normal(0.02)));
+    let beams = bearings.map(|bearing_rad| Beam {
+        bearing_rad,
+        range_m: range(bearing_rad) + random.normal(0.02),
+    });
     beams.collect()
 }
 
@@ -79,9 +81,17 @@ fn more_boxes_need_more_guesses() {
 #[test]
 fn a_guess_moves_as_the_odometry_says() {
     let mut random = Pcg32::new(1);
-    let from = CarPose::new(1.0, 2.0, 3.0);
+    let from = CarPose {
+        x_m: 1.0,
+        y_m: 2.0,
+        heading_rad: 3.0,
+    };
     for (ahead_m, left_m, turn_rad) in [(0.5, 0.1, 0.4), (-0.5, 0.1, -0.4), (0.001, 0.0, 1.0)] {
-        let motion = Motion::new(ahead_m, left_m, turn_rad);
+        let motion = Motion {
+            ahead_m,
+            left_m,
+            turn_rad,
+        };
         let moved = Noise::NONE.of(motion).moved(from, &mut random);
         assert!(moved.distance_m(from.then(motion)) < 1e-9);
         assert!(wrapped(moved.heading_rad - from.then(motion).heading_rad).abs() < 1e-9);
@@ -99,20 +109,24 @@ fn drive(seed: u64, weighs: bool) -> [f64; 2] {
         track_m: 0.155,
     };
     let mut random = Pcg32::new(1_000 + seed);
-    let mut truth = CarPose::new(2.2, 1.2, 0.0);
+    let mut truth = CarPose {
+        x_m: 2.2,
+        y_m: 1.2,
+        heading_rad: 0.0,
+    };
     let mut odometry = CarPose::default();
     // 0.5 m beside the truth and turned by 15 degrees, in another direction for each seed.
     let to = random.unit() * 2.0 * PI;
-    let start = CarPose::new(
-        truth.x_m + 0.5 * libm::cos(to),
-        truth.y_m + 0.5 * libm::sin(to),
-        truth.heading_rad
+    let start = CarPose {
+        x_m: truth.x_m + 0.5 * libm::cos(to),
+        y_m: truth.y_m + 0.5 * libm::sin(to),
+        heading_rad: truth.heading_rad
             + if seed.is_multiple_of(2) {
                 0.262
             } else {
                 -0.262
             },
-    );
+    };
     let settings = Settings::default();
     let mut localiser = Localiser::new(
         field(),
@@ -167,7 +181,11 @@ fn ap13_the_robot_finds_its_place_within_five_metres() {
 }
 
 fn pose(x_m: f64, y_m: f64, heading_rad: f64) -> CarPose {
-    CarPose::new(x_m, y_m, heading_rad)
+    CarPose {
+        x_m,
+        y_m,
+        heading_rad,
+    }
 }
 
 /// A localiser with these guesses, in the hall.
@@ -189,13 +207,116 @@ fn near(one: f64, other: f64) -> bool {
     (one - other).abs() < 1e-4
 }
 
+/// Boxes of 0.5 m and 10 degrees, counted downwards from below 0 on; headings close to a circle of
+/// 36 boxes.
+#[test]
+fn guesses_are_counted_in_boxes() {
+    let deg = |deg: f64| deg.to_radians();
+    let cases = [
+        (pose(0.49, 0.51, deg(9.0)), [0, 1, 0]),
+        (pose(-0.01, -0.49, deg(-1.0)), [-1, -1, -1]),
+        (pose(-0.51, 1.26, deg(-11.0)), [-2, 2, -2]),
+        (pose(-1.0, 1.0, deg(179.0)), [-2, 2, 17]),
+    ];
+    for (place, expected) in cases {
+        assert_eq!(in_box(place), expected);
+    }
+    let cases = [
+        (0, 0, 0),
+        (3, 1, 2),
+        (1, 3, 2),
+        (17, -18, 1),
+        (0, 18, 18),
+        (-17, 16, 3),
+    ];
+    for (one, other, expected) in cases {
+        assert_eq!(turned_boxes(one, other), expected, "{one} {other}");
+    }
+}
+
+/// By hand: the mean of the first two is 0.5 * 0.1 + 0.3 * 0.3 over 0.8, their deviations are 0.075
+/// and 0.125; a guess in the neighbouring box is in their cluster, one two boxes away is not.
+#[test]
+fn the_estimate_is_the_mean_of_the_heaviest_heap() {
+    let heap = [(pose(0.1, 0.1, 0.0), 0.5), (pose(0.3, 0.1, 0.1), 0.3)];
+    let with = |other: CarPose| guessing(&[heap[0], heap[1], (other, 0.2)]).estimate();
+    let far = with(pose(3.0, 3.0, 2.0));
+    assert!(
+        near(far.pose.x_m, 0.175) && near(far.pose.y_m, 0.1),
+        "{far:?}"
+    );
+    assert!(
+        near(far.pose.heading_rad, 0.0375) && near(far.share, 0.8),
+        "{far:?}"
+    );
+    assert!(near(far.spread_m, 0.096_825), "{far:?}");
+    let shares = [
+        (pose(0.6, 0.1, 0.0), 1.0),
+        (pose(1.1, 0.1, 0.0), 0.8),
+        (pose(-0.1, -0.1, -0.1), 1.0),
+        (pose(-0.6, 0.1, 0.0), 0.8),
+        (pose(0.1, 1.1, 0.0), 0.8),
+        (pose(0.1, 0.1, 0.4), 0.8),
+    ];
+    for (other, share) in shares {
+        assert!(near(with(other).share, share), "{other:?}");
+    }
+    // Across pi: 3.09 and -3.09 lie 0.10 apart, and pi is between them.
+    let turned = [(pose(1.0, 1.0, 3.09), 0.5), (pose(1.0, 1.0, -3.09), 0.5)];
+    let turned = guessing(&turned).estimate();
+    assert!(near(turned.pose.heading_rad.abs(), PI) && near(turned.share, 1.0));
+}
+
+/// Limits of 5 cm and 0.05 rad, each a little to both sides; the first scan always counts.
+#[test]
+fn a_scan_is_weighed_when_the_robot_has_moved() {
+    let mut localiser = guessing(&[(pose(1.0, 1.0, 0.0), 1.0)]);
+    let from = pose(2.0, 1.0, 1.0);
+    assert!(localiser.is_due(from) && localiser.update(from, &[]));
+    let moved = |ahead_m, left_m, turn_rad| {
+        from.then(Motion {
+            ahead_m,
+            left_m,
+            turn_rad,
+        })
+    };
+    for is in [
+        moved(0.051, 0.0, 0.0),
+        moved(0.0, -0.051, 0.0),
+        moved(0.0, 0.0, -0.051),
+    ] {
+        assert!(localiser.is_due(is), "{is:?}");
+    }
+    for is_not in [from, moved(0.03, -0.03, 0.049), moved(-0.049, 0.0, -0.049)] {
+        assert!(
+            !localiser.is_due(is_not) && !localiser.update(is_not, &[]),
+            "{is_not:?}"
+        );
+    }
+    // The guesses move as the odometry does, in their own direction.
+    assert!(localiser.update(moved(0.5, 0.2, 0.3), &[]));
+    for guess in localiser.particles() {
+        let expected = pose(1.5, 1.2, 0.3);
+        assert!(guess.pose.distance_m(expected) < 1e-9, "{guess:?}");
+        assert!(near(guess.pose.heading_rad, 0.3));
+    }
+    localiser.place(from, [0.0; 3]);
+    assert!(localiser.is_due(from));
+    assert_eq!(localiser.particles().len(), 2_000);
+    let even = |one: &Particle| one.pose == from && near(one.weight, 0.0005);
+    assert!(localiser.particles().iter().all(even));
+}
+
 /// The scanner sits 0.2 m ahead and 0.1 m to the left and looks to the left: a point 1 m ahead of
 /// it lies at 0.2, 1.1; a point 1 m to its left lies 0.8 m behind the robot. From 0.15 m on, up to
 /// 6 m; of 120 beams every second.
 #[test]
 fn beams_end_where_the_scanner_sees_them() {
     let localiser = guessing(&[(CarPose::default(), 1.0)]);
-    let beam = |bearing_rad, range_m| Beam::new(bearing_rad, range_m);
+    let beam = |bearing_rad, range_m| Beam {
+        bearing_rad,
+        range_m,
+    };
     let ends = localiser.usable(&[beam(0.0, 1.0), beam(PI / 2.0, 1.0)]);
     for (end, expected) in ends.iter().zip([[0.2, 1.1], [-0.8, 0.1]]) {
         assert!(
@@ -219,7 +340,10 @@ fn the_guess_whose_beams_end_on_an_obstacle_weighs_more() {
     let mut localiser = Localiser::new(field, Settings::default(), zero, zero, [0.0; 3], 1);
     let guesses = [pose(3.025, 1.025, 0.0), pose(1.025, 1.025, 0.0)];
     localiser.particles = guesses.map(|pose| Particle { pose, weight: 0.5 }).into();
-    let ahead = Beam::new(0.0, 1.0);
+    let ahead = Beam {
+        bearing_rad: 0.0,
+        range_m: 1.0,
+    };
     localiser.weigh(&[ahead]);
     assert!(near(localiser.particles()[0].weight, 1.198_49 / 2.199_07));
     assert!(near(localiser.particles()[1].weight, 1.000_58 / 2.199_07));
@@ -277,7 +401,10 @@ fn the_heavier_guess_is_drawn_more_often() {
 #[test]
 fn every_second_guess_believes_the_other() {
     let mut localiser = guessing(&[(pose(1.0, 2.0, 0.0), 0.25); 4]);
-    let ahead = |ahead_m| Motion::new(ahead_m, 0.0, 0.0);
+    let ahead = |ahead_m| Motion {
+        ahead_m,
+        ..Motion::default()
+    };
     localiser.doubt(ahead(1.0), ahead(0.5));
     let along: Vec<f64> = localiser
         .particles()
@@ -287,11 +414,125 @@ fn every_second_guess_believes_the_other() {
     assert_eq!(along, [0.5, 1.0, 0.5, 1.0]);
 }
 
+/// A third of 900 guesses is scattered around the estimate: 300, within four deviations of 14; by 1
+/// m along x, 0 along y, 0.2 rad.
+#[test]
+fn a_search_throws_a_part_of_the_guesses() {
+    let start = pose(2.0, 1.0, 0.5);
+    let mut localiser = guessing(&[(start, 1.0 / 900.0); 900]);
+    localiser.search(1.0 / 3.0, [1.0, 0.0, 0.2]);
+    let thrown = localiser.particles().iter().filter(|one| one.pose != start);
+    let thrown: Vec<CarPose> = thrown.map(|one| one.pose).collect();
+    assert!((244..=356).contains(&thrown.len()), "{}", thrown.len());
+    let mean = |of: &dyn Fn(&CarPose) -> f64| thrown.iter().map(of).sum::<f64>() / 300.0;
+    let (x, turn) = (
+        mean(&|one| one.x_m - 2.0),
+        mean(&|one| one.heading_rad - 0.5),
+    );
+    assert!(x.abs() < 0.25 && turn.abs() < 0.05, "{x} {turn}");
+    let wide = mean(&|one| (one.x_m - 2.0) * (one.x_m - 2.0));
+    assert!((0.6..1.5).contains(&wide), "{wide}");
+    assert!(thrown.iter().all(|one| near(one.y_m, 1.0)));
+}
+
+/// The map's corner is at (-2, 3), its cells have 10 cm: the obstacle of cell (15, 20) lies at
+/// (-0.45, 5.05). A robot at (-0.45, 4.05) that looks along y sees it 1 m ahead.
+#[test]
+fn a_map_may_begin_anywhere() {
+    let obstacles: Vec<bool> = (0..40 * 40).map(|at| at == 20 * 40 + 15).collect();
+    let field = LikelihoodField::new(40, 0.1, [-2.0, 3.0], &obstacles, 2.0);
+    let zero = CarPose::default();
+    let mut localiser = Localiser::new(field, Settings::default(), zero, zero, [0.0; 3], 1);
+    let right = pose(-0.45, 4.05, PI / 2.0);
+    let wrong = [
+        pose(-0.45, 4.55, PI / 2.0),
+        pose(0.05, 4.05, PI / 2.0),
+        pose(-0.45, 4.05, 0.0),
+    ];
+    let ahead = |cells| [[cells, 0.0]; 10];
+    assert_eq!(localiser.fit_at(right, &ahead(10.0)), 1.0);
+    assert!(
+        wrong
+            .iter()
+            .all(|pose| localiser.fit_at(*pose, &ahead(10.0)) == 0.0)
+    );
+    assert_eq!(localiser.fit_at(wrong[2], &[[0.0, 10.0]; 10]), 1.0);
+    assert_eq!(localiser.fit_at(right, &ahead(10.0)[..9]), 1.0);
+    assert_eq!(localiser.fit_at(right, &ahead(20.0)[..9]), 1.0);
+    let guess = |pose| Particle { pose, weight: 0.5 };
+    localiser.particles = [guess(right), guess(wrong[0])].into();
+    let beam = Beam {
+        bearing_rad: 0.0,
+        range_m: 1.0,
+    };
+    localiser.weigh(&[beam; 10]);
+    assert!(localiser.particles()[0].weight > 0.7 && localiser.fit() == 1.0);
+}
+
+/// Offsets of scattered guesses are drawn in the order x, y, heading, each to the side that the
+/// draw gives.
+#[test]
+fn guesses_are_thrown_to_the_side_that_is_drawn() {
+    let (start, sigma) = (pose(2.0, 1.0, 0.5), [0.1, 0.2, 0.3]);
+    let drawn = |random: &mut Pcg32| {
+        let [x, y, turn] = sigma.map(|sigma| random.normal(sigma));
+        pose(2.0 + x, 1.0 + y, 0.5 + turn)
+    };
+    let mut localiser = guessing(&[(start, 1.0)]);
+    let mut random = localiser.random.clone();
+    random.unit();
+    let expected = drawn(&mut random);
+    localiser.search(1.0, sigma);
+    let thrown = localiser.particles()[0].pose;
+    assert!(thrown.distance_m(expected) < 1e-9 && near(thrown.heading_rad, expected.heading_rad));
+    localiser.place(start, sigma);
+    for guess in localiser.particles() {
+        let expected = drawn(&mut random);
+        assert!(guess.pose.distance_m(expected) < 1e-9);
+        assert!(near(guess.pose.heading_rad, wrapped(expected.heading_rad)));
+    }
+}
+
+/// Half of the guesses are drawn again: those with a number below a half. The first one's number is
+/// exactly a half, so it stays.
+#[test]
+fn a_search_takes_the_part_that_was_asked_for() {
+    let start = CarPose {
+        x_m: 2.0,
+        y_m: 1.0,
+        heading_rad: 0.5,
+    };
+    let guesses = || {
+        let settings = Settings::default();
+        Localiser::new(field(), settings, CarPose::default(), start, [0.0; 3], 3)
+    };
+    let moved = |mut guesses: Localiser, part: f64| {
+        guesses.search(part, [0.1; 3]);
+        let there: Vec<bool> = guesses
+            .particles
+            .iter()
+            .map(|it| it.pose != start)
+            .collect();
+        there
+    };
+    let first = guesses().random.unit();
+    assert!(!moved(guesses(), first)[0] && moved(guesses(), first * 1.001)[0]);
+    assert!(moved(guesses(), 0.0).iter().all(|it| !it));
+    assert!(moved(guesses(), 1.0).iter().all(|it| *it));
+    let some = moved(guesses(), 0.5);
+    let part = some.iter().filter(|it| **it).count() as f64 / some.len() as f64;
+    assert!((0.45..0.55).contains(&part), "{part}");
+}
+
 /// Weights with a sum that is not a number are reset, all equal.
 #[test]
 fn weights_that_cannot_be_added_are_even() {
     let settings = Settings::default();
-    let pose = CarPose::new(2.0, 1.0, 0.5);
+    let pose = CarPose {
+        x_m: 2.0,
+        y_m: 1.0,
+        heading_rad: 0.5,
+    };
     let mut guesses = Localiser::new(field(), settings, CarPose::default(), pose, [0.1; 3], 3);
     let even = 1.0 / guesses.particles.len() as f64;
     let beams = scan(pose, &mut Pcg32::new(1));

@@ -310,7 +310,15 @@ impl PcLink {
 
 #[cfg(test)]
 mod tests {
+    extern crate std;
+
+    use protocols::rle;
+
+    use super::super::{Counters, Settings};
     use super::*;
+    use crate::grid::Grid;
+    use crate::pose::Pose;
+    use crate::waypoints::Waypoints;
 
     /// SL-13: 91 turns of 360 degrees are 32760, and a little more is negative; in the other
     /// direction psi is negative at once.
@@ -328,5 +336,308 @@ mod tests {
         };
         assert_eq!([turned(360), turned(-100)], [450, -10]);
         assert_eq!([turned(32_677), turned(32_678)], [32_767, -32_768]);
+    }
+
+    fn fielded(defects: Defects) -> PcLink {
+        PcLink::new(Settings {
+            defects,
+            dialect: rle::Dialect::Lossless,
+            ..Settings::default()
+        })
+    }
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn sent(link: &mut PcLink) -> std::vec::Vec<u8> {
+        let mut buf = [0; 4096];
+        let count = link.transmit(&mut buf);
+        buf[..count].to_vec()
+    }
+
+    /// A robot in an unknown map, with a row of 24 bytes.
+    fn torn(link: &mut PcLink, now: Instant) -> std::vec::Vec<u8> {
+        let map = std::boxed::Box::new(Grid::new(20.0));
+        let waypoints = Waypoints::new();
+        let view = View {
+            map: &map,
+            pose: Pose::new(1000.0, 1000.0, core::f32::consts::FRAC_PI_2),
+            state: pcui::message::State::default(),
+            waypoints: &waypoints,
+            diagnosis: pcui::diagnosis::Diagnosis::default(),
+            victims: &[],
+            readings: pcui::diagnosis::Readings::NONE,
+            message: pcui::diagnosis::Text::default(),
+        };
+        link.queue_torn(now, &view, b"twelve bytestwelve bytes");
+        sent(link)
+    }
+
+    /// PU-18: 24 bytes of a row and 19 of text take 3.583 ms at 12,000 bytes a second; only each
+    /// fourth row is torn.
+    #[test]
+    fn text_is_printed_into_each_fourth_row() {
+        let mut link = fielded(Defects {
+            prints_text: true,
+            ..Defects::NONE
+        });
+        let found = torn(&mut link, at(10));
+        assert_eq!(found, b"twelve bytesWatermark slam: 1\r\ntwelve bytes");
+        let passed = at(10) + Duration::from_nanos(3_583_333);
+        assert_eq!((link.passed_at, link.row_at), (passed, passed));
+        assert_eq!((link.counters.sent, link.pose_at), (2, Instant::ZERO));
+        torn(&mut link, at(11));
+        assert_eq!(link.passed_at, passed + Duration::from_nanos(3_583_333));
+        let is_torn = [0, 1, 2, 3, 4, 5].map(|row| {
+            link.row = row;
+            link.is_interrupted(at(10), 24)
+        });
+        assert_eq!(is_torn, [false, true, false, false, false, true]);
+    }
+
+    /// PU-06: 24 bytes take 2 ms; a pose due meanwhile goes into the middle, and the next pose
+    /// comes 50 ms later.
+    #[test]
+    fn a_pose_is_written_into_a_row() {
+        let mut link = fielded(Defects {
+            unlocked: true,
+            ..Defects::NONE
+        });
+        link.pose_at = at(50);
+        assert!(!link.is_interrupted(at(48), 24) && link.is_interrupted(at(49), 24));
+        assert!(!fielded(Defects::NONE).is_interrupted(at(49), 24));
+        let found = torn(&mut link, at(49));
+        assert_eq!(found[..12], *b"twelve bytes");
+        assert_eq!(found[12..29], *b"PCUI_MSG\x0D\x00\x53\x03\x00\x00MPD");
+        assert_eq!(found[42..], *b"twelve bytes");
+        assert_eq!(link.pose_at, at(100));
+        assert_eq!(link.passed_at, at(49) + Duration::from_micros(4_500));
+        // Without a pace the line limits: 46,080 bytes a second.
+        link.settings.pace_bytes_per_s = None;
+        assert_eq!(link.time_of(4_608), Duration::from_millis(100));
+    }
+
+    /// PU-16, and PU-12: 200 bytes, then no more.
+    #[test]
+    fn the_fielded_queue_is_late_and_short() {
+        let late = Defects {
+            not_ready_at_first: true,
+            ..Defects::NONE
+        };
+        let dies = |nanos, defects| {
+            let mut link = fielded(defects);
+            link.receive(Instant::from_nanos(nanos), &mut &b"P"[..]);
+            link.is_dead()
+        };
+        assert!(dies(999_999, late) && !dies(1_000_000, late) && !dies(0, Defects::NONE));
+        let kept = |defects| {
+            let mut link = fielded(defects);
+            let mut input = &[0; 600][..];
+            assert_eq!(link.receive(at(5), &mut input), None);
+            (link.fielded.waiting.len(), input.len())
+        };
+        let short_queue = Defects {
+            short_queue: true,
+            ..Defects::NONE
+        };
+        let byte_per_row = Defects {
+            byte_per_row: true,
+            ..Defects::NONE
+        };
+        assert_eq!(
+            [kept(short_queue), kept(byte_per_row)],
+            [(200, 0), (512, 0)]
+        );
+        assert_eq!(kept(Defects::NONE), (0, 0));
+    }
+
+    /// PU-15: a frame received while the link was off is processed with the next byte, if it fitted
+    /// into 200 bytes.
+    #[test]
+    fn what_came_while_the_link_was_off_is_taken_later() {
+        let frame = b"PCUI_MSG\x02\x00\x00\x00\x00\x00LWP\x00\x00";
+        let taken = |before: usize, defects| {
+            let mut link = fielded(defects);
+            link.receive_while_off(&std::vec![0; before]);
+            link.receive_while_off(frame);
+            link.receive(at(5), &mut &[9][..]).is_some()
+        };
+        let keeps_while_off = Defects {
+            keeps_while_off: true,
+            ..Defects::NONE
+        };
+        assert!(taken(0, keeps_while_off) && taken(181, keeps_while_off));
+        assert!(!taken(182, keeps_while_off) && !taken(0, Defects::NONE));
+    }
+
+    /// PU-17: each byte is sent twice, and no pair is split.
+    #[test]
+    fn bytes_are_sent_twice() {
+        let mut link = fielded(Defects {
+            sends_twice: true,
+            ..Defects::NONE
+        });
+        link.tx.push(b"abc");
+        let mut buf = [0; 5];
+        assert_eq!((link.pop_twice(&mut buf), &buf[..4]), (4, &b"aabb"[..]));
+        assert_eq!((link.pop_twice(&mut buf), &buf[..2]), (2, &b"cc"[..]));
+        assert_eq!(link.pop_twice(&mut buf), 0);
+        assert_eq!(*link.counters(), Counters::NONE);
+    }
+
+    /// XV-12.
+    #[test]
+    fn the_lidar_s_bytes_are_passed_on_if_told() {
+        let passed = |raw_lidar| {
+            let mut link = fielded(Defects {
+                raw_lidar,
+                ..Defects::NONE
+            });
+            link.pass_on_raw_lidar(b"\xFA\xA0");
+            sent(&mut link)
+        };
+        assert_eq!(passed(true), b"\xFA\xA0");
+        assert_eq!(passed(false), b"");
+    }
+
+    /// Output of the receiver for `bytes`: frames by their payloads, and errors.
+    fn taken(defects: Defects, bytes: &[u8]) -> std::vec::Vec<Option<std::vec::Vec<u8>>> {
+        let mut receiver = Receiver::new();
+        let outcomes = bytes
+            .iter()
+            .filter_map(|byte| receiver.take(*byte, &defects));
+        let payload = |outcome: Result<Frame, FrameError>| Some(outcome.ok()?.payload().to_vec());
+        outcomes.map(payload).collect()
+    }
+
+    const LIST: &[u8] = b"PCUI_MSG\x02\x00\x07\x00\x00\x00LWP\x03\x04";
+
+    /// PU-01: in "PPCUI_MSG" only a receiver that restarts at the second P finds the frame. A wrong
+    /// sum and a length of 512 bytes are refused, and the next frame is found.
+    #[test]
+    fn a_start_word_that_breaks_off_may_begin_anew() {
+        let forgets = Defects {
+            forgets_to_restart: true,
+            ..Defects::NONE
+        };
+        let found = [Some(std::vec![3, 4])];
+        assert_eq!(taken(Defects::NONE, LIST), found);
+        assert_eq!(taken(Defects::NONE, &[b"PC", LIST].concat()), found);
+        assert_eq!(taken(forgets, &[b"PC", LIST].concat()), []);
+        assert_eq!(taken(forgets, &[b"x", LIST].concat()), found);
+        let mut wrong = LIST.to_vec();
+        wrong[10] = 8;
+        assert_eq!(
+            taken(Defects::NONE, &[&wrong, LIST].concat()),
+            [None, found[0].clone()]
+        );
+        let long = b"PCUI_MSG\x00\x02\x00\x00\x00\x00LWP";
+        let found = taken(Defects::NONE, &[long, LIST].concat());
+        assert_eq!(found, [None, Some(std::vec![3, 4])]);
+    }
+
+    /// PU-02: 257 bytes of 0x80 add up to 0x8080, which is negative in 16 bits. PU-03: a length of
+    /// 0x8000 is negative as well, and the receiver takes no further frame.
+    #[test]
+    fn signs_deafen_the_fielded_receiver() {
+        let mut frame = b"PCUI_MSG\x01\x01\x80\x80\x00\x00LWP".to_vec();
+        frame.extend([0x80; 257]);
+        assert_eq!(taken(Defects::NONE, &frame), [Some(std::vec![0x80; 257])]);
+        let signed_checksum = Defects {
+            signed_checksum: true,
+            ..Defects::NONE
+        };
+        assert_eq!(taken(signed_checksum, &frame), [None]);
+        assert_eq!(taken(signed_checksum, LIST), [Some(std::vec![3, 4])]);
+        let signed_length = Defects {
+            signed_length: true,
+            ..Defects::NONE
+        };
+        let negative = b"PCUI_MSG\x00\x80\x00\x00\x00\x00LWP";
+        let both = [negative, LIST].concat();
+        assert_eq!(taken(signed_length, &both), []);
+        assert_eq!(taken(Defects::NONE, &both), [None, Some(std::vec![3, 4])]);
+    }
+
+    /// PU-04: a frame without payload waits for a byte, and takes it. PU-05: a list of two
+    /// waypoints that announces three is read as three, 2 + 27 bytes, with stale bytes.
+    #[test]
+    fn lengths_are_believed_where_they_are_wrong() {
+        let empty = b"PCUI_MSG\x00\x00\x00\x00\x00\x00STA";
+        let wants_a_byte = Defects {
+            wants_a_byte: true,
+            ..Defects::NONE
+        };
+        assert_eq!(taken(Defects::NONE, empty), [Some(std::vec![])]);
+        assert_eq!(taken(wants_a_byte, empty), []);
+        assert_eq!(taken(wants_a_byte, &[&empty[..], b"P"].concat()).len(), 1);
+        let believes = Defects {
+            believes_the_count: true,
+            ..Defects::NONE
+        };
+        let list = b"PCUI_MSG\x02\x00\x03\x00\x00\x00LWP\x03\x00";
+        let lens = |defects| taken(defects, list)[0].as_ref().map(std::vec::Vec::len);
+        assert_eq!([lens(Defects::NONE), lens(believes)], [Some(2), Some(29)]);
+        let many = b"PCUI_MSG\x02\x00\xFE\x01\x00\x00LWP\xFF\xFF";
+        let found = taken(believes, many);
+        assert_eq!(found[0].as_ref().map(std::vec::Vec::len), Some(511));
+    }
+
+    /// Each of the receiver's defects alone enables the fielded receiver; those of the sender do
+    /// not.
+    #[test]
+    fn each_fault_of_the_receiver_makes_it_the_fielded_one() {
+        let with = |change: fn(&mut Defects)| {
+            let mut defects = Defects::NONE;
+            change(&mut defects);
+            (defects.of_receiver(), defects.queues())
+        };
+        let of_receiver: [fn(&mut Defects); 5] = [
+            |it| it.forgets_to_restart = true,
+            |it| it.signed_checksum = true,
+            |it| it.signed_length = true,
+            |it| it.wants_a_byte = true,
+            |it| it.believes_the_count = true,
+        ];
+        assert_eq!(of_receiver.map(with), [(true, false); 5]);
+        let of_queue: [fn(&mut Defects); 2] =
+            [|it| it.short_queue = true, |it| it.byte_per_row = true];
+        assert_eq!(of_queue.map(with), [(false, true); 2]);
+        let of_sender: [fn(&mut Defects); 4] = [
+            |_| (),
+            |it| it.unlocked = true,
+            |it| it.sends_twice = true,
+            |it| it.keeps_while_off = true,
+        ];
+        assert_eq!(of_sender.map(with), [(false, false); 4]);
+        // PU-03 alone: the link waits for a negative length forever, as its receiver does.
+        let mut link = fielded(Defects {
+            signed_length: true,
+            ..Defects::NONE
+        });
+        let mut input = &b"PCUI_MSG\xFF\xFF\x00\x00\x00\x00LWP"[..];
+        assert_eq!(link.receive(at(5), &mut input), None);
+        let mut input = LIST;
+        assert_eq!(link.receive(at(500), &mut input), None);
+        let mut link = fielded(Defects::NONE);
+        let mut input = LIST;
+        assert!(link.receive(at(500), &mut input).is_some());
+    }
+
+    /// Psi takes the shorter direction each time: from 90 to -89 by 179 back, and half a turn
+    /// counts as back; from 300 to 20 by 80 forward.
+    #[test]
+    fn a_counted_psi_takes_the_shorter_way_round() {
+        let count = |told: &[i16]| {
+            let mut psi = CountedPsi::new();
+            told.iter().map(|psi_deg| psi.count(*psi_deg)).last()
+        };
+        assert_eq!(count(&[271]), Some(-89));
+        assert_eq!(count(&[270]), Some(-90));
+        assert_eq!(count(&[269]), Some(269));
+        assert_eq!(count(&[200, 300, 20]), Some(380));
+        assert_eq!(count(&[200, 300, 20, 300]), Some(300));
+        assert_eq!(count(&[0, 350, 190, 100, 359]), Some(-361));
     }
 }

@@ -227,6 +227,11 @@ impl Rescue {
         self.drive.set_point()
     }
 
+    /// Whether the base has acknowledged the set-points.
+    pub const fn set_point_is_confirmed(&self) -> bool {
+        self.drive.is_confirmed()
+    }
+
     /// The battery; `None` until the base has reported it.
     pub const fn battery(&self) -> Option<Battery> {
         self.drive.battery()

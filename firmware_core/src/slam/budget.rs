@@ -127,4 +127,32 @@ mod tests {
         assert!(first_search_after(300, false) > millis(1_050));
         assert!(first_search_after(600, false) > millis(1_950));
     }
+
+    /// A search of exactly the target time took too long; 16 bits with sign end at 32767.
+    #[test]
+    fn tries_go_up_by_20_and_down_by_60() {
+        let budget = Budget::DOCUMENT;
+        let mut regulator = Regulator::new(&budget, true);
+        let mut took = |ms| {
+            regulator.search_took(millis(ms), &budget);
+            regulator.tries()
+        };
+        assert_eq!([took(149), took(150), took(151)], [1_320, 1_260, 1_200]);
+        let wide = Budget {
+            start: 32_760,
+            ..budget
+        };
+        let mut regulator = Regulator::new(&wide, false);
+        let mut took = |ms| {
+            regulator.search_took(millis(ms), &wide);
+            regulator.tries
+        };
+        assert_eq!(
+            [took(1), took(1), took(200), took(200)],
+            [-32_756, -32_736, 32_740, 32_680]
+        );
+        let mut regulator = Regulator::new(&budget, true);
+        (0..100).for_each(|_| regulator.search_took(millis(1), &budget));
+        assert_eq!(regulator.tries(), 2_000);
+    }
 }

@@ -216,6 +216,55 @@ mod tests {
         assert!(!evidence(1, 1, 8).exceeds(&evidence(0, 0, 8)));
     }
 
+    /// Three known points of eight tell something, four of eight are most.
+    #[test]
+    fn points_that_hit_or_miss_tell_something() {
+        assert!(evidence(2, 1, 8).tells_something() && !evidence(1, 1, 8).tells_something());
+        assert!(evidence(0, 6, 16).tells_something() && !evidence(5, 0, 16).tells_something());
+        assert!(evidence(3, 1, 8).is_broad() && !evidence(2, 1, 8).is_broad());
+        assert!(evidence(8, 0, 16).is_broad() && !evidence(0, 7, 16).is_broad());
+    }
+
+    /// 127 was never seen; values darker by up to 20 are wall or its edge, lighter ones are free.
+    #[test]
+    fn a_cell_is_wall_from_a_little_below_unknown_on() {
+        let seen = [0, 106, 107, 126, 128, 200].map(|value| {
+            let mut grid = Grid::<9, 1>::new(10.0);
+            grid.set(4, 0, value);
+            let found = Evidence::of(&grid, &[[64, 0]], Pose::new(5.0, 5.0, 0.0));
+            [found.hits, found.misses, found.of]
+        });
+        let [hit, miss] = [[1, 0, 1], [0, 1, 1]];
+        assert_eq!(seen, [miss, miss, hit, hit, hit, hit]);
+    }
+
+    /// A gap takes the value of the cells two cells away on both sides, along an axis or a
+    /// diagonal. A value on one side only, or a wall on one side and free space on the other, gives
+    /// none.
+    #[test]
+    fn a_gap_is_two_cells_from_its_sides() {
+        let gap = |sides: [((i32, i32), u8); 2]| {
+            let value_at = |cell| {
+                sides
+                    .iter()
+                    .find(|(at, _)| *at == cell)
+                    .map_or(127, |it| it.1)
+            };
+            in_gap(value_at, (10, 20))
+        };
+        for (dx, dy) in [(2, 0), (0, 2), (2, 2), (2, -2)] {
+            let sides = [(10 + dx, 20 + dy), (10 - dx, 20 - dy)];
+            let of = |one, other| gap([(sides[0], one), (sides[1], other)]);
+            assert_eq!([of(0, 0), of(0, 90), of(106, 5)], [0, 90, 106]);
+            assert_eq!([of(255, 255), of(128, 200)], [255, 200]);
+            assert_eq!(
+                [of(0, 127), of(255, 127), of(0, 255), of(107, 0)],
+                [UNKNOWN; 4]
+            );
+        }
+        assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
+    }
+
     /// 64 points, half of which agree at the first pose: at the second less than a quarter may
     /// disagree, half of the disagreement. 24 known points tell something, 23 do not; 35 points are
     /// a handful; 8 more must agree.

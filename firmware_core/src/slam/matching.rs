@@ -319,7 +319,7 @@ fn fixed_i16(value: f32) -> Option<i16> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
+    use crate::grid::Grid;
     use proptest::prelude::*;
 
     proptest! {
@@ -383,5 +383,28 @@ mod tests {
         assert!(points.all().is_empty());
         points.set([Point::new(20_470.0, -20_470.0)], 10.0);
         assert_eq!(points.all(), &[[32_752, -32_752]]);
+    }
+
+    #[test]
+    fn points_outside_the_map_are_told_apart() {
+        let mut grid = Grid::<30, 30>::new(10.0);
+        grid.set(20, 15, 200);
+        let mut points = EndPoints::EMPTY;
+        points.set(
+            [
+                Point::new(50.0, 0.0),
+                Point::new(200.0, 0.0),
+                Point::new(-200.0, 0.0),
+            ],
+            10.0,
+        );
+        let here = Placement::new(Pose::new(155.0, 155.0, 0.0), 10.0);
+        assert_eq!(
+            tally(grid.rows(), points.all(), &here),
+            Tally {
+                sum: 200,
+                inside: 1
+            }
+        );
     }
 }

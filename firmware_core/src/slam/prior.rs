@@ -161,9 +161,17 @@ mod tests {
             cost_max: 15.0,
         };
         let mut travel = Travel::NONE;
-        let change = PoseChange::new(30.0, 0.0, -0.3);
+        let change = PoseChange {
+            forward_mm: 30.0,
+            left_mm: 0.0,
+            turn: -0.3,
+        };
         travel.add(change);
-        let change = PoseChange::new(-12.0, 16.0, 0.2);
+        let change = PoseChange {
+            forward_mm: -12.0,
+            left_mm: 16.0,
+            turn: 0.2,
+        };
         travel.add(change);
         travel.doubt(4.0, 0.01);
         travel.doubt(6.0, 0.01);

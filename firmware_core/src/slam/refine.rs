@@ -366,6 +366,25 @@ mod tests {
         assert!((end.x_mm - start.x_mm).abs() < 1.0, "{end:?}");
     }
 
+    /// x + 2y = 5, 2x + 8y + z = 21, y + 3z = 11 has the solution 1, 2, 3.
+    #[test]
+    fn the_equations_are_solved_and_saddles_refused() {
+        let solution = solve([1.0, 8.0, 3.0], [2.0, 0.0, 1.0], [5.0, 21.0, 11.0]).unwrap();
+        for (part, expected) in solution.iter().zip([1.0, 2.0, 3.0]) {
+            assert!((part - expected).abs() < 1e-4, "{solution:?}");
+        }
+        assert_eq!(solve([1.0, 1.0, 1.0], [2.0, 0.0, 0.0], [1.0; 3]), None);
+    }
+
+    #[test]
+    fn the_splines_weights_are_whole_and_symmetric() {
+        for part in 0..64 {
+            let weights = spline(part << (CELL_BITS - FRACTION_BITS));
+            assert_eq!(weights.iter().sum::<u32>(), ONE);
+        }
+        assert_eq!(spline(32 << (CELL_BITS - FRACTION_BITS)), [8, 48, 8]);
+    }
+
     /// Along each axis, a curvature of a millionth is a summit, and less is none.
     #[test]
     fn a_summit_is_curved_along_all_three_axes() {
@@ -407,6 +426,21 @@ mod tests {
         assert_eq!(newton_step(|[x, y, z]| x * x + y * y + z * z), None);
     }
 
+    /// x - x^2 - y^2 - z^2 + x y: half of the cross term counts, so that 2 x - y / 2 = 1 and 2 y =
+    /// x / 2, which is 8/15 and 2/15. The same with the other two pairs.
+    #[test]
+    fn half_of_a_cross_term_counts() {
+        for (one, other) in [(0, 1), (0, 2), (1, 2)] {
+            let step = newton_step(|at| {
+                let squares: f32 = at.iter().map(|along| along * along).sum();
+                at[one] - squares + at[one] * at[other]
+            });
+            let mut expected = [0.0; 3];
+            (expected[one], expected[other]) = (8.0 / 15.0, 2.0 / 15.0);
+            assert!(is_near(step, expected), "{one} {other} {step:?}");
+        }
+    }
+
     /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At the border
     /// both cells have half.
     #[test]
@@ -417,5 +451,12 @@ mod tests {
             [[32, 32, 0], [18, 44, 2], [2, 44, 18]]
         );
         assert_eq!(at(64 + 16), at(16));
+    }
+
+    /// Sixteenths of a cell: 3-4-5 triangles of 5 and 1 cells.
+    #[test]
+    fn the_mean_reach_is_in_cells() {
+        assert_eq!(mean_reach_cells(&[[48, -64], [0, 16]]), 3.0);
+        assert_eq!(mean_reach_cells(&[]), 0.0);
     }
 }

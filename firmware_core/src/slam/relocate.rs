@@ -343,6 +343,32 @@ mod tests {
         is_bound::<160, 160>(4);
     }
 
+    /// The bound of a block is the sum of the blocks at the offsets; blocks outside count as 0.
+    #[test]
+    fn bounds_are_sums_over_the_points() {
+        let coarse = Coarse::new(&grid::<20, 13>());
+        let offsets = [
+            (0, 0),
+            (-3, 1),
+            (4, -2),
+            (9, 0),
+            (-9, 6),
+            (10, 0),
+            (-10, 0),
+            (0, -7),
+        ];
+        for y in 0..7 {
+            let bounds = coarse.bounds(&offsets, y);
+            for (x, bound) in (0..10).zip(bounds) {
+                let cells = offsets.iter().map(|(dx, dy)| (x + dx, y + dy));
+                let inside = cells.filter(|(x, y)| (0..10).contains(x) && (0..7).contains(y));
+                let index = |(x, y): (i32, i32)| usize::try_from(y * 10 + x).unwrap();
+                let sum: u16 = inside.map(|at| u16::from(coarse.cells[index(at)])).sum();
+                assert_eq!(bound, sum, "{x} {y}");
+            }
+        }
+    }
+
     fn offered(candidates: &[(u16, i32, i32, i32)]) -> [Candidate; PLACES] {
         let mut list = Shortlist::default();
         for &(bound, x, y, heading) in candidates {
@@ -379,5 +405,37 @@ mod tests {
         let found = offered(&many).map(|one| one.bound);
         let expected: std::vec::Vec<u16> = (3..=26).rev().collect();
         assert_eq!(found[..], expected);
+    }
+
+    /// Lost at 1 m, 1 m with a heading of 3.1, across pi from -3.1: within 0.5 m and 0.2 rad.
+    #[test]
+    fn a_robot_that_drove_a_known_way_is_within_it() {
+        let bound = Bound {
+            centre: Pose::new(1_000.0, 1_000.0, 3.1),
+            mm: 500.0,
+            rad: 0.2,
+        };
+        let holds = |x_mm, heading| bound.holds(Pose::new(x_mm, 1_000.0, heading));
+        assert!(holds(1_499.0, 3.1) && holds(501.0, -3.1) && holds(1_000.0, 2.91));
+        assert!(!holds(1_501.0, 3.1) && !holds(499.0, 3.1) && !holds(1_000.0, 2.89));
+        assert!(!holds(1_000.0, -2.9));
+        let place = Pose::new(1_000.0, 1_515.0, 0.0);
+        assert!(bound.holds_place(place, 20.0) && !bound.holds_place(place, 10.0));
+        assert!(bound.holds_heading(2.89, 0.02) && !bound.holds_heading(2.87, 0.02));
+    }
+
+    /// Headings are 2 degrees apart; a block's middle is half a block from its corner.
+    #[test]
+    fn a_candidate_is_the_middle_of_its_block() {
+        let candidate = Candidate {
+            bound: 1,
+            x: 3,
+            y: -1,
+            heading: 45,
+        };
+        let centre = candidate.centre(100.0);
+        assert_eq!((centre.x_mm, centre.y_mm), (350.0, -50.0));
+        assert!((centre.heading.to_degrees() - 90.0).abs() < 1e-3);
+        assert!((heading_of(135).to_degrees() + 90.0).abs() < 1e-3);
     }
 }

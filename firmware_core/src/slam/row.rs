@@ -479,6 +479,22 @@ mod tests {
         );
     }
 
+    /// Row after row as [`Cut::has_end`] gives, for windows all around a map at least as wide as
+    /// the lanes; on a narrower map each row has ends.
+    #[test]
+    fn the_rows_with_ends_are_those_that_hang_over() {
+        let mut narrow = 0;
+        for left in -40..60 {
+            for low in -40..60 {
+                let expected = (0..32).filter(|row| Cut::has_end::<48, 50>(left, low + row));
+                let bits = expected.fold(0, |bits, row| bits | 1_u32 << row);
+                assert_eq!(Cut::ends::<48, 50>(left, low), bits, "{left} {low}");
+                narrow |= !Cut::ends::<20, 50>(left, low);
+            }
+        }
+        assert_eq!(narrow, 0);
+    }
+
     /// Lanes 100, 101 up to 131; a lane without a mask does not count, and 131 without its lowest
     /// two bits is 128.
     #[test]

@@ -111,6 +111,28 @@ mod tests {
         (0..count).map(point).collect()
     }
 
+    /// 34 points of a wall are 30 pairs, 14 points of the wall across it are 10: along the first
+    /// wall stands a third of the walls across. No pair spans the corner of the two walls.
+    #[test]
+    fn the_direction_with_the_fewest_walls_across_is_the_least_seen() {
+        let laid = [
+            ([-60, 400], [4, 3], [300, -400], [-3, 4]),
+            ([60, 400], [-4, 3], [-300, -400], [3, 4]),
+            ([400, -60], [3, 4], [-400, 300], [4, -3]),
+            ([-60, 400], [5, 0], [400, -300], [0, 5]),
+            ([400, -60], [0, 5], [-300, 400], [5, 0]),
+        ];
+        for (from, along, other, across) in laid {
+            let points = [wall(34, from, along), wall(14, other, across)].concat();
+            let (axis, share) = least_seen(&points).expect("there are walls");
+            let [x, y] = along.map(|part| f32::from(part) / 5.0);
+            let askew = axis[0] * y - axis[1] * x;
+            assert!(askew.abs() < 1e-3, "{axis:?} {along:?}");
+            assert!((libm::hypotf(axis[0], axis[1]) - 1.0).abs() < 1e-5);
+            assert!((share - 1.0 / 3.0).abs() < 1e-4, "{share} {along:?}");
+        }
+    }
+
     /// With 2 parts in 100 across, half of the interval from 1 to 3, half of the scan counts: of 10
     /// mm along the wall 5, of 4 mm across it all.
     #[test]

@@ -404,6 +404,12 @@ mod tests {
     }
 
     #[test]
+    fn a_wall_nearer_than_half_the_hole_is_drawn_at_its_place() {
+        let cells = row::<20>(&along_x(10, 12, 17), BLACK, 0);
+        assert_eq!(cells[10..18], [152, 203, 254, 203, 152, 101, 50, 0]);
+    }
+
+    #[test]
     fn a_ray_from_outside_the_map_draws_nothing() {
         for from in [(-1, 1), (20, 1), (5, 3), (5, -1)] {
             let ray = Ray {
@@ -519,6 +525,82 @@ mod tests {
         for ((part, whole), parts_2_32) in expected {
             assert_eq!(parts(part, whole), parts_2_32, "{part} {whole}");
             assert_eq!(narrow_parts(part, whole), parts_2_32, "{part} {whole}");
+        }
+    }
+
+    /// A cell holds the positions from its number on, on both sides of 0; a position off the map is
+    /// limited to the range of any map.
+    #[test]
+    fn a_place_lies_in_the_cell_below() {
+        let cells = [(1.5, -1.5), (-2.0, 3.0), (0.99, -0.01), (1e6, -1e6)].map(cell);
+        assert_eq!(cells, [(1, -2), (-2, 3), (0, -1), (9_000, -9_000)]);
+    }
+
+    /// Cells of 10 mm, a hole of four: a point ten cells ahead has two cells of hole behind it, and
+    /// two before. A point nearer than a tenth of a cell has no direction, and is not drawn.
+    #[test]
+    fn each_beam_of_a_scan_is_a_ray() {
+        use crate::pose::Point;
+        use protocols::Instant;
+
+        let drawn = |x_mm: f32, y_mm: f32| {
+            let mut grid = Grid::<40, 40>::new(10.0);
+            let points = [Point::new(x_mm, y_mm)];
+            let scan = Scan::from_points(&points, Instant::ZERO, Instant::ZERO);
+            draw_scan(&mut grid, Pose::new(205.0, 205.0, 0.0), &scan, 4.0, BLACK);
+            grid
+        };
+        let by_hand = |hit, end| {
+            let mut grid = Grid::<40, 40>::new(10.0);
+            let ray = Ray {
+                from: (20, 20),
+                hit,
+                end,
+            };
+            draw(grid.rows_mut(), &ray, BLACK, &mut Brush::new(BLACK));
+            grid
+        };
+        let is_alike = |one: Grid<40, 40>, other: Grid<40, 40>| one.rows() == other.rows();
+        assert!(is_alike(drawn(100.0, 0.0), by_hand((30, 20), (32, 20))));
+        assert!(is_alike(drawn(0.0, -100.0), by_hand((20, 10), (20, 8))));
+        // 30 and 40 are 50 mm away, and the hole's 20 behind them 12 and 16.
+        assert!(is_alike(drawn(30.0, 40.0), by_hand((23, 24), (24, 26))));
+        assert!(is_alike(drawn(0.9, 0.0), Grid::new(10.0)));
+        assert!(!is_alike(drawn(1.1, 0.0), Grid::new(10.0)));
+    }
+
+    /// Step by step, for holes that start before the robot, at it and behind it, drawn up to their
+    /// hit, their end and farther.
+    #[test]
+    fn both_sides_of_a_hole_are_its_steps_that_are_drawn() {
+        for (half, begins_after, steps) in (2..7).flat_map(|half| {
+            (-13..4).flat_map(move |begins| (0..12).map(move |steps| (half, begins, steps)))
+        }) {
+            let hole = Hole { begins_after, half };
+            let flanks = hole.flanks(steps, &mut Slopes::new(1));
+            let drawn = (begins_after + 1).max(0)..=steps;
+            let behind = drawn.map(|step| step - begins_after);
+            let (mut up, mut down) = ((0, None), (0, None));
+            for i in behind {
+                let (side, value) = match i <= half {
+                    true => (&mut up, (255 * i + half / 2 - 1) / half),
+                    false => {
+                        let fallen = 255 * (i - half) - half / 2;
+                        (&mut down, 255 - (fallen + half - 1).div_euclid(half))
+                    }
+                };
+                side.0 += 1;
+                side.1 = side.1.or(Some(value));
+            }
+            for (flank, (cells, first)) in flanks.into_iter().zip([up, down]) {
+                assert_eq!(flank.cells, cells, "{half} {begins_after} {steps}");
+                let is_hole = first.is_none_or(|first| (0..=255).contains(&first));
+                let whole = i32::try_from(flank.value >> 32).unwrap_or(-1);
+                assert!(
+                    !is_hole || first.is_none_or(|first| whole == first),
+                    "{half} {begins_after} {steps}: {whole} {first:?}"
+                );
+            }
         }
     }
 }

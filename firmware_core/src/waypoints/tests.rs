@@ -128,6 +128,7 @@ fn used_up_numbers_are_reported() {
 #[derive(Clone, Debug)]
 enum Step {
     Push(i16),
+    InsertAfter(usize, i16),
     Remove(usize),
     Advance,
     Clear,
@@ -140,6 +141,7 @@ const FULL: (WaypointError, usize) = (WaypointError::Full, CAPACITY);
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
         6 => any::<i16>().prop_map(Step::Push),
+        4 => (0_usize..120, any::<i16>()).prop_map(|(at, x)| Step::InsertAfter(at, x)),
         3 => (0_usize..120).prop_map(Step::Remove),
         2 => Just(Step::Advance),
         1 => Just(Step::Clear),
@@ -162,6 +164,15 @@ proptest! {
                     Ok(id) => { prop_assert!(given.insert(id)); model.push((id, x)); }
                     Err(error) => prop_assert_eq!((error, model.len()), FULL),
                 },
+                Step::InsertAfter(at, x) => if let Some(&(before, _)) = model.get(at) {
+                    match list.insert_after(before, [x, 0], 0) {
+                        Ok(id) => {
+                            prop_assert!(given.insert(id));
+                            model.insert(at + 1, (id, x));
+                        }
+                        Err(error) => prop_assert_eq!((error, model.len()), FULL),
+                    }
+                },
                 Step::Remove(at) => if let Some(&(id, _)) = model.get(at) {
                     prop_assert!(list.remove(id).is_ok());
                     model.remove(at);
@@ -183,6 +194,36 @@ proptest! {
     }
 }
 
+/// The fielded program: two waypoints behind the same one lead to a freed object, one behind an
+/// unknown one leads to a null pointer.
+#[test]
+fn links_of_the_sender_break_the_fielded_list() {
+    let list = |links: &[i16], defects: Defects| {
+        let mut waypoints = Waypoints::with_defects(defects);
+        let sent = (0..).zip(links).map(|(id, &previous)| Sent {
+            position_mm: [0; 2],
+            layer: 0,
+            id,
+            previous,
+        });
+        waypoints.replace(sent);
+        (waypoints.is_dead(), waypoints.stray_writes().count)
+    };
+    let shared = Defects {
+        follows_shared_links: true,
+        ..Defects::NONE
+    };
+    let unknown = Defects {
+        follows_unknown_links: true,
+        ..Defects::NONE
+    };
+    assert_eq!(list(&[-1, 0, 0], shared), (false, 1));
+    assert_eq!(list(&[-1, 0, 1], shared), (false, 0));
+    assert_eq!(list(&[-1, 7], unknown), (true, 0));
+    assert_eq!(list(&[-1, 0, 1], unknown), (false, 0));
+    assert_eq!(list(&[-1, 7, 0, 0], Defects::NONE), (false, 0));
+}
+
 /// Of 103 waypoints three find no slot; of two waypoints with one number left, one gets none.
 #[test]
 fn what_of_a_list_finds_no_room_is_told() {
@@ -199,6 +240,36 @@ fn what_of_a_list_finds_no_room_is_told() {
         (list.replace(two.into_iter()), ids(&list)),
         (1, [i16::MAX].to_vec())
     );
+}
+
+/// A list that has lost its first waypoint still counts waypoints that it cannot reach.
+#[test]
+fn a_broken_list_counts_more_than_it_reaches() {
+    let mut list = Waypoints::with_defects(Defects {
+        loses_its_ends: true,
+        ..Defects::NONE
+    });
+    (0..3).for_each(|x| _ = list.push([x, 0], 0));
+    assert_eq!((list.count(), list.all().len()), (3, 3));
+    list.remove(0).expect("it is there");
+    assert_eq!((list.count(), list.all().len()), (2, 0));
+}
+
+/// NV-03: a list that has lost the last waypoint has no end to append another one to; the removal
+/// of a middle one keeps the end.
+#[test]
+fn a_list_without_its_end_takes_no_more() {
+    let count = |removed: i16| {
+        let mut list = Waypoints::with_defects(Defects {
+            loses_its_ends: true,
+            ..Defects::NONE
+        });
+        (0..3).for_each(|x| _ = list.push([x, 0], 0));
+        list.remove(removed).expect("it is there");
+        list.push([9, 0], 0).expect("without a word");
+        (list.count(), list.all().len())
+    };
+    assert_eq!([0, 1, 2].map(count), [(3, 0), (3, 3), (2, 2)]);
 }
 
 #[test]

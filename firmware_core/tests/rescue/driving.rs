@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use firmware_core::robots::rescue::Config;
 use protocols::pcui::message::Mode;
 
 use crate::bench::{Bench, SECOND, boxed, flat};
@@ -17,6 +18,43 @@ const TOUR: [[i16; 2]; 7] = [
     [1000, 1000],
 ];
 
+/// Sends the tour and follows the robot through it; returns the duration.
+fn drive_tour(bench: &mut Bench) -> Duration {
+    let begun = bench.now;
+    bench.send_waypoints(&TOUR);
+    for (index, waypoint) in TOUR.iter().enumerate() {
+        let reached = bench.run_until(40 * SECOND, |bench| {
+            bench.robot.waypoints().reached() > index
+        });
+        assert!(reached, "waypoint {index}: {:?}", bench.body);
+        assert!(
+            bench.distance_to(*waypoint) < 200.0,
+            "waypoint {index}: {:?}",
+            bench.body
+        );
+        let (apart_mm, turned_deg) = bench.pose_error();
+        assert!(
+            apart_mm < 40.0 && turned_deg.abs() < 2.0,
+            "{apart_mm} mm, {turned_deg} degrees"
+        );
+    }
+    bench.now - begun
+}
+
+/// The robot's main task. The true pose decides: every waypoint within 200 mm (the seed report's
+/// radius), no contact, an accurate believed pose, and rest at the end.
+#[test]
+fn all_waypoints_of_a_furnished_flat_are_reached() {
+    let mut bench = Bench::new(flat(), 1);
+    bench.run_for(3 * SECOND);
+    let took = drive_tour(&mut bench);
+    assert!(took < 60 * SECOND, "{took:?}");
+    bench.run_for(SECOND);
+    assert!(bench.speed() < 0.5);
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+    assert_eq!(bench.robot.target(), None);
+}
+
 /// The report drives to the nearest waypoint; the program, like the published one, to the first of
 /// its list, though the second is nearer.
 #[test]
@@ -29,6 +67,27 @@ fn r083_waypoints_are_visited_in_their_order() {
     bench.run_for(SECOND);
     let target = bench.robot.target().map(|target| target.position_mm);
     assert_eq!(target, Some(far));
+}
+
+/// Waypoints may arrive before the first scan.
+#[test]
+fn a_list_that_comes_first_thing_is_driven() {
+    let mut bench = Bench::new(flat(), 2);
+    drive_tour(&mut bench);
+    assert!(bench.clearance_mm > 10.0, "{}", bench.clearance_mm);
+}
+
+/// A box of 250 mm stands on the straight path; the fielded robot would have collided with it.
+#[test]
+fn a_box_in_the_way_is_driven_around() {
+    let mut walls = flat();
+    walls.extend(boxed(850.0, 1600.0, 1100.0, 1700.0));
+    let mut bench = Bench::new(walls, 3);
+    bench.run_for(2 * SECOND);
+    bench.send_waypoints(&[[1000, 2200]]);
+    let arrived = bench.run_until(40 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(arrived, "{:?}", bench.body);
+    assert!(bench.distance_to([1000, 2200]) < 200.0 && bench.clearance_mm > 10.0);
 }
 
 /// The corner of the other room lies directly behind the wall; the path to it leads back through
@@ -160,4 +219,45 @@ fn a_change_of_mode_stops_the_robot_first() {
     bench.order(Mode::Exploration, [0, 0]);
     let stops = bench.run_until(Duration::from_millis(3), |bench| bench.set_point == [0, 0]);
     assert!(stops);
+}
+
+/// Field defect PU-11: an empty list kept the goal.
+#[test]
+fn an_empty_list_stops_the_robot() {
+    let mut bench = Bench::new(flat(), 9);
+    bench.send_waypoints(&TOUR);
+    bench.run_for(3 * SECOND);
+    assert_eq!(bench.robot.mode(), Mode::Waypoint);
+    bench.send_waypoints(&[]);
+    bench.run_for(SECOND);
+    assert_eq!((bench.robot.mode(), bench.set_point), (Mode::Stop, [0, 0]));
+    assert_eq!(bench.robot.target(), None);
+}
+
+/// Seed figure S6 by the cost model of S4 (14 ms a scan, 0.15 ms a try): the seed's search takes
+/// 150 ms of each 200 ms, without the loss of a turn.
+#[test]
+fn the_seeds_search_takes_150_of_200_ms() {
+    let mut bench = Bench::searching(flat(), 10);
+    bench.run_for(20 * SECOND);
+    bench.busy = Duration::ZERO;
+    let before = bench.counter("scans");
+    bench.run_for(10 * SECOND);
+    let scans = bench.counter("scans") - before;
+    assert!((49..=51).contains(&scans), "{scans}");
+    let mean = bench.busy / u32::try_from(scans).expect("few");
+    assert!(
+        mean > Duration::from_millis(140) && mean < Duration::from_millis(160),
+        "{mean:?}"
+    );
+    assert_eq!(bench.counter("lidar turns skipped"), 0);
+}
+
+/// The lidar's motor is at its set speed, so its duty keeps its start value.
+#[test]
+fn the_lidar_motor_gets_its_duty() {
+    let mut bench = Bench::with_config(flat(), 11, Config::default());
+    bench.run_for(2 * SECOND);
+    assert_eq!(bench.duty, 180);
+    assert!(bench.robot.lidar_speed_is_stable());
 }

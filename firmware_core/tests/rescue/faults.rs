@@ -128,6 +128,22 @@ fn a_base_that_hears_but_is_not_heard_is_stopped() {
     );
 }
 
+/// Seed figure S8: lost replies cause retries. With a third of them lost, the tour is still driven,
+/// and the base never receives a wrong set-point.
+#[test]
+fn lost_answers_cost_retries_and_nothing_else() {
+    let mut bench = Bench::new(flat(), 4);
+    bench.base_loss = 0.33;
+    bench.send_waypoints(&AHEAD);
+    let arrived = bench.run_until(90 * SECOND, |bench| bench.robot.target().is_none());
+    assert!(arrived, "{:?}", bench.body);
+    assert!(bench.counter("base retries") > 50);
+    let bound = 20;
+    let in_range = |(_, wheels): &(_, [i8; 2])| wheels.iter().all(|wheel| wheel.abs() <= bound);
+    assert!(bench.writes.iter().all(in_range));
+    assert!(bench.clearance_mm > 10.0);
+}
+
 /// The base restarts: its counters begin at zero and its set-points are lost. The pose must not
 /// jump, and the set-points must be restored automatically.
 #[test]

@@ -2,6 +2,8 @@
 
 use core::time::Duration;
 
+use firmware_core::robots::rescue::Config;
+use firmware_core::{Inspect, Master};
 use protocols::pcui::{self, HEADER_LEN, seal};
 
 use crate::bench::{Bench, SECOND, flat};
@@ -51,6 +53,22 @@ fn the_rows_come_round_in_order() {
     assert!(per_second <= 12_500, "{per_second} bytes a second");
 }
 
+/// Seed figure S7: 300 x 300 cells take 1.953 s at 460800 baud with ten bits a byte. With 20 bytes
+/// of header for each of 300 rows and a pose each 50 ms, the time is 2.1 s; run-length encoding
+/// shortens it.
+#[test]
+fn an_unpaced_map_needs_no_longer_than_the_line() {
+    let mut config = Config::default();
+    config.pc_link.pace_bytes_per_s = None;
+    let mut bench = Bench::with_config(flat(), 4, config);
+    bench.run_for(10 * SECOND);
+    let (rows, bytes) = (bench.heard.rows.len(), bench.heard_bytes);
+    bench.run_for(10 * SECOND);
+    let per_pass = (bench.heard_bytes - bytes) * 300 / (bench.heard.rows.len() - rows);
+    assert!(bench.heard_bytes - bytes > 440_000, "the line is kept busy");
+    assert!(per_pass < 97_000, "{per_pass} bytes a pass");
+}
+
 /// Fielded program: the robot returns the list; here with the numbers that the robot assigned, in
 /// order.
 #[test]
@@ -68,6 +86,18 @@ fn a_received_list_comes_back() {
     bench.send_waypoints(&[]);
     bench.run_for(SECOND);
     assert_eq!(bench.heard.echoes.last(), Some(&Vec::new()));
+}
+
+/// Field defects PU-12 and PU-13: lists of 21 or more waypoints overran a queue of 200 bytes. The
+/// robot's list holds 100.
+#[test]
+fn the_longest_list_is_taken_in_one_burst() {
+    let mut bench = Bench::new(flat(), 6);
+    let list: Vec<_> = (0..100).map(|n| [n, n]).collect();
+    bench.send_waypoints(&list);
+    bench.run_for(SECOND);
+    assert_eq!(bench.robot.waypoints().all().len(), 100);
+    assert_eq!(bench.heard.echoes.last().map(Vec::len), Some(100));
 }
 
 /// A frame that announces 903 bytes is a longer list than the robot accepts: it replies with its
@@ -160,4 +190,20 @@ fn a_blocked_line_costs_frames_but_never_halves() {
     bench.run_for(10 * SECOND);
     assert_eq!((bench.heard.errors, bench.heard_discarded()), (0, 0));
     assert!(bench.heard.properties.len() > 199);
+}
+
+/// A program that is polled repeatedly at the same time must not repeat an action.
+#[test]
+fn polling_twice_is_harmless() {
+    let (mut once, mut twice) = (Bench::new(flat(), 11), Bench::new(flat(), 11));
+    twice.polls_twice = true;
+    for bench in [&mut once, &mut twice] {
+        bench.send_waypoints(&[[1000, 1500]]);
+        bench.run_for(5 * SECOND);
+    }
+    let scans = |bench: &Bench| bench.counter("scans");
+    assert_eq!(scans(&once), scans(&twice));
+    assert_eq!(once.robot.estimate(), twice.robot.estimate());
+    assert_eq!(once.heard.rows, twice.heard.rows);
+    assert!(once.robot.poll_at().is_some());
 }

@@ -1,6 +1,7 @@
 //! YE7: manoeuvres to a pose.
 
 use core::f32::consts::PI;
+use core::time::Duration;
 
 use protocols::telemetry::message::{ANY_HEADING, Pose, State, Telecommand};
 
@@ -8,11 +9,12 @@ use crate::bench::{Bench, SECOND, square, wrapped};
 use crate::lidar::Dice;
 
 /// Result of a manoeuvre: remaining position and heading error, maximum distance from the straight
-/// line.
+/// line, time.
 struct Went {
     apart_m: f64,
     turned: f64,
     beside_m: f64,
+    took: Duration,
 }
 
 fn go(bench: &mut Bench, goal: [f32; 3]) -> Went {
@@ -28,12 +30,14 @@ fn go(bench: &mut Bench, goal: [f32; 3]) -> Went {
         let across = ((gx - x0) * (y - y0) - (gy - y0) * (x - x0)) / way;
         beside_m = beside_m.max(across.abs());
     }
+    let took = bench.now - began;
     bench.run_until(2 * SECOND, |bench| bench.mode() == "off");
     let [x, y, heading] = bench.body;
     Went {
         apart_m: libm::hypot(gx - x, gy - y),
         turned: wrapped(f64::from(goal[2]) - heading),
         beside_m,
+        took,
     }
 }
 
@@ -98,6 +102,42 @@ fn fifty_goals(only_holds: bool) {
         turned.to_degrees()
     );
     assert!(beside <= 0.05, "{beside} m");
+}
+
+/// YA-01: from heading 3.0 to -3.0, the short direction is 0.28 rad and the long one 6.0 rad.
+#[test]
+fn ye7_the_last_turn_goes_the_short_way() {
+    let time = |mut bench: Bench| {
+        go(&mut bench, [0.0, 0.0, 3.0]);
+        let went = go(&mut bench, [0.0, 0.0, -3.0]);
+        assert!(went.turned.abs() < 0.03, "{}", went.turned);
+        went.took
+    };
+    let sound = time(Bench::new(square(100.0)));
+    let fielded = time(Bench::with_defect(square(100.0), "YA-01"));
+    assert!(fielded > sound + SECOND, "{fielded:?} against {sound:?}");
+}
+
+/// YA-02: a new goal behind the robot while it drives to another one. Correctly, it turns first and
+/// then drives straight; the fielded robot continues driving in a curve.
+#[test]
+fn a_new_goal_on_the_way_begins_with_its_turn() {
+    let strayed = |mut bench: Bench| {
+        bench.go(1.0, 0.0, ANY_HEADING);
+        assert!(bench.run_until(5 * SECOND, |bench| bench.speed()[0] > 0.45));
+        let began = bench.body;
+        bench.go(-1.0, 0.0, ANY_HEADING);
+        let mut beside = 0.0_f64;
+        let (end, done) = (bench.now + 30 * SECOND, bench.counter("arrivals") + 1);
+        while bench.counter("arrivals") < done && bench.now < end {
+            bench.step();
+            beside = beside.max((bench.body[1] - began[1]).abs());
+        }
+        beside
+    };
+    let sound = strayed(Bench::new(square(100.0)));
+    let fielded = strayed(Bench::with_defect(square(100.0), "YA-02"));
+    assert!(sound < 0.05 && fielded > 0.1, "{sound} m, {fielded} m");
 }
 
 /// 123456 means no final heading: the robot keeps its heading of arrival.

@@ -6,6 +6,20 @@ use crate::bench::{Bench, SECOND, Wall, closed};
 
 /// Radius of the body, as in the rig's chassis.
 const BODY_M: f64 = 0.12;
+const SIN_60: f64 = 0.866_025_4;
+
+/// A corridor 0.5 m wide that turns right after 2 m and continues for 2 m.
+fn corner() -> Vec<Wall> {
+    closed(&[
+        [-0.3, -0.25],
+        [1.75, -0.25],
+        [1.75, -3.0],
+        [2.25, -3.0],
+        [2.25, 0.25],
+        [-0.3, 0.25],
+    ])
+}
+
 /// Walls 0.25 m left and right of a path with corners; closed only at its beginning.
 fn corridor(way: &[[f64; 2]]) -> Vec<Wall> {
     let direction = |at: usize| {
@@ -147,6 +161,65 @@ fn drive(mut bench: Bench, seconds: u32) -> Bench {
     bench.order(State::AutoReactive);
     bench.run_for(seconds * SECOND);
     bench
+}
+
+#[test]
+fn a_corner_is_gone_round_without_a_touch() {
+    let mut bench = Bench::new(corner());
+    bench.order(State::AutoReactive);
+    let through = bench.run_until(60 * SECOND, |bench| bench.body[1] < -2.0);
+    assert!(through, "{:?} {}", bench.body, bench.clearance_m);
+    assert!(bench.clearance_m > BODY_M, "{} m", bench.clearance_m);
+}
+
+/// YR-01: bang-bang control with an offset to the left; the demonstration failed with it.
+#[test]
+fn ye6_the_fielded_formula_touches_a_wall_in_the_corner() {
+    let mut bench = Bench::with_defect(corner(), "YR-01");
+    bench.send(&Telecommand {
+        reactive: Some(Reactive {
+            speed_m_s: Some(0.5),
+            ..Reactive::default()
+        }),
+        ..Telecommand::default()
+    });
+    let bench = drive(bench, 20);
+    let through = bench.body[1] < -2.0;
+    assert!(!through || bench.clearance_m <= BODY_M, "{:?}", bench.body);
+}
+
+/// B4, worked out by hand: v_p = 0.5, d = (0.2, 0.15, 0.25), d_max = 0.3. The speed is v = 0.3 + 4
+/// * 2/3 * 2/3 = 2.08 m/s, the turn 0.1 + 40 / 3 = 13.4 rad/s; the evaluation has the same figures.
+#[test]
+fn the_fielded_formula_is_always_at_its_ends() {
+    // Sensors on a ring of 9 cm: walls at 0.29 m ahead, at 0.24 m and 0.34 m along 60 degrees.
+    let (right, left) = (0.24 * SIN_60, 0.34 * SIN_60);
+    let walls = closed(&[[-1.0, -right], [0.29, -right], [0.29, left], [-1.0, left]]);
+    let mut bench = Bench::with_defect(walls, "YR-01");
+    bench.send(&Telecommand {
+        state: Some(State::AutoReactive),
+        reactive: Some(Reactive {
+            speed_m_s: Some(0.5),
+            ..Reactive::default()
+        }),
+        ..Telecommand::default()
+    });
+    // The robot is held: only its set-points count.
+    bench.motors[0].friction_volts = 100.0;
+    bench.motors[1].friction_volts = 100.0;
+    bench.run_for(SECOND);
+    let wanted = bench.robot.target();
+    let seen = bench.robot.infrared_m();
+    let [ahead, right_front, left_front] = seen;
+    assert!((ahead - (0.29 - 0.09)).abs() < 0.02 && (left_front - right_front - 0.1).abs() < 0.02);
+    assert!(
+        (wanted.linear_m_s - 2.08).abs() < 0.1,
+        "{wanted:?} {seen:?}"
+    );
+    assert!(
+        (wanted.angular_rad_s - 13.4).abs() < 1.0,
+        "{wanted:?} {seen:?}"
+    );
 }
 
 /// A dead end: back up, turn to the side with more space, and drive out again.

@@ -2,6 +2,7 @@
 
 use firmware_core::Inspect;
 use firmware_core::pose::Point;
+use firmware_core::robots::yellow::{Config, Yellow};
 use protocols::rplidar::Command;
 
 use crate::bench::{Bench, SECOND, cast, square};
@@ -45,6 +46,14 @@ fn d2_the_noise_of_five_turns_falls_by_the_root_of_five() {
     let factor = 30.0 / rms_mm(&bench);
     println!("D2: noise falls by {factor}");
     assert!((1.79..=2.68).contains(&factor), "{factor}");
+}
+
+/// YL-05: five copies of one turn contain no more information than one turn.
+#[test]
+fn d2_the_noise_of_five_copies_does_not_fall() {
+    let factor = 30.0 / rms_mm(&seen(Some("YL-05"), 720.0, 30.0));
+    println!("D2, fielded: noise falls by {factor}");
+    assert!(factor < 1.1, "{factor}");
 }
 
 /// A real A1 gives 364 samples a turn. Half of the directions have fewer than three samples of
@@ -122,6 +131,19 @@ fn a_turn_without_its_first_node_ends_all_the_same() {
     assert!(worst < 30.0, "{worst} mm");
 }
 
+/// YL-01: groups of five are never realigned; after the lost byte, hardly any of them is a node.
+#[test]
+fn ye3_the_fielded_driver_stays_misaligned() {
+    let mut bench = Bench::with_defect(square(2.0), "YL-01");
+    bench.run_for(3 * SECOND);
+    assert_eq!(bench.counter("lidar groups bad"), 0);
+    bench.lidar.lose_in = Some(100);
+    bench.run_for(10 * SECOND);
+    // 2000 nodes a second were sent; by chance, a quarter of the wrong offsets look like a node.
+    let bad = bench.counter("lidar groups bad");
+    assert!(bad > 10_000, "{bad}");
+}
+
 /// The motor starts at once at 0.6 of 255, and the first request follows a second later.
 #[test]
 fn the_lidar_is_started_as_its_motor_needs() {
@@ -163,6 +185,49 @@ fn a_protection_stop_is_noticed_and_ended() {
     );
 }
 
+/// YL-04: the fielded program keeps its last ranges forever.
+#[test]
+fn the_fielded_program_keeps_its_old_ranges() {
+    let mut bench = Bench::with_defect(square(2.0), "YL-04");
+    bench.run_for(4 * SECOND);
+    let before = points(&bench).to_vec();
+    bench.lidar.stop();
+    bench.run_for(20 * SECOND);
+    assert_eq!(
+        (points(&bench), bench.lidar.requests.len()),
+        (&before[..], 1)
+    );
+}
+
+/// YL-02: after a restart, the new descriptor of seven bytes counts as data, so that every node is
+/// misaligned by two bytes. A driver that restarts its count with each scan (YL-01) is not
+/// affected.
+#[test]
+fn a_header_counted_once_misaligns_the_second_scan() {
+    for (id, is_misaligned) in [("YL-01", false), ("YL-02", true)] {
+        let mut bench = Bench::with_defect(square(2.0), id);
+        bench.run_for(4 * SECOND);
+        bench.lidar.stop();
+        bench.run_for(3 * SECOND);
+        let before = bench.counter("lidar groups bad");
+        bench.run_for(3 * SECOND);
+        let bad = bench.counter("lidar groups bad") - before;
+        assert_eq!(bad > 1_000, is_misaligned, "{id}: {bad}");
+    }
+}
+
+/// YL-03: index 360 - 0 is outside an array of 360, and fractions of a degree are cut off.
+#[test]
+fn whole_degrees_leave_the_array() {
+    let bench = seen(Some("YL-03"), 720.0, 0.0);
+    assert!(bench.counter("lidar readings astray") > 10);
+    assert!(points(&bench).iter().all(|it| {
+        let half_degrees = libm::atan2f(it.y_mm, it.x_mm).to_degrees() * 2.0;
+        (half_degrees / 2.0 - (half_degrees / 2.0).round()).abs() < 0.01
+    }));
+    assert_eq!(seen(None, 720.0, 0.0).counter("lidar readings astray"), 0);
+}
+
 /// The head needs time to reach a constant speed: 2 s without a node after the first request are no
 /// silence.
 #[test]
@@ -172,4 +237,23 @@ fn a_head_that_speeds_up_is_waited_for() {
     bench.run_for(5 * SECOND);
     assert_eq!(bench.lidar.requests.len(), 1);
     assert!(points(&bench).len() >= 700);
+}
+
+/// A lidar without any reply is reset repeatedly, without other effects.
+#[test]
+fn a_lidar_that_is_not_there_is_asked_for() {
+    use firmware_core::Master as _;
+    let mut robot = Yellow::new(Config::DEFAULT);
+    let mut requests = Vec::new();
+    for millis in 1..10_000 {
+        robot.poll(protocols::Instant::from_millis(millis));
+        let mut buf = [0; 8];
+        let len = robot.transmit(Yellow::LIDAR, &mut buf);
+        requests.extend_from_slice(&buf[..len]);
+    }
+    let round = [0xA5, 0x20, 0xA5, 0x52, 0xA5, 0x40];
+    assert!(
+        requests.starts_with(&[round, round].concat()),
+        "{requests:02X?}"
+    );
 }

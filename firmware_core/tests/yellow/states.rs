@@ -158,6 +158,14 @@ fn ye5_driving_by_hand_ends_2_s_behind_the_last_word() {
     assert_eq!(bench.mode(), "manual");
 }
 
+/// YS-01: the fielded robot drives on forever.
+#[test]
+fn ye5_the_fielded_robot_drives_on_without_anybody() {
+    let (lasted, bench) = manual_lasts(Bench::with_defect(square(100.0), "YS-01"));
+    assert_eq!(lasted, 10 * SECOND);
+    assert!(bench.speed()[0] > 0.29);
+}
+
 /// A new goal between the end of a manoeuvre and the following state change.
 fn goal_at_the_end(mut bench: Bench) -> &'static str {
     bench.go(0.3, 0.0, 0.0);

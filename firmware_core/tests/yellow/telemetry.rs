@@ -92,6 +92,17 @@ fn ye2_a_scan_that_is_too_large_is_thinned_out() {
     );
 }
 
+/// YF-04: the fielded buffer still holds the previous message, which is sent again.
+#[test]
+fn ye2_the_fielded_robot_sends_the_old_message_again() {
+    let mut bench = Bench::with_defect(square(2.0), "YF-04");
+    bench.run_for(4 * SECOND);
+    bench.run_for(SECOND / 20);
+    let old = bench.payloads.last().cloned();
+    let (_, told, _) = scan(&mut bench, 1);
+    assert_eq!((told.lidar, bench.payloads.last().cloned()), (None, old));
+}
+
 /// A long reply occupies the line for half a second; telemetry then returns to its grid.
 #[test]
 fn telemetry_goes_on_behind_a_long_answer() {

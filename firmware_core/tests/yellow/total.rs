@@ -36,6 +36,20 @@ proptest! {
     }
 }
 
+/// Every defect has a unique number, which selects it, and changes the robot.
+#[test]
+fn every_defect_is_known_by_its_number() {
+    let ids: Vec<_> = Config::defects().collect();
+    let mut sorted = ids.clone();
+    sorted.dedup();
+    assert_eq!((ids.len(), sorted.len()), (25, 25));
+    for id in ids {
+        let config = Config::DEFAULT.with_defect(id).expect("a known one");
+        assert_ne!(config, Config::DEFAULT, "{id}");
+    }
+    assert_eq!(Config::DEFAULT.with_defect("YX-01"), None);
+}
+
 /// With all defects, the robot still runs, sends telemetry, and drives.
 #[test]
 fn the_fielded_robot_drives() {

@@ -8,6 +8,11 @@ use firmware_core::pose::Point;
 use crate::bench::{Bench, SECOND, Wall, cast, closed, square};
 use crate::lidar::Dice;
 
+const FIELDED_MERGE: Defects = Defects {
+    merges_below_80_deg: true,
+    ..Defects::NONE
+};
+
 fn with(defects: Defects) -> Settings {
     Settings {
         defects,
@@ -73,6 +78,19 @@ fn ye8_an_octagon_has_eight_lines() {
         assert_eq!(found.len(), 8, "seed {seed}");
         assert!(corner_error_mm(&found, &octagon()) <= 30.0);
     }
+}
+
+/// YN-01: the fielded search merges all walls below 79.95 degrees, including 45 degrees. Square
+/// corners are not merged, so the defect was not noticed.
+#[test]
+fn ye8_the_fielded_merge_makes_fewer_of_an_octagon() {
+    let found = lines(&scan(&octagon(), 5.0, 1), &with(FIELDED_MERGE));
+    println!("YE8, fielded: {} lines of an octagon", found.len());
+    assert!(found.len() < 8, "{}", found.len());
+    assert_eq!(
+        lines(&scan(&square(2.0), 5.0, 1), &with(FIELDED_MERGE)).len(),
+        4
+    );
 }
 
 /// The walls found by the whole robot: a lidar of 364 samples a turn with 5 mm of noise, away from
@@ -160,6 +178,28 @@ fn d2_two_points_are_no_line_and_three_are() {
             "{sizes:?}"
         );
     }
+}
+
+/// YN-02: of two consecutive regions that are too short, the second is skipped and stays. YN-03: a
+/// region of two counts as three. YN-04: one of three counts as two.
+#[test]
+fn the_fielded_search_miscounts_its_points() {
+    let count = |sizes: &[u16], defects| lines(&groups(sizes), &with(defects)).len();
+    let skips = Defects {
+        skips_behind_erased: true,
+        ..Defects::NONE
+    };
+    assert_eq!((count(&[2, 2], skips), count(&[2, 5, 2], skips)), (1, 1));
+    let duplicates = Defects {
+        duplicates_last: true,
+        ..Defects::NONE
+    };
+    assert_eq!((count(&[2], duplicates), count(&[1], duplicates)), (1, 0));
+    let drops = Defects {
+        drops_first: true,
+        ..Defects::NONE
+    };
+    assert_eq!((count(&[3], drops), count(&[4], drops)), (0, 1));
 }
 
 /// A distance of 299 mm is no gap, one of 301 mm is.

@@ -3,7 +3,7 @@
 use firmware_core::Master;
 use firmware_core::pose::Pose;
 use firmware_core::robots::yellow::pc::{
-    Failure, PcCommand, PcConfig, PcProgram, Refused, Task, TaskState,
+    Failure, PcCommand, PcConfig, PcProgram, Refused, Sending, Task, TaskState,
 };
 use protocols::Instant;
 use protocols::telemetry::message::State;
@@ -149,6 +149,110 @@ fn mapping_survives_the_loss_of_a_third_of_all_frames() {
         "{}",
         bench.counter("re-sends")
     );
+}
+
+/// The fielded program requests lines once: a lost request never gets its reply.
+#[test]
+fn a_request_that_is_sent_once_can_be_lost_for_good() {
+    let outcome = |ask_once| {
+        let sending = Sending {
+            ask_once,
+            ..Sending::default()
+        };
+        let mut bench = bench(PcConfig {
+            sending,
+            ..PcConfig::default()
+        });
+        bench.run_for(1);
+        bench.command(PcCommand::MapStart);
+        bench.run_for(1);
+        // The robot rests; the request for lines is sent at about 3.2 s.
+        bench.lost_frames = 1.0;
+        bench.run_for(3);
+        bench.lost_frames = 0.0;
+        bench.run_task(60);
+        bench.pc.status()
+    };
+    assert_eq!(outcome(false), "done");
+    assert_eq!(outcome(true), "in progress");
+}
+
+/// At most one command per frame: a waiting command is lost when a request empties the queue.
+#[test]
+fn requests_empty_the_queue_only_with_the_defect() {
+    let lost = |requests_clear_queue| {
+        let sending = Sending {
+            one_per_frame: true,
+            requests_clear_queue,
+            ask_once: true,
+            ..Sending::default()
+        };
+        let mut bench = bench(PcConfig {
+            sending,
+            ..PcConfig::default()
+        });
+        bench.run_for(1);
+        bench.command(AHEAD);
+        bench.step();
+        bench.command(HOME);
+        bench.run_for(1);
+        let states: Vec<_> = bench
+            .commands
+            .iter()
+            .map(|(_, command)| command.state)
+            .collect();
+        (bench.counter("lost in queue"), states)
+    };
+    assert_eq!(lost(false), (0, vec![Some(State::Manual), None]));
+    assert_eq!(lost(true), (1, vec![None]));
+}
+
+/// Worked out by hand: commands of one moment are sent 200 ms apart, with the frames.
+#[test]
+fn one_command_a_frame_is_five_a_second() {
+    let times = |one_per_frame| {
+        let sending = Sending {
+            one_per_frame,
+            ask_once: true,
+            ..Sending::default()
+        };
+        let mut bench = bench(PcConfig {
+            sending,
+            ..PcConfig::default()
+        });
+        bench.run_for(1);
+        for _ in 0..3 {
+            bench.command(AHEAD);
+            bench.pc.poll(bench.now());
+        }
+        bench.run_for(1);
+        let times: Vec<u64> = bench.commands.iter().map(|(at, _)| *at).collect();
+        times
+    };
+    assert_eq!(times(false), [1_010; 3]);
+    assert_eq!(times(true), [1_200, 1_400, 1_600]);
+}
+
+/// Worked out by hand: the frame of a request to rest is 7E, two bytes of length, time (2 to 4
+/// bytes), state (4), checksum.
+#[test]
+fn bytes_go_out_one_a_millisecond_only_with_the_defect() {
+    let sending = Sending {
+        byte_per_ms: true,
+        ..Sending::default()
+    };
+    let mut bench = bench(PcConfig {
+        sending,
+        ..PcConfig::default()
+    });
+    bench.run_for(1);
+    bench.command(PcCommand::Stop);
+    let (mut sent, mut buf) = (0, [0; 64]);
+    for ms in 1_000..1_005 {
+        bench.pc.poll(Instant::from_millis(ms));
+        sent += bench.pc.transmit(PcProgram::TELEMETRY, &mut buf);
+    }
+    assert_eq!(sent, 5);
 }
 
 #[test]

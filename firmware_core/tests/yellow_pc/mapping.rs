@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 
 use firmware_core::map_view::MapView;
-use firmware_core::robots::yellow::pc::{Failure, PcCommand, PcConfig, TaskState};
+use firmware_core::robots::yellow::pc::{
+    Failure, Mapping, NextView, PcCommand, PcConfig, Planning, TaskState,
+};
 
 use crate::bench::{Bench, pose};
 use crate::chance::Chance;
@@ -244,4 +246,105 @@ fn a_drive_that_fails_does_not_end_the_mapping() {
     bench.lost_drives = 0.0;
     bench.run_task(900);
     assert_eq!(bench.pc.status(), "done");
+}
+
+/// Unknown rows and columns around the known area, the maximum of the four sides.
+fn margin(map: &MapView<'_>) -> i64 {
+    let low = map.origin_mm().map(|mm| cell(f64::from(mm + 1.0) / 1e3));
+    let (width, height) = (map.width() as i64, map.height() as i64);
+    let known: Cells = cells(map, 0).union(&cells(map, 255)).copied().collect();
+    let xs = || known.iter().map(|(x, _)| *x);
+    let ys = || known.iter().map(|(_, y)| *y);
+    let sides = [
+        xs().min().expect("known") - low[0],
+        ys().min().expect("known") - low[1],
+        low[0] + width - 1 - xs().max().expect("known"),
+        low[1] + height - 1 - ys().max().expect("known"),
+    ];
+    sides.into_iter().max().expect("four")
+}
+
+/// D2: at most five cells; "too much margin" in the course's report.
+#[test]
+fn d2_a_complete_map_has_little_margin_but_in_the_fielded_way() {
+    let ours = mapped(1, PcConfig::default());
+    let margin_ours = margin(&ours.pc.global_map().expect("a map"));
+    assert!(margin_ours <= 5, "{margin_ours}");
+    let mapping = Mapping {
+        wide_margin: true,
+        ..Mapping::default()
+    };
+    let fielded = mapped(
+        1,
+        PcConfig {
+            mapping,
+            ..PcConfig::default()
+        },
+    );
+    let margin_fielded = margin(&fielded.pc.global_map().expect("a map"));
+    assert!(margin_fielded > 5, "{margin_fielded}");
+}
+
+/// B7: the course's random choice of views may end with open edges left, and a single roadmap may
+/// not find the path.
+#[test]
+fn ye10_views_by_chance_leave_labyrinths_unfinished() {
+    let config = PcConfig {
+        view: NextView::Random,
+        planning: Planning::Once,
+        mapping: Mapping {
+            odometry_alone: true,
+            ..Mapping::default()
+        },
+        ..PcConfig::default()
+    };
+    let outcomes: Vec<_> = (0..5)
+        .map(|seed| {
+            let bench = mapped(seed, config);
+            let map = bench.pc.global_map().expect("a map");
+            let overlap = overlap(&bench.world, &map);
+            (
+                bench.pc.task_state(),
+                overlap,
+                bench.now_ms / 1000,
+                bench.counter("views"),
+            )
+        })
+        .collect();
+    let is_good =
+        |outcome: &&(TaskState, f64, u64, u64)| outcome.0 == TaskState::Done && outcome.1 >= 0.85;
+    assert!(outcomes.iter().filter(is_good).count() < 5, "{outcomes:?}");
+}
+
+/// B7: whole cells of 8 bits end at 12.7 m; points beyond are drawn there.
+#[test]
+fn a_map_of_8_bits_ends_at_12_7_m() {
+    let farthest = |eight_bits| {
+        let (world, start, _) = labyrinth(2);
+        let mapping = Mapping {
+            eight_bits,
+            ..Mapping::default()
+        };
+        let mut there = pose(start);
+        there.x_mm = 20_000.0;
+        let config = PcConfig {
+            start: Some(there),
+            mapping,
+            ..PcConfig::default()
+        };
+        let mut bench = Bench::new(world, start, Errors::default(), config);
+        bench.command(PcCommand::MapStart);
+        while bench.pc.global_map().is_none() {
+            bench.step();
+        }
+        let map = bench.pc.global_map().expect("a map");
+        cells(&map, 255)
+            .iter()
+            .map(|(x, _)| *x)
+            .max()
+            .expect("walls")
+    };
+    // The labyrinth is 3.7 m wide, with the start in its first room.
+    assert!(farthest(false) > 200);
+    assert!((127..165).contains(&farthest(true)), "{}", farthest(true));
 }

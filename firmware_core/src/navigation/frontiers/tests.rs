@@ -269,3 +269,61 @@ fn a_way_that_the_body_only_just_fits_through_is_the_last_resort() {
     fill(&mut map, [150, 60, 152, 67], 255);
     assert_eq!(next(&mut Frontiers::new(Sought::Floor), &map), None);
 }
+
+/// From the middle of the room each of the 48 rays crosses 20 to 28 cells to the wall.
+#[test]
+fn each_step_of_a_ray_is_work() {
+    let (map, mut frontiers) = (room(0), Frontiers::new(Sought::Floor));
+    frontiers.outlook(&map, MIDDLE.position());
+    let steps = frontiers.steps - SCENE_STEPS;
+    assert!((48 * 20..=48 * 29).contains(&steps), "{steps}");
+    let points = frontiers.take_points();
+    assert_eq!(points, (SCENE_STEPS + steps) / 32);
+    assert_eq!(frontiers.steps, (SCENE_STEPS + steps) % 32);
+    assert_eq!(frontiers.take_points(), 0);
+}
+
+/// The floor below the robot is unknown, four cells of 30 mm to each side: the wave starts from the
+/// fifth. With one more unknown cell there is no start.
+#[test]
+fn a_robot_sets_out_from_the_floor_beside_it() {
+    let finds = |cells: usize| {
+        let mut map = room(60);
+        let (first, last) = (3 * (30 - cells), 3 * (30 + cells) + 2);
+        fill(&mut map, [first, first, last, last], UNKNOWN);
+        next(&mut Frontiers::new(Sought::Floor), &map).is_some()
+    };
+    assert_eq!([1, 4, 5].map(finds), [true, true, false]);
+}
+
+/// Five of nine map cells make a planner's cell free or unknown, two solid ones prevent both; a
+/// cell of neither kind may be a wall to feel.
+#[test]
+fn a_coarse_cell_is_what_most_of_it_is() {
+    let kind = |free: usize, unknown: usize, solid: usize| {
+        let mut map = Box::new(Grid::new(10.0));
+        let others = [70; 9].into_iter().enumerate().map(|(at, other)| match at {
+            _ if at < free => 0,
+            _ if at < free + unknown => UNKNOWN,
+            _ if at < free + unknown + solid => 255,
+            _ => other + UNKNOWN - 69,
+        });
+        for (at, value) in others.enumerate() {
+            map.set(30 + at % 3, 60 + at / 3, value);
+        }
+        let (cell, map) = (Cell { x: 10, y: 20 }, &*map);
+        let scene = Scene::of(map, &Frontiers::new(Sought::FloorAndHeat));
+        [&scene.free, &scene.unknown, &scene.walls].map(|cells| cells.has(cell))
+    };
+    let (free, unknown, wall) = (
+        [true, false, false],
+        [false, true, false],
+        [false, false, true],
+    );
+    assert_eq!([kind(9, 0, 0), kind(5, 3, 1), kind(5, 0, 0)], [free; 3]);
+    assert_eq!([kind(0, 9, 0), kind(3, 5, 1), kind(0, 5, 0)], [unknown; 3]);
+    assert_eq!(
+        [kind(5, 2, 2), kind(2, 5, 2), kind(4, 4, 1), kind(0, 0, 9)],
+        [wall; 4]
+    );
+}

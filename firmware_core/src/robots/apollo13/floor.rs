@@ -230,7 +230,10 @@ impl Floor {
         self.scans = self.scans.wrapping_add(1);
         let mut has_changed = false;
         for bearing_rad in [-CONE_RAD, 0.0, CONE_RAD] {
-            let beam = Beam::new(bearing_rad, range_m);
+            let beam = Beam {
+                bearing_rad,
+                range_m,
+            };
             has_changed |= self.see_through(sensor, beam);
         }
         if range_m <= HEARD_M {
@@ -366,10 +369,17 @@ mod tests {
         Floor::new(plan, INFLATION)
     }
 
-    const SCANNER: CarPose = CarPose::new(0.025, 0.525, 0.0);
+    const SCANNER: CarPose = CarPose {
+        x_m: 0.025,
+        y_m: 0.525,
+        heading_rad: 0.0,
+    };
 
     fn beam(range_m: f64) -> Beam {
-        Beam::new(0.0, range_m)
+        Beam {
+            bearing_rad: 0.0,
+            range_m,
+        }
     }
 
     /// A box 1 m ahead, cell 20: two scans make it an obstacle, and two scans without it remove the
@@ -399,6 +409,19 @@ mod tests {
         assert!(!floor.see(SCANNER, &[beam(1.0); 20]));
         assert!(floor.see(SCANNER, &[beam(1.0), beam(2.0)]));
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
+    }
+
+    /// A beam without an echo clears as well, but not where the camera is blind: 0.5 m ahead is
+    /// cell 10, 1 m is cell 20.
+    #[test]
+    fn a_beam_that_meets_nothing_clears_what_is_in_sight() {
+        let mut floor = empty();
+        for range_m in [1.0, 1.0, 0.5, 0.5, 0.5] {
+            floor.see(SCANNER, &[beam(range_m)]);
+        }
+        assert!(floor.see(SCANNER, &[beam(f64::INFINITY)]));
+        let costs = floor.costs(Instant::ZERO).unwrap();
+        assert!(costs.is_obstacle([10, 10]) && !costs.is_obstacle([20, 10]));
     }
 
     #[test]
@@ -494,6 +517,30 @@ mod tests {
         assert!(cleared(f64::INFINITY).into_iter().eq(11..=58));
     }
 
+    /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last clearing one
+    /// does not clear, one of 0.0134 rad on the other side does. From 0.53 m up, 2.9 m away, they
+    /// are in the next rows.
+    #[test]
+    fn beams_that_clear_lie_apart_where_they_end() {
+        let mut floor = empty();
+        let scanner = CarPose {
+            y_m: 0.53,
+            ..SCANNER
+        };
+        let beams = [0.0, 0.013, -0.0134].map(|bearing_rad| Beam {
+            bearing_rad,
+            range_m: 4.0,
+        });
+        floor.see(scanner, &beams);
+        assert_eq!(row(&floor, 11, -1), []);
+        assert!(row(&floor, 9, -1).contains(&58));
+        // A beam without range (0 m) does not keep another beam from clearing.
+        let mut floor = empty();
+        let beams = [0.0, 2.0].map(beam);
+        floor.see(SCANNER, &beams);
+        assert!(row(&floor, 10, -1).contains(&30));
+    }
+
     /// 2.5 m away, in cell 50, an obstacle is entered, a step farther it is not. An obstacle with
     /// many sightings disappears after five clearing scans, one in a cell that was always open
     /// after three.
@@ -578,6 +625,69 @@ mod tests {
         assert!(floor.costs(Instant::ZERO).unwrap().is_obstacle([20, 10]));
     }
 
+    /// Two cells of one chunk, four of another.
+    #[test]
+    fn an_even_number_of_sure_cells_is_found() {
+        let mut seen = alloc::vec![0; 200];
+        let all = [10, 11, 130, 140, 150, 160];
+        all.iter().for_each(|at| seen[*at] = SURE);
+        assert!(sure(&seen).eq(all));
+    }
+
+    /// One beam to the right, then one as far to the left: each clears the old obstacle 1 m away at
+    /// 0.2 rad, cells (20, 14) and (20, 6).
+    #[test]
+    fn beams_to_both_sides_look_through() {
+        let mut floor = empty();
+        let beams = |range_m| {
+            [-0.2, 0.2].map(|bearing_rad| Beam {
+                bearing_rad,
+                range_m,
+            })
+        };
+        floor.see(SCANNER, &beams(1.0));
+        floor.see(SCANNER, &beams(1.0));
+        let are_there = |floor: &mut Floor| {
+            let costs = floor.costs(Instant::ZERO).unwrap();
+            [14, 6].map(|y| costs.is_obstacle([20, y]))
+        };
+        assert_eq!(are_there(&mut floor), [true; 2]);
+        floor.see(SCANNER, &beams(2.0));
+        floor.see(SCANNER, &beams(2.0));
+        assert_eq!(are_there(&mut floor), [false; 2]);
+    }
+
+    /// Cells of 5 cm from (-1.5, 2) m.
+    #[test]
+    fn an_observer_sees_the_plan_in_millimetres() {
+        let mut plan = empty().plan().clone();
+        plan.origin_m = [-1.5, 2.0];
+        plan.obstacles[0] = true;
+        let floor = Floor::new(plan, INFLATION);
+        let view = floor.view().expect("a plan");
+        assert_eq!(
+            (view.cell_mm(), view.origin_mm()),
+            (50.0, [-1_500.0, 2_000.0])
+        );
+        assert_eq!(
+            [view.get(0, 0), view.get(1, 0)],
+            [Some(crate::grid::OBSTACLE), Some(crate::grid::FREE)]
+        );
+    }
+
+    /// An ultrasonic echo is an obstacle at once, even if the costs were computed before.
+    #[test]
+    fn what_is_heard_is_new_to_the_costs() {
+        let mut floor = empty();
+        let is_there = |floor: &mut Floor| {
+            let costs = floor.costs(Instant::ZERO).unwrap();
+            [2, 5].map(|x| costs.is_obstacle([x, 10]))
+        };
+        assert_eq!(is_there(&mut floor), [false; 2]);
+        floor.hear(Instant::ZERO, SCANNER, 0.25);
+        assert_eq!(is_there(&mut floor), [false, true]);
+    }
+
     /// Obstacles that the camera saw twice and the ultrasound received are discarded; those of the
     /// plan are not.
     #[test]
@@ -585,7 +695,10 @@ mod tests {
         let mut plan = empty().plan().clone();
         plan.obstacles[0] = true;
         let mut floor = Floor::new(plan, INFLATION);
-        let ahead = [Beam::new(0.0, 1.0)];
+        let ahead = [Beam {
+            bearing_rad: 0.0,
+            range_m: 1.0,
+        }];
         floor.see(SCANNER, &ahead);
         floor.see(SCANNER, &ahead);
         floor.hear(Instant::ZERO, SCANNER, 0.25);

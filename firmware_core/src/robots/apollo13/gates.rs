@@ -261,7 +261,11 @@ impl Gates {
             return None;
         }
         let (x_m, y_m) = ((x0 + x1) / 2.0, (y0 + y1) / 2.0);
-        let ahead = pose.motion_to(CarPose::new(x_m, y_m, 0.0));
+        let ahead = pose.motion_to(CarPose {
+            x_m,
+            y_m,
+            heading_rad: 0.0,
+        });
         let heading_rad = match self.settings.as_fielded {
             true => pose.heading_rad,
             false => {
@@ -274,7 +278,11 @@ impl Gates {
                 }
             }
         };
-        let middle = CarPose::new(x_m, y_m, heading_rad);
+        let middle = CarPose {
+            x_m,
+            y_m,
+            heading_rad,
+        };
         (self.settings.as_fielded || ahead.ahead_m > 0.0).then(|| Passage {
             gate: [id, other],
             before: middle.shifted(-self.settings.approach_m),
@@ -296,7 +304,11 @@ fn do_cross(a: [f64; 2], b: [f64; 2], c: [f64; 2], d: [f64; 2]) -> bool {
 mod tests {
     use super::*;
 
-    const ORIGIN: CarPose = CarPose::new(0.0, 0.0, 0.0);
+    const ORIGIN: CarPose = CarPose {
+        x_m: 0.0,
+        y_m: 0.0,
+        heading_rad: 0.0,
+    };
 
     fn anywhere(_: CarPose) -> bool {
         true
@@ -317,11 +329,15 @@ mod tests {
         let passage = gates.next(ORIGIN, anywhere).unwrap();
         assert_eq!(
             (passage.gate, passage.middle),
-            ([10, 11], CarPose::new(2.0, 0.0, 0.0))
+            ([10, 11], CarPose { x_m: 2.0, ..ORIGIN })
         );
         assert!((passage.before.x_m - 1.1).abs() < 1e-9 && (passage.behind.x_m - 2.6).abs() < 1e-9);
         // From the other side the passage leads back.
-        let other = CarPose::new(4.0, 0.0, 3.0);
+        let other = CarPose {
+            x_m: 4.0,
+            heading_rad: 3.0,
+            ..ORIGIN
+        };
         let passage = gates.next(other, anywhere).unwrap();
         assert!((passage.middle.heading_rad.abs() - core::f64::consts::PI).abs() < 1e-9);
     }
@@ -393,7 +409,10 @@ mod tests {
         (0..9).for_each(|_| gates.look(ORIGIN, is_free));
         assert_eq!(gates.blocked(), 0);
         for aside in [-0.6, 4.0] {
-            let pose = CarPose::new(aside, 0.0, 0.0);
+            let pose = CarPose {
+                x_m: aside,
+                ..ORIGIN
+            };
             gates.look(pose, is_free);
             assert_eq!(gates.blocked(), 0);
         }
@@ -436,7 +455,10 @@ mod tests {
         let diagonal = core::f64::consts::FRAC_PI_4;
         for (one, other) in [(posts[0], posts[1]), (posts[1], posts[0])] {
             let gates = seen(Settings::default(), &[(3, one), (4, other)]);
-            let from = CarPose::new(0.0, 0.0, diagonal);
+            let from = CarPose {
+                heading_rad: diagonal,
+                ..ORIGIN
+            };
             let passage = gates.next(from, anywhere).unwrap();
             let places = [passage.before, passage.middle, passage.behind];
             for (place, along) in places.into_iter().zip([1.3636, 2.0, 2.4243]) {
@@ -445,13 +467,39 @@ mod tests {
                 assert!((place.heading_rad - diagonal).abs() < 1e-9);
             }
             // From behind, beside the axis: the passage leads back along the same line.
-            let from = CarPose::new(4.0, 3.0, -3.0 * diagonal);
+            let from = CarPose {
+                x_m: 4.0,
+                y_m: 3.0,
+                heading_rad: -3.0 * diagonal,
+            };
             let back = gates.next(from, anywhere).unwrap();
             assert!((back.middle.heading_rad + 3.0 * diagonal).abs() < 1e-9);
             assert!(libm::hypot(back.before.x_m - 2.6364, back.before.y_m - 2.6364) < 1e-4);
             // One blocked pose of three is enough.
             let is_free = |pose: CarPose| pose.x_m > 1.4;
             assert_eq!(gates.next(ORIGIN, is_free), None);
+        }
+    }
+
+    /// Widths from 0.43 m to 1.5 m, each limit a little to both sides.
+    #[test]
+    fn a_gate_is_as_wide_as_it_may_be() {
+        for (width, is_gate) in [(0.425, false), (0.435, true), (1.495, true), (1.505, false)] {
+            let posts = [[2.0, 1.0], [2.0, 1.0 + width]];
+            let mut gates = seen(Settings::default(), &[(1, posts[0]), (2, posts[1])]);
+            let found = if is_gate {
+                alloc::vec![posts]
+            } else {
+                Vec::new()
+            };
+            assert_eq!(gates.found(), found, "{width}");
+            assert_eq!(gates.next(ORIGIN, anywhere).is_some(), is_gate);
+            let beyond = CarPose {
+                x_m: 4.0,
+                y_m: 2.2,
+                ..ORIGIN
+            };
+            assert_eq!(gates.moved(ORIGIN, beyond).is_some(), is_gate);
         }
     }
 
@@ -468,7 +516,7 @@ mod tests {
     /// By hand: between posts at 2, -0.4 and 2, 0.4.
     #[test]
     fn a_gate_is_passed_where_the_way_crosses_it() {
-        let at = |x_m: f64, y_m: f64| CarPose::new(x_m, y_m, 0.0);
+        let at = |x_m: f64, y_m: f64| CarPose { x_m, y_m, ..ORIGIN };
         let passes = |from, to| {
             let markers = [(1, [2.0, -0.4]), (2, [2.0, 0.4])];
             seen(Settings::default(), &markers).moved(from, to) == Some([1, 2])
@@ -492,7 +540,11 @@ mod tests {
         for (id, place) in markers {
             assert!(!gates.see(id, place));
         }
-        let there = CarPose::new(-1.0, 0.0, core::f64::consts::FRAC_PI_2);
+        let there = CarPose {
+            x_m: -1.0,
+            heading_rad: core::f64::consts::FRAC_PI_2,
+            ..ORIGIN
+        };
         gates.carry(ORIGIN, there);
         let markers: Vec<(u32, [f64; 2])> = gates.markers().collect();
         let [(1, [x_m, y_m])] = markers[..] else {
@@ -514,13 +566,43 @@ mod tests {
     fn a_gate_that_was_passed_is_not_driven_through_again() {
         let markers = [(1, [2.0, -0.4]), (2, [2.0, 0.4])];
         let mut gates = seen(Settings::default(), &markers);
-        assert!(gates.moved(ORIGIN, CarPose::new(3.0, 0.0, 0.0)).is_some());
-        gates.carry(CarPose::new(9.0, 0.0, 0.0), ORIGIN);
+        assert!(
+            gates
+                .moved(ORIGIN, CarPose { x_m: 3.0, ..ORIGIN })
+                .is_some()
+        );
+        gates.carry(CarPose { x_m: 9.0, ..ORIGIN }, ORIGIN);
         assert_eq!(gates.markers().count(), 0);
         for (id, place) in markers {
             assert!(gates.see(id, place));
         }
         assert_eq!(gates.next(ORIGIN, anywhere), None);
         assert_eq!(gates.passed(), [[1, 2]]);
+    }
+
+    /// A gate right beside the rear axle is not ahead, one a centimetre farther is.
+    #[test]
+    fn a_gate_beside_the_car_is_not_ahead() {
+        let gates = seen(Settings::default(), &[(10, [2.4, 1.0]), (11, [1.6, 1.0])]);
+        let at = |x_m| CarPose { x_m, ..ORIGIN };
+        assert_eq!(gates.next(at(2.0), anywhere), None);
+        assert!(gates.next(at(1.99), anywhere).is_some());
+    }
+
+    /// By hand: the posts at -2, -2 and -1.4, -1.4 are 0.85 m apart. The markers mirrored at an
+    /// axis are 4 m from the first post; those on an axis are 2 m from it, and 1.5 m from the other
+    /// post.
+    #[test]
+    fn how_far_markers_are_apart_does_not_depend_on_where_the_map_begins() {
+        let markers = [
+            (1, [-2.0, -2.0]),
+            (2, [-1.4, -1.4]),
+            (3, [2.0, -2.0]),
+            (4, [-2.0, 2.0]),
+            (5, [0.0, -2.0]),
+            (6, [-2.0, 0.0]),
+        ];
+        let gates = seen(Settings::default(), &markers);
+        assert_eq!(gates.found(), [[[-2.0, -2.0], [-1.4, -1.4]]]);
     }
 }

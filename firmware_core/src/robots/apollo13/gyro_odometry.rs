@@ -43,6 +43,11 @@ impl GyroOdometry {
         self.pose = self.pose.then(motion);
     }
 
+    /// Distance counted since the last reading, metres; 0 without one.
+    pub fn counted_m(&self, travel_m: f64) -> f64 {
+        self.told.map_or(0.0, |[before_m, _]| travel_m - before_m)
+    }
+
     /// Takes the travel since the board's start, metres, and the gyroscope's heading, radians; the
     /// first ones only set the start values. A travel that falls back by more than a metre means a
     /// reset of the board, and sets the start values again. Returns the distance since the last
@@ -67,7 +72,11 @@ impl GyroOdometry {
             }
             false => libm::sincos(turn_rad / 2.0),
         };
-        self.pose = self.pose.then(Motion::new(way * cos, way * sin, turn_rad));
+        self.pose = self.pose.then(Motion {
+            ahead_m: way * cos,
+            left_m: way * sin,
+            turn_rad,
+        });
         way
     }
 }
@@ -129,6 +138,25 @@ mod tests {
         assert!(found.distance_m(truth) < 0.001);
     }
 
+    /// Half a circle at 15 degrees: each step of `ds` is moved by `3/2 ds turn` to the wrong side,
+    /// which adds up to three steps of 4.9 mm.
+    #[test]
+    fn ap7_the_fielded_signs_cost_a_centimetre_and_a_half() {
+        let step = 0.22 / 45.0;
+        let mut odometry = GyroOdometry::new(CarPose::default(), Defects { wrong_side: true });
+        let (mut truth, mut travel, mut heading) = (CarPose::default(), 0.0, 0.0);
+        odometry.update(travel, heading);
+        while heading < core::f64::consts::PI {
+            let motion = CAR.rear_arc(15_f64.to_radians(), step);
+            truth = truth.then(motion);
+            travel += step;
+            heading += motion.turn_rad;
+            odometry.update(travel, heading);
+        }
+        let off = odometry.pose().distance_m(truth);
+        assert!((off - 3.0 * step).abs() < 0.0003, "{off}");
+    }
+
     /// AP7: 0.05 degrees a second for 120 s are 6 degrees.
     #[test]
     fn ap7_a_bias_turns_the_heading_by_six_degrees() {
@@ -139,5 +167,25 @@ mod tests {
         }
         let heading = odometry.pose().heading_rad.to_degrees();
         assert!((heading - 6.0).abs() < 1e-6, "{heading}");
+    }
+
+    #[test]
+    fn a_board_that_says_so_begins_anew() {
+        let mut odometry = GyroOdometry::new(CarPose::default(), Defects::default());
+        odometry.update(0.0, 0.0);
+        odometry.update(0.5, 0.3);
+        let before = odometry.pose();
+        odometry.begin_anew();
+        odometry.update(0.0, 0.0);
+        assert_eq!(odometry.pose(), before);
+    }
+
+    #[test]
+    fn a_board_that_was_reset_begins_anew() {
+        let mut odometry = GyroOdometry::new(CarPose::default(), Defects::default());
+        for travel in [5.0, 5.5, 0.0, 0.25, f64::NAN] {
+            odometry.update(travel, 0.0);
+        }
+        assert_eq!(odometry.pose().x_m, 0.75);
     }
 }

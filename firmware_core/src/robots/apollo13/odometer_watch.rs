@@ -178,6 +178,17 @@ mod tests {
         assert_eq!(openings(&mut watch, 13_300, 45_000), [44_460]);
     }
 
+    /// The odometer answers: the car may drive again.
+    #[test]
+    fn an_odometer_that_answers_is_believed() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(0), true);
+        assert_eq!(openings(&mut watch, 0, 2_000), [1_460]);
+        assert!(watch.wants_rest());
+        watch.hear(at(2_000), true);
+        assert!(!watch.wants_rest() && openings(&mut watch, 2_000, 2_200).is_empty());
+    }
+
     /// Silent from 0 on in a car that an operator drives: opened after 3 s anyway.
     #[test]
     fn an_odometer_is_started_in_a_car_that_rolls_on() {
@@ -225,6 +236,30 @@ mod tests {
         by_hand.hear(at(270), false);
         assert!(by_hand.wants_rest() && by_hand.is_misled());
         assert_eq!(openings(&mut by_hand, 270, 1_480), [1_470]);
+    }
+
+    /// 1.2 s for the motor's lag, and 0.2 s for the offset: 1.4 s after it rolled the car was at
+    /// rest.
+    #[test]
+    fn a_start_is_at_rest_1400_ms_after_the_car_rolled() {
+        let is_misled = |ms: u64| {
+            let mut watch = OdometerWatch::default();
+            watch.roll(at(1_000));
+            watch.hear(at(1_000 + ms), true);
+            watch.is_misled()
+        };
+        assert_eq!([1_399, 1_400].map(is_misled), [true, false]);
+    }
+
+    /// A line each 250 ms is often enough.
+    #[test]
+    fn silence_is_longer_than_a_quarter_of_a_second() {
+        let mut watch = OdometerWatch::default();
+        watch.hear(at(1_000), false);
+        assert_eq!(
+            [1_250, 1_251].map(|ms| watch.is_silent(at(ms))),
+            [false, true]
+        );
     }
 
     /// The odometer is silent from 1 s on, and sends again before its port is opened: the watch

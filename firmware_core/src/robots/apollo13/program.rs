@@ -420,7 +420,7 @@ impl Apollo13 {
         let planned = self.planned();
         self.drive = self.arbiter.decide(self.now, planned);
         let Drive { level, steering } = self.drive;
-        self.by_board.command(self.drive);
+        self.note_command();
         if level != 0 {
             self.watch.roll(self.now);
         }

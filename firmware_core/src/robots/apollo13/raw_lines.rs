@@ -105,6 +105,15 @@ mod tests {
         assert!((yaw_rad - 90.27_f64.to_radians()).abs() < 0.01, "{yaw_rad}");
     }
 
+    #[test]
+    fn after_a_reset_the_time_begins_anew() {
+        let mut lines = RawLines::default();
+        lines.read(&raw(1.0, 0.0));
+        let before = lines.read(&raw(1.001, 0.0));
+        let after = lines.read(&raw(0.0, 0.0));
+        assert!(after.time_s < before.time_s && after.distance_m == 0.0);
+    }
+
     /// Lines of 10.03 ms: a turn in the fiftieth line, after half a second, is learned with 10.03
     /// of 500 parts; of 1 degree a second above the first line's, 0.97994 remain. A count of the
     /// encoder restarts the half second.
@@ -145,5 +154,21 @@ mod tests {
         lines.read(&raw(-0.051, 0.0));
         let reset = lines.read(&raw(0.0, 0.0));
         assert!((reset.time_s - 0.010_03).abs() < 1e-12 && reset.distance_m == 0.0);
+    }
+
+    /// Wheels that spin at 0.5 m/s without an acceleration slip, and the slip is counted.
+    #[test]
+    fn slips_are_counted() {
+        let mut lines = RawLines::default();
+        (0..100).for_each(|_| _ = lines.read(&raw(1.0, 0.0)));
+        assert_eq!(lines.slips(), 0);
+        let mut distance = 1.0;
+        for _ in 0..60 {
+            distance += 0.005;
+            lines.read(&raw(distance, 0.0));
+        }
+        assert_eq!(lines.slips(), 1);
+        lines.read(&raw(0.0, 0.0));
+        assert_eq!(lines.slips(), 1, "a reset of the board forgets none");
     }
 }

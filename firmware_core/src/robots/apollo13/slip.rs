@@ -84,6 +84,11 @@ impl SlipWatch {
         }
     }
 
+    /// Whether the wheels slip.
+    pub const fn is_slipping(&self) -> bool {
+        self.slips_s.is_some()
+    }
+
     /// Number of slips found.
     pub const fn found(&self) -> u64 {
         self.found
@@ -177,7 +182,7 @@ mod tests {
     #[test]
     fn d1_wheels_that_spin_are_found_by_the_accelerometer() {
         let (watch, believed, _) = driven(1.5, starts, |_| 0.0);
-        assert!(watch.slips_s.is_some() && watch.found() == 1);
+        assert!(watch.is_slipping() && watch.found() == 1);
         assert!(believed.abs() < 0.1, "{believed}");
     }
 
@@ -186,7 +191,7 @@ mod tests {
     fn d1_a_car_that_is_stopped_by_a_box_is_found_to_slip() {
         let car = |at_s: f64| starts(at_s) * (1.0 - (at_s - 3.0) / 0.05).clamp(0.0, 1.0);
         let (watch, believed, gone) = driven(4.5, starts, car);
-        assert!(watch.slips_s.is_some() && watch.found() == 1);
+        assert!(watch.is_slipping() && watch.found() == 1);
         assert!((believed - gone).abs() < 0.1, "{believed} {gone}");
     }
 
@@ -194,7 +199,7 @@ mod tests {
     #[test]
     fn the_accelerometer_is_believed_for_two_seconds() {
         let (watch, believed, _) = driven(5.0, starts, |_| 0.0);
-        assert!(watch.slips_s.is_none() && believed > 0.3, "{believed}");
+        assert!(!watch.is_slipping() && believed > 0.3, "{believed}");
     }
 
     #[test]
@@ -209,6 +214,82 @@ mod tests {
             let way = watch.update(passed_s, way_m, felt);
             assert!(way == way_m || way.is_nan());
         }
-        assert!(watch.found() == 0 && watch.slips_s.is_none());
+        assert!(watch.found() == 0 && !watch.is_slipping());
+    }
+
+    /// The encoder stands for half a second: from then on the reading is the offset, then the mean
+    /// of two and of three, and the speed halves with each tenth of a second. After one count the
+    /// encoder no longer stands.
+    #[test]
+    fn the_offset_is_the_mean_of_what_is_felt_at_rest() {
+        let mut watch = SlipWatch::default();
+        for _ in 0..4 {
+            watch.rest(0.1, 0.0, 1.0);
+        }
+        watch.speed_m_s = 0.8;
+        let mut rest = |way_m: f64, felt: f64| {
+            watch.rest(0.1, way_m, felt);
+            (watch.offset_m_s2, watch.speed_m_s)
+        };
+        let is = |(offset, speed): (Option<f64>, f64), expected: [f64; 2]| {
+            offset.is_some_and(|offset| (offset - expected[0]).abs() < 1e-9)
+                && (speed - expected[1]).abs() < 1e-9
+        };
+        // 0.4 s and 0.1 s are half a second, or less by the last digit of the sum.
+        let found = [rest(0.0, 2.0), rest(0.0, 6.0), rest(0.0, 1.0)];
+        assert!(
+            is(found[0], [2.0, 0.4]) && is(found[1], [4.0, 0.2]),
+            "{found:?}"
+        );
+        assert!(is(found[2], [3.0, 0.1]), "{found:?}");
+        assert!(is(rest(0.01, 9.0), [3.0, 0.1]) && is(rest(0.0, 9.0), [3.0, 0.1]));
+    }
+
+    /// Only the last 0.3 s count: four lines of a 16th of a second each.
+    #[test]
+    fn ways_are_compared_over_three_tenths_of_a_second() {
+        let mut watch = SlipWatch::default();
+        assert_eq!(watch.over(), [0.0; 3]);
+        for way in [8.0, 1.0, 2.0, 4.0] {
+            watch.lines[watch.next] = [0.062_5, way, 10.0 * way];
+            watch.next += 1;
+        }
+        assert_eq!(watch.over(), [0.25, 15.0, 150.0]);
+        watch.lines[watch.next] = [0.062_5, 16.0, 160.0];
+        watch.next += 1;
+        assert_eq!(watch.over(), [0.25, 23.0, 230.0]);
+        // The first slot follows the last one.
+        let mut watch = SlipWatch::default();
+        watch.lines[LINES_MAX - 1] = [0.1, 1.0, 2.0];
+        watch.lines[0] = [0.1, 4.0, 8.0];
+        watch.next = 1;
+        assert_eq!(watch.over(), [0.2, 5.0, 10.0]);
+    }
+
+    /// Lines with a time of 0 or of more than three tenths of a second, and those with
+    /// not-a-number, have no effect.
+    #[test]
+    fn what_is_no_line_leaves_no_trace() {
+        extern crate std;
+        let fresh = std::format!("{:?}", SlipWatch::default());
+        for [passed_s, way_m, felt] in [
+            [0.0, 0.1, 0.0],
+            [-0.01, 0.1, 0.0],
+            [0.301, 0.1, 0.0],
+            [f64::NAN, 0.1, 0.0],
+            [0.01, f64::INFINITY, 0.0],
+            [0.01, 0.1, f64::NAN],
+        ] {
+            let mut watch = SlipWatch::default();
+            watch.update(passed_s, way_m, felt);
+            assert_eq!(
+                std::format!("{watch:?}"),
+                fresh,
+                "{passed_s} {way_m} {felt}"
+            );
+        }
+        let mut watch = SlipWatch::default();
+        watch.update(OVER_S, 0.1, 0.0);
+        assert_ne!(std::format!("{watch:?}"), fresh);
     }
 }

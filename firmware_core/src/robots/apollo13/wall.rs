@@ -105,7 +105,10 @@ mod tests {
         };
         let mut control = WallDistance::new(side, 0.40, gains);
         let sign = if side == Side::Right { 1.0 } else { -1.0 };
-        let mut pose = CarPose::new(0.0, sign * start_m, 0.0);
+        let mut pose = CarPose {
+            y_m: sign * start_m,
+            ..CarPose::default()
+        };
         core::array::from_fn(|_| {
             let distance = sign * pose.y_m;
             let seen = libm::round((distance + 0.005 * noise()) * 100.0) / 100.0;

@@ -63,6 +63,16 @@ impl Told {
             self.steered.motion_to(to.steered),
         ]
     }
+
+    /// The motions from `self` to `to`, if the odometer's direction is opposite to the board's.
+    fn other_way(&self, to: &Self) -> Option<Finding> {
+        let [odometer, board, _] = self.motions(to);
+        let is_other_way = odometer.ahead_m * board.ahead_m < 0.0;
+        let is_off = (odometer.ahead_m - board.ahead_m).abs() > WAY_OFF_M;
+        let is_found = length(&board) >= WAY_M[0] && is_other_way && is_off;
+        let turn_rad = odometer.turn_rad;
+        is_found.then_some(Finding::Way(odometer, Motion { turn_rad, ..board }))
+    }
 }
 
 /// The comparison: start poses, for travel and for turns.
@@ -71,6 +81,8 @@ pub struct Witness {
     way: Told,
     turn: Told,
     heard: Instant,
+    /// Poses at the order to drive in the other direction.
+    turned: Option<Told>,
 }
 
 impl Witness {
@@ -79,15 +91,23 @@ impl Witness {
         (self.way, self.turn, self.heard) = (told, told, told.now);
     }
 
+    /// Notes the order to drive in the other direction.
+    pub const fn turn_round(&mut self, told: Told) {
+        self.turned = Some(told);
+    }
+
     /// Compares the motions up to the current frame. After a change of direction the car rolls on
     /// for a while, which only the odometer reports: that motion is left out. Delayed frames report
     /// motion that the odometer reported earlier, so nothing is compared until frames arrive in
-    /// time again.
+    /// time again. One fault is found even then: an encoder that has counted in the wrong direction
+    /// since the car changed its own.
     pub fn compare(&mut self, told: Told) -> Option<Finding> {
         let passed = told.now - core::mem::replace(&mut self.heard, told.now);
         if told.is_backwards != self.way.is_backwards {
+            let is_late = passed > *IN_TIME.end();
+            let turned = self.turned.take().filter(|_| is_late);
             self.begin(told);
-            return None;
+            return turned.and_then(|from| from.other_way(&told));
         }
         if !IN_TIME.contains(&passed) {
             return None;
@@ -141,7 +161,11 @@ mod tests {
     use super::*;
 
     fn at(x_m: f64, heading_rad: f64) -> CarPose {
-        CarPose::new(x_m, 0.0, heading_rad)
+        CarPose {
+            x_m,
+            heading_rad,
+            ..CarPose::default()
+        }
     }
 
     /// Poses at the frame after the beginning; the encoder agrees with the board.
@@ -189,6 +213,35 @@ mod tests {
                 matches!(witness.compare(told), Some(Finding::Way(..)))
             });
             assert_eq!(found, found_at, "{counted_m}");
+        }
+    }
+
+    /// The car changes its direction while the board's frames are lost for two seconds: it drove
+    /// 0.4 m back, and the encoder reports ahead. An encoder that reports back is trusted at any
+    /// distance. Without lost frames both are, because the car rolled on.
+    #[test]
+    fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
+        for (told_m, gap_ms, is_found) in [
+            (0.40, 2_000, true),
+            (-0.40, 2_000, false),
+            (-0.20, 2_000, false),
+            (0.40, 67, false),
+        ] {
+            let mut witness = Witness::default();
+            let turned = Told {
+                is_backwards: true,
+                ..Told::default()
+            };
+            witness.turn_round(turned);
+            let back = Told {
+                now: Instant::ZERO + Duration::from_millis(gap_ms),
+                odometer: at(told_m, 0.0),
+                board: at(-0.40, 0.0),
+                ..turned
+            };
+            let finding = witness.compare(back);
+            let way = matches!(finding, Some(Finding::Way(_, other)) if other.ahead_m == -0.40);
+            assert_eq!(way, is_found, "{told_m} m, {gap_ms} ms");
         }
     }
 
@@ -260,6 +313,22 @@ mod tests {
         assert!(matches!(finding, Some(Finding::Way(..))));
     }
 
+    /// Both turn by half a radian on 2 m; one of them in the other direction.
+    #[test]
+    fn turns_are_compared_with_their_signs() {
+        let found = |odometer_rad: f64, board_rad: f64| {
+            let mut witness = Witness::default();
+            witness.compare(told(at(2.0, odometer_rad), at(2.0, board_rad)))
+        };
+        assert!(found(0.5, 0.5).is_none() && found(-0.5, -0.5).is_none());
+        for sign in [1.0, -1.0] {
+            let finding = found(0.5 * sign, -0.5 * sign);
+            let is_turn = matches!(finding, Some(Finding::Turn(told, other))
+                if told.turn_rad == 0.5 * sign && other.turn_rad == -0.5 * sign);
+            assert!(is_turn, "{finding:?}");
+        }
+    }
+
     /// Whether a turn is doubted after `way_m`, by odometer and steering.
     fn is_doubted(way_m: f64, odometer_rad: f64, steered_rad: f64) -> bool {
         let mut witness = Witness::default();
@@ -286,6 +355,111 @@ mod tests {
         assert_eq!(
             [0.30, 0.299].map(|way_m| is_doubted(way_m, 0.3, 0.0)),
             [true, false]
+        );
+    }
+
+    /// Frames 30 and 150 ms apart are in time, closer or farther ones are not.
+    #[test]
+    fn frames_are_in_time_from_30_to_150_ms() {
+        let is_found = |ms: u64| {
+            let mut witness = Witness::default();
+            let told = Told {
+                now: Instant::ZERO + Duration::from_millis(ms),
+                ..told(at(-0.16, 0.0), at(0.16, 0.0))
+            };
+            witness.compare(told).is_some()
+        };
+        assert_eq!([29, 30, 150, 151].map(is_found), [false, true, true, false]);
+    }
+
+    /// Sliding aside by 0.2 m, the board reports 4 cm ahead and the encoder 4 or 5 cm back: a
+    /// difference of 8 cm is two pulses, 9 mean an encoder that counts backwards. The same behind a
+    /// gap, where 0.15 m of path are enough and 0.14 m are not.
+    #[test]
+    fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
+        let aside = |ahead_m: f64, left_m: f64| CarPose {
+            y_m: left_m,
+            ..at(ahead_m, 0.0)
+        };
+        let is_found = |back_m: f64| {
+            let mut witness = Witness::default();
+            let told = told(aside(-back_m, 0.2), aside(0.04, 0.2));
+            matches!(witness.compare(told), Some(Finding::Way(..)))
+        };
+        assert_eq!([0.04, 0.05].map(is_found), [false, true]);
+        let behind_a_gap = |odometer: CarPose, board: CarPose| {
+            let mut witness = Witness::default();
+            let turned = Told {
+                is_backwards: true,
+                ..Told::default()
+            };
+            witness.turn_round(turned);
+            let back = Told {
+                now: Instant::ZERO + Duration::from_secs(2),
+                odometer,
+                board,
+                ..turned
+            };
+            witness.compare(back).is_some()
+        };
+        assert!(!behind_a_gap(aside(0.04, 0.2), aside(-0.04, 0.2)));
+        assert!(behind_a_gap(aside(0.05, 0.2), aside(-0.04, 0.2)));
+        assert!(behind_a_gap(at(0.10, 0.0), at(-0.15, 0.0)));
+        assert!(!behind_a_gap(at(0.10, 0.0), at(-0.14, 0.0)));
+        // Directions do not contradict if one source stands.
+        assert!(!behind_a_gap(at(0.0, 0.0), at(-0.40, 0.0)));
+    }
+
+    /// 0.60 m end a comparison: an earlier error, here 7 cm, is settled and does not add up.
+    #[test]
+    fn a_comparison_of_ways_ends_after_60_cm() {
+        let second = |ends_m: f64| {
+            let mut witness = Witness::default();
+            let frame = |frame: u32, odometer_m, board_m| Told {
+                now: Instant::ZERO + Duration::from_millis(67) * frame,
+                ..told(at(odometer_m, 0.0), at(board_m, 0.0))
+            };
+            assert_eq!(witness.compare(frame(1, ends_m - 0.07, ends_m)), None);
+            witness
+                .compare(frame(2, ends_m + 0.11, ends_m + 0.2))
+                .is_some()
+        };
+        assert_eq!([0.59, 0.60].map(second), [true, false]);
+    }
+
+    /// Sliding aside, the board reports 4 cm ahead and 25 cm to the left; the encoder reports 25 cm
+    /// ahead: the same distance, in the same direction. With 17 cm it has missed more than two
+    /// pulses.
+    #[test]
+    fn an_encoder_that_told_as_much_way_is_not_short() {
+        let board = CarPose {
+            y_m: 0.25,
+            ..at(0.04, 0.0)
+        };
+        let is_found = |ahead_m: f64| {
+            let finding = Witness::default().compare(told(at(ahead_m, 0.0), board));
+            matches!(finding, Some(Finding::Way(..)))
+        };
+        assert_eq!([0.25, 0.18, 0.17].map(is_found), [false, false, true]);
+    }
+
+    /// An odometer that reports 25 cm to the left, and 0 ahead, has not counted in the other
+    /// direction, and its distance is not shorter.
+    #[test]
+    fn aside_is_not_the_other_way() {
+        let aside = CarPose {
+            y_m: 0.25,
+            ..at(0.0, 0.0)
+        };
+        let mut witness = Witness::default();
+        let finding = witness.compare(told(aside, at(0.25, 0.0)));
+        assert!(!matches!(finding, Some(Finding::Way(..))), "{finding:?}");
+        let begun = Told::default();
+        assert!(begun.other_way(&told(aside, at(0.25, 0.0))).is_none());
+        assert!(
+            begun
+                .other_way(&told(at(-0.01, 0.0), at(0.25, 0.0)))
+                .is_some()
         );
     }
 }

@@ -271,6 +271,50 @@ mod tests {
         assert_eq!(take(1_000), 0);
     }
 
+    #[test]
+    fn a_full_list_forgets_its_oldest_places() {
+        let mut blind = Blind::new();
+        for n in 0..=PLACES_MAX {
+            blind.keep(Point::new(n as f32 * 100.0, 0.0));
+        }
+        let kept = places(&blind);
+        assert_eq!(kept.len(), PLACES_MAX);
+        assert!(kept.iter().all(|place| place.x_mm > 50.0));
+    }
+
+    /// A sensor at (150, 0) that looks ahead, from (1, 2) m. A reading clears positions more than
+    /// 150 mm before its echo and less than 40 mm beside its line; the third such reading deletes
+    /// them.
+    #[test]
+    fn a_place_is_forgotten_when_it_was_looked_through_three_times() {
+        let looked = |place: [f32; 2], heading: f32, times: usize| {
+            let mut blind = Blind::new();
+            let pose = Pose::new(1_000.0, 2_000.0, heading);
+            blind.keep(Point::new(place[0], place[1]));
+            for _ in 0..times {
+                blind.look_through([150.0, 0.0, 0.0], 600.0, pose);
+            }
+            blind.count
+        };
+        assert_eq!(
+            [1, 2, 3].map(|times| looked([1_300.0, 2_000.0], 0.0, times)),
+            [1, 1, 0]
+        );
+        let count = |x, y| looked([x, y], 0.0, 3);
+        assert_eq!([count(1_599.0, 2_000.0), count(1_601.0, 2_000.0)], [0, 1]);
+        assert_eq!([count(1_151.0, 2_000.0), count(1_149.0, 2_000.0)], [0, 1]);
+        assert_eq!([count(1_300.0, 2_039.0), count(1_300.0, 1_961.0)], [0; 2]);
+        assert_eq!([count(1_300.0, 2_041.0), count(1_300.0, 1_959.0)], [1; 2]);
+        let left = FRAC_PI_2;
+        assert_eq!(
+            [
+                looked([1_000.0, 2_300.0], left, 3),
+                looked([1_300.0, 2_000.0], left, 3)
+            ],
+            [0, 1]
+        );
+    }
+
     /// Within 60 mm it is the same position; in a full list the oldest is replaced.
     #[test]
     fn places_are_kept_apart_and_the_oldest_goes() {
@@ -289,5 +333,21 @@ mod tests {
             [blind.places[1].at.x_mm, blind.places[2].at.x_mm],
             [8_100.0, 200.0]
         );
+    }
+
+    /// At (1, 2) m and looking along y, a point at (0.7, 2.6) m is 0.6 m ahead and 0.3 m to the
+    /// left.
+    #[test]
+    fn places_are_seen_from_where_the_robot_stands() {
+        let mut blind = Blind::new();
+        blind.keep(Point::new(700.0, 2_600.0));
+        blind.keep(Point::new(1_200.0, 1_900.0));
+        let pose = Pose::new(1_000.0, 2_000.0, FRAC_PI_2);
+        let seen: Vec<Point> = blind.seen_from(pose).collect();
+        let expected = [(600.0, 300.0), (-100.0, -200.0)].map(|(x, y)| Point::new(x, y));
+        assert_eq!(seen.len(), 2);
+        for (seen, expected) in seen.iter().zip(expected) {
+            assert!(seen.distance_mm(expected) < 0.1, "{seen:?}");
+        }
     }
 }

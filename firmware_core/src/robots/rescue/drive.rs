@@ -306,6 +306,10 @@ impl Drive {
         self.set_point
     }
 
+    pub(super) const fn is_confirmed(&self) -> bool {
+        self.is_confirmed
+    }
+
     /// Measured speeds, ticks per 40 ms.
     pub(super) const fn speed(&self) -> [i8; 2] {
         self.speed
@@ -452,6 +456,7 @@ const FAR: Instant = Instant::from_nanos(u64::MAX);
 mod tests {
     extern crate std;
 
+    use std::vec;
     use std::vec::Vec;
 
     use protocols::Decode as _;
@@ -541,6 +546,26 @@ mod tests {
         );
     }
 
+    /// A set-point is written at once, and once more when it expires.
+    #[test]
+    fn a_set_point_holds_until_its_time() {
+        let mut drive = Drive::new(&Config::default());
+        run(&mut drive, [0, 10], answer);
+        drive.command(at(10), [7, -3], at(60));
+        assert!(!drive.is_confirmed() && drive.next_at() <= at(60));
+        let asked = run(&mut drive, [10, 60], answer);
+        assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [10]);
+        assert_eq!(
+            (drive.set_point(), drive.is_confirmed(), drive.expired),
+            ([7, -3], true, 0)
+        );
+        drive.command(at(60), [7, -3], at(61));
+        assert!(drive.is_confirmed());
+        let asked = run(&mut drive, [60, 80], answer);
+        assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [61]);
+        assert_eq!((drive.set_point(), drive.expired), (HALT, 1));
+    }
+
     /// Registers 13 and 17, low byte first; 1, 3, 5, 7, 9, 11 and 21, 23, 29, 31; 33 to 35.
     #[test]
     fn what_was_read_is_told_once() {
@@ -560,6 +585,21 @@ mod tests {
         );
         // Registers 44 and 45: 11.345 mm/s a tick.
         assert_eq!((drive.speed(), drive.speed_mm_s()), ([44, 45], [499, 511]));
+    }
+
+    /// A reading is complete only with its second half.
+    #[test]
+    fn half_of_the_infrared_sensors_is_no_reading() {
+        let mut drive = Drive::new(&fitted());
+        drive.infrared_read(0, &[5; READ_MAX]);
+        assert_eq!(drive.take_infrared(), None);
+        drive.infrared_read(1, &[6; READ_MAX]);
+        let mut expected = [0x0505; blind::SENSORS];
+        expected[6..].fill(0x0606);
+        assert_eq!(drive.take_infrared(), Some(expected));
+        drive.infrared_read(1, &[6; READ_MAX]);
+        drive.infrared_read(0, &[5; READ_MAX]);
+        assert_eq!(drive.take_infrared(), None);
     }
 
     /// A base that does not answer is asked again, one with an unchanged count gets the order
@@ -593,6 +633,54 @@ mod tests {
         assert!(times(&asked, registers::KITS).is_empty());
     }
 
+    /// Bit 1 of an unsolicited status.
+    #[test]
+    fn the_stop_button_is_told_by_the_status() {
+        let mut drive = Drive::new(&Config::default());
+        let mut told = |status: u8| {
+            let order = Config::default().checksum_order;
+            let frame = Frame::write(registers::SYSTEM_STATUS, &[status], order);
+            drive.receive(at(5), frame.as_bytes());
+            (drive.take_stop(), drive.take_stop())
+        };
+        let found = [0, 1, 2, 3, 0xFD].map(&mut told);
+        let expected = [false, false, true, true, false].map(|stops| (Some(stops), None));
+        assert_eq!(found, expected);
+    }
+
+    /// A silent base gets the order to stop, and is asked ten times a second; with its first answer
+    /// all continues.
+    #[test]
+    fn a_silent_base_is_asked_whether_it_is_back() {
+        let mut drive = Drive::new(&Config::default());
+        run(&mut drive, [0, 10], answer);
+        drive.command(at(10), [7, 7], at(9_000));
+        run(&mut drive, [10, 1_000], |_| None);
+        assert!(drive.is_silent() && drive.set_point() == HALT && !drive.is_confirmed());
+        assert_eq!((drive.silences, drive.speed()), (1, HALT));
+        let asked = run(&mut drive, [1_000, 2_000], |_| None);
+        let written = times(&asked, registers::SPEED_LEFT_TO);
+        assert!(written.len() >= 10 && times(&asked, registers::BATTERY_MV).is_empty());
+        drive.command(at(2_000), [9, 9], at(9_000));
+        assert!(drive.next_at() <= at(2_100));
+        run(&mut drive, [2_000, 2_300], answer);
+        assert!(!drive.is_silent() && drive.silences == 1 && !drive.was_silent);
+        drive.command(at(2_300), [9, 9], at(9_000));
+        let asked = run(&mut drive, [2_300, 2_302], answer);
+        assert_eq!(times(&asked, registers::SPEED_LEFT_TO), [2_300]);
+    }
+
+    /// NV-04: the program sends nothing.
+    #[test]
+    fn a_mute_drive_asks_nothing() {
+        let mut drive = Drive::new(&fitted());
+        drive.is_mute = true;
+        drive.command(at(0), [7, 7], at(900));
+        drive.read_wheels(at(0));
+        assert_eq!(run(&mut drive, [0, 500], answer), vec![]);
+        assert_eq!(drive.next_at(), FAR);
+    }
+
     /// The gyroscope's sum counts if it was read at most 10 ms before the wheels; 9000 hundredths
     /// are a quarter turn. An older sum gives no turn, nor does the next one, because it has no
     /// predecessor. While a wheel moves, 8 hundredths in 40 ms are a turn; at rest they would be a
@@ -616,5 +704,22 @@ mod tests {
         assert_eq!(turned(720, 9_008, 731, [9, 1]), None);
         assert_eq!(turned(760, 9_008, 760, [9, 1]), None);
         assert_eq!(turned(800, 9_008, 800, [9, 1]), Some(0.0));
+    }
+
+    /// A tick is 11.345 mm/s: 20 are 227 mm/s. The fielded program reported a hundredth of that.
+    #[test]
+    fn speeds_are_told_in_mm_per_second() {
+        let told = |defects| {
+            let mut drive = Drive::new(&Config {
+                defects,
+                ..fitted()
+            });
+            drive.speed = [20, -127];
+            drive.speed_mm_s()
+        };
+        let mut defects = fitted().defects;
+        assert_eq!(told(defects), [227, -1_441]);
+        defects.own.speaks_tenths = true;
+        assert_eq!(told(defects), [2, -14]);
     }
 }

@@ -30,9 +30,12 @@ const FOOTPRINT_CELLS: u32 = 90;
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot stays at a view.
 const LOOK_SCANS: u8 = 4;
-/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s.
+/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s; and ten seconds more if the
+/// robot is nearly there.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
+const NEARLY_SCANS: u16 = 50;
+const NEARLY_MM: f32 = 500.0;
 /// Minimum progress towards a view, millimetres, within 75 scans (15 s). A robot below it is stuck
 /// and gives the view up.
 const SHUFFLE_MM: f32 = 300.0;
@@ -319,8 +322,10 @@ impl Explore {
         let Sight {
             map, pose, around, ..
         } = sight;
-        let patience =
-            PATIENCE_SCANS.saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL));
+        let is_nearly_there = pose.position().distance_mm(view.place) < NEARLY_MM;
+        let patience = PATIENCE_SCANS
+            .saturating_add(view.way_cells.saturating_mul(PATIENCE_PER_CELL))
+            .saturating_add(if is_nearly_there { NEARLY_SCANS } else { 0 });
         let shuffle = shuffle.after(pose.position());
         if scans > patience || shuffle.scans > SHUFFLE_SCANS {
             return self.cannot_reach(map, view.place);
@@ -496,6 +501,27 @@ mod tests {
         heading: 0.0,
     };
 
+    /// Up to six views in vain everything counts, up to twelve only large views, up to eighteen
+    /// only heat.
+    #[test]
+    fn after_views_in_vain_less_is_worth_a_way() {
+        let mut explore = Explore::new(Sought::Floor);
+        let least = [0, 6, 7, 12, 13, 18, 19].map(|vain| {
+            explore.vain = vain;
+            explore.least()
+        });
+        let expected = [
+            Some(6),
+            Some(6),
+            Some(30),
+            Some(30),
+            Some(u16::MAX),
+            Some(u16::MAX),
+            None,
+        ];
+        assert_eq!(least, expected);
+    }
+
     /// 25 new cells of 30 mm since the last view that added some count as news.
     #[test]
     fn twenty_five_cells_are_news() {
@@ -508,6 +534,24 @@ mod tests {
             (explore.vain, explore.known == known)
         };
         assert_eq!([24, 25].map(vain), [(4, false), (0, true)]);
+    }
+
+    /// Nine by ten cells are the floor under the robot; with fewer there is no map yet.
+    #[test]
+    fn ninety_cells_are_a_map() {
+        let seconds = [90, 89].map(|cells: usize| {
+            let mut map = std::boxed::Box::new(Grid::new(10.0));
+            for cell in 0..cells {
+                let (x, y) = (30 + cell % 10, 30 + cell / 10);
+                let fine = (0..9).map(|fine| (3 * x + fine % 3, 3 * y + fine / 3));
+                fine.for_each(|(x, y)| map.set(x, y, 0));
+            }
+            let mut explore = Explore::new(Sought::Floor);
+            (explore.vain, explore.known) = (9, 1_000);
+            step(&mut explore, &map, Pose::new(1_000.0, 1_000.0, 0.0));
+            explore.vain
+        });
+        assert_eq!(seconds, [10, 0]);
     }
 
     fn on_the_way(x_mm: f32, way_cells: u16, scans: u16, age: u8) -> Explore {
@@ -545,24 +589,26 @@ mod tests {
         assert_eq!([stayed(75, 300.0), stayed(75, 301.0)], [None, Some(0)]);
     }
 
-    /// A path of 10 cells may take 100 scans and two for each cell.
+    /// A path of 10 cells may take 100 scans and two for each cell, and 50 more as soon as less
+    /// than half a metre remains.
     #[test]
     fn a_way_that_takes_too_long_is_given_up() {
         let map = room(true);
-        let after = |scans| {
-            let mut explore = on_the_way(1_400.0, 10, scans, 0);
+        let after = |x_mm, scans| {
+            let mut explore = on_the_way(x_mm, 10, scans, 0);
             step(&mut explore, &map, MIDDLE);
             explore.at
         };
         assert!(matches!(
-            after(120),
+            after(1_400.0, 120),
             Some(At::Way {
                 scans: 121,
                 age: 1,
                 ..
             })
         ));
-        assert!(after(121).is_none());
+        assert!(after(1_400.0, 121).is_none());
+        assert!(after(1_399.0, 170).is_some() && after(1_399.0, 171).is_none());
     }
 
     /// Each fifth scan the view is judged again: behind an open door it still shows unknown cells,
@@ -661,6 +707,30 @@ mod tests {
         });
         assert_eq!(step(&mut explore, &map, Pose::new(520.0, 900.0, 0.1)), HALT);
         assert!(explore.at.is_none());
+    }
+
+    /// Both heat sensors point sideways: they feel neither cold nor warm walls ahead.
+    #[test]
+    fn only_what_lies_beside_is_felt() {
+        let map = room(false);
+        let unfelt = |heading, is_felt| {
+            let mut explore = Explore::new(Sought::FloorAndHeat);
+            let pose = Pose::new(520.0, 900.0, heading);
+            let before = explore.frontiers.outlook(&map, pose.position()).unfelt;
+            explore.feel(Sight {
+                map: &map,
+                pose,
+                around: &Surroundings::EMPTY,
+                is_felt,
+            });
+            before - explore.frontiers.outlook(&map, pose.position()).unfelt
+        };
+        assert_eq!(unfelt(0.0, [true; 2]), 0);
+        // Turned to the right, the left sensor faces the room and the right one the wall behind.
+        assert_eq!(unfelt(-FRAC_PI_2, [true, false]), 0);
+        assert!(unfelt(-FRAC_PI_2, [false, true]) > 0);
+        assert!(unfelt(FRAC_PI_2, [true, false]) > 0);
+        assert_eq!(unfelt(FRAC_PI_2, [false, true]), 0);
     }
 
     /// Home is the start of the search, or the given position if no search was started.

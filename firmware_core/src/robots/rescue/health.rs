@@ -136,6 +136,11 @@ impl Rescue {
         Some((odometry.updated_at()?, odometry.pose()))
     }
 
+    /// Whether the lidar's speed is stable.
+    pub const fn lidar_speed_is_stable(&self) -> bool {
+        self.lidar.speed_is_stable()
+    }
+
     /// Data sent to the PC.
     pub(super) fn diagnosis(&self) -> Diagnosis {
         let battery = self.drive.battery();

@@ -69,4 +69,12 @@ mod tests {
         assert!(kits.is_waiting());
         assert_eq!((kits.counted(2), kits), (None, Kits::NONE));
     }
+
+    /// A magazine of 255 kits is then empty.
+    #[test]
+    fn more_than_there_are_is_not_waited_for() {
+        let mut kits = Kits::NONE;
+        kits.add();
+        assert_eq!((kits.counted(255), kits), (None, Kits::NONE));
+    }
 }

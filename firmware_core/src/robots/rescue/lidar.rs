@@ -199,6 +199,10 @@ impl Lidar {
         self.motor.is_too_weak()
     }
 
+    pub(super) const fn speed_is_stable(&self) -> bool {
+        self.motor.is_stable()
+    }
+
     fn take(&mut self, at: Instant, packet: &xv11::Frame) {
         self.counters.packets = self.counters.packets.saturating_add(1);
         self.packet_at = at;
@@ -292,6 +296,19 @@ mod tests {
         assert!(!lidar.sees());
     }
 
+    /// After a silence the third turn is the first to be trusted.
+    #[test]
+    fn a_lidar_that_comes_back_is_steady_after_two_turns() {
+        let mut lidar = lidar();
+        turn(&mut lidar, 0, 0..0);
+        lidar.tick(at(2_000));
+        let steady = [3_000, 3_200, 3_400].map(|start| {
+            turn(&mut lidar, start, 0..0);
+            (lidar.sees(), lidar.is_steady())
+        });
+        assert_eq!(steady, [(true, false), (true, false), (true, true)]);
+    }
+
     /// The packet is complete when its last byte of 86.8 us has passed; half a packet is discarded
     /// after 20 ms.
     #[test]
@@ -316,5 +333,22 @@ mod tests {
         lidar.receive(at(501), packet.as_bytes());
         lidar.line_broke();
         assert!(lidar.counters.bad_packets > 0 && lidar.counters.packets == 2);
+    }
+
+    /// XV-08: the fielded program waits for its lidar, and then continues normally.
+    #[test]
+    fn the_fielded_program_waits_for_its_lidar() {
+        let mut lidar = lidar();
+        lidar.waits = true;
+        lidar.tick(at(1_000));
+        assert!(!lidar.is_blocked());
+        turn(&mut lidar, 1_000, 0..0);
+        lidar.tick(at(1_300));
+        assert!(!lidar.is_blocked());
+        lidar.tick(at(1_600));
+        assert!(lidar.is_blocked() && lidar.sees() && lidar.counters.silences == 0);
+        turn(&mut lidar, 1_700, 0..0);
+        lidar.tick(at(1_910));
+        assert!(!lidar.is_blocked());
     }
 }

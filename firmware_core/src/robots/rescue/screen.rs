@@ -149,6 +149,10 @@ impl Screen {
         }
     }
 
+    pub(super) const fn display(&self) -> &Display {
+        &self.display
+    }
+
     /// Whether bytes wait for the line.
     pub(super) const fn has_output(&self) -> bool {
         self.display.has_output()

@@ -12,6 +12,12 @@ use crate::Inspect;
 use crate::pose::Pose;
 
 impl Rescue {
+    /// Rows sent to the display, and taps received from it.
+    pub const fn display_traffic(&self) -> [u32; 2] {
+        let counters = self.screen.display().counters();
+        [counters.rows, counters.taps]
+    }
+
     /// Draws a little, in the time that the search leaves: the fielded program's display also had
     /// the lowest priority.
     pub(super) fn refresh_screen(&mut self, now: Instant) {
@@ -157,4 +163,21 @@ impl Rescue {
 #[expect(clippy::cast_possible_truncation, reason = "at most 180 degrees")]
 fn heading_deg(pose: Pose) -> i16 {
     libm::roundf(pose.heading.to_degrees()) as i16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_heading_is_told_in_whole_degrees() {
+        let told = [0.0, 0.4, 89.6, -0.6, -179.4, 180.0].map(|degrees: f32| {
+            let heading = degrees.to_radians();
+            heading_deg(Pose {
+                heading,
+                ..Pose::default()
+            })
+        });
+        assert_eq!(told, [0, 0, 90, -1, -179, 180]);
+    }
 }

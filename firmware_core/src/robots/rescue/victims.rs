@@ -474,6 +474,37 @@ mod tests {
         assert_eq!(victims.are_explained(turned_away), [false, false]);
     }
 
+    /// A victim with exactly six tenths of the expected reading, felt twice, counts; one with a
+    /// little less does not, nor does a single reading. 250 mm from a victim a new one starts.
+    #[test]
+    fn a_victim_fills_six_tenths_twice_and_is_another_one_from_250_mm_on() {
+        let passed = |victims: &mut Victims, x_mm: f32, readings: u8, share: f32| {
+            let victim = Victim {
+                place: Point::new(x_mm, 0.0),
+                weight: 1.0,
+            };
+            victims.passing[1] = Passing {
+                victim,
+                readings,
+                share,
+            };
+            victims.passed(1)
+        };
+        let mut victims = Victims::new();
+        assert!(!passed(&mut victims, 0.0, 2, 0.599));
+        assert!(!passed(&mut victims, 900.0, 1, 0.9));
+        assert!(passed(&mut Victims::new(), 0.0, 2, 0.6));
+        let mut victims = Victims::new();
+        assert!(passed(&mut victims, 0.0, 2, 0.6));
+        assert!(!passed(&mut victims, 249.0, 2, 0.6));
+        // The middle of two victims with equal weights is 124.5.
+        assert_eq!(victims.all()[0].place.x_mm, 124.5);
+        assert!(passed(&mut victims, 374.5, 2, 0.6));
+        assert_eq!(victims.all().len(), 2);
+        let mut places = [[0; 2]; VICTIMS_MAX];
+        assert_eq!(victims.told(&mut places), [[125, 0], [375, 0]]);
+    }
+
     /// 170 mm before the sensor a victim causes 14.07 degrees, six tenths of which are 8.44; 340 mm
     /// away it causes 7.18, and at most 8.97 are attributed to that distance. A reading of 8.7 may
     /// come from there if there is a board behind in the field of view, but not beside it, 107 mm
@@ -492,6 +523,49 @@ mod tests {
         assert_eq!(told(&[307, 307], &with(50, 370.0)), 1);
         // On the other side, and under the sensor, there are no points.
         assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
+    }
+
+    /// 45 tenths are warm, 44 are not; 15 tenths are the edge of a victim, and do not count as
+    /// ambient.
+    #[test]
+    fn warmth_begins_at_its_limits() {
+        let mut victims = Victims::new();
+        assert_eq!(victims.excess(0, 220), 0);
+        assert_eq!(victims.excess(0, 235), 15);
+        assert_eq!(victims.ambient_64[0], 220 * 64);
+        assert_eq!(victims.excess(0, 234), 14);
+        // 2 parts of 64 of the 14 tenths above it.
+        assert_eq!(victims.ambient_64[0], 220 * 64 + 28);
+        assert_eq!(victims.ambient_64[1], 0);
+        let around = wall();
+        let felt = |left: i16| {
+            let mut victims = Victims::new();
+            victims.take([220; 2], Pose::default(), &around);
+            victims.take([left, 220], Pose::default(), &around);
+            (victims.passing[0].readings, victims.is_warm[0])
+        };
+        assert_eq!([felt(265), felt(264)], [(1, true), (0, true)]);
+        assert_eq!([felt(235), felt(234)], [(0, true), (0, false)]);
+    }
+
+    /// Seen by the left sensor, which looks from 100 mm to the left: the nearest of the points
+    /// right beside it, less than 450 mm away. Beside it means within a tenth of the distance and 8
+    /// mm: 25 mm of 170. Of two equally near points the first counts.
+    #[test]
+    fn the_wall_is_the_nearest_beside_the_sensor() {
+        let wall = |points: &[[f32; 2]]| {
+            let around = points.iter().map(|[x, y]| Point::new(*x, *y));
+            let found = warm_wall(&Surroundings::of(around), 1.0, 0.0);
+            found.map(|(wall, _)| [wall.x_mm, wall.y_mm])
+        };
+        assert_eq!(wall(&[[0.0, 549.0]]), Some([0.0, 549.0]));
+        assert_eq!(wall(&[[0.0, 550.0]]), None);
+        assert_eq!(wall(&[[0.0, 100.0], [0.0, 270.0]]), Some([0.0, 270.0]));
+        assert_eq!(wall(&[[-25.0, 270.0]]), Some([-25.0, 270.0]));
+        assert_eq!(wall(&[[25.5, 270.0]]), None);
+        assert_eq!(wall(&[[0.0, 270.0], [40.0, 265.0]]), Some([0.0, 270.0]));
+        assert_eq!(wall(&[[-5.0, 270.0], [5.0, 270.0]]), Some([-5.0, 270.0]));
+        assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
     }
 
     /// A wall at 49 degrees to the robot, 228 mm before the sensor. The sensor sees a victim there
@@ -513,5 +587,25 @@ mod tests {
         assert!((share - 1.0).abs() < 0.01, "{share}");
         assert!(seen(59.0).is_some() && seen(61.0).is_none());
         assert!(seen(-59.0).is_some() && seen(-61.0).is_none());
+    }
+
+    /// Behind a board 100 mm away there may be an object 120 mm farther off. An object 121 mm
+    /// behind the board causes 150 * atan(50 / 221) / 0.305 = 109.4 tenths, five quarters of which
+    /// are 136.8; at the edge of the field of view, 63 mm of 200, it counts as well.
+    #[test]
+    fn what_is_behind_a_wall_counts_from_its_limits_on() {
+        let is_there = |behind: [f32; 2], excess: f32| {
+            let points = [[0.0, 170.0], behind].map(|[x, y]| Point::new(x, y));
+            warm_wall(&Surroundings::of(points.into_iter()), 1.0, excess).is_some()
+        };
+        assert!(is_there([0.0, 290.0], 0.0) && !is_there([0.0, 291.0], 0.0));
+        assert!(is_there([0.0, 321.0], 136.9) && !is_there([0.0, 321.0], 136.7));
+        assert!(is_there([0.0, 321.0], expected(221.0) * 1.25));
+        assert!(!is_there([63.0, 300.0], 0.0) && is_there([63.5, 300.0], 0.0));
+        // 150 * atan(50 / 170) / 0.305 = 140.7 tenths are the full reading of a victim there.
+        let wall = Surroundings::of([Point::new(0.0, 270.0)].into_iter());
+        let share = |excess| warm_wall(&wall, 1.0, excess).map(|(_, share)| share);
+        assert!((share(140.7).unwrap() - 1.0).abs() < 1e-3);
+        assert!((share(70.35).unwrap() - 0.5).abs() < 1e-3);
     }
 }

@@ -243,4 +243,54 @@ mod tests {
         assert!(is(moves.step(here(1.009), false), 0.0, 0.0));
         assert_eq!(moves.step(here(1.014), true), None);
     }
+
+    /// From -3 to 3 rad it is 0.283 rad in the shorter direction, and 6 in the other.
+    #[test]
+    fn the_last_turn_may_go_the_long_way() {
+        let turned = |turns_the_long_way| {
+            let defects = Defects {
+                turns_the_long_way,
+                ..Defects::NONE
+            };
+            moving(Some(3.0), defects).step(Pose::new(1_000.0, 0.0, -3.0), false)
+        };
+        assert!(is(turned(false), 0.0, -2.831_85) && is(turned(true), 0.0, 4.0));
+    }
+
+    /// The robot first turns to a new goal, unless the step is kept: then it steers for the goal.
+    #[test]
+    fn another_goal_begins_with_a_turn() {
+        let next = |keeps_the_step, begins: bool| {
+            let defects = Defects {
+                keeps_the_step,
+                ..Defects::NONE
+            };
+            let mut moves = moving(None, defects);
+            moves.step(Pose::new(0.0, 0.0, 0.0), true);
+            moves.set_goal(Goal {
+                position: Point::new(0.0, 1_000.0),
+                heading: None,
+            });
+            if begins {
+                moves.begin();
+            }
+            moves.step(Pose::new(0.0, 0.0, 1.2), true)
+        };
+        assert!(is(next(false, false), 0.0, 3.707_96) && is(next(true, true), 0.0, 3.707_96));
+        assert!(is(next(true, false), 0.5, 2.966_37));
+    }
+
+    /// At the limits: with a hundredth left it still turns, with 0.015 rad left it has not arrived
+    /// yet.
+    #[test]
+    fn the_limits_themselves_are_still_too_far() {
+        let mut moves = moving(Some(0.01), Defects::NONE);
+        let here = |heading| Pose::new(1_000.0, 0.0, heading);
+        assert!(is(moves.step(here(0.0), false), 0.0, 0.5));
+        assert!(is(moves.step(here(0.001), false), 0.0, 0.0));
+        moves.goal.heading = Some(0.015);
+        assert!(is(moves.step(here(0.0), true), 0.0, 0.5));
+        assert!(is(moves.step(here(0.01), false), 0.0, 0.0));
+        assert_eq!(moves.step(here(0.000_1), true), None);
+    }
 }

@@ -357,6 +357,29 @@ mod tests {
         }
     }
 
+    /// The motor gets its duty once; a second later the program requests a scan.
+    #[test]
+    fn a_scan_is_asked_for_when_the_motor_turns() {
+        let mut lidar = Lidar::new(Defects::NONE);
+        assert!(!lidar.has_duty() && !lidar.has_output());
+        lidar.tick(at(5));
+        assert!(lidar.has_duty() && lidar.next_at() == at(1_005));
+        assert_eq!(
+            (lidar.take_duty(), lidar.has_duty()),
+            (Some(MOTOR_DUTY), false)
+        );
+        lidar.tick(at(1_004));
+        assert!(!lidar.has_output());
+        lidar.tick(at(1_005));
+        let mut buf = [0; 16];
+        let len = lidar.transmit(&mut buf);
+        assert_eq!(buf[..len], *Command::Scan.request().as_bytes());
+        // Three seconds until the first node, one second after each.
+        assert_eq!(lidar.next_at(), at(4_005));
+        lidar.count(at(1_500));
+        assert_eq!((lidar.next_at(), lidar.counters.nodes), (at(2_500), 1));
+    }
+
     /// After a silence the health is requested; without an answer within 100 ms the lidar is reset,
     /// which takes a second.
     #[test]
@@ -399,6 +422,36 @@ mod tests {
         assert_eq!(turns(&[(100, 5, true), (179, 5, true)]), 1);
         assert_eq!(turns(&[(100, 5, true), (180, 5, true)]), 2);
         assert_eq!(turns(&[(79, 5, true)]), 0);
+    }
+
+    /// Seven bytes, then groups of five with any content: 0x3E is quality 15 and no start; 0x2D01
+    /// halved are 90 degrees of 64 parts, 0x0FA2 quarters are 1000.5 mm; 0 is no reading.
+    #[test]
+    fn the_fielded_parser_takes_five_bytes_for_a_node() {
+        let mut groups = Groups::NEW;
+        for byte in [0xA5, 0x5A, 5, 0, 0, 0x40, 0x81] {
+            assert!(groups.take(byte).is_none());
+        }
+        let mut node = |bytes: [u8; 5]| {
+            let taken = bytes.map(|byte| groups.take(byte));
+            assert!(taken[..4].iter().all(Option::is_none));
+            let group = taken[4].expect("five bytes");
+            let mm = group.distance_mm;
+            (
+                group.starts_turn,
+                group.quality,
+                group.angle_q6,
+                mm,
+                groups.bad,
+            )
+        };
+        let ahead = (false, 15, 90 * 64, Some(1_000.5), 0);
+        assert_eq!(node([0x3E, 0x01, 0x2D, 0xA2, 0x0F]), ahead);
+        assert_eq!(node([0x3D, 0x01, 0x2D, 0, 0]), (true, 15, 90 * 64, None, 0));
+        assert_eq!(
+            node([0x3F, 0x00, 0x2D, 4, 0]),
+            (true, 15, 90 * 64, Some(1.0), 1)
+        );
     }
 
     /// Twice the longest turn, 1.5 s, without a completed turn makes the points outdated.

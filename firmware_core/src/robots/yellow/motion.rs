@@ -93,4 +93,26 @@ mod tests {
         }
         assert_eq!(velocity, Velocity::new(4.0, -3.0));
     }
+
+    #[test]
+    fn a_speed_that_is_no_number_is_none() {
+        assert!(Velocity::new(1.0, -1.0).is_finite());
+        assert!(!Velocity::new(f32::NAN, 0.0).is_finite());
+        assert!(!Velocity::new(0.0, f32::INFINITY).is_finite());
+    }
+
+    /// 15 rad/s2 in either direction, and a hundredth of a second: 0.15 rad/s, and not past the
+    /// target.
+    #[test]
+    fn turning_gathers_speed_and_loses_it_alike() {
+        let turned = |from, to| {
+            let velocity = approach(Velocity::new(0.0, from), Velocity::new(0.0, to), 0.01);
+            velocity.angular_rad_s
+        };
+        let is = |found: f32, expected: f32| (found - expected).abs() < 1e-6;
+        assert!(is(turned(0.0, 2.0), 0.15) && is(turned(0.0, -2.0), -0.15));
+        assert!(is(turned(1.0, 0.0), 0.85) && is(turned(-1.0, 0.0), -0.85));
+        assert!(is(turned(0.0, 0.1), 0.1) && is(turned(0.1, -0.2), 0.0));
+        assert!(is(turned(2.95, 9.0), 3.0) && is(turned(-2.95, -9.0), -3.0));
+    }
 }

@@ -281,4 +281,73 @@ mod tests {
         assert!(law.step(at(0), [0.15, 0.3, 0.33]).linear_m_s > 0.0);
         assert_eq!(law.escapes, 0);
     }
+
+    /// 4 m/s from 2.4 m on. At 1.2 m all round: 0.3 + 32 * 0.5 * 2.4 / 4.8 = 8.3 m/s; half a metre
+    /// more on the left: 0.1 + 40 * 0.5 / 2.4 rad/s, and 16 * 2.9 / 4.8 m/s.
+    #[test]
+    fn the_fielded_formula_is_at_the_ends_of_what_is_possible() {
+        let told = |distances_m| {
+            let mut law = Reactive::new(Defects {
+                fielded_formula: true,
+            });
+            let found = law.step(at(0), distances_m);
+            [found.linear_m_s, found.angular_rad_s]
+        };
+        let is = |found: [f32; 2], expected: [f32; 2]| {
+            (found[0] - expected[0]).abs() < 1e-4 && (found[1] - expected[1]).abs() < 1e-4
+        };
+        assert!(is(told([2.4, 2.4, 2.5]), [4.0, 0.0]));
+        assert!(is(told([1.2, 1.2, 1.2]), [8.3, 0.0]));
+        assert!(is(
+            told([1.2, 1.2, 1.7]),
+            [0.3 + 16.0 * 2.9 / 4.8, 0.1 + 20.0 / 2.4]
+        ));
+        assert!(is(
+            told([1.2, 1.7, 1.2]),
+            [0.3 + 16.0 * 2.9 / 4.8, 0.1 - 20.0 / 2.4]
+        ));
+        assert!(is(told([1.2, 0.1, 1.2]), [-0.4, 0.0]));
+    }
+
+    /// A restarted law drives, independent of its earlier phase.
+    #[test]
+    fn a_law_that_begins_anew_drives() {
+        let mut law = law();
+        let back = law.step(at(0), [0.1, 0.1, 0.1]);
+        assert!(back.linear_m_s < 0.0);
+        law.begin();
+        assert_eq!(law.step(at(1), [0.9; 3]), Velocity::new(0.3, 0.0));
+    }
+
+    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by the room on both sides, 0.5:
+    /// 8.3; and a little to the left with 40 / 2.4 rad/s a metre.
+    #[test]
+    fn the_fielded_formula_runs_to_its_ends() {
+        let mut law = Reactive::new(Defects {
+            fielded_formula: true,
+        });
+        let is = |found: Velocity, linear: f32, angular: f32| {
+            (found.linear_m_s - linear).abs() < 1e-4 && (found.angular_rad_s - angular).abs() < 1e-3
+        };
+        assert!(is(law.step(at(0), [2.4, 2.4, 2.4]), 4.0, 0.0));
+        assert!(is(law.step(at(0), [0.1, 2.0, 2.0]), -0.4, 0.0));
+        assert!(is(law.step(at(0), [1.2, 1.2, 1.2]), 8.3, 0.0));
+        assert!(is(law.step(at(0), [1.2, 0.9, 1.5]), 8.3, 0.1 + 10.0));
+        assert!(is(
+            law.step(at(0), [0.6, 1.5, 0.9]),
+            0.3 + 32.0 * 0.25 * 0.5,
+            0.1 - 10.0
+        ));
+    }
+
+    /// Less than 2 cm of difference, and less than 0.16 m ahead: at each limit itself the robot is
+    /// not stuck.
+    #[test]
+    fn a_robot_is_stuck_straight_before_a_wall() {
+        let law = law();
+        assert!(law.is_stuck([0.159, 0.3, 0.3]) && law.is_stuck([0.159, 0.0, 0.019]));
+        assert!(law.is_stuck([0.159, 0.019, 0.0]));
+        assert!(!law.is_stuck([0.159, 0.0, 0.02]) && !law.is_stuck([0.159, 0.02, 0.0]));
+        assert!(!law.is_stuck([0.1 + 2.0 * 0.03, 0.3, 0.3]));
+    }
 }

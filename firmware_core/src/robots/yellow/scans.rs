@@ -269,6 +269,25 @@ mod tests {
         assert_eq!(middle(&[900, 1_000, 1_100, 1_100]), 1_050);
     }
 
+    /// 90 degrees to the right are 270 to the left; a sixteenth of a degree below ahead counts as
+    /// ahead.
+    #[test]
+    fn angles_are_turned_round() {
+        let scans = Scans::new(Defects::NONE);
+        let bin = |degrees: u16| scans.bin(degrees * 64);
+        assert_eq!(
+            [0, 1, 90, 359].map(bin),
+            [Some(0), Some(718), Some(540), Some(2)]
+        );
+        assert_eq!(
+            [360 * 64 - 4, 15, 16].map(|q6| scans.bin(q6)),
+            [Some(0), Some(0), Some(719)]
+        );
+        // The format goes up to 511 degrees. Its 152nd after a turn is 208 in the other direction;
+        // rounded up.
+        assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
+    }
+
     /// Three samples of five turns are enough, two are not; samples of the next half degree help.
     #[test]
     fn three_samples_make_a_distance() {
@@ -287,5 +306,98 @@ mod tests {
         // Another turn without a sample, and the first turn is discarded.
         scans.turn_ends();
         assert_eq!(scans.reading(350).0, NOTHING_MM);
+    }
+
+    #[test]
+    fn too_near_and_too_far_are_nothing() {
+        let mut scans = Scans::new(Defects::NONE);
+        for _ in 0..5 {
+            for (degrees, distance_mm) in [(1, 149.0), (2, 151.0), (3, 4_999.0), (4, 5_001.0)] {
+                scans.sample(degrees * 64, Some(distance_mm), 47);
+            }
+            scans.turn_ends();
+        }
+        let told = [359, 358, 357, 356].map(|degrees| scans.reading(degrees).0);
+        assert_eq!(told, [NOTHING_MM, 151, 4_999, NOTHING_MM]);
+    }
+
+    /// Angles are cut to whole degrees; one program stores at 360 minus the angle, which is outside
+    /// its array for an angle of 0; the other wraps it.
+    #[test]
+    fn fielded_angles_are_whole_degrees() {
+        let bins = |defects| {
+            let scans = Scans::new(defects);
+            [0, 63, 64, 90 * 64 + 32, 359 * 64, 360 * 64, 361 * 64].map(|q6| scans.bin(q6))
+        };
+        let whole_degrees = Defects {
+            whole_degrees: true,
+            ..Defects::NONE
+        };
+        let copies = Defects {
+            copies: true,
+            ..Defects::NONE
+        };
+        let found = [None, None, Some(718), Some(540), Some(2), Some(0), None];
+        assert_eq!(bins(whole_degrees), found);
+        let found = [0, 0, 718, 540, 2, 0, 718].map(Some);
+        assert_eq!(bins(copies), found);
+        let mut scans = Scans::new(whole_degrees);
+        scans.sample(0, Some(1_000.0), 47);
+        scans.sample(64, Some(1_000.0), 47);
+        assert_eq!((scans.stray, scans.turns[0][718]), (1, 1_000));
+    }
+
+    /// A copied set holds the last sample, good or not; weak and far readings do not count.
+    #[test]
+    fn a_copied_set_holds_what_came_last() {
+        let copies = Defects {
+            copies: true,
+            ..Defects::NONE
+        };
+        let mut scans = Scans::new(copies);
+        let mut told = |distance_mm, quality| {
+            scans.sample(10 * 64, distance_mm, quality);
+            scans.turn_ends();
+            scans.reading(350)
+        };
+        assert_eq!(told(Some(20.0), 10), (20, 10));
+        assert_eq!(told(Some(900.0), 9), (NOTHING_MM, 9));
+        assert_eq!(told(Some(4_999.0), 47), (4_999, 47));
+        assert_eq!(told(Some(5_000.0), 47).0, NOTHING_MM);
+        assert_eq!(
+            (told(Some(700.0), 47), told(None, 47)),
+            ((700, 47), (NOTHING_MM, 47))
+        );
+        assert_eq!(scans.sets, 6);
+    }
+
+    /// Points lie at half degrees counter-clockwise; after `forget` there are none, except in the
+    /// program that never forgets.
+    #[test]
+    fn a_set_is_drawn_counter_clockwise() {
+        let seen = |never_ages| {
+            let mut scans = Scans::new(Defects {
+                never_ages,
+                ..Defects::NONE
+            });
+            for _ in 0..3 {
+                scans.sample(90 * 64, Some(1_000.0), 47);
+                scans.sample(270 * 64 + 32, Some(2_000.0), 47);
+                scans.turn_ends();
+            }
+            let points = scans.points().to_vec();
+            scans.forget();
+            (points, scans.points().len())
+        };
+        let (points, after) = seen(false);
+        // The neighbouring half degrees use its samples as well.
+        assert_eq!((points.len(), after, seen(true).1), (6, 0, 6));
+        // 270.5 degrees clockwise are 89.5 counter-clockwise.
+        let (sin, cos) = sin_cos(89.5_f32.to_radians());
+        assert!(points[1].distance_mm(Point::new(2_000.0 * cos, 2_000.0 * sin)) < 0.1);
+        assert!(
+            points[4].distance_mm(Point::new(0.0, -1_000.0)) < 0.1,
+            "{points:?}"
+        );
     }
 }

@@ -263,6 +263,52 @@ mod tests {
         machine
     }
 
+    /// Drivers take half a second, on and off; between two activities the robot stands.
+    #[test]
+    fn drivers_take_half_a_second() {
+        let mut machine = Machine::new(Defects::NONE);
+        machine.order(State::AutoReactive);
+        assert!(machine.step(at(10)) && machine.mode() == Mode::SwitchOn);
+        assert!(!machine.step(at(509)) && machine.drivers_are_on());
+        assert!(machine.step(at(510)) && machine.mode() == Mode::On);
+        assert!(machine.step(at(511)) && machine.mode() == Mode::AutoReactive);
+        assert!(!machine.step(at(9_000)));
+        machine.order(State::AutoPosition);
+        assert!(machine.step(at(9_001)) && machine.mode() == Mode::On);
+        assert!(machine.step(at(9_002)) && machine.mode() == Mode::AutoPosition);
+        machine.order(State::Off);
+        assert!(machine.step(at(9_010)) && machine.step(at(9_011)));
+        assert_eq!(
+            (machine.mode(), machine.step(at(9_510))),
+            (Mode::SwitchOff, false)
+        );
+        assert!(machine.step(at(9_511)) && !machine.drivers_are_on());
+    }
+
+    /// Two seconds without a message of the PC end a manual drive, and no other one; the fielded
+    /// watchdog is never checked.
+    #[test]
+    fn a_drive_by_hand_ends_after_two_seconds_of_silence() {
+        let after = |state, defects, millis| {
+            let mut machine = told(state, defects);
+            machine.heard(at(700));
+            machine.step(at(millis));
+            (machine.mode(), machine.time_outs)
+        };
+        let sound = Defects::NONE;
+        assert_eq!(after(State::Manual, sound, 2_699), (Mode::Manual, 0));
+        assert_eq!(after(State::Manual, sound, 2_700), (Mode::On, 1));
+        assert_eq!(
+            after(State::AutoReactive, sound, 9_000),
+            (Mode::AutoReactive, 0)
+        );
+        let fielded = Defects {
+            manual_never_ends: true,
+            ..sound
+        };
+        assert_eq!(after(State::Manual, fielded, 9_000), (Mode::Manual, 0));
+    }
+
     /// An interrupted manoeuvre stands for 400 ms; another order continues at once. Modes without a
     /// pose are not interrupted.
     #[test]
@@ -284,5 +330,52 @@ mod tests {
             (machine.is_interrupted(), machine.interruptions),
             (false, 0)
         );
+    }
+
+    /// An end is counted once, and requests OFF; an order that came meanwhile is kept, except by
+    /// the fielded program.
+    #[test]
+    fn the_end_of_a_manoeuvre_erases_no_order() {
+        let after = |end_erases_order, order: Option<State>| {
+            let defects = Defects {
+                end_erases_order,
+                ..Defects::NONE
+            };
+            let mut machine = told(State::AutoPosition, defects);
+            machine.arrived();
+            machine.arrived();
+            if let Some(order) = order {
+                machine.order(order);
+            }
+            (700..720).for_each(|millis| _ = machine.step(at(millis)));
+            (machine.mode(), machine.arrivals)
+        };
+        assert_eq!(after(false, None), (Mode::SwitchOff, 1));
+        let again = Some(State::AutoPosition);
+        assert_eq!(
+            [after(false, again), after(true, again)],
+            [(Mode::AutoPosition, 1), (Mode::SwitchOff, 1)]
+        );
+    }
+
+    /// A press of the button counts: it switches on if all is off, and off in any active mode.
+    #[test]
+    fn the_button_switches_on_and_off() {
+        let mut machine = Machine::new(Defects::NONE);
+        machine.button(true);
+        machine.button(true);
+        [0, 500, 501]
+            .into_iter()
+            .for_each(|millis| _ = machine.step(at(millis)));
+        assert_eq!(
+            (machine.mode(), machine.mode().told()),
+            (Mode::AutoReactive, State::AutoReactive)
+        );
+        machine.button(false);
+        assert!(!machine.step(at(600)));
+        machine.button(true);
+        assert!(machine.step(at(601)) && machine.mode() == Mode::On);
+        assert_eq!(machine.mode().told(), State::Off);
+        assert_eq!(machine.period(), Duration::from_millis(1));
     }
 }

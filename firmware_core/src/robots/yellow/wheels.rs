@@ -297,6 +297,47 @@ mod tests {
         (found - expected).abs() < 2e-3 * expected.abs().max(0.01)
     }
 
+    /// Ten counts a sample are 500 rpm: 0.259182 of it in the first pole and the same share of that
+    /// in the second; then 225.594 and 83.353. Across the end of the counter as well.
+    #[test]
+    fn counts_become_a_filtered_speed() {
+        for start in [500_u16, u16::MAX - 4] {
+            let mut wheel = Wheel::NEW;
+            assert!(wheel.measure(start, false, &Defects::NONE) && wheel.filter == [0.0; 2]);
+            wheel.measure(start.wrapping_add(10), false, &Defects::NONE);
+            assert!(is(wheel.filter[0], 129.591) && is(wheel.filter[1], 33.588));
+            wheel.measure(start.wrapping_add(20), false, &Defects::NONE);
+            assert!(is(wheel.filter[0], 225.594) && is(wheel.filter[1], 83.353));
+        }
+    }
+
+    /// A hundred counts in a sample are accepted in either direction, one more is a restarted
+    /// counter. The fielded program keeps the speed before for one above 1500 rpm, 30 counts.
+    #[test]
+    fn a_jump_is_no_motion() {
+        let counts = |change: i16, defects| {
+            let mut wheel = Wheel::NEW;
+            wheel.measure(1_000, false, &defects);
+            wheel.counts = 7.0;
+            let sound = wheel.measure(1_000_u16.wrapping_add_signed(change), false, &defects);
+            (sound, wheel.counts)
+        };
+        let sound = Defects::NONE;
+        assert_eq!(
+            [counts(100, sound), counts(-100, sound)],
+            [(true, 100.0), (true, -100.0)]
+        );
+        assert_eq!([counts(101, sound), counts(-101, sound)], [(false, 0.0); 2]);
+        let jumps = Defects {
+            replaces_jumps: true,
+            ..sound
+        };
+        let found = [30, -30, 31, -31].map(|change| counts(change, jumps).1);
+        assert_eq!(found, [30.0, -30.0, 7.0, 7.0]);
+        // A counter below 0 counts as a jump ahead.
+        assert_eq!(counts(-1_001, jumps).1, 7.0);
+    }
+
     /// 20 rpm from rest: 0.2 V a rpm ahead and a volt for 40 are 4.5 of 24 V beside a half; each
     /// sample adds 0.04 V. Backwards it is 0.1 V a rpm, and the integral restarts. 100 rpm need
     /// more than the bridge's limit.
@@ -328,6 +369,57 @@ mod tests {
         assert_eq!((wheel.integral_volts, duties[59]), (2.0, 7_708));
     }
 
+    /// 11.52 V each sample at the end of the bridge: more than 120 after the eleventh. A count ends
+    /// the silence, and so does an order to halt the motors.
+    #[test]
+    fn a_driven_wheel_that_does_not_count_is_found() {
+        let mut wheels = Wheels::new(Pose::default(), Defects::NONE);
+        let mut silent_after = 0;
+        for wheel in &mut wheels.wheels {
+            wheel.counts = 1.0;
+        }
+        wheels.wheels[0].counts = 0.0;
+        for sample in 1..=20 {
+            assert!(!wheels.is_silent() || silent_after > 0);
+            wheels.wheels[0].control(400.0, &Defects::NONE);
+            wheels.wheels[1].control(-400.0, &Defects::NONE);
+            if wheels.is_silent() && silent_after == 0 {
+                silent_after = sample;
+            }
+        }
+        assert_eq!(silent_after, 11);
+        wheels.wheels[0].counts = -1.0;
+        wheels.wheels[0].control(400.0, &Defects::NONE);
+        assert!(!wheels.is_silent());
+        wheels.wheels[1].silence = 130.0;
+        assert!(wheels.is_silent() && wheels.halt() == [5_000; 2] && !wheels.is_silent());
+    }
+
+    /// 0.19635 mm a count: 100 ahead on both sides are 19.635 mm along x. 40 on the right alone are
+    /// 7.854 mm of 180, 0.043633 rad, and half of the distance, 3.927 mm, along half of that angle.
+    #[test]
+    fn the_pose_follows_the_middle_of_each_sample() {
+        let after = |counters: [u16; 2], defects| {
+            let mut wheels = Wheels::new(Pose::default(), defects);
+            wheels.step([0, 0], None);
+            wheels.step(counters, None);
+            wheels.pose()
+        };
+        let back = |counts: u16| 0_u16.wrapping_sub(counts);
+        let ahead = after([100, back(100)], Defects::NONE);
+        assert!(is(ahead.x_mm, 19.635) && ahead.y_mm.abs() < 1e-6 && ahead.heading == 0.0);
+        let turned = after([0, back(40)], Defects::NONE);
+        assert!(is(turned.heading, 0.043_633) && is(turned.x_mm, 3.926_1));
+        assert!(is(turned.y_mm, 0.085_66), "{turned:?}");
+        let fielded = Defects {
+            end_point_rule: true,
+            ..Defects::NONE
+        };
+        assert!(is(after([0, back(40)], fielded).y_mm, 0.171_29));
+        let right = after([40, 0], Defects::NONE);
+        assert!(is(right.heading, -0.043_633) && is(right.y_mm, -0.085_66));
+    }
+
     /// From rest at 1.5 m/s2 and 15 rad/s2, a sample: 0.0015 m/s are 0.382 rpm; 0.015 rad/s at half
     /// of 180 mm are 0.00135 m/s, 0.3438 rpm. The right motor turns in the other direction.
     #[test]
@@ -347,5 +439,23 @@ mod tests {
         near(targets(Velocity::new(1.0, 0.0)), [0.381_97, -0.381_97]);
         near(targets(Velocity::new(0.0, 1.0)), [-0.343_77, -0.343_77]);
         near(targets(Velocity::new(-1.0, -1.0)), [-0.038_2, 0.725_74]);
+    }
+
+    /// One turn a minute counts as rest, also backwards; and only without a target.
+    #[test]
+    fn a_drive_is_at_rest_below_one_turn_a_minute() {
+        let mut wheels = Wheels::new(Pose::default(), Defects::NONE);
+        assert!(wheels.is_at_rest());
+        for (rpm, is_at_rest) in [(1.0, true), (1.1, false), (-1.0, true), (-1.1, false)] {
+            for side in [0, 1] {
+                wheels.wheels = [Wheel::NEW; 2];
+                wheels.wheels[side].filter[1] = rpm;
+                assert_eq!(wheels.is_at_rest(), is_at_rest);
+            }
+        }
+        wheels.wheels = [Wheel::NEW; 2];
+        wheels.velocity = Velocity::new(0.0, 0.001);
+        assert!(!wheels.is_at_rest());
+        assert_eq!((wheels.halt(), wheels.is_at_rest()), ([5_000; 2], true));
     }
 }

@@ -46,11 +46,11 @@ fn drive(map: &Costmap, path: Vec<CarPose>, random: &mut Pcg32) -> (Step, CarPos
     let mut follower = Follower::new(path, Settings::default());
     let (mut speed, mut has_touched) = (0.0, false);
     for _ in 0..4_000 {
-        let told = CarPose::new(
-            truth.x_m + random.normal(0.01),
-            truth.y_m + random.normal(0.01),
-            wrapped(truth.heading_rad + random.normal(0.009)),
-        );
+        let told = CarPose {
+            x_m: truth.x_m + random.normal(0.01),
+            y_m: truth.y_m + random.normal(0.01),
+            heading_rad: wrapped(truth.heading_rad + random.normal(0.009)),
+        };
         let Step::Drive {
             speed_m_s,
             steering_rad,
@@ -76,12 +76,10 @@ fn ap12_goals_are_reached() {
     let lattice = Lattice::new(PrimitiveSet::car(), &roomy);
     let (mut tried, mut reached) = (0, 0);
     while tried < 20 {
-        let mut place = || {
-            CarPose::new(
-                0.3 + random.unit() * 5.4,
-                0.3 + random.unit() * 4.4,
-                wrapped(random.unit() * core::f64::consts::TAU),
-            )
+        let mut place = || CarPose {
+            x_m: 0.3 + random.unit() * 5.4,
+            y_m: 0.3 + random.unit() * 4.4,
+            heading_rad: wrapped(random.unit() * core::f64::consts::TAU),
         };
         let (start, goal) = (place(), place());
         let to = Goal {
@@ -103,7 +101,10 @@ fn ap12_goals_are_reached() {
 /// A path of a metre forwards, then half a metre backwards: the car does not cut its turning point.
 #[test]
 fn a_path_with_a_turning_point_is_driven_both_ways() {
-    let at = |x_m: f64| CarPose::new(x_m, 0.0, 0.0);
+    let at = |x_m: f64| CarPose {
+        x_m,
+        ..CarPose::default()
+    };
     let ahead = (0..=10).map(|step| at(f64::from(step) * 0.1));
     let back = (1..=5).map(|step| at(1.0 - f64::from(step) * 0.1));
     let mut follower = Follower::new(ahead.chain(back).collect(), Settings::default());
@@ -116,7 +117,10 @@ fn a_path_with_a_turning_point_is_driven_both_ways() {
     assert_eq!(speed(follower.step(at(0.97))), -0.22);
     assert_eq!(speed(follower.step(at(0.8))), -0.22);
     assert_eq!(follower.step(at(0.53)), Step::Arrived);
-    let aside = CarPose::default().then(Motion::new(0.0, 0.7, 0.0));
+    let aside = CarPose::default().then(Motion {
+        left_m: 0.7,
+        ..Motion::default()
+    });
     assert_eq!(follower.step(aside), Step::Lost);
     assert_eq!(
         Follower::new(Vec::new(), Settings::default()).step(aside),
@@ -129,7 +133,11 @@ fn a_path_with_a_turning_point_is_driven_both_ways() {
 #[test]
 fn the_car_steers_along_the_arc_through_its_point() {
     let path = |y_m: f64| {
-        let poses = (0..=20).map(move |step| CarPose::new(f64::from(step) * 0.1, y_m, 0.0));
+        let poses = (0..=20).map(move |step| CarPose {
+            x_m: f64::from(step) * 0.1,
+            y_m,
+            heading_rad: 0.0,
+        });
         Follower::new(poses.collect(), Settings::default())
     };
     let steering = |y_m: f64| match path(y_m).step(CarPose::default()) {
@@ -147,7 +155,11 @@ fn the_car_steers_along_the_arc_through_its_point() {
 #[test]
 fn beyond_the_end_of_a_way_it_goes_straight_on() {
     for way in [1.0, -1.0] {
-        let poses = (0..=2).map(|step| CarPose::new(way * f64::from(step) * 0.1, 0.02, 0.0));
+        let poses = (0..=2).map(|step| CarPose {
+            x_m: way * f64::from(step) * 0.1,
+            y_m: 0.02,
+            heading_rad: 0.0,
+        });
         let mut follower = Follower::new(poses.collect(), Settings::default());
         let Step::Drive {
             speed_m_s,
@@ -168,7 +180,11 @@ fn beyond_the_end_of_a_way_it_goes_straight_on() {
 /// path, 0.30 m and 0.30 rad at its end.
 #[test]
 fn a_way_ends_or_is_lost_at_its_limits() {
-    let at = |x_m: f64, y_m: f64, heading_rad: f64| CarPose::new(x_m, y_m, heading_rad);
+    let at = |x_m: f64, y_m: f64, heading_rad: f64| CarPose {
+        x_m,
+        y_m,
+        heading_rad,
+    };
     let step = |pose| {
         let poses = (0..=10).map(|step| at(f64::from(step) * 0.1, 0.0, 0.0));
         Follower::new(poses.collect(), Settings::default()).step(pose)
@@ -184,17 +200,68 @@ fn a_way_ends_or_is_lost_at_its_limits() {
     assert_eq!(step(at(1.0, 0.0, -0.31)), Step::Lost);
 }
 
+/// Half a circle of 0.5 m to the left: its end lies beside the car at the start, and the car still
+/// drives the whole path.
+#[test]
+fn a_way_that_turns_round_is_driven_to_its_end() {
+    let poses = (0..=30).map(|step| {
+        let turned = core::f64::consts::PI / 30.0 * f64::from(step);
+        CarPose {
+            x_m: 0.5 * libm::sin(turned),
+            y_m: 0.5 - 0.5 * libm::cos(turned),
+            heading_rad: turned,
+        }
+    });
+    let poses: Vec<CarPose> = poses.collect();
+    let mut follower = Follower::new(poses.clone(), Settings::default());
+    for pose in &poses[..29] {
+        let step = follower.step(*pose);
+        let is_left = matches!(step, Step::Drive { steering_rad, .. } if steering_rad > 0.0);
+        assert!(is_left, "{pose:?} {step:?}");
+    }
+    assert_eq!(follower.step(poses[30]), Step::Arrived);
+}
+
+/// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is a pose:
+/// 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts, at
+/// 0.375 m ahead: 2 * 0.125 / (0.140625 + 0.015625).
+#[test]
+fn a_pose_as_far_as_the_point_ahead_is_the_point() {
+    let steering = |x_m: f64| {
+        let poses = (0..=20).map(|step| CarPose {
+            x_m: f64::from(step) * 0.25,
+            y_m: 0.125,
+            heading_rad: 0.0,
+        });
+        let settings = Settings {
+            ahead_m: 0.5,
+            steering_max_rad: [1.0; 2],
+            ..Settings::default()
+        };
+        let pose = CarPose {
+            x_m,
+            ..CarPose::default()
+        };
+        match Follower::new(poses.collect(), settings).step(pose) {
+            Step::Drive { steering_rad, .. } => libm::tan(steering_rad),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert!((steering(0.0) - 0.0625 / 0.265_625).abs() < 1e-12);
+    assert!((steering(0.125) - 0.0625 / 0.156_25).abs() < 1e-12);
+}
+
 /// A whole circle of 36 poses. Halfway round, the end lies beside the car; later the end is ahead
 /// of it with a quarter left. The car drives to the end.
 #[test]
 fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
     let poses = (0..=36).map(|step| {
         let turned = core::f64::consts::PI / 18.0 * f64::from(step);
-        CarPose::new(
-            0.5 * libm::sin(turned),
-            0.5 - 0.5 * libm::cos(turned),
-            wrapped(turned),
-        )
+        CarPose {
+            x_m: 0.5 * libm::sin(turned),
+            y_m: 0.5 - 0.5 * libm::cos(turned),
+            heading_rad: wrapped(turned),
+        }
     });
     let poses: Vec<CarPose> = poses.collect();
     let mut follower = Follower::new(poses.clone(), Settings::default());
@@ -203,4 +270,28 @@ fn a_way_that_comes_back_to_its_beginning_is_driven_to_its_end() {
         assert!(matches!(driven, Step::Drive { .. }), "{step} {driven:?}");
     }
     assert_eq!(follower.step(poses[36]), Step::Arrived);
+}
+
+/// 40 cm beside a path is not yet lost, nor is 30 cm and 0.3 rad off its end.
+#[test]
+fn what_is_as_far_off_as_may_be_is_not_lost() {
+    let beside = |y_m: f64, heading_rad: f64| {
+        let poses = [0.0, 1.0, 2.0, 3.0].map(|x_m| CarPose {
+            x_m,
+            ..CarPose::default()
+        });
+        let mut follower = Follower::new(poses.to_vec(), Settings::default());
+        [0.0, 3.0].map(|x_m| {
+            follower.step(CarPose {
+                x_m,
+                y_m,
+                heading_rad,
+            })
+        })
+    };
+    assert!(matches!(beside(0.4, 0.0)[0], Step::Drive { .. }));
+    assert_eq!(beside(0.3, 0.0)[1], Step::Arrived);
+    assert_eq!(beside(0.0, 0.3)[1], Step::Arrived);
+    assert_eq!(beside(0.0, -0.31)[1], Step::Lost);
+    assert_eq!(beside(0.31, 0.0)[1], Step::Lost);
 }

@@ -1,7 +1,11 @@
 use super::*;
 use crate::costmap::Inflation;
 
-const START: CarPose = CarPose::new(1.0, 1.5, 0.0);
+const START: CarPose = CarPose {
+    x_m: 1.0,
+    y_m: 1.5,
+    heading_rad: 0.0,
+};
 const GOAL: CarPose = CarPose { x_m: 5.0, ..START };
 
 fn pilot() -> Pilot {
@@ -67,6 +71,33 @@ fn a_goal_is_reached_when_the_car_is_near_enough() {
     assert_eq!(became(&exact, at(1.91, 0.24)), Reached);
     assert_eq!(became(&exact, at(1.89, 0.2)), GivenUp);
     assert_eq!(became(&exact, at(2.0, 0.26)), GivenUp);
+}
+
+#[test]
+fn it_is_after_the_goal_that_it_plans_for_or_drives_to() {
+    let mut pilot = pilot();
+    assert_eq!((pilot.state(), pilot.goal()), (GoalState::None, None));
+    pilot.set_goal(Some(GOAL));
+    assert_eq!(pilot.state(), GoalState::Planning);
+    assert!(pilot.is_after(GOAL) && !pilot.is_after(START));
+    assert_eq!(pilot.drive(millis(0), GOAL, || None), None);
+    assert!(!pilot.is_after(GOAL));
+    pilot.follow(straight());
+    assert_eq!(
+        (pilot.state(), pilot.goal()),
+        (GoalState::Driving, Some(GOAL))
+    );
+    assert!(pilot.is_after(GOAL));
+    assert_eq!(pilot.path(), straight());
+    pilot.plan_anew();
+    assert_eq!(
+        (pilot.state(), pilot.path().len()),
+        (GoalState::Planning, 0)
+    );
+    pilot.follow(Vec::new());
+    assert_eq!((pilot.state(), pilot.goal()), (GoalState::None, None));
+    pilot.plan_anew();
+    assert_eq!(pilot.state(), GoalState::None);
 }
 
 /// One plan a second; the eighth failed plan is the last one.
@@ -160,11 +191,11 @@ fn a_map_that_has_not_changed_blocks_no_way_that_was_planned_on_it() {
     let map = hall([3.0, 0.5]);
     let mut tight = 0;
     for step in 0..24_i32 {
-        let start = CarPose::new(
-            4.2 + 0.05 * f64::from(step),
-            1.0 + 0.04 * f64::from(step),
-            0.05 * f64::from(step - 12),
-        );
+        let start = CarPose {
+            x_m: 4.2 + 0.05 * f64::from(step),
+            y_m: 1.0 + 0.04 * f64::from(step),
+            heading_rad: 0.05 * f64::from(step - 12),
+        };
         let mut pilot = pilot();
         pilot.set_place(Some(CarPose {
             x_m: start.x_m - 1.6,

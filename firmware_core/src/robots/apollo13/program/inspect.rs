@@ -69,8 +69,11 @@ impl Inspect for Apollo13 {
 mod tests {
     extern crate std;
 
-    use super::super::{Config, MISFITS_MAX};
+    use std::vec::Vec;
+
+    use super::super::{Config, Counters, MISFITS_MAX};
     use super::*;
+    use crate::ackermann::CarPose;
 
     #[test]
     fn its_mode_is_told_by_name() {
@@ -90,5 +93,66 @@ mod tests {
         assert_eq!(hear(&mut car, "/modes/follow_aruco", 0.0), "remote");
         assert_eq!(hear(&mut car, "/modes/mapping", 1.0), "mapping");
         assert_eq!(hear(&mut car, "/1/kill", 1.0), "killed");
+    }
+
+    /// 1.5 m, -0.25 m and a radian, at the time of the last poll.
+    #[test]
+    fn its_place_is_told_in_millimetres() {
+        let mut car = Apollo13::new(Config {
+            start: CarPose {
+                x_m: 1.5,
+                y_m: -0.25,
+                heading_rad: 1.0,
+            },
+            ..Config::default()
+        });
+        car.now = Instant::from_millis(70);
+        car.scan.push(Point::new(3.0, 4.0));
+        let (at, pose) = car.estimate().expect("a place");
+        assert_eq!(at, Instant::from_millis(70));
+        assert!(pose.position().distance_mm(Point::new(1_500.0, -250.0)) < 0.01);
+        assert!((pose.heading - 1.0).abs() < 1e-6);
+        assert_eq!(car.scan(), [Point::new(3.0, 4.0)]);
+        assert!(car.map().is_none());
+    }
+
+    #[test]
+    fn what_happened_is_counted_by_name() {
+        let mut car = Apollo13::new(Config::default());
+        car.counters = Counters {
+            frames: 1,
+            bad_frames: 2,
+            lines: 3,
+            bad_lines: 4,
+            scans: 5,
+            bad_messages: 6,
+            packets: 7,
+            bad_packets: 8,
+            too_near: 9,
+            doubts: 10,
+            lost: 11,
+        };
+        let mut told = Vec::new();
+        car.counters(&mut |name, count| told.push((name, count)));
+        let expected = [
+            ("board frames", 1),
+            ("board bad frames", 2),
+            ("odometer lines", 3),
+            ("odometer bad lines", 4),
+            ("camera silences", 0),
+            ("odometer openings", 0),
+            ("scans", 5),
+            ("messages without meaning", 6),
+            ("remote packets", 7),
+            ("remote bad packets", 8),
+            ("odometer doubted", 10),
+            ("slips felt", 0),
+            ("pose lost", 11),
+            ("plans", 0),
+            ("obstacles too near", 9),
+            ("gates passed", 0),
+            ("gates blocked", 0),
+        ];
+        assert_eq!(told, expected);
     }
 }

@@ -123,7 +123,10 @@ mod tests {
         let mut car = Apollo13::new(Config::default());
         let mut gets_on = |millis, x_m| {
             car.now = Instant::from_millis(millis);
-            car.gets_on(CarPose::new(x_m, 0.0, 0.0))
+            car.gets_on(CarPose {
+                x_m,
+                ..CarPose::default()
+            })
         };
         assert!(gets_on(1_000, 0.0) && gets_on(16_000, 0.0));
         assert!(!gets_on(16_001, 0.3));

@@ -114,11 +114,11 @@ fn lookout(plan: &FloorPlan, number: u32) -> CarPose {
     let [across, along] = LOOKOUTS[index % LOOKOUTS.len()];
     let height = plan.obstacles.len() / plan.width.max(1);
     let [x0, y0] = plan.origin_m;
-    CarPose::new(
-        x0 + across * plan.width as f64 * plan.cell_m,
-        y0 + along * height as f64 * plan.cell_m,
-        wrapped(f64::from(number % HEADINGS) * core::f64::consts::FRAC_PI_2),
-    )
+    CarPose {
+        x_m: x0 + across * plan.width as f64 * plan.cell_m,
+        y_m: y0 + along * height as f64 * plan.cell_m,
+        heading_rad: wrapped(f64::from(number % HEADINGS) * core::f64::consts::FRAC_PI_2),
+    }
 }
 
 /// The straight path through a gate, a pose each 5 cm.
@@ -138,6 +138,67 @@ fn through(passage: Passage) -> alloc::vec::Vec<CarPose> {
 mod tests {
     use super::*;
 
+    /// A plan of 6 m by 4 m with its corner at (-1, 2): the middle is (2, 4), the other lookouts
+    /// lie a quarter of the width to its sides; four headings from each. After the twelfth the
+    /// sequence restarts.
+    #[test]
+    fn lookouts_lie_in_the_middle_and_to_its_sides() {
+        let plan = FloorPlan {
+            width: 12,
+            cell_m: 0.5,
+            origin_m: [-1.0, 2.0],
+            obstacles: alloc::vec![false; 12 * 8],
+        };
+        let quarter = core::f64::consts::FRAC_PI_2;
+        let cases = [
+            (0, 2.0, 0.0),
+            (1, 2.0, quarter),
+            (3, 2.0, -quarter),
+            (4, 0.5, 0.0),
+            (9, 3.5, quarter),
+            (10, 3.5, 2.0 * quarter),
+            (12, 2.0, 0.0),
+        ];
+        for (number, x_m, heading) in cases {
+            let found = lookout(&plan, number);
+            assert_eq!((found.x_m, found.y_m), (x_m, 4.0), "{number}");
+            assert!((found.heading_rad - heading).abs() < 1e-9, "{number}");
+        }
+        let none = lookout(&FloorPlan { width: 0, ..plan }, 0);
+        assert_eq!((none.x_m, none.y_m), (-1.0, 26.0));
+    }
+
+    /// 1.5 m in steps of 5 cm: 31 poses from end to end.
+    #[test]
+    fn the_way_through_a_gate_is_straight_and_fine() {
+        let before = CarPose {
+            x_m: 1.0,
+            y_m: 2.0,
+            heading_rad: 0.0,
+        };
+        let passage = Passage {
+            gate: [1, 2],
+            before,
+            middle: before.shifted(0.9),
+            behind: before.shifted(1.5),
+        };
+        let path = through(passage);
+        assert_eq!(path.len(), 31);
+        for (step, pose) in (0_u32..).zip(&path) {
+            assert!(
+                (pose.x_m - 1.0 - 0.05 * f64::from(step)).abs() < 1e-9,
+                "{pose:?}"
+            );
+            assert_eq!((pose.y_m, pose.heading_rad), (2.0, 0.0));
+        }
+        // Poses that coincide give two poses.
+        let on_the_spot = Passage {
+            behind: before,
+            ..passage
+        };
+        assert_eq!(through(on_the_spot), [before, before]);
+    }
+
     fn car() -> Apollo13 {
         let floor = FloorPlan {
             width: 120,
@@ -152,7 +213,11 @@ mod tests {
         })
     }
 
-    const HERE: CarPose = CarPose::new(1.5, 2.0, 0.0);
+    const HERE: CarPose = CarPose {
+        x_m: 1.5,
+        y_m: 2.0,
+        heading_rad: 0.0,
+    };
 
     fn passage() -> Passage {
         Passage {

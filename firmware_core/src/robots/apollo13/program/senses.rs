@@ -17,6 +17,9 @@ use crate::robots::apollo13::witness::{Finding, Told};
 
 /// Maximum valid ultrasonic range, metres, as published by the fielded program.
 const ULTRASOUND_MAX_M: f64 = 3.0;
+/// Distance by which a silent odometer has counted less than the board, more than by chance,
+/// metres: three pulses.
+const MISSED_M: f64 = 0.08;
 /// Minimum time between scans entered into the floor; the fielded costmap did it each 200 ms.
 const SEE_EVERY: Duration = Duration::from_millis(100);
 /// Minimum ultrasonic range ahead, metres, with which columns without a depth count as open floor.
@@ -140,9 +143,10 @@ impl Apollo13 {
         let before = self.pose();
         // The odometer's clock falls back at a reset.
         let is_reset = reading.time_s < self.odometer_s;
+        let has_missed = self.watch.is_silent(self.now) && self.has_missed_way(reading.distance_m);
         self.watch.hear(self.now, is_reset);
         // Ignore a gyroscope whose offset was measured while the car turned.
-        if is_reset || self.watch.is_misled() {
+        if is_reset || has_missed || self.watch.is_misled() {
             self.bridge();
             self.odometry.begin_anew();
             self.gyro.begin_anew();
@@ -159,6 +163,15 @@ impl Apollo13 {
         self.gates.moved(before, self.pose());
     }
 
+    /// Whether a silent odometer has counted less than the board since its last line: during the
+    /// gyroscope's calibration it does not read its encoder.
+    fn has_missed_way(&self, travel_m: f64) -> bool {
+        let (odometry, board) = &self.at_line;
+        let by_board = board.motion_to(self.by_board.pose_at(self.now));
+        odometry.counted_m(travel_m).abs() + MISSED_M
+            < libm::hypot(by_board.ahead_m, by_board.left_m)
+    }
+
     /// Replaces the turn of a stuck gyroscope by that of the steering. The other dialects round the
     /// rate too coarsely to detect a stuck one.
     fn turn_as_steered(&mut self, reading: odometer::Reading) {
@@ -167,7 +180,10 @@ impl Apollo13 {
         }
         let turn_rad = self.gyro.hear(reading, self.by_board.steering_rad());
         if turn_rad != 0.0 {
-            self.odometry.bridge(Motion::new(0.0, 0.0, turn_rad));
+            self.odometry.bridge(Motion {
+                turn_rad,
+                ..Motion::default()
+            });
         }
     }
 
@@ -185,6 +201,15 @@ impl Apollo13 {
             false => self.compare(),
         }
         self.gates.moved(before, self.pose());
+    }
+
+    /// Notes the command sent to the board: it gives the direction of the following pulses.
+    pub(super) fn note_command(&mut self) {
+        let was_backwards = self.by_board.is_backwards();
+        self.by_board.command(self.drive);
+        if self.by_board.is_backwards() != was_backwards {
+            self.witness.turn_round(self.told());
+        }
     }
 
     /// Compares the motions of the odometer and the board, which must agree.
@@ -302,10 +327,11 @@ impl Apollo13 {
     fn take_marker(&mut self, marker: Marker) {
         // The camera's axes: to the right, down, ahead.
         let [right, _, ahead] = marker.place_mm.map(|mm| f64::from(mm) / 1e3);
-        let place = self
-            .pose()
-            .shifted(CAMERA_AHEAD_M)
-            .then(Motion::new(ahead, -right, 0.0));
+        let place = self.pose().shifted(CAMERA_AHEAD_M).then(Motion {
+            ahead_m: ahead,
+            left_m: -right,
+            turn_rad: 0.0,
+        });
         self.gates.see(marker.id.into(), [place.x_m, place.y_m]);
         // A marker's post may be lower than the camera, so the camera must not clear it.
         let places = self.gates.markers().map(|(_, place)| place);
@@ -344,11 +370,11 @@ impl Apollo13 {
             return false;
         };
         let pose = |values: &[f32]| match values {
-            [x, y, heading] if values.iter().all(|value| value.is_finite()) => Some(CarPose::new(
-                f64::from(*x),
-                f64::from(*y),
-                crate::ackermann::wrapped(f64::from(*heading)),
-            )),
+            [x, y, heading] if values.iter().all(|value| value.is_finite()) => Some(CarPose {
+                x_m: f64::from(*x),
+                y_m: f64::from(*y),
+                heading_rad: crate::ackermann::wrapped(f64::from(*heading)),
+            }),
             _ => None,
         };
         match (message.addr.as_str(), &values[..]) {

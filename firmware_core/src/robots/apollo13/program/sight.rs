@@ -124,8 +124,9 @@ impl Sight {
     /// All readings in range as beams; directions without an object become beams of infinite range,
     /// if the floor `is_open`.
     pub(super) fn beams(&self, is_open: bool) -> Vec<Beam> {
-        let beam = |(direction, metres): (&Direction, f64)| {
-            Beam::new(direction.bearing_rad, metres * direction.range)
+        let beam = |(direction, metres): (&Direction, f64)| Beam {
+            bearing_rad: direction.bearing_rad,
+            range_m: metres * direction.range,
         };
         let mut beams: Vec<Beam> = self.readings().map(beam).collect();
         if is_open {
@@ -144,9 +145,10 @@ impl Sight {
             let is_empty = run.first() == Some(&0);
             if is_empty && run.len() >= NOTHING_COLUMNS {
                 let directions = self.directions.iter().skip(at).take(run.len());
-                beams.extend(
-                    directions.map(|direction| Beam::new(direction.bearing_rad, f64::INFINITY)),
-                );
+                beams.extend(directions.map(|direction| Beam {
+                    bearing_rad: direction.bearing_rad,
+                    range_m: f64::INFINITY,
+                }));
             } else if is_empty {
                 gaps += run.len();
             }

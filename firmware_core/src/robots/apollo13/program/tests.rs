@@ -176,7 +176,11 @@ impl<'a> Car<'a> {
         self.program
             .receive(Apollo13::SCAN, self.now, &message[..len]);
         for (id, [x_m, y_m]) in self.markers.clone() {
-            let seen = camera.motion_to(CarPose::new(x_m, y_m, 0.0));
+            let seen = camera.motion_to(CarPose {
+                x_m,
+                y_m,
+                heading_rad: 0.0,
+            });
             if seen.ahead_m > 0.5 && seen.left_m.abs() < 0.6 * seen.ahead_m && seen.ahead_m < 4.0 {
                 let marker = Marker {
                     id,
@@ -216,7 +220,24 @@ fn in_hall(seed: u64, start: CarPose) -> Config {
     }
 }
 
-const START: CarPose = CarPose::new(0.7, 2.0, 0.0);
+const START: CarPose = CarPose {
+    x_m: 0.7,
+    y_m: 2.0,
+    heading_rad: 0.0,
+};
+
+/// The kill switch: 60 ms after the packet the motor's stop is on the wire.
+#[test]
+fn ap9_the_kill_switch_stops_the_motor_within_60_ms() {
+    let mut car = Car::new(in_hall(1, START), &hall);
+    car.run(0.1);
+    car.say("/1/speed", &[2.0]);
+    car.run(0.5);
+    assert_eq!(car.drive.level, 2);
+    car.say("/1/kill", &[1.0]);
+    car.run(0.06);
+    assert_eq!(car.drive.level, 0);
+}
 
 /// D1: a box that is on no map stands on the straight path; the car drives around it without a
 /// touch, for 20 seeds.
@@ -417,6 +438,65 @@ fn ap14_three_gates_are_passed() {
     }
 }
 
+/// AP8 with the whole program: along the wall to the right at 0.40 m.
+#[test]
+fn ap8_the_wall_is_followed() {
+    let corridor = |_: f64, y: f64| !(0.0..1.6).contains(&y);
+    let config = Config {
+        start: CarPose {
+            y_m: 0.75,
+            ..CarPose::default()
+        },
+        wall: Some((Side::Right, 0.40)),
+        ..Config::default()
+    };
+    let mut car = Car::new(config, &corridor);
+    car.say("/modes/autonomous", &[1.0]);
+    car.run(10.0);
+    for _ in 0..100 {
+        car.run(0.1);
+        // The sensor sits 0.1 m to the right of the middle.
+        assert!((car.pose.y_m - 0.50).abs() < 0.03, "{:?}", car.pose);
+    }
+}
+
+/// Fielded: in a curve no line's sum is exact, and the pose stops; frames with 13 cm are read as 10
+/// cm.
+#[test]
+fn fielded_habits_lose_what_the_sound_ones_keep() {
+    let line = odometer::Dialect::AsCoded.line(&odometer::Measurement {
+        distance_m: 1.17,
+        rate_rad_s: 0.05,
+        yaw_rad: 0.31,
+        time_ms: 15_013,
+    });
+    let readings = car_board::Readings {
+        front_cm: 13,
+        battery_mv: 8_000,
+        ..car_board::Readings::default()
+    };
+    for (is_fielded, [lines, range_cm]) in [(false, [1, 13]), (true, [0, 10])] {
+        let mut program = Apollo13::new(Config {
+            dialect: Some(odometer::Dialect::AsCoded),
+            defects: Defects {
+                sums_exactly: is_fielded,
+                reads_cr_as_nl: is_fielded,
+                ..Defects::default()
+            },
+            ..Config::default()
+        });
+        program.receive(Apollo13::ODOMETER, Instant::ZERO, line.as_bytes());
+        program.receive(Apollo13::CAR, Instant::ZERO, readings.encode().as_bytes());
+        program.poll(Instant::ZERO + car_board::IDLE_GAP);
+        let found = program.ultrasound_m()[0].map(|range_m| (range_m * 100.0).round());
+        assert_eq!(found, Some(f64::from(range_cm)));
+        let mut taken = 0;
+        program
+            .counters(&mut |name, count| taken += if name == "odometer lines" { count } else { 0 });
+        assert_eq!(taken, lines as u64);
+    }
+}
+
 /// Random bytes on any port: only those bytes are lost.
 #[test]
 fn noise_on_all_ports_is_counted() {
@@ -440,4 +520,94 @@ fn noise_on_all_ports_is_counted() {
         }
     });
     assert!(bad > 100, "{bad}");
+}
+
+/// 0.7 s at rest: the configured pose, a line each 10 ms, a frame each 70. The tenth frame counts
+/// when the next one follows.
+#[test]
+fn an_observer_is_told_pose_and_counts() {
+    let mut car = Car::new(in_hall(1, START), &hall);
+    car.run(0.7);
+    let (at, pose) = car.program.estimate().expect("it has one");
+    assert_eq!(at, Instant::from_millis(700));
+    let off = libm::hypotf(
+        pose.x_mm - START.x_m as f32 * 1e3,
+        pose.y_mm - START.y_m as f32 * 1e3,
+    );
+    let askew = f64::from(pose.heading) - START.heading_rad;
+    assert!(off < 50.0 && askew.abs() < 0.05, "{pose:?}");
+    let mut counts = Vec::new();
+    car.program
+        .counters(&mut |name, count| counts.push((name, count)));
+    let count = |name: &str| counts.iter().find(|it| it.0 == name).map(|it| it.1);
+    assert_eq!(count("odometer lines"), Some(70));
+    assert_eq!(count("odometer bad lines"), Some(0));
+    assert_eq!(count("board frames"), Some(9));
+    assert_eq!(count("board bad frames"), Some(0));
+}
+
+/// Two bytes each 20 ms to the board, each millisecond with the fielded defect; the odometer's port
+/// may be opened at any time.
+#[test]
+fn each_port_has_its_line_and_its_time() {
+    for (floods, every_ms) in [(false, 20), (true, 1)] {
+        let mut config = Config::default();
+        config.defects.floods = floods;
+        let mut car = Apollo13::new(config);
+        assert_eq!(car.poll_at(), Some(Instant::ZERO));
+        assert!(car.may_send(Apollo13::ODOMETER) && !car.may_send(Apollo13::CAR));
+        car.poll(Instant::from_millis(5));
+        assert_eq!(car.poll_at(), Some(Instant::from_millis(5 + every_ms)));
+        assert!(car.may_send(Apollo13::CAR) && !car.may_send(Apollo13::SCAN));
+        let mut buf = [0; 8];
+        assert_eq!(car.transmit(Apollo13::ODOMETER, &mut buf), 0);
+        assert_eq!(car.transmit(Apollo13::CAR, &mut buf), 2);
+        assert!(!car.may_send(Apollo13::CAR));
+        car.poll(Instant::from_millis(4 + every_ms));
+        assert!(!car.may_send(Apollo13::CAR));
+        car.poll(Instant::from_millis(5 + every_ms));
+        assert!(car.may_send(Apollo13::CAR));
+    }
+    let car = Apollo13::new(Config::default());
+    let ports = [
+        Apollo13::CAR,
+        Apollo13::ODOMETER,
+        Apollo13::SCAN,
+        Apollo13::REMOTE,
+    ];
+    let bauds = ports.map(|port| car.line_config(port).baud);
+    assert_eq!(
+        bauds,
+        [car_board::BAUD, odometer::BAUD, 20_000_000, 20_000_000]
+    );
+}
+
+/// Half a second after the last distance the car stops following a wall; without a configured wall
+/// it never follows one.
+#[test]
+fn a_wall_is_followed_as_long_as_it_is_heard() {
+    let hears = |wall, heard_ms: Option<u64>| {
+        let mut car = Apollo13::new(Config {
+            wall,
+            ..Config::default()
+        });
+        car.now = Instant::from_millis(1_000);
+        car.wall_heard = heard_ms.map(Instant::from_millis);
+        car.hears_wall()
+    };
+    let wall = Some((Side::Left, 0.4));
+    assert!(hears(wall, Some(500)) && !hears(wall, Some(499)));
+    assert!(!hears(wall, None) && !hears(None, Some(1_000)));
+}
+
+/// 25 cm ahead is far enough to continue; without an echo there is no obstacle.
+#[test]
+fn what_is_nearer_than_25_cm_is_too_near() {
+    let mut car = Apollo13::new(Config::default());
+    let mut is_too_near = |front_m| {
+        car.ultrasound_m = [front_m, Some(0.01), Some(0.01)];
+        car.is_too_near()
+    };
+    let found = [None, Some(0.24), Some(0.25), Some(2.0)].map(&mut is_too_near);
+    assert_eq!(found, [false, true, false, false]);
 }

@@ -246,7 +246,11 @@ impl Reach {
             // At the end of a short path, look from the car towards the edge.
             let to = place(index.saturating_sub(HEADING_CELLS));
             let [x_m, y_m] = place(index);
-            CarPose::new(x_m, y_m, libm::atan2(to[1] - from[1], to[0] - from[0]))
+            CarPose {
+                x_m,
+                y_m,
+                heading_rad: libm::atan2(to[1] - from[1], to[0] - from[0]),
+            }
         };
         let first = short.min(way.len() / 2);
         (first..way.len()).map(pose).find(|pose| is_free(*pose))
@@ -268,3 +272,40 @@ const AROUND: [[i32; 2]; 8] = [
     [-1, -1],
     [1, -1],
 ];
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::vec::Vec;
+
+    use super::*;
+
+    /// Three columns and two rows: there are no neighbours beyond the map.
+    #[test]
+    fn neighbours_end_with_the_map() {
+        let reach = Reach {
+            width: 3,
+            before: alloc::vec![None; 6],
+            steps: Vec::new(),
+            order: Vec::new(),
+        };
+        let around = |index| {
+            let mut around: Vec<_> = reach.around(index).collect();
+            around.sort_unstable();
+            around
+        };
+        assert_eq!([around(0), around(2)], [[1, 3, 4], [1, 4, 5]]);
+        assert_eq!([around(3), around(5)], [[0, 1, 4], [1, 2, 4]]);
+        assert_eq!([around(1), around(4)], [[0, 2, 3, 4, 5], [0, 1, 2, 3, 5]]);
+    }
+
+    /// Of an L of 4 + 2 cells the mean is (1.83, 0.5): column 2 of row 0 is the nearest.
+    #[test]
+    fn the_middle_of_an_edge_is_one_of_its_cells() {
+        let edge = [0, 1, 2, 3, 13, 23];
+        assert_eq!(middle(&edge, 10), 2);
+        assert_eq!(middle(&[57], 10), 57);
+        assert_eq!(middle(&[7, 17, 27], 10), 17);
+    }
+}

@@ -20,20 +20,23 @@ fn scan(camera: CarPose, end_m: f64) -> Vec<Beam> {
         let aside = if sin > 0.0 { 0.825 } else { -0.825 };
         let ahead = if cos > 0.0 { end_m } else { -1.0 };
         let range_m = to(camera.y_m, aside, sin).min(to(camera.x_m, ahead, cos));
-        Beam::new(
+        Beam {
             bearing_rad,
-            if range_m > 10.0 {
+            range_m: if range_m > 10.0 {
                 f64::INFINITY
             } else {
                 range_m
             },
-        )
+        }
     };
     (-124..=124).map(beam).collect()
 }
 
 fn at(x_m: f64) -> CarPose {
-    CarPose::new(x_m, 0.0, 0.0)
+    CarPose {
+        x_m,
+        ..CarPose::default()
+    }
 }
 
 fn after(scans: u64) -> Instant {
@@ -85,7 +88,11 @@ fn the_walls_correct_the_odometry() {
     for step in 0..200_u32 {
         let truth = at(f64::from(step) * 0.04);
         found = survey.draw(after(step.into()), odometry, &scan(truth, 12.0));
-        odometry = odometry.then(Motion::new(0.04, 0.0, 0.04_f64.to_radians()));
+        odometry = odometry.then(Motion {
+            ahead_m: 0.04,
+            left_m: 0.0,
+            turn_rad: 0.04_f64.to_radians(),
+        });
     }
     assert!((odometry.heading_rad - 8_f64.to_radians()).abs() < 1e-6);
     assert!(
@@ -129,6 +136,24 @@ fn what_lies_beside_the_way_is_no_edge() {
     assert!(!survey.is_beside([3.0, 0.0]));
 }
 
+/// The gyroscope of a standing car drifts by a degree a second: the map does not turn with it.
+#[test]
+fn a_car_that_stands_does_not_turn() {
+    let mut survey = Survey::new(at(0.0));
+    let mut found = at(0.0);
+    for step in 0..200_u32 {
+        let odometry = CarPose {
+            heading_rad: f64::from(step) * 0.2_f64.to_radians(),
+            ..at(0.0)
+        };
+        found = survey.draw(after(step.into()), odometry, &scan(at(0.0), 12.0));
+    }
+    assert!(
+        found.heading_rad.abs() < 0.02 && found.distance_m(at(0.0)) < 0.02,
+        "{found:?}"
+    );
+}
+
 /// The camera sits 0.309 m before the axle, and a standing car with a drifting gyroscope seems to
 /// turn about the axle. A wall straight ahead gives no position along it: the map must not swing
 /// with the camera, 60 mm for each 0.2 rad.
@@ -138,7 +163,10 @@ fn a_car_that_stands_before_a_wall_does_not_wander_along_it() {
         .map(|degrees| {
             let bearing_rad = f64::from(degrees).to_radians();
             let range_m = 0.85 / libm::cos(bearing_rad);
-            Beam::new(bearing_rad, range_m)
+            Beam {
+                bearing_rad,
+                range_m,
+            }
         })
         .collect();
     let axle = at(-CAMERA_AHEAD_M);
@@ -155,6 +183,30 @@ fn a_car_that_stands_before_a_wall_does_not_wander_along_it() {
         found = survey.draw(after(step.into()), camera, &wall);
     }
     assert!(found.distance_m(at(0.0)) < 0.005, "{found:?}");
+}
+
+/// The map's first cell is 16 m behind and to the right of the camera's, a whole number of cells of
+/// 50 mm.
+#[test]
+fn the_map_lies_around_the_first_cell_of_the_camera() {
+    let survey = Survey::new(CarPose {
+        x_m: 1.02,
+        y_m: -0.01,
+        heading_rad: 1.0,
+    });
+    // 1.02 m is the cell from 1.00 on, -0.01 m the one from -0.05 on.
+    let [x, y] = survey.view().origin_mm();
+    assert!((x + 15_000.0).abs() < 0.01 && (y + 16_050.0).abs() < 0.01);
+    let survey = Survey::new(at(0.0));
+    let corners = [[-16.0, -16.0], [15.999, -16.0], [-16.0, 15.999]];
+    assert_eq!(
+        corners.map(|place| survey.index(place)),
+        [Some(0), Some(639), Some(639 * 640)]
+    );
+    for outside in [[16.0, 0.0], [0.0, 16.0], [-16.001, 0.0], [0.0, -16.001]] {
+        assert_eq!(survey.index(outside), None);
+        assert!(!survey.is_free(outside) && !survey.is_unknown(outside));
+    }
 }
 
 /// An obstacle in column 200 of row 100 and a free cell in column 190 of row 110: with 12 cells
@@ -245,6 +297,42 @@ fn a_cell_is_what_most_scans_say() {
     );
 }
 
+/// An obstacle 2 m ahead is entered and the path to it is free up to 1.925 m; one 3.5 m ahead is
+/// not entered yet; of 10 m the first 4 were checked.
+#[test]
+fn a_beam_frees_its_way_and_enters_its_end() {
+    let looked = |range_m: f64, x_m: f64| {
+        let mut survey = Survey::new(at(0.0));
+        let bearing_rad = core::f64::consts::FRAC_PI_2;
+        let turned = CarPose {
+            heading_rad: -bearing_rad,
+            ..at(0.52)
+        };
+        for _ in 0..2 {
+            survey.scans += 1;
+            let beam = Beam {
+                bearing_rad,
+                range_m,
+            };
+            survey.look(turned, &[beam]);
+        }
+        survey.cells[survey.index([0.5 + x_m, 1e-9]).unwrap()]
+    };
+    assert_eq!(
+        [1.91, 1.96, 2.03].map(|x_m| looked(2.01, x_m)),
+        [FREE, UNKNOWN, OBSTACLE]
+    );
+    assert_eq!(
+        [3.42, 3.47, 3.53].map(|x_m| looked(3.51, x_m)),
+        [FREE, UNKNOWN, UNKNOWN]
+    );
+    assert_eq!([3.98, 4.06].map(|x_m| looked(10.0, x_m)), [FREE, UNKNOWN]);
+    assert_eq!(
+        [2.97, 3.03].map(|x_m| looked(x_m, x_m)),
+        [OBSTACLE, UNKNOWN]
+    );
+}
+
 /// The fifth goal in a row with fewer than 100 new cells ends the exploration.
 #[test]
 fn four_goals_may_show_nothing() {
@@ -290,6 +378,16 @@ fn the_car_goes_back_once_by_two_and_a_half_metres() {
         survey.tried.add([9.0, 0.0]);
     }
     assert_eq!(survey.back(at(4.5), Vec::new(), |_| true), None);
+}
+
+/// 0.2 s after a scan the next one is due.
+#[test]
+fn five_scans_a_second_are_drawn() {
+    let mut survey = Survey::new(at(0.0));
+    assert!(survey.is_due(Instant::ZERO));
+    survey.draw(after(1), at(0.0), &[]);
+    let ms = |ms| Instant::ZERO + Duration::from_millis(ms);
+    assert_eq!([399, 400].map(|at| survey.is_due(ms(at))), [false, true]);
 }
 
 /// Two edges nearer than 0.6 m are the same; the third try is the last.
@@ -390,6 +488,70 @@ fn twelve_cells_make_an_edge() {
     assert_eq!([0, 2, 3].map(found), [false, false, true]);
 }
 
+/// A beam of 1 m along y from a cell's middle frees the cells up to a cell and a half before its
+/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. A point farther than 3 m is not
+/// entered, and its beam frees up to 4 m.
+#[test]
+fn a_beam_frees_cells_along_its_own_bearing() {
+    let camera = CarPose {
+        x_m: 0.025,
+        y_m: 0.025,
+        heading_rad: core::f64::consts::FRAC_PI_2,
+    };
+    let looked = |beams: &[(f64, f64)]| {
+        let mut survey = Survey::new(camera);
+        let beams: Vec<Beam> = beams
+            .iter()
+            .map(|&(bearing_rad, range_m)| Beam {
+                bearing_rad,
+                range_m,
+            })
+            .collect();
+        survey.scans = 1;
+        survey.look(camera, &beams);
+        survey
+    };
+    let seen =
+        |survey: &Survey, x_m: f64, y_m: f64| survey.index([x_m, y_m]).map(|at| survey.seen[at]);
+    let one = looked(&[(0.0, 1.0)]);
+    let along = |y_m| seen(&one, 0.025, y_m);
+    assert_eq!([0.03, 0.5, 0.92].map(along), [Some(-1); 3]);
+    assert_eq!([0.98, 1.02, 1.08].map(along), [Some(0), Some(1), Some(0)]);
+    assert_eq!(
+        [seen(&one, 0.5, 0.025), seen(&one, -0.5, 0.025)],
+        [Some(0); 2]
+    );
+    let aside = looked(&[(core::f64::consts::FRAC_PI_2, 0.5)]);
+    assert_eq!(
+        [seen(&aside, -0.475, 0.025), seen(&aside, -0.2, 0.025)],
+        [Some(1), Some(-1)]
+    );
+    let far = looked(&[(0.0, 3.1)]);
+    assert_eq!(
+        [seen(&far, 0.025, 3.125), seen(&far, 0.025, 3.0)],
+        [Some(0), Some(-1)]
+    );
+    let nothing = looked(&[(0.0, f64::INFINITY)]);
+    assert_eq!(
+        [seen(&nothing, 0.025, 3.98), seen(&nothing, 0.025, 4.08)],
+        [Some(-1), Some(0)]
+    );
+    // 3.9 m away 0.0124 rad are 48 mm, 0.013 rad 51 mm.
+    let both = |beside: f64| seen(&looked(&[(0.0, 9.0), (-beside, 9.0)]), 0.06, 3.9);
+    assert_eq!([both(0.012_4), both(0.013)], [Some(0), Some(-1)]);
+}
+
+/// 0.9 m beside the passed track, except where the car still is.
+#[test]
+fn what_lies_beside_the_track_was_passed() {
+    let mut survey = Survey::new(at(0.0));
+    survey.track = (0..4).map(|n| at(f64::from(n) * 3.0)).collect();
+    let is_beside = |x_m, y_m| survey.is_beside([x_m, y_m]);
+    assert!(is_beside(6.0, 0.89) && is_beside(6.0, -0.89) && is_beside(6.5, 0.7));
+    assert!(!is_beside(6.0, 0.91) && !is_beside(6.7, 0.7) && !is_beside(9.0, 0.0));
+    assert!(is_beside(0.0, 0.0) && !is_beside(1.5, 0.0));
+}
+
 /// A car that moves to and fro within a metre has not passed that position, however often; an open
 /// area there may be its next goal. A metre on, the car has passed.
 #[test]
@@ -403,6 +565,21 @@ fn who_moves_to_and_fro_has_not_passed() {
     assert!(survey.is_beside([3.8, 0.0]) && !survey.is_beside([4.9, 0.7]));
     survey.track.push(at(6.2));
     assert!(survey.is_beside([4.9, 0.7]));
+}
+
+/// An edge given up beside the path is checked once more after the car has gone back: then it
+/// counts as an edge again.
+#[test]
+fn what_was_given_up_beside_the_way_counts_after_going_back() {
+    let mut survey = Survey::new(at(0.0));
+    survey.track = (0..20).map(|n| at(f64::from(n) * 0.5)).collect();
+    for _ in 0..3 {
+        survey.tried.add([6.0, 0.5]);
+    }
+    let is_beside = |survey: &Survey, x_m| survey.is_beside([x_m, 0.5]);
+    assert!(is_beside(&survey, 6.0) && is_beside(&survey, 6.8));
+    assert!(survey.back(at(9.5), Vec::new(), |_| true).is_some());
+    assert!(!is_beside(&survey, 6.0) && !is_beside(&survey, 6.8) && is_beside(&survey, 7.0));
 }
 
 /// A car that drove 2 m, with a position each 0.25 m, and reverses by 1.25 m has the last positions
@@ -435,16 +612,64 @@ fn who_is_barred_from_an_edge_goes_back() {
     assert!(!survey.is_beside([6.0, 0.5]));
 }
 
+/// The camera's track is stored each 20 cm.
+#[test]
+fn the_track_is_kept_each_twenty_centimetres() {
+    let mut survey = Survey::new(at(0.0));
+    let kept = [0.0, 0.1, 0.19, 0.21, 0.3, 0.4, 0.42].map(|x_m| {
+        survey.draw(after(0), at(x_m), &[]);
+        survey.track.len()
+    });
+    assert_eq!(kept, [1, 1, 1, 2, 2, 2, 3]);
+}
+
+/// The same corridors for a car 5 m farther on, along x and along y: the search for the edge starts
+/// at the car.
+#[test]
+fn where_an_edge_lies_is_seen_from_the_car() {
+    let quarter = core::f64::consts::FRAC_PI_2;
+    for is_turned in [false, true] {
+        let is_ahead = |heading_rad: f64, from_m: f64, to_m: f64| {
+            let mut survey = corridor(5.0 + from_m, 5.0 + to_m);
+            let mut pose = CarPose {
+                heading_rad,
+                ..at(5.01)
+            };
+            if is_turned {
+                let cells = survey.cells.clone();
+                for (index, cell) in cells.iter().enumerate() {
+                    survey.cells[index % SIDE * SIDE + index / SIDE] = *cell;
+                }
+                pose = CarPose {
+                    x_m: pose.y_m,
+                    y_m: pose.x_m,
+                    heading_rad: quarter - heading_rad,
+                };
+            }
+            let (_, edge) = edges::next(&survey, &costs(&survey), pose, |_| true).unwrap();
+            edge[usize::from(is_turned)] > 5.0
+        };
+        assert!(is_ahead(0.0, -4.0, 5.0) && !is_ahead(quarter * 2.0, -4.0, 5.0));
+    }
+}
+
 /// A look from (0.025, 0.025) m along y, in cells of 5 cm, in steps of half a cell: up to one and a
 /// half cells before its end the space is free; a point farther than 3 m is not entered, and 4 m
 /// are cleared.
 #[test]
 fn a_look_passes_cells_up_to_its_end() {
-    let camera = CarPose::new(0.025, 0.025, core::f64::consts::FRAC_PI_2);
+    let camera = CarPose {
+        x_m: 0.025,
+        y_m: 0.025,
+        heading_rad: core::f64::consts::FRAC_PI_2,
+    };
     let seen = |beams: &[[f64; 2]]| {
         let beams: Vec<Beam> = beams
             .iter()
-            .map(|[bearing_rad, range_m]| Beam::new(*bearing_rad, *range_m))
+            .map(|[bearing_rad, range_m]| Beam {
+                bearing_rad: *bearing_rad,
+                range_m: *range_m,
+            })
             .collect();
         let mut survey = Survey::new(camera);
         survey.scans = 1;

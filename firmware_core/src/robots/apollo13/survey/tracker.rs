@@ -390,6 +390,42 @@ impl Sum {
 mod tests {
     use super::*;
 
+    /// 2 x + y = 4, x + 3 y + z = 10, y + z = 5: x = 1, y = 2, z = 3.
+    #[test]
+    fn normal_equations_are_solved() {
+        let sum = Sum {
+            matrix: [2.0, 1.0, 0.0, 3.0, 1.0, 1.0],
+            right: [4.0, 10.0, 5.0],
+        };
+        let solved = sum.solved();
+        for (found, expected) in solved.into_iter().zip([1.0, 2.0, 3.0]) {
+            assert!((found - expected).abs() < 1e-9, "{solved:?}");
+        }
+        assert_eq!(Sum::default().solved(), [0.0; 3]);
+    }
+
+    /// Points along a line at 30 degrees, a centimetre to either side of it; a cluster is no line.
+    #[test]
+    fn points_along_a_line_are_a_piece_of_it() {
+        let (sin, cos) = libm::sincos(30_f64.to_radians());
+        let mut piece = Piece::new(0);
+        for index in 0..20 {
+            let along = f64::from(index) * 0.01 - 0.095;
+            let off = if index % 2 == 0 { 0.01 } else { -0.01 };
+            piece.add([along * cos - off * sin, along * sin + off * cos], 1.0);
+        }
+        let line = piece.line.unwrap();
+        assert!((line.normal[0].abs() - sin).abs() < 0.1 && line.middle[0].abs() < 0.01);
+        let mut heap = Piece::new(0);
+        (0..20).for_each(|index| {
+            heap.add(
+                [f64::from(index % 5) * 0.03, f64::from(index / 5) * 0.03],
+                1.0,
+            )
+        });
+        assert!(heap.line.is_none());
+    }
+
     /// 4 + 2 + 6, 1 + 10 + 9 and 2 + 6 + 18 with 1, 2 and 3 again; two equal rows have no answer.
     #[test]
     fn normal_equations_with_all_entries_are_solved() {
@@ -406,6 +442,64 @@ mod tests {
             right: [1.0; 3],
         };
         assert_eq!(twice.solved(), [0.0; 3]);
+    }
+
+    #[test]
+    fn what_is_off_adds_to_the_normal_equations() {
+        let mut sum = Sum::default();
+        sum.add([1.0, 2.0, 3.0], 2.0, 0.5);
+        assert_eq!(sum.matrix, [0.5, 1.0, 1.5, 2.0, 3.0, 4.5]);
+        assert_eq!(sum.right, [-1.0, -2.0, -3.0]);
+        sum.add([0.0, 0.0, 1.0], -1.0, 1.0);
+        assert_eq!((sum.matrix[5], sum.right[2]), (5.5, -2.0));
+    }
+
+    /// After 5 m ahead and half a radian: 0.252 m along, 0.051 m aside, 0.007 rad. At any heading,
+    /// a pose without other constraints returns to the odometry's pose.
+    #[test]
+    fn the_odometry_holds_along_aside_and_in_turn() {
+        let motion = Motion {
+            ahead_m: 3.0,
+            left_m: -4.0,
+            turn_rad: -0.5,
+        };
+        let pose = CarPose {
+            x_m: 1.1,
+            y_m: 2.3,
+            heading_rad: 0.02,
+        };
+        let told = |heading_rad: f64| CarPose {
+            x_m: 1.0,
+            y_m: 2.0,
+            heading_rad,
+        };
+        let parts = [0.252, 0.051, 0.007].map(|sigma: f64| 1.0 / (sigma * sigma));
+        let sum = Sum::held(told(0.0), motion, pose);
+        let is =
+            |found: f64, expected: f64| (found - expected).abs() < 1e-6 * expected.abs() + 1e-9;
+        for (found, part) in [sum.matrix[0], sum.matrix[3], sum.matrix[5]]
+            .into_iter()
+            .zip(parts)
+        {
+            assert!(is(found, part), "{found} {part}");
+        }
+        let offs = [0.1, 0.3, 0.02];
+        for ((found, part), off) in sum.right.into_iter().zip(parts).zip(offs) {
+            assert!(is(found, -part * off), "{found} {part}");
+        }
+        // A quarter turn: along is y, aside is -x.
+        let turned = Sum::held(told(core::f64::consts::FRAC_PI_2), motion, pose);
+        assert!(is(turned.matrix[0], parts[1]) && is(turned.matrix[3], parts[0]));
+        for heading_rad in [0.0, 0.7, -2.0] {
+            let pose = CarPose {
+                heading_rad: heading_rad + 0.02,
+                ..pose
+            };
+            let solved = Sum::held(told(heading_rad), motion, pose).solved();
+            for (found, off) in solved.into_iter().zip(offs) {
+                assert!((found + off).abs() < 1e-9, "{solved:?}");
+            }
+        }
     }
 
     /// Eight points on the corners of a rectangle around (3, -2), turned by atan(3/4): the standard
@@ -445,7 +539,10 @@ mod tests {
     fn a_bias_is_learned_slowly_and_bounded() {
         for sign in [1.0, -1.0] {
             let mut tracker = Tracker::new(CarPose::default());
-            let motion = Motion::new(0.0, 0.0, 0.1 * sign);
+            let motion = Motion {
+                turn_rad: 0.1 * sign,
+                ..Motion::default()
+            };
             assert_eq!(tracker.rest(motion), CarPose::default());
             assert!((tracker.bias_rad - 0.003 * sign).abs() < 1e-9);
             tracker.bias_rad = 0.002 * sign;
@@ -468,6 +565,19 @@ mod tests {
             .collect();
         tracker.draw(&wall);
         tracker
+    }
+
+    /// Squares of 0.2 m from 16 m behind and to the right of the camera on.
+    #[test]
+    fn squares_lie_around_the_camera() {
+        let tracker = Tracker::new(CarPose::default());
+        assert_eq!(tracker.square([-16.0, -16.0]), Some([0, 0]));
+        assert_eq!(tracker.square([0.01, -0.01]), Some([80, 79]));
+        assert_eq!(tracker.square([15.99, 0.5]), Some([159, 82]));
+        assert_eq!(
+            [[16.0, 0.0], [0.0, -16.01]].map(|at| tracker.square(at)),
+            [None; 2]
+        );
     }
 
     /// A point 5 cm behind the wall lies on its line, with that distance; sqrt(1 + 20 / 10) times 4
@@ -516,7 +626,11 @@ mod tests {
         assert!(tracker.has_moved());
         tracker.scans = 9;
         let mut moved = |x_m: f64, heading_rad: f64| {
-            tracker.pose = CarPose::new(x_m, 0.0, heading_rad);
+            tracker.pose = CarPose {
+                x_m,
+                y_m: 0.0,
+                heading_rad,
+            };
             tracker.has_moved()
         };
         assert!(!moved(0.019, 0.009) && moved(0.02, 0.0) && moved(0.0, -0.01));
@@ -531,7 +645,11 @@ mod tests {
     #[test]
     fn a_scan_is_laid_onto_the_wall() {
         let mut tracker = before_a_wall();
-        let told = CarPose::new(0.03, 0.01, 0.02);
+        let told = CarPose {
+            x_m: 0.03,
+            y_m: 0.01,
+            heading_rad: 0.02,
+        };
         let seen: Vec<Sighting> = (-40..40)
             .map(|n| Sighting {
                 at: [2.1, f64::from(n) * 0.02 + 0.01],
@@ -539,7 +657,11 @@ mod tests {
                 along: Some([0.0, 1.0]),
             })
             .collect();
-        let motion = Motion::new(0.5, 0.0, 1.0);
+        let motion = Motion {
+            ahead_m: 0.5,
+            left_m: 0.0,
+            turn_rad: 1.0,
+        };
         let pose = tracker.laid(told, motion, &seen);
         assert!(tracker.is_fitting());
         assert!(pose.x_m.abs() < 0.001, "{pose:?}");
@@ -555,6 +677,68 @@ mod tests {
         assert!(!tracker.is_fitting());
     }
 
+    /// The same wall seen from (1, 2) by a camera that looks along y: 2.1 m ahead is y = 4.1, and
+    /// half a metre to its left x = 0.5.
+    #[test]
+    fn a_wall_is_drawn_from_where_the_camera_is() {
+        let mut tracker = Tracker::new(CarPose::default());
+        tracker.pose = CarPose {
+            x_m: 1.0,
+            y_m: 2.0,
+            heading_rad: core::f64::consts::FRAC_PI_2,
+        };
+        let wall: Vec<Sighting> = (0..50)
+            .map(|n| Sighting {
+                at: [2.1, f64::from(n) * 0.02 + 0.01],
+                sigma: 2.0 * SIGMA_M,
+                along: None,
+            })
+            .collect();
+        tracker.draw(&wall);
+        let (line, off_m, sigma) = tracker.line_near([0.5, 4.16]).expect("a wall");
+        assert!((line.middle[0] - 0.5).abs() < 1e-9 && (line.middle[1] - 4.1).abs() < 1e-9);
+        assert!((off_m * line.normal[1] - 0.06).abs() < 1e-9);
+        // Ten points, each of a quarter of the weight: 4 mm by the root of 1 + 20 / 2.5.
+        assert!((sigma - 0.012).abs() < 1e-9, "{sigma}");
+        assert!(tracker.line_near([1.6, 4.1]).is_none() && tracker.line_near([0.5, 3.6]).is_none());
+        // From the middle of its last piece, 0.1, the line continues for a quarter of a metre.
+        assert!(
+            tracker.line_near([-0.14, 4.1]).is_some() && tracker.line_near([-0.16, 4.1]).is_none()
+        );
+    }
+
+    /// Of two equally new lines the nearer one is taken; a distance along the line counts a fifth.
+    #[test]
+    fn of_two_lines_the_nearer_is_taken() {
+        let mut tracker = before_a_wall();
+        let other: Vec<Sighting> = (-50..50)
+            .map(|n| Sighting {
+                at: [2.25, f64::from(n) * 0.02 + 0.01],
+                sigma: SIGMA_M,
+                along: None,
+            })
+            .collect();
+        tracker.draw(&other);
+        let x_m = |x| tracker.line_near([x, 0.1]).map(|it| it.0.middle[0]);
+        assert!(x_m(2.17).is_some_and(|x| (x - 2.1).abs() < 1e-9));
+        assert!(x_m(2.18).is_some_and(|x| (x - 2.25).abs() < 1e-9));
+        let y_m = |y| tracker.line_near([2.1, y]).map(|it| it.0.middle[1]);
+        assert!(y_m(0.19).is_some_and(|y| (y - 0.1).abs() < 1e-9));
+        assert!(y_m(0.21).is_some_and(|y| (y - 0.3).abs() < 1e-9));
+    }
+
+    /// 4 + 2 + 9, 1 + 10 + 6 and 3 + 4 + 18 with 1, 2 and 3.
+    #[test]
+    fn normal_equations_with_unlike_entries_are_solved() {
+        let sum = Sum {
+            matrix: [4.0, 1.0, 3.0, 5.0, 2.0, 6.0],
+            right: [15.0, 17.0, 25.0],
+        };
+        for (found, expected) in sum.solved().into_iter().zip([1.0, 2.0, 3.0]) {
+            assert!((found - expected).abs() < 1e-9);
+        }
+    }
+
     /// Points on the wall before the camera, each 2 cm, at a distance behind it.
     fn behind_the_wall(of: &[(core::ops::Range<i32>, f64)]) -> Vec<Sighting> {
         let one = |n: i32, behind_m: f64| Sighting {
@@ -567,7 +751,11 @@ mod tests {
             .collect()
     }
 
-    const HALF_A_METRE: Motion = Motion::new(0.5, 0.0, 0.0);
+    const HALF_A_METRE: Motion = Motion {
+        ahead_m: 0.5,
+        left_m: 0.0,
+        turn_rad: 0.0,
+    };
 
     /// In the first rounds a point may be 25 cm from its line, in the rest 12 cm: an odometry error
     /// of 20 cm is corrected, one of 26 cm is not.
@@ -576,7 +764,10 @@ mod tests {
         let seen = behind_the_wall(&[(-40..40, 0.0)]);
         let laid = |off_m: f64| {
             let mut tracker = before_a_wall();
-            let told = CarPose::new(off_m, 0.0, 0.0);
+            let told = CarPose {
+                x_m: off_m,
+                ..CarPose::default()
+            };
             let pose = tracker.laid(told, HALF_A_METRE, &seen);
             (pose.x_m, tracker.is_fitting())
         };
@@ -617,10 +808,22 @@ mod tests {
         };
         let mut tracker = Tracker::new(CarPose::default());
         tracker.draw(&seen_from(CarPose::default()));
-        let motion = Motion::new(3.0, 0.0, 1.0);
+        let motion = Motion {
+            ahead_m: 3.0,
+            left_m: 0.0,
+            turn_rad: 1.0,
+        };
         for [x_m, y_m, heading_rad] in [[0.3, -0.2, 0.7], [-0.4, 0.5, 2.5], [0.7, 0.1, -1.2]] {
-            let truth = CarPose::new(x_m, y_m, heading_rad);
-            let told = CarPose::new(x_m + 0.03, y_m - 0.02, heading_rad + 0.015);
+            let truth = CarPose {
+                x_m,
+                y_m,
+                heading_rad,
+            };
+            let told = CarPose {
+                x_m: x_m + 0.03,
+                y_m: y_m - 0.02,
+                heading_rad: heading_rad + 0.015,
+            };
             let pose = tracker.laid(told, motion, &seen_from(truth));
             assert!(tracker.is_fitting());
             let off_rad = (pose.heading_rad - heading_rad).abs();

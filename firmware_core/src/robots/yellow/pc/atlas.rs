@@ -8,9 +8,10 @@ use super::config::{Following, Mapping, NextView, PcConfig, Planning};
 use super::drive::Stretch;
 use super::link::Sight;
 use super::saved;
-use crate::cell_map::{Cell, CellMap, NotWritten};
+use crate::cell_map::{Cell, CellMap};
 use crate::frontier;
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::growing_map::NotWritten;
 use crate::local_map::{CELL_MM, local_map};
 use crate::localise::{Estimate, Votes};
 use crate::map_view::MapView;
@@ -240,6 +241,7 @@ impl Atlas {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::local_map::Segment;
 
     /// A wall cell with one sighting is free after three clearings, one with two sightings after
     /// five; another sighting makes it a wall again.
@@ -251,5 +253,67 @@ mod tests {
         assert_eq!(told[..5], [OBSTACLE, OBSTACLE, OBSTACLE, FREE, OBSTACLE]);
         assert_eq!(told[5..], [OBSTACLE, FREE]);
         assert_eq!(Evidence::default().after(FREE), FREE);
+    }
+
+    /// A cleared map has no cells, no evidence, no walls and no path.
+    #[test]
+    fn a_place_that_is_forgotten_is_unknown() {
+        let mut atlas = Atlas::new(&PcConfig::default());
+        let cells = [FREE, OBSTACLE, UNKNOWN, FREE];
+        let map = MapView::new(2, CELL_MM, [0.0; 2], &cells);
+        atlas.load(&map).expect("small");
+        assert_eq!(atlas.evidence.len(), 3);
+        let value = |atlas: &Atlas, x, y| {
+            let mut cells = atlas.global.iter();
+            cells
+                .find(|(cell, _)| *cell == Cell::new(x, y))
+                .map(|it| it.1)
+        };
+        assert_eq!(
+            [value(&atlas, 0, 0), value(&atlas, 1, 0)],
+            [Some(FREE), Some(OBSTACLE)]
+        );
+        assert_eq!(
+            [value(&atlas, 0, 1), value(&atlas, 1, 1)],
+            [Some(UNKNOWN), Some(FREE)]
+        );
+        // Corners with a small error lie in the same cells.
+        let map = MapView::new(2, CELL_MM, [99.9, -100.1], &cells);
+        atlas.load(&map).expect("small");
+        assert_eq!(
+            [value(&atlas, 1, -1), value(&atlas, 2, -1)],
+            [Some(FREE), Some(OBSTACLE)]
+        );
+        atlas.way = alloc::vec![Point::new(1.0, 2.0)];
+        atlas.vertices = atlas.way.clone();
+        atlas.edges = alloc::vec![(0, 0)];
+        atlas.clear();
+        assert!(atlas.evidence.is_empty() && atlas.way.is_empty() && atlas.local.is_none());
+        assert!(atlas.vertices.is_empty() && atlas.edges.is_empty() && !atlas.corrects());
+        assert!(atlas.global.iter().all(|(_, value)| value == UNKNOWN));
+    }
+
+    /// A wall a metre ahead, seen from 13 m to either side. A program with 8 bits limits its own
+    /// position to 12.7 m.
+    #[test]
+    fn eight_bits_tell_no_more_than_12_7_m() {
+        let wall = |eight_bits: bool, at: [f32; 2]| {
+            let mut config = PcConfig::default();
+            config.mapping.eight_bits = eight_bits;
+            let mut atlas = Atlas::new(&config);
+            let pose = Pose::new(at[0], at[1], 0.0);
+            let line = Segment::new(Point::new(1_050.0, -500.0), Point::new(1_050.0, 500.0));
+            let sight = Sight::of(pose, alloc::vec![line]);
+            atlas.add(pose, &sight).expect("near");
+            assert_eq!(atlas.views, 1);
+            let cells = atlas.global.iter();
+            let mut walls = cells.filter(|(_, value)| *value == OBSTACLE);
+            walls.next().map(|(cell, _)| cell.x)
+        };
+        assert_eq!(wall(true, [12_600.0, 50.0]), Some(136));
+        assert_eq!(wall(true, [13_000.0, 50.0]), Some(137));
+        assert_eq!(wall(true, [-13_000.0, 50.0]), Some(-117));
+        assert_eq!(wall(false, [13_000.0, 50.0]), Some(140));
+        assert_eq!(wall(false, [-13_000.0, 50.0]), Some(-120));
     }
 }

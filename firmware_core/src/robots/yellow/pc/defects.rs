@@ -37,3 +37,20 @@ impl PcConfig {
         Some(self)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_way_of_the_fielded_program_is_switched_by_its_number() {
+        let told = |config: &PcConfig| alloc::format!("{config:?}");
+        let sound = told(&PcConfig::default());
+        for id in PcConfig::defects() {
+            let with = PcConfig::default().with_defect(id).map(|with| told(&with));
+            assert!(with.is_some_and(|with| with != sound), "{id}");
+        }
+        assert!(PcConfig::default().with_defect("none").is_none());
+        assert!(PcConfig::defects().count() > 2);
+    }
+}

@@ -341,6 +341,16 @@ mod tests {
         );
     }
 
+    #[test]
+    fn a_goal_is_near_in_both_axes_and_in_its_heading() {
+        let mut goal = Goal::passed(Point::new(1_000.0, 0.0));
+        let is_near = |goal: Goal, x, y| goal.is_near(Pose::new(x, y, 0.0), 50.0, 0.1);
+        assert!(is_near(goal, 1_049.0, -49.0));
+        assert!(!is_near(goal, 1_051.0, 0.0) && !is_near(goal, 1_000.0, -51.0));
+        goal.heading = Some(-0.11);
+        assert!(!is_near(goal, 1_000.0, 0.0));
+    }
+
     fn sent() -> Sent {
         Sent::new(Instant::ZERO, 0, Pose::new(1_000.0, 0.0, 0.0))
     }
@@ -394,5 +404,30 @@ mod tests {
         assert!(!is_astray(49.0, 0.34) && !is_astray(51.0, 0.32) && !is_astray(751.0, 0.34));
         // Beyond the goal the robot heads away from it.
         assert!(is_astray(1_251.0, 0.0) && !is_astray(1_249.0, 0.0));
+    }
+
+    /// The robot got its goal while it rested at 1 m: more than 10 mm or 0.05 rad is a motion.
+    #[test]
+    fn a_robot_that_is_elsewhere_has_moved() {
+        let has_moved = |x_mm: f32, turn_rad: f32| sent().has_moved(at(x_mm, turn_rad));
+        assert!(!has_moved(1_000.0, 0.0) && !has_moved(1_009.0, 0.049));
+        assert!(has_moved(1_011.0, 0.0) && has_moved(989.0, 0.0));
+        assert!(has_moved(1_000.0, 0.051) && has_moved(1_000.0, -0.051));
+    }
+
+    /// The fielded rule counts checks, in any state of the robot, and requires 10 mm from the
+    /// start.
+    #[test]
+    fn the_fielded_rule_tells_again_what_has_not_moved() {
+        let told = |x_mm: f32| {
+            let mut sent = sent();
+            [0; 6].map(|_| sent.is_unmoved(at(x_mm, 0.0)))
+        };
+        let each_third = [false, false, true, false, false, true];
+        assert_eq!([told(1_000.0), told(1_009.9)], [each_third; 2]);
+        assert_eq!(told(1_010.0), [false; 6]);
+        let mut sent = sent();
+        (0..5).for_each(|_| assert!(!sent.is_unmoved(at(1_500.0, 0.0))));
+        assert!(sent.is_unmoved(at(1_005.0, 0.0)));
     }
 }

@@ -456,6 +456,44 @@ mod tests {
         }
     }
 
+    #[test]
+    fn what_was_heard_is_counted_from_one() {
+        let mut link = link(Sending::default());
+        assert_eq!((link.number(), link.heard().is_none()), (0, true));
+        link.heard = Some(telemetry(5, 0.5));
+        assert_eq!(link.number(), 5);
+        assert!(link.heard_since(4).is_some() && link.heard_since(5).is_none());
+        link.sight = Some(Sight {
+            number: 5,
+            pose: Pose::default(),
+            lines: Vec::new(),
+        });
+        assert!(link.sight_since(4).is_some() && link.sight_since(5).is_none());
+        let pose = link.heard().and_then(Heard::pose).expect("it says so");
+        assert_eq!((pose.x_mm, pose.y_mm, pose.heading), (1_500.0, -250.0, 0.5));
+        assert_eq!(telemetry(1, f32::NAN).pose(), None);
+        let told = wire_pose(pose);
+        assert_eq!((told.x, told.y, told.alpha), (1.5, -0.25, 0.5));
+    }
+
+    /// Nine tenths of a second after its last message the robot counts as silent, once.
+    #[test]
+    fn a_robot_is_silent_after_900_ms() {
+        let mut link = link(Sending::default());
+        link.poll(at(5_000));
+        assert_eq!((link.is_silent(), link.poll_at()), (false, None));
+        link.heard = Some(telemetry(1, 0.0));
+        assert_eq!(link.poll_at(), Some(at(1_900)));
+        link.poll(at(1_899));
+        assert!(!link.is_silent());
+        link.poll(at(1_900));
+        link.poll(at(2_500));
+        assert_eq!(
+            (link.is_silent(), link.counts.silences, link.poll_at()),
+            (true, 1, None)
+        );
+    }
+
     /// A correction of 5 mm or 5 mrad is sent, also across half a turn.
     #[test]
     fn small_corrections_are_not_told() {
@@ -502,6 +540,44 @@ mod tests {
         assert_eq!(link.counts.commands, 67);
         link.poll(at(2));
         assert!(link.out.is_empty());
+    }
+
+    /// YP-03: a request discards all waiting commands; a drive does not.
+    #[test]
+    fn a_request_may_clear_the_queue() {
+        let lost = |kind, requests_clear_queue| {
+            let mut link = link(Sending {
+                one_per_frame: true,
+                requests_clear_queue,
+                ..Sending::default()
+            });
+            (0..3).for_each(|_| link.send(at(1), Kind::Drive, rest()));
+            link.send(at(1), kind, rest());
+            (link.queue.len(), link.counts.lost_in_queue)
+        };
+        assert_eq!(lost(Kind::Request, true), (1, 3));
+        assert_eq!(
+            [lost(Kind::Drive, true), lost(Kind::Request, false)],
+            [(4, 0); 2]
+        );
+    }
+
+    /// YP-02: a byte a millisecond.
+    #[test]
+    fn bytes_may_go_one_a_millisecond() {
+        let mut link = link(Sending {
+            byte_per_ms: true,
+            ..Sending::default()
+        });
+        link.send(at(5), Kind::Drive, rest());
+        link.poll(at(5));
+        assert_eq!((link.released, link.poll_at()), (1, Some(at(6))));
+        link.poll(at(5));
+        assert_eq!(link.released, 1);
+        link.poll(at(6));
+        assert_eq!(link.released, 2);
+        let mut buf = [0; 64];
+        assert_eq!((link.transmit(&mut buf), link.released), (2, 0));
     }
 
     /// A request goes out at once, again each 700 ms without an answer, and at most fourteen times.

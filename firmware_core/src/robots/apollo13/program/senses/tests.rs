@@ -18,6 +18,20 @@ fn message(address: &str, values: &[f32]) -> OscMessage {
     }
 }
 
+#[test]
+fn numbers_of_a_phone_may_have_any_type() {
+    let numbers = [
+        OscType::Float(1.5),
+        OscType::Double(2.5),
+        OscType::Int(-3),
+        OscType::Bool(true),
+        OscType::Bool(false),
+    ];
+    let found = numbers.map(|value| number(&value));
+    assert_eq!(found, [1.5, 2.5, -3.0, 1.0, 0.0].map(Some));
+    assert_eq!(number(&OscType::Nil), None);
+}
+
 /// Three numbers are a goal or a pose; a goal without numbers ends the drive.
 #[test]
 fn a_goal_and_a_pose_are_three_numbers() {
@@ -142,6 +156,45 @@ fn messages_without_meaning_are_counted() {
     assert_eq!(car.misfits, 0);
 }
 
+/// A quiet line releases a frame, once.
+#[test]
+fn a_frame_counts_when_the_board_is_quiet() {
+    let mut car = car();
+    let readings = car_board::Readings {
+        front_cm: 100,
+        battery_mv: 7_400,
+        ..car_board::Readings::default()
+    };
+    car.now = Instant::from_millis(100);
+    car.hear_board(readings.encode().as_bytes());
+    car.let_board_idle();
+    let before = car.counters.frames;
+    car.now += car_board::IDLE_GAP;
+    car.let_board_idle();
+    car.let_board_idle();
+    assert_eq!((car.counters.frames, car.counters.bad_frames), (1, 0));
+    assert!(before <= 1 && car.board_heard.is_none());
+    assert_eq!(car.ultrasound_m()[0], Some(1.0));
+}
+
+/// While it was silent the odometer counted at least 8 cm less than the board, three pulses: half a
+/// metre by the board, and 41, 43 or minus 43 cm by the odometer.
+#[test]
+fn an_odometer_that_missed_three_pulses_was_deaf() {
+    let mut car = car();
+    car.odometry.update(1.0, 0.0);
+    car.at_line = (
+        car.odometry.clone(),
+        CarPose {
+            x_m: -0.4,
+            y_m: 0.3,
+            ..CarPose::default()
+        },
+    );
+    let missed = [0.41, -0.41, 0.43, -0.43, 0.6].map(|way_m| car.has_missed_way(1.0 + way_m));
+    assert_eq!(missed, [true, true, false, false, false]);
+}
+
 /// Frames with impossible values are counted and ignored.
 #[test]
 fn frames_of_the_board_that_are_damaged_are_counted() {
@@ -181,7 +234,11 @@ fn a_car_is_lost_after_forty_scans_that_do_not_fit() {
             origin_m: [0.0; 2],
             obstacles: (0..200 * 200).map(is_rim).collect(),
         },
-        start: CarPose::new(5.0, 5.0, 0.0),
+        start: CarPose {
+            x_m: 5.0,
+            y_m: 5.0,
+            ..CarPose::default()
+        },
         ..Config::default()
     });
     let mut now = CarPose::default();
@@ -202,6 +259,34 @@ fn a_car_is_lost_after_forty_scans_that_do_not_fit() {
     assert_eq!([judge(10), judge(10), judge(10)], [(40, 1); 3]);
     // Nine beams are too few to say anything.
     assert_eq!([judge(9), judge(9), judge(10)], [(38, 1), (36, 1), (37, 1)]);
+}
+
+/// 1.25 + 0.5 + 1.5 + 12345 is 12348.25, but the sketch rounds before it adds: the fielded host
+/// refuses the line. 100 is exact.
+#[test]
+fn an_exact_sum_refuses_what_was_rounded() {
+    let heard = |sums_exactly, line: &[u8]| {
+        let mut config = Config {
+            dialect: Some(odometer::Dialect::AsCoded),
+            ..Config::default()
+        };
+        config.defects.sums_exactly = sums_exactly;
+        let mut car = Apollo13::new(config);
+        car.hear_odometer(line);
+        [car.counters.lines, car.counters.bad_lines]
+    };
+    let (rounded, whole) = (
+        b"1.25*0.50*1.50*12345*12347.76*\r\n",
+        b"0.00*0.00*0.00*100*100.00*\r\n",
+    );
+    assert_eq!(
+        [false, true].map(|exactly| heard(exactly, rounded)),
+        [[1, 0], [0, 1]]
+    );
+    assert_eq!(
+        [false, true].map(|exactly| heard(exactly, whole)),
+        [[1, 0]; 2]
+    );
 }
 
 /// An odometer that was reset counts from 0 again, and its clock falls back: the car's pose stays.
@@ -230,6 +315,26 @@ fn an_odometer_that_was_reset_moves_nobody() {
         ways.map(|x_m| ((x_m - begun) * 100.0).round()),
         [50.0, 60.0, 60.0, 80.0]
     );
+}
+
+/// 13 is a carriage return, 10 a newline.
+#[test]
+fn a_terminal_driver_may_change_what_the_board_says() {
+    let front = |reads_cr_as_nl| {
+        let mut config = Config::default();
+        config.defects.reads_cr_as_nl = reads_cr_as_nl;
+        let mut car = Apollo13::new(config);
+        let readings = car_board::Readings {
+            front_cm: 13,
+            battery_mv: 7_400,
+            ..car_board::Readings::default()
+        };
+        car.hear_board(readings.encode().as_bytes());
+        car.now += car_board::IDLE_GAP;
+        car.let_board_idle();
+        car.ultrasound_m()[0]
+    };
+    assert_eq!([false, true].map(front), [Some(0.13), Some(0.10)]);
 }
 
 /// A datagram holds one packet. `/ping` without arguments is 12 bytes: the address with its NUL and

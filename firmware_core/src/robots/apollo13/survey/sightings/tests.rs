@@ -96,6 +96,14 @@ fn a_place_is_as_sure_as_the_mean_of_its_neighbours() {
     assert!(across[0].abs() < 1e-9 && is(across[1].abs(), 1.0));
 }
 
+/// 3, 4 and 5: a point at exactly the reach is within it, at a reach 1 mm shorter it is not.
+#[test]
+fn the_reach_is_a_distance() {
+    assert!(is_within([3.0, 4.0], 5.0) && is_within([3.0, -4.0], 5.002));
+    assert!(!is_within([3.0, 4.0], 4.999) && !is_within([-3.0, 4.0], 2.5));
+    assert!(is_within([0.3, 0.4], 5.0));
+}
+
 /// Columns without a depth, each tenth of a wall, are left out as neighbours.
 #[test]
 fn what_has_no_depth_is_left_out() {
@@ -114,4 +122,20 @@ fn what_has_no_depth_is_left_out() {
         places(sightings(holed, 9.0)),
         places(sightings(kept.into_iter(), 9.0))
     );
+}
+
+/// Columns 16 cm apart on a wall 8 m ahead: five to either side span 1.6 m, longer than the
+/// straight limit, but fewer neighbours are not used.
+#[test]
+fn five_neighbours_to_either_side_are_asked_however_far_they_are() {
+    let wall = (-10..=10).map(|column| {
+        let t = f64::from(column) * 0.02;
+        [libm::atan(t), 8.0 * libm::sqrt(1.0 + t * t)]
+    });
+    let places = sightings(wall, 9.0);
+    assert_eq!(places.len(), 21);
+    let middle = &places[10];
+    let along = middle.along.expect("it is of a line");
+    assert!((along[1].abs() - 1.0).abs() < 1e-6, "{along:?}");
+    assert!((middle.at[0] - 8.0).abs() < 1e-6, "{middle:?}");
 }
