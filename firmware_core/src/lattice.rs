@@ -11,14 +11,12 @@
 //! lattice planner of seed 003 (sbpl), its figures and its file of primitives. For the search see
 //! [`plan`](Lattice::plan).
 
-mod mprim;
 mod primitives;
 mod search;
 mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use mprim::{MprimError, parse, write};
-pub use primitives::{Primitive, PrimitiveError, PrimitiveSet};
+pub use primitives::{Primitive, PrimitiveSet};
 pub use search::{Goal, Limits, NoPlan, Plan};
 pub use sweep::{Lattice, Outline};

@@ -1,7 +1,6 @@
 //! Motions from which plans are composed.
 
 use core::f64::consts::{FRAC_PI_4, TAU};
-use core::fmt;
 
 use alloc::vec::Vec;
 
@@ -15,8 +14,6 @@ const POSES: usize = 10;
 /// One motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Primitive {
-    /// Number among the primitives of the same heading.
-    pub id: u32,
     /// Start heading, of [`PrimitiveSet::angles`].
     pub start: u32,
     /// End: cells along x and y from the first cell, and the heading.
@@ -36,92 +33,15 @@ pub struct PrimitiveSet {
     primitives: Vec<Primitive>,
 }
 
-/// Reason why primitives are not a set.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum PrimitiveError {
-    /// Cells without a size, or a number of headings that is not a multiple of 4 from 4 to 256.
-    Grid,
-    /// The last pose is not in the declared end cell and heading.
-    End {
-        /// Index of the primitive, from 0.
-        index: usize,
-    },
-    /// The primitive has an invalid start heading, no poses, no cost, or ends where it begins.
-    Empty {
-        /// Index of the primitive, from 0.
-        index: usize,
-    },
-    /// Headings have different numbers of primitives.
-    Uneven {
-        /// The first heading with a different number than heading 0.
-        angle: u32,
-    },
-}
-
-impl fmt::Display for PrimitiveError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Grid => write!(
-                f,
-                "expected cells with a size and 4 to 256 headings, by fours"
-            ),
-            Self::End { index } => {
-                write!(f, "primitive {index} does not end where its last pose is")
-            }
-            Self::Empty { index } => write!(f, "primitive {index} leads nowhere"),
-            Self::Uneven { angle } => {
-                write!(
-                    f,
-                    "heading {angle} has another number of primitives than heading 0"
-                )
-            }
-        }
-    }
-}
-
-impl core::error::Error for PrimitiveError {}
-
 impl PrimitiveSet {
-    /// A set of `primitives` for cells of `resolution_m` and `angles` headings.
-    ///
-    /// # Errors
-    /// If they do not fit together.
-    pub fn new(
-        resolution_m: f64,
-        angles: u32,
-        primitives: Vec<Primitive>,
-    ) -> Result<Self, PrimitiveError> {
-        let is_size = resolution_m.is_finite() && (1e-3..1e3).contains(&resolution_m);
-        if !is_size || !(4..=256).contains(&angles) || !angles.is_multiple_of(4) {
-            return Err(PrimitiveError::Grid);
-        }
-        let set = Self {
-            resolution_m,
-            angles,
-            primitives,
-        };
-        for (index, primitive) in set.primitives.iter().enumerate() {
-            set.check(index, primitive)?;
-        }
-        let count = |angle| set.of(angle).count();
-        match (0..angles).find(|angle| count(*angle) != count(0)) {
-            Some(angle) => Err(PrimitiveError::Uneven { angle }),
-            None => Ok(set),
-        }
-    }
-
     /// The primitives of the car of seed 003: per heading one short and one long straight, one
     /// straight back at ten times the cost, and two curves at twice the cost. Where the lattice has
     /// no short straight, the long one occurs twice. Cells of 5 cm, 16 headings.
-    ///
-    /// # Panics
-    /// Never: the table is valid.
     pub fn car() -> Self {
         let mut primitives = Vec::new();
         for start in 0..16_u32 {
             let (quarter, base) = (start / 4, start % 4);
-            for (id, (template, multiplier)) in (0_u32..).zip(CAR[[0, 1, 2, 1][base as usize]]) {
+            for (template, multiplier) in CAR[[0, 1, 2, 1][base as usize]] {
                 let ([x, y], end) = template;
                 // Heading 3 is the mirror of heading 1 at the diagonal.
                 let (cell, end) = match base {
@@ -132,7 +52,6 @@ impl PrimitiveSet {
                 let end = (end + 4 * i32::try_from(quarter).unwrap_or(0)).rem_euclid(16);
                 let end = u32::try_from(end).unwrap_or(0);
                 primitives.push(Primitive {
-                    id,
                     start,
                     end: (cell, end),
                     multiplier,
@@ -140,7 +59,11 @@ impl PrimitiveSet {
                 });
             }
         }
-        Self::new(0.05, 16, primitives).expect("the table is sound")
+        Self {
+            resolution_m: 0.05,
+            angles: 16,
+            primitives,
+        }
     }
 
     /// Edge of a cell, metres.
@@ -180,26 +103,6 @@ impl PrimitiveSet {
     /// Radians of a heading, in [0, 2 pi).
     pub fn heading_rad(&self, angle: u32) -> f64 {
         f64::from(angle) * TAU / f64::from(self.angles)
-    }
-
-    fn check(&self, index: usize, primitive: &Primitive) -> Result<(), PrimitiveError> {
-        let (cell, angle) = primitive.end;
-        let is_there = primitive.start < self.angles && angle < self.angles;
-        let is_motion = cell != [0; 2] || angle != primitive.start;
-        let is_finite = primitive
-            .poses
-            .iter()
-            .flatten()
-            .all(|value| value.is_finite());
-        let Some([x, y, heading]) = primitive.poses.last().copied() else {
-            return Err(PrimitiveError::Empty { index });
-        };
-        if !is_there || !is_motion || !is_finite || primitive.multiplier == 0 {
-            return Err(PrimitiveError::Empty { index });
-        }
-        let ends = [x, y].map(|m| libm::floor(m / self.resolution_m + 0.5));
-        let is_end = ends == cell.map(f64::from) && self.angle(heading) == angle;
-        is_end.then_some(()).ok_or(PrimitiveError::End { index })
     }
 }
 

@@ -518,7 +518,6 @@ mod tests {
     fn an_action_passes_every_cell_of_its_way() {
         for cell_m in [0.05, 0.2, 1.0] {
             let one = Primitive {
-                id: 0,
                 start: 0,
                 end: ([10, 0], 0),
                 multiplier: 1,

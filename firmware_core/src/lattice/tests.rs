@@ -101,52 +101,6 @@ fn the_primitives_are_those_of_the_car() {
     assert_eq!(tried, 68);
 }
 
-#[test]
-fn the_text_of_primitives_comes_back() {
-    let set = PrimitiveSet::car();
-    let text = write(&set);
-    let read = parse(&text).unwrap();
-    assert_eq!((read.angles(), read.all().len()), (16, 80));
-    for (one, other) in read.all().iter().zip(set.all()) {
-        assert_eq!(
-            (one.id, one.start, one.end),
-            (other.id, other.start, other.end)
-        );
-        assert_eq!(one.base_cost(), other.base_cost());
-    }
-    // Headings below 0, as in the fielded file.
-    let below = text.replace("endpose_c: 14 -2 15", "endpose_c: 14 -2 -1");
-    assert_ne!(below, text);
-    assert_eq!(parse(&below), Ok(read));
-}
-
-#[test]
-fn a_text_that_is_no_set_is_refused_with_its_line() {
-    let text = write(&PrimitiveSet::car());
-    let message = |text: &str| std::format!("{}", parse(text).unwrap_err());
-    assert_eq!(message(""), "line 1: ends, expected resolution_m:");
-    let bad = text.replacen("startangle_c: 0", "startangle_c: east", 1);
-    assert_eq!(message(&bad), "line 5: \"east\", expected a whole number");
-    let bad = text.replacen("endpose_c: 7 0 0", "endpose_c: 8 0 0", 1);
-    assert_eq!(
-        message(&bad),
-        "primitive 1 does not end where its last pose is"
-    );
-    let bad = text.replacen("startangle_c: 0", "startangle_c: 1", 1);
-    assert_eq!(
-        message(&bad),
-        "heading 1 has another number of primitives than heading 0"
-    );
-    let bad = text.replace("numberofangles: 16", "numberofangles: 3");
-    assert!(message(&bad).starts_with("expected cells with a size"));
-    let cut = &text[..text.len() - 30];
-    assert!(
-        message(cut).ends_with("ends, expected a number"),
-        "{}",
-        message(cut)
-    );
-}
-
 /// AP11: a corridor of 1.2 m with a corner. The outline never overlaps an obstacle, all motions are
 /// the car's, and no pass is worse than the one before.
 #[test]
@@ -329,73 +283,13 @@ fn what_cannot_be_planned_is_said() {
     );
 }
 
-/// A lattice of 4 headings and cells of 1 m with one primitive each, a cell ahead; `change`
-/// modifies the one of heading 0.
-fn crosses(change: impl Fn(&mut Primitive)) -> Result<(), PrimitiveError> {
-    let mut primitives: Vec<Primitive> = (0_u32..)
-        .zip([[1, 0], [0, 1], [-1, 0], [0, -1]])
-        .map(|(start, cell)| {
-            let heading = f64::from(start) * core::f64::consts::FRAC_PI_2;
-            let [x, y] = cell.map(f64::from);
-            Primitive {
-                id: 0,
-                start,
-                end: (cell, start),
-                multiplier: 1,
-                poses: [[0.0, 0.0, heading], [x, y, heading]].into(),
-            }
-        })
-        .collect();
-    change(&mut primitives[0]);
-    PrimitiveSet::new(1.0, 4, primitives).map(drop)
-}
-
-/// A primitive moves the robot, ends within half a cell of its end and with its heading, and costs
-/// something.
-#[test]
-fn a_primitive_that_leads_nowhere_is_refused() {
-    assert_eq!(crosses(|_| ()), Ok(()));
-    let turn = core::f64::consts::FRAC_PI_2;
-    let ends =
-        |end: ([i32; 2], u32), pose: [f64; 3]| crosses(|one| (one.end, one.poses[1]) = (end, pose));
-    let nowhere = Err(PrimitiveError::Empty { index: 0 });
-    let elsewhere = Err(PrimitiveError::End { index: 0 });
-    assert_eq!(ends(([0, 0], 0), [0.0; 3]), nowhere);
-    assert_eq!(ends(([0, 0], 1), [0.0, 0.0, turn]), Ok(()));
-    assert_eq!(ends(([1, 0], 1), [1.0, 0.0, turn]), Ok(()));
-    assert_eq!(ends(([1, 0], 0), [1.49, -0.49, 0.7]), Ok(()));
-    assert_eq!(ends(([1, 0], 0), [1.51, 0.0, 0.0]), elsewhere);
-    assert_eq!(ends(([1, 0], 0), [1.0, -0.51, 0.0]), elsewhere);
-    assert_eq!(ends(([1, 0], 0), [1.0, 0.0, 0.8]), elsewhere);
-    assert_eq!(ends(([1, 0], 4), [1.0, 0.0, 0.0]), nowhere);
-    assert_eq!(ends(([1, 0], 0), [1.0, 0.0, f64::NAN]), nowhere);
-    assert_eq!(crosses(|one| one.start = 4), nowhere);
-    assert_eq!(crosses(|one| one.poses[0][1] = f64::INFINITY), nowhere);
-    assert_eq!(crosses(|one| one.poses.clear()), nowhere);
-    assert_eq!(crosses(|one| one.multiplier = 0), nowhere);
-}
-
-/// 4 to 256 headings, by fours; cells from a millimetre to a kilometre.
-#[test]
-fn a_grid_has_cells_with_a_size_and_headings_by_fours() {
-    let is_grid = |size, angles| PrimitiveSet::new(size, angles, Vec::new()).is_ok();
-    let headings = [0, 3, 4, 6, 8, 256, 260].map(|angles| is_grid(0.05, angles));
-    assert_eq!(headings, [false, false, true, false, true, true, false]);
-    let sizes = [0.000_9, 0.001, 999.0, 1_000.0, f64::NAN].map(|size| is_grid(size, 4));
-    assert_eq!(sizes, [false, true, true, false, false]);
-}
-
-/// The heading nearest to an angle, without whole turns: each of four headings is 90 degrees.
+/// The heading nearest to an angle, without whole turns: each of sixteen is 22.5 degrees.
 #[test]
 fn a_heading_is_the_nearest_one() {
-    let set = PrimitiveSet::new(0.05, 4, Vec::new()).unwrap();
+    let set = PrimitiveSet::car();
     let of = |degrees: f64| set.angle(degrees.to_radians());
-    assert_eq!([44.0, 46.0, 134.0, 136.0].map(of), [0, 1, 1, 2]);
-    assert_eq!(
-        [-44.0, -46.0, 316.0, 404.0, -406.0].map(of),
-        [0, 3, 0, 0, 3]
-    );
-    assert!((set.heading_rad(3).to_degrees() - 270.0).abs() < 1e-9);
+    assert_eq!([11.0, 12.0, 348.0, -12.0, 371.0].map(of), [0, 1, 15, 15, 0]);
+    assert!((set.heading_rad(12).to_degrees() - 270.0).abs() < 1e-9);
 }
 
 /// A plan across a free floor of 3 m, from the left to the right.
