@@ -73,11 +73,8 @@ pub(crate) fn asked_for(
         checkers.push(Box::new(orders));
     }
     if let Some(within) = spec.says_within {
-        checkers.push(Box::new(NoticesSilence::listening(
-            rig,
-            instruments,
-            within.0,
-        )));
+        let says = NoticesSilence::listening(rig, shared, within.0);
+        checkers.push(Box::new(says));
     }
     if let Some(last) = spec.alive_for {
         let from = scenario.duration.0.saturating_sub(last.0);

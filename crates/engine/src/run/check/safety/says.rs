@@ -1,10 +1,12 @@
 //! Checks that the program notices a silent device.
 
 use core::time::Duration;
+use std::sync::Arc;
 
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::eyes::Eyes;
 use crate::Shared;
 use crate::codec::Counter;
 use crate::rig::Rig;
@@ -12,14 +14,18 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Alarm, Instruments};
 
-/// A device counts as at work after this number of valid frames (two turns of a lidar).
+/// A device counts as at work after this number of valid frames, a lidar after this number of turns
+/// with a distance: one that stands still goes on to send valid frames.
 const AT_WORK: u64 = 180;
+const TURNS: u64 = 2;
 /// It must also have sent for this long, because a program does not use a new device at once.
 const AT_WORK_FOR: Duration = Duration::from_secs(2);
 
 /// The program counts a failure of each device that was at work and fell silent.
 pub struct NoticesSilence {
     watched: Vec<Watched>,
+    eyes: Option<Eyes>,
+    instruments: Arc<dyn Instruments>,
     within: Duration,
 }
 
@@ -29,7 +35,7 @@ struct Watched {
     ear: Option<Shared<Ear>>,
     delivered: u64,
     heard_at: Instant,
-    /// Valid frames so far, and since the last silence.
+    /// Valid frames or turns so far, and since the last silence.
     frames: u64,
     worked: u64,
     worked_since: Instant,
@@ -42,7 +48,8 @@ struct Watched {
 
 impl NoticesSilence {
     /// Observes the links of `rig` whose silence the program must count `within` this time.
-    pub fn listening(rig: &mut Rig, instruments: &dyn Instruments, within: Duration) -> Self {
+    pub fn listening(rig: &mut Rig, instruments: &Arc<dyn Instruments>, within: Duration) -> Self {
+        let eyes = Eyes::open(rig, &**instruments);
         let watched = instruments.alarms().iter().map(|&alarm| {
             let link = rig.links().iter().position(|link| link.name == alarm.link);
             let codec = instruments.codec_towards(rig, alarm.link, Direction::ToMaster);
@@ -67,8 +74,16 @@ impl NoticesSilence {
         });
         Self {
             watched: watched.collect(),
+            eyes,
+            instruments: Arc::clone(instruments),
             within,
         }
+    }
+
+    /// The turns of the lidar, if `link` is its.
+    fn turns(&self, link: &str) -> Option<u64> {
+        let eyes = self.eyes.as_ref()?;
+        (eyes.link() == link).then(|| eyes.turns())
     }
 }
 
@@ -105,7 +120,9 @@ impl Checker for NoticesSilence {
     fn observe(&mut self, look: &Look<'_>) {
         let (rig, now) = (look.rig, look.rig.now());
         let Some(program) = rig.program() else { return };
-        for one in &mut self.watched {
+        let turns = self.watched.iter();
+        let turns: Vec<Option<u64>> = turns.map(|one| self.turns(one.alarm.link)).collect();
+        for (one, turns) in self.watched.iter_mut().zip(turns) {
             let Some(link) = rig.link(one.alarm.link) else {
                 continue;
             };
@@ -123,7 +140,8 @@ impl Checker for NoticesSilence {
             });
             if is_new {
                 let ear = one.ear.as_ref();
-                let frames = ear.map_or(delivered, |ear| ear.lock().frames);
+                let frames = || ear.map_or(delivered, |ear| ear.lock().frames);
+                let frames = turns.unwrap_or_else(frames);
                 if frames != one.frames {
                     // A failure that was noticed while frames still arrive, for instance of a lidar
                     // that stands still: the silence behind it is no new one.
@@ -143,7 +161,11 @@ impl Checker for NoticesSilence {
                 continue;
             }
             one.is_judged = true;
-            let enough = if one.ear.is_some() { AT_WORK } else { 1 };
+            let enough = match (turns, &one.ear) {
+                (Some(_), _) => TURNS,
+                (None, Some(_)) => AT_WORK,
+                (None, None) => 1,
+            };
             let is_short = one.ear.is_some() && one.heard_at - one.worked_since < AT_WORK_FOR;
             if core::mem::take(&mut one.worked) < enough || is_short {
                 continue;
@@ -181,8 +203,13 @@ impl Checker for NoticesSilence {
                 ..*one
             }
         });
+        let watched = watched.collect();
+        let instruments = Arc::clone(&self.instruments);
+        let eyes = self.eyes.as_ref();
         Some(Box::new(Self {
-            watched: watched.collect(),
+            watched,
+            eyes: eyes.and_then(|eyes| eyes.fork(rig, &*instruments)),
+            instruments,
             within: self.within,
         }))
     }

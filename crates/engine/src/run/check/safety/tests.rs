@@ -81,7 +81,8 @@ fn nothing_is_observed_without_links() {
     let check = observed(&mut rests, 3);
     assert_eq!(check.status, Status::NotObserved);
     assert!(check.detail.ends_with("set rests_without"));
-    let mut says = NoticesSilence::listening(&mut rig(), &Unknown, within);
+    let unknown: Arc<dyn Instruments> = Arc::new(Unknown);
+    let mut says = NoticesSilence::listening(&mut rig(), &unknown, within);
     assert_eq!(observed(&mut says, 3).status, Status::NotObserved);
 }
 
@@ -219,5 +220,24 @@ fn only_a_device_at_work_falls_silent() {
         let outcome = crate::run::judge(&text).expect("sound");
         let check = named(outcome, "notices-silence");
         assert_eq!(check.status, expected, "{faults}{}", check.detail);
+    }
+}
+
+/// A lidar that stands still sends valid frames without a turn. The program counts that; when the
+/// cable is cut nine seconds later, nothing new has failed.
+#[test]
+fn a_lidar_that_stood_still_need_not_be_noticed_again() {
+    let judged = |faults: &str| {
+        let safety = "[expect.safety]\nsays_within = \"3s\"\n";
+        let text = in_a_room("20s", &format!("{faults}{safety}"));
+        let outcome = crate::run::judge(&text).expect("sound");
+        named(outcome, "notices-silence")
+    };
+    let cut =
+        "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\nfrom = \"12s\"\n";
+    let stuck = "[[fault]]\nkind = \"stuck\"\ndevice = \"lidar\"\nfrom = \"3s\"\n";
+    for faults in [cut.to_owned(), format!("{stuck}{cut}")] {
+        let check = judged(&faults);
+        assert_eq!(check.status, Status::Pass, "{faults}{}", check.detail);
     }
 }
