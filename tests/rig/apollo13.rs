@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use emulators::rng::Rng;
+use hilrig::run::check::Status;
 use hilrig::scenario::{Action, Scenario, Source, Span, Step};
 
 use super::{failures, run_to_end, shipped};
@@ -28,6 +29,22 @@ fn the_wall_is_followed() {
 #[test]
 fn a_box_on_no_map_is_passed_on_the_way_to_a_goal() {
     passes("apollo13-goal");
+}
+
+/// The operator takes the goals back on the way to the first, and gives them again six seconds
+/// later: the car rests in between, and reaches both.
+#[test]
+fn an_empty_list_of_goals_stops_the_car() {
+    let (_, source) = shipped("apollo13-goal");
+    let list = "[[mission.step]]\nat = \"6s\"\ndo = { waypoints-m = [] }\n[[mission.step]]\n\
+                at = \"12s\"\ndo = { waypoints-m = [[5.0, 2.0], [6.6, 2.6]] }\n\
+                [expect.safety]\nobeys_within = \"500ms\"\n\n[expect]";
+    let text = source.text.replacen("[expect]", list, 1);
+    let outcome = run_to_end(Scenario::parse(&source.path, text).expect("sound"));
+    assert_eq!(failures(&outcome), [""; 0]);
+    let mut checks = outcome.checks.iter();
+    let obeys = checks.find(|check| check.name == "does-as-ordered");
+    assert_eq!(obeys.map(|check| check.status), Some(Status::Pass));
 }
 
 #[test]

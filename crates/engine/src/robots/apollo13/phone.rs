@@ -62,6 +62,8 @@ pub(super) struct Phone {
     goal: usize,
     /// Whether the goal must be sent.
     is_news: bool,
+    /// Whether an empty list stopped the car: the next goals start it again.
+    waits_for_goals: bool,
     /// The goal sent last, and the time.
     sent: Option<([f32; 3], Instant)>,
     /// Time of the last arrival.
@@ -90,6 +92,7 @@ impl Phone {
             heading: None,
             goal: 0,
             is_news: false,
+            waits_for_goals: false,
             sent: None,
             arrived: None,
             rests_since: None,
@@ -146,8 +149,16 @@ impl Phone {
             // The car is driving to the goals, or has just arrived.
             Wish::Goals(goals) if goals == self.goals && self.is_at_them(now) => {}
             Wish::Goals(goals) if self.has_goals => {
+                let has_none = goals.is_empty();
                 (self.goals, self.goal, self.heading) = (goals, 0, None);
                 self.is_news = self.mode == Some(Mode::Autonomous);
+                // No message takes a goal back: without one the car must not drive on to the last.
+                if has_none && self.is_news {
+                    self.order(Mode::Stop);
+                    self.waits_for_goals = true;
+                } else if !has_none && self.waits_for_goals {
+                    self.order(Mode::Autonomous);
+                }
             }
             Wish::Goals(_) => {}
             Wish::Mode(mode) => self.order(mode),
@@ -171,6 +182,7 @@ impl Phone {
     }
 
     fn order(&mut self, mode: Mode) {
+        self.waits_for_goals = false;
         self.mode = Some(mode);
         self.by_hand = [0, STRAIGHT];
         if mode != Mode::Stop {

@@ -37,8 +37,10 @@ struct Watched {
     name: String,
     /// Minimum rate of a busy line.
     least: u64,
-    /// Bytes at the last full second, when the last part began, and now.
-    delivered: [u64; 3],
+    /// Bytes that the sender had sent at the last full second: an echo is not its own.
+    sent: u64,
+    /// Bytes that had arrived when the last part began, and now.
+    delivered: [u64; 2],
     seconds: u32,
     is_busy: bool,
 }
@@ -66,7 +68,8 @@ impl AliveAtTheEnd {
             both.map(|direction| Watched {
                 name: format!("{} {}", link.name, direction.name()),
                 least: BUSY[usize::from(direction == Direction::ToDevice)],
-                delivered: [0; 3],
+                sent: 0,
+                delivered: [0; 2],
                 seconds: 0,
                 is_busy: false,
             })
@@ -84,17 +87,17 @@ impl Checker for AliveAtTheEnd {
         let links = rig.links().iter();
         let links = links.filter(|link| !self.exempt.contains(&link.name));
         let counts = links.flat_map(|link| &link.lines);
-        let counts = counts.map(|line| line.traffic().delivered);
+        let counts = counts.map(|line| line.traffic());
         let is_second = now - self.second >= Duration::from_secs(1);
         let is_before = now <= self.from;
         for (line, count) in self.lines.iter_mut().zip(counts) {
-            line.delivered[2] = count;
+            line.delivered[1] = count.delivered;
             if is_before {
-                line.delivered[1] = count;
+                line.delivered[0] = count.delivered;
             }
             if is_second {
-                let is_busy = count >= line.delivered[0] + line.least;
-                line.delivered[0] = count;
+                let is_busy = count.sent >= line.sent + line.least;
+                line.sent = count.sent;
                 line.seconds = if is_busy { line.seconds + 1 } else { 0 };
                 line.is_busy |= line.seconds >= SECONDS && is_before;
             }
@@ -123,7 +126,7 @@ impl Checker for AliveAtTheEnd {
         let busy = self.lines.iter().filter(|line| line.is_busy);
         let silent = busy
             .clone()
-            .filter(|line| line.delivered[1] == line.delivered[2]);
+            .filter(|line| line.delivered[0] == line.delivered[1]);
         let silent: Vec<&str> = silent.map(|line| line.name.as_str()).collect();
         let has_pose = self.estimated[0].is_some();
         let is_lost = self.asks_for_pose && has_pose && self.estimated[0] == self.estimated[1];

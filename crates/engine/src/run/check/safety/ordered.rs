@@ -30,7 +30,8 @@ struct Window {
     until: Instant,
     /// Signs of the ordered set-points; empty for an order to rest.
     signs: Vec<f64>,
-    /// Bytes on the link of the orders when the order was given, and the time of the next ones.
+    /// Bytes on the link of the orders that were sent before the order, and the arrival of the next
+    /// ones.
     before: Option<u64>,
     arrived: Option<Instant>,
     moving_since: Option<Instant>,
@@ -128,13 +129,21 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
 impl Window {
     fn observe(&mut self, look: &Look<'_>, link: &str, within: Duration) -> Option<String> {
         let (rig, now) = (look.rig, look.rig.now());
-        if now < self.at || now >= self.until {
+        if now >= self.until {
             return None;
         }
-        let line = rig.link(link)?.line(Direction::ToMaster);
-        let delivered = line.traffic().delivered;
-        let before = *self.before.get_or_insert(delivered);
-        if self.arrived.is_none() && delivered > before {
+        let traffic = rig.link(link)?.line(Direction::ToMaster).traffic();
+        if now < self.at || self.before.is_none() {
+            // Bytes that are on their way when the order is given are none of it.
+            let gone = traffic.delivered + traffic.lost + traffic.framing_errors;
+            let on_the_way = (traffic.sent + traffic.added).saturating_sub(gone);
+            self.before = Some(traffic.delivered + on_the_way);
+            if now < self.at {
+                return None;
+            }
+        }
+        let before = self.before?;
+        if self.arrived.is_none() && traffic.delivered > before {
             self.arrived = Some(now);
         }
         let arrived = self.arrived?;
