@@ -230,7 +230,7 @@ fn a_damaged_row_costs_its_own_bytes() {
                     .collect();
                 assert_eq!(bytes, expected, "{case}");
                 assert_eq!(look(dump.as_bytes()), Some(Look::Surely), "{case}");
-                // Nobody knows what a dump would have had behind its end.
+                // The length of a dump whose last row is lost is unknown.
                 if at < 7 {
                     let note = fit.losses.note().expect("a note");
                     let lost = format!("{} bytes are lost", 16 - kept);
@@ -252,8 +252,8 @@ fn a_damaged_row_costs_its_own_bytes() {
     }
 }
 
-/// An offset of a tebibyte, in a row of characters whose last blanks may be lost: it is no number of
-/// blanks.
+/// An offset of a tebibyte, in a row of characters whose last blanks may be lost: it is no number
+/// of blanks.
 #[test]
 fn a_damaged_offset_costs_no_memory() {
     let text = "0000000   a   b\n20000000000000   c\n";

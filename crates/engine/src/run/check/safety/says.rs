@@ -15,7 +15,7 @@ use crate::rig::trace::{Side, Tap};
 use crate::robots::{Alarm, Instruments};
 
 /// A device counts as at work after this number of valid frames, a lidar after this number of turns
-/// with a distance: one that stands still goes on to send valid frames.
+/// with a distance: a lidar without rotation also sends valid frames.
 const AT_WORK: u64 = 180;
 const TURNS: u64 = 2;
 /// It must also have sent for this long, because a program does not use a new device at once.
