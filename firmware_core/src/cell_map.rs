@@ -4,18 +4,9 @@
 use alloc::vec::Vec;
 
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::growing_map::NotWritten;
 use crate::map_view::MapView;
 use crate::pose::Point;
-
-/// Reason why a cell was not written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum NotWritten {
-    /// The position has no finite coordinates.
-    NoPlace,
-    /// The map would have more cells than it may.
-    TooLarge,
-}
 
 /// A cell, counted from the one with its lower left corner at the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]

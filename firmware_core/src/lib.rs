@@ -22,6 +22,8 @@ pub mod fifo;
 #[cfg(feature = "host")]
 pub mod frontier;
 pub mod grid;
+#[cfg(feature = "host")]
+pub mod growing_map;
 pub mod gyro;
 #[cfg(feature = "host")]
 pub mod lattice;

@@ -3,9 +3,9 @@
 
 use alloc::vec::Vec;
 
-use crate::cell_map::NotWritten;
 use crate::cell_map::{Cell, CellMap};
 use crate::grid::{FREE, OBSTACLE, UNKNOWN};
+use crate::growing_map::NotWritten;
 use crate::pose::{Point, Pose};
 
 /// A straight piece of wall.

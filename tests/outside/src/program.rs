@@ -3,17 +3,15 @@
 
 use core::f64::consts::TAU;
 
-use hilrig::firmware_core::cell_map::CellMap;
+use hilrig::firmware_core::growing_map::GrowingMap;
 use hilrig::firmware_core::pose::Point as Place;
 use hilrig::prelude::*;
 
 use crate::{board, turret};
 
-/// Edge of a map cell, mm, maximum number of cells, and cells that each growth adds beyond the
-/// required ones.
+/// Edge of a map cell, mm, and maximum number of cells.
 const CELL_MM: f64 = 100.0;
 const CELLS_MAX: usize = 100_000;
-const MARGIN: u8 = 32;
 
 /// The program's figures of its car.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +39,7 @@ pub struct Arc {
     count: i32,
     heard: Vec<u8>,
     decoder: turret::TurretDecoder,
-    map: CellMap,
+    map: GrowingMap,
     scan: Vec<Place>,
     next_order: Instant,
     orders: Vec<u8>,
@@ -64,7 +62,7 @@ impl Arc {
             count: 0,
             heard: Vec::new(),
             decoder: turret::TurretDecoder::default(),
-            map: CellMap::new(CELL_MM as f32, MARGIN, CELLS_MAX),
+            map: GrowingMap::new(CELL_MM as f32, CELLS_MAX),
             scan: Vec::new(),
             next_order: Instant::ZERO,
             orders: Vec::new(),
@@ -120,8 +118,7 @@ impl Arc {
     fn mark(&mut self, from: [f64; 2], angle: f64, mm: f64, value: u8) {
         let [x, y] = [from[0] + angle.cos() * mm, from[1] + angle.sin() * mm];
         // A beam that would make the map too large is omitted.
-        let cell = self.map.cell_of(Place::new(x as f32, y as f32));
-        let _ = cell.and_then(|cell| self.map.set(cell, value));
+        let _ = self.map.set(Place::new(x as f32, y as f32), value);
     }
 }
 
@@ -186,7 +183,7 @@ impl Inspect for Arc {
     }
 
     fn map(&self) -> Option<MapView<'_>> {
-        self.map.view()
+        Some(self.map.view())
     }
 
     fn scan(&self) -> &[Place] {

@@ -27,7 +27,7 @@ use run::Run;
 
 pub use crate::localise::{Estimate, Votes};
 
-use crate::cell_map::NotWritten;
+use crate::growing_map::NotWritten;
 use crate::local_map::Segment;
 use crate::map_view::MapView;
 use crate::pose::{Point, Pose};
