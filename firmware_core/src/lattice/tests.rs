@@ -289,6 +289,7 @@ fn a_heading_is_the_nearest_one() {
     let set = PrimitiveSet::car();
     let of = |degrees: f64| set.angle(degrees.to_radians());
     assert_eq!([11.0, 12.0, 348.0, -12.0, 371.0].map(of), [0, 1, 15, 15, 0]);
+    assert_eq!([-371.0, -373.0].map(of), [0, 15]);
     assert!((set.heading_rad(12).to_degrees() - 270.0).abs() < 1e-9);
 }
 

@@ -93,7 +93,7 @@ tell("unplugged: path", "gone" if not os.path.exists(f"{DIR}/plug") else "there"
 os.close(plug)
 while not os.path.exists(f"{DIR}/plug-1"):
     time.sleep(0.01)
-# Two lines but a byte: one of them is whole, wherever in a line the port was opened.
+# 11 bytes contain a whole line, wherever in a line the port was opened.
 plug = port("plug-1", least=11)
 tell("plugged in again", "another name, reads" if b"here" in os.read(plug, 99) else "silent")
 os.close(plug)

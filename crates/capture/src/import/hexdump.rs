@@ -19,7 +19,8 @@
 //! columns and a shell prompt at an end of the file are ignored.
 //!
 //! A row that is cut, changed or missing costs its own bytes: the offsets tell how many. They are
-//! counted in a note. If no layout fits most of the rows, the first error is that of the file.
+//! counted in a note. If no layout fits three of four rows, the file is refused with its first
+//! error.
 
 mod layout;
 mod lines;
@@ -246,12 +247,15 @@ fn chunks(rows: &[(Line<'_>, Row)]) -> Result<Fit, ImportError> {
             return decided(fits, digits, rows);
         }
     }
+    let few = Losses::of_few(offsets().count());
     let all = layouts(digits).flatten();
-    let most = all.filter_map(|layout| with(layout, shape, rows, Losses::counted()).ok());
-    let best = most.min_by_key(|fit| (fit.losses.rows, fit.losses.bytes));
-    let count = offsets().count();
-    if let Some(fit) = best.filter(|fit| fit.losses.are_few(count)) {
-        return Ok(fit);
+    let mut fits: Vec<Fit> = all
+        .filter_map(|layout| with(layout, shape, rows, few.clone()).ok())
+        .collect();
+    let damage = |fit: &Fit| (fit.losses.rows, fit.losses.bytes);
+    if let Some(least) = fits.iter().map(damage).min() {
+        fits.retain(|fit| damage(fit) == least);
+        return decided(fits, digits, rows);
     }
     Err(worst.unwrap_or_else(|| ImportError::of_file("expected rows of an offset and bytes")))
 }
@@ -374,14 +378,14 @@ fn with(
                  missing or damaged"
             ));
             let is_damaged = offset < reached
-                || offset - reached > losses::GAP_MAX * stride
+                || offset - reached > losses::GAP_MAX.saturating_mul(stride)
                 || next_offset(index).is_some_and(|next| next <= offset);
             if is_damaged {
                 losses.skip(error)?;
                 continue;
             }
             losses.gap(error)?;
-            losses.bytes += offset - reached;
+            losses.bytes = losses.bytes.saturating_add(offset - reached);
         }
         first = first.or(Some(offset));
         if is_anew || !is_open || lane != last {
@@ -399,7 +403,7 @@ fn with(
             let missing = fill(&mut chunk.bytes, reached, offset, &own.last_row);
             if let Err(message) = missing {
                 losses.take(line.wrong(message))?;
-                losses.bytes += offset.saturating_sub(reached);
+                losses.bytes = losses.bytes.saturating_add(offset.saturating_sub(reached));
             }
         }
         own.reached = Some(offset);

@@ -201,13 +201,10 @@ fn row(text: &str, last: Option<&Row>) -> Option<Row> {
     })
 }
 
-/// Whether a line is the beginning of an offset.
+/// Whether a line is the beginning of an offset, too short for a whole one.
 fn is_cut_offset(text: &str) -> bool {
-    let digits = text.trim();
-    digits
-        .trim_start_matches("0x")
-        .bytes()
-        .all(|byte| byte.is_ascii_hexdigit())
+    let digits = text.trim().trim_start_matches("0x");
+    digits.len() < 4 && digits.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
 fn is_cell(word: &str) -> bool {

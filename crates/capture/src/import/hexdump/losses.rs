@@ -15,13 +15,17 @@ pub(super) const GAP_MAX: usize = 64;
 /// The damage of a dump.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Losses {
-    are_counted: bool,
+    /// Maximum number of damaged rows; `None` if damage is an error.
+    most: Option<usize>,
     /// Number of damaged rows, and of places with missing rows.
     pub(super) rows: usize,
+    /// Number of lost bytes, as far as offsets tell it.
     pub(super) bytes: usize,
     first: Option<ImportError>,
-    /// The first row that was left out and is not counted yet: the gap behind it is.
-    skipped: Option<ImportError>,
+    /// Number of rows that were left out and are not counted yet, and the first error: the gap
+    /// behind them counts once for all of its rows.
+    skipped: usize,
+    skipped_first: Option<ImportError>,
 }
 
 impl Losses {
@@ -30,27 +34,32 @@ impl Losses {
         Self::default()
     }
 
-    /// Damage is counted.
-    pub(super) fn counted() -> Self {
+    /// Damage of few of `rows` is counted.
+    pub(super) fn of_few(rows: usize) -> Self {
         Self {
-            are_counted: true,
+            most: Some(rows / SHARE),
             ..Self::default()
         }
     }
 
     pub(super) const fn are_counted(&self) -> bool {
-        self.are_counted
+        self.most.is_some()
     }
 
     /// Counts a damaged row.
     ///
     /// # Errors
-    /// `error`, if damage is an error.
+    /// `error`, if damage is an error, or if too many rows are damaged: the text is no dump, or has
+    /// another layout.
     pub(super) fn take(&mut self, error: ImportError) -> Result<(), ImportError> {
-        if !self.are_counted {
+        self.count(1, error)
+    }
+
+    fn count(&mut self, rows: usize, error: ImportError) -> Result<(), ImportError> {
+        self.rows += rows;
+        if self.most.is_none_or(|most| self.rows > most) {
             return Err(error);
         }
-        self.rows += 1;
         self.first.get_or_insert(error);
         Ok(())
     }
@@ -58,35 +67,34 @@ impl Losses {
     /// Leaves a row out.
     ///
     /// # Errors
-    /// As of [`take`](Self::take).
+    /// See [`take`](Self::take).
     pub(super) fn skip(&mut self, error: ImportError) -> Result<(), ImportError> {
-        if !self.are_counted {
+        self.skipped += 1;
+        if self.most.is_none_or(|most| self.rows + self.skipped > most) {
             return Err(error);
         }
-        self.skipped.get_or_insert(error);
+        self.skipped_first.get_or_insert(error);
         Ok(())
     }
 
     /// Counts a place where rows are missing, or were left out.
     ///
     /// # Errors
-    /// As of [`take`](Self::take).
+    /// See [`take`](Self::take).
     pub(super) fn gap(&mut self, error: ImportError) -> Result<(), ImportError> {
-        let error = self.skipped.take().unwrap_or(error);
-        self.take(error)
+        let rows = core::mem::take(&mut self.skipped).max(1);
+        let error = self.skipped_first.take().unwrap_or(error);
+        self.count(rows, error)
     }
 
     /// Counts rows that were left out without a gap behind them.
     ///
     /// # Errors
-    /// As of [`take`](Self::take).
+    /// See [`take`](Self::take).
     pub(super) fn end(&mut self) -> Result<(), ImportError> {
-        self.skipped.take().map_or(Ok(()), |error| self.take(error))
-    }
-
-    /// Whether few of `rows` are damaged: otherwise the text is no dump, or of another layout.
-    pub(super) const fn are_few(&self, rows: usize) -> bool {
-        self.rows * SHARE <= rows
+        let rows = core::mem::take(&mut self.skipped);
+        let error = self.skipped_first.take();
+        error.map_or(Ok(()), |error| self.count(rows, error))
     }
 
     pub(super) fn note(&self) -> Option<String> {
@@ -95,9 +103,13 @@ impl Losses {
             1 => format!("1 {noun} is"),
             count => format!("{count} {noun}s are"),
         };
-        let (rows, bytes) = (count(self.rows, "row"), count(self.bytes, "byte"));
+        let rows = count(self.rows, "row");
+        let bytes = match self.bytes {
+            0 => String::new(),
+            bytes => format!(", {} lost", count(bytes, "byte")),
+        };
         Some(format!(
-            "{rows} damaged or missing, {bytes} lost; the first: {first}"
+            "{rows} damaged or missing{bytes}; the first: {first}"
         ))
     }
 }

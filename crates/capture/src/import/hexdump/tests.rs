@@ -252,6 +252,22 @@ fn a_damaged_row_costs_its_own_bytes() {
     }
 }
 
+/// At stake: half of a file is lost as "one damaged row". Of two dumps in a file the second one
+/// begins at another address, so all of its offsets are lower.
+#[test]
+fn many_rows_that_do_not_fit_are_an_error() {
+    let rows = |from: usize| (0..20).map(move |n| format!("{:08x}: ab24  .$\n", from + 2 * n));
+    let two: String = rows(0x1000).chain(rows(0x200)).collect();
+    assert!(
+        bytes(&two)
+            .expect_err("two dumps")
+            .contains("rows are missing")
+    );
+    // Far apart: no count overflows.
+    let far = "00000000: ab24  .$\nfffffffffffffff0: ab24  .$\n";
+    assert!(bytes(&far.repeat(3)).is_err());
+}
+
 /// An offset of a tebibyte, in a row of characters whose last blanks may be lost: it is no number
 /// of blanks.
 #[test]

@@ -152,7 +152,7 @@ impl Phone {
                 let has_none = goals.is_empty();
                 (self.goals, self.goal, self.heading) = (goals, 0, None);
                 self.is_news = self.mode == Some(Mode::Autonomous);
-                // No message takes a goal back: without one the car must not drive on to the last.
+                // The phone has no message that removes a goal, so it stops the car.
                 if has_none && self.is_news {
                     self.order(Mode::Stop);
                     self.waits_for_goals = true;

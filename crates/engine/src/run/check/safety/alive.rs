@@ -37,7 +37,7 @@ struct Watched {
     name: String,
     /// Minimum rate of a busy line.
     least: u64,
-    /// Bytes that the sender had sent at the last full second: an echo is not its own.
+    /// Bytes that the sender itself had sent at the last full second, without those of an echo.
     sent: u64,
     /// Bytes that had arrived when the last part began, and now.
     delivered: [u64; 2],

@@ -134,7 +134,7 @@ impl Window {
         }
         let traffic = rig.link(link)?.line(Direction::ToMaster).traffic();
         if now < self.at || self.before.is_none() {
-            // Bytes that are on their way when the order is given are none of it.
+            // Bytes that were sent before the order are not part of it.
             let gone = traffic.delivered + traffic.lost + traffic.framing_errors;
             let on_the_way = (traffic.sent + traffic.added).saturating_sub(gone);
             self.before = Some(traffic.delivered + on_the_way);

@@ -241,3 +241,20 @@ fn a_lidar_that_stood_still_need_not_be_noticed_again() {
         assert_eq!(check.status, Status::Pass, "{faults}{}", check.detail);
     }
 }
+
+/// The program sends nothing to this lidar. Bytes that come back to it for six seconds are an echo:
+/// when it ends, no line of the program has fallen silent.
+#[test]
+fn an_echo_is_no_line_at_work() {
+    let echo = "[[fault]]\nkind = \"echo\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+                from = \"2s\"\nuntil = \"8s\"\n";
+    let safety = "[expect.safety]\nalive_for = \"4s\"\nalive_without = [\"radio\", \"pc\"]\n";
+    let text = in_a_room("16s", &format!("{echo}{safety}"));
+    let check = named(crate::run::judge(&text).expect("sound"), "alive-at-the-end");
+    let is_blamed = check.detail.contains("lidar to-device");
+    assert!(
+        check.status != Status::NotObserved && !is_blamed,
+        "{}",
+        check.detail
+    );
+}
