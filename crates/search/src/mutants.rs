@@ -31,6 +31,9 @@ pub struct Mutant {
     pub defect: String,
     /// Number of runs with the defect.
     pub runs: u64,
+    /// Number of these runs whose bytes differ from those of the run without the defect. If it is
+    /// 0, the defect never came into play; otherwise no check noticed what it does.
+    pub differs: u64,
     /// The check that detected it, with scenario and seed of the run.
     pub found: Option<(String, String, u64)>,
 }
@@ -72,6 +75,7 @@ impl<'a> Mutants<'a> {
                 robot: robot.name().to_owned(),
                 defect: id.to_owned(),
                 runs: 0,
+                differs: 0,
                 found: None,
             })
         });
@@ -111,7 +115,7 @@ impl<'a> Mutants<'a> {
             made.seed = seed;
             // Defects that the scenario itself activates belong to the run without a planted
             // defect.
-            let sound = failures(&made, source)?;
+            let (sound, trace) = failures(&made, source)?;
             self.sound[0] += 1;
             self.sound[1] += u64::from(!sound.is_empty());
             let by_robot = self.sound_by_robot.entry(base.robot.clone()).or_default();
@@ -127,8 +131,10 @@ impl<'a> Mutants<'a> {
                 })
                 .collect();
             let failed = self.run_with_defects(&made, source, &todo, jobs, is_over)?;
-            for (index, found) in failed {
-                self.mutants[index].take(&sound, &found, name, seed);
+            for (index, (found, own)) in failed {
+                let mutant = &mut self.mutants[index];
+                mutant.take(&sound, &found, name, seed);
+                mutant.0.differs += u64::from(own != trace);
             }
             self.settle(&base.robot);
         }
@@ -146,7 +152,7 @@ impl<'a> Mutants<'a> {
         }
     }
 
-    /// The checks that fail with each defect of `todo`.
+    /// The checks that fail with each defect of `todo`, and the trace.
     fn run_with_defects(
         &self,
         made: &Scenario,
@@ -154,7 +160,7 @@ impl<'a> Mutants<'a> {
         todo: &[usize],
         jobs: usize,
         is_over: &(dyn Fn() -> bool + Sync),
-    ) -> Result<BTreeMap<usize, BTreeSet<String>>, ScenarioError> {
+    ) -> Result<BTreeMap<usize, Judgement>, ScenarioError> {
         let (next, done) = (AtomicUsize::new(0), Mutex::new(BTreeMap::new()));
         thread::scope(|scope| {
             for _ in 0..jobs.clamp(1, todo.len().max(1)) {
@@ -212,15 +218,18 @@ impl Judged for (Mutant, Counts) {
     }
 }
 
-/// The names of the failed checks; `panic` if the program panics.
-fn failures(made: &Scenario, source: &Source) -> Result<BTreeSet<String>, ScenarioError> {
+/// The names of the failed checks, `panic` if the program panics, and the fingerprint of all bytes.
+type Judgement = (BTreeSet<String>, String);
+
+fn failures(made: &Scenario, source: &Source) -> Result<Judgement, ScenarioError> {
     let (_, outcome) = campaign::run(made, source)?;
     let Some(outcome) = outcome else {
-        return Ok(BTreeSet::from(["panic".to_owned()]));
+        return Ok((BTreeSet::from(["panic".to_owned()]), String::new()));
     };
     let failed = outcome.checks.into_iter();
     let failed = failed.filter(|check| check.status == Status::Fail);
-    Ok(failed.map(|check| check.name).collect())
+    let failed = failed.map(|check| check.name).collect();
+    Ok((failed, outcome.trace_hash))
 }
 
 #[cfg(test)]
@@ -241,6 +250,7 @@ mod tests {
                 robot: "r".to_owned(),
                 defect: "D-1".to_owned(),
                 runs: 0,
+                differs: 0,
                 found: None,
             };
             let mut judged = (mutant, Counts::new());

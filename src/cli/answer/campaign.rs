@@ -70,6 +70,8 @@ pub(in crate::cli) struct MutantJudged {
     pub(in crate::cli) defect: String,
     /// Runs with it until it was found.
     pub(in crate::cli) runs: u64,
+    /// The runs among them whose bytes differ from those of the run without the defect.
+    pub(in crate::cli) differs: u64,
     /// The check that found it; none: it was not found.
     pub(in crate::cli) found_by: Option<String>,
     /// Scenario and seed of that run.

@@ -128,7 +128,16 @@ fn print(mutants: &Mutants<'_>, scenarios: usize, faults: &str, rounds: u64) {
     for (check, defects) in by_check(mutants) {
         println!("  {:>5}  {check}: {}", defects.len(), defects.join(", "));
     }
-    println!("not found: {}", missed(mutants).join(", "));
+    println!("not found, with the share of the runs in which the defect changed any byte:");
+    for mutant in mutants.all().filter(|mutant| mutant.found.is_none()) {
+        let Mutant {
+            defect,
+            runs,
+            differs,
+            ..
+        } = mutant;
+        println!("  {defect}: {differs} of {runs} runs");
+    }
 }
 
 fn share<'a>(word: &str, all: impl Iterator<Item = &'a Mutant>) -> String {
@@ -148,6 +157,7 @@ fn ended(mutants: &Mutants<'_>) -> CampaignEnded {
         robot: mutant.robot.clone(),
         defect: mutant.defect.clone(),
         runs: mutant.runs,
+        differs: mutant.differs,
         found_by: mutant.found.as_ref().map(|(check, ..)| check.clone()),
         first: mutant
             .found
