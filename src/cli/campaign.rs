@@ -192,7 +192,11 @@ pub(super) fn run(mut args: CampaignArgs) -> Result<Verdict, CliError> {
         .iter()
         .map(|(name, (_, source))| (name.clone(), source.text.clone()));
     let plan = CampaignPlan {
-        tool: concat!("hilrig ", env!("CARGO_PKG_VERSION")).to_owned(),
+        tool: format!(
+            "hilrig {}, generator {}",
+            env!("CARGO_PKG_VERSION"),
+            generate::GENERATOR
+        ),
         scenarios: texts.collect(),
         seeds: args.seeds.clone(),
         vary: vary.to_string(),

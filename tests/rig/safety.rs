@@ -6,7 +6,8 @@ use hilrig::run::check::{Check, Status};
 use hilrig::run::{Outcome, Run};
 use hilrig::scenario::Scenario;
 use protocols::avr::{ChecksumOrder, Frame};
-use protocols::{Instant, LineConfig};
+use protocols::telemetry::message::Telecommand;
+use protocols::{Instant, LineConfig, telemetry};
 
 use super::{in_a_room, run_to_end, shipped, start};
 
@@ -290,4 +291,48 @@ fn a_link_that_safety_names_must_exist() {
         "1s",
         "[expect.safety]\nrests_without = [\"lidar\"]\n",
     )));
+}
+
+/// Defects of a robot that an operator drives by hand and sends to poses: it turns the long way
+/// (YA-01), drives on when its PC is gone (YS-01), and repeats its last message when a scan with a
+/// value per degree does not fit (YF-04). Each check fails with its defect and passes without it.
+#[test]
+fn planted_defects_are_found_while_an_operator_drives() {
+    let mut payload = [0; 64];
+    let asks = Telecommand {
+        lidar_step_deg: Some(1),
+        ..Telecommand::default()
+    };
+    let len = asks.encode(&mut payload).expect("fits");
+    let mut frame = [0; 80];
+    let len = telemetry::encode(&payload[..len], &mut frame).expect("fits");
+    let hex: String = frame[..len]
+        .iter()
+        .map(|byte| format!("{byte:02X}"))
+        .collect();
+    let scan = format!(
+        "[[mission.step]]\nat = \"8s\"\ndo = {{ inject = {{ link = \"telemetry\", \
+         direction = \"to-master\", hex = \"{hex}\" }} }}\n"
+    );
+    let gone = "[[mission.step]]\nat = \"7500ms\"\ndo = \"disconnect\"\n";
+    let rows = [
+        ("turns-short", "YA-01", ""),
+        ("rests-after-silence", "YS-01", gone),
+        ("sends-in-time", "YF-04", &scan),
+    ];
+    let keys = "[expect.safety]\nshort_turns = true\nsends_cyclically = true\n\
+        rests_within = \"1s\"\nsteps_may_wait = true\n[expect]";
+    for (name, defect, step) in rows {
+        let judged = |defects: &str| {
+            let (_, source) = shipped("yellow-hand");
+            let program = format!("[program]\ndefects = [{defects}]\n[mission]");
+            let text = source.text.replacen("[mission]", &program, 1);
+            let text = text.replace("[expect]", &format!("{step}{keys}"));
+            let (scenario, source) = Scenario::parse(&source.path, text).expect("sound");
+            check(&run_to_end((scenario, source)), name)
+        };
+        let (with, without) = (judged(&format!("\"{defect}\"")), judged(""));
+        assert_eq!(with.status, Status::Fail, "{defect}: {}", with.detail);
+        assert_eq!(without.status, Status::Pass, "{defect}: {}", without.detail);
+    }
 }

@@ -51,7 +51,7 @@ pub use instruments::{
 pub use kept_map::KeptMap;
 pub use overlay::{Overlay, OverlayRole};
 pub use panel::{Panel, PanelRow};
-pub use station::{Gesture, Hand, RemoteStation, Station, StationView};
+pub use station::{DriveKeys, Gesture, Hand, RemoteStation, Station, StationView};
 pub use warnings::warnings;
 pub use wiring::{nowhere, wire, wire_first, wire_into, wire_without_start};
 

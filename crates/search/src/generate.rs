@@ -19,6 +19,7 @@ mod ground;
 mod limits;
 mod mission;
 mod odd;
+mod operator;
 mod profile;
 mod rooms;
 mod rules;
@@ -108,6 +109,8 @@ impl core::fmt::Display for Vary {
     }
 }
 
+/// Version of the generator: a seed of another one is another run.
+pub const GENERATOR: u32 = 2;
 /// Time for a mission in a generated world, if the profile gives no recovery time, milliseconds.
 const RECOVERY_MS: u64 = 120_000;
 /// Distance from a waypoint of a generated mission within which it counts as visited, millimetres,
@@ -193,7 +196,7 @@ pub fn scenario(
     if vary.faults {
         let places = &made.mission.waypoints_m;
         let adversity = Adversity::draw(profile, &targets, places, made.duration, &mut dice.faults);
-        let has_faults = adversity.has_faults();
+        let (has_faults, is_operator) = (adversity.has_faults(), adversity.is_operator());
         let walls_min = base.expect.wall_overlap_min;
         adversity.apply(profile, &mut made, recovery, walls_min);
         let is_fixed = mission::is_fixed(base);
@@ -208,6 +211,13 @@ pub fn scenario(
         }
         if has_faults && mission::takes_orders(base) {
             odd::orders(profile, &targets.orders, &mut made, &mut dice.mission);
+            operator::acts(
+                profile,
+                &targets.orders,
+                is_operator,
+                &mut made,
+                &mut dice.mission,
+            );
         } else if !has_faults && !is_fixed {
             odd::change(profile, &targets.orders, &mut made, &mut dice.mission);
             odd::last_long(profile, &mut made, &mut dice.mission);

@@ -3,6 +3,7 @@
 mod words;
 
 use protocols::{Decode, FrameError, telemetry};
+use telemetry::message::{LinesRequest, Pose, State, Telecommand, Velocities};
 use telemetry::{ESCAPE, PAYLOAD_MAX, START};
 
 use super::answers::Answers;
@@ -50,6 +51,40 @@ pub struct Telemetry;
 pub struct Escaped {
     frame: telemetry::Frame,
     bytes: Vec<u8>,
+}
+
+/// From this choice on, a built frame contains a telecommand; below, arbitrary bytes; from the other
+/// one on, many of them.
+const COMMANDS: u8 = 208;
+const LONG: u8 = 240;
+
+/// A telecommand of a few drawn fields with small values. No pose is set: the robot would have to
+/// believe it.
+fn command(choices: &mut Choices<'_>) -> Vec<u8> {
+    let small = |byte: u8| f32::from(byte.cast_signed()) / 100.0;
+    let fields = choices.byte();
+    let has = |bit: u8| fields & 1 << bit != 0;
+    let state = State::ALL[choices.below(State::ALL.len())];
+    let [x, y, turn] = [0; 3].map(|_| small(choices.byte()));
+    let pose = Pose { x, y, alpha: turn };
+    let velocities = Velocities {
+        linear_m_s: x,
+        angular_rad_s: turn,
+    };
+    let lidar_step_deg = u32::from(choices.byte());
+    let command = Telecommand {
+        timestamp_ms: choices.word().into(),
+        state: has(0).then_some(state),
+        velocities: has(1).then_some(velocities),
+        desired_pose: has(2).then_some(pose),
+        lidar_step_deg: has(3).then_some(lidar_step_deg),
+        lines: has(4).then_some(LinesRequest::default()),
+        ..Telecommand::default()
+    };
+    let mut payload = vec![0; PAYLOAD_MAX];
+    let len = command.encode(&mut payload).unwrap_or_default();
+    payload.truncate(len);
+    payload
 }
 
 /// Finds frames and keeps their escapes.
@@ -102,8 +137,9 @@ impl Wire for Telemetry {
 
     fn build(choices: &mut Choices<'_>, out: &mut Vec<u8>) {
         let len = match choices.byte() {
-            most @ 0..240 => usize::from(most % 24),
-            most => 200 * usize::from(most - 239),
+            COMMANDS..LONG => return out.extend(encoded(&command(choices))),
+            most @ 0..COMMANDS => usize::from(most % 24),
+            most => 200 * usize::from(most - (LONG - 1)),
         };
         let mut payload = choices.take(len).to_vec();
         payload.resize(len, START);

@@ -151,6 +151,8 @@ pub struct PlaceAct {
     pub about: &'static str,
     /// Whether a heading follows the position.
     pub heading: bool,
+    /// Whether the robot drives there.
+    pub is_goal: bool,
 }
 
 /// The other end of a robot's link, controlled by the steps of a mission and by gestures.

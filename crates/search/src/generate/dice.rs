@@ -10,12 +10,13 @@ pub struct Dice {
 }
 
 impl Dice {
-    /// Named streams of `seed` for the scenario `name`: no two scenarios get the same generated
-    /// world.
+    /// Named streams of `seed` for the scenario `name`: no two scenarios get the same world, orders
+    /// or faults.
     pub fn of_seed(seed: u64, name: &str) -> Self {
-        let stream = |part: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{part}")));
+        let stream =
+            |part: &str| Draw::Stream(Rng::stream(seed, &format!("generate.{part}.{name}")));
         Self {
-            world: stream(&format!("world.{name}")),
+            world: stream("world"),
             mission: stream("mission"),
             timing: stream("timing"),
             faults: stream("faults"),

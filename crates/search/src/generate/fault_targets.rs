@@ -3,7 +3,7 @@ use engine::codec::Codec;
 use engine::codec::wire::Choices;
 use engine::rig::line::Direction;
 use engine::rig::{LinkKind, Rig};
-use engine::robots::{self, Console, Dut, Instruments, PcEnd, Station, WirePlan, Wired};
+use engine::robots::{self, Console, DriveKeys, Dut, Instruments, PcEnd, Station, WirePlan, Wired};
 use engine::scenario::{
     DirectionSpec, FaultKind, FaultPlace, FaultSpec, Scenario, ScenarioError, SetPoint, Source,
     WorldSpec,
@@ -41,6 +41,12 @@ pub(super) struct Orders {
     pub(super) modes: &'static [&'static str],
     /// Maximum number of places of a list, if it is known.
     pub(super) list_max: Option<usize>,
+    /// Manual control.
+    pub(super) keys: Option<DriveKeys>,
+    /// Modes that drive to a pose, which follows their name.
+    pub(super) goals: Vec<&'static str>,
+    /// Whether a bit of an order can flip.
+    pub(super) can_flip: bool,
     /// Link of the orders, and the format of their frames.
     pub(super) link: Option<(&'static str, &'static Codec)>,
 }
@@ -48,11 +54,21 @@ pub(super) struct Orders {
 impl Orders {
     fn of(instruments: &dyn Instruments, rig: &Rig) -> Self {
         let station = instruments.station(rig);
+        let goals = station.map_or(&[][..], Station::place_acts).iter();
         let link = instruments.orders_link();
         let codec = link.and_then(|link| instruments.codec_towards(rig, link, Direction::ToMaster));
         Self {
             modes: station.map_or(&[], Station::modes),
             list_max: station.and_then(Station::list_max),
+            keys: station.and_then(Station::keys),
+            goals: goals
+                .filter(|act| act.is_goal && act.heading)
+                .map(|act| act.mode)
+                .collect(),
+            can_flip: rig
+                .links()
+                .iter()
+                .any(|known| Some(known.name.as_str()) == link && FaultKind::Flip.fits(known.kind)),
             link: link.zip(codec),
         }
     }

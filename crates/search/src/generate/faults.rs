@@ -58,6 +58,9 @@ pub(super) fn end_of_trouble(profile: &Profile, duration: Span) -> u64 {
 /// Minimum time with faults.
 const LEAST: Duration = Duration::from_secs(5);
 
+/// Number of kinds of noise on a noisy link.
+const NOISES: usize = 3;
+
 /// All faults of a mission.
 pub(super) struct Adversity {
     faults: Vec<FaultSpec>,
@@ -71,6 +74,8 @@ pub(super) struct Adversity {
     stays_broken: Vec<String>,
     /// Time from which a sensor deceives the robot.
     blind_from: Option<Span>,
+    /// Whether an operator alone disturbs the mission.
+    is_operator: bool,
 }
 
 /// The context of drawing faults.
@@ -100,9 +105,15 @@ impl Adversity {
             length: length(profile, duration),
             stays_broken: Vec::new(),
             blind_from: None,
+            is_operator: false,
         };
         let without = profile.faults.without_percent;
         if without > 0 && dice.below(100) < without {
+            return made;
+        }
+        let alone = profile.mission.operator_alone_percent;
+        if alone > 0 && dice.below(100) < alone {
+            made.is_operator = true;
             return made;
         }
         let drawn = Drawn {
@@ -120,7 +131,12 @@ impl Adversity {
 
     /// Whether the mission has faults, or the profile judges it as if it had.
     pub(super) fn has_faults(&self) -> bool {
-        !self.faults.is_empty()
+        self.is_operator || !self.faults.is_empty()
+    }
+
+    /// Whether an operator alone disturbs it.
+    pub(super) const fn is_operator(&self) -> bool {
+        self.is_operator
     }
 }
 
@@ -164,7 +180,19 @@ impl Drawn<'_> {
         }
         let share = keys.noisy_orders_percent;
         if share > 0 && dice.below(100) < share {
-            self.noise_on_orders(faults, dice);
+            let orders = targets.orders.link.map(|(link, _)| link);
+            self.noise(
+                orders.map(|link| (link, DirectionSpec::ToMaster)),
+                1,
+                faults,
+                dice,
+            );
+        }
+        let share = keys.noisy_link_percent;
+        if share > 0 && dice.below(100) < share {
+            let lanes = targets.lanes();
+            let lane = (!lanes.is_empty()).then(|| lanes[dice.index(lanes.len())]);
+            self.noise(lane, NOISES, faults, dice);
         }
         if self.profile.afterwards.power_cycle {
             for (link, device) in targets.consoles() {
@@ -179,25 +207,27 @@ impl Drawn<'_> {
         }
     }
 
-    /// Adds noise on the link of the orders, of one of the kinds that the profile allows.
-    fn noise_on_orders(&self, faults: &mut Vec<FaultSpec>, dice: &mut Draw) {
+    /// Adds noise on `lane`: up to `count` of the kinds that the profile allows.
+    fn noise(
+        &self,
+        lane: Option<(&str, DirectionSpec)>,
+        count: usize,
+        faults: &mut Vec<FaultSpec>,
+        dice: &mut Draw,
+    ) {
         let count_max = usize::try_from(self.profile.faults.count_max).unwrap_or(usize::MAX);
         let strikes: Vec<_> = self
             .targets
             .kinds()
             .filter(|kind| kind.is_strike())
             .collect();
-        let Some((link, _)) = self
-            .targets
-            .orders
-            .link
-            .filter(|_| faults.len() < count_max)
-        else {
+        let Some((link, direction)) = lane.filter(|_| !strikes.is_empty()) else {
             return;
         };
-        if !strikes.is_empty() {
+        let room = count_max.saturating_sub(faults.len());
+        for _ in 0..count.min(room) {
             let kind = strikes[dice.index(strikes.len())];
-            let mut fault = FaultSpec::on(link, DirectionSpec::ToMaster, kind);
+            let mut fault = FaultSpec::on(link, direction, kind);
             self.detail(&mut fault, dice);
             self.foreseen(&mut fault, false, dice);
             faults.push(fault);

@@ -28,7 +28,7 @@ const AGAIN_MS: u64 = 45_000;
 /// millimetres.
 const BESIDE_MM: f64 = 100.0;
 
-fn is_drawn(percent: u64, dice: &mut Draw) -> bool {
+pub(super) fn is_drawn(percent: u64, dice: &mut Draw) -> bool {
     percent > 0 && dice.below(100) < percent
 }
 

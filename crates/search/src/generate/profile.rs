@@ -73,6 +73,10 @@ pub struct Faults {
     /// Share of the runs in which the link of the orders is noisy for some time, per cent.
     #[serde(default)]
     pub noisy_orders_percent: u64,
+    /// Share of the runs in which one direction of any link has up to three kinds of noise, each for
+    /// some time, per cent.
+    #[serde(default)]
+    pub noisy_link_percent: u64,
     /// Whether half of the inserted bytes are the first byte of a frame, or 0.
     #[serde(default)]
     pub stray_starts: bool,
@@ -141,6 +145,13 @@ pub struct MissionKeys {
     /// link of the orders, per cent.
     #[serde(default)]
     pub forged_percent: u64,
+    /// Share of the runs with faults in which the operator uses everything that the station offers:
+    /// drives by hand, many orders at once, other poses, leaving without a word; per cent.
+    #[serde(default)]
+    pub operator_percent: u64,
+    /// Share of the runs in which such an operator is the only disturbance, per cent.
+    #[serde(default)]
+    pub operator_alone_percent: u64,
     /// Share of the runs without a fault in which the operator orders another list first, per cent.
     #[serde(default)]
     pub changes_percent: u64,
@@ -301,6 +312,7 @@ impl Profile {
                 "noisy_orders_percent",
                 faults.noisy_orders_percent,
             ),
+            ("faults", "noisy_link_percent", faults.noisy_link_percent),
             ("mission", "by_hand_percent", self.mission.by_hand_percent),
             (
                 "mission",
@@ -308,6 +320,12 @@ impl Profile {
                 self.mission.odd_orders_percent,
             ),
             ("mission", "forged_percent", self.mission.forged_percent),
+            ("mission", "operator_percent", self.mission.operator_percent),
+            (
+                "mission",
+                "operator_alone_percent",
+                self.mission.operator_alone_percent,
+            ),
             ("mission", "changes_percent", self.mission.changes_percent),
             ("mission", "long_percent", self.mission.long_percent),
         ] {

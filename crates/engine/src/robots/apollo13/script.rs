@@ -54,11 +54,13 @@ pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
         mode: SET_POSE,
         about: "Sets the car's believed pose.",
         heading: true,
+        is_goal: false,
     },
     PlaceAct {
         mode: GO_TO,
         about: "Drives the car there, as its only goal.",
         heading: true,
+        is_goal: true,
     },
 ];
 

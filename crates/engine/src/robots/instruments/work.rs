@@ -37,6 +37,8 @@ pub struct Cycle {
     /// Whether every program of the robot sends them; otherwise they are expected only after some
     /// were sent in time.
     pub is_always: bool,
+    /// Whether each frame has its own time, so that no two are equal.
+    pub is_dated: bool,
     /// Modes in which they are not sent.
     pub except: &'static [&'static str],
 }
@@ -56,6 +58,7 @@ impl Cycle {
             within,
             at_most: 0,
             is_always: true,
+            is_dated: false,
             except: &[],
         }
     }
@@ -71,6 +74,13 @@ impl Cycle {
     #[must_use]
     pub const fn optional(mut self) -> Self {
         self.is_always = false;
+        self
+    }
+
+    /// Frames that each have their own time.
+    #[must_use]
+    pub const fn dated(mut self) -> Self {
+        self.is_dated = true;
         self
     }
 

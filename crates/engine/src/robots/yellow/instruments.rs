@@ -64,7 +64,9 @@ const COMPLAINTS: [Alarm; 7] = [
 /// The program answers each sample of a millisecond, and sends telemetry each 200 ms.
 const CYCLES: [Cycle; 2] = [
     Cycle::new(BOARD, "outputs", Duration::from_millis(100), |_| true),
-    Cycle::new(TELEMETRY, "telemetry", Duration::from_millis(800), |_| true).at_most(12),
+    Cycle::new(TELEMETRY, "telemetry", Duration::from_millis(800), |_| true)
+        .at_most(12)
+        .dated(),
 ];
 
 /// The robot's instruments.

@@ -67,11 +67,13 @@ pub(super) const PLACE_ACTS: [PlaceAct; 2] = [
         mode: SET_POSE,
         about: "Sets the robot's believed pose.",
         heading: true,
+        is_goal: false,
     },
     PlaceAct {
         mode: GO_TO,
         about: "Drives the robot there and turns it.",
         heading: true,
+        is_goal: true,
     },
 ];
 

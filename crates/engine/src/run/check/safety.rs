@@ -11,6 +11,7 @@ mod fed;
 mod motion;
 mod ordered;
 mod orders;
+mod paused;
 mod pose;
 mod rests;
 mod says;
@@ -70,10 +71,11 @@ pub(crate) fn asked_for(
         let link = spec.orders_link.as_deref().or(instruments.orders_link());
         let calm = Calm::of(scenario, rig, &|other| Some(other) != link);
         let orders = MovesOnSoundOrders::listening(rig, instruments, link, calm);
-        checkers.push(Box::new(orders));
+        let starts_alone = scenario.program.start_mode.is_some();
+        checkers.push(Box::new(orders.starting_alone(starts_alone)));
     }
     if let Some(within) = spec.says_within {
-        let says = NoticesSilence::listening(rig, shared, within.0);
+        let says = NoticesSilence::listening(scenario, rig, shared, within.0);
         checkers.push(Box::new(says));
     }
     if let Some(last) = spec.alive_for {
@@ -163,8 +165,11 @@ fn of_the_program(
     }
     if let Some(within) = spec.obeys_within {
         let link = spec.orders_link.as_deref().or(instruments.orders_link());
-        let drive = instruments.drive_links();
-        let is_meant = |other: &str| Some(other) == link || drive.iter().any(|own| own == other);
+        let (drive, station) = (instruments.drive_links(), instruments.station_links());
+        let is_meant = |other: &str| {
+            let is_order = Some(other) == link || station.contains(&other);
+            is_order || drive.iter().any(|own| own == other)
+        };
         let calm = Calm::of(scenario, rig, &is_meant);
         let ordered = DoesAsOrdered::of(scenario, link, within.0, calm);
         checkers.push(Box::new(ordered));

@@ -28,11 +28,17 @@ pub(crate) fn violations(max: u64, rig: &Rig) -> Check {
 pub struct ViolationsLater {
     max: u64,
     from: Instant,
-    /// Links with faults to the end.
+    /// Links with faults to the end, and the devices at their ends.
     exempt: Vec<String>,
+    ends: Option<Vec<String>>,
     /// Links of the station, and the time of the last step that connects it.
     station: &'static [&'static str],
     connected: Option<Instant>,
+    /// Times in which a station that disconnects breaks rules.
+    disconnects: Vec<[Instant; 2]>,
+    /// Whether the station gives an order after the time from which violations count; otherwise an
+    /// order that is not confirmed was given during the faults.
+    has_late_order: bool,
     /// Devices of the station that wait for answers over a connection that a fault has ended.
     unconnected: Vec<&'static str>,
     /// Start of each fault that has an end, and the end of its effects: violations in between do
@@ -102,6 +108,9 @@ impl ViolationsLater {
             max: expect.violations_max?,
             from: expect.violations_from?.instant(),
             exempt: broken,
+            ends: None,
+            disconnects: disconnects(scenario),
+            has_late_order: has_late_order(scenario, expect.violations_from?.instant()),
             faults: times(&scenario.fault),
             tallies: None,
             found: Tally::default(),
@@ -109,6 +118,29 @@ impl ViolationsLater {
             has_come: false,
         })
     }
+}
+
+/// The devices at the ends of `links`.
+fn ends(rig: &Rig, links: &[String]) -> Vec<String> {
+    let broken = rig.links().iter().filter(|link| links.contains(&link.name));
+    let nodes = broken.flat_map(|link| link.lines.iter().map(|line| line.from.node));
+    nodes.map(|node| rig.node_name(node).to_owned()).collect()
+}
+
+/// The times after each order of `scenario` to disconnect in which its effects last.
+fn disconnects(scenario: &Scenario) -> Vec<[Instant; 2]> {
+    let steps = scenario.mission.step.iter();
+    let steps = steps.filter(|step| step.action == Action::Disconnect);
+    let times = steps.filter_map(|step| step.at);
+    times
+        .map(|at| [at.instant(), at.instant() + EFFECTS])
+        .collect()
+}
+
+/// Whether the station of `scenario` gives an order `from` then on.
+fn has_late_order(scenario: &Scenario, from: Instant) -> bool {
+    let mut steps = scenario.mission.step.iter();
+    steps.any(|step| step.at.is_none_or(|at| at.instant() >= from))
 }
 
 /// Start of each of `faults` that has begun or will begin at its time and has an end, and the end
@@ -155,7 +187,8 @@ fn unconnected(
 impl Checker for ViolationsLater {
     fn observe(&mut self, look: &Look<'_>) {
         let (rig, now) = (look.rig, look.rig.now());
-        let mut faults = self.faults.iter();
+        self.ends.get_or_insert_with(|| ends(rig, &self.exempt));
+        let mut faults = self.faults.iter().chain(&self.disconnects);
         let counts =
             now >= self.from && !faults.any(|[from, until]| (*from..*until).contains(&now));
         match &mut self.tallies {
@@ -186,8 +219,12 @@ impl Checker for ViolationsLater {
         }
         let (mut exempt, mut words) = (0, Vec::new());
         for (device, rule, count) in &all.rules {
-            let is_exempt =
-                self.exempt.contains(device) || self.unconnected.contains(&device.as_str());
+            let at_broken = self.ends.as_ref().is_some_and(|ends| ends.contains(device));
+            let is_earlier = !self.has_late_order && rule.ends_with("-not-confirmed");
+            let is_exempt = self.exempt.contains(device)
+                || at_broken
+                || is_earlier
+                || self.unconnected.contains(&device.as_str());
             match is_exempt {
                 true => exempt += count,
                 false if *count > 0 => words.push(format!("{count} times {rule} of {device}")),

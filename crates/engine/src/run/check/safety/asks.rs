@@ -5,10 +5,10 @@ use core::time::Duration;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::paused::{PAUSED, has_paused, is_damaged};
 use crate::Shared;
 use crate::codec::{Codec, FrameBytes};
 use crate::rig::Rig;
-use crate::rig::fault::Damage;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Asking, Instruments};
@@ -19,12 +19,11 @@ const ENOUGH: u64 = 6;
 const SHARE: u64 = 50;
 /// Interval between two comparisons of the counts.
 const EVERY: Duration = Duration::from_millis(500);
-/// Time after a request that the line took with pauses in which the next requests are not judged:
-/// they waited for the line, and the reply to the first one came meanwhile.
-const PAUSED: Duration = Duration::from_millis(200);
 /// Replies that the program may count more than the rig, and their share.
 const AHEAD: u64 = 4;
 const AHEAD_SHARE: u64 = 50;
+/// The same for each of these damaged deliveries.
+const DAMAGED_SHARE: u64 = 20;
 
 /// The program repeats a request that was not answered, or whose answer reports an error, and takes
 /// only fitting frames for replies.
@@ -44,7 +43,11 @@ struct Ear {
     heard_at: Instant,
     /// The last request while it is not answered, and the number of times that it was sent.
     open: Option<(Vec<u8>, u32)>,
-    /// End of the time in which requests are not judged, and their number.
+    /// Deliveries of the device with damage: the program may find a reply behind damaged bytes that
+    /// the rig counts as a part of them.
+    damaged: u64,
+    /// End of the time in which requests are not judged, and their number: they waited for the line,
+    /// and the reply to the first one came meanwhile.
     paused_until: Instant,
     paused: u64,
     requests: u64,
@@ -69,6 +72,7 @@ impl AsksAgain {
                 frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
                 heard_at: Instant::ZERO,
                 open: None,
+                damaged: 0,
                 paused_until: Instant::ZERO,
                 paused: 0,
                 requests: 0,
@@ -159,7 +163,8 @@ impl Ear {
             ));
         }
         let replies = self.replies;
-        let most = replies + self.paused + AHEAD + replies / AHEAD_SHARE;
+        let most =
+            replies + self.paused + AHEAD + replies / AHEAD_SHARE + self.damaged / DAMAGED_SHARE;
         let counted = counted.filter(|&counted| counted > most)?;
         Some(format!(
             "the program counts {counted} answers, {replies} fitting ones arrived"
@@ -185,21 +190,11 @@ impl Tap for Listener {
         if to == Direction::ToDevice && has_paused(delivery) {
             ear.paused_until = delivery.at + PAUSED;
         }
+        ear.damaged += u64::from(to == Direction::ToMaster && is_damaged(delivery));
         if to == Direction::ToMaster && !delivery.bytes.is_empty() {
             ear.take(to, delivery.at, &delivery.bytes);
         }
     }
-}
-
-/// Whether a fault paused the sender within these bytes.
-fn has_paused(delivery: &Delivery) -> bool {
-    let strikes = delivery
-        .original
-        .iter()
-        .flat_map(|original| &original.strikes);
-    strikes
-        .into_iter()
-        .any(|strike| matches!(strike.damage, Damage::Idle { .. }))
 }
 
 impl Checker for AsksAgain {

@@ -7,6 +7,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use super::Calm;
+use super::paused::has_paused;
 use crate::Shared;
 use crate::codec::{Codec, Count, Counter};
 use crate::rig::Rig;
@@ -24,6 +25,8 @@ const LATE: usize = 2;
 const AHEAD: u64 = 2;
 /// The same after a fault.
 const SLACK: u64 = 12;
+/// The same as a share of the valid frames: late bytes may part a frame for the rig only.
+const DISTURBED: u64 = 40;
 /// Frames that the program may reject without damage: candidates inside of valid frames, and bytes
 /// before its port is ready.
 const REJECTED: u64 = 40;
@@ -122,6 +125,11 @@ impl Ear {
         self.add(count);
     }
 
+    /// A pause parted bytes: program and rig may find other frames in them.
+    const fn disturb(&mut self) {
+        self.damaged += 1;
+    }
+
     const fn add(&mut self, count: Count) {
         self.sound += count.frames;
         self.damaged += count.errors;
@@ -136,6 +144,9 @@ impl Tap for Listener {
     fn arrived(&mut self, link: usize, direction: Direction, delivery: &Delivery) {
         let mut ear = self.0.lock();
         if direction == ear.direction && link == ear.link && !delivery.bytes.is_empty() {
+            if has_paused(delivery) {
+                ear.disturb();
+            }
             ear.take(delivery.at, &delivery.bytes);
         }
     }
@@ -156,7 +167,7 @@ impl Watched {
         let is_clean = damaged == 0 && !self.was_disturbed;
         let more = match is_clean {
             true => AHEAD,
-            false => SLACK + damaged / 5 + sound / 100,
+            false => SLACK + damaged / 5 + sound / DISTURBED,
         };
         if accepted > sound + more {
             return Some(format!(

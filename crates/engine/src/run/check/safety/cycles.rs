@@ -55,8 +55,17 @@ struct Ear {
     codec: &'static Codec,
     frames: FrameBytes,
     sent_at: Instant,
-    /// Kinds of frames with their counts.
-    kinds: Vec<(Is, u64)>,
+    kinds: Vec<Kind>,
+}
+
+/// Frames of a kind that were sent.
+#[derive(Clone)]
+struct Kind {
+    is: Is,
+    count: u64,
+    /// The last frame, and the number of frames that were equal to their predecessor.
+    last: Vec<u8>,
+    repeated: u64,
 }
 
 impl SendsInTime {
@@ -82,7 +91,12 @@ impl SendsInTime {
                 second: (Instant::ZERO + STARTS, 0),
                 broken: None,
             });
-            ears[ear].kinds.push((cycle.is, 0));
+            ears[ear].kinds.push(Kind {
+                is: cycle.is,
+                count: 0,
+                last: Vec::new(),
+                repeated: 0,
+            });
         }
         let ears = ears.into_iter().map(|ear| ear.listening(rig));
         Self {
@@ -116,8 +130,11 @@ impl Ear {
     fn take(&mut self, at: Instant, bytes: &[u8]) {
         let Self { frames, kinds, .. } = self;
         let mut count = |frame: &[u8]| {
-            for (is, count) in kinds.iter_mut() {
-                *count += u64::from(is(frame));
+            for kind in kinds.iter_mut().filter(|kind| (kind.is)(frame)) {
+                kind.count += 1;
+                kind.repeated += u64::from(kind.last == frame);
+                kind.last.clear();
+                kind.last.extend_from_slice(frame);
             }
         };
         if self.codec.is_ended_by(at - self.sent_at) {
@@ -183,8 +200,16 @@ impl Checker for SendsInTime {
         let now = look.rig.now();
         let mode = look.rig.program().map(|program| program.mode());
         for one in &mut self.watched {
-            let count = self.ears[one.ear].lock().kinds[one.index].1;
+            let (count, repeated) = {
+                let ear = self.ears[one.ear].lock();
+                let kind = &ear.kinds[one.index];
+                (kind.count, kind.repeated)
+            };
             one.observe(now, count, mode);
+            if one.cycle.is_dated && repeated > 0 && one.broken.is_none() {
+                let told = format!("{} was sent again without a change", one.cycle.name);
+                one.broken = Some((now, told));
+            }
         }
     }
 

@@ -24,8 +24,15 @@ const ENOUGH: [f64; 2] = [1.2, 3.5];
 /// or sign.
 const SOME: [f64; 2] = [0.3, 0.3];
 const ROUGH: f64 = 0.5;
-/// Maximum motion measured at rest: 300 mm, 45 degrees.
+/// Maximum motion measured at rest: 300 mm, 45 degrees, and 0.3 degrees for each second of rest: a
+/// gyroscope's bias wanders.
 const AT_REST: [f64; 2] = [0.3, 0.8];
+const AT_REST_PER_S: [f64; 2] = [0.0, 0.005];
+/// Permitted motion to one side in curves, as a share of the distance between the curves and their
+/// tangents, and in any case, metres. A pose that leaves each curve on the wrong side drifts by twice
+/// this distance.
+const DRIFT: f64 = 0.5;
+const DRIFT_M: f64 = 0.1;
 /// Names and units of path and turn.
 const NAMES: [(&str, &str); 2] = [("path", "m"), ("turns", "rad")];
 
@@ -44,6 +51,10 @@ pub struct MotionTrue {
     anew: u64,
     touched_at: Option<Instant>,
     sums: [Sums; 2],
+    /// Distance between the curves and their tangents, and the measured motion to the inner side of
+    /// the curve beyond the true one, metres.
+    curved: f64,
+    drift: f64,
 }
 
 /// Sums over the sections for path or turn.
@@ -55,13 +66,18 @@ struct Sums {
     /// True motion, and the motion measured at rest.
     travel: f64,
     at_rest: f64,
+    /// Number of sections at rest.
+    rests: f64,
 }
 
 impl Sums {
     fn take(&mut self, measured: f64, truth: f64, least: f64) {
         if truth.abs() < least {
             let is_rest = truth.abs() < least / 20.0;
-            self.at_rest += if is_rest { measured.abs() } else { 0.0 };
+            if is_rest {
+                self.at_rest += measured.abs();
+                self.rests += 1.0;
+            }
             return;
         }
         self.products += measured * truth;
@@ -94,7 +110,28 @@ impl MotionTrue {
             anew: 0,
             touched_at: None,
             sums: [Sums::default(); 2],
+            curved: 0.0,
+            drift: 0.0,
         }
+    }
+
+    /// Adds a section in a curve: a pose in a curve moves along its chord, and not beside it.
+    fn curve(&mut self, [path, turn, _]: [f64; 3], measured: f64, truth: f64) {
+        if path.abs() < LEAST[0] || turn.abs() < LEAST[1] {
+            return;
+        }
+        self.curved += (path * turn / 2.0).abs();
+        self.drift += (measured - truth) * (path * turn).signum();
+    }
+
+    /// The drift to one side, if it is too large.
+    fn drifts(&self) -> Option<String> {
+        let is_wrong = self.drift.abs() > (self.curved * DRIFT).max(DRIFT_M);
+        is_wrong.then(|| {
+            let side = if self.drift > 0.0 { "inner" } else { "outer" };
+            let mm = self.drift.abs() * 1000.0;
+            format!("{mm:.0} mm of motion to the {side} side of curves are measured, not true")
+        })
     }
 
     fn is_disturbed(&self, now: Instant) -> bool {
@@ -114,7 +151,8 @@ impl MotionTrue {
                 travel if travel >= SOME[index] => self.within.max(ROUGH),
                 _ => f64::INFINITY,
             };
-            let at_rest = AT_REST[index];
+            let rested_s = sums.rests * SECTION.as_secs_f64();
+            let at_rest = AT_REST[index] + AT_REST_PER_S[index] * rested_s;
             if (gain - 1.0).abs() > within {
                 let (share, travel) = (gain * 100.0, sums.travel);
                 let told =
@@ -124,17 +162,18 @@ impl MotionTrue {
             let moved = sums.at_rest;
             (moved > at_rest).then(|| format!("{moved:.1} {unit} of {name} are measured at rest"))
         });
-        all.next()
+        all.next().or_else(|| self.drifts())
     }
 }
 
-/// Path ahead and turn from one pose to another.
-fn motion(from: Pose, to: Pose) -> [f64; 2] {
+/// Path ahead, turn, and motion to the left from one pose to another.
+fn motion(from: Pose, to: Pose) -> [f64; 3] {
     let turn = wrap_angle(to.theta - from.theta);
     // The chord of an arc lies at half of its turn.
     let chord = from.theta + turn / 2.0;
     let (sin, cos) = (libm::sin(chord), libm::cos(chord));
-    [(to.x - from.x) * cos + (to.y - from.y) * sin, turn]
+    let (x, y) = (to.x - from.x, to.y - from.y);
+    [x * cos + y * sin, turn, y * cos - x * sin]
 }
 
 impl Checker for MotionTrue {
@@ -161,9 +200,10 @@ impl Checker for MotionTrue {
         let Some((_, measured_before, truth_before)) = before.filter(|before| before.0 < at) else {
             return;
         };
-        let pairs = motion(measured_before, measured)
-            .into_iter()
-            .zip(motion(truth_before, truth));
+        let measured = motion(measured_before, measured);
+        let truth = motion(truth_before, truth);
+        self.curve(truth, measured[2], truth[2]);
+        let pairs = measured.into_iter().zip(truth);
         for ((sums, (measured, truth)), least) in self.sums.iter_mut().zip(pairs).zip(LEAST) {
             sums.take(measured, truth, least);
         }
@@ -205,7 +245,7 @@ mod tests {
     #[test]
     fn a_motion_is_a_path_ahead_and_a_turn() {
         let origin = Pose::new(0.0, 0.0, 0.0);
-        let near = |found: [f64; 2], expected: [f64; 2]| {
+        let near = |found: [f64; 3], expected: [f64; 3]| {
             let mut pairs = found.iter().zip(expected);
             assert!(
                 pairs.all(|(one, other)| (one - other).abs() < 1e-9),
@@ -214,11 +254,18 @@ mod tests {
         };
         near(
             motion(origin, Pose::new(1.0, 1.0, FRAC_PI_2)),
-            [SQRT_2, FRAC_PI_2],
+            [SQRT_2, FRAC_PI_2, 0.0],
         );
-        near(motion(origin, Pose::new(-0.1, 0.0, 0.0)), [-0.1, 0.0]);
+        near(motion(origin, Pose::new(-0.1, 0.0, 0.0)), [-0.1, 0.0, 0.0]);
         let tilted = Pose::new(2.0, 3.0, FRAC_PI_2);
-        near(motion(tilted, Pose::new(2.0, 3.5, FRAC_PI_2)), [0.5, 0.0]);
+        near(
+            motion(tilted, Pose::new(2.0, 3.5, FRAC_PI_2)),
+            [0.5, 0.0, 0.0],
+        );
+        near(
+            motion(tilted, Pose::new(1.9, 3.0, FRAC_PI_2)),
+            [0.0, 0.0, 0.1],
+        );
     }
 
     /// Nine tenths, the wrong sign, and motion at rest; a motion between rest and the least one
@@ -240,5 +287,33 @@ mod tests {
             resting.take(measured, 0.0, 0.03);
         }
         assert!((resting.at_rest - 0.8).abs() < 1e-9 && resting.travel == 0.0);
+    }
+
+    /// Twenty sections of a curve, 0.1 m and 0.2 rad each: the curve leaves its tangents by 0.2 m in
+    /// all. A pose that goes to the wrong side drifts by 0.4 m; one that goes straight, by 0.2 m; an
+    /// error of 2 mm in each section is none.
+    #[test]
+    fn a_pose_that_leaves_curves_to_the_wrong_side_drifts() {
+        let unknown: Arc<dyn Instruments> = Arc::new(crate::robots::instruments::Unknown);
+        let (scenario, _) = Scenario::from_text(
+            "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+             [world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n",
+        )
+        .expect("sound");
+        let drifts = |measured: f64| {
+            let calm = Calm::default();
+            let mut motion = MotionTrue::new(&scenario, Arc::clone(&unknown), 5.0, calm);
+            for turn in [0.2, -0.2].repeat(10) {
+                motion.curve([0.1, turn, 0.0], measured * turn.signum(), 0.0);
+            }
+            motion.drifts()
+        };
+        let wrong = drifts(-0.02).expect("a wrong side");
+        assert!(
+            wrong.starts_with("400 mm of motion to the outer side"),
+            "{wrong}"
+        );
+        assert!(drifts(-0.01).is_some());
+        assert_eq!([drifts(0.002), drifts(0.0)], [None, None]);
     }
 }

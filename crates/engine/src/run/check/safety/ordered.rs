@@ -6,7 +6,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use super::Calm;
-use super::rests::{REST_M_S, REST_RAD_S};
+use super::rests::moves_itself;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
 use crate::scenario::{Action, FaultSpec, Scenario, Step};
@@ -94,11 +94,24 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
     }
     let time = |step: &Step| step.at.unwrap_or_default().instant();
     let mut is_connected = true;
+    // Whether the last order was a mode: then an empty list may mean nothing.
+    let mut has_mode = false;
+    let mut is_driven = false;
     let mut windows = Vec::new();
     for (index, step) in orders.iter().enumerate() {
-        match step.action {
+        let was_drive = index > 0 && matches!(orders[index - 1].action, Action::Drive(_));
+        match &step.action {
             Action::Connect => is_connected = true,
-            Action::Disconnect => is_connected = false,
+            Action::Disconnect => {
+                is_connected = false;
+                // The station may repeat its last order when it is back, behind the newer lists.
+                is_driven |= was_drive;
+            }
+            Action::Mode(mode) => has_mode = mode != "stop",
+            Action::WaypointsM(places) if places.is_empty() && (has_mode || is_driven) => {
+                continue;
+            }
+            Action::WaypointsM(_) | Action::Drive(_) => has_mode = false,
             _ => {}
         }
         let next = orders.get(index + 1).map(|next| time(next));
@@ -154,8 +167,7 @@ impl Window {
             return None;
         }
         self.was_judged = true;
-        let world = &rig.world;
-        if world.speed().abs() <= REST_M_S && world.turn_rate().abs() <= REST_RAD_S {
+        if !moves_itself(&rig.world) {
             self.moving_since = None;
             return None;
         }
@@ -214,5 +226,45 @@ impl Checker for DoesAsOrdered {
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
         Some(Box::new(self.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Orders to rest, by their times in seconds.
+    fn rests(steps: &str) -> Vec<u64> {
+        let text = format!(
+            "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+             [world]\nstart = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n\
+             [mission]\nwaypoints_m = [[1, 2]]\nstep = [{steps}]\n"
+        );
+        let (scenario, _) = Scenario::from_text(&text).expect("sound");
+        let windows = windows(&scenario).into_iter();
+        let rests = windows.filter(|window| window.signs.is_empty());
+        rests.map(|window| window.at.as_millis() / 1_000).collect()
+    }
+
+    /// An empty list is an order to rest for a robot that drives to the places of lists. In a mode
+    /// of another kind it may mean nothing, and behind a drive by hand that a station repeats when
+    /// it is connected again.
+    #[test]
+    fn an_empty_list_orders_rest_only_behind_lists() {
+        let list = |at: u32| format!("{{ at = \"{at}s\", do = {{ waypoints-m = [[1, 2]] }} }},");
+        let none = |at: u32| format!("{{ at = \"{at}s\", do = {{ waypoints-m = [] }} }},");
+        let mode =
+            |at: u32, name: &str| format!("{{ at = \"{at}s\", do = {{ mode = \"{name}\" }} }},");
+        let drive = "{ at = \"4s\", do = { drive = [8, -8] } },";
+        let gone = "{ at = \"5s\", do = \"disconnect\" },{ at = \"6s\", do = \"connect\" },";
+        assert_eq!(rests(&none(5)), [5]);
+        assert_eq!(rests(&(mode(3, "explore") + &none(5))), [0; 0]);
+        assert_eq!(rests(&(mode(3, "explore") + &list(4) + &none(5))), [5]);
+        assert_eq!(rests(&(mode(3, "stop") + &none(5))), [3, 5]);
+        assert_eq!(rests(&(drive.to_owned() + &list(6) + &none(8))), [8]);
+        assert_eq!(
+            rests(&(drive.to_owned() + gone + &list(7) + &none(8))),
+            [0; 0]
+        );
     }
 }

@@ -7,7 +7,7 @@ use protocols::Instant;
 use super::super::{Check, Checker, Look};
 use super::Calm;
 use crate::Shared;
-use crate::codec::Stream;
+use crate::codec::{Codec, Stream};
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
@@ -32,6 +32,8 @@ pub struct MovesOnSoundOrders {
     /// device works again.
     calm: Calm,
     steering: Steering,
+    /// Whether the program starts in a mode that needs no order.
+    starts_alone: bool,
     moved_first: Option<Instant>,
     has_moved: bool,
 }
@@ -84,7 +86,9 @@ impl Steering {
 struct Ear {
     link: usize,
     name: String,
+    codec: &'static Codec,
     stream: Stream,
+    heard_at: Instant,
     sound: u64,
     damaged: u64,
     /// Times of the last valid frame, and of the last damaged bytes.
@@ -107,6 +111,8 @@ impl MovesOnSoundOrders {
         let ear = index.zip(codec).map(|(link, codec)| Ear {
             link,
             name: name.to_owned(),
+            codec,
+            heard_at: Instant::ZERO,
             stream: Stream::towards(codec, Direction::ToMaster),
             sound: 0,
             damaged: 0,
@@ -122,9 +128,17 @@ impl MovesOnSoundOrders {
             needs: instruments.needs(),
             calm,
             steering: Steering::default(),
+            starts_alone: false,
             moved_first: None,
             has_moved: false,
         }
+    }
+
+    /// The program may move before the first order: it starts in a mode of its own.
+    #[must_use]
+    pub const fn starting_alone(mut self, starts_alone: bool) -> Self {
+        self.starts_alone = starts_alone;
+        self
     }
 
     /// Whether only orders on `link` move a robot in this mode.
@@ -143,7 +157,13 @@ impl Tap for Listener {
         let mut ear = self.0.lock();
         if direction == Direction::ToMaster && link == ear.link {
             let at = delivery.at;
-            let found = ear.stream.push(&delivery.bytes);
+            let mut found = Vec::new();
+            // A receiver gives up a frame that a pause parts.
+            if at - ear.heard_at > ear.codec.idle() {
+                found = ear.stream.idle();
+            }
+            ear.heard_at = at;
+            found.extend(ear.stream.push(&delivery.bytes));
             for stretch in found {
                 match stretch.is_frame() {
                     true => (ear.sound, ear.sound_at) = (ear.sound + 1, Some(at)),
@@ -161,7 +181,7 @@ impl Tap for Listener {
 impl Checker for MovesOnSoundOrders {
     fn observe(&mut self, look: &Look<'_>) {
         let Some(ear) = &self.ear else { return };
-        let is_driven = look.rig.world.is_moving();
+        let is_driven = look.rig.world.is_moving() && !look.rig.world.is_touching();
         self.has_moved |= is_driven;
         let now = look.rig.now();
         let (sound, sound_at, damaged_at, by_hand) = {
@@ -170,7 +190,7 @@ impl Checker for MovesOnSoundOrders {
             let by_hand = self.is_by_hand(&ear.name, mode);
             (ear.sound, ear.sound_at, ear.damaged_at, by_hand)
         };
-        if is_driven && self.moved_first.is_none() && sound == 0 {
+        if is_driven && !self.starts_alone && self.moved_first.is_none() && sound == 0 {
             self.moved_first = Some(now);
         }
         let Some(sound_at) = sound_at else { return };
@@ -221,6 +241,7 @@ impl Checker for MovesOnSoundOrders {
             needs: self.needs.clone(),
             calm: self.calm.clone(),
             steering: self.steering.clone(),
+            starts_alone: self.starts_alone,
             moved_first: self.moved_first,
             has_moved: self.has_moved,
         }))

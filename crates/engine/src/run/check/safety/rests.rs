@@ -3,6 +3,7 @@
 use core::time::Duration;
 use std::sync::Arc;
 
+use emulators::world::World;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
@@ -16,8 +17,8 @@ use crate::scenario::FaultSpec;
 /// Time to brake: the wheels of the built-in robots stand after 0.3 s.
 const BRAKES: Duration = Duration::from_millis(500);
 /// Maximum speed of a resting robot, m/s and rad/s: noise of the drive train.
-pub(super) const REST_M_S: f64 = 0.03;
-pub(super) const REST_RAD_S: f64 = 0.15;
+const REST_M_S: f64 = 0.03;
+const REST_RAD_S: f64 = 0.15;
 /// Time within which commands have reached the drive's device. Without them, while a fault acts on
 /// the drive, the program cannot stop the robot; `motors-stop-after-silence` covers that case.
 const COMMANDS: Duration = Duration::from_millis(300);
@@ -66,6 +67,8 @@ struct Watched {
     moving_since: Option<Instant>,
     /// Whether the robot needed the link when its silence began: a robot may change its mode then.
     was_needed: bool,
+    /// Time since which the robot is in a mode that needs the link.
+    needed_since: Option<Instant>,
     /// Number of silences during which the robot had time to stop, and whether the current one
     /// counts.
     silences: u64,
@@ -83,6 +86,7 @@ impl RestsAfterSilence {
             heard: Heard::NEVER,
             moving_since: None,
             was_needed: false,
+            needed_since: None,
             silences: 0,
             is_counted: false,
             broken: None,
@@ -127,6 +131,12 @@ impl RestsAfterSilence {
     }
 }
 
+/// Whether the robot moves by itself: a person or an obstacle that touches it may push it.
+pub(super) fn moves_itself(world: &World) -> bool {
+    let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
+    is_moving && !world.is_touching()
+}
+
 fn delivered(rig: &Rig, link: &str, direction: Direction) -> u64 {
     let link = rig.link(link);
     link.map_or(0, |link| link.line(direction).traffic().delivered)
@@ -140,7 +150,7 @@ impl Checker for RestsAfterSilence {
         let unreached = self.commanded.take(now, sent.sum());
         let is_reached = self.drive.is_empty() || unreached < COMMANDS || self.calm.is(now);
         let world = &rig.world;
-        let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
+        let is_moving = moves_itself(world);
         self.has_moved |= is_moving;
         let mode = rig.program().map(|program| program.mode());
         let heard = self.watched.iter();
@@ -159,7 +169,11 @@ impl Checker for RestsAfterSilence {
             let is_observed = is_judged && self.has_moved;
             one.silences += u64::from(is_observed && !one.is_counted);
             one.is_counted = is_silent && (one.is_counted || is_observed);
-            let is_wrong = is_silent && is_moving && is_reached && is_needed;
+            // A robot that begins to need a silent link has the same time to stop.
+            let needed_since = one.needed_since.filter(|_| is_needed);
+            let needed_since = *one.needed_since.insert(needed_since.unwrap_or(now));
+            let has_had_time = now - needed_since > limit;
+            let is_wrong = is_silent && has_had_time && is_moving && is_reached && is_needed;
             if !is_wrong {
                 one.moving_since = None;
                 continue;

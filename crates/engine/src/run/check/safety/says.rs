@@ -6,6 +6,7 @@ use std::sync::Arc;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::Calm;
 use super::eyes::Eyes;
 use crate::Shared;
 use crate::codec::Counter;
@@ -13,6 +14,7 @@ use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::{Alarm, Instruments};
+use crate::scenario::{FaultSpec, Scenario};
 
 /// A device counts as at work after this number of valid frames, a lidar after this number of turns
 /// with a distance: a lidar without rotation also sends valid frames.
@@ -35,6 +37,9 @@ struct Watched {
     ear: Option<Shared<Ear>>,
     delivered: u64,
     heard_at: Instant,
+    /// Times without a fault on the link: a device whose bytes a fault delays or damages may be as
+    /// good as silent for the program, which has counted that before.
+    calm: Calm,
     /// Valid frames or turns so far, and since the last silence.
     frames: u64,
     worked: u64,
@@ -48,7 +53,12 @@ struct Watched {
 
 impl NoticesSilence {
     /// Observes the links of `rig` whose silence the program must count `within` this time.
-    pub fn listening(rig: &mut Rig, instruments: &Arc<dyn Instruments>, within: Duration) -> Self {
+    pub fn listening(
+        scenario: &Scenario,
+        rig: &mut Rig,
+        instruments: &Arc<dyn Instruments>,
+        within: Duration,
+    ) -> Self {
         let eyes = Eyes::open(rig, &**instruments);
         let watched = instruments.alarms().iter().map(|&alarm| {
             let link = rig.links().iter().position(|link| link.name == alarm.link);
@@ -63,6 +73,7 @@ impl NoticesSilence {
                 ear: ear.map(|ear| ear.listening(rig)),
                 delivered: 0,
                 heard_at: Instant::ZERO,
+                calm: Calm::of(scenario, rig, &|link| link == alarm.link),
                 frames: 0,
                 worked: 0,
                 worked_since: Instant::ZERO,
@@ -145,7 +156,7 @@ impl Checker for NoticesSilence {
                 if frames != one.frames {
                     // A failure that was noticed while frames still arrive, for instance of a lidar
                     // that stands still: the silence behind it is no new one.
-                    if count > one.counted {
+                    if count > one.counted || !one.calm.is(now) {
                         one.worked = 0;
                     }
                     if one.worked == 0 {
@@ -195,11 +206,18 @@ impl Checker for NoticesSilence {
         Check::new(name, broken.is_none(), detail).if_observed(silences > 0)
     }
 
+    fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
+        for one in &mut self.watched {
+            one.calm.renew(faults, rig);
+        }
+    }
+
     fn fork(&self, rig: &mut Rig) -> Option<Box<dyn Checker>> {
         let watched = self.watched.iter().map(|one| {
             let ear = one.ear.as_ref().map(|ear| ear.lock().clone());
             Watched {
                 ear: ear.map(|ear| ear.listening(rig)),
+                calm: one.calm.clone(),
                 ..*one
             }
         });

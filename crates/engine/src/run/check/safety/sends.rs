@@ -3,10 +3,11 @@
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
+use super::paused::{PAUSED, has_paused};
 use crate::Shared;
 use crate::codec::{Codec, Counter};
 use crate::rig::Rig;
-use crate::rig::line::Direction;
+use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::Instruments;
 
@@ -29,6 +30,11 @@ struct Ear {
     sent_at: Instant,
     bytes: u64,
     framed: u64,
+    /// Bytes outside frames so far, and those that a pause of the line explains: the program gives
+    /// up the rest of a frame that the line did not take in time.
+    outside: u64,
+    excused: u64,
+    paused_until: Instant,
     broken: Option<(Instant, u64)>,
 }
 
@@ -49,6 +55,9 @@ impl SendsSoundFrames {
                     sent_at: Instant::ZERO,
                     bytes: 0,
                     framed: 0,
+                    outside: 0,
+                    excused: 0,
+                    paused_until: Instant::ZERO,
                     broken: None,
                 })
             })
@@ -75,6 +84,11 @@ impl Ear {
         self.bytes += bytes.len() as u64;
         self.framed += self.counter.push(bytes).bytes;
         let outside = self.bytes - self.framed - self.counter.pending() as u64;
+        if at < self.paused_until {
+            self.excused += outside.saturating_sub(self.outside);
+        }
+        self.outside = outside;
+        let outside = outside.saturating_sub(self.excused);
         if outside > SETUP + self.bytes / SHARE && self.broken.is_none() {
             self.broken = Some((at, outside));
         }
@@ -88,6 +102,13 @@ impl Tap for Listener {
         let mut ear = self.0.lock();
         if to == Direction::ToDevice && side == Side::Sent && link == ear.link {
             ear.take(at, bytes);
+        }
+    }
+
+    fn arrived(&mut self, link: usize, to: Direction, delivery: &Delivery) {
+        let mut ear = self.0.lock();
+        if to == Direction::ToDevice && link == ear.link && has_paused(delivery) {
+            ear.paused_until = delivery.at + PAUSED;
         }
     }
 }

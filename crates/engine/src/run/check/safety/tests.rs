@@ -30,6 +30,12 @@ impl Instruments for Telling {
     }
 }
 
+fn nowhere() -> Scenario {
+    let text = "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+        [world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n";
+    Scenario::from_text(text).expect("sound").0
+}
+
 fn rig() -> Rig {
     let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
     let body = BodyConfig::default().ideal();
@@ -82,7 +88,7 @@ fn nothing_is_observed_without_links() {
     assert_eq!(check.status, Status::NotObserved);
     assert!(check.detail.ends_with("set rests_without"));
     let unknown: Arc<dyn Instruments> = Arc::new(Unknown);
-    let mut says = NoticesSilence::listening(&mut rig(), &unknown, within);
+    let mut says = NoticesSilence::listening(&nowhere(), &mut rig(), &unknown, within);
     assert_eq!(observed(&mut says, 3).status, Status::NotObserved);
 }
 
