@@ -74,11 +74,11 @@ fn command(choices: &mut Choices<'_>) -> Vec<u8> {
     let lidar_step_deg = u32::from(choices.byte());
     let command = Telecommand {
         timestamp_ms: choices.word().into(),
-        state: has(0).then_some(state),
+        lidar_step_deg: has(0).then_some(lidar_step_deg),
+        state: has(1).then_some(state),
         velocities: has(1).then_some(velocities),
-        desired_pose: has(2).then_some(pose),
-        lidar_step_deg: has(3).then_some(lidar_step_deg),
-        lines: has(4).then_some(LinesRequest::default()),
+        desired_pose: has(1).then_some(pose),
+        lines: has(2).then_some(LinesRequest::default()),
         ..Telecommand::default()
     };
     let mut payload = vec![0; PAYLOAD_MAX];

@@ -1,6 +1,7 @@
 //! Checks of a run: the interface of checkers, and their verdicts.
 
 use emulators::world::Contact;
+use protocols::Instant;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -114,6 +115,10 @@ pub trait Checker: Send {
 
     /// The faults of the run are now `faults`: some were added, removed, or got other times.
     fn faults_changed(&mut self, _faults: &[FaultSpec], _rig: &Rig) {}
+
+    /// The station gives an order at `at` that has no time in the scenario: by hand, or because a
+    /// condition came true.
+    fn ordered(&mut self, _at: Instant) {}
 
     /// Copies the checker with its state, for `rig`, a copy of the rig. Adds its observers to this
     /// copy. `None` if the checker cannot be copied: a run with it has no checkpoints.

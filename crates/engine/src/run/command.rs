@@ -48,6 +48,7 @@ impl Run {
         let inserted = station.insert_step(steps.len(), index, &step);
         inserted.map_err(CommandError::Script)?;
         steps.insert(index, step);
+        self.watchers.ordered(at.instant());
         Ok(at.instant())
     }
 

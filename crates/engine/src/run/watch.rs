@@ -61,6 +61,12 @@ impl Watchers {
         checkers.for_each(|checker| checker.faults_changed(faults, rig));
     }
 
+    /// The station gives an order at `at` that has no time in the scenario.
+    pub(super) fn ordered(&mut self, at: Instant) {
+        let checkers = self.checkers.iter_mut();
+        checkers.for_each(|checker| checker.ordered(at));
+    }
+
     /// Adds a checker.
     pub(crate) fn add(&mut self, checker: Box<dyn Checker>) {
         self.checkers.push(checker);

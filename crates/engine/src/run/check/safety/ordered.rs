@@ -88,15 +88,18 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
     let steps = &scenario.mission.step;
     let is_order = |step: &&Step| !matches!(step.action, Action::Set(_));
     let orders: Vec<&Step> = steps.iter().filter(is_order).collect();
-    // A step that waits for a condition may come at any time.
-    if orders.iter().any(|step| step.at.is_none()) {
-        return Vec::new();
-    }
+    // A step that waits for a condition may come at any time; see `ordered`.
+    let is_mode = |step: &&Step| matches!(step.action, Action::Mode(_));
+    let may_have_mode = orders.iter().any(|step| step.at.is_none() && is_mode(step));
+    let orders: Vec<&Step> = orders
+        .into_iter()
+        .filter(|step| step.at.is_some())
+        .collect();
     let time = |step: &Step| step.at.unwrap_or_default().instant();
     let mut is_connected = true;
     // Whether the last order was a mode: then an empty list may mean nothing.
     let mut has_mode = false;
-    let mut is_driven = false;
+    let mut is_driven = may_have_mode;
     let mut windows = Vec::new();
     for (index, step) in orders.iter().enumerate() {
         let was_drive = index > 0 && matches!(orders[index - 1].action, Action::Drive(_));
@@ -167,7 +170,7 @@ impl Window {
             return None;
         }
         self.was_judged = true;
-        if !moves_itself(&rig.world) {
+        if !moves_itself(look) {
             self.moving_since = None;
             return None;
         }
@@ -220,6 +223,13 @@ impl Checker for DoesAsOrdered {
         Check::new(name, self.broken.is_none(), detail).if_observed(judged > 0)
     }
 
+    /// The robot has another order from then on, until the next one of the scenario.
+    fn ordered(&mut self, at: Instant) {
+        let windows = self.windows.iter_mut();
+        let hit = windows.filter(|window| (window.at..window.until).contains(&at));
+        hit.for_each(|window| window.is_void = true);
+    }
+
     fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
         self.calm.renew(faults, rig);
     }
@@ -261,6 +271,9 @@ mod tests {
         assert_eq!(rests(&(mode(3, "explore") + &none(5))), [0; 0]);
         assert_eq!(rests(&(mode(3, "explore") + &list(4) + &none(5))), [5]);
         assert_eq!(rests(&(mode(3, "stop") + &none(5))), [3, 5]);
+        let later = "{ when = { visited = 1 }, do = { mode = \"explore\" } },";
+        let stop = mode(4, "stop");
+        assert_eq!(rests(&(later.to_owned() + &stop + &none(5))), [4]);
         assert_eq!(rests(&(drive.to_owned() + &list(6) + &none(8))), [8]);
         assert_eq!(
             rests(&(drive.to_owned() + gone + &list(7) + &none(8))),

@@ -6,6 +6,7 @@ use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use super::Calm;
+use super::rests::is_pushed;
 use crate::Shared;
 use crate::codec::{Codec, Stream};
 use crate::rig::Rig;
@@ -181,7 +182,7 @@ impl Tap for Listener {
 impl Checker for MovesOnSoundOrders {
     fn observe(&mut self, look: &Look<'_>) {
         let Some(ear) = &self.ear else { return };
-        let is_driven = look.rig.world.is_moving() && !look.rig.world.is_touching();
+        let is_driven = look.rig.world.is_moving() && !is_pushed(look);
         self.has_moved |= is_driven;
         let now = look.rig.now();
         let (sound, sound_at, damaged_at, by_hand) = {

@@ -3,7 +3,6 @@
 use core::time::Duration;
 use std::sync::Arc;
 
-use emulators::world::World;
 use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
@@ -131,10 +130,17 @@ impl RestsAfterSilence {
     }
 }
 
-/// Whether the robot moves by itself: a person or an obstacle that touches it may push it.
-pub(super) fn moves_itself(world: &World) -> bool {
+/// Whether the robot moves by itself: a person who touches it may push it while its set-points are 0.
+pub(super) fn moves_itself(look: &Look<'_>) -> bool {
+    let world = &look.rig.world;
     let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
-    is_moving && !world.is_touching()
+    is_moving && !is_pushed(look)
+}
+
+/// Whether something touches the robot while its set-points are 0.
+pub(super) fn is_pushed(look: &Look<'_>) -> bool {
+    let mut axes = look.axes.iter();
+    look.rig.world.is_touching() && axes.all(|axis| axis.set_point == 0.0)
 }
 
 fn delivered(rig: &Rig, link: &str, direction: Direction) -> u64 {
@@ -149,8 +155,7 @@ impl Checker for RestsAfterSilence {
         let sent = sent.map(|link| delivered(rig, link, Direction::ToDevice));
         let unreached = self.commanded.take(now, sent.sum());
         let is_reached = self.drive.is_empty() || unreached < COMMANDS || self.calm.is(now);
-        let world = &rig.world;
-        let is_moving = moves_itself(world);
+        let is_moving = moves_itself(look);
         self.has_moved |= is_moving;
         let mode = rig.program().map(|program| program.mode());
         let heard = self.watched.iter();
