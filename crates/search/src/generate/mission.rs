@@ -105,6 +105,8 @@ pub(super) fn sort(steps: &mut Vec<Step>) {
     steps.extend(keyed.into_iter().map(|(_, step)| step));
 }
 
+/// Earliest such turn, milliseconds: the robot has its first scans then.
+const BY_HAND_FROM_MS: u64 = 6_000;
 /// Duration for which the operator turns the robot by hand.
 const BY_HAND_MS: [u64; 2] = [3_000, 9_000];
 
@@ -143,7 +145,7 @@ pub(super) fn keep_busy(
         && let Some(turn) = targets.turn()
     {
         let [least, most] = BY_HAND_MS;
-        let at = dice.between(2_000, end_ms.max(2_000 + most) - most);
+        let at = dice.between(BY_HAND_FROM_MS, end_ms.max(BY_HAND_FROM_MS + most) - most);
         let side = [turn.to_vec(), turn.iter().rev().copied().collect()];
         let side = side[dice.index(2)].clone();
         mission.step.push(step(at, Action::Drive(side)));

@@ -98,7 +98,7 @@ const CYCLES: [Cycle; 7] = [
     )
     .except(&["base silent"])
     .at_most(10),
-    Cycle::new("radio", "pose", Duration::from_millis(500), |frame| {
+    Cycle::new("radio", "pose", Duration::from_millis(600), |frame| {
         has_id(frame, *b"MPD")
     })
     .at_most(60)

@@ -127,14 +127,23 @@ fn ends(rig: &Rig, links: &[String]) -> Vec<String> {
     nodes.map(|node| rig.node_name(node).to_owned()).collect()
 }
 
-/// The times after each order of `scenario` to disconnect in which its effects last.
+/// The times from each order of `scenario` to disconnect until the effects of the next connection
+/// are over.
 fn disconnects(scenario: &Scenario) -> Vec<[Instant; 2]> {
     let steps = scenario.mission.step.iter();
-    let steps = steps.filter(|step| step.action == Action::Disconnect);
-    let times = steps.filter_map(|step| step.at);
-    times
-        .map(|at| [at.instant(), at.instant() + EFFECTS])
-        .collect()
+    let steps: Vec<_> = steps
+        .filter_map(|step| Some((step.at?, &step.action)))
+        .collect();
+    let times = steps
+        .iter()
+        .enumerate()
+        .filter_map(|(index, (at, action))| {
+            let is_back = |(_, action): &&(_, &Action)| **action == Action::Connect;
+            let back = steps[index..].iter().find(is_back);
+            let back = back.map_or(Window::ALWAYS.until, |(at, _)| at.instant() + EFFECTS);
+            (**action == Action::Disconnect).then(|| [at.instant(), back])
+        });
+    times.collect()
 }
 
 /// Whether the station of `scenario` gives an order `from` then on.

@@ -14,7 +14,7 @@ use crate::rig::trace::{Side, Tap};
 use crate::robots::{Asking, Instruments};
 
 /// Number of unanswered requests from which the share of repeated ones is judged.
-const ENOUGH: u64 = 6;
+const ENOUGH: u64 = 12;
 /// Minimum share of unanswered requests that are repeated, per cent.
 const SHARE: u64 = 50;
 /// Interval between two comparisons of the counts.
@@ -23,7 +23,7 @@ const EVERY: Duration = Duration::from_millis(500);
 const AHEAD: u64 = 4;
 const AHEAD_SHARE: u64 = 50;
 /// The same for each of these damaged deliveries.
-const DAMAGED_SHARE: u64 = 20;
+const DAMAGED_SHARE: u64 = 5;
 
 /// The program repeats a request that was not answered, or whose answer reports an error, and takes
 /// only fitting frames for replies.

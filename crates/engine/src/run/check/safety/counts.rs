@@ -66,8 +66,12 @@ struct Ear {
     direction: Direction,
     codec: &'static Codec,
     counter: Counter,
+    /// Another decoder, which does not give up a frame in a pause: a fault may delay single bytes.
+    patient: Counter,
     heard_at: Instant,
+    /// Valid frames of the first decoder, and of the patient one.
     sound: u64,
+    patient_sound: u64,
     damaged: u64,
 }
 
@@ -86,8 +90,10 @@ impl CountsTrue {
                 direction,
                 codec,
                 counter: Counter::towards(codec, direction),
+                patient: Counter::towards(codec, direction),
                 heard_at: Instant::ZERO,
                 sound: 0,
+                patient_sound: 0,
                 damaged: 0,
             };
             Some(Watched {
@@ -123,6 +129,7 @@ impl Ear {
         self.heard_at = at;
         let count = self.counter.push(bytes);
         self.add(count);
+        self.patient_sound += self.patient.push(bytes).frames;
     }
 
     /// A pause parted bytes: program and rig may find other frames in them.
@@ -155,12 +162,17 @@ impl Tap for Listener {
 impl Watched {
     /// Compares the counts; returns the contradiction. `is_calm`: no fault acts.
     fn compare(&mut self, [accepted, rejected]: [u64; 2], is_calm: bool) -> Option<String> {
-        let (sound, damaged) = {
+        let (sound, patient, damaged) = {
             let ear = self.ear.lock();
-            (ear.sound, ear.damaged)
+            (ear.sound, ear.patient_sound, ear.damaged)
         };
         self.accepted = accepted;
         self.sound.push_back(sound);
+        // Frames whose bytes came with pauses.
+        let sound = match self.was_disturbed {
+            true => sound.max(patient),
+            false => sound,
+        };
         let name = self.intake.link;
         // After damage, program and rig may find other frames, because they discard a partial frame
         // at different times. Without damage, a decoder may need the next byte to end a frame.

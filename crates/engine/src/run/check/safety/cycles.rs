@@ -175,6 +175,8 @@ impl Watched {
         let is_exempt = mode.is_some_and(|mode| self.cycle.except.contains(&mode));
         if !self.calm.is(now) || is_exempt || now < Instant::ZERO + STARTS {
             (self.count, self.since, self.second) = (count, now, (now, count));
+            // An optional frame need not come again behind a fault.
+            self.in_a_row = 0;
             return;
         }
         self.count_second(now, count);

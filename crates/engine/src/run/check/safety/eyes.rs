@@ -2,6 +2,7 @@
 
 use protocols::Instant;
 
+use super::paused::is_damaged;
 use crate::Shared;
 use crate::rig::Rig;
 use crate::rig::line::{Delivery, Direction};
@@ -18,6 +19,8 @@ struct Turns {
     link: usize,
     decoder: Box<dyn ScanDecoder>,
     count: u64,
+    /// Number of damaged deliveries: the ends of turns are not known among them.
+    damaged: u64,
 }
 
 impl Eyes {
@@ -29,6 +32,7 @@ impl Eyes {
             link,
             decoder,
             count: 0,
+            damaged: 0,
         });
         rig.add_tap(Box::new(Listener(shared.clone())));
         Some(Self { name, shared })
@@ -37,7 +41,10 @@ impl Eyes {
     /// The same for a copy of the rig. An incomplete turn does not count.
     pub(super) fn fork(&self, rig: &mut Rig, instruments: &dyn Instruments) -> Option<Self> {
         let copy = Self::open(rig, instruments)?;
-        copy.shared.lock().count = self.turns();
+        {
+            let (own, mut other) = (self.shared.lock(), copy.shared.lock());
+            (other.count, other.damaged) = (own.count, own.damaged);
+        }
         Some(copy)
     }
 
@@ -52,6 +59,14 @@ impl Eyes {
     }
 }
 
+impl Eyes {
+    /// Number of deliveries that a fault damaged, with some bytes left: a program may still see by
+    /// them.
+    pub(super) fn damaged(&self) -> u64 {
+        self.shared.lock().damaged
+    }
+}
+
 struct Listener(Shared<Turns>);
 
 impl Tap for Listener {
@@ -61,6 +76,7 @@ impl Tap for Listener {
         let mut turns = self.0.lock();
         if direction == Direction::ToMaster && link == turns.link {
             let turn = turns.decoder.push(&delivery.bytes);
+            turns.damaged += u64::from(is_damaged(delivery) && !delivery.bytes.is_empty());
             turns.count += u64::from(turn.is_some_and(|beams| !beams.is_empty()));
         }
     }

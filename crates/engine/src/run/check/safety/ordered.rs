@@ -97,24 +97,22 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
         .collect();
     let time = |step: &Step| step.at.unwrap_or_default().instant();
     let mut is_connected = true;
-    // Whether the last order was a mode: then an empty list may mean nothing.
-    let mut has_mode = false;
-    let mut is_driven = may_have_mode;
+    // Whether the robot drives to the places of lists. In another mode, or driven by hand, an empty
+    // list may mean nothing.
+    let (mut has_mode, mut by_hand) = (may_have_mode, false);
     let mut windows = Vec::new();
     for (index, step) in orders.iter().enumerate() {
-        let was_drive = index > 0 && matches!(orders[index - 1].action, Action::Drive(_));
         match &step.action {
             Action::Connect => is_connected = true,
             Action::Disconnect => {
                 is_connected = false;
-                // The station may repeat its last order when it is back, behind the newer lists.
-                is_driven |= was_drive;
+                // The station may repeat its order when it is back, behind the newer lists.
+                has_mode |= by_hand;
             }
-            Action::Mode(mode) => has_mode = mode != "stop",
-            Action::WaypointsM(places) if places.is_empty() && (has_mode || is_driven) => {
-                continue;
-            }
-            Action::WaypointsM(_) | Action::Drive(_) => has_mode = false,
+            Action::Mode(mode) if mode != "stop" => has_mode = true,
+            Action::WaypointsM(places) if places.is_empty() && (has_mode || by_hand) => continue,
+            Action::WaypointsM(_) => by_hand = false,
+            Action::Drive(_) => by_hand = true,
             _ => {}
         }
         let next = orders.get(index + 1).map(|next| time(next));
@@ -269,12 +267,13 @@ mod tests {
         let gone = "{ at = \"5s\", do = \"disconnect\" },{ at = \"6s\", do = \"connect\" },";
         assert_eq!(rests(&none(5)), [5]);
         assert_eq!(rests(&(mode(3, "explore") + &none(5))), [0; 0]);
-        assert_eq!(rests(&(mode(3, "explore") + &list(4) + &none(5))), [5]);
+        assert_eq!(rests(&(mode(3, "explore") + &list(4) + &none(5))), [0; 0]);
         assert_eq!(rests(&(mode(3, "stop") + &none(5))), [3, 5]);
         let later = "{ when = { visited = 1 }, do = { mode = \"explore\" } },";
         let stop = mode(4, "stop");
         assert_eq!(rests(&(later.to_owned() + &stop + &none(5))), [4]);
         assert_eq!(rests(&(drive.to_owned() + &list(6) + &none(8))), [8]);
+        assert_eq!(rests(&(drive.to_owned() + &none(8))), [0; 0]);
         assert_eq!(
             rests(&(drive.to_owned() + gone + &list(7) + &none(8))),
             [0; 0]

@@ -33,6 +33,8 @@ pub struct RestsAfterSilence {
     calm: Calm,
     within: Duration,
     commanded: Heard,
+    /// Last time with a set-point other than 0.
+    driven_at: Instant,
     has_moved: bool,
 }
 
@@ -98,6 +100,7 @@ impl RestsAfterSilence {
             calm,
             within,
             commanded: Heard::NEVER,
+            driven_at: Instant::ZERO,
             has_moved: false,
         }
     }
@@ -118,7 +121,7 @@ impl RestsAfterSilence {
         let bytes = || delivered(rig, link, Direction::ToMaster);
         turns.map_or_else(bytes, |turns| match self.may_see_nothing(rig) {
             true => turns + bytes(),
-            false => turns,
+            false => turns + eyes.map_or(0, Eyes::damaged),
         })
     }
 
@@ -129,6 +132,9 @@ impl RestsAfterSilence {
         below.is_some_and(|below| rig.world.clearance_up_to(below) < below)
     }
 }
+
+/// Time in which a robot whose set-points are 0 may roll out: a board without supply does not brake.
+const ROLLS_OUT: Duration = Duration::from_secs(2);
 
 /// Whether the robot moves by itself: a person who touches it may push it while its set-points are 0.
 pub(super) fn moves_itself(look: &Look<'_>) -> bool {
@@ -157,6 +163,11 @@ impl Checker for RestsAfterSilence {
         let is_reached = self.drive.is_empty() || unreached < COMMANDS || self.calm.is(now);
         let is_moving = moves_itself(look);
         self.has_moved |= is_moving;
+        let is_driven = look.axes.is_empty() || look.axes.iter().any(|axis| axis.set_point != 0.0);
+        if is_driven {
+            self.driven_at = now;
+        }
+        let is_moving = is_moving && (is_driven || now - self.driven_at > ROLLS_OUT);
         let mode = rig.program().map(|program| program.mode());
         let heard = self.watched.iter();
         let heard: Vec<u64> = heard
