@@ -1,6 +1,6 @@
 //! The fielded program's defects in the whole rig: devices, lines and world, one defect at a time.
-//! Each row's sign is false without the defect. The museum's list names the defects that no run of
-//! the rig can show, with the reason; their exhibits catch them.
+//! Each row's sign is false without the defect. The museum's list names the defects that no
+//! campaign can show, with the reason; their exhibits catch them.
 
 mod occasions;
 mod signs;
@@ -143,7 +143,8 @@ fn the_rig_tells_the_defects_of_radio_and_navigation() {
     all_show(&["PU-", "NV-"]);
 }
 
-/// Every switch is a row or one of the defects that no run can show, and one of them only.
+/// Every switch is a row or one of the defects that no campaign can show. Some of these have a row:
+/// bytes that no fault of a campaign makes show them.
 #[test]
 fn every_defect_is_told_by_the_rig_or_has_its_reason() {
     let hidden = museum::hidden();
@@ -152,6 +153,7 @@ fn every_defect_is_told_by_the_rig_or_has_its_reason() {
     let mut listed: Vec<_> = ROWS.iter().map(|row| row.id).chain(hidden).collect();
     let mut known: Vec<_> = Config::defects().collect();
     listed.sort_unstable();
+    listed.dedup();
     known.sort_unstable();
     assert_eq!(listed, known);
 }

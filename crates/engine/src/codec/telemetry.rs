@@ -53,8 +53,8 @@ pub struct Escaped {
     bytes: Vec<u8>,
 }
 
-/// From this choice on, a built frame contains a telecommand; below, arbitrary bytes; from the other
-/// one on, many of them.
+/// From this choice on, a built frame contains a telecommand; below, arbitrary bytes; from the
+/// other one on, many of them.
 const COMMANDS: u8 = 208;
 const LONG: u8 = 240;
 

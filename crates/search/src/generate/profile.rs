@@ -73,8 +73,8 @@ pub struct Faults {
     /// Share of the runs in which the link of the orders is noisy for some time, per cent.
     #[serde(default)]
     pub noisy_orders_percent: u64,
-    /// Share of the runs in which one direction of any link has up to three kinds of noise, each for
-    /// some time, per cent.
+    /// Share of the runs in which one direction of any link has up to three kinds of noise, each
+    /// for some time, per cent.
     #[serde(default)]
     pub noisy_link_percent: u64,
     /// Whether half of the inserted bytes are the first byte of a frame, or 0.

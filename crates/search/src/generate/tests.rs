@@ -628,8 +628,8 @@ fn unusual_orders_come_up_and_can_be_wired() {
 }
 
 /// An operator who uses everything: drives, many orders within a second, poses, a station that
-/// leaves during a drive and comes back. Each mission can be wired, and the acts end before the last
-/// phase. Alone, the operator adds no fault.
+/// leaves during a drive and comes back. Each mission can be wired, and the acts end before the
+/// last phase. Alone, the operator adds no fault.
 #[test]
 fn an_operator_uses_everything_that_the_station_offers() {
     let mut profile = Profile::find("harsh").expect("it is built in");

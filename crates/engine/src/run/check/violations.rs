@@ -34,8 +34,8 @@ pub struct ViolationsLater {
     /// Links of the station, and the time of the last step that connects it.
     station: &'static [&'static str],
     connected: Option<Instant>,
-    /// Times in which a station that disconnects breaks rules.
-    disconnects: Vec<[Instant; 2]>,
+    /// Whether the station disconnects: bytes for it then find its port closed.
+    disconnects: bool,
     /// Whether the station gives an order after the time from which violations count; otherwise an
     /// order that is not confirmed was given during the faults.
     has_late_order: bool,
@@ -109,7 +109,8 @@ impl ViolationsLater {
             from: expect.violations_from?.instant(),
             exempt: broken,
             ends: None,
-            disconnects: disconnects(scenario),
+            disconnects: (scenario.mission.step.iter())
+                .any(|step| step.action == Action::Disconnect),
             has_late_order: has_late_order(scenario, expect.violations_from?.instant()),
             faults: times(&scenario.fault),
             tallies: None,
@@ -125,25 +126,6 @@ fn ends(rig: &Rig, links: &[String]) -> Vec<String> {
     let broken = rig.links().iter().filter(|link| links.contains(&link.name));
     let nodes = broken.flat_map(|link| link.lines.iter().map(|line| line.from.node));
     nodes.map(|node| rig.node_name(node).to_owned()).collect()
-}
-
-/// The times from each order of `scenario` to disconnect until the effects of the next connection
-/// are over.
-fn disconnects(scenario: &Scenario) -> Vec<[Instant; 2]> {
-    let steps = scenario.mission.step.iter();
-    let steps: Vec<_> = steps
-        .filter_map(|step| Some((step.at?, &step.action)))
-        .collect();
-    let times = steps
-        .iter()
-        .enumerate()
-        .filter_map(|(index, (at, action))| {
-            let is_back = |(_, action): &&(_, &Action)| **action == Action::Connect;
-            let back = steps[index..].iter().find(is_back);
-            let back = back.map_or(Window::ALWAYS.until, |(at, _)| at.instant() + EFFECTS);
-            (**action == Action::Disconnect).then(|| [at.instant(), back])
-        });
-    times.collect()
 }
 
 /// Whether the station of `scenario` gives an order `from` then on.
@@ -197,7 +179,7 @@ impl Checker for ViolationsLater {
     fn observe(&mut self, look: &Look<'_>) {
         let (rig, now) = (look.rig, look.rig.now());
         self.ends.get_or_insert_with(|| ends(rig, &self.exempt));
-        let mut faults = self.faults.iter().chain(&self.disconnects);
+        let mut faults = self.faults.iter();
         let counts =
             now >= self.from && !faults.any(|[from, until]| (*from..*until).contains(&now));
         match &mut self.tallies {
@@ -230,8 +212,10 @@ impl Checker for ViolationsLater {
         for (device, rule, count) in &all.rules {
             let at_broken = self.ends.as_ref().is_some_and(|ends| ends.contains(device));
             let is_earlier = !self.has_late_order && rule.ends_with("-not-confirmed");
+            let is_closed = self.disconnects && *rule == "host-port-closed";
             let is_exempt = self.exempt.contains(device)
                 || at_broken
+                || is_closed
                 || is_earlier
                 || self.unconnected.contains(&device.as_str());
             match is_exempt {
@@ -295,5 +279,45 @@ mod tests {
         // The radio is not behind the PC, and the PC connects after 500 ms.
         assert_eq!(with("\"pc\"", "lidar", "38s", "").unconnected, [""; 0]);
         assert_eq!(with("", "radio", "100ms", "").unconnected, [""; 0]);
+    }
+
+    /// Devices at the ends of a link that stays broken are exempt, whatever their names; a closed
+    /// port is the station's own if it disconnects; an order that is not confirmed is one of the
+    /// time with faults if none was given later. Anything else counts.
+    #[test]
+    fn only_what_the_run_itself_explains_is_exempt() {
+        let judged = |broken: &str, steps: &str, broken_rules: &[(&str, &'static str)]| {
+            let text = format!(
+                "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+                 [expect]\nviolations_max = 0\nviolations_from = \"56s\"\n\
+                 [expect.safety]\nalive_without = [{broken}]\n\
+                 [world]\nstart = {{ x_m = 1, y_m = 1, heading_deg = 0 }}\n[mission]\n{steps}"
+            );
+            let (scenario, source) = Scenario::from_text(&text).expect("sound");
+            let run = crate::run::Run::new(scenario.clone(), &source, None).expect("wired");
+            let mut later = ViolationsLater::of(&scenario, &["radio", "pc"]).expect("later");
+            later.ends = Some(ends(&run.rig, &later.exempt));
+            later.is_observed = true;
+            later.found.total = broken_rules.len() as u64;
+            let rules = broken_rules.iter();
+            later.found.rules = rules.map(|&(of, rule)| (of.to_owned(), rule, 1)).collect();
+            later.verdict().status
+        };
+        use super::super::Status::{Fail, Pass};
+        let step = |at: u32, what: &str| format!("[[mission.step]]\nat = \"{at}s\"\ndo = {what}\n");
+        let gone = step(20, "\"disconnect\"") + &step(22, "\"connect\"");
+        let (full, closed) = (("radio", "fifo-overflow"), ("radio", "host-port-closed"));
+        let unsure = ("pc", "order-not-confirmed");
+        // The radio is at one end of the link `pc`.
+        assert_eq!(judged("\"pc\"", "", &[full]), Pass);
+        assert_eq!(judged("\"base\"", "", &[full]), Fail);
+        assert_eq!(judged("", &gone, &[closed]), Pass);
+        assert_eq!(
+            [judged("", "", &[closed]), judged("", &gone, &[full])],
+            [Fail; 2]
+        );
+        assert_eq!(judged("", &gone, &[unsure]), Pass);
+        let late = step(57, "{ mode = \"stop\" }");
+        assert_eq!(judged("", &late, &[unsure]), Fail);
     }
 }

@@ -46,8 +46,8 @@ struct Ear {
     /// Deliveries of the device with damage: the program may find a reply behind damaged bytes that
     /// the rig counts as a part of them.
     damaged: u64,
-    /// End of the time in which requests are not judged, and their number: they waited for the line,
-    /// and the reply to the first one came meanwhile.
+    /// End of the time in which requests are not judged, and their number: they waited for the
+    /// line, and the reply to the first one came meanwhile.
     paused_until: Instant,
     paused: u64,
     requests: u64,

@@ -29,8 +29,8 @@ const ROUGH: f64 = 0.5;
 const AT_REST: [f64; 2] = [0.3, 0.8];
 const AT_REST_PER_S: [f64; 2] = [0.0, 0.005];
 /// Permitted motion to one side in curves, as a share of the distance between the curves and their
-/// tangents, and in any case, metres. A pose that leaves each curve on the wrong side drifts by twice
-/// this distance.
+/// tangents, and in any case, metres. A pose that leaves each curve on the wrong side drifts by
+/// twice this distance.
 const DRIFT: f64 = 0.5;
 const DRIFT_M: f64 = 0.1;
 /// Names and units of path and turn.
@@ -289,9 +289,9 @@ mod tests {
         assert!((resting.at_rest - 0.8).abs() < 1e-9 && resting.travel == 0.0);
     }
 
-    /// Twenty sections of a curve, 0.1 m and 0.2 rad each: the curve leaves its tangents by 0.2 m in
-    /// all. A pose that goes to the wrong side drifts by 0.4 m; one that goes straight, by 0.2 m; an
-    /// error of 2 mm in each section is none.
+    /// Twenty sections of a curve, 0.1 m and 0.2 rad each: the curve leaves its tangents by 0.2 m
+    /// in all. A pose that goes to the wrong side drifts by 0.4 m; one that goes straight, by 0.2 m;
+    /// an error of 2 mm in each section is none.
     #[test]
     fn a_pose_that_leaves_curves_to_the_wrong_side_drifts() {
         let unknown: Arc<dyn Instruments> = Arc::new(crate::robots::instruments::Unknown);

@@ -133,10 +133,12 @@ impl RestsAfterSilence {
     }
 }
 
-/// Time in which a robot whose set-points are 0 may roll out: a board without supply does not brake.
+/// Time in which a robot whose set-points are 0 may roll out: a board without supply does not
+/// brake.
 const ROLLS_OUT: Duration = Duration::from_secs(2);
 
-/// Whether the robot moves by itself: a person who touches it may push it while its set-points are 0.
+/// Whether the robot moves by itself: a person who touches it may push it while its set-points are
+/// 0.
 pub(super) fn moves_itself(look: &Look<'_>) -> bool {
     let world = &look.rig.world;
     let is_moving = world.speed().abs() > REST_M_S || world.turn_rate().abs() > REST_RAD_S;
