@@ -290,8 +290,8 @@ mod tests {
     }
 
     /// Twenty sections of a curve, 0.1 m and 0.2 rad each: the curve leaves its tangents by 0.2 m
-    /// in all. A pose that goes to the wrong side drifts by 0.4 m, a straight one by 0.2 m; an error
-    /// of 2 mm in each section is none.
+    /// in all. A pose that goes to the wrong side drifts by 0.4 m, a straight one by 0.2 m. An
+    /// error of 2 mm in each section is no drift.
     #[test]
     fn a_pose_that_leaves_curves_to_the_wrong_side_drifts() {
         let unknown: Arc<dyn Instruments> = Arc::new(crate::robots::instruments::Unknown);
