@@ -161,11 +161,19 @@ impl Instruments for ApolloInstruments {
 
     /// Driven by hand: the phone. Along a wall: the board. Otherwise: the front camera.
     fn needs(&self) -> Vec<Need> {
-        let eyes = if self.follows_wall { "car" } else { "scan" };
-        vec![
-            Need::always(REMOTE).only(&["remote"]),
-            Need::always(eyes).only(&["autonomous", "gates", "mapping", "camera silent"]),
-        ]
+        let remote = Need::always(REMOTE).only(&["remote"]);
+        let scan = Need::always("scan");
+        match self.follows_wall {
+            true => vec![
+                remote,
+                Need::always("car").only(&["autonomous"]),
+                scan.only(&["gates", "mapping"]),
+            ],
+            false => vec![
+                remote,
+                scan.only(&["autonomous", "gates", "mapping", "camera silent"]),
+            ],
+        }
     }
 
     fn drive_links(&self) -> Vec<String> {
