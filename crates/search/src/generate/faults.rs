@@ -27,7 +27,7 @@ const fn phases(until_ms: u64) -> PhasesSpec {
     }
 }
 
-fn millis(span: Span) -> u64 {
+pub(super) fn millis(span: Span) -> u64 {
     u64::try_from(span.0.as_millis()).unwrap_or(u64::MAX)
 }
 

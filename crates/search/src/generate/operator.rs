@@ -4,7 +4,7 @@
 use super::Profile;
 use super::dice::Draw;
 use super::fault_targets::Orders;
-use super::faults::end_of_trouble;
+use super::faults::{end_of_trouble, millis};
 use super::mission::{is_fixed, sort, step};
 use super::odd::is_drawn;
 use engine::robots::DriveKeys;
@@ -33,10 +33,6 @@ const DRIVE_MS: [u64; 2] = [700, 1_800];
 const RATES: [f64; 3] = [0.003, 0.01, 0.03];
 /// Largest distance of an ordered pose from the start along each axis, millimetres.
 const NEAR_MM: u64 = 600;
-
-fn millis(span: Span) -> u64 {
-    u64::try_from(span.0.as_millis()).unwrap_or(u64::MAX)
-}
 
 fn within([least, most]: [u64; 2], dice: &mut Draw) -> u64 {
     dice.between(least, most)
@@ -106,7 +102,10 @@ pub(super) fn acts(
     made.mission.step.extend(steps);
     sort(&mut made.mission.step);
     // A drive by hand may lead into a wall.
-    if let Some(safety) = &mut made.expect.safety {
+    let by_hand = |step: &Step| matches!(step.action, Action::Drive(_));
+    if made.mission.step.iter().any(by_hand)
+        && let Some(safety) = &mut made.expect.safety
+    {
         safety.by_hand = true;
     }
 }
