@@ -100,6 +100,7 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
     // Whether the robot drives to the places of lists. In another mode, or driven by hand, an empty
     // list may mean nothing.
     let (mut has_mode, mut by_hand) = (may_have_mode, false);
+    let mut driven_at = Instant::ZERO;
     let mut windows = Vec::new();
     for (index, step) in orders.iter().enumerate() {
         match &step.action {
@@ -111,8 +112,12 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
             }
             Action::Mode(mode) if mode != "stop" => has_mode = true,
             Action::WaypointsM(places) if places.is_empty() && (has_mode || by_hand) => continue,
-            Action::WaypointsM(_) => by_hand = false,
-            Action::Drive(_) => by_hand = true,
+            Action::WaypointsM(_) => {
+                // The same for a list that follows before the drive is confirmed.
+                has_mode |= by_hand && time(step) - driven_at < FOLLOWS;
+                by_hand = false;
+            }
+            Action::Drive(_) => (by_hand, driven_at) = (true, time(step)),
             _ => {}
         }
         let next = orders.get(index + 1).map(|next| time(next));
@@ -273,6 +278,7 @@ mod tests {
         let stop = mode(4, "stop");
         assert_eq!(rests(&(later.to_owned() + &stop + &none(5))), [4]);
         assert_eq!(rests(&(drive.to_owned() + &list(6) + &none(8))), [8]);
+        assert_eq!(rests(&(drive.to_owned() + &list(4) + &none(8))), [0; 0]);
         assert_eq!(rests(&(drive.to_owned() + &none(8))), [0; 0]);
         assert_eq!(
             rests(&(drive.to_owned() + gone + &list(7) + &none(8))),
