@@ -23,6 +23,9 @@ pub const LINES_MAX: usize = 20;
 /// Maximum number of segments before they are merged.
 const SEGMENTS_MAX: usize = 64;
 
+/// Distance beside two lines, in tolerances, from which a point between them is of neither.
+const ALONE: f32 = 2.0;
+
 /// The ends of a line, in the order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Line {
@@ -268,7 +271,10 @@ impl Segments {
         // A line across the beginning has its end a turn later.
         let last = if next < at { b.last + turn } else { b.last };
         let last = last.min(a.first + turn);
-        let fit = Fit::of(circle.run(a.first, last), settings);
+        // Between them may be points that are too alone to be a line: they are of neither.
+        let far_mm = settings.tolerance_mm * ALONE;
+        let is_of = |point: &Point| [a, b].iter().any(|it| it.fit.beside_mm(*point) <= far_mm);
+        let fit = Fit::of(circle.run(a.first, last).filter(is_of), settings);
         self.items[at] = Segment { fit, last, ..a };
         self.remove(next);
     }
@@ -363,6 +369,21 @@ mod tests {
                 end: points[2]
             }]
         );
+    }
+
+    /// A wall of 1 m, 1 m ahead, a point each 20 mm. One ray goes through a hole in its middle, and
+    /// ends 2 m behind it.
+    #[test]
+    fn a_point_behind_a_wall_does_not_turn_its_line() {
+        let point = |at: i8| {
+            let x_mm = if at == 0 { 3_000.0 } else { 1_000.0 };
+            Point::new(x_mm, f32::from(at) * 20.0)
+        };
+        let points: Vec<Point> = (-25..=25).map(point).collect();
+        let wall = [-500.0, 500.0].map(|y| Point::new(1_000.0, y));
+        let [start, end] = wall;
+        let lines = Lines::find(&points, &Settings::default());
+        assert_eq!(lines.as_slice(), [Line { start, end }]);
     }
 
     /// A spiral, each point twice as far as the one before and a quarter turn on. The farthest

@@ -86,6 +86,12 @@ impl Fit {
         }
     }
 
+    /// Distance of a point from this line, extended.
+    pub(super) fn beside_mm(&self, point: Point) -> f32 {
+        let (dx, dy) = (point.x_mm - self.start.x_mm, point.y_mm - self.start.y_mm);
+        (dy * self.direction[0] - dx * self.direction[1]).abs()
+    }
+
     /// Cosine of the change of direction from this line to `next`.
     pub(super) fn cos_to(&self, next: &Self) -> f32 {
         self.direction[0] * next.direction[0] + self.direction[1] * next.direction[1]
