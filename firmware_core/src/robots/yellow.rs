@@ -153,6 +153,12 @@ impl Yellow {
         self.infrared.distances_m()
     }
 
+    /// The bearing of the ordered pose, radians to the left; `None` if the robot does not drive to one.
+    pub fn goal_bearing(&self) -> Option<f32> {
+        let is_led = self.mode() == Mode::AutoPosition;
+        is_led.then(|| self.autoposition.bearing(self.pose()))
+    }
+
     /// Target speeds of the activity; the wheels follow as fast as they can.
     pub const fn target(&self) -> Velocity {
         self.target
@@ -231,7 +237,8 @@ impl Yellow {
             return Velocity::ZERO;
         };
         let [ahead_m, ..] = self.infrared.distances_m();
-        self.guard.limited(now, ahead_m, velocity)
+        self.guard
+            .limited(now, ahead_m, &self.lidar.strip, velocity)
     }
 
     /// Executes a telecommand of the PC; not-a-number is refused.

@@ -94,6 +94,11 @@ impl Autoposition {
         self.step = Step::Turn;
     }
 
+    /// The bearing of the goal from `pose`, radians to the left.
+    pub(super) fn bearing(&self, pose: Pose) -> f32 {
+        Aim::new(pose, self.goal.position).bearing
+    }
+
     /// Velocity at `pose`, which does not change while the robot `is_at_rest`; `None`: the robot
     /// has arrived.
     pub(super) fn step(&mut self, pose: Pose, is_at_rest: bool) -> Option<Velocity> {

@@ -1,11 +1,13 @@
 //! Protection of manoeuvres against walls. A pose may be wrong without notice: then a goal may lie
-//! behind a wall that the IR sensor ahead sees.
+//! behind a wall that the IR sensor ahead sees. The end of a wall beside the path may be missing in
+//! the map, and only the lidar sees it.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
 use super::motion::Velocity;
+use crate::pose::sin_cos;
 
 /// Speed per room ahead, 1/s: from 0.5 m/s the robot stops within 9 cm, mostly because of the
 /// sensor's delay.
@@ -17,10 +19,54 @@ const HELD: Duration = Duration::from_secs(1);
 /// Speed at which a touch does no harm, so that goals beside a wall can be reached.
 const CREEP_M_S: f32 = 0.04;
 
+/// Radius of the deck with 1 cm of room beside it, mm.
+const DECK_MM: f32 = 130.0;
+/// Distance up to which the lidar's points count, mm: at the largest speed the robot needs less.
+const LOOKS_MM: f32 = 600.0;
+/// Speed per room before the deck, 1/s, and the distance that counts as no room: a point may be as
+/// old as a turn of the lidar.
+const DECK_GAIN: f32 = 2.0;
+const DECK_NEAR_M: f32 = 0.02;
+/// Time for which a point counts: a turn of the lidar takes up to a fifth of a second.
+const POINT: Duration = Duration::from_millis(250);
+
 /// Time until which a wall ahead counts as near.
 #[derive(Clone, Debug)]
 pub(super) struct Guard {
     near_until: Instant,
+}
+
+/// The nearest point of the lidar in the strip that the deck sweeps when the robot drives ahead.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Strip {
+    nearest: Option<(Instant, f32)>,
+}
+
+impl Strip {
+    pub(super) const NEW: Self = Self { nearest: None };
+
+    /// Takes a point of the lidar at `angle_q6`, 64ths of a degree clockwise from ahead.
+    pub(super) fn take(&mut self, now: Instant, angle_q6: u16, distance_mm: f32) {
+        if !(1.0..LOOKS_MM).contains(&distance_mm) {
+            return;
+        }
+        let (sin, cos) = sin_cos((f32::from(angle_q6) / 64.0).to_radians());
+        let (ahead_mm, beside_mm) = (distance_mm * cos, distance_mm * sin);
+        let across = DECK_MM * DECK_MM - beside_mm * beside_mm;
+        if ahead_mm <= 0.0 || across <= 0.0 {
+            return;
+        }
+        let room_m = (ahead_mm - libm::sqrtf(across)) / 1_000.0;
+        if self.room_m(now).is_none_or(|known| room_m <= known) {
+            self.nearest = Some((now, room_m));
+        }
+    }
+
+    /// The room before the deck, metres; `None`: nothing is near.
+    pub(super) fn room_m(&self, now: Instant) -> Option<f32> {
+        let (at, room_m) = self.nearest?;
+        (now - at < POINT).then_some(room_m)
+    }
 }
 
 impl Guard {
@@ -28,8 +74,14 @@ impl Guard {
         near_until: Instant::ZERO,
     };
 
-    /// `wanted`, with its forward speed limited by the room of `ahead_m`.
-    pub(super) fn limited(&mut self, now: Instant, ahead_m: f32, wanted: Velocity) -> Velocity {
+    /// `wanted`, with its forward speed limited by the room of `ahead_m` and that before the deck.
+    pub(super) fn limited(
+        &mut self,
+        now: Instant,
+        ahead_m: f32,
+        strip: &Strip,
+        wanted: Velocity,
+    ) -> Velocity {
         if ahead_m <= NEAR_M {
             self.near_until = now + HELD;
         }
@@ -38,7 +90,11 @@ impl Guard {
         } else {
             ahead_m - NEAR_M
         };
-        let most = (GAIN * room_m).max(CREEP_M_S);
+        let before_deck = strip
+            .room_m(now)
+            .map(|room_m| DECK_GAIN * (room_m - DECK_NEAR_M));
+        let most = before_deck.map_or(GAIN * room_m, |most| most.min(GAIN * room_m));
+        let most = most.max(CREEP_M_S);
         Velocity {
             linear_m_s: wanted.linear_m_s.min(most),
             ..wanted
@@ -56,12 +112,14 @@ mod tests {
         let mut guard = Guard::NEW;
         let now = Instant::from_millis(1_000);
         let wanted = Velocity::new(0.5, 1.5);
-        let speed = |guard: &mut Guard, ahead_m| guard.limited(now, ahead_m, wanted).linear_m_s;
+        let speed = |guard: &mut Guard, ahead_m| {
+            guard.limited(now, ahead_m, &Strip::NEW, wanted).linear_m_s
+        };
         assert_eq!(speed(&mut guard, 0.8), 0.5);
         assert!((speed(&mut guard, 0.2) - 0.3).abs() < 1e-6);
         assert_eq!(speed(&mut guard, 0.11), CREEP_M_S);
         let back = Velocity::new(-0.1, 0.0);
-        assert_eq!(guard.limited(now, 0.05, back), back);
+        assert_eq!(guard.limited(now, 0.05, &Strip::NEW, back), back);
     }
 
     /// A wall at 3 cm reads like one at 17 cm: it counts as near for a second more.
@@ -71,11 +129,46 @@ mod tests {
         let wanted = Velocity::new(0.5, 0.0);
         let speed = |guard: &mut Guard, ms, ahead_m| {
             guard
-                .limited(Instant::from_millis(ms), ahead_m, wanted)
+                .limited(Instant::from_millis(ms), ahead_m, &Strip::NEW, wanted)
                 .linear_m_s
         };
         assert_eq!(speed(&mut guard, 1_000, 0.09), CREEP_M_S);
         assert_eq!(speed(&mut guard, 1_999, 0.8), CREEP_M_S);
         assert_eq!(speed(&mut guard, 2_000, 0.8), 0.5);
+    }
+
+    /// By hand: 300 mm ahead and 50 mm beside, the deck of 130 mm touches after 300 - 120 mm, so
+    /// that 2 times (180 - 20) mm are the speed. A point beside the deck or behind it is not in the
+    /// way; a nearer point counts at once, a farther one after a quarter of a second.
+    #[test]
+    fn speed_follows_the_room_before_the_deck() {
+        let mut guard = Guard::NEW;
+        let mut strip = Strip::NEW;
+        let wanted = Velocity::new(0.5, 0.0);
+        let mut is = |strip: &Strip, ms: u64, expected: f32| {
+            let limited = guard.limited(Instant::from_millis(ms), 0.8, strip, wanted);
+            (limited.linear_m_s - expected).abs() < 0.003
+        };
+        let take = |strip: &mut Strip, ms: u64, angle_q6: u16, distance_mm: f32| {
+            strip.take(Instant::from_millis(ms), angle_q6, distance_mm);
+        };
+        // 131 mm beside, behind, and too far; then 300 mm ahead and 50 mm to the right.
+        for (angle_q6, distance_mm) in
+            [(1_510, 327.4), (21_530, 327.4), (11_520, 300.0), (0, 601.0)]
+        {
+            take(&mut strip, 1_000, angle_q6, distance_mm);
+        }
+        assert!(is(&strip, 1_000, 0.5));
+        take(&mut strip, 1_000, 606, 304.1);
+        assert!(is(&strip, 1_000, 0.32));
+        // 400 mm ahead and 50 mm to the left.
+        take(&mut strip, 1_010, 22_584, 403.1);
+        assert!(is(&strip, 1_249, 0.32) && is(&strip, 1_250, 0.5));
+        take(&mut strip, 1_300, 22_584, 403.1);
+        take(&mut strip, 1_310, 22_434, 304.1);
+        assert!(is(&strip, 1_310, 0.32));
+        // 120 mm ahead, 50 mm to the right: the deck touches.
+        take(&mut strip, 1_320, 1_448, 130.0);
+        assert!(is(&strip, 1_320, CREEP_M_S));
     }
 }

@@ -14,6 +14,7 @@ use core::time::Duration;
 use protocols::rplidar::{Command, Decoder, Frame, Mode, Node, Reply, Status};
 use protocols::{Decode, Instant};
 
+use super::guard::Strip;
 use super::order::{Group, Order};
 use super::scans::{self, Scans};
 use crate::fifo::Fifo;
@@ -86,6 +87,7 @@ pub(super) struct Lidar {
     /// Angle of the last accepted node.
     angle_q6: u16,
     pub(super) scans: Scans,
+    pub(super) strip: Strip,
     requests: Fifo<16>,
     duty: Option<u8>,
     received_at: Instant,
@@ -116,6 +118,7 @@ impl Lidar {
             order: Order::NEW,
             angle_q6: 0,
             scans: Scans::new(defects.scans),
+            strip: Strip::NEW,
             requests: Fifo::new(),
             duty: None,
             received_at: Instant::ZERO,
@@ -294,6 +297,9 @@ impl Lidar {
         }
         self.scans
             .sample(group.angle_q6, group.distance_mm, group.quality);
+        if let Some(distance_mm) = group.distance_mm {
+            self.strip.take(now, group.angle_q6, distance_mm);
+        }
     }
 }
 
