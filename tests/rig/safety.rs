@@ -6,7 +6,7 @@ use hilrig::run::check::{Check, Status};
 use hilrig::run::{Outcome, Run};
 use hilrig::scenario::Scenario;
 use protocols::avr::{ChecksumOrder, Frame};
-use protocols::telemetry::message::Telecommand;
+use protocols::telemetry::message::{ANY_HEADING, Pose, State, Telecommand};
 use protocols::{Instant, LineConfig, telemetry};
 
 use super::{in_a_room, run_to_end, shipped, start};
@@ -293,35 +293,53 @@ fn a_link_that_safety_names_must_exist() {
     )));
 }
 
+/// Text of a step that sends `command` to the robot.
+fn injected(at: &str, command: &Telecommand) -> String {
+    let mut payload = [0; 64];
+    let len = command.encode(&mut payload).expect("fits");
+    let mut frame = [0; 80];
+    let len = telemetry::encode(&payload[..len], &mut frame).expect("fits");
+    let bytes = frame[..len].iter();
+    let hex: String = bytes.map(|byte| format!("{byte:02X}")).collect();
+    format!(
+        "[[mission.step]]\nat = \"{at}\"\ndo = {{ inject = {{ link = \"telemetry\", \
+         direction = \"to-master\", hex = \"{hex}\" }} }}\n"
+    )
+}
+
 /// Defects of a robot that an operator drives by hand and sends to poses: it turns the long way
-/// (YA-01), drives on when its PC is gone (YS-01), and repeats its last message when a scan with a
-/// value per degree does not fit (YF-04). Each check fails with its defect and passes without it.
+/// (YA-01), drives on when its PC is gone (YS-01) or away from a goal behind it (YA-02), repeats
+/// its last message when a scan with a value per degree does not fit (YF-04), and takes two walls
+/// for one (YN-01) or one for two, beside its points (YN-05). Each check fails with its defect and
+/// passes without it.
 #[test]
 fn planted_defects_are_found_while_an_operator_drives() {
-    let mut payload = [0; 64];
     let asks = Telecommand {
         lidar_step_deg: Some(1),
         ..Telecommand::default()
     };
-    let len = asks.encode(&mut payload).expect("fits");
-    let mut frame = [0; 80];
-    let len = telemetry::encode(&payload[..len], &mut frame).expect("fits");
-    let hex: String = frame[..len]
-        .iter()
-        .map(|byte| format!("{byte:02X}"))
-        .collect();
-    let scan = format!(
-        "[[mission.step]]\nat = \"8s\"\ndo = {{ inject = {{ link = \"telemetry\", \
-         direction = \"to-master\", hex = \"{hex}\" }} }}\n"
-    );
+    let back = Telecommand {
+        state: Some(State::AutoPosition),
+        desired_pose: Some(Pose {
+            x: 0.3,
+            y: 0.6,
+            alpha: ANY_HEADING,
+        }),
+        ..Telecommand::default()
+    };
+    let scan = injected("8s", &asks);
+    let behind = injected("12400ms", &back);
     let gone = "[[mission.step]]\nat = \"7500ms\"\ndo = \"disconnect\"\n";
     let rows = [
         ("turns-short", "YA-01", ""),
         ("rests-after-silence", "YS-01", gone),
         ("sends-in-time", "YF-04", &scan),
+        ("turns-short", "YA-02", &behind),
+        ("lines-true", "YN-01", ""),
+        ("lines-true", "YN-05", ""),
     ];
     let keys = "[expect.safety]\nshort_turns = true\nsends_cyclically = true\n\
-        rests_within = \"1s\"\nsteps_may_wait = true\n[expect]";
+        true_telemetry = true\nrests_within = \"1s\"\nsteps_may_wait = true\n[expect]";
     for (name, defect, step) in rows {
         let judged = |defects: &str| {
             let (_, source) = shipped("yellow-hand");

@@ -322,6 +322,24 @@ pub trait Instruments: Send + Sync {
         &[]
     }
 
+    /// The bearing of the goal that the program drives straight to, as it believes it, radians to
+    /// the left.
+    fn goal_bearing(&self, _rig: &Rig) -> Option<f64> {
+        None
+    }
+
+    /// The lines that the robot last reported to its station, with the time of the report; both
+    /// ends in the robot's frame, millimetres.
+    fn told_lines(&self, _rig: &Rig) -> Option<(Instant, Vec<[[f64; 2]; 2]>)> {
+        None
+    }
+
+    /// The points in which the program searches for lines, by their angles; the robot's frame,
+    /// millimetres.
+    fn searched_points(&self, _rig: &Rig) -> Vec<[f64; 2]> {
+        Vec::new()
+    }
+
     /// Values that the robot reported to its station, with the true ones.
     fn figures(&self, _rig: &Rig) -> Vec<Figure> {
         Vec::new()

@@ -37,7 +37,7 @@ pub(crate) use node_programs::node_programs;
 #[cfg(feature = "described")]
 pub use nodes::last_words;
 pub use safety::{
-    AliveAtTheEnd, AsksAgain, Calm, ComplaintsTrue, CountsTrue, DoesAsOrdered, DriveFed,
+    AliveAtTheEnd, AsksAgain, Calm, ComplaintsTrue, CountsTrue, DoesAsOrdered, DriveFed, LinesTrue,
     MotionTrue, MovesOnSoundOrders, NoticesSilence, PoseBelieved, RestsAfterSilence, SendsInTime,
     SendsOn, SendsSoundFrames, TelemetryTrue, TurnsShort,
 };

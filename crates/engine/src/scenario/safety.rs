@@ -26,7 +26,8 @@ pub struct SafetySpec {
     /// Link that carries the orders to the robot; built-in robots have their own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub orders_link: Option<String>,
-    /// The pose, speeds and charge that the robot reports to its station must be its own.
+    /// The pose, speeds and charge that the robot reports to its station must be its own, and the
+    /// reported lines those of its scan.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub true_telemetry: bool,
     /// Whether the program must count each valid frame that arrives on its lines as accepted, and
@@ -70,8 +71,8 @@ pub struct SafetySpec {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub motion_within_percent: Option<f64>,
-    /// Whether the robot must turn to its goal by the shorter way: by less than 230 degrees on the
-    /// spot.
+    /// Whether the robot must turn to its goal before it drives, and by the shorter way: by less
+    /// than 230 degrees on the spot.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub short_turns: bool,
     /// Maximum silence of a device until the program notices: its counter of such failures must

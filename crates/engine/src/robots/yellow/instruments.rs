@@ -9,7 +9,7 @@ use firmware_core::map_view::MapView;
 use firmware_core::robots::yellow::Yellow;
 use firmware_core::robots::yellow::pc::PcProgram;
 use protocols::Instant;
-use protocols::telemetry::message::State;
+use protocols::telemetry::message::{self, State};
 
 use super::overlays;
 use super::script::WHEEL_MAX_M_S;
@@ -232,6 +232,28 @@ impl Instruments for YellowInstruments {
 
     fn goal_modes(&self) -> &'static [&'static str] {
         &["position"]
+    }
+
+    fn goal_bearing(&self, rig: &Rig) -> Option<f64> {
+        rig.program_as::<Yellow>()?.goal_bearing().map(f64::from)
+    }
+
+    fn told_lines(&self, rig: &Rig) -> Option<(Instant, Vec<[[f64; 2]; 2]>)> {
+        let (at, told) = pc(rig)?.telemetry()?;
+        let end = |pose: message::Pose| [pose.x, pose.y].map(f64::from);
+        let lines = told.lines.as_ref()?.iter();
+        Some((
+            at,
+            lines.map(|line| [line.start, line.end].map(end)).collect(),
+        ))
+    }
+
+    fn searched_points(&self, rig: &Rig) -> Vec<[f64; 2]> {
+        let program = rig.program_as::<Yellow>();
+        let points = program.map_or(&[][..], |program| program.scan()).iter();
+        points
+            .map(|point| [point.x_mm, point.y_mm].map(f64::from))
+            .collect()
     }
 
     /// The reported pose and state with those of the program, the reported ranges with those of

@@ -8,6 +8,7 @@ mod counts;
 mod cycles;
 mod eyes;
 mod fed;
+mod lines;
 mod motion;
 mod ordered;
 mod orders;
@@ -29,6 +30,7 @@ pub use complaints::ComplaintsTrue;
 pub use counts::CountsTrue;
 pub use cycles::SendsInTime;
 pub use fed::DriveFed;
+pub use lines::LinesTrue;
 pub use motion::MotionTrue;
 pub use ordered::DoesAsOrdered;
 pub use orders::MovesOnSoundOrders;
@@ -100,6 +102,7 @@ pub(crate) fn asked_for(
         let drive = instruments.drive_links();
         let is_meant = |link: &str| station.contains(&link) || drive.iter().any(|own| own == link);
         let calm = Calm::of(scenario, rig, &is_meant);
+        checkers.push(Box::new(LinesTrue::new(Arc::clone(shared), calm.clone())));
         checkers.push(Box::new(TelemetryTrue::new(Arc::clone(shared), calm)));
     }
     checkers.extend(of_the_program(spec, scenario, rig, shared));
@@ -176,11 +179,7 @@ fn of_the_program(
     }
     if spec.short_turns {
         let quiet = Undisturbed::of(scenario, rig, instruments);
-        checkers.push(Box::new(TurnsShort::new(
-            instruments.goal_modes(),
-            instruments.orders_link(),
-            quiet,
-        )));
+        checkers.push(Box::new(TurnsShort::new(Arc::clone(shared), quiet)));
     }
     checkers
 }

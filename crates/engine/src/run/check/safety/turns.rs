@@ -1,9 +1,16 @@
-//! Checks that a robot turns to its goal by the shorter way.
+//! Checks that a robot turns to its goal before it drives, and by the shorter way.
+
+use core::f64::consts::FRAC_PI_2;
+use core::time::Duration;
+use std::sync::Arc;
+
+use protocols::Instant;
 
 use super::super::{Check, Checker, Look};
 use super::Undisturbed;
 use crate::rig::Rig;
 use crate::rig::line::Direction;
+use crate::robots::Instruments;
 use crate::scenario::FaultSpec;
 
 /// Angle of a turn on the spot that is longer than half a turn with its corrections, radians: 230
@@ -13,12 +20,15 @@ const LONG: f64 = 4.0;
 const SPOT_M_S: f64 = 0.03;
 /// Minimum turn rate, rad/s: noise of the drive train.
 const REST_RAD_S: f64 = 0.15;
+/// Minimum set-point of a drive, m/s, and the time of a drive away from the goal.
+const AWAY_M_S: f64 = 0.15;
+const AWAY: Duration = Duration::from_millis(150);
 
-/// While the robot drives to a goal, no turn on the spot exceeds half a turn, as long as no fault,
-/// push or contact disturbs its sensors.
-#[derive(Clone, Debug, Default)]
+/// While the robot drives to a goal, no turn on the spot exceeds half a turn, and it does not drive
+/// away from a goal behind it, as long as no fault, push or contact disturbs its sensors.
+#[derive(Clone)]
 pub struct TurnsShort {
-    modes: Vec<&'static str>,
+    instruments: Arc<dyn Instruments>,
     /// The link of the orders, and the bytes that arrived on it.
     orders: Option<&'static str>,
     ordered: u64,
@@ -28,17 +38,44 @@ pub struct TurnsShort {
     turns: u64,
     last: Option<f64>,
     longest: f64,
+    /// Start of the current drive away from the goal, and the first that was too long.
+    away_since: Option<Instant>,
+    away: Option<Instant>,
 }
 
 impl TurnsShort {
-    /// Judges the turns in these modes of the robot's program, while it is undisturbed. An order on
-    /// the link `orders` may begin another turn.
-    pub fn new(modes: &[&'static str], orders: Option<&'static str>, quiet: Undisturbed) -> Self {
+    /// Judges the drives to goals while the robot is undisturbed. An order may begin another turn.
+    pub fn new(instruments: Arc<dyn Instruments>, quiet: Undisturbed) -> Self {
+        let orders = instruments.orders_link();
         Self {
-            modes: modes.to_vec(),
+            instruments,
             orders,
+            ordered: 0,
             quiet,
-            ..Self::default()
+            turned: 0.0,
+            turns: 0,
+            last: None,
+            longest: 0.0,
+            away_since: None,
+            away: None,
+        }
+    }
+
+    /// Notes a drive ahead with the goal behind.
+    fn note_away(&mut self, look: &Look<'_>) {
+        let now = look.rig.now();
+        let axes = look.axes.iter().filter(|axis| axis.unit == "m/s");
+        let set_points: Vec<f64> = axes.map(|axis| axis.set_point).collect();
+        let ahead = set_points.iter().sum::<f64>() / set_points.len().max(1) as f64;
+        let is_behind = |bearing: f64| bearing.abs() > FRAC_PI_2;
+        let bearing = self.instruments.goal_bearing(look.rig);
+        if ahead < AWAY_M_S || !bearing.is_some_and(is_behind) {
+            self.away_since = None;
+            return;
+        }
+        let since = *self.away_since.get_or_insert(now);
+        if now - since >= AWAY {
+            self.away.get_or_insert(now);
         }
     }
 }
@@ -56,7 +93,13 @@ impl Checker for TurnsShort {
         self.last = Some(heading);
         let mode = rig.program().map(|program| program.mode());
         let is_over = self.quiet.is_over(rig.now());
-        let is_led = !is_over && mode.is_some_and(|mode| self.modes.contains(&mode));
+        let modes = self.instruments.goal_modes();
+        let is_led = !is_over && mode.is_some_and(|mode| modes.contains(&mode));
+        if is_led {
+            self.note_away(look);
+        } else {
+            self.away_since = None;
+        }
         let rate = world.turn_rate();
         let is_turn = world.speed().abs() < SPOT_M_S && rate.abs() > REST_RAD_S;
         let orders = self.orders.and_then(|link| rig.link(link));
@@ -75,11 +118,15 @@ impl Checker for TurnsShort {
     fn verdict(&self) -> Check {
         let name = "turns-short";
         let degrees = self.longest.to_degrees();
-        let detail = match self.turns {
-            0 => "no turn on the spot towards a goal".to_owned(),
-            turns => format!("{turns} turns on the spot, the longest by {degrees:.0} degrees"),
+        let detail = match (self.away, self.turns) {
+            (Some(at), _) => format!("at {at} s it drives ahead although its goal is behind it"),
+            (None, 0) => "no turn on the spot towards a goal".to_owned(),
+            (None, turns) => {
+                format!("{turns} turns on the spot, the longest by {degrees:.0} degrees")
+            }
         };
-        Check::new(name, self.longest <= LONG, detail).if_observed(self.turns > 0)
+        let is_sound = self.longest <= LONG && self.away.is_none();
+        Check::new(name, is_sound, detail).if_observed(self.turns > 0 || !is_sound)
     }
 
     fn faults_changed(&mut self, faults: &[FaultSpec], rig: &Rig) {
