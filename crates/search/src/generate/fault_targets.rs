@@ -1,4 +1,7 @@
+use core::time::Duration;
+
 use super::Profile;
+use super::limits::silences;
 use engine::codec::Codec;
 use engine::codec::wire::Choices;
 use engine::rig::line::Direction;
@@ -26,6 +29,8 @@ pub(super) struct FaultTargets {
     hasty: Option<&'static str>,
     /// Links of the drive.
     drive: Vec<String>,
+    /// Those whose device keeps its set-points when its master is silent.
+    runs_on: Vec<String>,
     /// Whether there is a robot with a mission; otherwise there are only devices.
     has_body: bool,
     /// The orders that its station can give.
@@ -33,6 +38,9 @@ pub(super) struct FaultTargets {
     /// The first byte of a frame, by link and direction.
     starts: Vec<(String, DirectionSpec, u8)>,
 }
+
+/// Time without commands in which a robot drives no farther than it sees.
+const REACTION: Duration = Duration::from_millis(300);
 
 /// The orders that a station can give.
 #[derive(Clone, Debug, Default)]
@@ -191,6 +199,7 @@ impl FaultTargets {
             consoles: instruments.consoles(),
             hasty: instruments.silence().map(|silence| silence.link),
             drive: instruments.drive_links(),
+            runs_on: without_watchdog(instruments),
             has_body: instruments.has_body(),
             ..Self::wired(rig, &open)
         }
@@ -226,6 +235,7 @@ impl FaultTargets {
             needs: Vec::new(),
             hasty: None,
             drive: Vec::new(),
+            runs_on: Vec::new(),
             has_body: false,
             orders: Orders::default(),
             starts: Vec::new(),
@@ -261,6 +271,17 @@ impl FaultTargets {
     pub(super) fn drives(&self, name: Option<&str>) -> bool {
         let device = self.device(name);
         device.is_some_and(|device| device.links.iter().any(|link| self.drive.contains(link)))
+    }
+
+    /// Whether `fault` keeps commands from a drive that then runs on with its last ones.
+    pub(super) fn lets_run_on(&self, fault: &FaultSpec) -> bool {
+        let is_drive = |link: &String| self.runs_on.contains(link);
+        let is_one_way = fault.direction == Some(DirectionSpec::ToMaster);
+        let reaches = fault.kind == FaultKind::Unplugged || !is_one_way;
+        let is_long = fault.until.is_none_or(|until| {
+            until.0.saturating_sub(fault.from.unwrap_or_default().0) > REACTION
+        });
+        silences(fault.kind) && reaches && is_long && fault.link.as_ref().is_some_and(is_drive)
     }
 
     /// Whether there is a robot, which needs time for its mission after the faults.
@@ -347,4 +368,15 @@ fn links_of(rig: &Rig, name: &str) -> Vec<String> {
         lines.any(|line| rig.node_name(line.from.node) == name)
     });
     links.map(|link| link.name.clone()).collect()
+}
+/// The links of drives without a watchdog.
+fn without_watchdog(instruments: &dyn Instruments) -> Vec<String> {
+    let stops = instruments.stops();
+    let has_one = |link: &String| {
+        let mut known = stops.iter();
+        known.any(|stop| stop.link == *link && stop.silence_max.is_some())
+    };
+    let mut links = instruments.drive_links();
+    links.retain(|link| !has_one(link));
+    links
 }

@@ -64,7 +64,7 @@ pub(super) struct Adversity {
     length: Span,
     /// Links with faults that are not healed.
     stays_broken: Vec<String>,
-    /// Time from which a sensor deceives the robot.
+    /// Time from which a sensor deceives the robot, or its drive may run on.
     blind_from: Option<Span>,
     /// Whether an operator alone disturbs the mission.
     is_operator: bool,
@@ -115,7 +115,9 @@ impl Adversity {
             until_ms,
         };
         drawn.fill(&mut made, dice);
-        let blinds = |fault: &&FaultSpec| blinds(fault, targets.drives(fault.device.as_deref()));
+        let blinds = |fault: &&FaultSpec| {
+            blinds(fault, targets.drives(fault.device.as_deref())) || targets.lets_run_on(fault)
+        };
         let blinding = made.faults.iter().filter(blinds);
         made.blind_from = blinding.map(|fault| fault.from.unwrap_or_default()).min();
         made

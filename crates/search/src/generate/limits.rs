@@ -4,7 +4,7 @@ use super::profile::Time;
 use engine::scenario::{FaultKind, FaultSpec, Span};
 
 /// Whether the fault stops all useful traffic instead of reducing it.
-fn silences(kind: FaultKind) -> bool {
+pub(super) fn silences(kind: FaultKind) -> bool {
     use FaultKind as K;
     matches!(
         kind,

@@ -1,3 +1,4 @@
+use core::time::Duration;
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -378,10 +379,7 @@ fn no_sensor_deceives_for_long() {
             .expect("it ends")
     };
     let longest = called("blind").map(lasts).max().expect("it comes");
-    assert!(
-        longest <= core::time::Duration::from_millis(500),
-        "{longest:?}"
-    );
+    assert!(longest <= Duration::from_millis(500), "{longest:?}");
 }
 
 /// A generated scenario is valid, and reading its file gives the same scenario.
@@ -662,7 +660,7 @@ fn an_operator_uses_everything_that_the_station_offers() {
                 _ => "other",
             });
         }
-        let second = core::time::Duration::from_secs(1);
+        let second = Duration::from_secs(1);
         let many = drives
             .windows(5)
             .filter(|five| five[4].0 - five[0].0 < second);
@@ -697,4 +695,41 @@ fn two_scenarios_get_other_faults_from_one_seed() {
         made[0].fault != made[1].fault
     });
     assert!(differ.count() >= 18);
+}
+
+/// The car's board has no watchdog: from the first fault of more than 0.3 s that keeps commands
+/// from it, contacts are not judged. The rescue robot's base stops by itself.
+#[test]
+fn a_drive_that_runs_on_excuses_contacts() {
+    let harsh = Profile::find("harsh").expect("it is built in");
+    let made = |robot: &str, seed| {
+        let mut base = base();
+        base.robot = robot.into();
+        scenario(&base, Vary::ALL, &harsh, &mut Dice::of_seed(seed, "base"))
+    };
+    let starts = |made: &Scenario, link: &str| {
+        let cut = |fault: &&FaultSpec| {
+            let (from, until) = (fault.from.unwrap_or_default(), fault.until);
+            let is_long = until.is_none_or(|until| until.0 - from.0 > Duration::from_millis(300));
+            let is_of_drive = fault.link.as_deref() == Some(link);
+            is_of_drive && is_long && fault.kind == FaultKind::Unplugged
+        };
+        let faults = made.fault.iter().filter(cut);
+        faults.map(|fault| fault.from.unwrap_or_default()).min()
+    };
+    let until = |made: &Scenario| made.expect.safety.as_ref().and_then(|it| it.contacts_until);
+    let (mut of_car, mut of_base) = (0, 0);
+    for seed in 0..200 {
+        let car = made("apollo13", seed);
+        if let Some(start) = starts(&car, "car") {
+            of_car += 1;
+            assert!(
+                until(&car).is_some_and(|until| until <= start),
+                "seed {seed}"
+            );
+        }
+        let base = made("rescue", seed);
+        of_base += u64::from(starts(&base, "base").is_some() && until(&base).is_none());
+    }
+    assert!(of_car > 3 && of_base > 3, "{of_car} {of_base}");
 }
