@@ -223,8 +223,8 @@ impl Waypoints {
     ///
     /// A received waypoint with unchanged number and position keeps its number, others get new
     /// ones. Waypoints at the start of both lists stay reached if they are equal. A list sent
-    /// twice, or with a waypoint appended, therefore does not send the robot back. A finished list
-    /// starts again.
+    /// twice, or with a waypoint appended, therefore does not send the robot back. After a finished
+    /// list, the same list or its beginning starts again.
     pub fn replace(&mut self, received: impl Iterator<Item = Sent>) -> usize {
         let old = self.clone();
         let was_finished = self.reached == self.len;
@@ -259,13 +259,13 @@ impl Waypoints {
             .zip(self.all())
             .take_while(|(old, new)| old.position_mm == new.position_mm && old.layer == new.layer)
             .count();
-        let same = alike == old.len && alike == self.len;
+        let reached = old.reached.min(alike);
         self.reached = if self.defects.keeps_the_target {
             old.reached
-        } else if same && was_finished {
+        } else if was_finished && reached == self.len {
             0
         } else {
-            old.reached.min(alike)
+            reached
         };
         refused
     }

@@ -97,6 +97,8 @@ fn a_repeated_list_does_not_send_the_robot_back() {
     );
 }
 
+/// Behind a finished list, its beginning is an order, too; while the list is driven, the rest of it
+/// is taken away.
 #[test]
 fn a_finished_list_that_comes_again_is_driven_again() {
     let mut list = Waypoints::new();
@@ -105,6 +107,13 @@ fn a_finished_list_that_comes_again_is_driven_again() {
     list.advance();
     assert_eq!(list.target(), None);
     list.replace([sent(0, 1), sent(1, 2)].into_iter());
+    assert_eq!(list.target().map(|waypoint| waypoint.id), Some(0));
+    list.advance();
+    list.replace([sent(0, 1)].into_iter());
+    assert_eq!(list.target(), None);
+    list.replace([sent(0, 1), sent(1, 2)].into_iter());
+    list.advance();
+    list.replace([sent(0, 1)].into_iter());
     assert_eq!(list.target().map(|waypoint| waypoint.id), Some(0));
 }
 
