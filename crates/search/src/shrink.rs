@@ -76,13 +76,17 @@ impl<'a> Effort<'a> {
         self.tries
     }
 
+    /// Whether one more try is allowed. A search ends without it: even a step without a try copies
+    /// the case, which may have a hundred thousand damaged bytes.
+    pub fn is_left(&self) -> bool {
+        self.tries < self.most && !self.is_over.is_some_and(|is_over| is_over())
+    }
+
     /// Whether one more try is allowed; counts it.
     pub fn spend(&mut self) -> bool {
-        if self.tries >= self.most || self.is_over.is_some_and(|is_over| is_over()) {
-            return false;
-        }
-        self.tries += 1;
-        true
+        let is_left = self.is_left();
+        self.tries += u32::from(is_left);
+        is_left
     }
 }
 

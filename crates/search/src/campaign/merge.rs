@@ -17,6 +17,9 @@ const SEEDS_MAX: usize = 20;
 /// Maximum number of runs that minimise the case of a group. The limit is a number, not a time, so
 /// that a merge gives the same bytes on every machine.
 const TRIES: u32 = 150;
+/// The same for a case with more than so many faults, of which a try takes many seconds.
+const TRIES_OF_MANY: u32 = 15;
+const MANY_FAULTS: usize = 5_000;
 
 /// Runs with the same failure.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -309,7 +312,11 @@ fn minimise(
     })?;
     // A foreign program is not available here: `hilrig shrink --exec` runs it.
     let is_here = store.plan().exec.is_none();
-    let mut effort = Effort::until(TRIES, is_over);
+    let tries = match case.fault.len() > MANY_FAULTS {
+        true => TRIES_OF_MANY,
+        false => TRIES,
+    };
+    let mut effort = Effort::until(tries, is_over);
     let small = match is_here {
         true => {
             let cause = group.cause.clone();

@@ -13,6 +13,9 @@ use engine::scenario::{Scenario, ScenarioError, Source};
 
 /// Number of checkpoints, distributed evenly over a run; as many again at most before faults.
 const POINTS: u32 = 24;
+/// The same for a case with more than [`MANY`] faults: each checkpoint has them all.
+const FEW_POINTS: u32 = 4;
+const MANY: usize = 5_000;
 /// Minimum time between two checkpoints.
 const EVERY_MIN: Duration = Duration::from_millis(100);
 
@@ -119,7 +122,12 @@ impl<'a> Branches<'a> {
         });
         let (mut points, run) = branches.next().unwrap_or_default();
         let resumed = run.is_some();
-        let every = (candidate.duration.0 / POINTS).max(EVERY_MIN);
+        let count = if candidate.fault.len() > MANY {
+            FEW_POINTS
+        } else {
+            POINTS
+        };
+        let every = (candidate.duration.0 / count).max(EVERY_MIN);
         let from = run.as_ref().map_or(Duration::ZERO, time_of);
         let mut next = from + every;
         // Most tries remove or move a fault: they differ from its start on.

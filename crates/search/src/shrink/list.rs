@@ -14,25 +14,28 @@ pub fn fewest<T: Clone>(
         return Vec::new();
     }
     let mut parts = 2;
-    while left.len() > 1 {
+    while left.len() > 1 && effort.is_left() {
         let size = left.len().div_ceil(parts);
         let mut smaller = None;
         // Tries each part alone first, which is fast if it succeeds, then removes each part.
         for start in (0..left.len()).step_by(size) {
+            if parts > 2 || !effort.spend() {
+                break;
+            }
             let end = (start + size).min(left.len());
             let only = left[start..end].to_vec();
-            if parts == 2 && effort.spend() && fails(&only) {
+            if fails(&only) {
                 smaller = Some((only, 2));
                 break;
             }
         }
         for start in (0..left.len()).step_by(size) {
-            if smaller.is_some() {
+            if smaller.is_some() || !effort.spend() {
                 break;
             }
             let end = (start + size).min(left.len());
             let without = [&left[..start], &left[end..]].concat();
-            if effort.spend() && fails(&without) {
+            if fails(&without) {
                 smaller = Some((without, parts.saturating_sub(1).max(2)));
             }
         }
@@ -47,6 +50,9 @@ pub fn fewest<T: Clone>(
 
 #[cfg(test)]
 mod tests {
+    use core::cell::Cell;
+    use std::rc::Rc;
+
     use super::*;
 
     /// The items 3 and 77 are necessary, the other 98 are not.
@@ -57,6 +63,25 @@ mod tests {
         let both = |left: &[u32]| left.contains(&3) && left.contains(&77);
         assert_eq!(fewest(&items, &mut effort, both), [3, 77]);
         assert!(effort.spent() < 100, "{effort:?}");
+    }
+
+    /// An item that counts its copies.
+    struct Counted(Rc<Cell<u32>>);
+
+    impl Clone for Counted {
+        fn clone(&self) -> Self {
+            self.0.set(self.0.get() + 1);
+            Self(Rc::clone(&self.0))
+        }
+    }
+
+    /// With two tries left, a list of 10,000 is copied for these tries, and not once for each item.
+    #[test]
+    fn without_effort_nothing_is_copied() {
+        let copies = Rc::new(Cell::new(0));
+        let items: Vec<Counted> = (0..10_000).map(|_| Counted(Rc::clone(&copies))).collect();
+        let left = fewest(&items, &mut Effort::tries(2), |_| false);
+        assert_eq!((left.len(), copies.get() < 30_000), (10_000, true));
     }
 
     #[test]

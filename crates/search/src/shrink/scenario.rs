@@ -155,7 +155,8 @@ fn shorter_window(best: &mut Scenario, index: usize, effort: &mut Effort<'_>, fa
             let from = fault.from.unwrap_or_default().0;
             let until = fault.until.unwrap_or(best.duration).0;
             let length = until.saturating_sub(from);
-            if fault.byte.is_some() || length < Duration::from_millis(20) {
+            let is_short = fault.byte.is_some() || length < Duration::from_millis(20);
+            if is_short || !effort.is_left() {
                 break;
             }
             let middle = Span(whole_ms(from + length / 2));
