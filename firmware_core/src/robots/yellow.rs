@@ -153,7 +153,8 @@ impl Yellow {
         self.infrared.distances_m()
     }
 
-    /// The bearing of the ordered pose, radians to the left; `None` if the robot does not drive to one.
+    /// The bearing of the ordered pose, radians to the left; `None` if the robot does not drive to
+    /// one.
     pub fn goal_bearing(&self) -> Option<f32> {
         let is_led = self.mode() == Mode::AutoPosition;
         is_led.then(|| self.autoposition.bearing(self.pose()))

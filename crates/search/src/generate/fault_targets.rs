@@ -281,7 +281,8 @@ impl FaultTargets {
         let is_long = fault.until.is_none_or(|until| {
             until.0.saturating_sub(fault.from.unwrap_or_default().0) > REACTION
         });
-        silences(fault.kind) && reaches && is_long && fault.link.as_ref().is_some_and(is_drive)
+        let keeps_back = silences(fault.kind) || fault.kind == FaultKind::Clog;
+        keeps_back && reaches && is_long && fault.link.as_ref().is_some_and(is_drive)
     }
 
     /// Whether there is a robot, which needs time for its mission after the faults.

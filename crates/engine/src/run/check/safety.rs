@@ -164,7 +164,7 @@ fn of_the_program(
     if let Some(within_mm) = spec.pose_within_mm {
         let quiet = Undisturbed::of(scenario, rig, instruments);
         let pose = PoseBelieved::new(Arc::clone(shared), within_mm, quiet);
-        checkers.push(Box::new(pose));
+        checkers.push(Box::new(pose.by_hand(spec.by_hand)));
     }
     if let Some(within) = spec.obeys_within {
         let link = spec.orders_link.as_deref().or(instruments.orders_link());

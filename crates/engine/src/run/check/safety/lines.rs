@@ -28,10 +28,11 @@ const JUMP_MM: f64 = 60.0;
 const AT_POINT_MM: f64 = 8.0;
 /// Points of a corner that a line cuts off.
 const CORNER: usize = 5;
-/// Points of a smooth wall, their distance from its line, and that of their middle.
-const MANY: usize = 40;
+/// Length of a smooth wall, its points, their distance from its line, and that of their middle.
+const LONG_MM: f64 = 500.0;
+const MANY: usize = 20;
 const SMOOTH_MM: f64 = 20.0;
-const BESIDE_MM: f64 = 2.5;
+const BESIDE_MM: f64 = 3.0;
 /// Distance and bend of two lines that are one.
 const JOINED_MM: f64 = 50.0;
 const GOES_ON_RAD: f64 = 0.07;
@@ -124,7 +125,7 @@ impl Checker for LinesTrue {
     }
 }
 
-/// What is wrong with `lines` of a scan of `points`, by their angles.
+/// The first difference of `lines` from a scan of `points`, by their angles.
 fn difference(lines: &[Line], points: &[Point]) -> Option<String> {
     let first = |is_wrong: fn(&Line, &[Point]) -> bool, what: &str| {
         let mut all = lines.iter();
@@ -282,18 +283,23 @@ fn cuts(line: &Line, points: &[Point]) -> bool {
     beside.take(CORNER).count() == CORNER
 }
 
-/// Whether the line is not the middle of its points.
+/// Whether the line is not the middle of its points. Near its ends are those of other lines.
 fn is_beside(line: &Line, points: &[Point]) -> bool {
-    let Some(piece) = piece(line, points, JUMP_MM).filter(|piece| piece.len() >= MANY) else {
+    let ([start, end], length) = (line, length(line));
+    let Some(piece) = piece(line, points, JUMP_MM).filter(|_| length >= LONG_MM) else {
         return false;
     };
-    let ([start, end], length) = (line, length(line));
-    let left = piece.iter().map(|[x, y]| {
+    let inner = JUMP_MM..=length - JUMP_MM;
+    let is_inner =
+        |point: &&Point| placed(line, **point).is_some_and(|[along, _]| inner.contains(&along));
+    let left = piece.iter().filter(is_inner).map(|[x, y]| {
         let across = (end[0] - start[0]) * (y - start[1]) - (end[1] - start[1]) * (x - start[0]);
         across / length
     });
-    let mean = left.clone().sum::<f64>() / piece.len() as f64;
-    left.into_iter().all(|left| left.abs() < SMOOTH_MM) && mean.abs() > BESIDE_MM
+    let count = left.clone().count();
+    let mean = left.clone().sum::<f64>() / count.max(1) as f64;
+    let is_smooth = count >= MANY && left.into_iter().all(|left| left.abs() < SMOOTH_MM);
+    is_smooth && mean.abs() > BESIDE_MM
 }
 
 /// Whether `next` continues the line.
@@ -355,7 +361,7 @@ mod tests {
         let short = [AHEAD[0], [1_000.0, 940.0]];
         let ends = "no reported line reaches the end of the wall at (1.00, 1.00) m";
         assert_eq!(said(&[short], &points), ends);
-        let beside = AHEAD.map(|[x, y]| [x + 3.0, y]);
+        let beside = AHEAD.map(|[x, y]| [x + 4.0, y]);
         let line = "the reported line from (1.00, -1.00) m to (1.00, 1.00) m is beside its points";
         assert_eq!(said(&[beside], &points), line);
     }

@@ -100,7 +100,6 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
     // Whether the robot drives to the places of lists. In another mode, or driven by hand, an empty
     // list may mean nothing.
     let (mut has_mode, mut by_hand) = (may_have_mode, false);
-    let mut driven_at = Instant::ZERO;
     let mut windows = Vec::new();
     for (index, step) in orders.iter().enumerate() {
         match &step.action {
@@ -112,12 +111,9 @@ fn windows(scenario: &Scenario) -> Vec<Window> {
             }
             Action::Mode(mode) if mode != "stop" => has_mode = true,
             Action::WaypointsM(places) if places.is_empty() && (has_mode || by_hand) => continue,
-            Action::WaypointsM(_) => {
-                // The same for a list that follows before the drive is confirmed.
-                has_mode |= by_hand && time(step) - driven_at < FOLLOWS;
-                by_hand = false;
-            }
-            Action::Drive(_) => (by_hand, driven_at) = (true, time(step)),
+            // The station may repeat the drive behind the list, too.
+            Action::WaypointsM(_) => has_mode |= by_hand,
+            Action::Drive(_) => by_hand = true,
             _ => {}
         }
         let next = orders.get(index + 1).map(|next| time(next));
@@ -260,8 +256,7 @@ mod tests {
     }
 
     /// An empty list is an order to rest for a robot that drives to the places of lists. In a mode
-    /// of another kind it may mean nothing, and behind a drive by hand that a station repeats when
-    /// it is connected again.
+    /// of another kind it may mean nothing, and behind a drive by hand that a station repeats.
     #[test]
     fn an_empty_list_orders_rest_only_behind_lists() {
         let list = |at: u32| format!("{{ at = \"{at}s\", do = {{ waypoints-m = [[1, 2]] }} }},");
@@ -277,8 +272,7 @@ mod tests {
         let later = "{ when = { visited = 1 }, do = { mode = \"explore\" } },";
         let stop = mode(4, "stop");
         assert_eq!(rests(&(later.to_owned() + &stop + &none(5))), [4]);
-        assert_eq!(rests(&(drive.to_owned() + &list(6) + &none(8))), [8]);
-        assert_eq!(rests(&(drive.to_owned() + &list(4) + &none(8))), [0; 0]);
+        assert_eq!(rests(&(drive.to_owned() + &list(6) + &none(8))), [0; 0]);
         assert_eq!(rests(&(drive.to_owned() + &none(8))), [0; 0]);
         assert_eq!(
             rests(&(drive.to_owned() + gone + &list(7) + &none(8))),

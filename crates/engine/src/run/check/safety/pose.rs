@@ -25,6 +25,8 @@ pub struct PoseBelieved {
     within_m: f64,
     within_rad: f64,
     quiet: Undisturbed,
+    /// A person drives, who may push the robot on behind a gentle touch.
+    is_by_hand: bool,
     judged: u64,
     last: Option<Instant>,
     /// Start of the current error.
@@ -43,12 +45,19 @@ impl PoseBelieved {
             within_m: own_mm.min(within_mm) / 1000.0,
             within_rad: own_deg.to_radians(),
             quiet,
+            is_by_hand: false,
             judged: 0,
             last: None,
             wrong_since: None,
             worst_m: 0.0,
             broken: None,
         }
+    }
+
+    /// The same for a robot that a person may drive: each touch is a disturbance.
+    pub const fn by_hand(mut self, is_by_hand: bool) -> Self {
+        self.is_by_hand = is_by_hand;
+        self
     }
 
     fn is_over(&self, now: Instant) -> bool {
@@ -59,7 +68,8 @@ impl PoseBelieved {
 impl Checker for PoseBelieved {
     fn observe(&mut self, look: &Look<'_>) {
         let (rig, now) = (look.rig, look.rig.now());
-        let is_hit = |contact: &emulators::world::Contact| contact.own_m_s > HARMLESS_M_S;
+        let least_m_s = if self.is_by_hand { 0.0 } else { HARMLESS_M_S };
+        let is_hit = |contact: &emulators::world::Contact| contact.own_m_s > least_m_s;
         if look.contacts.iter().any(is_hit) {
             self.quiet.hit_at(now);
         }
