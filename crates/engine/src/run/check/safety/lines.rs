@@ -32,7 +32,7 @@ const CORNER: usize = 5;
 const LONG_MM: f64 = 500.0;
 const MANY: usize = 20;
 const SMOOTH_MM: f64 = 20.0;
-const BESIDE_MM: f64 = 3.0;
+const BESIDE_MM: f64 = 2.5;
 /// Distance and bend of two lines that are one.
 const JOINED_MM: f64 = 50.0;
 const GOES_ON_RAD: f64 = 0.07;
@@ -283,13 +283,13 @@ fn cuts(line: &Line, points: &[Point]) -> bool {
     beside.take(CORNER).count() == CORNER
 }
 
-/// Whether the line is not the middle of its points. Near its ends are those of other lines.
+/// Whether the line is not the middle of its points. Beyond its ends are those of other lines.
 fn is_beside(line: &Line, points: &[Point]) -> bool {
     let ([start, end], length) = (line, length(line));
     let Some(piece) = piece(line, points, JUMP_MM).filter(|_| length >= LONG_MM) else {
         return false;
     };
-    let inner = JUMP_MM..=length - JUMP_MM;
+    let inner = 0.0..=length;
     let is_inner =
         |point: &&Point| placed(line, **point).is_some_and(|[along, _]| inner.contains(&along));
     let left = piece.iter().filter(is_inner).map(|[x, y]| {
