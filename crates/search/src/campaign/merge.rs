@@ -17,7 +17,7 @@ const SEEDS_MAX: usize = 20;
 /// Maximum number of runs that minimise the case of a group. The limit is a number, not a time, so
 /// that a merge gives the same bytes on every machine.
 const TRIES: u32 = 150;
-/// The same for a case with more than so many faults, of which a try takes many seconds.
+/// The same for a case with more than [`MANY_FAULTS`] faults: each try takes many seconds.
 const TRIES_OF_MANY: u32 = 15;
 const MANY_FAULTS: usize = 5_000;
 

@@ -232,10 +232,11 @@ fn placed(line: &Line, point: Point) -> Option<[f64; 2]> {
     (length >= 1.0).then(|| [x * dx + y * dy, (y * dx - x * dy).abs()])
 }
 
-/// Whether `point` is of the line, which may be longer by `more`.
+/// Whether `point` belongs to the line, which may be longer by `more`. No point belongs to a line
+/// without a length.
 fn is_of(line: &Line, point: Point, more: f64) -> bool {
     let length = length(line);
-    placed(line, point).is_none_or(|[along, beside]| {
+    placed(line, point).is_some_and(|[along, beside]| {
         beside <= NEAR_MM + BENT * length && (-more..=length + more).contains(&along)
     })
 }
@@ -354,6 +355,9 @@ mod tests {
         assert_eq!(said(&[AHEAD], &points), "");
         let missed = "the straight wall at (1.00, -0.70) m has no reported line";
         assert_eq!(said(&[], &points), missed);
+        let dot = [AHEAD[0]; 2];
+        assert_eq!(said(&[dot], &points), missed);
+        assert_eq!(said(&[[[f64::NAN; 2]; 2]], &points), missed);
         let missed = "the straight wall at (1.00, 0.10) m has no reported line";
         assert_eq!(said(&[RIGHT], &points), missed);
         let two = "a straight wall is reported as two lines, which meet at (1.00, 0.00) m";
