@@ -79,6 +79,10 @@ pub enum Lamp {
     Steady,
 }
 
+/// Time after the host closed its port in which bytes count as written before: the link's latency
+/// in scenarios is some milliseconds.
+const LEFT_BEHIND: Duration = Duration::from_millis(100);
+
 /// The host's side of the port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Host {
@@ -99,6 +103,7 @@ pub struct Hc06 {
     next_line: Option<(Instant, LineConfig)>,
     mode: Mode,
     host: Host,
+    closed_at: Option<Instant>,
     radio: Radio,
     /// Time at which module and host give up the connection.
     give_up_at: Option<Instant>,
@@ -124,6 +129,7 @@ impl Hc06 {
             next_line: None,
             mode: Mode::Command,
             host: Host::Closed,
+            closed_at: None,
             radio: Radio::InReach,
             give_up_at: None,
             collector: Collector::new(&profile),
@@ -353,6 +359,10 @@ impl Hc06 {
     fn receive_air(&mut self, now: Instant, bytes: &[u8]) {
         self.advance(now);
         if self.host == Host::Closed {
+            // The host drops what it has not sent yet as it closes.
+            if self.closed_at.is_some_and(|at| now - at < LEFT_BEHIND) {
+                return;
+            }
             self.log
                 .repeated(now, EventKind::Violation, "host-port-closed", || {
                     format!("{} bytes arrived at a port that is not open", bytes.len())

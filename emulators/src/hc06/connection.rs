@@ -145,6 +145,7 @@ impl Hc06 {
             return;
         }
         self.host = Host::Closed;
+        self.closed_at = Some(now);
         self.changes.clear();
         self.air.up.drop_ready();
         match (self.mode, self.radio) {

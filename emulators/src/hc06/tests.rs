@@ -825,6 +825,19 @@ fn bytes_over_a_closed_port_are_judged() {
     assert_eq!(text_of(&bench.robot), "world");
 }
 
+/// A host that closes its port drops the bytes on the way; later ones are foreign.
+#[test]
+fn bytes_on_the_way_at_the_close_are_dropped() {
+    let mut bench = Bench::connected(at(BAUD));
+    bench.close();
+    bench.run_for(Duration::from_millis(99));
+    bench.host_sends(b"last");
+    assert_eq!(bench.violations(), [""; 0]);
+    bench.run_for(Duration::from_millis(1));
+    bench.host_sends(b"foreign");
+    assert_eq!(bench.violations(), ["host-port-closed"]);
+}
+
 /// The line-terminated family waits for its line end forever; the judge does not.
 #[test]
 fn a_line_without_its_end_is_judged_and_waits() {
