@@ -53,6 +53,8 @@ const FIELDED_SEND_EVERY: Duration = Duration::from_millis(1);
 const TOO_NEAR_M: f64 = 0.25;
 /// Longest time without a wall distance in which the wall is still followed: 11 cm of path.
 const WALL_SILENT_MAX: Duration = Duration::from_millis(500);
+/// Travel after which a board that still reports the same readings is stuck, metres: four pulses.
+const STUCK_M: f64 = 0.1;
 /// Number of unfitting scans, 2 m of path, after which the car is lost.
 const MISFITS_MAX: u8 = 40;
 /// Distance of the camera before the rear axle's middle, metres.
@@ -166,6 +168,9 @@ pub struct Apollo13 {
     wall_heard: Option<Instant>,
     wall_angle_rad: f64,
     board_heard: Option<Instant>,
+    board_read: Option<Instant>,
+    /// The board's last readings, and the pose by odometry when they first came.
+    same: Option<(car_board::Readings, CarPose)>,
     ultrasound_m: [Option<f64>; 3],
     battery_mv: u16,
     scan: alloc::vec::Vec<Point>,
@@ -250,6 +255,8 @@ impl Apollo13 {
             wall_heard: None,
             wall_angle_rad: 0.0,
             board_heard: None,
+            board_read: None,
+            same: None,
             ultrasound_m: [None; 3],
             battery_mv: 0,
             scan: alloc::vec::Vec::new(),
@@ -401,9 +408,14 @@ impl Apollo13 {
         self.misfits >= MISFITS_MAX
     }
 
-    /// Whether the car needs its camera and does not see. Along a wall it uses its board.
+    /// Whether the sensors that the car needs are silent: its camera, or its board if it follows
+    /// walls.
     fn is_blind(&self) -> bool {
-        self.wall.is_none() && self.camera.is_blind(self.now)
+        let is_new = |read: Instant| self.now - read <= WALL_SILENT_MAX;
+        match self.wall {
+            Some(_) => !self.board_read.is_some_and(is_new),
+            None => self.camera.is_blind(self.now),
+        }
     }
 
     /// Whether there is a wall to follow, and the board has recently reported its distance.

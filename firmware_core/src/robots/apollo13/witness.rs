@@ -83,6 +83,8 @@ pub struct Witness {
     heard: Instant,
     /// Poses at the order to drive in the other direction.
     turned: Option<Told>,
+    /// Whether frames that are late may report motion in both directions.
+    is_mixed: bool,
 }
 
 impl Witness {
@@ -99,17 +101,23 @@ impl Witness {
     /// Compares the motions up to the current frame. After a change of direction the car rolls on
     /// for a while, which only the odometer reports: that motion is left out. Delayed frames report
     /// motion that the odometer reported earlier, so nothing is compared until frames arrive in
-    /// time again. One fault is found even then: an encoder that has counted in the wrong direction
-    /// since the car changed its own.
+    /// time again. If the car changed its direction meanwhile, their pulses have an unknown
+    /// direction, and the comparison restarts. One fault is found even then: an encoder that has
+    /// counted in the wrong direction since the car changed its own.
     pub fn compare(&mut self, told: Told) -> Option<Finding> {
         let passed = told.now - core::mem::replace(&mut self.heard, told.now);
+        let is_late = passed > *IN_TIME.end();
+        let turned = self.turned.take().filter(|_| is_late);
+        self.is_mixed |= turned.is_some();
         if told.is_backwards != self.way.is_backwards {
-            let is_late = passed > *IN_TIME.end();
-            let turned = self.turned.take().filter(|_| is_late);
             self.begin(told);
             return turned.and_then(|from| from.other_way(&told));
         }
         if !IN_TIME.contains(&passed) {
+            return None;
+        }
+        if core::mem::take(&mut self.is_mixed) {
+            self.begin(told);
             return None;
         }
         self.compare_ways(told).or_else(|| self.compare_turns(told))
@@ -283,6 +291,45 @@ mod tests {
             let other = |motion: Motion| motion.turn_rad == 0.15;
             let is = matches!(finding, Some(Finding::Turn(_, motion)) if other(motion));
             assert_eq!(is, is_found, "{turned} {board_m}");
+        }
+    }
+
+    /// The board's line stops while the car drives 0.3 m back and ahead again, or only back; then
+    /// its frames arrive at once. Their pulses count in the car's last direction.
+    #[test]
+    fn frames_held_up_over_a_change_of_direction_find_nothing() {
+        for is_back_at_the_end in [true, false] {
+            let at_ms = |ms: u64, odometer_m: f64, board_m: f64, is_backwards: bool| Told {
+                now: Instant::ZERO + Duration::from_millis(ms),
+                is_backwards,
+                ..told(at(odometer_m, 0.0), at(board_m, 0.0))
+            };
+            let mut witness = Witness::default();
+            assert_eq!(witness.compare(at_ms(67, 0.0, 0.0, false)), None);
+            witness.turn_round(at_ms(100, 0.0, 0.0, true));
+            let (end_m, way_m) = match is_back_at_the_end {
+                true => (-0.3, -0.3),
+                false => {
+                    witness.turn_round(at_ms(900, -0.3, 0.0, false));
+                    (0.0, 0.6)
+                }
+            };
+            let told = |ms, off_m: f64, share: f64| {
+                let odometer_m = end_m + off_m;
+                let board_m = share * way_m + off_m;
+                at_ms(ms, odometer_m, board_m, is_back_at_the_end)
+            };
+            for frame in 1..=10 {
+                let ms = 1_500 + frame;
+                let found = witness.compare(told(ms, 0.0, frame as f64 / 10.0));
+                assert_eq!(found, None, "{frame}");
+            }
+            let way = if is_back_at_the_end { -1.0 } else { 1.0 };
+            for frame in 1..=20 {
+                let off_m = way * 0.02 * frame as f64;
+                let found = witness.compare(told(1_510 + 67 * frame, off_m, 1.0));
+                assert_eq!(found, None, "{frame}");
+            }
         }
     }
 

@@ -9,7 +9,7 @@ use protocols::tty::InputMode;
 use protocols::{Decode as _, Instant, car_board, odometer};
 use rosc::{OscMessage, OscPacket, OscType};
 
-use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M, MISFITS_MAX};
+use super::{Apollo13, Board, CAMERA_AHEAD_M, FRONT_AHEAD_M, MISFITS_MAX, STUCK_M};
 use crate::ackermann::{CarPose, Motion};
 use crate::particles::Localiser;
 use crate::robots::apollo13::wall::Side;
@@ -81,6 +81,10 @@ impl Apollo13 {
 
     fn take_readings(&mut self, readings: car_board::Readings) {
         self.counters.frames += 1;
+        if self.is_stuck(readings) {
+            return;
+        }
+        self.board_read = Some(self.now);
         self.take_pulses(readings.hall);
         self.battery_mv = readings.battery_mv;
         let words = [readings.front_cm, readings.right_cm, readings.left_cm];
@@ -96,6 +100,21 @@ impl Apollo13 {
             self.floor.hear(self.now, sensor, range_m);
         }
         self.steer_along_wall(readings);
+    }
+
+    /// Whether the board has reported the same readings over a way in which its pulses count.
+    fn is_stuck(&mut self, readings: car_board::Readings) -> bool {
+        let at = self.odometry.pose();
+        match self.same {
+            Some((same, since)) if same == readings => {
+                let way = since.motion_to(at);
+                libm::hypot(way.ahead_m, way.left_m) > STUCK_M
+            }
+            _ => {
+                self.same = Some((readings, at));
+                false
+            }
+        }
     }
 
     fn steer_along_wall(&mut self, readings: car_board::Readings) {

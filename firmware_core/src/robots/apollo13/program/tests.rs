@@ -35,6 +35,9 @@ struct Car<'a> {
     /// Heading by the odometer's gyroscope, and whether that is stuck.
     yaw: f64,
     is_gyro_stuck: bool,
+    /// The board's last readings, and whether it repeats them.
+    readings: car_board::Readings,
+    is_board_stuck: bool,
 }
 
 impl<'a> Car<'a> {
@@ -43,6 +46,8 @@ impl<'a> Car<'a> {
             pose: config.start,
             yaw: config.start.heading_rad,
             is_gyro_stuck: false,
+            readings: car_board::Readings::default(),
+            is_board_stuck: false,
             random: Pcg32::new(config.seed + 99),
             program: Apollo13::new(config),
             is_wall,
@@ -156,8 +161,12 @@ impl<'a> Car<'a> {
                 battery_mv: 7_400,
                 ..car_board::Readings::default()
             };
+            if !self.is_board_stuck {
+                self.readings = readings;
+            }
+            let frame = self.readings.encode();
             self.program
-                .receive(Apollo13::CAR, self.now, readings.encode().as_bytes());
+                .receive(Apollo13::CAR, self.now, frame.as_bytes());
         }
         if ms.is_multiple_of(100) {
             self.look();
@@ -458,6 +467,35 @@ fn ap8_the_wall_is_followed() {
         // The sensor sits 0.1 m to the right of the middle.
         assert!((car.pose.y_m - 0.50).abs() < 0.03, "{:?}", car.pose);
     }
+}
+
+/// A board that repeats its readings shows no wall: 10 cm later it counts as stuck, and the car
+/// stops half a second after that.
+#[test]
+fn a_board_that_is_stuck_stops_the_car_at_the_wall() {
+    let corridor = |_: f64, y: f64| !(0.0..1.6).contains(&y);
+    let config = Config {
+        start: CarPose {
+            y_m: 0.75,
+            ..CarPose::default()
+        },
+        wall: Some((Side::Right, 0.40)),
+        ..Config::default()
+    };
+    let mut car = Car::new(config, &corridor);
+    car.say("/modes/autonomous", &[1.0]);
+    car.run(2.0);
+    car.is_board_stuck = true;
+    let before = car.travel;
+    car.run(0.9);
+    assert!(car.drive.level > 0);
+    car.run(2.0);
+    let way = car.travel - before;
+    assert_eq!(car.drive.level, 0);
+    assert!((0.1..0.35).contains(&way) && !car.has_touched, "{way}");
+    car.is_board_stuck = false;
+    car.run(1.0);
+    assert!(car.drive.level > 0);
 }
 
 /// Fielded: in a curve no line's sum is exact, and the pose stops; frames with 13 cm are read as 10
