@@ -70,12 +70,13 @@ fn a_robot_alone_does_not_wait() {
     assert!(x_at_5_s(&outcome) > 1.2, "{}", x_at_5_s(&outcome));
 }
 
-/// A robot whose infrared sensors are blind from 3 s to 4.5 s drives into the other one: both have
-/// a contact, and only the one that drove fails.
+/// A robot whose infrared sensors and lidar are blind from 3 s to 4.5 s drives into the other one:
+/// both have a contact, and only the one that drove fails.
 #[test]
 fn a_robot_that_does_not_see_the_other_one_runs_into_it() {
     let blind = "[[fault]]\nkind = \"device\"\ndevice = \"board\"\nfault = \"blind\"\n\
-                 from = \"3s\"\nlasting = \"1500ms\"\n";
+                 from = \"3s\"\nlasting = \"1500ms\"\n[[fault]]\nkind = \"cut\"\n\
+                 link = \"lidar\"\ndirection = \"to-master\"\nfrom = \"3s\"\nuntil = \"4500ms\"\n";
     let (scenario, source) = with(blind);
     let outcome = run(&scenario, &source).finish();
     let failed = failures(&outcome);

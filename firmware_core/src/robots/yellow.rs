@@ -224,7 +224,13 @@ impl Yellow {
         }
         self.target = match self.machine.mode() {
             Mode::Manual => self.by_hand,
-            Mode::AutoReactive => self.reactive.step(now, self.infrared.distances_m()),
+            Mode::AutoReactive => {
+                let wanted = self.reactive.step(now, self.infrared.distances_m());
+                match self.config.defects.reactive.fielded_formula {
+                    true => wanted,
+                    false => self.lidar.strip.limited(now, wanted),
+                }
+            }
             Mode::AutoPosition if self.machine.is_interrupted() => Velocity::ZERO,
             Mode::AutoPosition => self.manoeuvre(now),
             Mode::Off | Mode::SwitchOn | Mode::On | Mode::SwitchOff => Velocity::ZERO,

@@ -29,6 +29,9 @@ const DECK_GAIN: f32 = 2.0;
 const DECK_NEAR_M: f32 = 0.02;
 /// Time for which a point counts: a turn of the lidar takes up to a fifth of a second.
 const POINT: Duration = Duration::from_millis(250);
+/// Room before the deck at which a point may vanish because the lidar measures from 150 mm on. It
+/// then counts as no room for [`HELD`] more.
+const VANISHES_M: f32 = 0.08;
 
 /// Time until which a wall ahead counts as near.
 #[derive(Clone, Debug)]
@@ -63,9 +66,25 @@ impl Strip {
     }
 
     /// The room before the deck, metres; `None`: nothing is near.
-    pub(super) fn room_m(&self, now: Instant) -> Option<f32> {
+    fn room_m(&self, now: Instant) -> Option<f32> {
         let (at, room_m) = self.nearest?;
-        (now - at < POINT).then_some(room_m)
+        let is_held = || room_m <= VANISHES_M && now - at < POINT + HELD;
+        match now - at < POINT {
+            true => Some(room_m),
+            false => is_held().then_some(0.0),
+        }
+    }
+
+    /// `wanted`, with its forward speed limited by the room before the deck.
+    pub(super) fn limited(&self, now: Instant, wanted: Velocity) -> Velocity {
+        let Some(room_m) = self.room_m(now) else {
+            return wanted;
+        };
+        let most = (DECK_GAIN * (room_m - DECK_NEAR_M)).max(CREEP_M_S);
+        Velocity {
+            linear_m_s: wanted.linear_m_s.min(most),
+            ..wanted
+        }
     }
 }
 
@@ -90,15 +109,12 @@ impl Guard {
         } else {
             ahead_m - NEAR_M
         };
-        let before_deck = strip
-            .room_m(now)
-            .map(|room_m| DECK_GAIN * (room_m - DECK_NEAR_M));
-        let most = before_deck.map_or(GAIN * room_m, |most| most.min(GAIN * room_m));
-        let most = most.max(CREEP_M_S);
-        Velocity {
+        let most = (GAIN * room_m).max(CREEP_M_S);
+        let wanted = Velocity {
             linear_m_s: wanted.linear_m_s.min(most),
             ..wanted
-        }
+        };
+        strip.limited(now, wanted)
     }
 }
 
@@ -170,5 +186,26 @@ mod tests {
         // 120 mm ahead, 50 mm to the right: the deck touches.
         take(&mut strip, 1_320, 1_448, 130.0);
         assert!(is(&strip, 1_320, CREEP_M_S));
+    }
+
+    /// The lidar does not measure below 150 mm. A point at 160 mm straight ahead leaves 30 mm, 0.02
+    /// m/s at a gain of 2, and counts for a second more; a point at 215 mm, with 85 mm, does not.
+    #[test]
+    fn a_point_that_may_be_too_near_to_be_seen_counts_for_a_second_more() {
+        let mut guard = Guard::NEW;
+        let wanted = Velocity::new(0.5, 0.0);
+        let mut speed = |distance_mm: f32, after_ms: u64| {
+            let mut strip = Strip::NEW;
+            strip.take(Instant::from_millis(1_000), 0, distance_mm);
+            let now = Instant::from_millis(1_000 + after_ms);
+            guard.limited(now, 0.8, &strip, wanted).linear_m_s
+        };
+        assert_eq!(speed(160.0, 0), CREEP_M_S);
+        assert_eq!(speed(160.0, 1_249), CREEP_M_S);
+        assert_eq!(speed(160.0, 1_250), 0.5);
+        assert!((speed(200.0, 249) - 0.1).abs() < 1e-6);
+        assert_eq!(speed(200.0, 250), CREEP_M_S);
+        assert!((speed(215.0, 249) - 0.13).abs() < 1e-6);
+        assert_eq!(speed(215.0, 250), 0.5);
     }
 }

@@ -1,4 +1,4 @@
-//! Driving by three IR sensors alone, without a map.
+//! Driving by three IR sensors alone, without a map. Only the speed is limited by the lidar.
 //!
 //! The speed depends on the room ahead, the turn on the difference between left and right (course
 //! law). With the fielded formula the robot turned back at corners in the demonstration.
