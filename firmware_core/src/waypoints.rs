@@ -224,7 +224,8 @@ impl Waypoints {
     /// A received waypoint with unchanged number and position keeps its number, others get new
     /// ones. Waypoints at the start of both lists stay reached if they are equal. A list sent
     /// twice, or with a waypoint appended, therefore does not send the robot back. After a finished
-    /// list, the same list or its beginning starts again.
+    /// list, the same list or its beginning starts again. If only the rest of a list is taken away,
+    /// the robot drives to the last waypoint left: there it is expected.
     pub fn replace(&mut self, received: impl Iterator<Item = Sent>) -> usize {
         let old = self.clone();
         let was_finished = self.reached == self.len;
@@ -265,7 +266,7 @@ impl Waypoints {
         } else if was_finished && reached == self.len {
             0
         } else {
-            reached
+            reached.min(self.len.saturating_sub(1))
         };
         refused
     }

@@ -98,7 +98,7 @@ fn a_repeated_list_does_not_send_the_robot_back() {
 }
 
 /// Behind a finished list, its beginning is an order, too; while the list is driven, the rest of it
-/// is taken away.
+/// is taken away, and the last waypoint left is driven to.
 #[test]
 fn a_finished_list_that_comes_again_is_driven_again() {
     let mut list = Waypoints::new();
@@ -110,11 +110,17 @@ fn a_finished_list_that_comes_again_is_driven_again() {
     assert_eq!(list.target().map(|waypoint| waypoint.id), Some(0));
     list.advance();
     list.replace([sent(0, 1)].into_iter());
-    assert_eq!(list.target(), None);
+    assert_eq!(list.target().map(|waypoint| waypoint.id), Some(0));
+    list.replace([sent(0, 1), sent(1, 2), sent(2, 3)].into_iter());
+    list.advance();
+    list.advance();
     list.replace([sent(0, 1), sent(1, 2)].into_iter());
+    assert_eq!(list.target().map(|waypoint| waypoint.id), Some(1));
     list.advance();
     list.replace([sent(0, 1)].into_iter());
     assert_eq!(list.target().map(|waypoint| waypoint.id), Some(0));
+    list.replace([].into_iter());
+    assert_eq!(list.target(), None);
 }
 
 /// Field defect UI-05: the PC numbers its own waypoints from 0 and uses a number twice.
