@@ -173,6 +173,54 @@ fn a_car_whose_remote_is_gone_must_stop() {
     assert_eq!(without.status, Status::Pass, "{}", without.detail);
 }
 
+/// Sound programs that checks once accused. A car that its phone has made fast rolls out behind the
+/// stop, its wheels steered. A car on its way to a goal rests if the board is silent whose sensors
+/// it needs. A program on a line that is slower than it assumes gives up parts of frames.
+#[test]
+fn sound_programs_pass_the_checks_of_their_silences_and_frames() {
+    let cut = |link: &str, from: &str| {
+        format!(
+            "[[fault]]\nkind = \"cut\"\nlink = \"{link}\"\ndirection = \"to-master\"\n\
+             from = \"{from}\"\n"
+        )
+    };
+    let step = |at: &str, action: &str| {
+        format!("[[mission.step]]\nat = \"{at}\"\n[mission.step.do]\n{action}\n")
+    };
+    // The phone's speed, 10.
+    let fast = "inject = { link = \"remote\", direction = \"to-master\", \
+                hex = \"2F312F7370656564000000002C66000041200000\" }";
+    let goal = step("2s", "mode = \"go-to 5 0.7 0\"");
+    let own = |name: &str, more: String| {
+        let (_, source) = shipped(name);
+        let text = format!("{}\n{SAFETY}{more}", source.text);
+        let mut scenario = Scenario::parse(&source.path, text).expect("sound").0;
+        scenario.duration = hilrig::scenario::Span::from_millis(7_000);
+        (scenario, source)
+    };
+    let slow = "[expect.safety]\nsound_frames = true\n[[fault]]\nkind = \"wrong-baud\"\n\
+                link = \"base\"\ndirection = \"to-device\"\nbaud = 9600\nfrom = \"733ms\"\n";
+    let rows = [
+        (
+            "rests-after-silence",
+            own(
+                "apollo13-remote",
+                step("3900ms", fast) + &cut("remote", "3500ms"),
+            ),
+        ),
+        (
+            "rests-after-silence",
+            own("apollo13-wall", goal + &cut("car", "4s")),
+        ),
+        ("sends-sound-frames", in_a_room("3s", slow)),
+    ];
+    for (name, scenario) in rows {
+        let told = format!("{name} of {}", scenario.0.name);
+        let judged = check(&run_to_end(scenario), name);
+        assert_eq!(judged.status, Status::Pass, "{told}: {}", judged.detail);
+    }
+}
+
 /// A lidar that is silent for some time is no failure at the end. A lidar that stays silent is one,
 /// unless the scenario names its link as broken.
 #[test]

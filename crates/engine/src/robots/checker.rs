@@ -1,6 +1,6 @@
 //! Checks of a run: the interface of checkers, and their verdicts.
 
-use emulators::world::Contact;
+use emulators::world::{ActuatorKind, Contact};
 use protocols::Instant;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -103,6 +103,24 @@ pub struct Look<'a> {
     pub axes: &'a [Axis],
     /// Contacts since the last call.
     pub contacts: &'a [Contact],
+}
+
+impl Look<'_> {
+    /// The axes that move the robot: all but those with the name of a steering actuator, which is
+    /// seldom at 0.
+    pub fn drives(&self) -> impl Iterator<Item = &Axis> {
+        let actuators = self.rig.world.actuators();
+        let steers = |axis: &&Axis| {
+            let mut own = actuators.iter().filter(|it| it.name == axis.name);
+            own.any(|it| it.kind == ActuatorKind::Steering)
+        };
+        self.axes.iter().filter(move |axis| !steers(axis))
+    }
+
+    /// Whether a set-point moves the robot.
+    pub fn is_driven(&self) -> bool {
+        self.drives().any(|axis| axis.set_point != 0.0)
+    }
 }
 
 /// A property that is checked during the run.

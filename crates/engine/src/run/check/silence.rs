@@ -71,12 +71,8 @@ impl Watched {
             let names = &self.stops.axes;
             names.is_empty() || names.iter().any(|name| *name == axis.name)
         };
-        if !look
-            .axes
-            .iter()
-            .filter(is_own)
-            .any(|axis| axis.set_point != 0.0)
-        {
+        let mut own = look.drives().filter(is_own);
+        if !own.any(|axis| axis.set_point != 0.0) {
             return;
         }
         self.drives += 1;

@@ -83,7 +83,7 @@ impl Checker for DriveFed {
         let links = self.links.iter().filter_map(|link| rig.link(link));
         let sums = links.map(|link| link.line(Direction::ToDevice).traffic().delivered);
         let delivered = sums.sum();
-        let is_driven = look.axes.iter().any(|axis| axis.set_point != 0.0);
+        let is_driven = look.is_driven();
         if delivered != self.delivered || !is_driven || !self.calm.is(now) {
             (self.delivered, self.commanded_at) = (delivered, now);
         }

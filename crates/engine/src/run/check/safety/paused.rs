@@ -1,4 +1,4 @@
-//! The faults of a delivery: pauses of the line, and damage.
+//! The faults of a delivery: pauses of the line, a slower line, and damage.
 
 use core::time::Duration;
 
@@ -9,9 +9,11 @@ use crate::rig::line::Delivery;
 /// waited for the line.
 pub(super) const PAUSED: Duration = Duration::from_millis(200);
 
-/// Whether a fault paused the sender within these bytes.
+/// Whether a fault paused the sender within these bytes, or made it slower than it assumes.
 pub(super) fn has_paused(delivery: &Delivery) -> bool {
-    damages(delivery).any(|damage| matches!(damage, Damage::Idle { .. }))
+    let bauds = delivery.original.as_ref().and_then(|it| it.bauds);
+    let is_slower = bauds.is_some_and(|[sender, receiver]| sender < receiver);
+    is_slower || damages(delivery).any(|damage| matches!(damage, Damage::Idle { .. }))
 }
 
 /// Whether a fault changed these bytes.

@@ -147,8 +147,7 @@ pub(super) fn moves_itself(look: &Look<'_>) -> bool {
 
 /// Whether something touches the robot while its set-points are 0.
 pub(super) fn is_pushed(look: &Look<'_>) -> bool {
-    let mut axes = look.axes.iter();
-    look.rig.world.is_touching() && axes.all(|axis| axis.set_point == 0.0)
+    look.rig.world.is_touching() && !look.is_driven()
 }
 
 fn delivered(rig: &Rig, link: &str, direction: Direction) -> u64 {
@@ -165,7 +164,7 @@ impl Checker for RestsAfterSilence {
         let is_reached = self.drive.is_empty() || unreached < COMMANDS || self.calm.is(now);
         let is_moving = moves_itself(look);
         self.has_moved |= is_moving;
-        let is_driven = look.axes.is_empty() || look.axes.iter().any(|axis| axis.set_point != 0.0);
+        let is_driven = look.axes.is_empty() || look.is_driven();
         if is_driven {
             self.driven_at = now;
         }
