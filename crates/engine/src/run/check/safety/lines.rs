@@ -272,9 +272,11 @@ fn has_few(line: &Line, points: &[Point]) -> bool {
 }
 
 /// Whether points between the ends of the line are beside it. A few may be of a thing before the
-/// wall that is too narrow for a line.
+/// wall that is too narrow for a line. The points at the ends of a short line may be in the other
+/// order.
 fn cuts(line: &Line, points: &[Point]) -> bool {
-    let Some(piece) = piece(line, points, JUMP_MM) else {
+    let ends = piece(line, points, JUMP_MM).filter(|_| length(line) >= 2.0 * JUMP_MM);
+    let Some(piece) = ends else {
         return false;
     };
     let chord = [piece[0], piece[piece.len() - 1]];
@@ -377,6 +379,9 @@ mod tests {
         let points = |other| [wall(RIGHT), wall(other)[1..].to_vec()].concat();
         let corner = bent(0.0);
         assert_eq!(said(&[RIGHT, corner], &points(corner)), "");
+        // The point at the start of this line is behind the one at its end.
+        let tiny = [[975.0, 28.0], [1_000.0, -15.0]];
+        assert_eq!(said(&[RIGHT, tiny, corner], &points(corner)), "");
         let cut = "the reported line from (1.00, -1.00) m to (0.00, 1.00) m cuts off a corner of \
                    the scan";
         assert_eq!(said(&[[RIGHT[0], corner[1]]], &points(corner)), cut);
