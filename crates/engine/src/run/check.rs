@@ -9,6 +9,7 @@ use crate::robots::{Axis, Instruments};
 
 mod accepted;
 mod at_work;
+mod collision;
 mod goes_on;
 #[cfg(feature = "described")]
 mod masters;
@@ -20,6 +21,8 @@ mod violations;
 
 pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
+pub use collision::NoCollisionAtSpeed;
+pub(super) use collision::{COLLISION, HARMLESS_M_S};
 #[cfg(feature = "described")]
 pub(crate) use goes_on::node::{GoesOn, Rest};
 pub use goes_on::{
@@ -65,7 +68,9 @@ pub fn standard(
         checkers.push(Box::new(MotorsStopAfterSilence::watching(stops)));
     }
     if instruments.has_body() {
-        checkers.push(Box::new(NoCollisionAtSpeed::judging_until(contacts_until)));
+        let collision = NoCollisionAtSpeed::judging_until(contacts_until);
+        let dialect = instruments.dialect(rig);
+        checkers.push(Box::new(collision.commanded_in(rig, dialect)));
     }
     checkers.push(Box::new(BytesConserved::default()));
     checkers.push(Box::new(MemoryIntact::default()));
@@ -117,68 +122,6 @@ impl Checker for SetPointsInRange {
             }
         };
         Check::new("set-points-in-range", self.worst.is_none(), detail).if_observed(self.looks > 0)
-    }
-
-    fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
-        Some(Box::new(self.clone()))
-    }
-}
-
-/// The robot does not collide. A person who walks into the robot does not count: only the robot's
-/// own motion towards the obstacle does.
-#[derive(Clone, Debug, Default)]
-pub struct NoCollisionAtSpeed {
-    /// Time from which a sensor deceives the robot: later contacts are counted, but not judged.
-    until: Option<Instant>,
-    has_moved: bool,
-    contacts: u64,
-    first: Option<Instant>,
-    worst_m_s: f64,
-}
-
-/// Name of the check [`NoCollisionAtSpeed`].
-pub(super) const COLLISION: &str = "no-collision-at-speed";
-
-/// Maximum speed of a harmless touch, m/s.
-pub(super) const HARMLESS_M_S: f64 = 0.05;
-
-impl NoCollisionAtSpeed {
-    /// Judges contacts until this time.
-    pub fn judging_until(until: Option<Instant>) -> Self {
-        Self {
-            until,
-            ..Self::default()
-        }
-    }
-}
-
-impl Checker for NoCollisionAtSpeed {
-    fn observe(&mut self, look: &Look<'_>) {
-        self.has_moved |= look.rig.world.is_moving();
-        for contact in look.contacts {
-            self.contacts += 1;
-            self.worst_m_s = self.worst_m_s.max(contact.own_m_s);
-            let is_judged = self.until.is_none_or(|until| contact.at < until);
-            if contact.own_m_s > HARMLESS_M_S && self.first.is_none() && is_judged {
-                self.first = Some(contact.at);
-            }
-        }
-    }
-
-    fn verdict(&self) -> Check {
-        let contacts = self.contacts;
-        let detail = match self.first {
-            None if self.worst_m_s > HARMLESS_M_S => {
-                format!("{contacts} contacts, in earnest only while a sensor deceives the robot")
-            }
-            None => format!("{contacts} contacts, none driven into faster than {HARMLESS_M_S} m/s"),
-            Some(at) => format!(
-                "{contacts} contacts, the first in earnest at {at} s, worst driven into at {:.3} m/s",
-                self.worst_m_s
-            ),
-        };
-        let check = Check::new(COLLISION, self.first.is_none(), detail);
-        check.if_observed(self.has_moved || self.contacts > 0)
     }
 
     fn fork(&self, _rig: &mut Rig) -> Option<Box<dyn Checker>> {
