@@ -733,3 +733,28 @@ fn a_drive_that_runs_on_excuses_contacts() {
     }
     assert!(of_car > 3 && of_base > 3, "{of_car} {of_base}");
 }
+
+/// Faults may stop the first robot in the path of another one, whose task is not judged then. Its
+/// contacts and broken rules are.
+#[test]
+fn the_others_of_a_team_have_no_task_behind_faults() {
+    let harsh = Profile::find("harsh").expect("it is built in");
+    let text = base().to_toml()
+        + "[team.blue]\nrobot = \"rescue\"\nstart = { x_m = 0.8, y_m = 0.8, heading_deg = 0 }\n\
+           [team.blue.mission]\nwaypoints_m = [[1.0, 1.0]]\n[team.blue.expect]\n\
+           visit_within_mm = 100\nviolations_max = 3\n";
+    let base = Scenario::from_text(&text).expect("sound").0;
+    let mut judged = 0;
+    for seed in 0..40 {
+        let made = scenario(&base, Vary::ALL, &harsh, &mut Dice::of_seed(seed, "base"));
+        let expect = &made.team["blue"].expect;
+        assert_eq!(expect.violations_max, Some(3), "seed {seed}");
+        let safety = expect.safety.as_ref();
+        let may_wait = safety.is_some_and(|safety| safety.steps_may_wait);
+        let is_judged = expect.visit_within_mm == Some(100.0);
+        assert_ne!(is_judged, may_wait, "seed {seed}");
+        assert!(may_wait || made.fault.is_empty(), "seed {seed}");
+        judged += u64::from(is_judged);
+    }
+    assert!((5..20).contains(&judged), "{judged}");
+}

@@ -5,7 +5,7 @@ use core::time::Duration;
 use super::{Adversity, millis};
 use crate::generate::mission;
 use crate::generate::profile::{MissionJudged, Profile};
-use engine::scenario::{Action, Expect, FaultKind, FaultSpec, Scenario, Span, Step};
+use engine::scenario::{Action, Expect, FaultKind, FaultSpec, SafetySpec, Scenario, Span, Step};
 
 /// Time after the faults until broken rules of devices count.
 const SETTLED: Duration = Duration::from_secs(5);
@@ -115,6 +115,20 @@ impl Adversity {
             .retain(|step| step.at.is_none_or(|at| at < self.length));
         mission.fault = self.faults;
         mission.budget = self.budget;
+        // A robot that faults stop may block the path of another one.
+        for member in mission.team.values_mut() {
+            let own = SafetySpec {
+                steps_may_wait: true,
+                ..member.expect.safety.take().unwrap_or_default()
+            };
+            member.mission.to_the_end = true;
+            member.expect = Expect {
+                safety: Some(own),
+                violations_max: member.expect.violations_max,
+                rule: member.expect.rules_throughout(),
+                ..Expect::default()
+            };
+        }
         let alive = safety.alive_for;
         mission.expect = Expect {
             safety: Some(safety),
