@@ -164,6 +164,7 @@ impl Hc06 {
     pub(super) fn give_up(&mut self, now: Instant) {
         if self.host == Host::Connected {
             self.host = Host::Closed;
+            self.closed_at = Some(now);
             self.changes.push_back(LineEvent::Closed);
             if self.mode != Mode::Data {
                 let detail = "the module did not answer for the supervision time".to_owned();

@@ -516,6 +516,9 @@ fn a_lost_radio_is_noticed_after_the_supervision_time() {
     assert_eq!(bench.radio.mode(), Mode::Command);
     assert_eq!(bench.changes, [(lost_at + 20 * SECOND, LineEvent::Closed)]);
     assert_eq!(bench.radio.up().dropped, 700);
+    // The host does not know it yet.
+    bench.host_sends(b"late");
+    assert_eq!(bench.violations(), ["fifo-overflow"; 2]);
 }
 
 /// A gap shorter than the supervision time loses only the bytes that did not fit the FIFO.

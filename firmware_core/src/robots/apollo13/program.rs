@@ -408,14 +408,19 @@ impl Apollo13 {
         self.misfits >= MISFITS_MAX
     }
 
-    /// Whether the sensors that the car needs are silent: its camera, or its board if it follows
-    /// walls.
+    /// Whether the sensors that the car needs are silent: its camera, or those of its board.
     fn is_blind(&self) -> bool {
         let is_new = |read: Instant| self.now - read <= WALL_SILENT_MAX;
-        match self.wall {
-            Some(_) => !self.board_read.is_some_and(is_new),
-            None => self.camera.is_blind(self.now),
+        match self.uses_board() {
+            true => !self.board_read.is_some_and(is_new),
+            false => self.camera.is_blind(self.now),
         }
+    }
+
+    /// Whether the car drives by the sensors of its board: it follows walls, and neither passes
+    /// gates nor maps.
+    fn uses_board(&self) -> bool {
+        self.wall.is_some() && self.arbiter.mode() == Mode::Autonomous
     }
 
     /// Whether there is a wall to follow, and the board has recently reported its distance.

@@ -166,8 +166,8 @@ impl Instruments for ApolloInstruments {
         match self.follows_wall {
             true => vec![
                 remote,
-                Need::always("car").only(&["autonomous"]),
-                scan.only(&["gates", "mapping"]),
+                Need::always("car").only(&["autonomous", "board silent"]),
+                scan.only(&["gates", "mapping", "camera silent"]),
             ],
             false => vec![
                 remote,

@@ -30,7 +30,12 @@ impl Inspect for Apollo13 {
     fn mode(&self) -> &'static str {
         match self.arbiter.mode() {
             Mode::Remote => "remote",
-            Mode::Autonomous | Mode::Gates | Mode::Mapping if self.is_blind() => "camera silent",
+            Mode::Autonomous | Mode::Gates | Mode::Mapping if self.is_blind() => {
+                match self.uses_board() {
+                    true => "board silent",
+                    false => "camera silent",
+                }
+            }
             Mode::Autonomous | Mode::Gates if self.is_lost() => "lost",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",

@@ -638,6 +638,35 @@ fn a_wall_is_followed_as_long_as_it_is_heard() {
     assert!(!hears(wall, None) && !hears(None, Some(1_000)));
 }
 
+/// A car that follows walls drives by its board, and through gates by its camera.
+#[test]
+fn the_mode_names_the_silent_sensor() {
+    let mode = |wall, order: &str, read_ms: Option<u64>| {
+        let open = |_: f64, _: f64| false;
+        let mut car = Car::new(
+            Config {
+                wall,
+                ..Config::default()
+            },
+            &open,
+        );
+        car.say(order, &[1.0]);
+        car.program.now = Instant::from_millis(10_000);
+        car.program.board_read = read_ms.map(Instant::from_millis);
+        car.program.mode()
+    };
+    let wall = Some((Side::Left, 0.4));
+    assert_eq!(mode(wall, "/modes/autonomous", Some(9_500)), "autonomous");
+    assert_eq!(mode(wall, "/modes/autonomous", Some(9_499)), "board silent");
+    assert_eq!(mode(wall, "/modes/autonomous", None), "board silent");
+    let gates = mode(wall, "/modes/follow_aruco", Some(9_500));
+    assert_eq!(gates, "camera silent");
+    assert_eq!(
+        mode(None, "/modes/autonomous", Some(9_500)),
+        "camera silent"
+    );
+}
+
 /// 25 cm ahead is far enough to continue; without an echo there is no obstacle.
 #[test]
 fn what_is_nearer_than_25_cm_is_too_near() {
