@@ -266,7 +266,8 @@ mod tests {
         let capsule = UltraCapsule::new(true, 640, &samples, 3_000);
         let word = 100 | (1_014 << 12) | (774_u32 << 22);
         assert_eq!(capsule.as_bytes()[4..8], word.to_le_bytes());
-        assert_eq!(capsule.as_bytes()[2..4], [0x80, 0x82]);
+        // The 31 others are EE 05 00 00: 64 ^ 60 ^ BF ^ C1 ^ 80 ^ 82 ^ EE ^ 05 is 93.
+        assert_eq!(capsule.as_bytes()[..4], [0xA3, 0x59, 0x80, 0x82]);
         assert!(capsule.is_first());
         let next = UltraCapsule::new(false, 640 + 96 * 64, &[3_000; ULTRA_SAMPLES], 0);
         let told = capsule.samples(&next);
@@ -278,17 +279,18 @@ mod tests {
         assert!((angle(60) - expected).abs() < 0.01, "{}", angle(60));
     }
 
-    /// A difference of ten bits cannot hold a wall of 0.5 m before one of 12 m, so one sample at
-    /// each edge is lost. A first sample without measurement borrows the next one's.
+    /// A difference of ten bits cannot hold a wall of 3 m before one of 12 m, so one sample at each
+    /// edge is lost. A first sample without measurement borrows the next one's: nor could it hold 3
+    /// m from 0.
     #[test]
     fn what_a_difference_cannot_hold_is_no_measurement() {
-        let mut samples = [500; ULTRA_SAMPLES];
+        let mut samples = [3_000; ULTRA_SAMPLES];
         samples[1] = 12_000;
         samples[2] = 0;
         samples[3] = 0;
-        let capsule = UltraCapsule::new(false, 0, &samples, 500);
+        let capsule = UltraCapsule::new(false, 0, &samples, 3_000);
         let told = capsule.samples(&capsule);
         let distances = [0, 1, 2, 3, 4, 5].map(|index| told[index].distance_mm);
-        assert_eq!(distances, [500, 0, 0, 0, 500, 500]);
+        assert_eq!(distances, [3_000, 0, 0, 0, 3_000, 3_000]);
     }
 }
