@@ -355,3 +355,25 @@ fn a_marker_is_hidden_wherever_the_robot_stands() {
         );
     }
 }
+
+/// A camera that looks to the left sees the wall there, at 2 m, and not the one ahead, at 1 m.
+#[test]
+fn a_camera_looks_where_it_is_turned() {
+    let left = Shape::Wall {
+        from: Point::new(-5.0, 2.0),
+        to: Point::new(5.0, 2.0),
+    };
+    let left = Fixture {
+        height_m: 2.0,
+        is_glass: false,
+        ..left.into()
+    };
+    let mut world = world(vec![left, wall(1.0, 0.0, 0.5, 2.0)]);
+    let config = CameraConfig {
+        yaw_rad: PI / 2.0,
+        ..exact()
+    };
+    let mut camera = Camera::new(config, 1, "camera");
+    let rows = sent(&mut camera, &mut world, Camera::SCAN, 40);
+    assert_eq!(depths(&rows[0]), [2_000; 640]);
+}

@@ -391,7 +391,11 @@ mod tests {
             Ok(())
         );
         assert_eq!(
-            whole.push_all(&[b'A'; 5], at, Instant::from_millis(12)),
+            whole.push_all(
+                &[b'A'; 5],
+                Instant::from_millis(11),
+                Instant::from_millis(12)
+            ),
             Ok(())
         );
         assert!(whole.just_overflowed());

@@ -337,3 +337,24 @@ fn f17_the_fifo_holds_samples_until_they_are_read() {
     chip.write(at(5_000), register::USER_CONTROL, &[FIFO_RESET], &world);
     assert_eq!(count(&mut chip, 6_000), 0);
 }
+
+/// Register map: bits 0 to 2 select the filter, 1 to 6 give 1 kHz and 0 and 7 give 8 kHz, divided
+/// by one more than the divider; bits 3 to 5 are of the external pin.
+#[test]
+fn the_filter_and_the_divider_give_the_rate() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    for (filter, divider, micros) in [
+        (0x00, 7, 1_000),
+        (0x01, 0, 1_000),
+        (0x06, 9, 10_000),
+        (0x07, 0, 125),
+        (0x39, 0, 1_000),
+        (0x38, 0, 125),
+    ] {
+        chip.write(world.now(), register::FILTER, &[filter], &world);
+        chip.write(world.now(), register::DIVIDER, &[divider], &world);
+        let period = chip.sample_period();
+        assert_eq!(period, Duration::from_micros(micros), "{filter:#x}");
+    }
+}

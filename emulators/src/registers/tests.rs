@@ -300,3 +300,22 @@ fn a_width_holds_from_its_least_to_its_greatest_value() {
     let limits = [[0, 4_294_967_295], [-2_147_483_648, 2_147_483_647]];
     assert_eq!([U32, I32].map(Width::limits), limits);
 }
+
+/// x is 1000 mm; the others are stored and begin at 0.
+#[test]
+fn values_are_those_of_the_table_in_its_order() {
+    let mut slave = slave();
+    assert_eq!(slave.values(Instant::ZERO, &world()), [0, 1_000, 0]);
+    assert_eq!(slave.set(Instant::ZERO, "at-8", 700), Ok(()));
+    assert_eq!(slave.values(Instant::ZERO, &world()), [0, 1_000, 700]);
+    let reasons = [
+        ("at-1", 51, "-50 to 50"),
+        ("at-2", 1, "own source"),
+        ("at-9", 1, "at-1, at-2"),
+    ];
+    for (name, value, reason) in reasons {
+        let error = slave.set(Instant::ZERO, name, value).unwrap_err();
+        assert!(error.contains(reason), "{error}");
+    }
+    assert_eq!(slave.values(Instant::ZERO, &world()), [0, 1_000, 700]);
+}

@@ -617,6 +617,10 @@ mod tests {
         assert_eq!([-0.34, -0.24, -0.16, 0.36, 0.5].map(share), [0.0; 5]);
         // A wall, however slanting.
         assert_eq!(corner_share(1000.0, [980.0, 1020.0], [955.6, 1044.4]), 0.0);
+        // 9.6 mm of bend in a wall that falls by 9 mm to the dot's side: behind the dot, then ahead.
+        let slanting = |ends_mm| corner_share(1000.0, ends_mm, [980.0, 1020.0]);
+        assert_eq!(slanting([981.4, 1009.0]), 0.0);
+        assert_eq!(slanting([991.0, 999.4]), 0.75);
     }
 
     /// T4: 30 mm and 3 %. At 1 m a side 60 mm away is the same object, one 61 mm away is another.
@@ -801,5 +805,30 @@ mod tests {
             }
         }
         assert!(ranges > 80, "{ranges}");
+    }
+
+    /// A unit without detail forgets; with detail a part of the last turn's noise of the same degree
+    /// stays, and the deviation with it.
+    #[test]
+    fn the_noise_of_the_last_turn_stays_in_a_unit_with_detail() {
+        let noise = |range, strength| Noise {
+            range,
+            strength,
+            ..quiet(0.0)
+        };
+        let eye = || Eye::new(Mount::default(), Optics::default(), 1, "lidar");
+        let mut even = eye();
+        for _ in 0..2 {
+            let found = even.remembering(7, noise(1.0, -2.0));
+            assert_eq!((found.range, found.strength), (1.0, -2.0));
+        }
+        let mut captured = eye().of(Profile::Fw24, Detail::Captured);
+        captured.remembering(7, noise(1.0, -2.0));
+        let found = captured.remembering(7, noise(0.0, 0.0));
+        let kept = |part: f64, fresh: f64| part * (1.0 - part * part).sqrt() * fresh;
+        assert!((found.range - kept(RANGE_KEPT, 1.0)).abs() < 1e-12);
+        assert!((found.strength - kept(STRENGTH_KEPT, -2.0)).abs() < 1e-12);
+        let other = captured.remembering(8, noise(0.0, 0.0));
+        assert_eq!((other.range, other.strength), (0.0, 0.0));
     }
 }

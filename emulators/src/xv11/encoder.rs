@@ -317,4 +317,16 @@ mod tests {
         assert_eq!((first_slot(0) + 23) % 24, 2);
         assert_eq!((first_slot(14) + 23) % 360, 2);
     }
+
+    /// A walk that forgets keeps its deviation: over 50,000 teeth it is that of the rest.
+    #[test]
+    fn the_rest_of_the_wander_keeps_its_deviation() {
+        let mut wander = Wander::captured(Rng::stream(3, "belt"));
+        let squares = (0..50_000).map(|_| {
+            wander.pass();
+            wander.rest * wander.rest
+        });
+        let deviation = (squares.sum::<f64>() / 50_000.0).sqrt();
+        assert!((deviation / REST - 1.0).abs() < 0.05, "{deviation}");
+    }
 }

@@ -334,3 +334,22 @@ fn what_lies_ahead_and_left_turns_with_the_robot() {
         assert!(found.distance(Point::new(x, y)) < 1e-12, "{found:?}");
     }
 }
+
+/// A quarter turn takes x to y and y to -x: the pillar at (3, 0) stands at (0, 3), the wall from
+/// (1, -1) to (1, 1) goes from (1, 1) to (-1, 1).
+#[test]
+fn a_surface_turns_about_the_origin() {
+    let at = |primitive: Primitive, x, y| primitive.nearest(Point::new(x, y)).0;
+    let is = |at: Point, x: f64, y: f64| (at.x - x).abs() < 1e-12 && (at.y - y).abs() < 1e-12;
+    let quarter = (1.0, 0.0);
+    assert!(is(at(pillar().turned(quarter), 0.0, 0.0), 0.0, 2.0));
+    assert!(is(at(wall().turned(quarter), 2.0, 3.0), 1.0, 1.0));
+    assert!(is(at(wall().turned(quarter), -2.0, 3.0), -1.0, 1.0));
+    let eighth = libm::sincos(FRAC_PI_4);
+    assert!(is(at(wall().turned(eighth), -9.0, 9.0), 0.0, SQRT_2));
+    let tilted = Primitive::Circle(Circle {
+        center: Point::new(1.0, 1.0),
+        radius: 0.0,
+    });
+    assert!(is(at(tilted.turned(eighth), 9.0, 9.0), 0.0, SQRT_2));
+}

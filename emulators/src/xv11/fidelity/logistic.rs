@@ -106,4 +106,27 @@ mod tests {
         let chances = heap(0.0).into_iter().map(|row| alike.chance(&row));
         assert!(chances.clone().all(|chance| (chance - 0.5).abs() < 1e-6));
     }
+
+    /// By hand: (7 - 1) / 2 and (-4 - 2) / 3.
+    #[test]
+    fn a_figure_is_scaled_by_mean_and_deviation() {
+        let known = Logistic {
+            mean: vec![1.0, 2.0],
+            scale: vec![2.0, 3.0],
+            weights: vec![0.5, 1.0],
+            bias: 0.5,
+        };
+        assert_eq!(known.scaled(&[7.0, -4.0]), [3.0, -2.0]);
+        // 1.5 - 2 and the bias of 0.5 are 0.
+        assert_eq!(known.chance(&[7.0, -4.0]), 0.5);
+    }
+
+    /// Ten times as many rows of one kind do not make it likelier.
+    #[test]
+    fn both_kinds_count_the_same() {
+        let many: Vec<Vec<f64>> = (0..10).flat_map(|_| heap(0.0)).collect();
+        let alike = Logistic::trained(&many, &heap(0.0));
+        let chances = heap(0.0).into_iter().map(|row| alike.chance(&row));
+        assert!(chances.clone().all(|chance| (chance - 0.5).abs() < 1e-6));
+    }
 }

@@ -178,3 +178,50 @@ fn few_windows_widen_the_limit() {
     assert!((limit([40, 80]) - 64.52).abs() < 0.01);
     assert!((limit([120, 240]) - 60.0).abs() < 1e-9);
 }
+
+/// By hand: of the pairs (1, 2) and (3, 3), 2 + 9 by (1 + 4) / 2 + 9.
+#[test]
+fn neighbours_that_change_alike_are_together() {
+    let changes = [Some(1.0), Some(2.0), None, Some(3.0), Some(3.0)];
+    assert!((together(&changes) - 11.0 / 11.5).abs() < 1e-12);
+    assert_eq!(together(&[Some(1.0), Some(-1.0)]), -1.0);
+    assert_eq!(together(&[None, Some(1.0)]), 0.0);
+}
+
+/// A wall at 1 m up to 100 degrees and at 1.013 m from there on, a step of more than 1.2 %: no
+/// degree with the step among its two neighbours on both sides counts, nor one beside a person at
+/// 200 degrees. Readings are 4 mm and 3 by the root of 400 above the room's.
+#[test]
+fn readings_of_the_room_are_those_on_even_walls() {
+    let mm = |degree: usize| if degree <= 100 { 1_000.0 } else { 1_013.0 };
+    let spot = |degree| {
+        Some(Spot {
+            mm: mm(degree),
+            strength: 400.0,
+        })
+    };
+    let room: Room = (0..DEGREES).map(spot).collect();
+    let reading = |degree: usize| Reading::Range {
+        distance_mm: match degree {
+            200 => 500,
+            0..=100 => 1_004,
+            _ => 1_017,
+        },
+        strength: 403,
+        weak: false,
+    };
+    let turn = Turn {
+        speeds_rpm: Vec::new(),
+        readings: (0..DEGREES).map(reading).collect(),
+        packets: Vec::new(),
+    };
+    let found = of_room(&[turn], &room);
+    let not_counted = [99..=102, 198..=202, 358..=361];
+    for (degree, found) in found[0].iter().enumerate() {
+        let is_near = |off: usize| not_counted.iter().any(|all| all.contains(&(degree + off)));
+        match is_near(0) || is_near(DEGREES) {
+            true => assert_eq!(*found, None, "{degree}"),
+            false => assert_eq!(*found, Some([4.0, 0.15]), "{degree}"),
+        }
+    }
+}
