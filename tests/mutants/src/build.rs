@@ -21,6 +21,10 @@ pub const REACHED: &str = "REACHED_MUTANTS";
 /// without it: all.
 const TESTS: &str = "TESTS";
 
+/// The environment variable with further test targets, as `PACKAGE:TARGET`: tests of other packages
+/// that use this one.
+const WITH: &str = "WITH";
+
 /// Appended to the package's `lib.rs`. The attribute stands at its top.
 const SWITCH: &str = "
 /// The number of the active mutant, from 1; 0: none. On request, notes that the current thread has
@@ -59,12 +63,16 @@ pub fn active_mutant(here: &[u32]) -> u32 {
 /// The compiler must not reject a mutant that it proves wrong: that is the task of the tests.
 const ALLOWED: &str = "#![allow(warnings, arithmetic_overflow, unconditional_panic)]\n";
 
+/// A test binary, and the folder of its package in the copy, where its tests run.
+pub struct Test {
+    pub folder: PathBuf,
+    pub path: PathBuf,
+}
+
 /// Results of the build.
 pub struct Built {
-    /// The package's folder in the copy, where its tests run.
-    pub folder: PathBuf,
     /// The test binaries.
-    pub tests: Vec<PathBuf>,
+    pub tests: Vec<Test>,
     /// Mutants that are compiled in, by their position in the draw.
     pub switched: Vec<usize>,
     /// Mutants that do not compile.
@@ -77,7 +85,7 @@ pub struct Built {
 pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Built, String> {
     let tree = out.join("tree");
     copy_tree(&tree)?;
-    let (folder, lib) = places(package, &tree)?;
+    let (_, lib) = places(package, &tree)?;
     let target = out.join("target");
     fs::create_dir_all(&target).map_err(|error| format!("{}: {error}", target.display()))?;
     let mut files: BTreeMap<&str, (String, Vec<usize>)> = BTreeMap::new();
@@ -119,7 +127,6 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
     let rest = |at: &usize| !unviable.contains(at) && !unswitched.contains(at);
     let switched = (0..mutants.len()).filter(rest).collect();
     Ok(Built {
-        folder,
         tests,
         switched,
         unviable,
@@ -221,7 +228,7 @@ impl<'a> Copy<'a> {
     ) -> Result<bool, String> {
         let before = (self.unviable.len(), self.still_const.len());
         let mut unexplained = Vec::new();
-        for message in self.cargo(&["check", "--lib"])? {
+        for message in self.cargo(self.package, &["check", "--lib"])? {
             if message["reason"] != "compiler-message" || message["message"]["level"] != "error" {
                 continue;
             }
@@ -283,41 +290,56 @@ impl<'a> Copy<'a> {
             .map(|(_, mutant)| *mutant)
     }
 
-    fn tests(&self) -> Result<Vec<PathBuf>, String> {
+    fn tests(&self) -> Result<Vec<Test>, String> {
         let asked = std::env::var(TESTS).unwrap_or_default();
+        let mut tests = self.tests_of(self.package, asked.split_ascii_whitespace())?;
+        let others = std::env::var(WITH).unwrap_or_default();
+        for other in others.split_ascii_whitespace() {
+            let (package, target) = other
+                .split_once(':')
+                .ok_or_else(|| format!("{WITH}: {other}: expected PACKAGE:TARGET"))?;
+            tests.extend(self.tests_of(package, ["--test", target])?);
+        }
+        Ok(tests)
+    }
+
+    fn tests_of<'b>(
+        &self,
+        package: &str,
+        asked: impl IntoIterator<Item = &'b str>,
+    ) -> Result<Vec<Test>, String> {
+        let (folder, _) = places(package, self.tree)?;
         let mut arguments = vec!["test", "--no-run"];
-        arguments.extend(asked.split_ascii_whitespace());
-        let messages = self.cargo(&arguments)?;
+        arguments.extend(asked);
+        let messages = self.cargo(package, &arguments)?;
         // Without one of the test binaries, mutants that only its tests detect would count as
         // missed.
         let broken = messages
             .iter()
             .any(|message| message["reason"] == "build-finished" && message["success"] == false);
         if broken {
-            return Err(format!("the tests of {} do not all compile", self.package));
+            return Err(format!("the tests of {package} do not all compile"));
         }
-        let tests: Vec<PathBuf> = messages
+        let paths = messages
             .iter()
             .filter(|message| message["profile"]["test"] == true)
-            .filter_map(|message| message["executable"].as_str().map(PathBuf::from))
-            .collect();
+            .filter_map(|message| message["executable"].as_str());
+        let test = |path| Test {
+            folder: folder.clone(),
+            path: PathBuf::from(path),
+        };
+        let tests: Vec<Test> = paths.map(test).collect();
         if tests.is_empty() {
-            return Err(format!("{} has no tests that compile", self.package));
+            return Err(format!("{package} has no tests that compile"));
         }
         Ok(tests)
     }
 
-    fn cargo(&self, arguments: &[&str]) -> Result<Vec<Value>, String> {
+    fn cargo(&self, package: &str, arguments: &[&str]) -> Result<Vec<Value>, String> {
         let output = Command::new("cargo")
             .args(arguments)
-            .args([
-                "--locked",
-                "--package",
-                self.package,
-                "--message-format",
-                "json",
-            ])
-            .args(features(self.package))
+            .args(["--locked", "--package", package, "--message-format", "json"])
+            .args(features(package))
             .current_dir(self.tree)
             .env("CARGO_TARGET_DIR", &self.target)
             .stderr(Stdio::inherit())

@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, mpsc};
 use std::time::{Duration, Instant};
 
-use crate::build::{ACTIVE, Built, REACHED};
+use crate::build::{ACTIVE, Built, REACHED, Test};
 use crate::list::Mutant;
 
 /// Result of a mutant's trial.
@@ -35,10 +35,11 @@ const FAILING_MAX: usize = 5;
 /// Stack of a test, bytes: a function with switches takes several times its own.
 const STACK: &str = "67108864";
 /// A test counts as late only after this time.
-const PATIENCE: Duration = Duration::from_secs(60);
+const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A test binary, and the result of its run without a mutant.
 struct Binary<'a> {
+    folder: &'a Path,
     path: &'a Path,
     time: Duration,
     names: Vec<String>,
@@ -56,7 +57,7 @@ pub fn all(built: &Built, drawn: &[Mutant], out: &Path) -> Result<Vec<(usize, Fa
         for _ in 0..JOBS {
             scope.spawn(|| {
                 while let Some(&mutant) = built.switched.get(next.fetch_add(1, Ordering::Relaxed)) {
-                    let fate = fate(&built.folder, &binaries, mutant, &drawn[mutant]);
+                    let fate = fate(&binaries, mutant, &drawn[mutant]);
                     let mut fates = fates.lock().unwrap_or_else(|held| held.into_inner());
                     fates.push((mutant, fate));
                     eprintln!(
@@ -77,12 +78,12 @@ pub fn all(built: &Built, drawn: &[Mutant], out: &Path) -> Result<Vec<(usize, Fa
 /// The binaries with the results of their runs without a mutant, the fastest first.
 fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String> {
     let mut binaries = Vec::new();
-    for path in &built.tests {
+    for Test { folder, path } in &built.tests {
         let notes = std::path::absolute(out.join("reached.txt"));
         let notes = notes.map_err(|error| format!("{}: {error}", out.display()))?;
         fs::write(&notes, "").map_err(|error| format!("{}: {error}", notes.display()))?;
         let started = Instant::now();
-        let mut names = names(&built.folder, path)?;
+        let mut names = names(folder, path)?;
         // With one thread, the thread does not have the test's name.
         let mut all = ["--test-threads", "2", "--exact"]
             .map(str::to_owned)
@@ -90,7 +91,7 @@ fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String
         let mut failing = 0;
         let passed = loop {
             let limit = Duration::from_secs(1200);
-            let failed = match run(&built.folder, path, &all, 0, Some(&notes), limit) {
+            let failed = match run(folder, path, &all, 0, Some(&notes), limit) {
                 Outcome::Passed => break true,
                 Outcome::Failed(Some(failed)) if failing < FAILING_MAX => failed,
                 Outcome::Failed(_) | Outcome::Late => break false,
@@ -115,6 +116,7 @@ fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String
         }
         eprintln!("{} s for {}", time.as_secs(), path.display());
         binaries.push(Binary {
+            folder,
             path,
             time,
             names,
@@ -141,7 +143,7 @@ fn names(folder: &Path, path: &Path) -> Result<Vec<String>, String> {
 }
 
 /// Tries the tests that reached the mutant; no other test can catch it.
-fn fate(folder: &Path, binaries: &[Binary], at: usize, mutant: &Mutant) -> Fate {
+fn fate(binaries: &[Binary], at: usize, mutant: &Mutant) -> Fate {
     let module = module(&mutant.file);
     for is_own in [true, false] {
         for binary in binaries {
@@ -159,7 +161,7 @@ fn fate(folder: &Path, binaries: &[Binary], at: usize, mutant: &Mutant) -> Fate 
             }
             tests.push("--exact".to_owned());
             let patience = PATIENCE.max(4 * binary.time);
-            match run(folder, binary.path, &tests, at + 1, None, patience) {
+            match run(binary.folder, binary.path, &tests, at + 1, None, patience) {
                 Outcome::Late => return Fate::Late,
                 Outcome::Failed(_) => return Fate::Caught,
                 Outcome::Passed => {}
