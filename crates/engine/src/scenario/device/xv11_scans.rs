@@ -7,7 +7,8 @@ use protocols::xv11;
 
 use super::scan::{Beam, ScanDecoder};
 
-/// Turns of an XV-11.
+/// Turns of an XV-11. A turn ends with its last packet, or, if the line has lost that one, with the
+/// first packet of the next turn.
 #[derive(Clone, Debug)]
 pub struct Xv11Scans {
     /// Bearing of the first reading.
@@ -15,6 +16,8 @@ pub struct Xv11Scans {
     place_m: [f64; 2],
     decoder: xv11::Decoder,
     ranges_mm: [u16; 360],
+    /// Index of the last packet of an incomplete turn.
+    last: Option<usize>,
 }
 
 impl Xv11Scans {
@@ -26,6 +29,7 @@ impl Xv11Scans {
             place_m: [0.0; 2],
             decoder: xv11::Decoder::default(),
             ranges_mm: [0; 360],
+            last: None,
         }
     }
 
@@ -33,6 +37,13 @@ impl Xv11Scans {
     #[must_use]
     pub const fn at(self, place_m: [f64; 2]) -> Self {
         Self { place_m, ..self }
+    }
+
+    /// Ends the turn.
+    fn end(&mut self) -> Vec<Beam> {
+        let beams = self.beams();
+        self.ranges_mm = [0; 360];
+        beams
     }
 
     fn beams(&self) -> Vec<Beam> {
@@ -51,18 +62,46 @@ impl ScanDecoder for Xv11Scans {
         let mut whole = None;
         let frames: Vec<xv11::Frame> = self.decoder.push(bytes).flatten().collect();
         for frame in frames {
-            let first = usize::from(frame.index()) * xv11::READINGS_PER_FRAME;
+            let index = usize::from(frame.index());
+            if self.last.take().is_some_and(|last| index <= last) {
+                whole = Some(self.end());
+            }
+            let first = index * xv11::READINGS_PER_FRAME;
             for (slot, reading) in self.ranges_mm[first..].iter_mut().zip(frame.readings()) {
                 *slot = match reading {
                     xv11::Reading::Range { distance_mm, .. } => distance_mm,
                     xv11::Reading::Invalid { .. } => 0,
                 };
             }
-            if usize::from(frame.index()) == xv11::FRAMES_PER_TURN - 1 {
-                whole = Some(self.beams());
-                self.ranges_mm = [0; 360];
+            match index == xv11::FRAMES_PER_TURN - 1 {
+                true => whole = Some(self.end()),
+                false => self.last = Some(index),
             }
         }
         whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use xv11::{Frame, RawReading, SpeedWord};
+
+    /// Turns of four readings of 1 m a packet; the first turn lost its last two packets. It ends
+    /// with the first packet of the second turn, which ends with its own last packet.
+    #[test]
+    fn a_turn_without_its_last_packet_ends_with_the_next_turn() {
+        let mut scans = Xv11Scans::new(0.0);
+        let reading = RawReading([0xE8, 0x03, 100, 0]);
+        let mut push = |index: usize| {
+            let index = u8::try_from(index).unwrap();
+            let frame = Frame::new(index, SpeedWord(19_200), [reading; 4]);
+            scans.push(frame.as_bytes()).map(|beams| beams.len())
+        };
+        assert!((0..88).all(|index| push(index).is_none()));
+        assert_eq!(push(0), Some(352));
+        assert!((1..89).all(|index| push(index).is_none()));
+        assert_eq!(push(89), Some(360));
+        assert_eq!(push(0), None);
     }
 }

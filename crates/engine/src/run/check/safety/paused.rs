@@ -16,13 +16,58 @@ pub(super) fn has_paused(delivery: &Delivery) -> bool {
     is_slower || damages(delivery).any(|damage| matches!(damage, Damage::Idle { .. }))
 }
 
-/// Whether a fault changed these bytes.
+/// Whether a fault changed these bytes. Bytes that arrive in pieces are unchanged.
 pub(super) fn is_damaged(delivery: &Delivery) -> bool {
-    damages(delivery).any(|damage| !matches!(damage, Damage::Idle { .. }))
+    let mut originals = delivery.original.iter();
+    originals.any(|original| !original.bytes.starts_with(&delivery.bytes))
+        || damages(delivery).any(|damage| !matches!(damage, Damage::Idle { .. }))
 }
 
 fn damages(delivery: &Delivery) -> impl Iterator<Item = &Damage> {
     let originals = delivery.original.iter();
     let strikes = originals.flat_map(|original| &original.strikes);
     strikes.map(|strike| &strike.damage)
+}
+
+#[cfg(test)]
+mod tests {
+    use protocols::Instant;
+
+    use super::*;
+    use crate::rig::fault::Strike;
+    use crate::rig::line::Original;
+
+    /// Four bytes arrive late, their first two arrive in a piece of their own, or a host eats one
+    /// of them; a flipped bit is a strike.
+    #[test]
+    fn bytes_are_damaged_by_the_host_and_by_strikes() {
+        let flip = Strike {
+            byte: 1,
+            damage: Damage::Flip { bit: 3 },
+        };
+        let cases: [(&[u8], _, _); 5] = [
+            (&[1, 2, 3, 4], None, false),
+            (&[1, 2], None, false),
+            (&[1, 3, 4], None, true),
+            (&[1, 10, 3, 4], Some(flip), true),
+            (&[], None, false),
+        ];
+        for (bytes, strike, expected) in cases {
+            let delivery = Delivery {
+                at: Instant::ZERO,
+                bytes: bytes.to_vec(),
+                event: None,
+                framing_errors: 0,
+                marks: Vec::new(),
+                original: Some(Box::new(Original {
+                    at: Instant::ZERO,
+                    bytes: vec![1, 2, 3, 4],
+                    strikes: strike.into_iter().collect(),
+                    effects: Vec::new(),
+                    bauds: None,
+                })),
+            };
+            assert_eq!(is_damaged(&delivery), expected, "{bytes:?}");
+        }
+    }
 }
