@@ -245,7 +245,7 @@ impl Yellow {
         };
         let [ahead_m, ..] = self.infrared.distances_m();
         self.guard
-            .limited(now, ahead_m, &self.lidar.strip, velocity)
+            .limited(now, ahead_m, &mut self.lidar.strip, velocity)
     }
 
     /// Executes a telecommand of the PC; not-a-number is refused.

@@ -32,6 +32,8 @@ const POINT: Duration = Duration::from_millis(250);
 /// Room before the deck at which a point may vanish because the lidar measures from 150 mm on. It
 /// then counts as no room for [`HELD`] more.
 const VANISHES_M: f32 = 0.08;
+/// Time without a reading of the lidar, with or without a distance, that is a silence.
+const SILENT: Duration = Duration::from_millis(100);
 
 /// Time until which a wall ahead counts as near.
 #[derive(Clone, Debug)]
@@ -43,13 +45,27 @@ pub(super) struct Guard {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Strip {
     nearest: Option<(Instant, f32)>,
+    /// Time of the last reading.
+    heard: Instant,
+    /// Time of the last limit, and the forward speed since then.
+    limited: (Instant, f32),
 }
 
 impl Strip {
-    pub(super) const NEW: Self = Self { nearest: None };
+    pub(super) const fn new() -> Self {
+        Self {
+            nearest: None,
+            heard: Instant::ZERO,
+            limited: (Instant::ZERO, 0.0),
+        }
+    }
 
-    /// Takes a point of the lidar at `angle_q6`, 64ths of a degree clockwise from ahead.
-    pub(super) fn take(&mut self, now: Instant, angle_q6: u16, distance_mm: f32) {
+    /// Takes a reading of the lidar at `angle_q6`, 64ths of a degree clockwise from ahead.
+    pub(super) fn take(&mut self, now: Instant, angle_q6: u16, distance_mm: Option<f32>) {
+        self.heard = now;
+        let Some(distance_mm) = distance_mm else {
+            return;
+        };
         if !(1.0..LOOKS_MM).contains(&distance_mm) {
             return;
         }
@@ -75,14 +91,24 @@ impl Strip {
         }
     }
 
-    /// `wanted`, with its forward speed limited by the room before the deck.
-    pub(super) fn limited(&self, now: Instant, wanted: Velocity) -> Velocity {
-        let Some(room_m) = self.room_m(now) else {
-            return wanted;
-        };
-        let most = (DECK_GAIN * (room_m - DECK_NEAR_M)).max(CREEP_M_S);
+    /// `wanted`, with its forward speed limited by the room before the deck. While the lidar is
+    /// silent, the point that it measured last stays, and comes nearer as the robot drives.
+    pub(super) fn limited(&mut self, now: Instant, wanted: Velocity) -> Velocity {
+        let (before, speed_m_s) = self.limited;
+        let silence = now - self.heard;
+        if let Some((at, room_m)) = &mut self.nearest
+            && silence >= SILENT
+        {
+            let passed = (now - before).min(silence);
+            *at += passed;
+            *room_m -= speed_m_s * passed.as_secs_f32();
+        }
+        let room_m = self.room_m(now);
+        let most = room_m.map(|room_m| (DECK_GAIN * (room_m - DECK_NEAR_M)).max(CREEP_M_S));
+        let linear_m_s = most.map_or(wanted.linear_m_s, |most| wanted.linear_m_s.min(most));
+        self.limited = (now, linear_m_s.max(0.0));
         Velocity {
-            linear_m_s: wanted.linear_m_s.min(most),
+            linear_m_s,
             ..wanted
         }
     }
@@ -98,7 +124,7 @@ impl Guard {
         &mut self,
         now: Instant,
         ahead_m: f32,
-        strip: &Strip,
+        strip: &mut Strip,
         wanted: Velocity,
     ) -> Velocity {
         if ahead_m <= NEAR_M {
@@ -129,13 +155,15 @@ mod tests {
         let now = Instant::from_millis(1_000);
         let wanted = Velocity::new(0.5, 1.5);
         let speed = |guard: &mut Guard, ahead_m| {
-            guard.limited(now, ahead_m, &Strip::NEW, wanted).linear_m_s
+            guard
+                .limited(now, ahead_m, &mut Strip::new(), wanted)
+                .linear_m_s
         };
         assert_eq!(speed(&mut guard, 0.8), 0.5);
         assert!((speed(&mut guard, 0.2) - 0.3).abs() < 1e-6);
         assert_eq!(speed(&mut guard, 0.11), CREEP_M_S);
         let back = Velocity::new(-0.1, 0.0);
-        assert_eq!(guard.limited(now, 0.05, &Strip::NEW, back), back);
+        assert_eq!(guard.limited(now, 0.05, &mut Strip::new(), back), back);
     }
 
     /// A wall at 3 cm reads like one at 17 cm: it counts as near for a second more.
@@ -145,7 +173,7 @@ mod tests {
         let wanted = Velocity::new(0.5, 0.0);
         let speed = |guard: &mut Guard, ms, ahead_m| {
             guard
-                .limited(Instant::from_millis(ms), ahead_m, &Strip::NEW, wanted)
+                .limited(Instant::from_millis(ms), ahead_m, &mut Strip::new(), wanted)
                 .linear_m_s
         };
         assert_eq!(speed(&mut guard, 1_000, 0.09), CREEP_M_S);
@@ -159,14 +187,16 @@ mod tests {
     #[test]
     fn speed_follows_the_room_before_the_deck() {
         let mut guard = Guard::NEW;
-        let mut strip = Strip::NEW;
+        let mut strip = Strip::new();
         let wanted = Velocity::new(0.5, 0.0);
-        let mut is = |strip: &Strip, ms: u64, expected: f32| {
-            let limited = guard.limited(Instant::from_millis(ms), 0.8, strip, wanted);
+        let mut is = |strip: &mut Strip, ms: u64, expected: f32| {
+            let now = Instant::from_millis(ms);
+            strip.heard = now;
+            let limited = guard.limited(now, 0.8, strip, wanted);
             (limited.linear_m_s - expected).abs() < 0.003
         };
         let take = |strip: &mut Strip, ms: u64, angle_q6: u16, distance_mm: f32| {
-            strip.take(Instant::from_millis(ms), angle_q6, distance_mm);
+            strip.take(Instant::from_millis(ms), angle_q6, Some(distance_mm));
         };
         // 131 mm beside, behind, and too far; then 300 mm ahead and 50 mm to the right.
         for (angle_q6, distance_mm) in
@@ -174,18 +204,18 @@ mod tests {
         {
             take(&mut strip, 1_000, angle_q6, distance_mm);
         }
-        assert!(is(&strip, 1_000, 0.5));
+        assert!(is(&mut strip, 1_000, 0.5));
         take(&mut strip, 1_000, 606, 304.1);
-        assert!(is(&strip, 1_000, 0.32));
+        assert!(is(&mut strip, 1_000, 0.32));
         // 400 mm ahead and 50 mm to the left.
         take(&mut strip, 1_010, 22_584, 403.1);
-        assert!(is(&strip, 1_249, 0.32) && is(&strip, 1_250, 0.5));
+        assert!(is(&mut strip, 1_249, 0.32) && is(&mut strip, 1_250, 0.5));
         take(&mut strip, 1_300, 22_584, 403.1);
         take(&mut strip, 1_310, 22_434, 304.1);
-        assert!(is(&strip, 1_310, 0.32));
+        assert!(is(&mut strip, 1_310, 0.32));
         // 120 mm ahead, 50 mm to the right: the deck touches.
         take(&mut strip, 1_320, 1_448, 130.0);
-        assert!(is(&strip, 1_320, CREEP_M_S));
+        assert!(is(&mut strip, 1_320, CREEP_M_S));
     }
 
     /// The lidar does not measure below 150 mm. A point at 160 mm straight ahead leaves 30 mm, 0.02
@@ -195,10 +225,11 @@ mod tests {
         let mut guard = Guard::NEW;
         let wanted = Velocity::new(0.5, 0.0);
         let mut speed = |distance_mm: f32, after_ms: u64| {
-            let mut strip = Strip::NEW;
-            strip.take(Instant::from_millis(1_000), 0, distance_mm);
+            let mut strip = Strip::new();
+            strip.take(Instant::from_millis(1_000), 0, Some(distance_mm));
             let now = Instant::from_millis(1_000 + after_ms);
-            guard.limited(now, 0.8, &strip, wanted).linear_m_s
+            strip.take(now, 11_520, None);
+            guard.limited(now, 0.8, &mut strip, wanted).linear_m_s
         };
         assert_eq!(speed(160.0, 0), CREEP_M_S);
         assert_eq!(speed(160.0, 1_249), CREEP_M_S);
@@ -207,5 +238,30 @@ mod tests {
         assert_eq!(speed(200.0, 250), CREEP_M_S);
         assert!((speed(215.0, 249) - 0.13).abs() < 1e-6);
         assert_eq!(speed(215.0, 250), 0.5);
+    }
+
+    /// The lidar measures 430 mm ahead, 300 mm before the deck, and falls silent. At 0.2 m/s the
+    /// room shrinks by 20 mm each 100 ms; from 120 mm on, after 0.9 s, the robot slows down. Readings of other directions end the silence, and the point after a while.
+    #[test]
+    fn a_point_stays_and_comes_nearer_while_the_lidar_is_silent() {
+        let mut strip = Strip::new();
+        let wanted = Velocity::new(0.2, 0.0);
+        strip.take(Instant::from_millis(1_000), 0, Some(430.0));
+        let speed = |strip: &mut Strip, ms: u64| {
+            let limited = strip.limited(Instant::from_millis(ms), wanted);
+            limited.linear_m_s
+        };
+        for ms in (1_000..1_900).step_by(100) {
+            assert_eq!(speed(&mut strip, ms), 0.2, "{ms}");
+        }
+        assert!((speed(&mut strip, 1_900) - 0.2).abs() < 1e-5);
+        assert!((speed(&mut strip, 2_000) - 0.16).abs() < 1e-5);
+        assert!((speed(&mut strip, 2_100) - 0.128).abs() < 1e-5);
+        for ms in (2_110..2_360).step_by(50) {
+            strip.take(Instant::from_millis(ms), 11_520, None);
+            assert!(speed(&mut strip, ms) < 0.129, "{ms}");
+        }
+        strip.take(Instant::from_millis(2_360), 11_520, None);
+        assert_eq!(speed(&mut strip, 2_360), 0.2);
     }
 }

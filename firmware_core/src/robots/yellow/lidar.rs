@@ -118,7 +118,7 @@ impl Lidar {
             order: Order::NEW,
             angle_q6: 0,
             scans: Scans::new(defects.scans),
-            strip: Strip::NEW,
+            strip: Strip::new(),
             requests: Fifo::new(),
             duty: None,
             received_at: Instant::ZERO,
@@ -297,9 +297,7 @@ impl Lidar {
         }
         self.scans
             .sample(group.angle_q6, group.distance_mm, group.quality);
-        if let Some(distance_mm) = group.distance_mm {
-            self.strip.take(now, group.angle_q6, distance_mm);
-        }
+        self.strip.take(now, group.angle_q6, group.distance_mm);
     }
 }
 
