@@ -209,6 +209,12 @@ impl Gates {
         possible.min_by(|one, other| far(one).total_cmp(&far(other)))
     }
 
+    /// The passage of this gate as its markers are seen now; `None` if the gate is behind `pose`.
+    pub fn again(&self, pose: CarPose, [one, other]: Gate) -> Option<Passage> {
+        let at = |id: u32| Some((id, self.markers.get(&id)?.mean_m));
+        self.passage(pose, at(one)?, at(other)?)
+    }
+
     /// Takes a motion of the car; returns the gate that it crossed, which counts as passed now.
     pub fn moved(&mut self, from: CarPose, to: CarPose) -> Option<Gate> {
         let (a, b) = ([from.x_m, from.y_m], [to.x_m, to.y_m]);

@@ -293,31 +293,6 @@ impl Apollo13 {
         self.wall = wall.map(|(side, wanted_m)| WallDistance::new(side, wanted_m, gains));
     }
 
-    /// Takes the car's pose from the operator, except while the car draws a map: then its own pose
-    /// is better.
-    pub fn set_pose(&mut self, pose: CarPose) {
-        // A map under construction is drawn from the car's own pose.
-        if self.survey.is_some() {
-            return;
-        }
-        if let Some(localiser) = &mut self.localiser {
-            localiser.place(pose, [0.3, 0.3, 0.17]);
-        }
-        // Markers near the car keep their position relative to it; obstacles seen from the wrong
-        // pose are discarded.
-        self.gates.carry(self.pose(), pose);
-        self.floor.forget();
-        self.floor
-            .stand(self.gates.markers().map(|(_, place)| place));
-        self.misfits = 0;
-        self.search.is_asked = true;
-        match self.passage.take() {
-            Some(_) => self.pilot.set_goal(None),
-            None => self.pilot.plan_anew(),
-        }
-        self.move_origin(pose);
-    }
-
     /// The pilot with the path to the goal.
     pub const fn pilot(&self) -> &Pilot {
         &self.pilot
@@ -351,12 +326,6 @@ impl Apollo13 {
     /// The battery's voltage as last received, millivolts; 0: not yet.
     pub const fn battery_mv(&self) -> u16 {
         self.battery_mv
-    }
-
-    /// Sets the odometry's origin such that the car is at `pose`.
-    fn move_origin(&mut self, pose: CarPose) {
-        let back = self.odometry.pose().motion_to(CarPose::default());
-        self.origin = pose.then(back);
     }
 
     /// The planner's command: through gates, to the goal, or along the wall.

@@ -14,6 +14,12 @@ use crate::robots::apollo13::pilot::GoalState;
 /// Tolerance at the pose before a gate, metres and radians: half a heading step of the lattice, and
 /// the error of following.
 const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
+/// Shift and turn of a gate's markers after which the car aims again, metres and radians: several
+/// times the camera's noise.
+const AIM_OFF: [f64; 2] = [0.10, 0.15];
+/// Room before the gate's middle up to which the car aims again, metres: nearer, the side from which
+/// the car comes is not clear.
+const AIMS_UNTIL_M: f64 = 0.25;
 /// Time without a gate after which the car searches elsewhere.
 const SEARCHES_AFTER: Duration = Duration::from_secs(2);
 /// Interval of the looks for an obstacle in a gate.
@@ -30,6 +36,7 @@ impl Apollo13 {
     /// Continues with the next part of a passage, or with the next gate.
     pub(super) fn choose_gate(&mut self, pose: CarPose) {
         self.look_for_blocked(pose);
+        self.aim_again(pose);
         let is_done = match self.pilot.state() {
             GoalState::None | GoalState::Reached => true,
             GoalState::GivenUp => {
@@ -65,6 +72,30 @@ impl Apollo13 {
                     None => self.look_elsewhere(is_done),
                 }
             }
+        }
+    }
+
+    /// Aims again at the gate that the car drives through, if its markers are seen at other places
+    /// than before: the pose drifts under a wrong gyroscope, and the gate must be passed where it
+    /// is seen.
+    fn aim_again(&mut self, pose: CarPose) {
+        let is_through = |passage: &Passage| self.pilot.goal() == Some(passage.behind);
+        let Some(passage) = self.passage.filter(is_through) else {
+            return;
+        };
+        if self.config.defects.gates_as_fielded {
+            return;
+        }
+        let is_ahead = |seen: &Passage| pose.motion_to(seen.middle).ahead_m > AIMS_UNTIL_M;
+        let seen = self.gates.again(pose, passage.gate).filter(is_ahead);
+        let Some(seen) = seen else {
+            return;
+        };
+        let turn_rad = wrapped(seen.middle.heading_rad - passage.middle.heading_rad);
+        let is_far = seen.middle.distance_m(passage.middle) > AIM_OFF[0];
+        if is_far || turn_rad.abs() > AIM_OFF[1] {
+            self.pilot.follow(through(seen));
+            self.passage = Some(seen);
         }
     }
 
@@ -287,6 +318,40 @@ mod tests {
         assert_eq!(car.pilot.state(), GoalState::Reached);
         car.choose_gate(passage.before);
         assert_eq!(car.pilot.path(), through(passage));
+    }
+
+    /// On its way through the gate the car sees the markers 8 cm beside their places, then 20 cm: it
+    /// aims again. Behind the markers it keeps its path, and so it does on its way to the gate.
+    #[test]
+    fn a_gate_that_is_seen_elsewhere_is_aimed_at_again() {
+        let see = |car: &mut Apollo13, y_m: f64| {
+            for _ in 0..200 {
+                car.gates.see(10, [3.5, y_m + 0.4]);
+                car.gates.see(11, [3.5, y_m - 0.4]);
+            }
+        };
+        let mut car = car();
+        see(&mut car, 2.0);
+        car.choose_gate(HERE);
+        let first = car.passage.expect("a gate ahead");
+        let mut far = car.clone();
+        see(&mut far, 2.2);
+        far.choose_gate(HERE);
+        assert_eq!(far.passage, Some(first));
+        car.pilot.drive(car.now, first.before, || None);
+        car.choose_gate(first.before);
+        assert_eq!(car.pilot.goal(), Some(first.behind));
+        see(&mut car, 2.08);
+        car.choose_gate(first.before);
+        assert_eq!(car.passage, Some(first));
+        see(&mut car, 2.2);
+        let mut late = car.clone();
+        late.choose_gate(first.middle.shifted(-0.2));
+        assert_eq!(late.passage, Some(first));
+        car.choose_gate(first.before);
+        let again = car.passage.expect("the same gate");
+        assert!((again.middle.y_m - 2.2).abs() < 0.01, "{again:?}");
+        assert_eq!(car.pilot.path(), through(again));
     }
 
     /// A board stands in the middle of the only gate, 2 m ahead: after ten looks in 2 s the gate is

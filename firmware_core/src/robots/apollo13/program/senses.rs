@@ -243,9 +243,7 @@ impl Apollo13 {
                 self.witness.begin(self.told());
             }
             Some(Finding::Turn(told, other)) => {
-                if let Some(localiser) = &mut self.localiser {
-                    localiser.doubt(told, other);
-                }
+                self.doubt_turn(told, other);
             }
             None => {}
         }
@@ -308,7 +306,7 @@ impl Apollo13 {
             && localiser.update(at, &beams)
         {
             let pose = localiser.estimate().pose;
-            self.move_origin(pose);
+            self.correct(pose);
             self.judge_fit();
         }
         if is_to_be_entered {
