@@ -21,10 +21,12 @@ mod defects;
 mod drive;
 mod explore;
 mod health;
+mod kept;
 mod kits;
 mod lidar;
 mod lost;
 mod master;
+mod movers;
 mod orders;
 mod report;
 mod screen;
@@ -55,8 +57,10 @@ use blind::Blind;
 use drive::Drive;
 use explore::Explore;
 use health::Health;
+use kept::Kept;
 use lidar::Lidar;
 use lost::Lost;
+use movers::Movers;
 use screen::{Screen, Switches};
 use victims::Victims;
 
@@ -101,6 +105,8 @@ pub struct Rescue {
     explore: Explore,
     victims: Victims,
     blind: Blind,
+    movers: Movers,
+    kept: Kept,
     health: Health,
     waypoints: Waypoints,
     mode: Mode,
@@ -178,6 +184,8 @@ impl Rescue {
             explore: Explore::new(config.sought),
             victims: Victims::new(),
             blind: Blind::new(),
+            movers: Movers::new(),
+            kept: Kept::new(),
             health: Health::new(),
             waypoints: Waypoints::with_defects(config.defects.waypoints),
             mode,
@@ -358,9 +366,14 @@ impl Rescue {
             Smear::Kept => Scan::raw(turn, &self.config.mounting),
         };
         let end = self.scan.end;
-        if self.matched.is_some() {
-            self.mapper.predict(self.motion_until(end));
+        let motion = self.matched.is_some().then(|| self.motion_until(end));
+        if let Some(motion) = motion {
+            self.mapper.predict(motion);
         }
+        let lidar = self.config.mounting.position;
+        let known = motion.filter(|_| !has_gap);
+        self.movers.take(&self.scan, lidar, known);
+        self.kept.take(&self.scan, known);
         self.matched = Some((end, odometry.pose_at(end)));
         // Without a known motion, a moving robot would drag the map along with it.
         let knows_motion = odometry
@@ -386,6 +399,7 @@ impl Rescue {
         let pose = self.mapper.pose().then(since);
         let mut around = Surroundings::seen(&self.scan, since);
         around.add(self.blind.seen_from(pose));
+        around.add(self.kept.seen_after(since));
         let set_point = match self.mode() {
             Mode::Stop => HALT,
             Mode::Manual => return,
@@ -394,6 +408,7 @@ impl Rescue {
             Mode::Waypoint => self.approach(pose, &around),
             Mode::Explore => self.search(now, pose, &around),
         };
+        let set_point = self.movers.guarded(set_point);
         self.drive.command(now, set_point, now + DECISION_HOLDS);
     }
 }
