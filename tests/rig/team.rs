@@ -75,8 +75,8 @@ fn a_robot_alone_does_not_wait() {
 #[test]
 fn a_robot_that_does_not_see_the_other_one_runs_into_it() {
     let blind = "[[fault]]\nkind = \"device\"\ndevice = \"board\"\nfault = \"blind\"\n\
-                 from = \"3s\"\nlasting = \"1500ms\"\n[[fault]]\nkind = \"cut\"\n\
-                 link = \"lidar\"\ndirection = \"to-master\"\nfrom = \"3s\"\nuntil = \"4500ms\"\n";
+                 from = \"3s\"\nlasting = \"1500ms\"\n[[fault]]\nkind = \"device\"\n\
+                 device = \"lidar\"\nfault = \"dark\"\nfrom = \"3s\"\nlasting = \"1500ms\"\n";
     let (scenario, source) = with(blind);
     let outcome = run(&scenario, &source).finish();
     let failed = failures(&outcome);
