@@ -162,6 +162,16 @@ fn a_marker_is_told_in_the_cameras_axes() {
     let [right, down, ahead] = found.place_mm;
     // Four deviations of 7.5 mm.
     assert!((right + 300).abs() <= 30 && down == 140 && (ahead - 1_500).abs() <= 30);
+    // Turned by 30 degrees, it looks back and to the camera's left.
+    let askew = PlacedMarker {
+        facing_rad: 150_f64.to_radians(),
+        ..marker
+    };
+    let message = told(askew, Vec::new()).expect("it is in view");
+    let Ok(Message::Marker(found)) = Message::decode(&message) else {
+        panic!("no marker");
+    };
+    assert_eq!(found.normal, [-5_000, -8_660]);
     let aside = [1.5, 1.0, 0.20];
     let away = PlacedMarker {
         facing_rad: 0.0,

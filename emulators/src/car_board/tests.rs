@@ -356,3 +356,20 @@ fn a_deaf_sensor_hears_no_echo_and_the_others_do() {
     assert_eq!(heard("right"), [true, false, true]);
     assert_eq!(heard("left"), [true, true, false]);
 }
+
+/// The configured one, else that of all wheels together.
+#[test]
+fn the_magnets_turn_with_the_configured_encoder() {
+    let encoders = |names: &[&str]| -> Vec<Encoder> {
+        let encoder = |name: &&str| Encoder {
+            name: (*name).to_owned(),
+            counts_per_m: 1.0,
+        };
+        names.iter().map(encoder).collect()
+    };
+    let config = BoardConfig::default();
+    let of = |names: &[&str]| config.encoder_of(&encoders(names));
+    assert_eq!(of(&["drive", "rear_right", "rear_left"]), Some(2));
+    assert_eq!(of(&["front", "drive"]), Some(1));
+    assert_eq!(of(&["front"]), None);
+}

@@ -225,3 +225,14 @@ fn readings_of_the_room_are_those_on_even_walls() {
         }
     }
 }
+
+/// By hand: 1, 2, 3 and 4 less 2.5 are -1.5, -0.5, 0.5 and 1.5; neighbours give 0.75 - 0.25 + 0.75
+/// of 5, those two apart -0.75 twice, and three apart -2.25.
+#[test]
+fn values_are_alike_to_later_ones() {
+    let values = [1.0, 2.0, 3.0, 4.0];
+    assert_eq!(alike(&values, 1), 0.25);
+    assert_eq!(alike(&values, 2), -0.3);
+    assert_eq!(alike(&values, 3), -0.45);
+    assert_eq!(alike(&[2.0; 3], 1), 0.0);
+}
