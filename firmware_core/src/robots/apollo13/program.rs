@@ -343,10 +343,10 @@ impl Apollo13 {
         if self.watch.wants_rest() {
             return Some(Drive::STOP);
         }
-        let is_driving = self.pilot.goal().is_some();
-        if is_driving && (self.is_lost() || self.is_blind()) {
+        if self.is_blind() || self.is_lost() && !self.uses_board() {
             return Some(Drive::STOP);
         }
+        let is_driving = self.pilot.goal().is_some();
         let [speed_m_s, angle_rad] = match is_driving {
             true => {
                 let (floor, now) = (&mut self.floor, self.now);
@@ -386,10 +386,11 @@ impl Apollo13 {
         }
     }
 
-    /// Whether the car drives by the sensors of its board: it follows walls, and neither passes
-    /// gates nor maps.
+    /// Whether the car drives by the sensors of its board: it follows walls, and neither drives to
+    /// a goal nor passes gates nor maps.
     fn uses_board(&self) -> bool {
-        self.wall.is_some() && self.arbiter.mode() == Mode::Autonomous
+        let has_goal = self.pilot.goal().is_some();
+        self.wall.is_some() && self.arbiter.mode() == Mode::Autonomous && !has_goal
     }
 
     /// Whether there is a wall to follow, and the board has recently reported its distance.

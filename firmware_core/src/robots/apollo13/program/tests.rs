@@ -638,7 +638,7 @@ fn a_wall_is_followed_as_long_as_it_is_heard() {
     assert!(!hears(wall, None) && !hears(None, Some(1_000)));
 }
 
-/// A car that follows walls drives by its board, and through gates by its camera.
+/// A car that follows walls drives by its board, to a goal and through gates by its camera.
 #[test]
 fn the_mode_names_the_silent_sensor() {
     let mode = |wall, order: &str, read_ms: Option<u64>| {
@@ -650,7 +650,13 @@ fn the_mode_names_the_silent_sensor() {
             },
             &open,
         );
-        car.say(order, &[1.0]);
+        match order {
+            "/goal" => {
+                car.say("/modes/autonomous", &[1.0]);
+                car.say(order, &[1.0, 2.0, 0.0]);
+            }
+            _ => car.say(order, &[1.0]),
+        }
         car.program.now = Instant::from_millis(10_000);
         car.program.board_read = read_ms.map(Instant::from_millis);
         car.program.mode()
@@ -661,10 +667,34 @@ fn the_mode_names_the_silent_sensor() {
     assert_eq!(mode(wall, "/modes/autonomous", None), "board silent");
     let gates = mode(wall, "/modes/follow_aruco", Some(9_500));
     assert_eq!(gates, "camera silent");
+    assert_eq!(mode(wall, "/goal", Some(9_500)), "camera silent");
     assert_eq!(
         mode(None, "/modes/autonomous", Some(9_500)),
         "camera silent"
     );
+}
+
+/// In the mode of gates without a gate, a car that follows walls rests without its camera, although
+/// it hears the wall.
+#[test]
+fn a_car_in_front_of_gates_does_not_follow_the_wall_blindly() {
+    for (order, rests) in [("/modes/autonomous", false), ("/modes/follow_aruco", true)] {
+        let open = |_: f64, _: f64| false;
+        let mut car = Car::new(
+            Config {
+                wall: Some((Side::Left, 0.4)),
+                ..Config::default()
+            },
+            &open,
+        );
+        car.say(order, &[1.0]);
+        let now = Instant::from_millis(10_000);
+        let program = &mut car.program;
+        (program.now, program.board_read, program.wall_heard) = (now, Some(now), Some(now));
+        program.watch.hear(now, false);
+        let planned = program.planned().expect("a command");
+        assert_eq!(planned.level == 0, rests, "{order}");
+    }
 }
 
 /// 25 cm ahead is far enough to continue; without an echo there is no obstacle.
