@@ -4,7 +4,8 @@ use core::time::Duration;
 
 use protocols::Instant;
 
-use crate::pose::{Point, PoseChange, sin_cos};
+use super::movers::polar;
+use crate::pose::{Point, Pose, PoseChange};
 use crate::scan::{BEAMS, Scan};
 
 /// A scan is poor with less than a third of its beams, or less than two thirds of the last good
@@ -19,6 +20,8 @@ const SCANS: u8 = 15;
 /// Distance up to which points are kept, mm, and up to which they count.
 const KEPT_MM: f32 = 1_500.0;
 const NEAR_MM: f32 = 700.0;
+/// The robot's middle.
+const MIDDLE: Point = Point::new(0.0, 0.0);
 
 /// The newest near point of each bearing, one degree each.
 #[derive(Clone, Debug)]
@@ -43,11 +46,9 @@ impl Spot {
         age: u8::MAX,
     };
 
-    fn moved(self, motion: PoseChange) -> Point {
+    fn place(self) -> Point {
         let [x_mm, y_mm] = self.place_mm.map(f32::from);
-        let (x, y) = (x_mm - motion.forward_mm, y_mm - motion.left_mm);
-        let (sin, cos) = sin_cos(-motion.turn);
-        Point::new(cos * x - sin * y, sin * x + cos * y)
+        Point::new(x_mm, y_mm)
     }
 }
 
@@ -65,8 +66,9 @@ impl Kept {
     pub(super) fn take(&mut self, scan: &Scan, motion: Option<PoseChange>) {
         let before = core::mem::replace(&mut self.spots, [Spot::NONE; BEAMS]);
         if let Some(motion) = motion {
+            let back = Pose::default().then(motion.inverse());
             for spot in before.into_iter().filter(|spot| spot.age < SCANS) {
-                self.put(spot.moved(motion), spot.age + 1);
+                self.put(back.to_world(spot.place()), spot.age + 1);
             }
         }
         for point in scan.points() {
@@ -82,16 +84,9 @@ impl Kept {
 
     /// A newer point replaces older ones of its bearing, also if it lies too far to be kept.
     fn put(&mut self, point: Point, age: u8) {
-        let range_mm = libm::hypotf(point.x_mm, point.y_mm);
-        let degrees = libm::atan2f(point.y_mm, point.x_mm).to_degrees() + 360.5;
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "180 to 541 degrees"
-        )]
-        let slot = &mut self.spots[degrees as usize % BEAMS];
-        let [x_mm, y_mm] = slot.place_mm.map(f32::from);
-        let is_nearer = || range_mm < libm::hypotf(x_mm, y_mm);
+        let (bearing, range_mm) = polar(point, MIDDLE);
+        let slot = &mut self.spots[bearing];
+        let is_nearer = || range_mm < slot.place().distance_mm(MIDDLE);
         if slot.age < age || slot.age == age && !is_nearer() {
             return;
         }
@@ -106,10 +101,11 @@ impl Kept {
     /// Points of earlier scans near the robot, in directions without newer ones, if the newest scan
     /// is a poor one. `since` is the motion since its end.
     pub(super) fn seen_after(&self, since: PoseChange) -> impl Iterator<Item = Point> {
+        let back = Pose::default().then(since.inverse());
         let old = |spot: &&Spot| self.is_poor && (1..=SCANS).contains(&spot.age);
         let moved = self.spots.iter().filter(old);
-        let moved = moved.map(move |spot| spot.moved(since));
-        moved.filter(|point| libm::hypotf(point.x_mm, point.y_mm) < NEAR_MM)
+        let moved = moved.map(move |spot| back.to_world(spot.place()));
+        moved.filter(|point| point.distance_mm(MIDDLE) < NEAR_MM)
     }
 }
 
@@ -120,6 +116,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
+    use crate::pose::sin_cos;
 
     /// A scan with points at this distance on whole degrees.
     fn scan(degrees: core::ops::Range<u16>, range_mm: f32, ms: u64) -> Scan {

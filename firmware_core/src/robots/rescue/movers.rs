@@ -2,7 +2,7 @@
 //! scan before passed.
 
 use crate::navigation::HALT;
-use crate::pose::{Point, PoseChange, sin_cos};
+use crate::pose::{Point, Pose, PoseChange};
 use crate::scan::{BEAMS, Scan};
 
 /// Maximum distance of a mover from the lidar, mm: a robot that stops for it rests before a person
@@ -39,16 +39,12 @@ impl Movers {
     pub(super) fn take(&mut self, scan: &Scan, lidar: Point, motion: Option<PoseChange>) {
         let mut counts = [0; 2];
         if let Some(motion) = motion {
-            let (sin, cos) = sin_cos(motion.turn);
+            let since = Pose::default().then(motion);
             for point in scan.points() {
                 if point.distance_mm(lidar) >= NEAR_MM {
                     continue;
                 }
-                let before = Point::new(
-                    motion.forward_mm + cos * point.x_mm - sin * point.y_mm,
-                    motion.left_mm + sin * point.x_mm + cos * point.y_mm,
-                );
-                let (beam, range_mm) = polar(before, lidar);
+                let (beam, range_mm) = polar(since.to_world(*point), lidar);
                 let around = [BEAMS - 1, 0, 1].map(|off| self.before_mm[(beam + off) % BEAMS]);
                 if around
                     .iter()
@@ -83,17 +79,17 @@ impl Movers {
     }
 }
 
-/// Bearing of `point` from `lidar`, whole degrees, and its distance.
-fn polar(point: Point, lidar: Point) -> (usize, f32) {
-    let (x, y) = (point.x_mm - lidar.x_mm, point.y_mm - lidar.y_mm);
+/// Bearing of `point` from `origin`, whole degrees from 0 to 359, and its distance.
+pub(super) fn polar(point: Point, origin: Point) -> (usize, f32) {
+    let (x, y) = (point.x_mm - origin.x_mm, point.y_mm - origin.y_mm);
     let degrees = libm::atan2f(y, x).to_degrees() + 360.5;
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "180 to 541 degrees"
     )]
-    let beam = degrees as usize % BEAMS;
-    (beam, libm::hypotf(x, y))
+    let bearing = degrees as usize % BEAMS;
+    (bearing, libm::hypotf(x, y))
 }
 
 #[cfg(test)]
@@ -104,6 +100,7 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
+    use crate::pose::sin_cos;
 
     /// The robot has this heading and stands before a wall at y = 600 mm. A thing at a distance to
     /// the left of heading 0 is so many degrees wide.
