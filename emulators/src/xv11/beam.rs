@@ -617,7 +617,8 @@ mod tests {
         assert_eq!([-0.34, -0.24, -0.16, 0.36, 0.5].map(share), [0.0; 5]);
         // A wall, however slanting.
         assert_eq!(corner_share(1000.0, [980.0, 1020.0], [955.6, 1044.4]), 0.0);
-        // 9.6 mm of bend in a wall that falls by 9 mm to the dot's side: behind the dot, then ahead.
+        // 9.6 mm of bend in a wall that falls by 9 mm to the dot's side: behind the dot, then
+        // ahead.
         let slanting = |ends_mm| corner_share(1000.0, ends_mm, [980.0, 1020.0]);
         assert_eq!(slanting([981.4, 1009.0]), 0.0);
         assert_eq!(slanting([991.0, 999.4]), 0.75);
@@ -807,8 +808,8 @@ mod tests {
         assert!(ranges > 80, "{ranges}");
     }
 
-    /// A unit without detail forgets; with detail a part of the last turn's noise of the same degree
-    /// stays, and the deviation with it.
+    /// A unit without detail forgets; with detail a part of the last turn's noise of the same
+    /// degree stays, and the deviation with it.
     #[test]
     fn the_noise_of_the_last_turn_stays_in_a_unit_with_detail() {
         let noise = |range, strength| Noise {

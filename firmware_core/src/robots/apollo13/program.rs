@@ -343,7 +343,7 @@ impl Apollo13 {
         if self.watch.wants_rest() {
             return Some(Drive::STOP);
         }
-        if self.is_blind() || self.is_lost() && !self.uses_board() {
+        if self.lacks().is_some() || self.is_lost() && self.uses_camera() {
             return Some(Drive::STOP);
         }
         let is_driving = self.pilot.goal().is_some();
@@ -377,20 +377,24 @@ impl Apollo13 {
         self.misfits >= MISFITS_MAX
     }
 
-    /// Whether the sensors that the car needs are silent: its camera, or those of its board.
-    fn is_blind(&self) -> bool {
+    /// The mode with the name of a silent sensor that the car needs: its board to follow walls, its
+    /// camera for all else.
+    fn lacks(&self) -> Option<&'static str> {
         let is_new = |read: Instant| self.now - read <= WALL_SILENT_MAX;
-        match self.uses_board() {
-            true => !self.board_read.is_some_and(is_new),
-            false => self.camera.is_blind(self.now),
+        if self.follows_walls() && !self.board_read.is_some_and(is_new) {
+            return Some("board silent");
         }
+        let is_blind = self.uses_camera() && self.camera.is_blind(self.now);
+        is_blind.then_some("camera silent")
     }
 
-    /// Whether the car drives by the sensors of its board: it follows walls, and neither drives to
-    /// a goal nor passes gates nor maps.
-    fn uses_board(&self) -> bool {
-        let has_goal = self.pilot.goal().is_some();
-        self.wall.is_some() && self.arbiter.mode() == Mode::Autonomous && !has_goal
+    fn follows_walls(&self) -> bool {
+        self.wall.is_some() && self.arbiter.mode() == Mode::Autonomous
+    }
+
+    /// Whether the car drives to a goal, passes gates or maps.
+    fn uses_camera(&self) -> bool {
+        !self.follows_walls() || self.pilot.goal().is_some()
     }
 
     /// Whether there is a wall to follow, and the board has recently reported its distance.

@@ -131,8 +131,8 @@ mod tests {
 
     const REST: Option<PoseChange> = Some(PoseChange::NONE);
 
-    /// A scan of 300 beams, then scans of 199 and fewer: the other directions are those of the first
-    /// one for 15 scans. With 200 of 300 nothing is added.
+    /// A scan of 300 beams, then scans of 199 and fewer: the other directions are those of the
+    /// first one for 15 scans. With 200 of 300 nothing is added.
     #[test]
     fn points_stay_while_the_lidar_measures_less_than_before() {
         let mut kept = Kept::new();
@@ -170,9 +170,9 @@ mod tests {
         assert_eq!(kept.seen_after(PoseChange::NONE).count(), 288);
     }
 
-    /// The robot drives 100 mm ahead and turns left by a quarter, then as much again: a point 500 mm
-    /// ahead is then 400 mm to the right, then 400 mm behind and 100 mm to the left. Beyond 700 mm it
-    /// does not count.
+    /// The robot drives 100 mm ahead and turns left by a quarter, then as much again: a point 500
+    /// mm ahead is then 400 mm to the right, then 400 mm behind and 100 mm to the left. Beyond 700
+    /// mm it does not count.
     #[test]
     fn points_stay_where_they_are_while_the_robot_moves() {
         let step = PoseChange {

@@ -241,7 +241,8 @@ mod tests {
     }
 
     /// The lidar measures 430 mm ahead, 300 mm before the deck, and falls silent. At 0.2 m/s the
-    /// room shrinks by 20 mm each 100 ms; from 120 mm on, after 0.9 s, the robot slows down. Readings of other directions end the silence, and the point after a while.
+    /// room shrinks by 20 mm each 100 ms; from 120 mm on, after 0.9 s, the robot slows down.
+    /// Readings of other directions end the silence, and the point after a while.
     #[test]
     fn a_point_stays_and_comes_nearer_while_the_lidar_is_silent() {
         let mut strip = Strip::new();

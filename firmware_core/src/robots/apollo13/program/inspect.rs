@@ -28,14 +28,13 @@ impl Inspect for Apollo13 {
     }
 
     fn mode(&self) -> &'static str {
-        match self.arbiter.mode() {
+        let mode = self.arbiter.mode();
+        let is_by_itself = matches!(mode, Mode::Autonomous | Mode::Gates | Mode::Mapping);
+        if let Some(lacks) = self.lacks().filter(|_| is_by_itself) {
+            return lacks;
+        }
+        match mode {
             Mode::Remote => "remote",
-            Mode::Autonomous | Mode::Gates | Mode::Mapping if self.is_blind() => {
-                match self.uses_board() {
-                    true => "board silent",
-                    false => "camera silent",
-                }
-            }
             Mode::Autonomous | Mode::Gates if self.is_lost() => "lost",
             Mode::Autonomous => "autonomous",
             Mode::Gates => "gates",

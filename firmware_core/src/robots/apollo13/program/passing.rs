@@ -17,8 +17,8 @@ const BEFORE_GATE: [f64; 2] = [0.15, 0.30];
 /// Shift and turn of a gate's markers after which the car aims again, metres and radians: several
 /// times the camera's noise.
 const AIM_OFF: [f64; 2] = [0.10, 0.15];
-/// Room before the gate's middle up to which the car aims again, metres: nearer, the side from which
-/// the car comes is not clear.
+/// Room before the gate's middle up to which the car aims again, metres: nearer, the side from
+/// which the car comes is not clear.
 const AIMS_UNTIL_M: f64 = 0.25;
 /// Time without a gate after which the car searches elsewhere.
 const SEARCHES_AFTER: Duration = Duration::from_secs(2);
@@ -320,8 +320,8 @@ mod tests {
         assert_eq!(car.pilot.path(), through(passage));
     }
 
-    /// On its way through the gate the car sees the markers 8 cm beside their places, then 20 cm: it
-    /// aims again. Behind the markers it keeps its path, and so it does on its way to the gate.
+    /// On its way through the gate the car sees the markers 8 cm beside their places, then 20 cm:
+    /// it aims again. Behind the markers it keeps its path, and so it does on its way to the gate.
     #[test]
     fn a_gate_that_is_seen_elsewhere_is_aimed_at_again() {
         let see = |car: &mut Apollo13, y_m: f64| {

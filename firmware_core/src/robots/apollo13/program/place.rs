@@ -52,8 +52,8 @@ impl Apollo13 {
         self.jump_to(pose);
     }
 
-    /// Takes the pose that a scan has found. After a jump, what was seen from the pose before stands
-    /// elsewhere on the map.
+    /// Takes the pose that a scan has found. After a jump, what was seen from the pose before
+    /// stands elsewhere on the map.
     pub(super) fn correct(&mut self, pose: CarPose) {
         let off = self.pose().motion_to(pose);
         let is_far = libm::hypot(off.ahead_m, off.left_m) > JUMP[0];
@@ -159,7 +159,7 @@ mod tests {
         }
     }
 
-    /// A drive to a goal goes on.
+    /// A drive to a goal continues.
     #[test]
     fn a_turn_in_doubt_ends_the_passage_of_a_gate() {
         let mut car = passing();

@@ -668,6 +668,7 @@ fn the_mode_names_the_silent_sensor() {
     let gates = mode(wall, "/modes/follow_aruco", Some(9_500));
     assert_eq!(gates, "camera silent");
     assert_eq!(mode(wall, "/goal", Some(9_500)), "camera silent");
+    assert_eq!(mode(wall, "/goal", None), "board silent");
     assert_eq!(
         mode(None, "/modes/autonomous", Some(9_500)),
         "camera silent"
