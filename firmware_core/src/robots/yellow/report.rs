@@ -3,6 +3,7 @@ use protocols::Instant;
 use super::Yellow;
 use crate::Inspect;
 use crate::map_view::MapView;
+use crate::memory::StrayWrites;
 use crate::pose::{Point, Pose};
 
 impl Inspect for Yellow {
@@ -33,7 +34,7 @@ impl Inspect for Yellow {
             ("lidar nodes", lidar.nodes),
             ("lidar resyncs", lidar.resyncs),
             ("lidar groups bad", self.lidar.bad_groups()),
-            ("lidar readings astray", self.lidar.scans.stray),
+            ("lidar readings astray", self.lidar.scans.stray.count),
             ("lidar turns", lidar.turns),
             ("lidar sets", self.lidar.scans.sets),
             ("lidar silences", lidar.silences),
@@ -55,6 +56,13 @@ impl Inspect for Yellow {
         ];
         for (name, count) in named {
             report(name, u64::from(count));
+        }
+    }
+
+    fn stray_writes(&self, report: &mut dyn FnMut(&'static str, StrayWrites)) {
+        let stray = self.lidar.scans.stray;
+        if stray.count > 0 {
+            report("distances", stray);
         }
     }
 }

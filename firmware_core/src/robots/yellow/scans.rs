@@ -6,6 +6,7 @@
 //! outlier changes it as little as the median, and it has less noise. The fielded set has one slot
 //! a degree, which holds the last sample, and copies it five times.
 
+use crate::memory::StrayWrites;
 use crate::pose::{Point, sin_cos};
 
 /// Directions of a set.
@@ -23,6 +24,8 @@ const SURFACE_MM: u16 = 100;
 pub(super) const NOTHING_MM: i32 = 10_000;
 /// The fielded program ignores weaker readings.
 const FIELDED_QUALITY_MIN: u8 = 10;
+/// Elements of the fielded program's array.
+const FIELDED_DIRECTIONS: i32 = 360;
 
 /// Enabled defects of the fielded program; none by default.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,7 +61,7 @@ pub(super) struct Scans {
     points: [Point; BINS],
     point_count: usize,
     /// Writes outside the fielded program's array.
-    pub(super) stray: u32,
+    pub(super) stray: StrayWrites,
     pub(super) sets: u32,
 }
 
@@ -72,7 +75,7 @@ impl Scans {
             set_mm: [0; BINS],
             points: [Point::new(0.0, 0.0); BINS],
             point_count: 0,
-            stray: 0,
+            stray: StrayWrites::NONE,
             sets: 0,
         }
     }
@@ -80,7 +83,8 @@ impl Scans {
     /// Takes a sample at `angle_q6`, 64ths of a degree clockwise; `None`: no measurement.
     pub(super) fn sample(&mut self, angle_q6: u16, distance_mm: Option<f32>, quality: u8) {
         let Some(bin) = self.bin(angle_q6) else {
-            self.stray = self.stray.saturating_add(1);
+            self.stray
+                .note(FIELDED_DIRECTIONS - i32::from(angle_q6 / 64));
             return;
         };
         let is_valid = |it: &f32| match self.defects.copies {
@@ -344,7 +348,12 @@ mod tests {
         let mut scans = Scans::new(whole_degrees);
         scans.sample(0, Some(1_000.0), 47);
         scans.sample(64, Some(1_000.0), 47);
-        assert_eq!((scans.stray, scans.turns[0][718]), (1, 1_000));
+        let ahead = StrayWrites {
+            count: 1,
+            first: 360,
+            last: 360,
+        };
+        assert_eq!((scans.stray, scans.turns[0][718]), (ahead, 1_000));
     }
 
     /// A copied set holds the last sample, good or not; weak and far readings do not count.
