@@ -195,4 +195,23 @@ mod tests {
         };
         assert!(all(far).is_empty());
     }
+
+    /// Of one bearing the newest point stays, and of one age the nearest.
+    #[test]
+    fn one_point_of_a_bearing_stays() {
+        let mut kept = Kept::new();
+        for (x_mm, age, stays_mm) in [
+            (500.0, 2, 500),
+            (400.0, 3, 500),
+            (450.0, 2, 450),
+            (480.0, 2, 450),
+            (600.0, 1, 600),
+            (300.0, 2, 600),
+        ] {
+            kept.put(Point::new(x_mm, 0.0), age);
+            assert_eq!(kept.spots[0].place_mm, [stays_mm, 0], "{x_mm} of age {age}");
+        }
+        kept.put(Point::new(1_500.0, 0.0), 0);
+        assert_eq!(kept.spots[0].age, u8::MAX);
+    }
 }

@@ -203,4 +203,55 @@ mod tests {
             assert_eq!(movers.guarded([20, 20]) == HALT, moves, "{counted_mm}");
         }
     }
+
+    /// Up to 89 degrees a wall at 300 mm, from 90 on one at 600 mm; then four points at 400 mm from
+    /// 90 on. The first one lies beside the near wall, and three are too few.
+    #[test]
+    fn a_point_beside_a_near_one_is_an_edge() {
+        for (count, moves) in [(4, false), (5, true)] {
+            let scan = |near: core::ops::Range<u16>| {
+                let points: Vec<Point> = (60_u16..120)
+                    .map(|degree| {
+                        let range_mm = match degree {
+                            _ if near.contains(&degree) => 400.0,
+                            0..90 => 300.0,
+                            _ => 600.0,
+                        };
+                        let (sin, cos) = sin_cos(f32::from(degree).to_radians() - LEFT);
+                        Point::new(range_mm * cos, range_mm * sin)
+                    })
+                    .collect();
+                Scan::from_points(&points, Instant::ZERO, Instant::ZERO)
+            };
+            let mut movers = Movers::new();
+            movers.take(&scan(0..0), LIDAR, None);
+            movers.take(&scan(90..90 + count), LIDAR, Some(PoseChange::NONE));
+            assert_eq!(movers.guarded([20, 20]) == HALT, moves, "{count}");
+        }
+    }
+
+    /// Up to two ticks are a turn.
+    #[test]
+    fn a_turn_is_no_drive() {
+        let mut movers = Movers::new();
+        movers.is_ahead = true;
+        for (wanted, rests) in [([1, 1], false), ([2, 1], true), ([-9, -9], false)] {
+            assert_eq!(movers.guarded(wanted) == HALT, rests, "{wanted:?}");
+        }
+        let mut movers = Movers::new();
+        movers.is_behind = true;
+        for (wanted, rests) in [([-1, -1], false), ([-2, -1], true), ([1, 0], false)] {
+            assert_eq!(movers.guarded(wanted) == HALT, rests, "{wanted:?}");
+        }
+    }
+
+    /// From (50, -50), the place (150, 50) lies at 45 degrees.
+    #[test]
+    fn a_bearing_is_that_from_the_lidar() {
+        let (bearing, range_mm) = polar(Point::new(150.0, 50.0), Point::new(50.0, -50.0));
+        assert_eq!(bearing, 45);
+        assert!((range_mm - 141.42).abs() < 0.01);
+        assert_eq!(polar(Point::new(9.0, -0.01), LIDAR).0, 0);
+        assert_eq!(polar(Point::new(0.0, -9.0), LIDAR).0, 270);
+    }
 }

@@ -354,6 +354,27 @@ mod tests {
         assert_eq!(car.pilot.path(), through(again));
     }
 
+    /// The gate of 0.8 m is seen turned by 0.1 rad, then by 0.2.
+    #[test]
+    fn a_gate_that_is_seen_turned_is_aimed_at_again() {
+        for (turn_rad, aims) in [(0.1, false), (0.2, true), (-0.2, true)] {
+            let mut car = car();
+            car.gates.see(10, [3.5, 2.4]);
+            car.gates.see(11, [3.5, 1.6]);
+            car.choose_gate(HERE);
+            let first = car.passage.expect("a gate ahead");
+            car.pilot.drive(car.now, first.before, || None);
+            car.choose_gate(first.before);
+            let (sin, cos) = libm::sincos(turn_rad);
+            for _ in 0..300 {
+                car.gates.see(10, [3.5 - 0.4 * sin, 2.0 + 0.4 * cos]);
+                car.gates.see(11, [3.5 + 0.4 * sin, 2.0 - 0.4 * cos]);
+            }
+            car.choose_gate(first.before);
+            assert_eq!(car.passage != Some(first), aims, "{turn_rad}");
+        }
+    }
+
     /// A board stands in the middle of the only gate, 2 m ahead: after ten looks in 2 s the gate is
     /// reported as blocked. The car does not search elsewhere, though the operator asks for more
     /// gates.
