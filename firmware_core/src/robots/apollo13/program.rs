@@ -377,8 +377,8 @@ impl Apollo13 {
         self.misfits >= MISFITS_MAX
     }
 
-    /// The mode with the name of a silent sensor that the car needs: its board to follow walls, its
-    /// camera for all else.
+    /// Name of the mode in which the car waits for a silent sensor: for its board if it follows
+    /// walls, for its camera in all other drives.
     fn lacks(&self) -> Option<&'static str> {
         let is_new = |read: Instant| self.now - read <= WALL_SILENT_MAX;
         if self.follows_walls() && !self.board_read.is_some_and(is_new) {
@@ -388,6 +388,7 @@ impl Apollo13 {
         is_blind.then_some("camera silent")
     }
 
+    /// Whether the car drives by itself along walls, which needs the sensors of its board.
     fn follows_walls(&self) -> bool {
         self.wall.is_some() && self.arbiter.mode() == Mode::Autonomous
     }

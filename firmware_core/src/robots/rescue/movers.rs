@@ -102,8 +102,8 @@ mod tests {
     use super::*;
     use crate::pose::sin_cos;
 
-    /// The robot has this heading and stands before a wall at y = 600 mm. A thing at a distance to
-    /// the left of heading 0 is so many degrees wide.
+    /// A robot with this heading before a wall at y = 600 mm. The thing stands at 90 degrees: its
+    /// distance in mm, and its width in degrees.
     fn scan(heading: f32, thing: Option<(f32, f32)>) -> Scan {
         let points: Vec<Point> = (0_u8..180)
             .filter_map(|degree| {

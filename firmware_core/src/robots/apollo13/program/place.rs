@@ -32,8 +32,8 @@ pub(super) fn localiser(config: &Config, start: CarPose) -> Localiser {
     Localiser::new(field, settings, camera, start, sigma, config.seed)
 }
 
-/// Correction of the pose by a scan that means that the pose was wrong for a while, metres and
-/// radians: several times what the odometry can be wrong by between two scans.
+/// A correction beyond these counts as a jump, metres and radians: several times the odometry's
+/// error between two scans.
 const JUMP: [f64; 2] = [0.20, 0.20];
 
 impl Apollo13 {
@@ -52,8 +52,8 @@ impl Apollo13 {
         self.jump_to(pose);
     }
 
-    /// Takes the pose that a scan has found. After a jump, what was seen from the pose before
-    /// stands elsewhere on the map.
+    /// Takes the pose that a scan has found. After a jump, obstacles seen from the earlier pose lie
+    /// elsewhere on the map.
     pub(super) fn correct(&mut self, pose: CarPose) {
         let off = self.pose().motion_to(pose);
         let is_far = libm::hypot(off.ahead_m, off.left_m) > JUMP[0];

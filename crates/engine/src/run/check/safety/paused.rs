@@ -38,18 +38,18 @@ mod tests {
     use crate::rig::line::Original;
 
     /// Four bytes arrive late, their first two arrive in a piece of their own, or a host eats one
-    /// of them; a flipped bit is a strike.
+    /// of them; a strike takes the last one.
     #[test]
     fn bytes_are_damaged_by_the_host_and_by_strikes() {
-        let flip = Strike {
-            byte: 1,
-            damage: Damage::Flip { bit: 3 },
+        let drop = Strike {
+            byte: 3,
+            damage: Damage::Drop,
         };
         let cases: [(&[u8], _, _); 5] = [
             (&[1, 2, 3, 4], None, false),
             (&[1, 2], None, false),
             (&[1, 3, 4], None, true),
-            (&[1, 10, 3, 4], Some(flip), true),
+            (&[1, 2, 3], Some(drop), true),
             (&[], None, false),
         ];
         for (bytes, strike, expected) in cases {
