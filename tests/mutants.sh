@@ -15,7 +15,8 @@
 # one line each as there, and are left out. Mutants of constants cannot be switched: they stand in
 # target/mutants/unswitched.txt, `cargo mutants --re NAME` judges one. Two runs at a time need two
 # folders: OUT=target/other. What some of its tests see, a quick look: TESTS='--lib'. Tests of other
-# packages that use this one count with WITH='hilrig:rig hilrig:cli'.
+# packages that use this one count with WITH='hilrig-realtime hilrig:rig': unit tests of the first,
+# tests/rig of the second.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [[ $# -ge 1 && $1 != -* ]] || { sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "$0" >&2; exit 2; }

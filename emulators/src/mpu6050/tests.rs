@@ -358,3 +358,83 @@ fn the_filter_and_the_divider_give_the_rate() {
         assert_eq!(period, Duration::from_micros(micros), "{filter:#x}");
     }
 }
+
+/// A sample each 10 ms. Temperature and the turn rates about x and y are 6 bytes, in the order of
+/// the registers: 28 degrees are F4AC, 1 and 2 degrees a second 0083 and 0106. An empty FIFO
+/// continues with its last byte.
+#[test]
+fn the_fifo_takes_the_sources_that_are_set() {
+    let world = world();
+    let config = Mpu6050Config {
+        temperature_c: 28.0,
+        bias_dps: [1.0, 2.0, 3.0],
+        ..ideal()
+    };
+    let mut chip = awake(config, &world);
+    let at = Instant::from_millis;
+    chip.write(at(0), register::DIVIDER, &[9, 1], &world);
+    chip.write(at(0), register::FIFO_ENABLE, &[0xE0], &world);
+    chip.write(at(0), register::USER_CONTROL, &[FIFO_ON], &world);
+    let mut bytes = [0; 10];
+    // The two bytes of the count, then the FIFO itself.
+    chip.read(at(10), register::FIFO_COUNT, &mut bytes, &world);
+    assert_eq!(
+        bytes,
+        [0, 6, 0xF4, 0xAC, 0x00, 0x83, 0x01, 0x06, 0x06, 0x06]
+    );
+    chip.write(at(10), register::FIFO_ENABLE, &[0x10], &world);
+    let mut bytes = [0; 4];
+    chip.read(at(20), register::FIFO_COUNT, &mut bytes, &world);
+    // 3 degrees a second.
+    assert_eq!(bytes, [0, 2, 0x01, 0x89]);
+}
+
+/// 128 samples of 8 bytes fill the FIFO of 1024 bytes. The next one drops the oldest.
+#[test]
+fn a_full_fifo_has_not_overflowed() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    let at = Instant::from_millis;
+    chip.write(at(0), register::DIVIDER, &[9, 1], &world);
+    chip.write(at(0), register::FIFO_ENABLE, &[0x18], &world);
+    chip.write(at(0), register::USER_CONTROL, &[FIFO_ON], &world);
+    let mut look = |ms| {
+        let (mut status, mut count) = ([0], [0; 2]);
+        chip.read(at(ms), register::INT_STATUS, &mut status, &world);
+        chip.read(at(ms), register::FIFO_COUNT, &mut count, &world);
+        (status[0], u16::from_be_bytes(count))
+    };
+    assert_eq!(look(10), (READY, 8));
+    assert_eq!(look(1_280), (READY, 1_024));
+    assert_eq!(look(1_290), (OVERFLOW | READY, 1_024));
+}
+
+/// The register that resets signal paths reads 0. Reads stop at the FIFO from below only.
+#[test]
+fn a_read_stays_at_the_fifo() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    chip.write(world.now(), 0x68, &[0x07], &world);
+    assert_eq!(word(&mut chip, 0x67, &world), 0);
+    let next = [(0x72, 1), (0x73, 1), (0x73, 2), (0x10, 0x70), (0x75, 1)];
+    let next = next.map(|(register, count)| chip.next_register(register, count));
+    assert_eq!(next, [0x73, 0x74, 0x74, 0x74, 0x76]);
+}
+
+/// While the sensor is stuck no sample is ready, and none is made up for the time.
+#[test]
+fn a_stuck_chip_has_no_samples_to_make_up_for() {
+    let world = world();
+    let mut chip = awake(ideal(), &world);
+    let at = Instant::from_millis;
+    chip.write(at(0), register::DIVIDER, &[9, 1], &world);
+    let status = |chip: &mut Mpu6050, ms| {
+        let mut byte = [0];
+        chip.read(at(ms), register::INT_STATUS, &mut byte, &world);
+        byte[0]
+    };
+    chip.set_fault(at(0), "stuck", None, true);
+    assert_eq!(status(&mut chip, 105), 0);
+    chip.set_fault(at(105), "stuck", None, false);
+    assert_eq!([110, 115].map(|ms| status(&mut chip, ms)), [0, READY]);
+}

@@ -21,8 +21,8 @@ pub const REACHED: &str = "REACHED_MUTANTS";
 /// without it: all.
 const TESTS: &str = "TESTS";
 
-/// The environment variable with further test targets, as `PACKAGE:TARGET`: tests of other packages
-/// that use this one.
+/// The environment variable with tests of other packages that use this one: `PACKAGE:TARGET`, or
+/// `PACKAGE` for its unit tests.
 const WITH: &str = "WITH";
 
 /// Appended to the package's `lib.rs`. The attribute stands at its top.
@@ -77,7 +77,7 @@ pub struct Built {
     pub switched: Vec<usize>,
     /// Mutants that do not compile.
     pub unviable: Vec<usize>,
-    /// Mutants that no switch reaches.
+    /// Mutants that no switch reaches, or in files that this build leaves out.
     pub unswitched: Vec<usize>,
 }
 
@@ -119,10 +119,13 @@ pub fn all_at_once(package: &str, out: &Path, mutants: &[Mutant]) -> Result<Buil
         }
     };
     let tests = copy.tests()?;
-    let unswitched: Vec<usize> = switched
-        .values()
-        .flat_map(|file| file.unswitched.iter().copied())
+    let compiled = sources(&tests);
+    let left_out = files.iter().filter(|(file, _)| !compiled.contains(**file));
+    let mut unswitched: BTreeSet<usize> = left_out
+        .flat_map(|(_, (_, numbers))| numbers.iter().copied())
         .collect();
+    unswitched.extend(switched.values().flat_map(|file| &file.unswitched));
+    let unswitched: Vec<usize> = unswitched.into_iter().collect();
     let unviable: Vec<usize> = copy.unviable.into_iter().collect();
     let rest = |at: &usize| !unviable.contains(at) && !unswitched.contains(at);
     let switched = (0..mutants.len()).filter(rest).collect();
@@ -295,10 +298,10 @@ impl<'a> Copy<'a> {
         let mut tests = self.tests_of(self.package, asked.split_ascii_whitespace())?;
         let others = std::env::var(WITH).unwrap_or_default();
         for other in others.split_ascii_whitespace() {
-            let (package, target) = other
-                .split_once(':')
-                .ok_or_else(|| format!("{WITH}: {other}: expected PACKAGE:TARGET"))?;
-            tests.extend(self.tests_of(package, ["--test", target])?);
+            tests.extend(match other.split_once(':') {
+                Some((package, target)) => self.tests_of(package, vec!["--test", target])?,
+                None => self.tests_of(other, vec!["--lib"])?,
+            });
         }
         Ok(tests)
     }
@@ -351,6 +354,19 @@ impl<'a> Copy<'a> {
             .filter_map(|line| serde_json::from_str(line).ok())
             .collect())
     }
+}
+
+/// The files that the test binaries were compiled from: the compiler notes them beside each, as
+/// paths in the copy.
+fn sources(tests: &[Test]) -> BTreeSet<String> {
+    let notes = tests.iter().map(|test| test.path.with_extension("d"));
+    let texts = notes.filter_map(|path| fs::read_to_string(path).ok());
+    texts
+        .flat_map(|text| {
+            let names = text.lines().filter_map(|line| line.strip_suffix(':'));
+            names.map(str::to_owned).collect::<Vec<_>>()
+        })
+        .collect()
 }
 
 /// Features of `package` that the workspace's tests enable and the package alone does not: its

@@ -217,4 +217,13 @@ mod tests {
         assert_eq!(set.take_from(65), Some(128));
         assert_eq!([set.take_from(0), set.take_from(130)], [None, None]);
     }
+    /// Lines 69 and 134 lie in different words; from 70 on only the second one is left.
+    #[test]
+    fn lines_before_the_first_one_asked_for_stay_in_the_set() {
+        let mut set = LineSet::with_room(200);
+        set.insert(69);
+        set.insert(134);
+        let taken = [70, 70, 0].map(|from| set.take_from(from));
+        assert_eq!(taken, [Some(134), None, Some(69)]);
+    }
 }

@@ -275,6 +275,10 @@ impl Rig {
 mod tests {
     use core::time::Duration;
 
+    use emulators::Event;
+    use emulators::world::World;
+    use protocols::{LineConfig, Port};
+
     use super::*;
     use crate::rig::bare;
 
@@ -301,5 +305,43 @@ mod tests {
         assert_eq!(received(&mut rig), [[[1], [3], [2]], to_devices]);
         rig.disturb(&crossed, false);
         assert_eq!(received(&mut rig), [[[1], [2], [3]], to_devices]);
+    }
+    /// A board that can restart.
+    #[derive(Clone)]
+    struct Board;
+
+    impl emulators::Device for Board {
+        fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+
+        fn poll(&mut self, _: Instant, _: &mut World) {}
+
+        fn transmit(&mut self, _: Port, _: &mut [u8]) -> usize {
+            0
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+
+        fn line_config(&self, _: Port) -> LineConfig {
+            LineConfig::new_8n1(9600)
+        }
+
+        fn known_faults(&self) -> &'static [&'static str] {
+            &["restart"]
+        }
+
+        fn take_events(&mut self) -> Vec<Event> {
+            Vec::new()
+        }
+    }
+
+    #[test]
+    fn a_device_of_the_rig_tells_its_faults_without_a_start() {
+        let mut rig = bare::rig();
+        rig.add_device("other", Board);
+        rig.add_device("board", Board);
+        assert_eq!(rig.faults_without_start("board"), ["restart"]);
+        assert!(rig.faults_without_start("nobody").is_empty());
     }
 }

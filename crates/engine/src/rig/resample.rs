@@ -140,7 +140,7 @@ impl Resampler {
                 received.push(byte);
             } else {
                 errors += 1;
-                let is_low = (1..frame_bits - 1).all(|bit| sample(bit) == Some(false));
+                let is_low = (1..frame_bits).all(|bit| sample(bit) == Some(false));
                 self.marks.push(Mark {
                     before: received.len(),
                     value: byte,
@@ -485,5 +485,34 @@ mod tests {
         assert_eq!((&*second, errors), (&[0xFF, 0x41][..], 0));
         resampler.idle(&mut second);
         assert_eq!(second, [0xFF, 0x41, 0x42]);
+    }
+    /// The receiver with parity still waits for the bit behind 03, whose stop bit is its wrong
+    /// parity bit. A change of rates ends the character, with its error.
+    #[test]
+    fn an_error_that_a_change_of_rates_brings_is_counted() {
+        let (none, even) = (coding(8, Parity::None, 1), coding(8, Parity::Even, 1));
+        let mut resampler = Resampler::default();
+        let mut bytes = vec![0x03];
+        assert_eq!(resampler.feed(&mut bytes, Instant::ZERO, none, even), 0);
+        let mut next = vec![0x41];
+        let errors = resampler.feed(&mut next, Instant::from_millis(50), none, none);
+        assert_eq!((bytes, errors), (vec![], 1));
+    }
+
+    /// All data bits and the parity bit of a zero are low. With odd parity that bit is wrong, but
+    /// the stop bit is high: this is no break.
+    #[test]
+    fn a_zero_with_a_wrong_parity_bit_is_no_break() {
+        let (even, odd) = (coding(8, Parity::Even, 1), coding(8, Parity::Odd, 1));
+        let mut resampler = Resampler::default();
+        let mut bytes = vec![0];
+        resampler.feed(&mut bytes, Instant::ZERO, even, odd);
+        resampler.idle(&mut bytes);
+        let damages: Vec<_> = resampler
+            .take_marks()
+            .iter()
+            .map(|mark| mark.damage)
+            .collect();
+        assert_eq!(damages, [MarkDamage::Parity]);
     }
 }

@@ -247,6 +247,7 @@ mod tests {
 
     use super::*;
     use crate::rig::bare;
+    use crate::rig::fault::{Effect, FaultId, Window};
 
     /// A device with one poll, which stores its time.
     #[derive(Clone, Default)]
@@ -322,5 +323,61 @@ mod tests {
         assert_eq!(rig.next_event(), Some(millis(20)));
         rig.run_until(millis(30));
         assert_eq!(rig.next_event(), None);
+    }
+    /// 33 links have 66 lines, more than the first 64. Each carries its byte.
+    #[test]
+    fn many_links_carry_as_one_does() {
+        let mut rig = bare::rig();
+        let ends: Vec<[usize; 2]> = (0..33)
+            .map(|number| {
+                let ends = [0, 1].map(|_| End {
+                    node: rig.add_outside("end", LineConfig::new_8n1(9600)),
+                    port: Port(0),
+                });
+                rig.connect(&format!("line-{number}"), ends[0], ends[1], 1);
+                ends.map(|end| end.node)
+            })
+            .collect();
+        for (byte, ends) in (0..).zip(&ends) {
+            rig.inject(ends[0], &[byte]);
+            rig.inject(ends[1], &[byte + 100]);
+        }
+        rig.run_until(Instant::from_millis(10));
+        for (byte, ends) in (0..).zip(ends) {
+            let received = ends.map(|end| rig.take_output(end).to_vec());
+            assert_eq!(received, [vec![byte + 100], vec![byte]]);
+        }
+    }
+
+    /// The second of two links echoes. The first byte comes back when it is sent, which takes 10
+    /// bits of 9600 baud, and not with the next event.
+    #[test]
+    fn an_echo_of_the_second_link_arrives_in_time() {
+        let (mut rig, [_, [device, master]]) = bare::linked(["quiet", "loud"], 9600);
+        for direction in Direction::BOTH {
+            let faults = &mut rig.line_mut(1, direction).faults;
+            faults.add(FaultId(0), Window::ALWAYS.into(), Effect::Echo);
+        }
+        for (sender, byte) in [(master, 1), (device, 2)] {
+            rig.inject(sender.node, &[byte]);
+            rig.run_for(core::time::Duration::from_micros(1_042));
+            let received = [device, master].map(|end| rig.take_output(end.node).to_vec());
+            assert_eq!(received, [[byte], [byte]]);
+        }
+    }
+
+    /// A byte to the master is none that a device hears.
+    #[test]
+    fn a_device_has_heard_what_was_sent_to_it() {
+        let (mut rig, [[device, master]]) = bare::linked(["line"], 9600);
+        let mut heard = |sender: End| {
+            rig.inject(sender.node, &[1]);
+            rig.run_for(core::time::Duration::from_millis(2));
+            rig.was_heard()
+        };
+        assert_eq!(
+            [heard(device), heard(master), heard(device)],
+            [false, true, true]
+        );
     }
 }

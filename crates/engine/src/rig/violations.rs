@@ -92,3 +92,145 @@ impl Rig {
         self.excused_until = self.excused_until.max(until);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use emulators::world::World;
+    use emulators::{Device, Event, EventKind};
+    use protocols::{LineConfig, Port};
+
+    use super::*;
+    use crate::rig::bare;
+    use crate::rig::line::End;
+
+    /// A device for which each byte is a violation. One that counts keeps their number itself.
+    #[derive(Clone, Default)]
+    struct Strict {
+        counts: Option<BrokenRules>,
+        events: Vec<Event>,
+        /// Bytes outside of frames.
+        stray: u64,
+    }
+
+    impl Device for Strict {
+        fn receive(&mut self, _: Port, now: Instant, bytes: &[u8]) {
+            for _ in bytes {
+                if let Some(counts) = &mut self.counts {
+                    counts.count(now, "too-soon");
+                }
+                self.events.push(Event {
+                    at: now,
+                    kind: EventKind::Violation,
+                    rule: "too-soon",
+                    detail: String::new(),
+                    bytes: Vec::new(),
+                });
+            }
+        }
+
+        fn poll(&mut self, _: Instant, _: &mut World) {}
+
+        fn transmit(&mut self, _: Port, _: &mut [u8]) -> usize {
+            0
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+
+        fn line_config(&self, _: Port) -> LineConfig {
+            LineConfig::new_8n1(9600)
+        }
+
+        fn take_events(&mut self) -> Vec<Event> {
+            core::mem::take(&mut self.events)
+        }
+
+        fn broken_rules(&self) -> Option<&BrokenRules> {
+            self.counts.as_ref()
+        }
+
+        fn unframed(&self) -> u64 {
+            self.stray
+        }
+    }
+
+    /// A rig with these devices, each with a link of its own, and the nodes of their masters.
+    fn strict<const N: usize>(devices: [(&str, Strict); N]) -> (Rig, [usize; N]) {
+        let mut rig = bare::rig();
+        let masters = devices.map(|(name, device)| {
+            let ends = [
+                rig.add_device(name, device),
+                rig.add_outside("master", LineConfig::new_8n1(9600)),
+            ]
+            .map(|node| End {
+                node,
+                port: Port(0),
+            });
+            rig.connect(name, ends[0], ends[1], 1);
+            ends[1].node
+        });
+        (rig, masters)
+    }
+
+    fn counting() -> Strict {
+        Strict {
+            counts: Some(BrokenRules::default()),
+            ..Strict::default()
+        }
+    }
+
+    fn send(rig: &mut Rig, master: usize, len: usize) {
+        rig.inject(master, &vec![0; len]);
+        rig.run_for(Duration::from_millis(10));
+    }
+
+    /// Before 20 ms and behind 40 ms violations count, between them they do not: two, three and
+    /// four of them, of a device that counts and of one that does not.
+    #[test]
+    fn violations_while_the_rig_was_late_do_not_count() {
+        for device in [counting(), Strict::default()] {
+            let (mut rig, [master]) = strict([("board", device)]);
+            send(&mut rig, master, 2);
+            assert_eq!((rig.violations(), rig.excused()), (2, 0));
+            rig.run_until(Instant::from_millis(20));
+            rig.excuse_until(Instant::from_millis(30));
+            send(&mut rig, master, 2);
+            rig.excuse_until(Instant::from_millis(40));
+            send(&mut rig, master, 1);
+            assert_eq!((rig.violations(), rig.excused()), (2, 3));
+            rig.run_until(Instant::from_millis(50));
+            send(&mut rig, master, 4);
+            assert_eq!((rig.violations(), rig.excused()), (6, 3));
+        }
+    }
+
+    /// Both devices log the same rule; one counts, and its entries are not counted once more. 17
+    /// bytes without a frame are two mistakes, but no violation.
+    #[test]
+    fn each_violation_is_counted_once() {
+        let lost = Strict {
+            stray: 17,
+            ..Strict::default()
+        };
+        let devices = [
+            ("one", counting()),
+            ("two", Strict::default()),
+            ("lost", lost),
+        ];
+        let (mut rig, masters) = strict(devices);
+        assert!(!rig.was_asked());
+        send(&mut rig, masters[0], 3);
+        send(&mut rig, masters[1], 2);
+        assert!(rig.was_asked());
+        assert_eq!(rig.violations(), 5);
+        let two =
+            [("one", 3), ("two", 2)].map(|(name, count)| (name.to_owned(), "too-soon", count));
+        assert_eq!(rig.all_broken_rules(), two);
+        let mistakes = rig.mistakes();
+        assert_eq!(mistakes[..2], two);
+        assert_eq!(mistakes[2..], [("lost".to_owned(), NO_FRAME, 2)]);
+    }
+}

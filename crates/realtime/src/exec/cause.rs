@@ -104,7 +104,7 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
         weight::SETTING.. => weight::SETTING,
         // A program that ends and leaves its motors on has two defects.
         weight::ENDED => weight::MOTORS,
-        other => weight::ORDER.max(other - 20),
+        other => weight::ORDER.max(other.saturating_sub(20)),
     };
     let next = causes.find(|next| next.weight >= least && next.text != first.text);
     Some(match next {

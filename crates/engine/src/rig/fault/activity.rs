@@ -287,4 +287,17 @@ mod tests {
                 .any(|[begin, length]| (*begin, *length) == (0, 10_000))
         );
     }
+    /// A mean of 1 ns: each period lasts 0, 1 or 2 ns.
+    #[test]
+    fn the_shortest_spells_are_twice_as_long_as_their_mean_at_most() {
+        let mut activity = spells(None, Some((3, "clog".to_owned())));
+        activity.window = Window::ALWAYS;
+        activity.spells.as_mut().expect("it has some").lasting = Duration::from_nanos(1);
+        let length = |number: u64| {
+            let spell = activity.spell(number.into()).expect("no end");
+            (spell.until - spell.from).as_nanos()
+        };
+        let lengths: std::collections::BTreeSet<u128> = (0..100).map(length).collect();
+        assert_eq!(lengths.into_iter().collect::<Vec<_>>(), [0, 1, 2]);
+    }
 }

@@ -303,4 +303,51 @@ mod tests {
         assert!(drawn > 0 && seen.len() == 1);
         assert_eq!(seen[0], (800 + 5_000 + drawn.div_ceil(1_000), 1));
     }
+    /// A line of that kind, 72 bytes a message.
+    fn alone() -> Line {
+        let [left, right] = [LEFT, RIGHT].map(|node| End {
+            node,
+            port: Port(0),
+        });
+        Line::new(left, right)
+    }
+
+    fn take(line: &mut Line, at_us: u64) -> Instant {
+        let (start, rate) = (Instant::from_micros(at_us), LineConfig::new_8n1(1_000_000));
+        let budget = &mut Budget::default();
+        line.take_message(LinkKind::Datagram, start, rate, budget, &[1; 72])
+    }
+
+    /// 72 bytes and their headers take 800 us, then 200 us of latency: when they arrive, the line
+    /// tells when they were sent.
+    #[test]
+    fn a_late_message_carries_the_end_of_its_sending() {
+        let mut line = alone();
+        take(&mut line, 0);
+        let at = Instant::from_micros;
+        assert!(
+            line.deliver(at(800))
+                .is_some_and(|one| one.original.is_none())
+        );
+        line.latency = Duration::from_micros(200);
+        take(&mut line, 1000);
+        let original = line.deliver(at(2000)).and_then(|one| one.original);
+        assert_eq!(original.map(|original| original.at), Some(at(1800)));
+    }
+
+    /// The messages of a sender whose line is played from a capture are lost, all of them.
+    #[test]
+    fn messages_of_a_played_line_count_as_lost() {
+        let mut line = alone();
+        line.is_played = true;
+        assert_eq!(
+            [0, 1000].map(|us| take(&mut line, us).as_micros()),
+            [800, 1800]
+        );
+        let traffic = line.traffic();
+        assert_eq!(
+            (traffic.sent, traffic.lost, line.in_flight()),
+            (144, 144, 0)
+        );
+    }
 }

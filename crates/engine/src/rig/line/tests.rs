@@ -447,3 +447,33 @@ fn a_few_buffers_are_used_again() {
     assert_eq!(line.spare.len(), 3);
     assert_eq!(arrivals(&mut line), [(10, vec![9])]);
 }
+
+/// Four characters, the third with a wrong parity bit, into a queue of two or three bytes that is
+/// read at 100 us: the damaged one came after two bytes, so the short queue was full before it.
+#[test]
+fn a_full_queue_has_no_room_for_a_damaged_character() {
+    let marks = |fifo| {
+        let mut line = line();
+        strike(&mut line, 2, Damage::ParityError);
+        during(&mut line, 0, 100, Effect::Overrun { fifo });
+        take(&mut line, 1, &[1, 2, 3, 4]);
+        let delivery = deliveries(&mut line).remove(0);
+        (delivery.bytes, delivery.marks.len())
+    };
+    assert_eq!(marks(2), (vec![1, 2], 0));
+    assert_eq!(marks(3), (vec![1, 2, 4], 1));
+}
+
+/// Marks before bytes 1, 4 and 6. A piece of bytes 2 to 5 takes the first one, which lies before
+/// it, and the second one; the third belongs to the next piece, which begins with byte 6.
+#[test]
+fn marks_are_counted_from_the_piece_they_arrive_with() {
+    let mark = |before| Mark {
+        before,
+        value: 0,
+        damage: MarkDamage::Parity,
+    };
+    let mut marks = vec![mark(1), mark(4), mark(6)];
+    assert_eq!(Mark::split(&mut marks, 2, 6), [mark(0), mark(2)]);
+    assert_eq!(marks, [mark(6)]);
+}

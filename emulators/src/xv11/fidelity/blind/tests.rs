@@ -236,3 +236,126 @@ fn values_are_alike_to_later_ones() {
     assert_eq!(alike(&values, 3), -0.45);
     assert_eq!(alike(&[2.0; 3], 1), 0.0);
 }
+
+/// A turn of these readings, without packets.
+fn turn_of(reading: impl Fn(usize) -> Reading) -> Turn {
+    Turn {
+        speeds_rpm: Vec::new(),
+        readings: (0..DEGREES).map(reading).collect(),
+        packets: Vec::new(),
+    }
+}
+
+const fn range(distance_mm: u16, strength: u16) -> Reading {
+    Reading::Range {
+        distance_mm,
+        strength,
+        weak: false,
+    }
+}
+
+const fn no_range(code: u8) -> Reading {
+    Reading::Invalid { code, strength: 0 }
+}
+
+/// A room with a wall at 1 m all around, of strength 400.
+fn round() -> Room {
+    let spot = Spot {
+        mm: 1_000.0,
+        strength: 400.0,
+    };
+    vec![Some(spot); DEGREES]
+}
+
+/// The numbers 2, 4, 4, 4, 5, 5, 7 and 9 have the mean 5 and the deviation 2.
+#[test]
+fn a_deviation_is_the_root_of_the_mean_square() {
+    let values = [2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0];
+    assert_eq!((mean(&values), deviation(&values)), (5.0, 2.0));
+    assert_eq!((mean(&[]), deviation(&[])), (0.0, 0.0));
+}
+
+/// Degrees 0 to 33 have a distance, so that 2 to 31, thirty of them, have two neighbours on both
+/// sides. From one turn to the next ten of them keep their distance, ten more change by 1 mm, and
+/// the last ten by 2 mm; strengths change by as many roots of 400. Mean 1, mean square 2 / 3. The
+/// products of the 29 neighbours are nine times 1, 2 and nine times 4, together 47; their mean
+/// squares add up to 48. With a degree less nothing is compared.
+#[test]
+fn changes_of_thirty_degrees_are_compared() {
+    let moved = |degree: usize| u16::try_from((degree.max(2) - 2) / 10).expect("small");
+    let window = |valid: usize, mm: u16, root: u16| {
+        [0, 1].map(|turn| {
+            turn_of(|degree| match degree < valid {
+                true => {
+                    let way = moved(degree) * turn;
+                    range(1_000 + way * mm, 400 + way * root * 20)
+                }
+                false => no_range(0x25),
+            })
+        })
+    };
+    let expected = [
+        (distances as Figures, (1, 0), [0, 1, 2, 3]),
+        (strengths, (0, 1), [1, 2, 0, 3]),
+    ];
+    for (figures, (mm, root), order) in expected {
+        let found = figures(&window(34, mm, root), &round());
+        let by_hand = [1.0 / 3.0, (2.0_f64 / 3.0).sqrt(), 1.0 / 3.0, 47.0 / 48.0];
+        let by_hand = order.map(|place| by_hand[place]);
+        assert_eq!(found.len(), 4);
+        for (found, by_hand) in found.iter().zip(by_hand) {
+            assert!((found - by_hand).abs() < 1e-12, "{found} {by_hand}");
+        }
+        assert!(figures(&window(33, mm, root), &round()).is_empty());
+    }
+}
+
+/// 356 degrees are looked at. Four have a code, two of them 0x21; each takes its four neighbours
+/// from the walls, where 340 are left. Of 34 degrees with a distance, thirty are on a wall.
+#[test]
+fn codes_are_counted_by_hand() {
+    let code = |degree| match degree {
+        50 | 200 => no_range(0x21),
+        100 => no_range(0x25),
+        300 => no_range(0x35),
+        _ => range(1_000, 400),
+    };
+    let found = codes(&[turn_of(code)], &round());
+    assert_eq!(found, [2.0 / 356.0, 2.0 / 340.0]);
+    let few = |valid: usize| {
+        let turn = turn_of(|degree| match degree < valid {
+            true => range(1_000, 400),
+            false => no_range(0x25),
+        });
+        codes(&[turn], &round())
+    };
+    assert_eq!(few(34), [0.0, 0.0]);
+    assert!(few(33).is_empty());
+}
+
+/// Thirty packets with a distance are enough. A turn without two speeds is none to compare. Speeds
+/// 1, 3 and then 2, 6: steps 2, -1 and 4 of mean 5 / 3, mean square 38 / 9; by tooth 1 and 3, of
+/// deviation 1 and opposite.
+#[test]
+fn packets_and_speeds_of_a_window_by_hand() {
+    let mut turn = Twin::new(Profile::Fw24, square()).turns(1, 1).remove(0);
+    let is_range = |reading: &Reading| matches!(reading, Reading::Range { .. });
+    turn.packets
+        .retain(|packet| packet.readings().iter().any(is_range));
+    turn.packets.truncate(30);
+    assert_eq!(packets(core::slice::from_ref(&turn), &round()).len(), 3);
+    turn.packets.truncate(29);
+    assert!(packets(core::slice::from_ref(&turn), &round()).is_empty());
+
+    let speeds = |speeds: &[f64]| Turn {
+        speeds_rpm: speeds.to_vec(),
+        ..turn_of(|_| no_range(0x25))
+    };
+    let found = tooth_speeds(&[speeds(&[1.0, 3.0]), speeds(&[2.0, 6.0])], &round());
+    let by_hand = [(38.0_f64 / 9.0).sqrt(), 1.0, -0.5, 0.0];
+    assert_eq!(found.len(), 4);
+    for (found, by_hand) in found.iter().zip(by_hand) {
+        assert!((found - by_hand).abs() < 1e-12, "{found} {by_hand}");
+    }
+    assert!(tooth_speeds(&[speeds(&[1.0]), speeds(&[2.0])], &round()).is_empty());
+}

@@ -473,3 +473,65 @@ fn the_jitter_of_messages_is_what_its_dice_say() {
     let passed = faults.pass_message(0, Instant::ZERO, &mut Budget::default());
     assert_eq!(passed.late.as_nanos(), u128::from(stream().below(u64::MAX)));
 }
+
+fn span(from_us: u64, until_us: u64) -> Window {
+    Window {
+        from: Instant::from_micros(from_us),
+        until: Instant::from_micros(until_us),
+    }
+}
+
+/// Byte 1 is lost instead of byte 0; the fault of byte 3 stays.
+#[test]
+fn a_moved_fault_leaves_the_others_alone() {
+    let mut faults = LineFaults::default();
+    faults.add_cut(FaultId(0), span(0, 10));
+    faults.add_cut(FaultId(1), span(30, 40));
+    faults.move_to(FaultId(0), span(10, 20));
+    assert_eq!(through(&mut faults, &[1, 2, 3, 4, 5]), [1, 3, 5]);
+}
+
+/// Random faults draw their numbers in the order in which they were added, in whichever order they
+/// begin: the budget of a run depends on it.
+#[test]
+fn random_faults_that_begin_in_reverse_keep_their_order() {
+    let mut faults = LineFaults::default();
+    for (number, from_us) in [(0, 30), (1, 20), (2, 10), (3, 25)] {
+        let rng = Rng::stream(1, &number.to_string());
+        let always = span(from_us, 1_000_000);
+        faults.add_rate(FaultId(number), DamageKind::Flip, always, 0.5, rng);
+    }
+    let mut seen = Vec::new();
+    for at in [10, 20, 25, 30] {
+        faults.look(Instant::from_micros(at));
+        seen.push(faults.order.striking.clone());
+    }
+    assert_eq!(seen, [vec![2], vec![1, 2], vec![1, 2, 3], vec![0, 1, 2, 3]]);
+}
+
+/// A jitter of 1 ns delays by 0 or 1 ns, bytes as well as messages.
+#[test]
+fn a_jitter_reaches_its_greatest_delay() {
+    let jitter = || {
+        let mut faults = LineFaults::default();
+        let by = Duration::from_nanos(1);
+        let rng = Box::new(Rng::stream(1, "jitter"));
+        let effect = Effect::Jitter { by, rng };
+        faults.add(FaultId(0), Window::ALWAYS.into(), effect);
+        faults
+    };
+    let (mut bytes, mut messages) = (jitter(), jitter());
+    let budget = &mut Budget::default();
+    let mut seen = [std::collections::BTreeSet::new(), Default::default()];
+    for number in 0..50 {
+        let start = Instant::from_micros(10 * number);
+        let mut passed = Passed::default();
+        bytes.pass(number, &[1], start, LINE, budget, &mut passed);
+        seen[0].insert(passed.late.as_nanos());
+        let passed = messages.pass_message(number, start, budget);
+        seen[1].insert(passed.late.as_nanos());
+    }
+    for delays in seen {
+        assert_eq!(delays.into_iter().collect::<Vec<_>>(), [0, 1]);
+    }
+}
