@@ -16,7 +16,7 @@
 # target/mutants/unswitched.txt, `cargo mutants --re NAME` judges one. Two runs at a time need two
 # folders: OUT=target/other. What some of its tests see, a quick look: TESTS='--lib'. Tests of other
 # packages that use this one count with WITH='hilrig-realtime hilrig:rig': unit tests of the first,
-# tests/rig of the second.
+# tests/rig of the second. REACH=1 names those that no test comes by, without a trial.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 [[ $# -ge 1 && $1 != -* ]] || { sed -n '2,/^set/{/^#/s/^# \{0,1\}//p}' "$0" >&2; exit 2; }

@@ -272,8 +272,9 @@ fn constants(real: &Talk, ours: &Talk) -> Vec<String> {
             [] => "bursts without a request".to_owned(),
             bytes => format!("replies to {}", engine::hex::pairs(bytes)),
         };
-        let most = one.ours.iter().max_by_key(|(_, count)| **count);
-        let (value, _) = most.expect("a message has a byte there");
+        let other = one.ours.iter().filter(|(value, _)| **value != one.byte);
+        let most = other.max_by_key(|(_, count)| **count);
+        let (value, _) = most.expect("one of them differs");
         format!(
             "{kind}: byte {} is {:02X}, emulated {value:02X}",
             one.at, one.byte
@@ -303,3 +304,6 @@ fn at_quantile(mut values: Vec<f64>, quantile: f64) -> Option<f64> {
 fn ms(from: Instant, to: Instant) -> f64 {
     (to - from).as_secs_f64() * 1e3
 }
+
+#[cfg(test)]
+mod tests;

@@ -16,6 +16,9 @@ use std::process::ExitCode;
 use list::Mutant;
 use trial::Fate;
 
+/// The environment variable that leaves out the trials: only mutants that no test reaches are named.
+const REACH: &str = "REACH";
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [package, list, out, count, seed, equivalent] = arguments.as_slice() else {
@@ -58,6 +61,15 @@ fn judge(
         built.unviable.len(),
         built.unswitched.len()
     );
+    if std::env::var_os(REACH).is_some() {
+        let unreached = trial::unreached(&built, out)?;
+        for &mutant in &unreached {
+            println!("not reached: {}", drawn[mutant].name);
+        }
+        let (count, all) = (unreached.len(), built.switched.len());
+        println!("{package}: {count} of {all} viable mutants are not reached by a test");
+        return Ok(());
+    }
     let fates = trial::all(&built, &drawn, out)?;
     tell(package, out, &drawn, &built, &fates)
 }

@@ -75,6 +75,17 @@ pub fn all(built: &Built, drawn: &[Mutant], out: &Path) -> Result<Vec<(usize, Fa
     Ok(fates)
 }
 
+/// The mutants that no test reaches, without a trial.
+pub fn unreached(built: &Built, out: &Path) -> Result<Vec<usize>, String> {
+    let binaries = unchanged(built, out)?;
+    let is_reached = |at: &usize| {
+        let mut binaries = binaries.iter();
+        binaries.any(|binary| binary.reached.contains_key(&(at + 1)))
+    };
+    let switched = built.switched.iter().copied();
+    Ok(switched.filter(|at| !is_reached(at)).collect())
+}
+
 /// The binaries with the results of their runs without a mutant, the fastest first.
 fn unchanged<'a>(built: &'a Built, out: &Path) -> Result<Vec<Binary<'a>>, String> {
     let mut binaries = Vec::new();

@@ -285,4 +285,107 @@ mod tests {
         let wrong = [(120_000, Read::Event(LineEvent::ParityError))];
         assert_eq!(characters(&levels, even), wrong);
     }
+    #[test]
+    fn changes_are_found_from_a_time_on() {
+        let levels = Levels {
+            first: true,
+            changes: vec![10, 20, 30],
+            end: 90,
+            is_open: false,
+        };
+        let cursor = || Cursor {
+            levels: &levels,
+            passed: 0,
+        };
+        let falls = [0, 10, 11, 30, 31].map(|from| cursor().falls_at(from));
+        assert_eq!(falls, [Some(10), Some(10), Some(30), Some(30), None]);
+        let rises = [0, 20, 21].map(|from| cursor().rises_at(from));
+        assert_eq!(rises, [Some(20), Some(20), None]);
+        let at = [9, 10, 19, 20, 30].map(|at| cursor().level_at(at));
+        assert_eq!(at, [true, false, false, true, false]);
+    }
+
+    /// A time that goes back counts as the last one; an equal level is no change.
+    #[test]
+    fn levels_are_set_in_order() {
+        let mut levels = Levels {
+            first: true,
+            ..Levels::default()
+        };
+        for (at, level) in [(5, true), (10, false), (8, true), (30, true)] {
+            levels.set(at, level);
+        }
+        assert_eq!((&*levels.changes, levels.end), (&[10, 10][..], 30));
+        levels.changes = vec![10, 20, 30];
+        levels.is_open = true;
+        assert_eq!(levels.pulses(), [10, 10]);
+        let first = levels.first_changes(2);
+        assert_eq!(
+            (&*first.changes, first.end, first.is_open),
+            (&[10, 20][..], 30, false)
+        );
+        let all = levels.first_changes(3);
+        assert_eq!(
+            (&*all.changes, all.end, all.is_open),
+            (&[10, 20, 30][..], 30, true)
+        );
+        assert!(!levels.stays_idle() && levels.clone().inverted().stays_idle());
+    }
+
+    /// Eight data bits, even parity and two stop bits: the end is twelve bits behind the start. A
+    /// recording that ends in the middle of the first stop bit holds the character.
+    #[test]
+    fn a_character_ends_with_its_last_stop_bit() {
+        let line = LineConfig {
+            parity: Parity::Even,
+            stop_bits: 2,
+            ..LineConfig::new_8n1(100_000)
+        };
+        let mut levels = Levels {
+            first: true,
+            changes: vec![10_000, 20_000, 40_000, 110_000],
+            end: 115_000,
+            is_open: false,
+        };
+        assert_eq!(characters(&levels, line), [(130_000, Read::Byte(3))]);
+        levels.end = 114_999;
+        assert_eq!(characters(&levels, line), []);
+        // A pulse of less than half a bit before it is no start bit.
+        levels.changes.splice(0..0, [1_000, 5_999]);
+        levels.end = 500_000;
+        assert_eq!(characters(&levels, line), [(130_000, Read::Byte(3))]);
+    }
+
+    /// One in five characters without a stop bit is allowed, and one in five pulses of less than
+    /// half a bit, which is 5 us at 100,000 baud.
+    #[test]
+    fn a_line_with_many_errors_is_no_uart() {
+        let line = LineConfig::new_8n1(100_000);
+        let of = |pulses: &[u64], bad: usize, sound: usize| {
+            let mut levels = Levels::default();
+            let mut at = 10_000;
+            levels.changes.push(at);
+            for pulse in pulses {
+                at += pulse;
+                levels.changes.push(at);
+            }
+            let bad = vec![(0, Read::Event(LineEvent::FramingError)); bad];
+            let read = [bad, vec![(0, Read::Byte(1)); sound]].concat();
+            doubt(&levels, line, &read)
+        };
+        let long = [10_000; 5];
+        assert_eq!(of(&long, 1, 4), None);
+        assert_eq!(
+            of(&long, 1, 3).as_deref(),
+            Some("1 of 4 characters have no stop bit")
+        );
+        assert_eq!(of(&[4_999, 10_000, 10_000, 10_000, 10_000], 0, 9), None);
+        let short = "1 of 4 pulses are shorter than half a bit";
+        assert_eq!(
+            of(&[4_999, 10_000, 10_000, 10_000], 0, 9).as_deref(),
+            Some(short)
+        );
+        assert_eq!(of(&[5_000; 4], 0, 9), None);
+        assert_eq!(of(&[], 0, 0), None);
+    }
 }

@@ -145,3 +145,52 @@ impl<'a> Damage<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes damaged at 10 and 11 s explain four reports each, in the two seconds after them; the
+    /// later one is used first.
+    #[test]
+    fn damaged_bytes_explain_few_reports() {
+        let at = Instant::from_secs;
+        let damage = || Damage {
+            strikes: vec![(at(10), REPORTS), (at(11), REPORTS)],
+            lasting: Vec::new(),
+        };
+        let explains = |second: u64| damage().explains(at(second));
+        assert_eq!(
+            [9, 10, 12, 13, 14].map(explains),
+            [false, true, true, true, false]
+        );
+        let mut damage = damage();
+        assert_eq!(damage.frames(), 8);
+        let found: Vec<bool> = (0..9).map(|_| damage.explains(at(12))).collect();
+        assert_eq!(found, [vec![true; 8], vec![false]].concat());
+        assert_eq!((damage.frames(), damage.strikes[0].1), (0, 0));
+    }
+
+    /// A fault that lasts explains everything in its time and two seconds after it.
+    #[test]
+    fn a_lasting_fault_explains_all_reports_of_its_time() {
+        let text = "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
+            [world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n\
+            [[fault]]\nlink = \"base\"\nkind = \"wrong-baud\"\nbaud = 9600\nfrom = \"10s\"\nuntil = \"20s\"\n";
+        let (scenario, _) = crate::scenario::Scenario::from_text(text).expect("sound");
+        let mut damage = Damage {
+            strikes: Vec::new(),
+            lasting: scenario.fault.iter().collect(),
+        };
+        let explains = |second| damage.explains(Instant::from_secs(second));
+        assert_eq!(
+            [9, 10, 20, 22, 23].map(explains),
+            [false, true, true, true, false]
+        );
+        let damage = Damage {
+            strikes: Vec::new(),
+            lasting: scenario.fault.iter().collect(),
+        };
+        assert_eq!(damage.frames(), u64::MAX);
+    }
+}

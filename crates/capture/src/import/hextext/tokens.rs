@@ -37,8 +37,9 @@ pub(super) fn without_comments(text: &str, is_open: &mut bool) -> String {
     // Inside quotes these characters are bytes.
     let has_literal = ["\\", "b'", "b\""].iter().any(|mark| rest.contains(mark));
     let quoted = rest.rfind(['"', '\'']).filter(|_| has_literal);
-    let ends = ["//", "#"].map(|mark| rest.find(mark).filter(|&at| Some(at) > quoted));
-    let end = ends.into_iter().flatten().min();
+    let from = quoted.map_or(0, |quoted| quoted + 1);
+    let ends = ["//", "#"].map(|mark| rest[from..].find(mark));
+    let end = ends.into_iter().flatten().min().map(|at| from + at);
     let rest = &rest[..end.unwrap_or(rest.len())];
     // A semicolon begins a comment unless bytes follow it.
     let rest = match rest.split_once(';') {
@@ -250,4 +251,150 @@ pub(in crate::import) fn escape(chars: &mut core::str::Chars<'_>) -> Option<u8> 
         c @ ('\\' | '\'' | '"') => u8::try_from(c).ok()?,
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes, evident ones, groups, and whether there is a mark.
+    fn found(text: &str, base: Base) -> (Vec<u8>, usize, usize, bool) {
+        let found = read(text, base).unwrap_or_else(|error| panic!("{text}: {error}"));
+        (found.bytes, found.evident, found.groups, found.has_marks)
+    }
+
+    fn error(text: &str, base: Base) -> String {
+        read(text, base).expect_err(text)
+    }
+
+    /// A byte is evident if one of its digits is a letter, or if it is marked.
+    #[test]
+    fn evident_bytes_groups_and_marks_are_counted() {
+        let read = [0xAB, 0x24, 0x0A, 0x00, 0xD9].to_vec();
+        assert_eq!(
+            found("AB 24 0A 00 D9", Base::Hex),
+            (read.clone(), 3, 0, false)
+        );
+        assert_eq!(
+            found("AB24 0A00 D9", Base::Hex),
+            (read.clone(), 3, 2, false)
+        );
+        assert_eq!(found("ab240a00d9", Base::Hex), (read, 3, 1, false));
+        let marked = [0xAB, 1, 0xF, 0xA, 5].to_vec();
+        assert_eq!(found("0xAB 0X1 $F &hA 5h", Base::Hex), (marked, 5, 0, true));
+        assert_eq!(
+            found("A 5 0F", Base::Loose),
+            ([0xA, 5, 0xF].to_vec(), 3, 0, false)
+        );
+        assert_eq!(found("00000101", Base::Binary), ([5].to_vec(), 0, 0, false));
+        assert_eq!(
+            found("377 1", Base::Octal),
+            ([0xFF, 1].to_vec(), 0, 0, false)
+        );
+        let signed = [0xFF, 0xFF, 0x80].to_vec();
+        assert_eq!(found("255 -1 -128", Base::Decimal), (signed, 0, 0, false));
+    }
+
+    #[test]
+    fn a_token_that_is_no_byte_is_named() {
+        for (text, base) in [
+            ("41 4", Base::Hex),
+            ("41 xy", Base::Hex),
+            ("0x", Base::Hex),
+            ("123", Base::Loose),
+            ("2", Base::Binary),
+            ("400", Base::Octal),
+            ("256", Base::Decimal),
+            ("-129", Base::Decimal),
+        ] {
+            let token = text.rsplit(' ').next().expect("one");
+            let expected = format!("found \"{token}\"");
+            assert!(error(text, base).starts_with(&expected), "{text}");
+        }
+        let several = "a number of several bytes";
+        assert!(error("0x100", Base::Hex).contains(several));
+        assert!(!error("0xxyz", Base::Hex).contains(several));
+    }
+
+    /// `\1011` is an octal `A` and a 1.
+    #[test]
+    fn escapes_are_bytes() {
+        assert_eq!(found(r"\xAB\n", Base::Hex), (vec![0xAB, 0x0A], 2, 0, true));
+        assert_eq!(found(r"b'a\x01'", Base::Hex), (vec![0x61, 1], 1, 0, true));
+        let named = found(r"\a\b\t\n\v\f\r\e\0\253", Base::Hex).0;
+        assert_eq!(named, [7, 8, 9, 10, 11, 12, 13, 27, 0, 0xAB]);
+        assert_eq!(found(r"b'\1011'", Base::Hex).0, b"A1");
+        assert_eq!(found(r#""it's \x01""#, Base::Hex).0, b"it's \x01");
+        assert_eq!(error(r"\x41 'a", Base::Hex), "expected a closing '");
+        assert!(error(r"\q", Base::Hex).starts_with("found a backslash"));
+        assert!(error(r"\x41 z", Base::Hex).starts_with("found \"z\""));
+    }
+
+    #[test]
+    fn bytes_are_read_from_the_wrappers_of_programs() {
+        for text in [
+            "<Buffer 41 42>",
+            "bytearray([0x41, 0x42])",
+            "bytes([0x41, 0x42])",
+            "Buffer.from([0x41, 0x42])",
+            "[]byte{0x41, 0x42};",
+            "vec![0x41, 0x42]",
+            "new byte[]{0x41, 0x42}",
+            "&[0x41, 0x42]",
+            "b'4142'",
+        ] {
+            assert_eq!(found(text, Base::Hex).0, b"AB", "{text}");
+        }
+    }
+
+    /// A point may stand for a byte that has no character, a letter may not.
+    #[test]
+    fn text_beside_the_bytes_shows_the_same_bytes() {
+        assert_eq!(found("41 42  AB", Base::Hex).0, b"AB");
+        assert_eq!(found("41 01\t|A.|", Base::Hex).0, b"A\x01");
+        assert_eq!(found("41 01  AB", Base::Hex).0, b"A\x01\xAB");
+        assert_eq!(found("41 42  43", Base::Hex).0, b"ABC");
+        assert!(error("41 42   XY", Base::Hex).contains("found \"XY\", expected hex digits, or"));
+        assert!(!shows("ABC", b"AB") && !shows("A", b"AB") && shows("A ", b"A\x7F"));
+    }
+
+    #[test]
+    fn comments_are_left_out() {
+        let plain = |text: &str| {
+            let mut is_open = false;
+            let found = without_comments(text, &mut is_open);
+            (found, is_open)
+        };
+        for (text, expected) in [
+            ("AB // x", "AB "),
+            ("AB # x // y", "AB "),
+            ("AB /* c */ CD", "AB  CD"),
+            ("AB ; a read", "AB "),
+            ("AB;CD", "AB;CD"),
+            ("AB; ", "AB; "),
+            (r"b'#//;'", r"b'#//;'"),
+            (r"b'#' # x", r"b'#' "),
+            (r"b'#' ; a read", r"b'#' "),
+        ] {
+            assert_eq!(plain(text), (expected.to_owned(), false), "{text}");
+        }
+        assert_eq!(plain("AB /* open"), ("AB ".to_owned(), true));
+        let mut is_open = true;
+        assert_eq!(without_comments("still open", &mut is_open), "");
+        assert!(is_open);
+        assert_eq!(without_comments("end */ CD", &mut is_open), " CD");
+        assert!(!is_open);
+    }
+
+    #[test]
+    fn numbers_between_braces_are_those_of_an_array() {
+        for (text, inside) in [
+            ("x = {1, 2};", "1, 2"),
+            ("1, 2};", "1, 2"),
+            ("int len = 5", ""),
+            ("byte a[5]", ""),
+        ] {
+            assert_eq!(inside_braces(text), inside, "{text}");
+        }
+    }
 }

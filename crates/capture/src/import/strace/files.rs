@@ -249,3 +249,169 @@ impl Files {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::call;
+    use super::*;
+
+    /// The files after the calls of a log.
+    fn followed(log: &str) -> Files {
+        let mut files = Files::default();
+        for line in log.lines() {
+            files.follow(&call(line).expect(line));
+        }
+        files
+    }
+
+    /// Number of the file of a transfer.
+    fn file(files: &mut Files, line: &str) -> usize {
+        let call = call(line).expect(line);
+        files.of_transfer(&call, call.bytes.as_deref().unwrap_or_default())
+    }
+
+    const PORT: &str = "openat(AT_FDCWD, \"/dev/ttyUSB0\", O_RDWR|O_NOCTTY) = 3";
+
+    #[test]
+    fn a_number_means_another_file_after_a_close() {
+        let log = format!("{PORT}\nclose(3) = 0\nopen(\"/tmp/x\", O_RDONLY) = 3");
+        let mut files = followed(&log);
+        assert_eq!(file(&mut files, "write(3, \"x\", 1) = 1"), 1);
+        let [port, other] = files.all() else {
+            panic!("{:?}", files.all());
+        };
+        assert!(port.is_port() && port.is_read_write() && !port.is_standard());
+        assert!(!other.is_port() && !other.is_read_write());
+        assert_eq!(
+            (port.label(), port.name()),
+            ("3 /dev/ttyUSB0".into(), "/dev/ttyUSB0".into())
+        );
+        assert!(port.is_named("3") && port.is_named("/dev/ttyUSB0") && !port.is_named("4"));
+        // A failed call opens nothing, and closes nothing.
+        let failed =
+            followed("openat(AT_FDCWD, \"/dev/ttyUSB0\", O_RDWR) = -1 ENOENT (No such file)");
+        assert!(failed.all().is_empty());
+        let mut open = followed(&format!("{PORT}\nclose(3) = -1 EINTR (x)"));
+        assert_eq!(
+            (file(&mut open, "write(3, \"x\", 1) = 1"), open.all().len()),
+            (0, 1)
+        );
+    }
+
+    /// After its close a descriptor that is still used is a file of its own.
+    #[test]
+    fn a_descriptor_without_an_opening_is_a_file() {
+        let mut files = followed(&format!("{PORT}\nclose(3) = 0"));
+        assert_eq!(file(&mut files, "read(3, \"x\", 1) = 1"), 1);
+        assert_eq!(file(&mut files, "read(3, \"y\", 1) = 1"), 1);
+        let one = &files.all()[1];
+        assert_eq!(
+            (one.label(), one.name(), one.link()),
+            ("3".into(), "file descriptor 3".into(), "fd-3".into())
+        );
+        assert_eq!(file(&mut files, "read(0, \"y\", 1) = 1"), 2);
+        assert!(files.all()[2].is_standard() && !files.all()[1].is_standard());
+    }
+
+    #[test]
+    fn copies_of_a_descriptor_are_the_same_file() {
+        let log = format!(
+            "{PORT}\ndup(3) = 5\ndup2(3, 7) = 7\nfcntl(3, F_DUPFD, 0) = 6\nfcntl(3, F_GETFL) = 2"
+        );
+        let mut files = followed(&log);
+        for fd in [3, 5, 6, 7] {
+            assert_eq!(file(&mut files, &format!("write({fd}, \"x\", 1) = 1")), 0);
+        }
+        assert_eq!(file(&mut files, "write(2, \"x\", 1) = 1"), 1);
+    }
+
+    /// A child has a copy of its parent's descriptors; a thread has the same ones.
+    #[test]
+    fn a_child_keeps_its_own_descriptors() {
+        for (begin, expected) in [
+            ("fork() = 9", 0),
+            ("clone(child_stack=NULL, flags=SIGCHLD) = 9", 0),
+            ("clone(child_stack=0x1, flags=CLONE_VM|CLONE_FILES) = 9", 1),
+        ] {
+            let log = format!("{PORT}\n{begin}\nclose(3) = 0\nopen(\"/tmp/x\", O_RDONLY) = 3");
+            let mut files = followed(&log);
+            assert_eq!(file(&mut files, "write(3, \"x\", 1) = 1"), 1);
+            let of_child = file(&mut files, "[pid 9] write(3, \"x\", 1) = 1");
+            assert_eq!(of_child, expected, "{begin}");
+        }
+        // A thread whose creation is not in the log has the last file of that number.
+        let mut files = followed(PORT);
+        assert_eq!(file(&mut files, "[pid 8] write(3, \"x\", 1) = 1"), 0);
+    }
+
+    #[test]
+    fn requests_of_terminals_tell_the_rate() {
+        let log = format!(
+            "{PORT}\nioctl(3, TCSETS, {{B9600 -opost -isig}}) = 0\nioctl(3, TCGETS, {{c_iflag=0}}) = 0"
+        );
+        assert_eq!(followed(&log).all()[0].baud, Some(9_600));
+        let unnamed =
+            followed("socket(AF_INET, SOCK_STREAM, 0) = 3\nioctl(3, TCGETS, 0x1) = -1 ENOTTY (x)");
+        assert!(!unnamed.all()[0].is_port());
+        let terminal =
+            followed("open(\"/tmp/link\", O_RDWR) = 3\nioctl(3, TCGETS, {B9600 opost}) = 0");
+        assert!(terminal.all()[0].is_port());
+        let own = followed("open(\"/dev/tty\", O_RDWR) = 3\nioctl(3, TCGETS, {B9600 opost}) = 0");
+        assert!(!own.all()[0].is_port());
+    }
+
+    #[test]
+    fn pipes_and_sockets_are_files_without_a_path() {
+        let files = followed("pipe([3, 4]) = 0\nsocket(AF_INET, SOCK_STREAM, 0) = 5");
+        let fds: Vec<u64> = files.all().iter().map(|one| one.fd).collect();
+        assert_eq!(fds, [3, 4, 5]);
+        assert!(files.all().iter().all(|one| one.path().is_none()));
+    }
+
+    /// The loader reads a library, at a number that is a port afterwards.
+    #[test]
+    fn a_library_is_no_port() {
+        let mut files = Files::default();
+        let library = "read(3, \"\\177ELF\\2\\1\", 832) = 6";
+        assert_eq!(file(&mut files, library), 1);
+        assert!(files.all()[1].is_seekable() && !files.all()[1].is_port());
+        assert_eq!(file(&mut files, "read(3, \"x\", 1) = 1"), 2);
+        assert!(!files.all()[2].is_seekable());
+        assert_eq!(file(&mut files, "pread64(3, \"x\", 1, 64) = 1"), 2);
+        assert!(files.all()[2].is_seekable());
+        // A file that was opened by its path stays the same one.
+        let mut opened = followed(PORT);
+        assert_eq!(file(&mut opened, library), 0);
+        assert_eq!(file(&mut opened, "write(3, \"x\", 1) = 1"), 0);
+    }
+
+    /// With `-y` the path beside a number tells files apart.
+    #[test]
+    fn a_path_that_is_shown_tells_files_apart() {
+        let mut files = Files::default();
+        for (line, expected) in [
+            ("write(3</dev/ttyUSB0>, \"x\", 1) = 1", 0),
+            ("write(3</dev/ttyUSB0>, \"x\", 1) = 1", 0),
+            ("write(3</dev/ttyUSB1>, \"x\", 1) = 1", 1),
+            ("write(3, \"x\", 1) = 1", 1),
+        ] {
+            assert_eq!(file(&mut files, line), expected, "{line}");
+        }
+        assert!(files.all()[1].is_named("/dev/ttyUSB1") && files.all()[1].is_port());
+    }
+
+    #[test]
+    fn paths_of_ports_begin_as_these() {
+        for path in [
+            "/dev/ttyS0",
+            "/dev/serial/by-id/x",
+            "/dev/pts/3",
+            "/dev/cu.x",
+            "/dev/rfcomm0",
+            "COM3",
+        ] {
+            assert!(is_port(path), "{path}");
+        }
+        assert!(!is_port("/dev/null") && !is_port("/tmp/COM3"));
+    }
+}

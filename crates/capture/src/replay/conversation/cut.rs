@@ -450,4 +450,117 @@ mod tests {
         let times: Vec<_> = messages.iter().map(|one| one[0].at.as_nanos()).collect();
         assert_eq!(times, [7_916_667, 10_000_000]);
     }
+    /// Ten messages of a form, and half of all. Only one in ten may have another last byte, or
+    /// bytes behind it that are no message of the form.
+    #[test]
+    fn a_form_needs_ten_messages_and_half_of_all() {
+        let form = |own: &[(usize, &'static [u8])], others: u8| {
+            let own = own.iter().flat_map(|&(count, bytes)| vec![bytes; count]);
+            let foreign: Vec<[u8; 3]> = (0..others).map(|n| [n, n, n]).collect();
+            let messages: Vec<&[u8]> = own.chain(foreign.iter().map(|one| &one[..])).collect();
+            Form::of(&messages).map(|form| (form.head.to_vec(), form.len, form.last))
+        };
+        let own = |last| Some((b"YY".to_vec(), 6, last));
+        assert_eq!(form(&[(9, b"YYabcd")], 0), None);
+        assert_eq!(form(&[(10, b"YYabcd")], 0), own(Some(b'd')));
+        assert_eq!(form(&[(10, b"YYabcd")], 10), own(Some(b'd')));
+        assert_eq!(form(&[(10, b"YYabcd")], 11), None);
+        assert_eq!(form(&[(10, b"YY")], 0), None);
+        assert_eq!(
+            form(&[(10, b"YYd")], 0),
+            Some((b"YY".to_vec(), 3, Some(b'd')))
+        );
+        assert_eq!(form(&[(9, b"YYabcd"), (1, b"YYabce")], 0), own(Some(b'd')));
+        assert_eq!(form(&[(8, b"YYabcd"), (2, b"YYabce")], 0), own(None));
+        assert_eq!(
+            form(&[(10, b"YYabcd"), (1, b"YYabcdZZ")], 0),
+            own(Some(b'd'))
+        );
+        assert_eq!(form(&[(10, b"YYabcd"), (2, b"YYabcdZZ")], 0), None);
+        // Two messages without a silence are none that differ, nor is a short one.
+        let whole = [(10, &b"YYabcd"[..]), (5, b"YYabcdYYabcd"), (5, b"YYab")];
+        assert_eq!(form(&whole, 0), own(Some(b'd')));
+        assert_eq!(form(&[(10, b"Y")], 0), None);
+    }
+
+    /// A message of the form has its last byte, too.
+    #[test]
+    fn bytes_begin_with_a_message_of_the_form() {
+        let form = |last| Form {
+            head: b"YY",
+            len: 4,
+            last,
+        };
+        let begins = |bytes: &[u8]| [form(None).begins(bytes), form(Some(b'd')).begins(bytes)];
+        assert_eq!(begins(b"YYad"), [true, true]);
+        assert_eq!(begins(b"YYadxx"), [true, true]);
+        assert_eq!(begins(b"YYax"), [true, false]);
+        assert_eq!((begins(b"YYa"), begins(b"Yaad")), ([false; 2], [false; 2]));
+    }
+
+    #[test]
+    fn a_time_is_between_two_others_from_the_first_on() {
+        let at = Instant::from_millis;
+        let breaks = [at(10), at(20)];
+        let times = [(9, 10), (10, 10), (10, 11), (11, 20), (11, 21), (21, 90)];
+        let found = times.map(|(from, until)| is_between(&breaks, at(from), at(until)));
+        assert_eq!(found, [false, false, true, false, true, false]);
+    }
+
+    /// Three characters and a half of 1.0417 ms, or 3 ms.
+    #[test]
+    fn the_least_gap_is_three_characters_and_a_half() {
+        assert_eq!(least_gap(SLOW).as_micros(), 3_645);
+        assert_eq!(least_gap(LineConfig::new_8n1(115_200)), GAP_MIN);
+    }
+
+    /// At 1 Mbaud a byte takes 10 us. Pieces 3 ms apart are one message; what the other side sent
+    /// during a message leaves it out.
+    #[test]
+    fn messages_during_which_the_other_side_is_silent_are_learnt_from() {
+        let fast = LineConfig::new_8n1(1_000_000);
+        let mut track = Track::default();
+        for (micros, bytes) in [
+            (10_000, &b"ab"[..]),
+            (13_010, b"c"),
+            (20_000, b"de"),
+            (23_011, b"f"),
+        ] {
+            track.push(Instant::from_micros(micros), bytes);
+        }
+        let at = Instant::from_micros;
+        let ranges = |breaks: &[Instant]| undisturbed(&track, fast, breaks);
+        assert_eq!(ranges(&[]), [0..3, 3..5, 5..6]);
+        assert_eq!(ranges(&[at(11_000)]), [3..5, 5..6]);
+        assert_eq!(ranges(&[at(15_000), at(23_000)]), [0..3, 3..5, 5..6]);
+        assert_eq!(ranges(&[at(23_001)]), [0..3, 3..5]);
+    }
+
+    /// A line in two pieces is one line if they are at most 50 ms apart, at 9600 baud with 3.1 ms
+    /// for the second piece. A prompt ends where the other side has sent something after it.
+    #[test]
+    fn an_unfinished_line_ends_with_a_long_silence() {
+        let both = |at| cut(&[(10, b"AT"), (at, b"E0\r")], &[]).len();
+        assert_eq!([63, 64].map(both), [1, 2]);
+        let prompt = |breaks: &[u64]| cut(&[(10, b"OK\r>"), (30, b"NO\r>")], breaks);
+        assert_eq!(
+            prompt(&[]),
+            [b"OK\r".to_vec(), b">NO\r".to_vec(), b">".to_vec()]
+        );
+        let apart = [&b"OK\r"[..], b">", b"NO\r", b">"].map(<[u8]>::to_vec);
+        assert_eq!(prompt(&[20]), apart);
+    }
+
+    #[test]
+    fn text_ends_with_a_line_feed_or_a_carriage_return() {
+        let of = |bytes: &[u8]| terminator(bytes);
+        assert_eq!(
+            (of(b"a\r\nb"), of(b"a\rb\t~"), of(b"a b")),
+            (Some(b'\n'), Some(b'\r'), None)
+        );
+        assert_eq!(
+            (of(b""), of(b"a\n\x7F"), of(b"\x1Fa\n")),
+            (None, None, None)
+        );
+    }
 }

@@ -231,3 +231,136 @@ fn likeness(one: &[u8], other: &[u8]) -> usize {
         alike * 1000 / longest
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::script::Message;
+    use super::*;
+
+    fn exchanges(requests: &[&str]) -> Vec<Exchange> {
+        let exchange = |request: &&str| Exchange {
+            request: request.as_bytes().to_vec(),
+            ..Exchange::default()
+        };
+        requests.iter().map(exchange).collect()
+    }
+
+    const fn millis(ms: u64) -> Duration {
+        Duration::from_millis(ms)
+    }
+
+    /// A request that is the beginning of another one waits for 20 ms, if it is not the next one;
+    /// the beginning of a request waits for a second.
+    #[test]
+    fn a_request_that_may_grow_waits_for_silence() {
+        let all = exchanges(&["AB", "ABC", "X"]);
+        let mut requests = Requests::of(&all, Cut::Gaps);
+        let request = |len, exchange| Found::Request { len, exchange };
+        let find = |requests: &Requests, heard: &str, ms| {
+            requests.find(heard.as_bytes(), millis(ms), &all, Cut::Gaps)
+        };
+        assert_eq!(find(&requests, "AB", 0), request(2, 0));
+        assert_eq!(find(&requests, "ABX", 0), request(2, 0));
+        assert_eq!(requests.make(0, &all), Some(true));
+        assert_eq!(find(&requests, "AB", 19), Found::Unfinished);
+        assert_eq!(find(&requests, "AB", 20), request(2, 0));
+        assert_eq!(find(&requests, "ABC", 0), request(3, 1));
+        assert_eq!(find(&requests, "X", 0), request(1, 2));
+        assert_eq!(find(&requests, "A", 999), Found::Unfinished);
+        let like = Some(0);
+        assert_eq!(find(&requests, "A", 1_000), Found::Unknown { len: 1, like });
+    }
+
+    /// A known request behind a byte of noise is found after 20 ms. A line ends where it ends.
+    #[test]
+    fn noise_and_unknown_lines_have_their_own_length() {
+        let all = exchanges(&["GO\n", "X"]);
+        let gaps = Requests::of(&all, Cut::Gaps);
+        let like = None;
+        let find = |ms| gaps.find(b"zX", millis(ms), &all, Cut::Gaps);
+        assert_eq!(
+            [find(19), find(20)],
+            [Found::Unfinished, Found::Unknown { len: 1, like }]
+        );
+        let cut = Cut::Lines(b'\n');
+        let lines = Requests::of(&all, cut);
+        let like = Some(0);
+        let found = lines.find(b"NO\nGO\n", millis(0), &all, cut);
+        assert_eq!(found, Found::Unknown { len: 3, like });
+        assert_eq!(lines.find(b"NO", millis(0), &all, cut), Found::Unfinished);
+    }
+
+    /// Of three requests A, B and A, each has to be made, and three in all: the last A may be made
+    /// up for by another one.
+    #[test]
+    fn requests_are_missing_until_as_many_were_made() {
+        let all = exchanges(&["A", "B", "A"]);
+        let after = |made: &[usize]| {
+            let mut requests = Requests::of(&all, Cut::Gaps);
+            let ways: Vec<_> = made
+                .iter()
+                .map(|&index| requests.make(index, &all))
+                .collect();
+            (requests.missing(), requests.are_made(), ways)
+        };
+        assert_eq!(after(&[]), (Some(0), false, vec![]));
+        assert_eq!(after(&[0]), (Some(1), false, vec![Some(true)]));
+        assert_eq!(after(&[0, 1]), (Some(2), false, vec![Some(true); 2]));
+        let again = vec![Some(true), Some(true), None];
+        assert_eq!(after(&[0, 1, 0]), (None, true, again));
+        let without = vec![Some(true), None, None];
+        assert_eq!(after(&[0, 0, 0]), (Some(1), false, without));
+        let backwards = vec![Some(false), Some(false), Some(true)];
+        assert_eq!(after(&[2, 0, 1]), (None, true, backwards));
+    }
+
+    /// The second of three equal requests had no reply, the third was not sound: a repeated one
+    /// gets the reply of the first.
+    #[test]
+    fn a_repeated_request_gets_a_sound_reply() {
+        let mut all = exchanges(&["A", "A", "A", "A"]);
+        let answer = || vec![Message::default()];
+        (all[0].is_answered, all[0].answers, all[2].answers) = (true, answer(), answer());
+        let found = |all: &[Exchange]| {
+            let mut requests = Requests::of(all, Cut::Gaps);
+            for exchange in 0..3 {
+                requests.make(exchange, all);
+            }
+            // The fourth is due: it is the next one, not a repeated one.
+            assert_eq!(requests.exchange_of(b"A", all), Some(3));
+            requests.make(3, all);
+            requests.exchange_of(b"A", all)
+        };
+        assert_eq!(found(&all), Some(0));
+        all[0].is_answered = false;
+        assert_eq!(found(&all), Some(2));
+        (all[0].answers, all[2].answers) = (vec![], vec![]);
+        assert_eq!(found(&all), Some(3));
+    }
+
+    /// Equal bytes at the beginning count twice if the lengths are equal: 2 + 3 of 4. With other
+    /// lengths only the beginning counts; less than a quarter of the longer one is nothing.
+    #[test]
+    fn requests_are_alike_by_their_bytes() {
+        let of = |one: &str, other: &str| likeness(one.as_bytes(), other.as_bytes());
+        assert_eq!((of("abcd", "abcd"), of("abcd", "abxd")), (2_000, 1_250));
+        assert_eq!((of("abcd", "xbcd"), of("abc", "abcdefgh")), (750, 375));
+        assert_eq!((of("a", "abcd"), of("a", "abcde")), (250, 0));
+        assert_eq!(of("abcd", "wxyz"), 0);
+    }
+
+    /// The next of equally similar requests, then those before it, then those that were made.
+    #[test]
+    fn the_most_similar_request_is_the_next_one() {
+        let all = exchanges(&["aa1", "aa2", "b", "aa3"]);
+        let mut requests = Requests::of(&all, Cut::Gaps);
+        assert_eq!(requests.like(b"aa9", &all), Some(0));
+        requests.make(1, &all);
+        assert_eq!(requests.like(b"aa9", &all), Some(3));
+        requests.make(3, &all);
+        assert_eq!(requests.like(b"aa9", &all), Some(0));
+        requests.make(0, &all);
+        assert_eq!(requests.like(b"aa3", &all), Some(3), "made before");
+        assert_eq!(requests.like(b"zz9", &all), None);
+    }
+}

@@ -297,3 +297,161 @@ fn mark_replies(answers: &mut [Message], line: LineConfig) {
         end = Some(*last);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A byte takes 10 us.
+    const LINE: LineConfig = LineConfig::new_8n1(1_000_000);
+
+    const fn us(micros: u64) -> Duration {
+        Duration::from_micros(micros)
+    }
+
+    /// A message of one piece of three bytes that ends at this time.
+    fn message(end_us: u64) -> Message {
+        Message {
+            parts: vec![(us(end_us), vec![1, 2, 3])],
+            ..Message::default()
+        }
+    }
+
+    /// Two bytes that end at 10 ms and three that end 10 us later: the line begins with the second
+    /// piece at 9.98 ms and has to be done with the first one by then.
+    #[test]
+    fn a_piece_begins_early_enough_for_those_behind_it() {
+        let message = Message {
+            parts: vec![(us(10_000), vec![1, 2]), (us(10_010), vec![3, 4, 5])],
+            ..Message::default()
+        };
+        assert_eq!(message.starts(None), [us(10_000), us(10_010)]);
+        assert_eq!(message.starts(Some(LINE)), [us(9_960), us(9_980)]);
+        let early = Message {
+            parts: vec![(us(10), vec![1, 2])],
+            ..Message::default()
+        };
+        assert_eq!(early.starts(Some(LINE)), [us(0)]);
+    }
+
+    /// Ten messages, 100 ms apart, the last at 1 s. The stream continues if the session ends within
+    /// three gaps and 20 ms. What begins in its last second is repeated, but for the first message.
+    #[test]
+    fn a_stream_to_the_end_is_repeated() {
+        let stream = |count: u64| {
+            (1..=count)
+                .map(|n| message(n * 100_000))
+                .collect::<Vec<_>>()
+        };
+        let tail = |count, lasted_us| Tail::of(&stream(count), us(lasted_us));
+        let found = tail(10, 1_320_000).expect("it continues");
+        assert_eq!((found.messages.len(), found.period), (9, us(900_000)));
+        assert_eq!(found.messages[0], message(200_000));
+        assert_eq!(tail(10, 1_320_001), None);
+        assert_eq!(tail(9, 900_000), None, "too few");
+        let found = tail(20, 2_000_000).expect("it continues");
+        assert_eq!((found.messages.len(), found.period), (11, us(1_100_000)));
+        assert_eq!(Tail::of(&vec![message(5); 12], us(5)), None, "all at once");
+        assert_eq!(Tail::of(&[], us(5)), None);
+    }
+
+    /// The second message begins 20 ms after the end of the first, the third 20.01 ms after that.
+    /// What comes after a message that is no reply is none either. Of 16 messages, only the first
+    /// is a reply: they are a stream.
+    #[test]
+    fn messages_that_follow_at_once_belong_to_the_reply() {
+        let marked = |ends: &[u64]| -> Vec<bool> {
+            let mut answers: Vec<Message> = ends.iter().map(|&end| message(end)).collect();
+            mark_replies(&mut answers, LINE);
+            answers.iter().map(|message| message.is_reply).collect()
+        };
+        let ends = [10_000, 30_030, 50_070, 50_100];
+        assert_eq!(marked(&ends), [true, true, false, false]);
+        let close = |count: u64| (1..=count).map(|n| n * 1_000).collect::<Vec<_>>();
+        assert!(marked(&close(15)).iter().all(|is_reply| *is_reply));
+        let stream = marked(&close(16));
+        assert_eq!((stream[0], stream[1..].contains(&true)), (true, false));
+    }
+
+    /// Messages behind the reply come by themselves if they follow two different requests, or the
+    /// same one in different numbers.
+    #[test]
+    fn messages_of_the_device_itself_follow_any_request() {
+        let pushed = |list: &[(&str, usize)]| -> Vec<Vec<bool>> {
+            let exchange = |&(request, count): &(&str, usize)| {
+                let mut answers = vec![message(0); 1 + count];
+                answers[0].is_reply = true;
+                Exchange {
+                    request: request.as_bytes().to_vec(),
+                    answers,
+                    ..Exchange::default()
+                }
+            };
+            let mut exchanges: Vec<Exchange> = list.iter().map(exchange).collect();
+            let kinds: Vec<Vec<Vec<u8>>> = list
+                .iter()
+                .map(|&(_, count)| {
+                    let mut kinds = vec![b"T".to_vec(); 1 + count];
+                    kinds[0] = b"R".to_vec();
+                    kinds
+                })
+                .collect();
+            mark_pushed(&mut exchanges, &kinds);
+            let all = exchanges.iter();
+            all.map(|one| one.answers.iter().map(|it| it.is_pushed).collect())
+                .collect()
+        };
+        assert_eq!(
+            pushed(&[("a", 1), ("b", 1)]),
+            [[false, true], [false, true]]
+        );
+        assert_eq!(
+            pushed(&[("a", 1), ("a", 1)]),
+            [[false, false], [false, false]]
+        );
+        let two = [vec![false, true], vec![false, true, true]];
+        assert_eq!(pushed(&[("a", 1), ("a", 2)]), two);
+        assert_eq!(
+            pushed(&[("a", 0), ("b", 1)]),
+            [vec![false], vec![false, false]]
+        );
+    }
+
+    #[test]
+    fn a_reply_without_a_byte_is_not_sound() {
+        let answers = |is_reply| {
+            let mut message = message(0);
+            message.is_reply = is_reply;
+            [message]
+        };
+        assert!(is_sound(&answers(true), Cut::Gaps));
+        assert!(!is_sound(&answers(false), Cut::Gaps) && !is_sound(&[], Cut::Gaps));
+    }
+
+    /// Gaps of 30 and 70 ms between requests, and 10 ms from the opening to the first one.
+    #[test]
+    fn the_longest_gap_counts_from_the_opening() {
+        let script = |requests: &[u64], opened: u64| {
+            let mut passage = Passage {
+                link: "port".to_owned(),
+                baud: LINE.baud,
+                opened: vec![Instant::from_millis(opened)],
+                ..Passage::default()
+            };
+            for &at in requests {
+                passage.sent.push(Instant::from_millis(at), b"\x80\x01");
+            }
+            Script::of(&passage, &(Instant::ZERO..Instant::from_secs(1)))
+        };
+        let gap = |requests: &[u64], opened| script(requests, opened).longest_gap;
+        assert_eq!(gap(&[20, 50, 120], 10), us(70_000));
+        assert_eq!(gap(&[120, 150], 10), us(110_000));
+        assert_eq!(gap(&[], 10), us(0));
+        let bytes: Vec<usize> = script(&[20, 50, 120], 10)
+            .exchanges
+            .iter()
+            .map(|one| one.byte)
+            .collect();
+        assert_eq!(bytes, [0, 2, 4]);
+    }
+}

@@ -123,3 +123,96 @@ pub(super) fn kind(cut: Cut, message: &[Piece]) -> Vec<u8> {
         Cut::Gaps => bytes.iter().take(2).copied().collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn message(at: u64, bytes: &[u8]) -> Vec<Piece> {
+        vec![Piece {
+            at: ms(at),
+            arrived: ms(at),
+            bytes: bytes.to_vec(),
+        }]
+    }
+
+    /// Which of these messages, by their times and bytes, are unsolicited beside these requests.
+    fn free(messages: &[(u64, &[u8])], requests: &[u64]) -> Vec<bool> {
+        let messages: Vec<_> = messages
+            .iter()
+            .map(|&(at, bytes)| message(at, bytes))
+            .collect();
+        let requests: Vec<Instant> = requests.iter().map(|&at| ms(at)).collect();
+        are_unsolicited(Cut::Gaps, &messages, &requests)
+    }
+
+    /// Two messages of a kind before the first request, or one of them and four in all.
+    #[test]
+    fn a_kind_that_comes_before_any_request_is_unsolicited() {
+        let times = |list: &[u64]| list.iter().map(|&at| (at, &b"ab"[..])).collect::<Vec<_>>();
+        assert_eq!(free(&times(&[10, 20, 100, 130]), &[50]), [true; 4]);
+        assert_eq!(free(&times(&[10, 60, 110]), &[50]), [false; 3]);
+        assert_eq!(free(&times(&[10, 60, 110, 160]), &[50]), [true; 4]);
+        assert_eq!(free(&times(&[60, 110, 160, 210]), &[50]), [false; 4]);
+        assert_eq!(
+            free(&times(&[50, 100, 150, 200]), &[50]),
+            [false; 4],
+            "at its end"
+        );
+        assert_eq!(free(&times(&[10, 20]), &[]), [false; 2], "no request");
+    }
+
+    /// The period is 100 ms. A message between two of them that follows a request is its answer if
+    /// the two are a period apart, to a quarter of it.
+    #[test]
+    fn a_message_more_than_the_period_has_is_an_answer() {
+        let extra = |times: &[u64], requests: &[u64]| {
+            let [times, requests] =
+                [times, requests].map(|list| list.iter().map(|&at| ms(at)).collect::<Vec<_>>());
+            additional(&times, &requests)
+        };
+        let times = [0, 100, 200, 300, 340, 400, 500];
+        let only = |index: usize| (0..7).map(|at| at == index).collect::<Vec<_>>();
+        assert_eq!(extra(&times, &[310]), only(4));
+        assert_eq!(extra(&times, &[340]), only(4), "with it");
+        assert_eq!(extra(&times, &[300]), only(9), "with the one before");
+        assert_eq!(extra(&times, &[341]), only(9));
+        assert_eq!(extra(&times, &[]), only(9));
+        let late = |at| [0, 100, 200, 300, 340, at, at + 100, at + 200];
+        assert_eq!(extra(&late(425), &[310])[4..6], [true, false]);
+        assert_eq!(extra(&late(426), &[310])[4..6], [false, false]);
+        assert_eq!(extra(&[5], &[1]), [false]);
+        // Not two answers in a row: the second message is that of the period.
+        let dense = [0, 100, 200, 250, 300, 350, 400, 500, 600, 700];
+        let found = extra(&dense, &[210, 260, 310]);
+        let places: Vec<usize> = (0..dense.len()).filter(|&at| found[at]).collect();
+        assert_eq!(places, [3, 5]);
+    }
+
+    /// At most four bytes; one message has no head.
+    #[test]
+    fn a_head_is_what_early_messages_have_in_common() {
+        let messages = [&b"abcdefg"[..], b"abcdxyz", b"abQ"].map(|bytes| message(0, bytes));
+        let head = |indices: &[usize]| common_head(&messages, indices);
+        assert_eq!(head(&[0, 1]), b"abcd");
+        assert_eq!(
+            (head(&[0, 1, 2]), head(&[0]), head(&[])),
+            (b"ab".to_vec(), vec![], vec![])
+        );
+    }
+
+    #[test]
+    fn a_kind_is_the_first_word_or_the_first_two_bytes() {
+        let kind = |cut, bytes: &[u8]| kind(cut, &message(0, bytes));
+        assert_eq!(kind(Cut::Lines(b'\n'), b"$GPRMC,1\n"), b"$GPRMC");
+        assert_eq!(kind(Cut::Lines(b'\n'), b"5 V\n"), b"");
+        assert_eq!(
+            (kind(Cut::Gaps, b"abc"), kind(Cut::Gaps, b"a")),
+            (b"ab".to_vec(), b"a".to_vec())
+        );
+    }
+}

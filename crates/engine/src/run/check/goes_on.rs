@@ -106,3 +106,81 @@ pub fn is_done(checks: &[Check]) -> bool {
     let mut of_work = checks.iter().filter(|check| says(check)).peekable();
     of_work.peek().is_some() && of_work.all(|check| check.status == Status::Pass)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn broken(rule: &'static str, count: u64, last_s: u64) -> OwnBreaks {
+        OwnBreaks {
+            device: "meter".to_owned(),
+            rule,
+            count,
+            explained: 0,
+            first: Some((Instant::ZERO, "asked address 7".to_owned())),
+            last: Some(Instant::from_secs(last_s)),
+        }
+    }
+
+    /// With nothing in return, one frame that was not understood is enough. Otherwise there have to
+    /// be three, and one for each 16 sent bytes.
+    #[test]
+    fn frames_that_were_not_understood_are_an_error_if_they_are_many() {
+        assert!(!is_misunderstood(0, 9, 0) && is_misunderstood(1, 900, 0));
+        assert!(!is_misunderstood(2, 9, 5) && is_misunderstood(3, 48, 5));
+        assert!(!is_misunderstood(3, 49, 5) && is_misunderstood(4, 64, 5));
+    }
+
+    #[test]
+    fn requests_that_a_device_refused_are_counted() {
+        let all = [
+            broken("bad-checksum", 2, 0),
+            broken("too-soon", 9, 0),
+            broken("unknown-register", 3, 0),
+        ];
+        assert_eq!((misunderstood(&all), misunderstood(&[])), (5, 0));
+    }
+
+    /// Three requests to a wrong address, the last of them in the last quarter of the run.
+    #[test]
+    fn requests_to_nobody_are_told_if_they_last() {
+        let at = |rule, count, last| astray(&[broken(rule, count, last)], Instant::from_secs(40));
+        let words = "3 times it asked address 7, on meter";
+        assert_eq!(at("wrong-address", 3, 30).as_deref(), Some(words));
+        assert_eq!(at("wrong-address", 3, 29), None);
+        assert_eq!(
+            (at("wrong-address", 2, 40), at("bad-checksum", 9, 40)),
+            (None, None)
+        );
+    }
+
+    #[test]
+    fn work_is_done_if_all_its_checks_have_passed() {
+        let check = |name: &str, passed| Check::new(name, passed, "");
+        let done = |list: &[(&str, bool)]| {
+            let checks: Vec<Check> = list
+                .iter()
+                .map(|&(name, passed)| check(name, passed))
+                .collect();
+            is_done(&checks)
+        };
+        assert!(done(&[("waypoints-visited", true), ("other", false)]));
+        assert!(done(&[
+            ("mission-step-2", true),
+            ("returned", true),
+            ("home", true)
+        ]));
+        assert!(!done(&[("other", true)]) && !done(&[]));
+        assert!(!done(&[("at-work-again", false), ("home", true)]));
+    }
+
+    /// A rule or a step of the scenario that passed has observed the program.
+    #[test]
+    fn a_program_that_no_device_hears_is_observed_by_rules() {
+        let check = |name: &str, passed| [Check::new(name, passed, "")];
+        assert!(unheard(&check("rule-answers", true)).is_none());
+        assert!(unheard(&check("mission-step-1", true)).is_none());
+        assert!(unheard(&check("rule-answers", false)).is_some());
+        assert!(unheard(&check("other", true)).is_some() && unheard(&[]).is_some());
+    }
+}

@@ -231,3 +231,196 @@ fn meaning(what: &What) -> (bool, String) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::BUS_HIGH_FIRST;
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    /// A section of a link to a device: chunks with their milliseconds; the first byte has the
+    /// number 100.
+    fn tail(chunks: &[(u64, &[u8])]) -> Tail {
+        let (mut bytes, mut pieces) = (Vec::new(), Vec::new());
+        for &(millis, chunk) in chunks {
+            bytes.extend_from_slice(chunk);
+            pieces.push(Piece {
+                end: 100 + bytes.len() as u64,
+                at: at(millis),
+                is_hit: false,
+            });
+        }
+        Tail {
+            link: "port".to_owned(),
+            way: Direction::ToDevice,
+            kind: LinkKind::Uart,
+            codec: None,
+            is_whole: true,
+            from: 100,
+            until: at(1_000_000),
+            bytes,
+            pieces,
+            primer: Vec::new(),
+            pauses: Vec::new(),
+        }
+    }
+
+    /// Beginnings and ends of frames, from the first byte of the section on.
+    fn places(tail: &Tail) -> Vec<[u64; 2]> {
+        let all = tail.placed().into_iter();
+        all.map(|one| [one.place.start, one.place.end].map(|at| at - 100))
+            .collect()
+    }
+
+    /// Bytes are parted by more than 50 ms; those before the section's first pause are left out if
+    /// the section does not begin with the first byte.
+    #[test]
+    fn bytes_of_an_unknown_protocol_are_parted_by_pauses() {
+        let mut parted = tail(&[(10, &[1, 2]), (60, &[3]), (111, &[4])]);
+        assert_eq!(places(&parted), [[0, 3], [3, 4]]);
+        let frames = parted.frames();
+        let told: Vec<_> = frames
+            .iter()
+            .map(|one| (one.at_ns, &*one.bytes, one.way))
+            .collect();
+        let expected = [
+            (60_000_000, "010203", "to-device"),
+            (111_000_000, "04", "to-device"),
+        ];
+        assert_eq!(told, expected);
+        parted.is_whole = false;
+        assert_eq!(places(&parted), [[3, 4]]);
+        let mut alone = tail(&[(10, &[1, 2])]);
+        alone.is_whole = false;
+        assert_eq!(places(&alone), [[0, 2]]);
+    }
+
+    /// The last bytes may go on until 50 ms have passed.
+    #[test]
+    fn the_last_bytes_are_settled_after_a_pause() {
+        let settled = |until_ms: u64| {
+            let mut tail = tail(&[(10, &[1]), (100, &[2])]);
+            tail.until = at(until_ms);
+            tail.placed()
+                .iter()
+                .map(|one| one.is_settled)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (settled(150), settled(151)),
+            (vec![true, false], vec![true, true])
+        );
+        // A part with 256 further bytes behind it does not change.
+        let mut long = tail(&[(10, &[7; 600])]);
+        long.until = at(10);
+        let settled: Vec<bool> = long.placed().iter().map(|one| one.is_settled).collect();
+        assert_eq!(settled, [true, false, false]);
+    }
+
+    /// On a datagram link each chunk is a message of its own.
+    #[test]
+    fn messages_are_not_parted() {
+        let mut tail = tail(&[(10, b"a\nb"), (10, b"c"), (11, &[7; 600])]);
+        (tail.kind, tail.until, tail.is_whole) = (LinkKind::Datagram, at(11), false);
+        assert_eq!(places(&tail), [[0, 3], [3, 4], [4, 604]]);
+        assert!(tail.placed().iter().all(|one| one.is_settled));
+    }
+
+    /// A quarter of a line may be strange. A carriage return ends a line unless a line feed
+    /// follows; binary data is split after 256 bytes.
+    #[test]
+    fn lines_of_text_are_parts() {
+        let parts = |bytes: &[u8]| places(&tail(&[(10, bytes)]));
+        assert_eq!(parts(b"ab\ncd\r\ne\rf"), [[0, 3], [3, 7], [7, 9], [9, 10]]);
+        assert_eq!(parts(b"a\xFF\xFF\xFFbcdefgh\nx"), [[0, 12], [12, 13]]);
+        assert_eq!(
+            parts(b"a\xFF\xFF\xFFbcdefg\nx"),
+            [[0, 12]],
+            "more than a quarter"
+        );
+        assert_eq!(parts(&[0xFF; 257]), [[0, 256], [256, 257]]);
+        assert_eq!(parts(&[0xFF; 256])[..], [[0, 256]]);
+    }
+
+    /// Bytes of the other direction part data, but no line of text that has its end.
+    #[test]
+    fn the_other_direction_parts_what_is_no_line() {
+        let turned = |chunks: &[(u64, &[u8])], others: &[u64]| {
+            let mut tail = tail(chunks);
+            let piece = |&millis: &u64| Piece {
+                end: 0,
+                at: at(millis),
+                is_hit: false,
+            };
+            tail.pause_where(&others.iter().map(piece).collect());
+            (tail.pauses.len(), places(&tail))
+        };
+        let data: [(u64, &[u8]); 3] = [(10, &[1]), (20, &[2]), (30, &[3])];
+        assert_eq!(turned(&data, &[15]), (1, vec![[0, 1], [1, 3]]));
+        assert_eq!(turned(&data, &[20]), (1, vec![[0, 2], [2, 3]]));
+        assert_eq!(turned(&data, &[5, 9, 31]), (0, vec![[0, 3]]));
+        assert_eq!(turned(&data, &[10, 30]), (2, vec![[0, 1], [1, 3]]));
+        let text: [(u64, &[u8]); 3] = [(10, b"a"), (20, b"b"), (30, b"c\n")];
+        assert_eq!(turned(&text, &[15, 25]), (2, vec![[0, 4]]));
+        let open: [(u64, &[u8]); 2] = [(10, b"a"), (20, b"b")];
+        assert_eq!(turned(&open, &[15]), (1, vec![[0, 1], [1, 2]]));
+    }
+
+    /// A hit belongs to the frame with its chunk.
+    #[test]
+    fn a_frame_is_hit_if_one_of_its_chunks_is() {
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        let hit = |piece: usize| {
+            let mut tail = tail(&[(10, &frame[..2]), (11, &frame[2..]), (12, &frame)]);
+            tail.codec = Some(&BUS_HIGH_FIRST);
+            tail.pieces[piece].is_hit = true;
+            let frames = tail.frames();
+            assert_eq!(
+                frames.iter().map(|one| one.at_ns).collect::<Vec<_>>(),
+                [11_000_000, 12_000_000]
+            );
+            frames.iter().map(|one| one.is_hit).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            [hit(0), hit(1), hit(2)],
+            [[true, false], [true, false], [false, true]]
+        );
+    }
+
+    /// A frame in two parts is one unless the decoder loses its patience between them. The
+    /// beginning of a section may be the rest of a frame, which is no error.
+    #[test]
+    fn frames_of_a_known_protocol_are_whole() {
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        let patience = u64::try_from(BUS_HIGH_FIRST.idle().as_millis()).expect("short");
+        let bad = |pause: u64| {
+            let mut tail = tail(&[(10, &frame[..2]), (10 + pause, &frame[2..])]);
+            tail.codec = Some(&BUS_HIGH_FIRST);
+            tail.frames()
+                .iter()
+                .map(|one| one.is_bad)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(bad(patience), [false]);
+        assert!(bad(patience + 1).iter().all(|is_bad| *is_bad));
+        let cut = |is_whole: bool| {
+            let mut tail = tail(&[(10, &[0x0A, 0x00, 0xD9]), (11, &frame)]);
+            (tail.codec, tail.is_whole) = (Some(&BUS_HIGH_FIRST), is_whole);
+            tail.frames()
+                .iter()
+                .map(|one| one.is_bad)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!((cut(true), cut(false)), (vec![true, false], vec![false]));
+        // The frame of a device that fell silent is known to be cut off after a while.
+        let silent = |until: u64| {
+            let mut tail = tail(&[(10, &frame[..2])]);
+            (tail.codec, tail.until) = (Some(&BUS_HIGH_FIRST), at(until));
+            tail.frames().len()
+        };
+        assert_eq!((silent(10 + patience), silent(11 + patience)), (0, 1));
+    }
+}

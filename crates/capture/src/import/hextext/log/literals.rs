@@ -177,3 +177,76 @@ pub(super) fn pieces(text: &str, forms: Forms) -> Vec<Piece> {
     }
     pieces
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(text: &str) -> Vec<(Vec<u8>, Option<bool>)> {
+        let pieces = pieces(text, Forms::ALL).into_iter();
+        pieces
+            .map(|piece| (piece.bytes, piece.prefix.is_sent))
+            .collect()
+    }
+
+    #[test]
+    fn literals_and_lists_are_found_in_their_order() {
+        let (a, list) = (b"a".to_vec(), vec![1, 2]);
+        assert_eq!(
+            found("x b'a' [1, 2]"),
+            [(a.clone(), None), (list.clone(), None)]
+        );
+        assert_eq!(found("x [1, 2] b\"a\""), [(list, None), (a, None)]);
+        let both = "sent b'AT\\r', got b'O\\x4b'";
+        let expected = [
+            (b"AT\r".to_vec(), Some(true)),
+            (b"OK".to_vec(), Some(false)),
+        ];
+        assert_eq!(found(both), expected);
+        assert_eq!(found("sent b'1' b'2'")[1], (b"2".to_vec(), Some(true)));
+        // The b of a word is no mark, nor is a literal without its end one.
+        assert_eq!(found("ab'x' b'open \\q' b'"), []);
+        assert_eq!(found("b'\u{e4}'"), []);
+    }
+
+    #[test]
+    fn a_piece_tells_what_stands_around_it() {
+        let one = |text: &str| pieces(text, Forms::ALL).remove(0);
+        let bare = one("  b'ab'");
+        assert_eq!(
+            (bare.is_bare, bare.evident, bare.has_marks),
+            (true, 2, true)
+        );
+        assert!(!one("x b'ab'").is_bare && !one("x b'ab'").is_cut);
+        assert!(one("b'ab'...").is_cut);
+        assert_eq!(one("3 bytes: b'ab'").told, Some(3));
+        assert!(!pieces("b'a' b'b'", Forms::ALL)[1].is_bare);
+        assert!(pieces("b'ab' [1, 2]", Forms::default()).is_empty());
+    }
+
+    /// Lists are decimal if none of them has numbers as 0A or 05.
+    #[test]
+    fn lists_are_decimal_unless_one_is_hex() {
+        let has = |texts: &[&str]| Forms::of(texts.iter().copied()).has_lists;
+        assert!(has(&["sent [1, 3, 0, 255]"]) && has(&["[-1 127]"]));
+        assert!(!has(&["[10, 20]", "[0A, 05]"]) && has(&["[10, 20]", "[a word]"]));
+        for list in ["5", "01, 03", "256, 1", "+1, 2", "-129, 1", "1, x", ""] {
+            assert_eq!(decimals(list), None, "{list}");
+        }
+        assert_eq!(
+            decimals("0, -1, -128, 255"),
+            Some(vec![0, 0xFF, 0x80, 0xFF])
+        );
+        assert_eq!(
+            (hex_list("0A, 05"), hex_list("0A"), hex_list("A, 5")),
+            (Some(vec![10, 5]), None, None)
+        );
+    }
+
+    /// Digits alone in quotes may be digits.
+    #[test]
+    fn a_literal_of_digits_is_none() {
+        let literals = ["b'4142'", "b''", "b'xyz'", "b'4142' b'zz'", "no"].map(is_in);
+        assert_eq!(literals, [false, false, true, true, false]);
+    }
+}

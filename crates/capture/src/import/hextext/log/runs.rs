@@ -127,3 +127,65 @@ pub(super) fn best(text: &str) -> Option<Run> {
     last.filter(|run| run.has_marks || is_head(&text[..run.start]))
         .or_else(|| all.into_iter().rev().max_by_key(|run| run.bytes.len()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Bytes and place of each run.
+    fn found(text: &str) -> Vec<(Vec<u8>, &str)> {
+        let runs = runs(text).into_iter();
+        runs.map(|run| (run.bytes, &text[run.start..run.end]))
+            .collect()
+    }
+
+    #[test]
+    fn numbers_of_one_kind_with_a_small_gap_are_a_run() {
+        for (text, expected) in [
+            ("read 01 02 0A.", vec!["01 02 0A"]),
+            ("01, 02,0A", vec!["01, 02,0A"]),
+            ("01:02-0A|04;05", vec!["01:02-0A|04;05"]),
+            ("01   02", vec!["01   02"]),
+            ("01    02", vec!["01", "02"]),
+            ("01 : 02", vec!["01", "02"]),
+            ("01 0x02", vec!["01", "0x02"]),
+            ("0x1 0X02 0xfF", vec!["0x1 0X02 0xfF"]),
+            ("0102 03", vec!["0102", "03"]),
+            ("0102030405060708 09", vec!["0102030405060708 09"]),
+            ("0102030405060708, 09", vec!["0102030405060708", "09"]),
+            ("abcdef 12345 123 1", vec![]),
+            ("0x 0x123", vec![]),
+            ("01 word 02", vec!["01", "02"]),
+            ("v1.02 x_01", vec![]),
+        ] {
+            let places: Vec<&str> = found(text).into_iter().map(|(_, place)| place).collect();
+            assert_eq!(places, expected, "{text}");
+        }
+        assert_eq!(found("a 0102 b")[0].0, [1, 2]);
+    }
+
+    #[test]
+    fn evident_digits_and_marks_of_a_run_are_counted() {
+        let of = |text: &str| {
+            let run = runs(text).remove(0);
+            (run.evident, run.has_marks, run.is_pairs)
+        };
+        assert_eq!(of("AB 12 C4"), (2, false, true));
+        assert_eq!(of("ab12c4"), (2, false, false));
+        assert_eq!(of("0x12 0x01"), (2, true, false));
+    }
+
+    /// Of several runs, the one behind a direction, the one at the end, or the longest.
+    #[test]
+    fn the_bytes_of_a_line_are_its_best_run() {
+        let of = |text: &str| best(text).map(|run| run.bytes);
+        assert_eq!(of("len 05 data 01 02 03 04"), Some(vec![1, 2, 3, 4]));
+        assert_eq!(
+            of("TX 01 02 len 09 08 07 06 05 x"),
+            Some(vec![9, 8, 7, 6, 5])
+        );
+        assert_eq!(of("TX 01 02 03 len 09 08 07 06 05 x"), Some(vec![1, 2, 3]));
+        assert_eq!(of("word 01 02 03 word 04 word"), Some(vec![1, 2, 3]));
+        assert_eq!(of("no bytes"), None);
+    }
+}

@@ -17,3 +17,26 @@ pub(super) fn told(text: &str) -> Option<usize> {
         _ => None,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_states_its_number_of_bytes() {
+        for (text, count) in [
+            ("wrote 5 bytes:", Some(5)),
+            ("1 byte", Some(1)),
+            ("Length 5: ", Some(5)),
+            ("len=6", Some(6)),
+            ("size 7", Some(7)),
+            ("count: 8", Some(8)),
+            ("expecting 9 bytes", None),
+            ("2 of 3 bytes", None),
+            ("bytes 5", None),
+            ("5", None),
+        ] {
+            assert_eq!(told(text), count, "{text}");
+        }
+    }
+}

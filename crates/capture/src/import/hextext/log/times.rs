@@ -81,3 +81,57 @@ fn zone_len(bytes: &[u8]) -> usize {
     let is_zone = |form: &&&str| fits(bytes, form) && is_end(&bytes[form.len()..]);
     forms.iter().find(is_zone).map_or(0, |form| form.len())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Masked characters as stars.
+    fn stars(text: &str) -> String {
+        masked(text).replace(MASK, "*")
+    }
+
+    #[test]
+    fn dates_and_times_of_day_are_masked() {
+        for (text, length) in [
+            ("2026-11-21 07:58:48.5 AB", 21),
+            ("2026/11/21 AB", 10),
+            ("21.11.2026T07:58:48 AB", 19),
+            ("21/11/2026 07:58:48Z AB", 20),
+            ("07:58:48.5 AB", 10),
+            ("07:58:48,501 AB", 12),
+            ("07:58:48:501 AB", 12),
+            ("07:58:48.5+02:00 AB", 16),
+            ("07:58:48.5-02:00 AB", 16),
+            ("07:58:48.5+0530 AB", 15),
+            ("07:58:48.5-0530 AB", 15),
+            ("07:58:48.5+02 AB", 13),
+            ("07:58:48.5-02", 13),
+            ("07:58:48.5Z", 11),
+        ] {
+            let expected = "*".repeat(length) + &text[length..];
+            assert_eq!(stars(text), expected, "{text}");
+            assert_eq!(stars(&format!("[{text}")), format!("[{expected}"), "{text}");
+        }
+        assert_eq!(stars("07:58:48.5 x 07:58:49.5"), "********** x **********");
+    }
+
+    /// Three pairs may be bytes, and so may what follows a letter or goes on after a sign.
+    #[test]
+    fn what_may_be_bytes_is_not_masked() {
+        for text in [
+            "07:58:48 AB",
+            "07:58:48. AB",
+            "07:58:48:50 AB",
+            "07:58:48.5-AB",
+            "07:58:48.5:11",
+            "x07:58:48.5",
+            "2026-11-21-05",
+            "2026-11-21a",
+            "07:58 48.5",
+            "2026-11-2",
+        ] {
+            assert_eq!(stars(text), text);
+        }
+    }
+}

@@ -71,3 +71,43 @@ fn is_action_of_host(word: &str) -> bool {
     .iter()
     .any(|action| word.starts_with(action))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_say_a_direction() {
+        for word in SENT.iter().chain(&["tx1", "bytessent", "presend"]) {
+            assert_eq!(direction(word), Some(true), "{word}");
+        }
+        for word in RECEIVED.iter().chain(&["rx2", "justreceived", "xrecv"]) {
+            assert_eq!(direction(word), Some(false), "{word}");
+        }
+        assert_eq!(direction("port"), None);
+    }
+
+    /// A slave that sends is received by the host; what is read from it is, too.
+    #[test]
+    fn the_last_word_and_the_end_it_belongs_to_count() {
+        let told = |text: &str| {
+            let words: Vec<String> = text.split(' ').map(str::to_owned).collect();
+            told_by(&words)
+        };
+        for (text, expected) in [
+            ("tx then rx", Some(false)),
+            ("rx then tx", Some(true)),
+            ("slave sent", Some(false)),
+            ("slave2 recv", Some(true)),
+            ("server tx", Some(false)),
+            ("slave read", Some(false)),
+            ("server writes", Some(true)),
+            ("slave request", Some(true)),
+            ("server reply", Some(false)),
+            ("sent slave", Some(true)),
+            ("a port", None),
+        ] {
+            assert_eq!(told(text), expected, "{text}");
+        }
+    }
+}

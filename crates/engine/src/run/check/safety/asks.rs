@@ -245,3 +245,133 @@ impl Checker for AsksAgain {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::BUS_HIGH_FIRST;
+
+    /// A reply answers the request that begins with its first byte.
+    fn ear() -> Ear {
+        let codec = &BUS_HIGH_FIRST;
+        Ear {
+            link: 0,
+            asking: Asking {
+                link: "bus",
+                is_answer: |request, reply| request.first() == reply.first(),
+                counter: "answers",
+            },
+            codec,
+            frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
+            heard_at: Instant::ZERO,
+            open: None,
+            damaged: 0,
+            paused_until: Instant::ZERO,
+            paused: 0,
+            requests: 0,
+            replies: 0,
+            unanswered: 0,
+            repeated: 0,
+        }
+    }
+
+    fn ask(ear: &mut Ear, requests: &str) {
+        for request in requests.bytes() {
+            ear.ask(Instant::from_secs(1), vec![request]);
+        }
+    }
+
+    /// Each unanswered request counts once, whether it is repeated or not.
+    #[test]
+    fn unanswered_and_repeated_requests_are_counted() {
+        let counts = |requests: &str| {
+            let mut ear = ear();
+            ask(&mut ear, requests);
+            [ear.requests, ear.unanswered, ear.repeated]
+        };
+        assert_eq!(counts("a"), [1, 0, 0]);
+        assert_eq!(counts("aa"), [2, 1, 1]);
+        assert_eq!(counts("aaa"), [3, 1, 1]);
+        assert_eq!(counts("aab"), [3, 1, 1]);
+        assert_eq!(counts("ab"), [2, 1, 0]);
+        assert_eq!(counts("abb"), [3, 2, 1]);
+    }
+
+    #[test]
+    fn a_reply_answers_one_request() {
+        let mut ear = ear();
+        ask(&mut ear, "a");
+        ear.answer(b"b");
+        assert_eq!((ear.replies, ear.open.is_some()), (0, true));
+        ear.answer(b"a1");
+        ear.answer(b"a2");
+        assert_eq!((ear.replies, ear.open.is_some()), (1, false));
+        ask(&mut ear, "b");
+        assert_eq!(ear.unanswered, 0, "the first one was answered");
+    }
+
+    /// Requests in the 200 ms after a pause of the line are not judged.
+    #[test]
+    fn requests_that_waited_for_the_line_are_not_judged() {
+        let mut ear = ear();
+        ear.paused_until = Instant::from_millis(1_001);
+        ask(&mut ear, "aa");
+        ear.paused_until = Instant::from_secs(1);
+        assert_eq!((ear.paused, ear.unanswered), (2, 0));
+        ask(&mut ear, "b");
+        assert_eq!((ear.paused, ear.unanswered), (2, 0), "it follows a pause");
+        ask(&mut ear, "c");
+        assert_eq!(ear.unanswered, 1);
+    }
+
+    /// Of twelve unanswered requests half have to be repeated; of fewer nothing is said. The
+    /// program may count 4 answers more than the rig, one more of 50, one more for each request in
+    /// a pause, and one more for each five damaged deliveries.
+    #[test]
+    fn shares_and_counts_contradict_from_their_limits_on() {
+        let told = |unanswered, repeated| {
+            let ear = Ear {
+                unanswered,
+                repeated,
+                ..ear()
+            };
+            ear.contradiction(None)
+        };
+        assert_eq!((told(11, 0), told(12, 6)), (None, None));
+        let words = "of 12 unanswered requests 5 were repeated";
+        assert_eq!(told(12, 5).as_deref(), Some(words));
+        let counted = |damaged, paused, counted| {
+            let ear = Ear {
+                replies: 100,
+                damaged,
+                paused,
+                ..ear()
+            };
+            ear.contradiction(Some(counted))
+        };
+        assert_eq!(
+            (counted(0, 0, 106), counted(10, 0, 108), counted(4, 3, 109)),
+            (None, None, None)
+        );
+        let words = "the program counts 107 answers, 100 fitting ones arrived";
+        assert_eq!(counted(0, 0, 107).as_deref(), Some(words));
+        assert!(counted(10, 0, 109).is_some() && counted(4, 3, 110).is_some());
+    }
+
+    /// Requests and replies are frames on their lines. A reply in two parts with a pause of more
+    /// than the decoder's patience between them is none.
+    #[test]
+    fn frames_are_taken_from_both_directions() {
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        let at = Instant::from_millis;
+        let idle = BUS_HIGH_FIRST.idle();
+        for (pause, replies) in [(idle, 1), (idle + Duration::from_millis(1), 0)] {
+            let mut ear = ear();
+            ear.take(Direction::ToDevice, at(1_000), &frame);
+            assert_eq!((ear.requests, ear.replies), (1, 0));
+            ear.take(Direction::ToMaster, at(1_010), &frame[..2]);
+            ear.take(Direction::ToMaster, at(1_010) + pause, &frame[2..]);
+            assert_eq!((ear.requests, ear.replies), (1, replies));
+        }
+    }
+}

@@ -113,3 +113,49 @@ impl Undisturbed {
         self.calm.renew(faults, rig);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A fault from 2 to 3 s, whose effects last to 8 s, and one from 20 s on for ever.
+    #[test]
+    fn it_is_calm_before_a_fault_and_behind_its_effects() {
+        let at = Instant::from_secs;
+        let calm = Calm {
+            faults: vec![(at(2), Some(at(3) + EFFECTS)), (at(20), None)],
+            ..Calm::default()
+        };
+        let seconds = [0, 1, 2, 5, 7, 8, 19, 20, 999];
+        let found = seconds.map(|second| calm.is(at(second)));
+        assert_eq!(
+            found,
+            [true, true, false, false, false, true, true, false, false]
+        );
+        let longer = calm.clone().longer_by(Duration::from_secs(2));
+        assert_eq!([9, 10].map(|second| longer.is(at(second))), [false, true]);
+        assert_eq!(longer.more, Duration::from_secs(2));
+        assert_eq!((calm.first(), Calm::default().first()), (Some(at(2)), None));
+        assert!(Calm::default().is(at(0)));
+    }
+
+    /// The earlier of a hit and a fault ends it.
+    #[test]
+    fn the_first_hit_or_fault_disturbs() {
+        let at = Instant::from_secs;
+        let mut quiet = Undisturbed::default();
+        assert!(!quiet.is_over(at(999)));
+        quiet.hit_at(at(9));
+        quiet.hit_at(at(5));
+        quiet.hit_at(at(7));
+        assert_eq!(
+            [4, 5, 6].map(|second| quiet.is_over(at(second))),
+            [false, true, true]
+        );
+        quiet.calm.faults = vec![(at(3), Some(at(4)))];
+        assert_eq!(
+            [2, 3].map(|second| quiet.is_over(at(second))),
+            [false, true]
+        );
+    }
+}

@@ -268,3 +268,131 @@ impl Checker for CountsTrue {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::BUS_HIGH_FIRST;
+
+    fn watched() -> Watched {
+        let (codec, direction) = (&BUS_HIGH_FIRST, Direction::ToMaster);
+        Watched {
+            intake: Intake::new("base", |_| None),
+            ear: Shared::new(Ear {
+                link: 0,
+                direction,
+                codec,
+                counter: Counter::towards(codec, direction),
+                patient: Counter::towards(codec, direction),
+                heard_at: Instant::ZERO,
+                sound: 0,
+                patient_sound: 0,
+                damaged: 0,
+            }),
+            sound: VecDeque::new(),
+            accepted: 0,
+            calm: Calm::default(),
+            was_disturbed: false,
+            given_up: 0,
+            broken: None,
+        }
+    }
+
+    /// Valid frames and damaged ones on the line.
+    fn arrived(one: &Watched, sound: u64, damaged: u64) {
+        let mut ear = one.ear.lock();
+        (ear.sound, ear.damaged) = (sound, damaged);
+    }
+
+    /// Without damage the program may count two frames more; with damage twelve, a fifth of the
+    /// damaged ones and a fortieth of the valid ones.
+    #[test]
+    fn the_program_accepts_no_frame_that_did_not_arrive() {
+        let told = |sound, damaged, accepted| {
+            let mut one = watched();
+            arrived(&one, sound, damaged);
+            one.compare([accepted, 0], true)
+        };
+        assert_eq!(
+            (told(10, 0, 12), told(10, 1, 22), told(80, 10, 96)),
+            (None, None, None)
+        );
+        let words = "the program accepted 13 frames of base, 10 valid ones arrived";
+        assert_eq!(told(10, 0, 13).as_deref(), Some(words));
+        assert!(told(10, 1, 23).is_some() && told(80, 10, 97).is_some());
+    }
+
+    #[test]
+    fn the_program_rejects_few_frames_without_damage() {
+        let told = |damaged, rejected| {
+            let mut one = watched();
+            arrived(&one, 100, damaged);
+            one.compare([100, rejected], true)
+        };
+        assert_eq!((told(0, 40), told(1, 9_999)), (None, None));
+        let words = "the program rejected 41 frames of base, no damaged one arrived";
+        assert_eq!(told(0, 41).as_deref(), Some(words));
+    }
+
+    /// What the program has to know at the third look is what arrived up to the first.
+    fn third(mut one: Watched, [sound, damaged]: [u64; 2], accepted: u64) -> Option<String> {
+        arrived(&one, sound, damaged);
+        for _ in 0..2 {
+            assert_eq!(one.compare([accepted, 0], true), None);
+        }
+        one.compare([accepted, 0], true)
+    }
+
+    /// It may miss one frame of 50; of a fast stream, from 1000 frames on, an eighth, and a quarter
+    /// after a fault. After damage it may miss two more, and a quarter of the damaged ones.
+    #[test]
+    fn the_program_counts_what_arrived_a_second_before() {
+        let told = |arrived, accepted| third(watched(), arrived, accepted);
+        assert_eq!((told([100, 0], 98), told([1_000, 0], 875)), (None, None));
+        let words = "the program accepted 97 frames of base, 100 valid ones arrived at least 1 s \
+                     earlier";
+        assert_eq!(told([100, 0], 97).as_deref(), Some(words));
+        assert!(told([999, 0], 979).is_some() && told([1_000, 0], 874).is_some());
+        assert_eq!((told([100, 8], 94), told([1_000, 8], 746)), (None, None));
+        assert!(told([100, 8], 93).is_some() && told([1_000, 8], 745).is_some());
+        let mut ignores = watched();
+        ignores.intake.may_ignore = true;
+        assert_eq!(third(ignores, [100, 0], 0), None);
+    }
+
+    /// During a fault frames may be given up; later ones may not.
+    #[test]
+    fn frames_are_given_up_during_a_fault() {
+        let mut one = watched();
+        (one.was_disturbed, one.given_up) = (true, 0);
+        arrived(&one, 100, 0);
+        for is_calm in [true, true, false] {
+            assert_eq!(one.compare([50, 0], is_calm), None);
+        }
+        // 50 accepted, two more and two of 100: 46 were given up.
+        assert_eq!(one.given_up, 46);
+        assert_eq!(one.compare([50, 0], true), None);
+        arrived(&one, 110, 0);
+        assert_eq!(one.compare([50, 0], true), None);
+        assert_eq!(one.compare([50, 0], true), None);
+        assert!(one.compare([50, 0], true).is_some());
+    }
+
+    /// A frame whose bytes came with a pause is valid for the patient decoder only, which counts
+    /// after a fault.
+    #[test]
+    fn a_pause_within_a_frame_costs_it() {
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        let one = watched();
+        let mut ear = one.ear.lock();
+        let at = Instant::from_millis;
+        ear.take(at(10), &frame);
+        ear.take(at(20), &frame[..2]);
+        ear.take(at(21) + BUS_HIGH_FIRST.idle(), &frame[2..]);
+        assert_eq!((ear.sound, ear.patient_sound), (1, 2));
+        assert!(ear.damaged > 0);
+        let damaged = ear.damaged;
+        ear.disturb();
+        assert_eq!(ear.damaged, damaged + 1);
+    }
+}

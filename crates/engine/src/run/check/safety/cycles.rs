@@ -253,3 +253,147 @@ impl Checker for SendsInTime {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::BUS_HIGH_FIRST;
+
+    /// A row each 100 ms, twelve in a second at most, not in the mode "rest".
+    fn watched(is_always: bool) -> Watched {
+        let row = Cycle::new("pc", "row", Duration::from_millis(100), |_| true);
+        Watched {
+            cycle: Cycle {
+                at_most: 12,
+                is_always,
+                except: &["rest"],
+                ..row
+            },
+            ear: 0,
+            index: 0,
+            calm: Calm::default(),
+            count: 0,
+            since: Instant::ZERO + STARTS,
+            in_a_row: 0,
+            longest: Duration::ZERO,
+            second: (Instant::ZERO + STARTS, 0),
+            broken: None,
+        }
+    }
+
+    /// Observes counts at these milliseconds; returns the failure.
+    fn observed(one: &mut Watched, looks: &[(u64, u64)]) -> Option<(u64, String)> {
+        for &(millis, count) in looks {
+            one.observe(Instant::from_millis(millis), count, Some("drive"));
+        }
+        let (at, told) = one.broken.clone()?;
+        Some((at.as_millis(), told))
+    }
+
+    /// Nothing is judged in the first five seconds. Then a row may be 100 ms late.
+    #[test]
+    fn a_frame_that_is_late_is_told() {
+        let mut one = watched(true);
+        assert_eq!(observed(&mut one, &[(4_900, 0), (5_000, 0)]), None);
+        assert_eq!(
+            observed(&mut one, &[(5_001, 0)]),
+            Some((5_001, "no row for 101 ms".into()))
+        );
+        let mut one = watched(true);
+        let steady: Vec<(u64, u64)> = (49..80).map(|n| (n * 100, n)).collect();
+        assert_eq!(observed(&mut one, &steady), None);
+        assert_eq!(one.longest, Duration::from_millis(100));
+        assert_eq!(
+            observed(&mut one, &[(8_050, 79)]),
+            Some((8_050, "no row for 150 ms".into()))
+        );
+        // The first failure stays.
+        assert_eq!(
+            observed(&mut one, &[(9_000, 79)]),
+            Some((8_050, "no row for 150 ms".into()))
+        );
+    }
+
+    /// An optional frame is expected after eight in time.
+    #[test]
+    fn an_optional_frame_is_expected_after_some_in_a_row() {
+        let after = |in_time: u64| {
+            let mut one = watched(false);
+            let looks: Vec<(u64, u64)> = (0..=in_time).map(|n| (5_000 + n * 100, n)).collect();
+            observed(&mut one, &looks);
+            observed(&mut one, &[(7_000, in_time)])
+        };
+        assert_eq!((after(7), after(8).is_some()), (None, true));
+        // A late one begins anew.
+        let mut one = watched(false);
+        let looks: Vec<(u64, u64)> = (0..=6).map(|n| (5_000 + n * 100, n)).collect();
+        observed(&mut one, &looks);
+        let late: Vec<(u64, u64)> = (7..=14).map(|n| (5_101 + n * 100, n)).collect();
+        assert_eq!(observed(&mut one, &late), None);
+        assert_eq!(observed(&mut one, &[(9_000, 14)]), None);
+    }
+
+    #[test]
+    fn frames_of_each_second_are_limited() {
+        let of = |sent: u64| {
+            let mut one = watched(true);
+            let looks: Vec<(u64, u64)> =
+                (0..=10).map(|n| (5_000 + n * 100, n * sent / 10)).collect();
+            observed(&mut one, &looks)
+        };
+        assert_eq!(of(12), None);
+        let words = "13 times row in a second, expected at most 12";
+        assert_eq!(of(13), Some((6_000, words.into())));
+        let mut any = watched(true);
+        any.cycle.at_most = 0;
+        any.count_second(Instant::from_secs(6), 99);
+        assert_eq!(any.broken, None);
+    }
+
+    /// In a mode without such frames nothing is judged, and the time begins with its end.
+    #[test]
+    fn a_mode_without_these_frames_is_left_out() {
+        let mut one = watched(true);
+        for millis in [5_000, 5_900] {
+            one.observe(Instant::from_millis(millis), 3, Some("rest"));
+        }
+        assert_eq!(observed(&mut one, &[(6_000, 3)]), None);
+        assert_eq!(
+            observed(&mut one, &[(6_001, 3)]),
+            Some((6_001, "no row for 101 ms".into()))
+        );
+    }
+
+    /// Frames are counted by kind. A frame that equals the last one of its kind was repeated.
+    #[test]
+    fn frames_of_each_kind_are_counted() {
+        let codec = &BUS_HIGH_FIRST;
+        let kind = |is: Is| Kind {
+            is,
+            count: 0,
+            last: Vec::new(),
+            repeated: 0,
+        };
+        let mut ear = Ear {
+            link: 0,
+            name: "base",
+            codec,
+            frames: FrameBytes::towards(codec, Direction::ToDevice),
+            sent_at: Instant::ZERO,
+            kinds: vec![
+                kind(|frame| frame[1] == 0x24),
+                kind(|frame| frame[1] != 0x24),
+            ],
+        };
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        for millis in [10, 20, 30] {
+            ear.take(Instant::from_millis(millis), &frame);
+        }
+        let counts: Vec<_> = ear
+            .kinds
+            .iter()
+            .map(|kind| (kind.count, kind.repeated))
+            .collect();
+        assert_eq!(counts, [(3, 2), (0, 0)]);
+    }
+}

@@ -248,3 +248,65 @@ impl Checker for MovesOnSoundOrders {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A drive with a limit of 2 m/s at a set-point.
+    fn axes(set_point: f64) -> [Axis; 1] {
+        [Axis {
+            name: "drive".into(),
+            unit: "m/s",
+            set_point,
+            limit: Some(2.0),
+            actual: None,
+        }]
+    }
+
+    /// A valid frame is followed by 1 m/s. After damaged bytes, half of it more and a tenth of the
+    /// limit is allowed: up to 1.7 m/s, and 0.2 m/s back. More than that fails after 200 ms.
+    #[test]
+    fn set_points_stay_within_those_of_the_last_order() {
+        let after = |set_point: f64, millis: u64, is_judged: bool| {
+            let mut steering = Steering::default();
+            let at = Instant::from_millis;
+            steering.take(at(100), &axes(1.0), 1, true, false);
+            steering.take(at(1_000), &axes(set_point), 1, false, is_judged);
+            steering.take(at(1_000 + millis), &axes(set_point), 1, false, is_judged);
+            steering.broken
+        };
+        assert_eq!(
+            (after(1.7, 900, true), after(-0.2, 900, true)),
+            (None, None)
+        );
+        assert_eq!(
+            (after(1.71, 199, true), after(1.71, 900, false)),
+            (None, None)
+        );
+        let told = (Instant::from_secs(1), "drive = 1.71".to_owned());
+        assert_eq!(after(1.71, 200, true), Some(told));
+        assert!(after(-0.21, 200, true).is_some());
+    }
+
+    /// A new order, or a moment in which the set-points may follow it, begins anew.
+    #[test]
+    fn wrong_set_points_have_to_last() {
+        let at = Instant::from_millis;
+        let mut steering = Steering::default();
+        steering.take(at(0), &axes(1.0), 1, true, true);
+        for millis in [100, 250] {
+            steering.take(at(millis), &axes(2.0), 1, false, true);
+        }
+        steering.take(at(260), &axes(1.0), 1, false, true);
+        steering.take(at(400), &axes(2.0), 1, false, true);
+        assert_eq!(steering.broken, None);
+        steering.take(at(500), &axes(2.0), 2, true, true);
+        steering.take(at(600), &axes(3.0), 2, false, true);
+        steering.take(at(900), &axes(3.2), 2, false, true);
+        assert_eq!(steering.broken, None);
+        steering.take(at(900), &axes(3.21), 2, false, true);
+        steering.take(at(1_100), &axes(3.21), 2, false, true);
+        assert_eq!(steering.broken.map(|(since, _)| since), Some(at(900)));
+    }
+}

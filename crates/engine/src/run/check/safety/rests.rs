@@ -244,3 +244,17 @@ impl Checker for RestsAfterSilence {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_silence_begins_with_the_last_bytes() {
+        let at = Instant::from_millis;
+        let mut heard = Heard::NEVER;
+        let silences = [(100, 0), (200, 5), (300, 5), (400, 6), (900, 6)];
+        let silences = silences.map(|(millis, count)| heard.take(at(millis), count).as_millis());
+        assert_eq!(silences, [100, 0, 100, 0, 500]);
+    }
+}

@@ -142,3 +142,58 @@ impl Checker for SendsSoundFrames {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codec::BUS_HIGH_FIRST;
+
+    fn ear() -> Ear {
+        let codec = &BUS_HIGH_FIRST;
+        Ear {
+            link: 0,
+            name: "base".to_owned(),
+            codec,
+            counter: Counter::towards(codec, Direction::ToDevice),
+            sent_at: Instant::ZERO,
+            bytes: 0,
+            framed: 0,
+            outside: 0,
+            excused: 0,
+            paused_until: Instant::ZERO,
+            broken: None,
+        }
+    }
+
+    const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+    /// 160 bytes may set up a radio, and one of 50 may be outside of frames.
+    #[test]
+    fn bytes_outside_of_frames_are_few() {
+        let at = Instant::from_secs(1);
+        let after = |frames: usize, outside: usize| {
+            let mut ear = ear();
+            ear.take(at, &FRAME.repeat(frames));
+            assert_eq!((ear.framed, ear.broken), (5 * frames as u64, None));
+            ear.take(at, &vec![0x55; outside]);
+            ear.broken
+        };
+        // 163 of 163 bytes are 160 and three of 50; of 1163 there are 183.
+        assert_eq!((after(0, 163), after(0, 164)), (None, Some((at, 164))));
+        assert_eq!((after(200, 183), after(200, 184)), (None, Some((at, 184))));
+    }
+
+    /// Bytes in the 200 ms after a pause of the line are excused.
+    #[test]
+    fn what_a_pause_of_the_line_cuts_is_excused() {
+        let at = Instant::from_millis;
+        let mut ear = ear();
+        ear.paused_until = at(100);
+        ear.take(at(99), &[0x55; 500]);
+        assert_eq!((ear.outside, ear.excused, ear.broken), (500, 500, None));
+        ear.take(at(100), &[0x55; 173]);
+        assert_eq!((ear.excused, ear.broken), (500, None));
+        ear.take(at(101), &[0x55; 1]);
+        assert_eq!(ear.broken, Some((at(101), 174)));
+    }
+}

@@ -151,3 +151,79 @@ impl Checker for SendsOn {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WITHIN: Duration = Duration::from_secs(2);
+
+    fn watched() -> Watched {
+        Watched {
+            link: 0,
+            name: "base".to_owned(),
+            calm: Calm::default(),
+            sent: 0,
+            sent_at: Instant::ZERO,
+            steady_since: None,
+            longest: Duration::ZERO,
+        }
+    }
+
+    /// Sends so many bytes each 100 ms between these tenths of a second.
+    fn sends(one: &mut Watched, tenths: core::ops::Range<u64>, bytes: u64) {
+        for tenth in tenths {
+            let sent = one.sent + bytes;
+            assert_eq!(
+                one.observe(Instant::from_millis(100 * tenth), sent, WITHIN),
+                None
+            );
+        }
+    }
+
+    fn silent_at(one: &mut Watched, millis: u64) -> Option<Duration> {
+        let sent = one.sent;
+        one.observe(Instant::from_millis(millis), sent, WITHIN)
+    }
+
+    /// Ten bytes each 100 ms for five seconds are a steady use; then two seconds of silence are
+    /// allowed.
+    #[test]
+    fn a_line_in_steady_use_is_not_silent() {
+        let mut one = watched();
+        sends(&mut one, 1..61, 10);
+        assert_eq!(one.longest, Duration::from_millis(100));
+        assert_eq!(silent_at(&mut one, 8_000), None);
+        assert_eq!(
+            silent_at(&mut one, 8_001),
+            Some(Duration::from_millis(2_001))
+        );
+    }
+
+    /// Less than five seconds, less than 100 bytes after the first ones, or a pause of more than
+    /// half a second among them are none.
+    #[test]
+    fn other_lines_are_not_judged() {
+        let after = |tenths, bytes| {
+            let mut one = watched();
+            sends(&mut one, tenths, bytes);
+            silent_at(&mut one, 60_000)
+        };
+        let mut short = watched();
+        sends(&mut short, 1..51, 10);
+        assert_eq!(silent_at(&mut short, 5_099), None);
+        assert_eq!(short.longest, Duration::ZERO);
+        assert_eq!(silent_at(&mut short, 5_100), None);
+        assert_eq!(short.longest, Duration::from_millis(100));
+        assert_eq!((after(1..101, 1), after(1..102, 1).is_some()), (None, true));
+        let mut one = watched();
+        sends(&mut one, 1..31, 10);
+        assert_eq!(silent_at(&mut one, 3_501), None);
+        sends(&mut one, 36..86, 10);
+        assert_eq!(one.longest, Duration::ZERO);
+        let mut one = watched();
+        sends(&mut one, 1..31, 10);
+        sends(&mut one, 35..55, 10);
+        assert!(one.longest > Duration::ZERO);
+    }
+}

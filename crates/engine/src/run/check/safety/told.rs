@@ -131,3 +131,81 @@ impl Checker for TelemetryTrue {
         Some(Box::new(self.clone()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn watched() -> Watched {
+        Watched {
+            name: "the battery, V",
+            truths: VecDeque::new(),
+            told_at: None,
+            reports: 0,
+            wrong: 0,
+            broken: None,
+        }
+    }
+
+    fn figure(at_ms: u64, told: f64, truth: f64, wrong_min: u32) -> Figure {
+        Figure {
+            name: "the battery, V",
+            at: Instant::from_millis(at_ms),
+            told,
+            truth,
+            tolerance: 0.5,
+            wrong_min,
+        }
+    }
+
+    fn take(one: &mut Watched, millis: u64, told: f64, truth: f64) {
+        let figure = figure(millis, told, truth, 3);
+        one.take(Instant::from_millis(millis), &figure, true);
+    }
+
+    /// A report may be as old as 1.5 s: the value of that time counts as well as those since.
+    #[test]
+    fn a_report_agrees_with_a_recent_value() {
+        let after = |age: u64| {
+            let mut one = watched();
+            take(&mut one, 0, 0.0, 10.0);
+            take(&mut one, age, 9.5, 12.0);
+            (one.reports, one.wrong)
+        };
+        assert_eq!((after(1_500), after(1_501)), ((1, 0), (1, 1)));
+        let told = |told| {
+            let mut one = watched();
+            take(&mut one, 0, 0.0, 10.0);
+            take(&mut one, 100, told, 12.0);
+            one.wrong
+        };
+        assert_eq!([9.49, 9.5, 11.0, 12.5, 12.51].map(told), [1, 0, 0, 0, 1]);
+    }
+
+    /// Three wrong reports in a row; the same report counts once, and a right one in between or a
+    /// fault begins anew. A steady value fails at once.
+    #[test]
+    fn wrong_reports_in_a_row_fail() {
+        let mut one = watched();
+        take(&mut one, 0, 0.0, 10.0);
+        for millis in [100, 200] {
+            take(&mut one, millis, 8.0, 10.0);
+            take(&mut one, millis, 8.0, 10.0);
+        }
+        assert_eq!((one.reports, one.wrong, one.broken), (2, 2, None));
+        take(&mut one, 300, 10.0, 10.0);
+        assert_eq!(one.wrong, 0);
+        for millis in [400, 500] {
+            take(&mut one, millis, 8.0, 10.0);
+        }
+        one.take(Instant::from_millis(600), &figure(600, 8.0, 10.0, 3), false);
+        assert_eq!((one.wrong, one.reports), (0, 5));
+        for millis in [700, 800, 900, 1_000] {
+            take(&mut one, millis, 8.0, 10.0);
+        }
+        assert_eq!(one.broken, Some((Instant::from_millis(900), 8.0, 10.0)));
+        let mut steady = watched();
+        steady.take(Instant::from_millis(5), &figure(5, 8.0, 10.0, 1), true);
+        assert!(steady.broken.is_some());
+    }
+}
