@@ -30,14 +30,14 @@ fail() {
     exit 1
 }
 
-# Waits until there is a line in FILE, or one of the two ports.
+# Waits until a command holds: the ports are there, or the device is ready.
 await() {
     for _ in {1..600}; do
-        [[ -s $1 || -e $1/drv ]] && return
+        "$@" && return
         sleep 0.05
     done
     : > said
-    fail "$1: nothing came within 30 s"
+    fail "$*: not within 30 s"
 }
 
 # The session: the device on one side of a tap, the driver on the other.
@@ -46,11 +46,11 @@ capture() {
     "$hilrig" record --tap "dev=pty:$PWD/tap/dev" "drv=pty:$PWD/tap/drv" -o session.pcapng \
         > record 2>&1 &
     local tap=$!
-    await tap
+    await test -e tap/dev -a -e tap/drv
     "$python" "$here/devices.py" "$1" tap/dev > device 2>&1 &
     local device=$!
     trap 'kill "$tap" "$device" 2>/dev/null || true' EXIT
-    await device
+    await grep -qs ready device
     "$python" "$here/drivers.py" "$1" tap/drv as > said 2>&1 || fail "$1: the session itself"
     kill -INT "$tap"
     wait "$tap" || true
