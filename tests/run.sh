@@ -309,8 +309,26 @@ prove() {
 }
 
 release() {
+    rm -f "$target/release.done"
     cargo build --locked --release 2> >(tee "$target/release.log" >&2)
-    ! grep -A9 '^warning: ' "$target/release.log"
+    if grep -A9 '^warning: ' "$target/release.log"; then return 1; fi
+    touch "$target/release.done"
+}
+# Proofs that need the release wait for it: it is the first one.
+released() { until [[ -e $target/release.done ]]; do sleep 1; done; }
+figures() {
+    released
+    "$target"/release/hilrig experiment --all --out "$target/experiments"
+    cmp docs/experiments.md "$target/experiments/experiments.md"
+    "$target"/release/hilrig experiment --all --planted --out "$target/experiments/planted"
+}
+planted_defects() {
+    local found=$target/planted-defects.md
+    released
+    sed '/^| check/,$d' docs/planted-defects.md >"$found"
+    "$target"/release/hilrig campaign scenarios/*.toml scenarios/worlds/*.toml --mutants \
+        --profile harsh --seeds 140000..140003 --markdown >>"$found"
+    cmp docs/planted-defects.md "$found"
 }
 docs() { RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps --quiet; }
 lints() {
@@ -349,7 +367,8 @@ hostile() { python3 tests/exec/hostile/prove.py; }
 outside() { bash tests/outside/run.sh; }
 
 # The longest first.
-if proof protocols emulators firmware_core crates src; then
+rm -f "$target/release.done"
+if proof protocols emulators firmware_core crates src scenarios; then
     prove "a release" release
 fi
 if proof crates src devices tests/devices; then
@@ -357,6 +376,12 @@ if proof crates src devices tests/devices; then
 fi
 if $all; then
     prove "public programs in virtual time" public_programs
+fi
+if proof crates/realtime src tests/exec/hostile; then
+    prove "programs that attack their supervisor" hostile
+fi
+if proof protocols emulators firmware_core crates src; then
+    prove "the figures of the reports: the page, and each row with its planted change" figures
 fi
 if proof Cargo.lock deny.toml; then
     prove "licences and sources of the dependencies" licences
@@ -366,6 +391,9 @@ if proof nodes boards protocols emulators crates src tests/firmware; then
 fi
 if proof crates src examples tests/outside; then
     prove "a robot, drivers and the examples in crates of their own" outside
+fi
+if proof protocols emulators firmware_core crates/engine crates/search crates/museum scenarios; then
+    prove "the planted defects that harsh campaigns find: the page" planted_defects
 fi
 if proof nodes boards protocols emulators firmware_core crates src scenarios tests/bare_metal \
     tests/cortex_m4 tests/firmware; then
@@ -412,16 +440,9 @@ fi
 if proof protocols emulators crates tests/i2c_clients; then
     prove "chips on I2C, read by the calls of smbus2" i2c_clients
 fi
-if proof crates/realtime src tests/exec/hostile; then
-    prove "programs that attack their supervisor" hostile
-fi
 settle 0
 trap - EXIT
 if proof protocols emulators firmware_core crates src; then
-    step "the figures of the reports: the page, and each row with its planted change"
-    "$target"/release/hilrig experiment --all --out "$target/experiments"
-    cmp docs/experiments.md "$target/experiments/experiments.md"
-    "$target"/release/hilrig experiment --all --planted --out "$target/experiments/planted"
     step "the demo: the builds of the tests, of a release and of a fresh clone give the same bytes"
     "$target"/release/hilrig demo --out "$target/demo/release" >/dev/null 2>&1
     # Takes the place of the tests' build, which is not needed any more.
@@ -431,15 +452,6 @@ if proof protocols emulators firmware_core crates src; then
             cmp "$target/demo/$build/$file" "$target/demo/clone/$file"
         done
     done
-fi
-
-if proof protocols emulators firmware_core crates/engine crates/search crates/museum scenarios; then
-    step "the planted defects that harsh campaigns find: the page"
-    found=$target/planted-defects.md
-    sed '/^| check/,$d' docs/planted-defects.md >"$found"
-    "$target"/release/hilrig campaign scenarios/*.toml scenarios/worlds/*.toml --mutants \
-        --profile harsh --seeds 140000..140003 --markdown >>"$found"
-    cmp docs/planted-defects.md "$found"
 fi
 
 finish_step

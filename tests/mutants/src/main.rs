@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use list::Mutant;
 use trial::Fate;
 
-/// The environment variable that leaves out the trials: only mutants that no test reaches are named.
+/// The environment variable that leaves out the trials: mutants that no test reaches are named.
 const REACH: &str = "REACH";
 
 fn main() -> ExitCode {

@@ -63,8 +63,8 @@ fn talk(exchanges: &[Asked<'_>], unasked: &[At<'_>]) -> Talk {
     }
 }
 
-/// A device that begins with a reply some time after each request has ended, and sends by itself
-/// what is planned.
+/// A device that begins with a reply some time after each request has ended, and sends its planned
+/// bytes by itself.
 struct Answers {
     now: Instant,
     latency: Duration,

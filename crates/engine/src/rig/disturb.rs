@@ -342,6 +342,6 @@ mod tests {
         rig.add_device("other", Board);
         rig.add_device("board", Board);
         assert_eq!(rig.faults_without_start("board"), ["restart"]);
-        assert!(rig.faults_without_start("nobody").is_empty());
+        assert!(rig.faults_without_start("missing").is_empty());
     }
 }

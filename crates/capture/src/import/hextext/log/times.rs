@@ -116,7 +116,7 @@ mod tests {
         assert_eq!(stars("07:58:48.5 x 07:58:49.5"), "********** x **********");
     }
 
-    /// Three pairs may be bytes, and so may what follows a letter or goes on after a sign.
+    /// Three pairs may be bytes, and so may digits behind a letter, or before another sign.
     #[test]
     fn what_may_be_bytes_is_not_masked() {
         for text in [

@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(direction("port"), None);
     }
 
-    /// A slave that sends is received by the host; what is read from it is, too.
+    /// The host receives the bytes that a slave sends, and those that it reads from a slave.
     #[test]
     fn the_last_word_and_the_end_it_belongs_to_count() {
         let told = |text: &str| {

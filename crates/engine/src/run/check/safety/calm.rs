@@ -118,7 +118,7 @@ impl Undisturbed {
 mod tests {
     use super::*;
 
-    /// A fault from 2 to 3 s, whose effects last to 8 s, and one from 20 s on for ever.
+    /// A fault from 2 to 3 s, whose effects last to 8 s, and one from 20 s without an end.
     #[test]
     fn it_is_calm_before_a_fault_and_behind_its_effects() {
         let at = Instant::from_secs;
