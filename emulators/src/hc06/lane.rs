@@ -250,3 +250,187 @@ impl Lane {
 fn nanos(span: Duration) -> u64 {
     u64::try_from(span.as_nanos()).unwrap_or(u64::MAX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Microseconds.
+    const fn us(micros: u64) -> Duration {
+        Duration::from_micros(micros)
+    }
+
+    fn at(micros: u64) -> Instant {
+        Instant::from_micros(micros)
+    }
+
+    const STEP: Duration = Duration::from_millis(1);
+
+    /// Frames of four bytes on slots of 1.25 ms, 10 ms on the air after a pause of 50 ms and 5 ms
+    /// otherwise, at most eight bytes under way, twelve in the queue.
+    fn lane() -> Lane {
+        let profile = Profile {
+            frame_max: 4,
+            slot: us(1_250),
+            latency_idle: [us(10_000); 2],
+            latency_busy: [us(5_000); 2],
+            idle_after: us(50_000),
+            window: 8,
+            ..Profile::default()
+        };
+        Lane::new(&profile, 12, Rng::stream(1, "lane"))
+    }
+
+    /// Takes everything that has arrived.
+    fn taken(lane: &mut Lane) -> Vec<u8> {
+        let mut buf = [0; 32];
+        let len = lane.take(&mut buf);
+        buf[..len].to_vec()
+    }
+
+    /// Three bytes, one a millisecond from 1 ms on. With 10 ms of latency the frame arrives at the
+    /// slot behind 11 ms.
+    #[test]
+    fn bytes_travel_as_one_frame() {
+        let mut lane = lane();
+        assert_eq!(
+            (lane.moves_at(), lane.due(), lane.room()),
+            (NEVER, NEVER, 12)
+        );
+        assert_eq!(lane.push(&[1, 2, 3], at(0), STEP), 3);
+        assert_eq!((lane.moves_at(), lane.room()), (at(1_000), 9));
+        lane.shift(at(0), at(3_000), STEP);
+        assert_eq!((lane.moves_at(), lane.due()), (NEVER, at(11_250)));
+        assert_eq!(lane.under_way, 3);
+        lane.deliver();
+        assert_eq!(
+            (lane.due(), lane.under_way, lane.is_drained()),
+            (NEVER, 0, false)
+        );
+        assert_eq!((taken(&mut lane), lane.is_drained()), (vec![1, 2, 3], true));
+        let traffic = Traffic {
+            accepted: 3,
+            delivered: 3,
+            ..Traffic::default()
+        };
+        assert_eq!(lane.traffic(), traffic);
+    }
+
+    /// Up to 2.9 ms only two of three bytes have been moved.
+    #[test]
+    fn a_byte_takes_a_step() {
+        let mut lane = lane();
+        lane.push(&[1, 2, 3], at(0), STEP);
+        lane.shift(at(0), at(2_900), STEP);
+        assert_eq!((lane.under_way, lane.moves_at()), (2, at(3_000)));
+        lane.shift(at(3_500), at(3_500), STEP);
+        assert_eq!(lane.under_way, 3);
+    }
+
+    /// The fifth byte needs a second frame: its latency would end at 11.25 ms, but the slot of the
+    /// first frame is 11.25 ms, so it gets the next one. Then eight bytes are under way and no
+    /// further byte is moved until some are taken.
+    #[test]
+    fn frames_are_full_and_bytes_under_way_are_limited() {
+        let mut lane = lane();
+        assert_eq!(lane.push(&[7; 20], at(0), STEP), 12);
+        lane.shift(at(0), at(90_000), STEP);
+        assert_eq!(
+            (lane.under_way, lane.moves_at(), lane.due()),
+            (4, at(5_000), at(11_250))
+        );
+        assert!(lane.is_moving() && !lane.is_waiting());
+        lane.shift(at(0), at(90_000), STEP);
+        assert_eq!((lane.under_way, lane.moves_at()), (8, NEVER));
+        assert!(!lane.is_moving() && lane.is_waiting());
+        lane.deliver();
+        assert_eq!((lane.due(), lane.is_waiting()), (at(12_500), true));
+        assert_eq!(taken(&mut lane).len(), 4);
+        assert_eq!((lane.moves_at(), lane.is_waiting()), (at(9_000), false));
+        assert_eq!((lane.traffic().accepted, lane.traffic().lost), (12, 8));
+    }
+
+    /// A frame leaves a slot before it arrives: a byte that is moved at 10 ms needs another one. On
+    /// a busy link it arrives 5 ms later, at the slot behind 15 ms.
+    #[test]
+    fn a_late_byte_needs_another_frame() {
+        let second = |moved_at: u64| {
+            let mut lane = lane();
+            lane.push(&[1], at(0), STEP);
+            lane.shift(at(0), at(1_000), STEP);
+            lane.push(&[2], at(moved_at - 1_000), STEP);
+            lane.shift(at(0), at(moved_at), STEP);
+            lane.deliver();
+            (taken(&mut lane).len(), lane.due())
+        };
+        assert_eq!(second(9_999), (2, NEVER));
+        assert_eq!(second(10_000), (1, at(16_250)));
+    }
+
+    /// 50 ms after the last frame the link is idle again: 11.25 + 50 = 61.25 ms.
+    #[test]
+    fn an_idle_link_is_slow_again() {
+        let second = |moved_at: u64| {
+            let mut lane = lane();
+            lane.push(&[1], at(0), STEP);
+            lane.shift(at(0), at(1_000), STEP);
+            lane.deliver();
+            lane.push(&[2], at(moved_at - 1_000), STEP);
+            lane.shift(at(0), at(moved_at), STEP);
+            lane.due()
+        };
+        assert_eq!(
+            second(61_249),
+            at(67_500),
+            "5 ms: the slot behind 66.249 ms"
+        );
+        assert_eq!(
+            second(61_250),
+            at(72_500),
+            "10 ms: the slot behind 71.25 ms"
+        );
+    }
+
+    /// After a disturbance at 20 ms the frames of 11.25 and 12.5 ms arrive in the next two slots.
+    #[test]
+    fn frames_that_were_held_up_arrive_one_a_slot() {
+        let mut lane = lane();
+        lane.push(&[7; 6], at(0), STEP);
+        lane.shift(at(0), at(90_000), STEP);
+        lane.shift(at(0), at(90_000), STEP);
+        lane.resume(at(20_000));
+        assert_eq!((lane.due(), lane.last_due), (at(21_250), Some(at(22_500))));
+        lane.deliver();
+        assert_eq!(lane.due(), at(22_500));
+        let mut early = super::tests::lane();
+        early.push(&[7; 6], at(0), STEP);
+        early.shift(at(0), at(90_000), STEP);
+        early.resume(at(2_000));
+        assert_eq!((early.due(), early.moves_at()), (at(11_250), at(5_000)));
+        early.resume(at(6_000));
+        assert_eq!(early.moves_at(), at(6_000));
+    }
+
+    #[test]
+    fn bytes_are_dropped_where_they_are() {
+        let mut lane = lane();
+        lane.push(&[7; 6], at(0), STEP);
+        lane.shift(at(0), at(90_000), STEP);
+        lane.deliver();
+        lane.shift(at(0), at(5_000), STEP);
+        assert_eq!(
+            (lane.under_way, lane.queue.len(), lane.ready.len()),
+            (1, 1, 4)
+        );
+        lane.drop_under_way();
+        assert_eq!((lane.under_way, lane.room(), lane.due()), (0, 12, NEVER));
+        assert_eq!((lane.traffic().dropped, lane.traffic().delivered), (2, 4));
+        lane.drop_ready();
+        assert_eq!((lane.traffic().dropped, lane.traffic().delivered), (6, 0));
+        lane.put_ready(b"ab");
+        assert_eq!(
+            (taken(&mut lane), lane.traffic().delivered),
+            (b"ab".to_vec(), 2)
+        );
+    }
+}

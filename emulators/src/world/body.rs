@@ -105,3 +105,78 @@ impl Motion {
         Point::default().distance(velocity)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn is(found: Pose, x: f64, y: f64, theta: f64) -> bool {
+        let way = found.point().distance(Point::new(x, y));
+        way < 1e-9 && (found.theta - theta).abs() < 1e-12
+    }
+
+    /// A radian a second at 1 m/s is a circle of 1 m: after 0.1 s the body is at (sin, 1 - cos).
+    #[test]
+    fn a_motion_is_an_arc_and_a_push() {
+        let motion = Motion {
+            speed: 1.0,
+            turn: 1.0,
+            ..Motion::rest(Pose::default())
+        };
+        assert!(is(
+            motion.pose(0.1),
+            libm::sin(0.1),
+            1.0 - libm::cos(0.1),
+            0.1
+        ));
+        let turned = Motion {
+            start: Pose::new(1.0, 2.0, core::f64::consts::FRAC_PI_2),
+            ..motion
+        };
+        assert!(is(
+            turned.pose(0.1),
+            libm::cos(0.1),
+            2.0 + libm::sin(0.1),
+            1.670_796_326_794_896_6
+        ));
+        let pushed = Motion {
+            drift: Point::new(0.5, -2.0),
+            ..Motion::rest(Pose::new(1.0, 2.0, 0.3))
+        };
+        assert!(is(pushed.pose(0.5), 1.25, 1.0, 0.3));
+        let spins = Motion {
+            turn: -2.0,
+            ..Motion::rest(Pose::new(1.0, 2.0, 0.3))
+        };
+        assert!(is(spins.pose(0.1), 1.0, 2.0, 0.1));
+        assert!(is(
+            Motion::rest(Pose::new(1.0, 2.0, 0.3)).pose(9.0),
+            1.0,
+            2.0,
+            0.3
+        ));
+    }
+
+    #[test]
+    fn a_motion_is_slowed_or_shortened() {
+        let motion = Motion {
+            start: Pose::default(),
+            speed: 3.0,
+            turn: 1.0,
+            drift: Point::new(0.0, 4.0),
+        };
+        let slowed = motion.slowed(0.5);
+        assert_eq!(
+            (slowed.speed, slowed.turn, slowed.drift),
+            (1.5, 1.0, Point::new(0.0, 2.0))
+        );
+        let shortened = motion.shortened(0.5);
+        assert_eq!((shortened.speed, shortened.turn), (1.5, 0.5));
+        assert!((motion.floor_speed() - 5.0).abs() < 1e-12);
+        let turned = Motion {
+            start: Pose::new(0.0, 0.0, core::f64::consts::FRAC_PI_2),
+            ..motion
+        };
+        assert!((turned.floor_speed() - 7.0).abs() < 1e-12);
+    }
+}

@@ -180,3 +180,110 @@ impl Scan {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight slots of 1 ms from slot 358 on; the edge is at 10 ms, at 30 degrees.
+    fn pace() -> Pace {
+        Pace {
+            edge: Instant::from_millis(10),
+            first: 358,
+            count: 8,
+            slot_s: 1e-3,
+            angle_deg: 30.0,
+            deg_per_s: 1_000.0,
+        }
+    }
+
+    fn micros(at: Instant) -> u64 {
+        at.as_micros()
+    }
+
+    /// A slot is due nine tenths of it behind the edge.
+    #[test]
+    fn slots_are_due_one_after_the_other() {
+        let pace = pace();
+        assert_eq!(
+            [0, 1, 8].map(|index| micros(pace.due(index))),
+            [10_900, 11_900, 18_900]
+        );
+        assert!((pace.angle_at(Instant::from_millis(12)) - 32.0).abs() < 1e-9);
+        let rushed = |slot_s| Pace { slot_s, ..pace }.is_rushed();
+        // 320 turns a minute are 0.52083 ms a degree.
+        assert!(rushed(0.000_520_8) && !rushed(0.000_520_9));
+    }
+
+    /// Slots 358 and 359 are the end of a packet that began before; 0 to 3 are the first whole one,
+    /// 4 and 5 the begin of the next.
+    #[test]
+    fn readings_become_packets() {
+        let mut scan = Scan::new();
+        assert_eq!(
+            (scan.next(), scan.slot(), scan.end(), scan.full_at()),
+            (None, None, None, None)
+        );
+        assert!(scan.store(RawReading([1; 4]), 7).is_none());
+        scan.follow(pace(), 0);
+        assert_eq!(scan.full_at().map(micros), Some(11_900));
+        assert_eq!(scan.end().map(micros), Some(18_900));
+        let mut packets = Vec::new();
+        for number in 0..8_u8 {
+            let (slot, at) = scan.next().expect("a slot");
+            assert_eq!(
+                (slot, micros(at)),
+                (358 + u16::from(number), 10_900 + 1_000 * u64::from(number))
+            );
+            assert_eq!(scan.index(), u16::from(number));
+            packets.extend(scan.store(RawReading([number; 4]), 100 + u16::from(number)));
+            if number == 1 {
+                assert_eq!(scan.full_at().map(micros), Some(15_900));
+            }
+            if number == 5 {
+                assert_eq!(scan.full_at(), None, "the run ends before");
+            }
+        }
+        assert!(scan.next().is_none());
+        let [packet] = &packets[..] else {
+            panic!("{packets:?}");
+        };
+        assert_eq!((packet.index, packet.word), (0, 102));
+        assert_eq!(packet.readings.map(|reading| reading.0[0]), [2, 3, 4, 5]);
+        assert_eq!(scan.strength, 0x0707);
+    }
+
+    /// A partial packet is continued by its next slot only.
+    #[test]
+    fn a_packet_is_kept_if_its_next_slot_follows() {
+        let after = |first: u16| {
+            let mut scan = Scan::new();
+            scan.follow(Pace { first: 0, ..pace() }, 0);
+            scan.store(RawReading([1; 4]), 5);
+            scan.store(RawReading([2; 4]), 6);
+            scan.follow(Pace { first, ..pace() }, 0);
+            scan.store(RawReading([3; 4]), 7);
+            scan.store(RawReading([4; 4]), 8)
+                .map(|packet| (packet.index, packet.word))
+        };
+        assert_eq!(
+            (after(2), after(362), after(6)),
+            (Some((0, 5)), Some((0, 5)), None)
+        );
+        let mut scan = Scan::new();
+        scan.follow(Pace { first: 0, ..pace() }, 0);
+        (scan.resync, scan.measured) = (3, true);
+        scan.store(RawReading([1; 4]), 5);
+        scan.stop();
+        assert!(!scan.whole && !scan.measured && scan.resync == 0 && scan.slot().is_none());
+        // A missing reading has the strength of the one before.
+        let code = scan.excuse(0x21);
+        assert_eq!(
+            code,
+            RawReading::from(Reading::Invalid {
+                code: 0x21,
+                strength: 0x0101
+            })
+        );
+    }
+}

@@ -111,3 +111,47 @@ impl Expectation {
         checks
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Only decoders are judged without a program.
+    #[test]
+    fn each_expectation_of_a_program_needs_one() {
+        let words = || vec!["x".to_owned()];
+        type Set = fn(&mut Expectation, Vec<String>);
+        let sets: [Set; 12] = [
+            |one, _| one.same_outputs = true,
+            |one, _| one.ignores_damage = true,
+            |one, _| one.exits = Some(1),
+            |one, _| one.recovers_ns = Some(1),
+            |one, _| {
+                one.sound = Some(Sound {
+                    command: "x".to_owned(),
+                    prints: String::new(),
+                    link: Vec::new(),
+                });
+            },
+            |one, words| one.talks = words,
+            |one, words| one.never = words,
+            |one, words| one.checks = words,
+            |one, words| one.prints = words,
+            |one, words| one.never_prints = words,
+            |one, words| one.sends = words,
+            |one, words| one.never_sends = words,
+        ];
+        for (number, set) in sets.into_iter().enumerate() {
+            let mut one = Expectation::default();
+            set(&mut one, words());
+            assert!(one.needs_program(), "{number}");
+        }
+        let mut none = Expectation {
+            may_end: true,
+            talk_pause_ns: Some(1),
+            ..Expectation::default()
+        };
+        none.decoder.push(Decoded::default());
+        assert!(!none.needs_program());
+    }
+}

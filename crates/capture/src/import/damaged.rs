@@ -289,4 +289,44 @@ mod tests {
         }
         assert_eq!(told("D0 0A\n01 D1\n").0, Some(Format::Hex));
     }
+    /// The end of a line: whole, loose, other, or the place of a digit that is left over.
+    #[test]
+    fn the_end_of_a_line_shows_whether_it_is_cut() {
+        let end = |line: &str| match end_of(line) {
+            End::Whole => "whole".to_owned(),
+            End::Cut(at) => at.to_string(),
+            End::Loose => "loose".to_owned(),
+            End::Other => "other".to_owned(),
+        };
+        for (line, expected) in [
+            ("01 04 2A", "whole"),
+            ("01,04;2A", "whole"),
+            ("ABCD", "whole"),
+            ("01 04 2", "6"),
+            ("01 04 2  ", "6"),
+            ("ABCD 2", "5"),
+            ("ABCDE", "4"),
+            ("ABCD 123", "7"),
+            ("0A 1 2B", "loose"),
+            ("0A 1 2B 4", "loose"),
+            ("01 2", "other"),
+            ("x 04 2", "other"),
+            ("ABC", "other"),
+            ("12 ABC", "other"),
+            ("01", "other"),
+            ("01 zz", "other"),
+            ("", "other"),
+        ] {
+            assert_eq!(end(line), expected, "{line}");
+        }
+    }
+
+    /// More than half of the lines begin with as many digits, an odd number of them.
+    #[test]
+    fn a_dump_with_offsets_of_an_odd_length_is_whole() {
+        let has = |text: &str| has_offsets(text.as_bytes());
+        assert!(has("0000000 0201\n0000004 0005\n0000005\n"));
+        assert!(!has("0000000 01\nabcd 01\n") && has("0000000 01\nabcd 01\n0000001 02\n"));
+        assert!(!has("00000000 01\n00000001 02\n") && !has("000zz00 01\n") && !has(""));
+    }
 }

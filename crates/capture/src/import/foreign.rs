@@ -442,4 +442,28 @@ mod tests {
         assert_eq!(of(b"$GPGGA,1,2\r\n", "a.nmea"), "");
         assert_eq!(of(b"note: some text\n", "a.txt"), "");
     }
+    #[test]
+    fn lines_of_candump_are_known() {
+        for text in [
+            "(1436509052.249713) can0 123#DEADBEEF",
+            "(1.5) can0 123#",
+            "  can0  123   [2]  DE AD",
+            "(1.5) vcan1 7FF [0]",
+        ] {
+            assert!(is_candump(text.as_bytes()), "{text}");
+        }
+        for text in [
+            "1436509052.249713 can0 123#DE",
+            "(1436509052) can0 123#DE",
+            "(1.5) can0 12x#DE",
+            "(1.5) can0 123#DX",
+            "(1.5) can0 123#DE more",
+            "can0 123 2 DE AD",
+            "can0 xyz [2] DE",
+            "port 123 [2] DE",
+            "can0 123",
+        ] {
+            assert!(!is_candump(text.as_bytes()), "{text}");
+        }
+    }
 }

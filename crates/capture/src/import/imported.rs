@@ -324,3 +324,145 @@ impl Untimed {
         self.characters += SILENCE;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn options(baud: Option<u32>) -> Options {
+        Options {
+            baud,
+            ..Options::default()
+        }
+    }
+
+    /// Ten bits at 10,000 baud are a millisecond; with two stop bits it is a tenth longer. Without
+    /// a rate a character takes no time.
+    #[test]
+    fn characters_take_the_time_of_their_line() {
+        assert_eq!(options(Some(10_000)).byte_nanos(3), 3_000_000);
+        assert_eq!(options(None).byte_nanos(3), 0);
+        let coding = LineConfig {
+            stop_bits: 2,
+            ..LineConfig::new_8n1(1)
+        };
+        let own = Options {
+            coding: Some(coding),
+            ..options(Some(10_000))
+        };
+        assert_eq!(own.byte_nanos(1), 1_100_000);
+    }
+
+    #[test]
+    fn the_other_direction_is_that_of_the_other_end() {
+        let mut own = Options::default();
+        assert_eq!(
+            [true, false].map(|is| own.way(is)),
+            [Direction::ToMaster, Direction::ToDevice]
+        );
+        own.direction = opposite(own.direction);
+        assert_eq!(
+            [true, false].map(|is| own.way(is)),
+            [Direction::ToDevice, Direction::ToMaster]
+        );
+    }
+
+    #[test]
+    fn an_error_names_its_place() {
+        let mut error = ImportError::of_file("wrong");
+        assert_eq!(error.to_string(), "wrong");
+        error.offset = 7;
+        assert_eq!(error.to_string(), "byte 7: wrong");
+        error.line = 2;
+        assert_eq!(error.to_string(), "line 2 (byte 7): wrong");
+    }
+
+    /// Records by link, milliseconds and direction.
+    fn imported(records: &[(usize, u64, Direction)]) -> Imported {
+        let mut out = Imported::new();
+        for (line, &(link, ms, direction)) in (1..).zip(records) {
+            out.line = line;
+            out.push(link, ms * 1_000_000, direction, Kind::Data, b"x");
+        }
+        out
+    }
+
+    #[test]
+    fn times_that_go_back_are_noted() {
+        let (to, from) = (Direction::ToDevice, Direction::ToMaster);
+        let notes = |records: &[_], has_lines: bool| {
+            let mut out = imported(records);
+            if !has_lines {
+                out.backwards.iter_mut().for_each(|place| place.line = 0);
+            }
+            out.note_backwards();
+            out.notes
+        };
+        assert!(notes(&[(0, 1, to), (0, 1, from), (1, 0, to), (0, 2, to)], true).is_empty());
+        let back = [(0, 5, to), (0, 4, to), (0, 3, to), (0, 9, to)];
+        let words = |place: &str| {
+            format!(
+                "the times go backwards at {place}: the order of the file and its times are kept"
+            )
+        };
+        assert_eq!(notes(&back, true), [words("line 2, and at 1 more places")]);
+        assert_eq!(notes(&back[..2], false), [words("record 2")]);
+    }
+
+    /// Two lines may follow each other in a file; each of them has its order.
+    #[test]
+    fn records_are_sorted_by_time() {
+        let (to, from) = (Direction::ToDevice, Direction::ToMaster);
+        let mut out = imported(&[(0, 5, to), (0, 7, to), (0, 1, from), (1, 3, to)]);
+        out.sort();
+        let found: Vec<_> = out
+            .records
+            .iter()
+            .map(|one| (one.at.as_millis(), one.sequence))
+            .collect();
+        assert_eq!(
+            found,
+            [(1, Some(0)), (3, Some(1)), (5, Some(2)), (7, Some(3))]
+        );
+        out.note_backwards();
+        assert!(out.notes.is_empty());
+        let mut late = imported(&[(0, 5, to), (0, 3, to), (0, 4, to), (0, 6, to)]);
+        late.sort();
+        assert!(
+            late.notes[0].contains(", 2 records come too late"),
+            "{:?}",
+            late.notes
+        );
+    }
+
+    /// At 10,000 baud a byte takes a millisecond, and a pause is four of them.
+    #[test]
+    fn bytes_without_times_follow_each_other() {
+        let mut out = Imported::new();
+        let mut untimed = Untimed::new(&options(Some(10_000)), &mut out);
+        untimed.push(Direction::ToMaster, b"ab", &mut out);
+        untimed.pause();
+        untimed.stream(Direction::ToDevice, &[7; 17], &mut out);
+        let found: Vec<_> = out
+            .records()
+            .iter()
+            .map(|one| (one.at.as_millis(), one.bytes.len()))
+            .collect();
+        assert_eq!(found, [(2, 2), (22, 16), (23, 1)]);
+        assert!(!out.is_timed() && out.notes.is_empty() && Imported::new().is_timed());
+        let mut assumed = Imported::new();
+        drop(Untimed::new(&options(None), &mut assumed));
+        assert!(
+            assumed.notes[0].contains("115200 baud"),
+            "{:?}",
+            assumed.notes
+        );
+        assumed.note("again");
+        assumed.note("again");
+        assert_eq!((assumed.notes.len(), assumed.links()[0].baud), (2, 115_200));
+        assert_eq!(
+            (assumed.link_at("line", 9), assumed.link_at("other", 9)),
+            (0, 1)
+        );
+    }
+}

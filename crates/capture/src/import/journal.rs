@@ -189,4 +189,28 @@ mod tests {
         );
         assert!(told(&["[171,256]"]).is_err());
     }
+    #[test]
+    fn a_message_is_text_on_one_line() {
+        let line = lines(b"x").next().expect("one");
+        let text = |bytes: &[u8], is_numbers| {
+            let entry = Entry {
+                line,
+                micros: 1_500_000,
+                bytes: bytes.to_vec(),
+                is_numbers,
+            };
+            let log = as_log(core::slice::from_ref(&entry));
+            (entry.text().is_some(), log)
+        };
+        assert_eq!(
+            text(b"RX: AB", false),
+            (true, Some("[1.500000] RX: AB\n".to_owned()))
+        );
+        assert_eq!(text(b"RX: AB", true), (false, None));
+        assert_eq!(
+            (text(b"a\nb", false), text(b"a\rb", false)),
+            ((false, None), (false, None))
+        );
+        assert_eq!(text(b"\xFF", false), (false, None));
+    }
 }

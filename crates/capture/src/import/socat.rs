@@ -127,3 +127,76 @@ fn dumped(line: Line<'_>, most: usize, has_text: bool) -> Result<Vec<u8>, Import
         ))
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_head_of_a_block_has_all_its_parts() {
+        let is = |text: &str| is_head(text.as_bytes());
+        let head = "> 2026/11/21 07:58:48.000761120  length=3 from=0 to=2";
+        assert!(is(head) && is(&head.replace('>', "<")));
+        for (part, wrong) in [
+            (">", "="),
+            ("2026/11/21", "2026-11-21"),
+            (".000761120", ""),
+            (".000761120", ".1000000000"),
+            ("length=3", "length=x"),
+            ("length=3", "len=3"),
+        ] {
+            assert!(!is(&head.replace(part, wrong)), "{wrong}");
+        }
+        let found = super::head(head.as_bytes()).expect("it is one");
+        let nanos = (found.seconds, found.fraction, found.length);
+        assert_eq!(nanos, (1_795_247_928, 761_120, 3));
+        assert!(found.is_left_to_right && is(&head.replace("000761120", "999999999")));
+    }
+
+    #[test]
+    fn a_line_has_bytes_behind_spaces() {
+        let of = |text: &str, most, has_text| {
+            let line = lines(text.as_bytes()).next().expect("a line");
+            dumped(line, most, has_text).ok()
+        };
+        assert_eq!(of(" 0a 41", 2, false), Some(vec![10, 0x41]));
+        assert_eq!(of(" 0a 41", 1, false), None);
+        assert_eq!(
+            of(" 0a                                             .", 1, true),
+            Some(vec![10])
+        );
+        assert_eq!(
+            (
+                of("0a 41", 2, false),
+                of(" zz", 2, false),
+                of("   ", 2, false)
+            ),
+            (None, None, None)
+        );
+    }
+
+    /// Without text a block ends with its last byte; it has to be whole.
+    #[test]
+    fn blocks_without_text_end_with_their_bytes() {
+        let read = |text: &str| {
+            let mut out = Imported::new();
+            super::read(text.as_bytes(), &Options::default(), &mut out)
+                .map_err(|error| error.message)?;
+            let records = out.records().iter();
+            Ok::<_, String>(records.map(|one| one.bytes.to_vec()).collect::<Vec<_>>())
+        };
+        let head =
+            |length: usize| format!("> 2026/11/21 07:58:48.000001  length={length} from=0 to=1\n");
+        let two = format!("{} 41 42\n 43\n{} 44\n", head(3), head(1));
+        assert_eq!(read(&two), Ok(vec![b"ABC".to_vec(), b"D".to_vec()]));
+        let cut = read(&format!("{} 41\n", head(3))).expect_err("cut");
+        assert!(cut.ends_with("after 1 of 3 bytes"), "{cut}");
+        assert!(read("> nonsense\n").is_err() && read("a word\n").is_ok());
+        let open = format!("{} 41\nwords\n--\n", head(1));
+        assert!(
+            read(&open)
+                .expect_err("no end")
+                .starts_with("expected \"--\"")
+        );
+    }
+}

@@ -279,4 +279,46 @@ mod tests {
         assert_eq!((wrong.line, wrong.offset, &*wrong.message), (2, 2, "no"));
         assert_eq!((utf8(b"ab"), utf8(b"\xFF")), ("ab", ""));
     }
+    /// 2000 was a leap year by the rule of 400 years; 2100 is none. `date -u -d ... +%s`.
+    #[test]
+    fn days_are_counted_over_leap_years() {
+        for (date, seconds) in [
+            ("1970-01-01", Some(0)),
+            ("1970-12-31", Some(31_449_600)),
+            ("2000-02-29", Some(951_782_400)),
+            ("2000-03-01", Some(951_868_800)),
+            ("2100-03-01", Some(4_107_542_400)),
+            ("2500-12-31", Some(16_756_675_200)),
+            ("1969-12-31", None),
+            ("2501-01-01", None),
+            ("2026-00-01", None),
+            ("2026-01-00", None),
+            ("2026-01-32", None),
+            ("2026-01", None),
+        ] {
+            assert_eq!(moment(date, "00:00:00", '-'), seconds, "{date}");
+        }
+    }
+
+    #[test]
+    fn a_time_of_day_has_three_parts_within_their_limits() {
+        let of = [
+            "23:59:60", "01:02:03", "00:60:00", "00:00:61", "24:00:00", "1:2", "+1:00:00",
+        ];
+        let found = of.map(seconds);
+        assert_eq!(
+            found,
+            [Some(86_400), Some(3_723), None, None, None, None, None]
+        );
+        assert_eq!(
+            (number("012"), number(""), number("-1"), number("1a")),
+            (Some(12), None, None, None)
+        );
+        assert_eq!((line_end(b"a\r\nb"), line_end(b"a\rb")), (b'\n', b'\r'));
+        assert_eq!((utf8(b"a"), utf8(b"\xFF")), ("a", ""));
+        // A fraction of more than nine digits is cut; too large a number is none.
+        assert_eq!(decimal_nanos("1.1234567899"), Some(1_123_456_789));
+        assert_eq!(decimal_nanos("99999999999"), None);
+        assert_eq!(decimal_nanos("1e9"), None);
+    }
 }

@@ -472,4 +472,43 @@ mod tests {
         let error = read_format(&nothing, Format::Pcap, &Options::default()).expect_err("nothing");
         assert!(error.to_string().contains("no bulk data"), "{error}");
     }
+    /// Endpoints 1 and 3 bring bytes, 2 and 4 take them: each pair is a line.
+    #[test]
+    fn each_pair_of_endpoints_is_a_line() {
+        let endpoints = [(false, 2), (false, 4), (true, 1), (true, 3)];
+        let line = |is_in, endpoint| {
+            let urb = Urb {
+                nanos: 0,
+                address: (1, 7),
+                endpoint,
+                transfer: Transfer::Bulk,
+                is_in,
+                is_complete: is_in,
+                setup: None,
+                data: &[],
+            };
+            line_of(&endpoints, &urb)
+        };
+        let lines = [line(false, 2), line(false, 4), line(true, 1), line(true, 3)];
+        assert_eq!(lines, [0, 1, 0, 1]);
+    }
+
+    /// 3 MHz by the divisor: 26 is 115,384; 312 and a half 9,600. 0 and 1 are 3 and 2 MHz. The
+    /// eighths are coded 0, 4, 2, 1, 3, 5, 6, 7, with the third bit in the index.
+    #[test]
+    fn a_divisor_of_ftdi_has_eighths() {
+        assert_eq!(
+            (ftdi_baud(26, 0), ftdi_baud(312 | 1 << 14, 0)),
+            (Some(115_384), Some(9_600))
+        );
+        assert_eq!(
+            (ftdi_baud(0, 0), ftdi_baud(1, 0), ftdi_baud(1 << 14, 0)),
+            (Some(3_000_000), Some(2_000_000), None)
+        );
+        let tenths: Vec<_> = (0..8)
+            .map(|code: u16| ftdi_baud(10 | (code & 3) << 14, code >> 2))
+            .collect();
+        let by_hand = [80, 84, 82, 81, 83, 85, 86, 87].map(|eighths| Some(24_000_000 / eighths));
+        assert_eq!(tenths, by_hand);
+    }
 }

@@ -250,4 +250,20 @@ mod tests {
                 .contains("no channel changes")
         );
     }
+    /// An undriven line is idle; an unknown value keeps the level. The first value is that before
+    /// the first change.
+    #[test]
+    fn values_of_a_wire_are_levels() {
+        let after = |values: &[(u64, &str)]| {
+            let mut wire = Wire::new("!", "RX");
+            values.iter().for_each(|&(at, value)| wire.set(at, value));
+            (wire.levels.first, wire.levels.changes)
+        };
+        assert_eq!(after(&[(0, "0"), (5, "1")]), (false, vec![5]));
+        assert_eq!(
+            after(&[(0, "x"), (5, "0"), (7, "x"), (9, "1")]),
+            (false, vec![9])
+        );
+        assert_eq!(after(&[(0, "z"), (5, "0"), (9, "Z")]), (true, vec![5, 9]));
+    }
 }

@@ -299,3 +299,17 @@ pub(super) fn name(number: i64) -> String {
     let row = NAMES.iter().find(|(known, _)| *known == number);
     row.map_or_else(|| format!("call {number}"), |(_, name)| (*name).to_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_has_a_name_or_a_number() {
+        assert_eq!(
+            (name(libc::SYS_read), name(FUTEX_WAIT)),
+            ("read".into(), "futex_wait".into())
+        );
+        assert_eq!(name(9_999), "call 9999");
+    }
+}

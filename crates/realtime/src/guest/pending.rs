@@ -72,3 +72,128 @@ fn status(process: i32, tid: i32) -> Option<String> {
     let len = file.read(&mut bytes).ok()?;
     Some(String::from_utf8_lossy(&bytes[..len]).into_owned())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const INT: u64 = 1 << 1;
+    const USR1: u64 = 1 << 9;
+    const CHLD: u64 = 1 << 16;
+    const CONT: u64 = 1 << 17;
+
+    const fn none() -> Pending {
+        Pending {
+            own: 0,
+            common: 0,
+            blocked: 0,
+            is_killed: false,
+            ignored: 0,
+            caught: 0,
+        }
+    }
+
+    /// A signal of the thread or of its process ends a wait, unless it is blocked, ignored, or does
+    /// nothing without a handler.
+    #[test]
+    fn a_signal_that_does_something_ends_a_wait() {
+        assert!(Pending { own: INT, ..none() }.interrupts());
+        assert!(
+            Pending {
+                common: INT,
+                ..none()
+            }
+            .interrupts()
+                && !none().interrupts()
+        );
+        for quiet in [
+            Pending {
+                own: INT,
+                blocked: INT,
+                ..none()
+            },
+            Pending {
+                own: INT,
+                ignored: INT,
+                ..none()
+            },
+            Pending {
+                own: CHLD,
+                ..none()
+            },
+        ] {
+            assert!(!quiet.interrupts());
+        }
+        assert!(
+            Pending {
+                own: CHLD,
+                caught: CHLD,
+                ..none()
+            }
+            .interrupts()
+        );
+        assert!(
+            Pending {
+                own: INT | USR1,
+                blocked: INT,
+                ..none()
+            }
+            .interrupts()
+        );
+        assert_eq!(none().quiet(INT), INT | MILD);
+        assert_eq!(
+            Pending {
+                caught: CHLD,
+                ignored: USR1,
+                ..none()
+            }
+            .quiet(0),
+            USR1 | (MILD & !CHLD)
+        );
+    }
+
+    #[test]
+    fn a_stopped_process_continues_with_its_signal() {
+        assert!(
+            Pending {
+                own: CONT,
+                ..none()
+            }
+            .continues()
+        );
+        assert!(
+            Pending {
+                common: 1 << 8,
+                ..none()
+            }
+            .continues()
+        );
+        assert!(!Pending { own: INT, ..none() }.continues() && !none().continues());
+    }
+
+    #[test]
+    fn signals_are_handled_if_all_are_caught_and_none_is_blocked() {
+        let caught = Pending {
+            caught: INT | USR1,
+            ..none()
+        };
+        assert!(caught.are_handled(INT) && caught.are_handled(INT | USR1));
+        assert!(!caught.are_handled(INT | CHLD));
+        let blocked = Pending {
+            caught: INT,
+            blocked: INT,
+            ..none()
+        };
+        assert!(!blocked.are_handled(INT));
+    }
+
+    /// This thread runs: it is in no stop, and has no signal waiting.
+    #[test]
+    fn the_system_lists_the_signals_of_a_thread() {
+        let tid = nix::unistd::gettid().as_raw();
+        let process = nix::unistd::getpid().as_raw();
+        let own = Pending::of(process, tid);
+        assert!(own.is_killed && own.own == 0);
+        assert!(!Pending::of(process, -1).is_killed);
+    }
+}

@@ -179,3 +179,120 @@ pub(super) fn part_per_step(lag_s: f64) -> f64 {
         1.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lags of one step, so that 1 - 1/e of a difference is covered in each; running out takes ten.
+    fn figures(reversing: Reversing) -> MotorFigures {
+        MotorFigures {
+            full_speed_m_s: 1.0,
+            dead_zone_drive: 55,
+            lag_s: STEP_S,
+            brake_lag_s: STEP_S,
+            coast_lag_s: 10.0 * STEP_S,
+            slip_noise_m: 0.0,
+            reversing,
+        }
+    }
+
+    fn motor(reversing: Reversing) -> Motor {
+        Motor::new(figures(reversing), (0.1, 0.0), 1, "left")
+    }
+
+    const COVERED: f64 = 1.0 - 0.367_879_441_171_442_3;
+
+    fn is(found: f64, expected: f64) -> bool {
+        (found - expected).abs() < 1e-12
+    }
+
+    /// Above the dead zone of 55 there are 200 values: 155 is half of the speed.
+    #[test]
+    fn the_drive_sets_the_final_speed() {
+        let speed = |power| figures(Reversing::AtOnce).steady_speed_m_s(Drive::Power(power));
+        let speeds = [255, 300, 155, 55, 0, -155, -999].map(speed);
+        let expected = [1.0, 1.0, 0.5, 0.0, 0.0, -0.5, -1.0];
+        assert!(
+            speeds.iter().zip(expected).all(|(a, b)| is(*a, b)),
+            "{speeds:?}"
+        );
+        for drive in [Drive::Brake, Drive::Coast] {
+            assert!(is(figures(Reversing::AtOnce).steady_speed_m_s(drive), 0.0));
+        }
+    }
+
+    #[test]
+    fn a_lag_covers_a_part_of_the_difference() {
+        assert!(is(part_per_step(0.0), 1.0) && is(part_per_step(STEP_S), COVERED));
+        assert!((part_per_step(1.0) - 0.000_999_5).abs() < 1e-6);
+        assert!(is(noise_root(), 0.02_f64.sqrt()));
+    }
+
+    /// The rim travels by the speed of the step before: nothing in the first one.
+    #[test]
+    fn a_wheel_follows_its_command() {
+        let mut motor = motor(Reversing::AtOnce);
+        motor.set(Command::Speed(5.0));
+        motor.step();
+        assert!(is(motor.speed, COVERED) && is(motor.travel, 0.0));
+        motor.step();
+        let speed = COVERED + (1.0 - COVERED) * COVERED;
+        assert!(is(motor.speed, speed) && is(motor.travel, COVERED * STEP_S));
+        assert_eq!(motor.ticks(0.0, 1e-4), 6, "0.632 mm in counts of 0.1 mm");
+        assert_eq!(motor.ticks(STEP_S, 1e-4), 14, "and 0.865 mm more");
+        assert!(is(motor.floor_speed(), 0.9 * speed));
+        motor.set(Command::Coast);
+        let before = motor.speed;
+        motor.step();
+        assert!(is(motor.speed, before * (-0.1_f64).exp()));
+        motor.set(Command::Brake);
+        assert_eq!(motor.command(), Command::Brake);
+        for _ in 0..6 {
+            motor.step();
+        }
+        assert!(motor.speed > 0.0);
+        motor.step();
+        assert!(
+            is(motor.speed, 0.0) && is(motor.floor_speed(), 0.0),
+            "friction holds it"
+        );
+        motor.set(Command::Angle(1.0));
+        assert_eq!(motor.command(), Command::Brake);
+        motor.set(Command::Power(-155));
+        motor.step();
+        assert!(is(motor.speed, -0.5 * COVERED));
+    }
+
+    /// A driver that brakes first turns the other way below 0.03 m/s.
+    #[test]
+    fn a_reversed_motor_brakes_first_if_its_driver_does() {
+        let reversed = |reversing| {
+            let mut motor = motor(reversing);
+            motor.speed = 1.0;
+            motor.set(Command::Speed(-1.0));
+            let mut speeds = Vec::new();
+            for _ in 0..6 {
+                motor.step();
+                speeds.push(motor.speed);
+            }
+            speeds
+        };
+        assert!(is(reversed(Reversing::AtOnce)[0], 1.0 - 2.0 * COVERED));
+        let speeds = reversed(Reversing::BrakesFirst);
+        assert!(is(speeds[0], 1.0 - COVERED) && speeds[..4].iter().all(|speed| *speed > 0.0));
+        // e^-4 is 0.018: from there on it reverses.
+        assert!(speeds[4] < 0.0 && speeds[5] < speeds[4], "{speeds:?}");
+    }
+
+    /// Noise is drawn for 20 steps: its deviation by the root of their time.
+    #[test]
+    fn slip_has_noise_by_the_root_of_the_speed() {
+        let mut motor = motor(Reversing::AtOnce);
+        (motor.figures.slip_noise_m, motor.speed) = (0.001, 0.25);
+        let mut drawn = Rng::stream(1, "world.slip.left");
+        motor.draw_noise();
+        let noise = 0.001 / 0.02_f64.sqrt() * drawn.gauss();
+        assert!(is(motor.floor_speed(), 0.9 * 0.25 + noise * 0.5));
+    }
+}

@@ -57,3 +57,55 @@ impl Push {
 fn steps_f64(steps: u64) -> f64 {
     steps as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Speed along x, turn rate, and number of the steps of a push.
+    fn steps(push: &mut Push) -> (f64, f64, usize) {
+        let mut count = 0;
+        let mut rate = (0.0, 0.0);
+        while push.steps_left > 0 {
+            let (point, turn) = push.step();
+            rate = (point.x, turn);
+            count += 1;
+        }
+        assert_eq!(push.step(), (Point::default(), 0.0));
+        (rate.0, rate.1, count)
+    }
+
+    fn pushed(x: f64, theta: f64, millis: u64) -> (f64, f64, usize) {
+        let mut push = Push::default();
+        push.add(Pose::new(x, 0.0, theta), Duration::from_millis(millis));
+        steps(&mut push)
+    }
+
+    /// A metre and half a radian in half a second. Not faster than 5 m/s and 20 rad/s, and not
+    /// shorter than a step.
+    #[test]
+    fn a_push_lasts_as_long_as_its_limits_need() {
+        assert_eq!(pushed(1.0, 0.5, 500), (2.0, 1.0, 500));
+        assert_eq!(pushed(10.0, 0.0, 1_000), (5.0, 0.0, 2_000));
+        assert_eq!(pushed(0.0, -40.0, 1_000), (0.0, -20.0, 2_000));
+        assert_eq!(pushed(0.001, 0.0, 0), (1.0, 0.0, 1));
+    }
+
+    /// Half of a metre is left after 250 of 500 steps; with half a metre more it is a metre, in the
+    /// time of the second push.
+    #[test]
+    fn a_second_push_adds_to_the_rest_of_the_first() {
+        let mut push = Push::default();
+        push.add(Pose::new(1.0, 0.0, 0.5), Duration::from_millis(500));
+        for _ in 0..250 {
+            push.step();
+        }
+        push.add(Pose::new(0.5, 0.0, 0.0), Duration::from_secs(1));
+        let (speed, turn, count) = steps(&mut push);
+        assert!(
+            (speed - 1.0).abs() < 1e-9 && (turn - 0.25).abs() < 1e-9,
+            "{speed} {turn}"
+        );
+        assert_eq!(count, 1_000);
+    }
+}

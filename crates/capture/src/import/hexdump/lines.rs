@@ -234,3 +234,126 @@ fn at(text: &str) -> Option<(String, String)> {
     let mark = if colon { ":" } else { "" };
     is_offset.then(|| (format!("{digits}{mark}"), rest.to_owned()))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rulers_frames_and_heads_have_no_content() {
+        for text in [
+            "-----",
+            "+---+ ===",
+            "```hex",
+            "Offset(h) 00 01",
+            "Label: x",
+            "Path: x",
+            "ADDRESS",
+            "   00 01 02 03 04 05 06 07 08",
+            "0 1 2 3 4 5 6 7",
+        ] {
+            assert!(is_mute(text), "{text}");
+        }
+        for text in [
+            "00 01 02 03 04 05 06",
+            "00 01 02 04 05 06 07 08 09",
+            "0000 01",
+            "a -- b",
+        ] {
+            assert!(!is_mute(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_prompt_ends_with_a_mark_or_has_the_command_of_a_dump() {
+        for text in [
+            "$",
+            "me@pc:~$ ",
+            "me@pc:~$ xxd a",
+            "# cat a|hexdump -C",
+            "> /usr/bin/od -c a",
+        ] {
+            assert!(is_prompt(text), "{text}");
+        }
+        for text in ["me@pc:~$ ls", "100% sure", "cat a | xxd", ""] {
+            assert!(!is_prompt(text), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_short_number_is_a_cut_offset() {
+        let cut = ["0x01", "012", "0"].map(is_cut_offset);
+        let other = ["0123", "0x0123", "0g"].map(is_cut_offset);
+        assert_eq!((cut, other), ([true; 3], [false; 3]));
+    }
+
+    /// With a colon an offset has two digits or more, without one four; at most sixteen.
+    #[test]
+    fn an_offset_begins_a_row() {
+        for (text, offset, rest) in [
+            ("00000000: 0a0b", "00000000:", " 0a0b"),
+            ("00: 0a", "00:", " 0a"),
+            ("0000 0a", "0000", " 0a"),
+            ("0000h 0a", "0000", " 0a"),
+            ("0000  ", "0000", ""),
+            ("1234567890123456 0a", "1234567890123456", " 0a"),
+            ("0x1f00:\t0x01", "1f00:", "\t0x01"),
+            ("0x20000000 <buf+8>:\t0x01", "20000000:", "\t0x01"),
+            ("20000000 <buf>: 1", "20000000", " <buf>: 1"),
+        ] {
+            assert_eq!(
+                at(text),
+                Some((offset.to_owned(), rest.to_owned())),
+                "{text}"
+            );
+        }
+        for text in [
+            "0: 0a",
+            "00 0a",
+            "000 0a",
+            "12345678901234567 0a",
+            "000g 0a",
+            "words",
+        ] {
+            assert_eq!(at(text), None, "{text}");
+        }
+    }
+
+    /// A row that begins in the column of the cells above it has the same bytes; a log has its own
+    /// words before a row.
+    #[test]
+    fn rows_are_told_from_each_other() {
+        assert!(matches!(row("  * ", None), Some(Row::Again)));
+        assert!(matches!(
+            row("0000 0a", None),
+            Some(Row::At {
+                is_indented: false,
+                ..
+            })
+        ));
+        let indented = row("  0000 0a", None);
+        assert!(matches!(
+            indented,
+            Some(Row::At {
+                is_indented: true,
+                ..
+            })
+        ));
+        let above = row("0000000 0201", None);
+        let same = row("        a   b", above.as_ref());
+        assert!(matches!(same, Some(Row::Same(cells)) if cells == " a   b"));
+        assert!(row("     a", above.as_ref()).is_some() && row("    a", above.as_ref()).is_none());
+        assert!(row("        a   b", indented.as_ref()).is_none());
+        let Some(Row::At { before, offset, .. }) = row("I (12) hex: 0000: 0a 0b", None) else {
+            panic!("a row of a log");
+        };
+        assert_eq!((&*before, &*offset), ("I (12) hex: ", "0000:"));
+        assert!(row("I (12) hex: words", None).is_none() && row("hex: 0000 word", None).is_none());
+    }
+
+    #[test]
+    fn a_dump_begins_within_sixty_lines() {
+        let text = |count: usize| "words\n".repeat(count) + "0000 0a\n";
+        assert!(begins_with_rows(text(59).as_bytes()) && !begins_with_rows(text(60).as_bytes()));
+    }
+}

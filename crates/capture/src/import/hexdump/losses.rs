@@ -134,3 +134,57 @@ pub(super) fn stride(layout: Layout, rows: &[(Line<'_>, Row)]) -> usize {
 
 /// Number of bytes in a row of most tools.
 const STRIDE: usize = 16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(words: &str) -> ImportError {
+        ImportError::of_file(words)
+    }
+
+    fn counted(rows: usize) -> Losses {
+        Losses::of_few(rows)
+    }
+
+    /// A quarter of the rows may be damaged.
+    #[test]
+    fn few_damaged_rows_are_counted() {
+        let mut losses = counted(8);
+        assert!(losses.are_counted() && losses.take(error("a")).is_ok());
+        assert!(losses.take(error("b")).is_ok() && losses.take(error("c")).is_err());
+        let mut none = Losses::none();
+        assert!(!none.are_counted() && none.take(error("a")).is_err());
+        assert!(Losses::none().skip(error("a")).is_err());
+    }
+
+    /// Rows that were left out count with the gap behind them, or at the end.
+    #[test]
+    fn rows_that_were_left_out_count_once() {
+        let mut losses = counted(16);
+        for words in ["first", "second"] {
+            losses.skip(error(words)).expect("few");
+        }
+        losses.gap(error("gap")).expect("few");
+        assert_eq!(losses.rows, 2);
+        losses.gap(error("gap")).expect("few");
+        assert_eq!(losses.rows, 3);
+        losses.skip(error("third")).expect("few");
+        assert!(losses.skip(error("fourth")).is_err());
+        let note = losses.note().expect("some");
+        assert!(
+            note.starts_with("3 rows are damaged or missing; the first: "),
+            "{note}"
+        );
+        assert!(note.ends_with("first"), "{note}");
+        let mut at_end = counted(8);
+        at_end.skip(error("only")).expect("few");
+        at_end.bytes = 1;
+        assert!(at_end.note().is_none() && at_end.end().is_ok() && at_end.end().is_ok());
+        let note = at_end.note().expect("one");
+        assert!(
+            note.starts_with("1 row is damaged or missing, 1 byte is lost; "),
+            "{note}"
+        );
+    }
+}

@@ -458,4 +458,121 @@ mod tests {
             [1, 58]
         );
     }
+    #[test]
+    fn numbers_and_names_of_dates() {
+        let found = [("12", 2), ("1", 2), ("2026", 4)].map(|(text, most)| number(text, most));
+        assert_eq!(found, [Some(12), Some(1), Some(2_026)]);
+        let wrong = [("123", 2), ("26", 4), ("20266", 4), ("1a", 2), ("", 2)];
+        assert_eq!(wrong.map(|(text, most)| number(text, most)), [None; 5]);
+        let days = ["Monday,", "sun", "Wednesday"].map(|word| is_one_of(word, &WEEKDAYS));
+        assert_eq!(days, [Some(0), Some(6), Some(2)]);
+        let none = ["mo", "wednesdays", "sun1", "abc"].map(|word| is_one_of(word, &WEEKDAYS));
+        assert_eq!(none, [None; 4]);
+        assert_eq!(
+            (month_of("Nov."), month_of("january"), month_of("x")),
+            (Some(11), Some(1), None)
+        );
+    }
+
+    /// The day comes before the month, unless only the other order is a date, or with dashes and
+    /// without a year.
+    #[test]
+    fn dates_of_numbers_by_hand() {
+        for (text, date) in [
+            ("2026-11-27", (Some(2_026), 11, 27)),
+            ("2026/11/27", (Some(2_026), 11, 27)),
+            ("27.11.2026", (Some(2_026), 11, 27)),
+            ("11/27/2026", (Some(2_026), 11, 27)),
+            ("05/06/2026", (Some(2_026), 6, 5)),
+            ("11-27", (None, 11, 27)),
+            ("27.11", (None, 11, 27)),
+            ("05-06", (None, 5, 6)),
+            ("5/6", (None, 6, 5)),
+            ("12-12", (None, 12, 12)),
+            ("31.1", (None, 1, 31)),
+        ] {
+            assert_eq!(numeric(text), Some(date), "{text}");
+        }
+        for text in [
+            "27/13", "1-2-3", "0-5", "32.1", "1.0", "2026", "a-b", "1-2-3-4",
+        ] {
+            assert_eq!(numeric(text), None, "{text}");
+        }
+    }
+
+    /// 12:11:23 is 43,883 s after midnight.
+    #[test]
+    fn times_of_day_and_hour_need_a_fraction() {
+        let at = |micros: u64| Some(43_883 * SECOND + micros * 1_000);
+        assert_eq!(of_day("12:11:23.000501"), at(501));
+        assert_eq!(of_day("12:11:23:501"), at(501_000));
+        assert_eq!(
+            (of_day("12:11:23.000,501"), of_day("12:11:23.5Z")),
+            (at(501), at(500_000))
+        );
+        for word in [
+            "12:11:23",
+            "12:11:23.",
+            "12:11:23:50",
+            "12:11:23.x",
+            "12:11.5",
+        ] {
+            assert_eq!(of_day(word), None, "{word}");
+        }
+        assert_eq!(of_hour("59:58.02"), Some(3_598 * SECOND + SECOND / 50));
+        assert_eq!(of_hour("1234:05,5"), Some(74_045 * SECOND + SECOND / 2));
+        assert_eq!(of_hour("59:60.0"), Some(3_600 * SECOND));
+        for word in ["12345:05.5", "59:61.0", "59:058.0", "59:58", "59:58.x"] {
+            assert_eq!(of_hour(word), None, "{word}");
+        }
+    }
+
+    #[test]
+    fn a_twelve_hour_clock_has_two_halves() {
+        let of = |hour: u64, is_afternoon| {
+            turned(hour * 3_600 * SECOND, is_afternoon) / (3_600 * SECOND)
+        };
+        assert_eq!(
+            [of(12, false), of(1, false), of(12, true), of(1, true)],
+            [0, 1, 12, 13]
+        );
+        assert_eq!(
+            (half_of("pm,"), half_of("AM"), half_of("x")),
+            (Some(true), Some(false), None)
+        );
+    }
+
+    #[test]
+    fn a_time_is_found_among_the_first_words() {
+        assert_eq!(
+            within("I (357) wifi: x"),
+            Some((357_000_000, Clock::Seconds))
+        );
+        assert_eq!((within("II (357) x"), within("I 357 x")), (None, None));
+        let noon = Some((43_883 * SECOND, Clock::Day));
+        assert_eq!(within("a b c d e 12:11:23, x"), noon);
+        assert_eq!(
+            (within("a b c d e f 12:11:23"), within("[12:11:23] x")),
+            (None, noon)
+        );
+        let dated = Some((1_795_781_483 * SECOND, Clock::Date));
+        assert_eq!(within("log 2026-11-27 12:11:23 x"), dated);
+        assert_eq!(within("x Nov 27 12:11:23 2026 y"), dated);
+        assert_eq!(
+            within("x Nov 27 12:11:23 y"),
+            Some((28_642_283 * SECOND, Clock::Year))
+        );
+        assert!(is_time_of_day("[12:11:23],") && !is_time_of_day("1:11:23"));
+    }
+
+    #[test]
+    fn a_bracketed_text_is_one_word() {
+        assert_eq!(next_word("[a b]: c d"), Some(("a b", "c d")));
+        assert_eq!(next_word("(1), x"), Some(("1", "x")));
+        assert_eq!(
+            (next_word("a\tb c"), next_word("[a b")),
+            (Some(("a", "b c")), Some(("[a", "b")))
+        );
+        assert_eq!(next_word(""), None);
+    }
 }

@@ -306,4 +306,87 @@ mod tests {
         }
         assert_eq!(["frame", "bytes", ""].map(label), [None; 3]);
     }
+    #[test]
+    fn arrows_and_the_word_to_are_found_in_their_order() {
+        assert_eq!(next_arrow("a to b -> c", 0), Some((1, " to ", true)));
+        assert_eq!(next_arrow("a -> b to c", 0), Some((2, "->", true)));
+        assert_eq!(next_arrow("a -> b to c", 3), Some((3, ">", true)));
+        assert_eq!(next_arrow("a <-- b", 0), Some((2, "<--", false)));
+        assert_eq!(next_arrow("x-y = 3 to z", 0), Some((7, " to ", true)));
+        assert_eq!((next_arrow("a-b = c", 0), next_arrow("", 0)), (None, None));
+    }
+
+    #[test]
+    fn a_pair_is_two_names_around_an_arrow() {
+        let pair = |text: &str| {
+            Pair::of(text).map(|pair| {
+                (
+                    pair.left.to_owned(),
+                    pair.right.to_owned(),
+                    text[pair.range].to_owned(),
+                )
+            })
+        };
+        for (text, left, right, range) in [
+            ("1 PC -> METER: 01", "PC", "METER", "PC -> METER"),
+            ("a>b", "a", "b", "a>b"),
+            ("/dev/tty <- pc.", "/dev/tty", "pc", "/dev/tty <- pc"),
+            ("host to slave-1: 01", "host", "slave-1", "host to slave-1"),
+        ] {
+            let expected = [left, right, range].map(str::to_owned);
+            assert_eq!(
+                pair(text).map(<[String; 3]>::from),
+                Some(expected),
+                "{text}"
+            );
+        }
+        for text in [
+            "a> b", "a >b", "x < 5", "tx -> rx", "AB -> CD", "-> b", "a ->",
+        ] {
+            assert_eq!(pair(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn common_names_have_a_role() {
+        let roles = ["PC1", "master", "Meter_2", "server", "port"].map(role);
+        assert_eq!(
+            roles,
+            [Some(true), Some(true), Some(false), Some(false), None]
+        );
+        let labels = ["master", "driver", "slave", "cmd", "ack", "port"].map(label);
+        assert_eq!(
+            labels,
+            [Some(true), None, Some(false), Some(true), Some(false), None]
+        );
+    }
+
+    /// A known role of either end tells the direction. Of two unknown ends that send to each other,
+    /// the first sender is the host, and so is one with more peers.
+    #[test]
+    fn roles_or_the_first_sender_tell_the_host() {
+        let host = |texts: &[&str]| -> Vec<(String, bool)> {
+            let ends = Ends::of(texts.iter().copied());
+            let known = ends.known.into_iter();
+            known
+                .map(|((sender, _), is_host)| (sender, is_host))
+                .collect()
+        };
+        let known = |sender: &str, is_host| vec![(sender.to_owned(), is_host)];
+        assert_eq!(host(&["pc -> foo"]), known("pc", true));
+        assert_eq!(host(&["foo -> pc"]), known("foo", false));
+        assert_eq!(host(&["foo -> meter"]), known("foo", true));
+        assert_eq!(host(&["meter -> sensor"]), []);
+        assert_eq!(host(&["foo -> bar"]), []);
+        let both = [("bar".to_owned(), false), ("foo".to_owned(), true)];
+        assert_eq!(host(&["foo -> bar", "bar -> foo"]), both);
+        let both = [("bar".to_owned(), true), ("foo".to_owned(), false)];
+        assert_eq!(host(&["bar -> foo", "foo -> bar"]), both);
+        let notes = Ends::of(["foo -> bar", "bar -> foo"].into_iter()).notes;
+        assert!(
+            notes[0].starts_with("\"foo\" is taken as the host"),
+            "{notes:?}"
+        );
+        assert!(Ends::of(["pc -> foo"].into_iter()).notes.is_empty());
+    }
 }

@@ -195,3 +195,41 @@ fn a_given_name_replaces_that_of_the_only_interface() {
         assert_eq!(found.links()[0].name, name);
     }
 }
+
+/// A power of ten, or of two with the highest bit.
+#[test]
+fn the_resolution_of_an_interface_is_a_power() {
+    assert_eq!(
+        (nanos(1_500, 3), nanos(1_500_000, 6)),
+        (1_500_000_000, 1_500_000_000)
+    );
+    assert_eq!(
+        (nanos(3, 0x81), nanos(7, 9), nanos(7, 0)),
+        (1_500_000_000, 7, 7_000_000_000)
+    );
+    assert_eq!((units(1, 2), units(0, 9)), (0x1_0000_0002, 9));
+}
+
+#[test]
+fn a_foreign_link_type_is_named_with_the_next_step() {
+    for (link_types, name, step) in [
+        (&[0][..], "loopback", "tcp.payload"),
+        (&[1], "Ethernet", "tcp.payload"),
+        (&[101, 228, 229], "IP", "tcp.payload"),
+        (&[113, 276], "\"any\" of Linux", "tcp.payload"),
+        (&[187, 201], "Bluetooth HCI", "btrfcomm.data"),
+        (&[288, 293, 294, 295], "raw USB packets", "usbmon1"),
+        (&[227], "CAN", "no CAN"),
+        (&[105, 127], "WLAN", "data.data"),
+        (&[195, 215, 230, 283], "IEEE 802.15.4", "data.data"),
+        (&[251, 256], "Bluetooth Low Energy", "data.data"),
+    ] {
+        for &link_type in link_types {
+            let words = refusal(&[link_type, 1]);
+            let begin = format!("link type {link_type} ({name}) carries no serial bytes; ");
+            assert!(words.starts_with(&begin) && words.contains(step), "{words}");
+        }
+    }
+    assert!(refusal(&[9_999]).starts_with("link type 9999 carries"));
+    assert_eq!(refusal(&[]), "the file has no packets");
+}

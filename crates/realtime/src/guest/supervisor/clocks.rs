@@ -176,3 +176,53 @@ pub(super) fn low_i32(value: u64) -> i32 {
     let [a, b, c, d, ..] = value.to_le_bytes();
     i32::from_le_bytes([a, b, c, d])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The calendar begins with 2026 (`date -u -d 2026-01-01 +%s`), time since the start of the
+    /// machine with 1,000 s, and the time of a processor with nothing.
+    #[test]
+    fn clocks_begin_where_they_do() {
+        for clock in [
+            libc::CLOCK_REALTIME,
+            libc::CLOCK_REALTIME_COARSE,
+            libc::CLOCK_REALTIME_ALARM,
+            libc::CLOCK_TAI,
+        ] {
+            assert_eq!(begins(clock.into()), 1_767_225_600_000_000_000);
+        }
+        for clock in [
+            libc::CLOCK_PROCESS_CPUTIME_ID,
+            libc::CLOCK_THREAD_CPUTIME_ID,
+            -6,
+        ] {
+            assert_eq!(begins(clock.into()), 0);
+        }
+        for clock in [
+            libc::CLOCK_MONOTONIC,
+            libc::CLOCK_BOOTTIME,
+            libc::CLOCK_MONOTONIC_RAW,
+        ] {
+            assert_eq!(begins(clock.into()), 1_000_000_000_000);
+        }
+        let at = |nanos| Supervisor::instant_of(1, nanos).as_nanos();
+        assert_eq!([at(1_000_000_000_005), at(7)], [5, 0]);
+    }
+
+    #[test]
+    fn a_time_has_seconds_and_less_than_one_more() {
+        assert_eq!(nanos([2, 5]), Ok(2_000_000_005));
+        assert_eq!(
+            (nanos([0, 0]), nanos([0, 999_999_999])),
+            (Ok(0), Ok(999_999_999))
+        );
+        assert_eq!(nanos([i64::MAX, 5]), Ok(i64::MAX));
+        for wrong in [[-1, 0], [0, -1], [0, 1_000_000_000]] {
+            assert_eq!(nanos(wrong), Err(Errno::EINVAL));
+        }
+        assert_eq!((timespec(2_000_000_005), timespec(0)), ([2, 5], [0, 0]));
+        assert_eq!((low_i32(0x1_FFFF_FFFF), low_i32(0xFF_0000_0007)), (-1, 7));
+    }
+}

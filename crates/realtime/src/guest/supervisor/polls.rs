@@ -443,3 +443,57 @@ fn is_selected(kind: PollFlags, found: PollFlags) -> bool {
     };
     found.intersects(counts)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sets are whole words of 64 files, of 1024 at most.
+    #[test]
+    fn sets_of_a_select_have_whole_words() {
+        let sizes = [0, 1, 64, 65, 1_024, 4_096].map(size_of_sets);
+        let expected = [
+            (0, 0),
+            (1, 8),
+            (64, 8),
+            (65, 16),
+            (1_024, 128),
+            (1_024, 128),
+        ];
+        assert_eq!(sizes, expected);
+        assert_eq!(size_of_sets(u64::MAX), (0, 0), "less than none");
+    }
+
+    #[test]
+    fn a_poll_is_remembered_without_its_answers() {
+        let entries: Vec<u8> = (0..16).collect();
+        assert_eq!(
+            wanted_of(&entries),
+            [0, 1, 2, 3, 4, 5, 8, 9, 10, 11, 12, 13]
+        );
+        assert!(wanted_of(&[]).is_empty());
+    }
+
+    /// The kernel's sets (fs/select.c): an end and an error are readable, an error is writable, and
+    /// only urgent data are exceptions.
+    #[test]
+    fn a_select_counts_ends_and_errors() {
+        let kinds = [PollFlags::IN, PollFlags::OUT, PollFlags::PRI];
+        for (found, expected) in [
+            (PollFlags::IN, [true, false, false]),
+            (PollFlags::RDNORM, [true, false, false]),
+            (PollFlags::HUP, [true, false, false]),
+            (PollFlags::ERR, [true, true, false]),
+            (PollFlags::OUT, [false, true, false]),
+            (PollFlags::WRNORM, [false, true, false]),
+            (PollFlags::PRI, [false, false, true]),
+            (PollFlags::empty(), [false; 3]),
+        ] {
+            assert_eq!(
+                kinds.map(|kind| is_selected(kind, found)),
+                expected,
+                "{found:?}"
+            );
+        }
+    }
+}

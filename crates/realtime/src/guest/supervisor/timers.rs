@@ -306,3 +306,32 @@ fn is_marked(pid: i32, fd: i32) -> bool {
 fn clock_of(pid: i32, fd: i32) -> Option<i64> {
     told_of(pid, fd, "clockid")?.parse().ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A timer for 10 ms, once and each 3 ms: until 16 ms it expires three times, and is due at 19.
+    #[test]
+    fn a_timer_expires_as_often_as_its_interval_fits() {
+        let at = Instant::from_millis;
+        let after = |interval_ms: u64, now_ms: u64| {
+            let mut timer = Timer {
+                at: Some(at(10)),
+                interval: interval_ms * 1_000_000,
+            };
+            let count = expirations(&mut timer, at(now_ms));
+            (count, timer.at.map(Instant::as_millis))
+        };
+        assert_eq!(
+            (after(0, 9), after(0, 10), after(0, 99)),
+            ((0, Some(10)), (1, None), (1, None))
+        );
+        assert_eq!(
+            (after(3, 9), after(3, 10), after(3, 12)),
+            ((0, Some(10)), (1, Some(13)), (1, Some(13)))
+        );
+        assert_eq!((after(3, 13), after(3, 16)), ((2, Some(16)), (3, Some(19))));
+        assert_eq!(expirations(&mut Timer::default(), at(99)), 0);
+    }
+}

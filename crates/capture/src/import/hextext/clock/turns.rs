@@ -62,3 +62,67 @@ impl Turns {
         Some(format!("line {first}: the {clock}{more}"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Times in milliseconds, in and out.
+    fn told(clock: Clock, times: &[u64]) -> (Vec<u64>, Option<String>) {
+        let nanos = |ms: &u64| ms * 1_000_000;
+        let mut turns = Turns::of(clock, times.iter().map(nanos));
+        let found = (1..)
+            .zip(times)
+            .map(|(line, ms)| turns.nanos(nanos(ms), line) / 1_000_000);
+        (found.collect(), turns.note())
+    }
+
+    const DAY_MS: u64 = 86_400_000;
+
+    /// A clock that goes back by more than half a day has begun again.
+    #[test]
+    fn a_clock_begins_again_at_midnight() {
+        let (found, note) = told(Clock::Day, &[DAY_MS - 1_000, 200, 300]);
+        assert_eq!(found, [DAY_MS - 1_000, DAY_MS + 200, DAY_MS + 300]);
+        let words = "line 2: the time of day begins again, as at midnight";
+        assert_eq!(note.as_deref(), Some(words));
+        let (found, note) = told(Clock::Day, &[DAY_MS - 1, 5, DAY_MS - 1, 5]);
+        assert_eq!(found[3], 2 * DAY_MS + 5);
+        assert!(note.expect("two").ends_with(" (in the whole file 2 times)"));
+        let half = DAY_MS / 2;
+        assert_eq!(told(Clock::Day, &[half + 9, 9]).0, [half + 9, 9]);
+        assert_eq!(told(Clock::Day, &[half + 10, 9]).0, [half + 10, DAY_MS + 9]);
+    }
+
+    /// A line that is late by less than a second is that of the day before.
+    #[test]
+    fn a_late_line_stays_before_midnight() {
+        let times = [DAY_MS - 1_000, 200, DAY_MS - 500, 300];
+        let expected = [DAY_MS - 1_000, DAY_MS + 200, DAY_MS - 500, DAY_MS + 300];
+        assert_eq!(told(Clock::Day, &times).0, expected);
+        let later = told(Clock::Day, &[DAY_MS - 1_000, 600, DAY_MS - 400]).0;
+        assert_eq!(later[2], 2 * DAY_MS - 400, "a second later");
+        let just = told(Clock::Day, &[DAY_MS - 1_000, 600, DAY_MS - 399]).0;
+        assert_eq!(just[2], DAY_MS - 399);
+        assert_eq!(told(Clock::Day, &[500, 400]).0, [500, 400]);
+    }
+
+    /// Minutes below 60 begin again at the hour; above, they count from the start.
+    #[test]
+    fn minutes_begin_again_at_the_hour() {
+        let (found, note) = told(Clock::Hour, &[3_599_000, 1_000]);
+        assert_eq!(found, [3_599_000, 3_601_000]);
+        assert!(
+            note.expect("a turn")
+                .ends_with("the minutes begin again, as at the full hour")
+        );
+        assert_eq!(
+            told(Clock::Hour, &[3_600_000, 1_000]),
+            (vec![3_600_000, 1_000], None)
+        );
+        assert_eq!(
+            told(Clock::Seconds, &[90_000_000, 1]),
+            (vec![90_000_000, 1], None)
+        );
+    }
+}
