@@ -1,17 +1,18 @@
 #!/usr/bin/env bash
 # The checks of this repository. The first that fails ends the run.
 #
-# usage: bash tests/run.sh [--all] [--since REV]
+# usage: bash tests/run.sh [--all] [--seeds] [--since REV]
 #
 #   (nothing)     the checks of each landing: format, lints, the tests of the workspace but those of
 #                 tests/long.txt, examples, the package for Python, the demo
 #   --since REV   also the proofs and long tests whose files changed since REV
-#   --all         all seeds and cases of all tests, and all proofs: docs of the crates, bare metal,
-#                 portable builds, coverage, a release beside other builds, simulated
-#                 microcontrollers, clients of other languages, drivers with a defect, sessions of
-#                 public drivers, a robot in a crate of its own
+#   --all         also all long tests and all proofs: docs of the crates, bare metal, portable
+#                 builds, coverage, a release beside other builds, simulated microcontrollers,
+#                 clients of other languages, drivers with a defect, sessions of public drivers, a
+#                 robot in a crate of its own; half an hour on two processors
+#   --seeds       all seeds and cases of the tests, and not only the first ones
 #
-# What neither runs, because it takes longer or needs a cluster: tests/mutants.sh,
+# What none of them runs, because it takes longer or needs a cluster: tests/mutants.sh,
 # tests/browser/run.sh, tests/slurm/run.sh, tests/kubernetes/run.sh, tests/ci/run.sh,
 # tests/exec/many.sh, tests/exec/generated.sh, tests/fuzz_programs/run.sh, tests/large/prove.sh; and
 # what needs sources from GitHub: tests/avr_base/run.sh, tests/lidar_clients/vendor.sh.
@@ -20,10 +21,11 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-all=false since=
+all=false seeds=false since=
 while [[ $# -gt 0 ]]; do
     case $1 in
     --all) all=true ;;
+    --seeds) seeds=true ;;
     --since)
         since=${2:?tests/run.sh: --since needs a revision}
         git rev-parse --quiet --verify "$since^{commit}" >/dev/null || {
@@ -41,7 +43,7 @@ while [[ $# -gt 0 ]]; do
 done
 
 # Tests of many seeds or generated cases run their beginning, or all of it.
-if $all; then export HILRIG_TESTS=all; fi
+if $seeds; then export HILRIG_TESTS=all; fi
 
 # Steps and their seconds, for the table at the end.
 steps=() seconds=()
@@ -191,8 +193,8 @@ step "tests"
 # The same cases on every run: a check that is red today and green tomorrow judges no change.
 # Other cases: PROPTEST_RNG_SEED=N bash tests/run.sh, and `hilrig fuzz` for as long as one likes.
 export PROPTEST_RNG_SEED=${PROPTEST_RNG_SEED:-1}
-# An eighth of them at each landing.
-$all || export PROPTEST_CASES=${PROPTEST_CASES:-32}
+# An eighth of them without --seeds.
+$seeds || export PROPTEST_CASES=${PROPTEST_CASES:-32}
 # These wait for browsers, ports and programs most of their time, some of them in real time; the
 # others compute. What computes yields to what waits: two processors are never idle, and nothing
 # that runs in real time is late.
@@ -458,5 +460,6 @@ finish_step
 printf '\n%8s  %s\n' seconds step
 for i in "${!steps[@]}"; do printf '%8d  %s\n' "${seconds[i]}" "${steps[i]}"; done
 printf '%8d  %s\n' "$SECONDS" "all checks passed"
-$all || echo "not run: $((${#skipped[@]} / 2)) long tests (tests/long.txt), most seeds of some others," \
-    "and the proofs of --all (bash tests/run.sh --help)"
+$all || echo "not run: $((${#skipped[@]} / 2)) long tests (tests/long.txt) and the proofs of --all" \
+    "(bash tests/run.sh --help)"
+$seeds || echo "not run: most seeds and cases of some tests (--seeds)"

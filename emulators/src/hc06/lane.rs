@@ -381,7 +381,7 @@ mod tests {
         };
         assert_eq!(
             second(61_249),
-            at(67_500),
+            at(66_250),
             "5 ms: the slot behind 66.249 ms"
         );
         assert_eq!(
@@ -394,7 +394,7 @@ mod tests {
     /// After a disturbance at 20 ms the frames of 11.25 and 12.5 ms arrive in the next two slots.
     #[test]
     fn frames_that_were_held_up_arrive_one_a_slot() {
-        let mut lane = lane();
+        let [mut lane, mut early] = [lane(), lane()];
         lane.push(&[7; 6], at(0), STEP);
         lane.shift(at(0), at(90_000), STEP);
         lane.shift(at(0), at(90_000), STEP);
@@ -402,7 +402,6 @@ mod tests {
         assert_eq!((lane.due(), lane.last_due), (at(21_250), Some(at(22_500))));
         lane.deliver();
         assert_eq!(lane.due(), at(22_500));
-        let mut early = super::tests::lane();
         early.push(&[7; 6], at(0), STEP);
         early.shift(at(0), at(90_000), STEP);
         early.resume(at(2_000));

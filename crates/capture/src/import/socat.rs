@@ -178,23 +178,22 @@ mod tests {
     /// Without text a block ends with its last byte; it has to be whole.
     #[test]
     fn blocks_without_text_end_with_their_bytes() {
-        let read = |text: &str| {
+        let imported = |text: &str| {
             let mut out = Imported::new();
-            super::read(text.as_bytes(), &Options::default(), &mut out)
-                .map_err(|error| error.message)?;
+            read(text.as_bytes(), &Options::default(), &mut out).map_err(|error| error.message)?;
             let records = out.records().iter();
             Ok::<_, String>(records.map(|one| one.bytes.to_vec()).collect::<Vec<_>>())
         };
         let head =
             |length: usize| format!("> 2026/11/21 07:58:48.000001  length={length} from=0 to=1\n");
         let two = format!("{} 41 42\n 43\n{} 44\n", head(3), head(1));
-        assert_eq!(read(&two), Ok(vec![b"ABC".to_vec(), b"D".to_vec()]));
-        let cut = read(&format!("{} 41\n", head(3))).expect_err("cut");
+        assert_eq!(imported(&two), Ok(vec![b"ABC".to_vec(), b"D".to_vec()]));
+        let cut = imported(&format!("{} 41\n", head(3))).expect_err("cut");
         assert!(cut.ends_with("after 1 of 3 bytes"), "{cut}");
-        assert!(read("> nonsense\n").is_err() && read("a word\n").is_ok());
+        assert!(imported("> nonsense\n").is_err() && imported("a word\n").is_ok());
         let open = format!("{} 41\nwords\n--\n", head(1));
         assert!(
-            read(&open)
+            imported(&open)
                 .expect_err("no end")
                 .starts_with("expected \"--\"")
         );

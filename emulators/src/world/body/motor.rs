@@ -245,7 +245,7 @@ mod tests {
         motor.set(Command::Coast);
         let before = motor.speed;
         motor.step();
-        assert!(is(motor.speed, before * (-0.1_f64).exp()));
+        assert!(is(motor.speed, before * libm::exp(-0.1)));
         motor.set(Command::Brake);
         assert_eq!(motor.command(), Command::Brake);
         for _ in 0..6 {

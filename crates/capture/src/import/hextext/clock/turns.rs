@@ -86,7 +86,7 @@ mod tests {
         assert_eq!(found, [DAY_MS - 1_000, DAY_MS + 200, DAY_MS + 300]);
         let words = "line 2: the time of day begins again, as at midnight";
         assert_eq!(note.as_deref(), Some(words));
-        let (found, note) = told(Clock::Day, &[DAY_MS - 1, 5, DAY_MS - 1, 5]);
+        let (found, note) = told(Clock::Day, &[DAY_MS - 1, 5, DAY_MS - 2_000, 5]);
         assert_eq!(found[3], 2 * DAY_MS + 5);
         assert!(note.expect("two").ends_with(" (in the whole file 2 times)"));
         let half = DAY_MS / 2;
