@@ -142,3 +142,53 @@ impl Checker for SetPointsAsAccepted {
         Some(Box::new(Self { heard, broken }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames of AA and the set-point of the only axis.
+    fn heard() -> Heard {
+        Heard {
+            link: 0,
+            dialect: Dialect {
+                link: "base",
+                frame_max: 2,
+                command: |bytes| match bytes {
+                    [0xAA, value] => Some(vec![Some(f64::from(*value))]),
+                    _ => None,
+                },
+            },
+            bytes: Vec::new(),
+            commands: VecDeque::new(),
+            accepted: 0,
+        }
+    }
+
+    /// A frame may come in pieces, behind other bytes.
+    #[test]
+    fn set_points_are_those_of_valid_frames() {
+        let mut heard = heard();
+        heard.take(Instant::ZERO, &[7, 0xAA]);
+        heard.take(Instant::ZERO, &[5, 9, 0xAA, 6]);
+        assert_eq!((heard.accepted, heard.bytes.len()), (2, 2));
+        let told = [0.0, 5.0, 6.0, 9.0].map(|value| heard.told(0, value));
+        assert_eq!(told, [true, true, true, false]);
+        assert!(heard.told(1, 0.0) && !heard.told(1, 5.0), "no such axis");
+    }
+
+    /// Of more than eight commands those of the last two seconds are kept.
+    #[test]
+    fn commands_are_kept_for_two_seconds() {
+        let kept = |later_ms: u64| {
+            let mut heard = heard();
+            for value in 1..=8 {
+                heard.take(Instant::ZERO, &[0xAA, value]);
+            }
+            assert_eq!(heard.commands.len(), 8);
+            heard.take(Instant::from_millis(later_ms), &[0xAA, 9]);
+            heard.commands.len()
+        };
+        assert_eq!((kept(2_000), kept(2_001)), (9, 8));
+    }
+}

@@ -120,3 +120,92 @@ impl Servo {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A servo without a lag that turns by 0.01 rad in a step, at most to half a radian.
+    fn servo(floor: Floor, law: SteeringLaw) -> Servo {
+        let config = AckermannConfig {
+            steering_lag_s: 0.0,
+            steering_rate_rad_s: 10.0,
+            steering_max_rad: 0.5,
+            steering_law: law,
+            floor,
+            ..AckermannConfig::default().ideal()
+        };
+        Servo::new(&config, 1)
+    }
+
+    /// The angle after many steps at this speed, from the first to the second wanted angle.
+    fn reached(floor: Floor, speed: f64, wanted: [f64; 2]) -> f64 {
+        let mut servo = servo(floor, SteeringLaw::default());
+        servo.set(wanted[0]);
+        (1..200).for_each(|number| servo.step(number, 1.0));
+        servo.set(wanted[1]);
+        (201..400).for_each(|number| servo.step(number, speed));
+        servo.angle
+    }
+
+    fn is(found: f64, expected: f64) -> bool {
+        (found - expected).abs() < 1e-9
+    }
+
+    #[test]
+    fn a_servo_turns_at_its_speed_to_its_limit() {
+        let mut servo = servo(Floor::Smooth, SteeringLaw::default());
+        servo.set(0.3);
+        servo.step(1, 0.0);
+        assert!(is(servo.angle, 0.01) && is(servo.tangent, libm::tan(0.01)));
+        (2..=30).for_each(|number| servo.step(number, 0.0));
+        assert!(is(servo.angle, 0.3));
+        servo.set(-9.0);
+        servo.step(31, 0.0);
+        assert!(is(servo.wanted, -0.5) && is(servo.angle, 0.29));
+    }
+
+    /// At rest, which is up to 0.02 m/s, the wheels stop 0.07 rad short on PVC and do not turn on a
+    /// carpet.
+    #[test]
+    fn a_heavy_car_steers_badly_at_rest() {
+        assert!(is(reached(Floor::Smooth, 0.0, [0.0, 0.3]), 0.3));
+        assert!(is(reached(Floor::Pvc, 0.02, [0.0, 0.3]), 0.23));
+        assert!(is(reached(Floor::Pvc, -0.03, [0.0, 0.3]), 0.3));
+        assert!(is(reached(Floor::Pvc, 0.0, [0.3, -0.3]), -0.23));
+        assert!(
+            is(reached(Floor::Pvc, 0.0, [0.3, 0.35]), 0.3),
+            "it does not turn back"
+        );
+        assert!(is(reached(Floor::Pvc, 0.0, [0.3, 0.25]), 0.3));
+        assert!(is(reached(Floor::Carpet, 0.0, [0.1, 0.3]), 0.1));
+        assert!(is(reached(Floor::Carpet, 0.03, [0.1, 0.3]), 0.3));
+    }
+
+    /// Half of 0.2 and a trim of 0.1, then a walk by the root of the way: 20 steps at 4 m/s are
+    /// 0.08 m. It stays within 0.1 rad.
+    #[test]
+    fn the_wheels_stand_as_the_law_says() {
+        let law = |wander_rad| SteeringLaw {
+            gain: 0.5,
+            trim_rad: 0.1,
+            wander_rad,
+        };
+        let mut plain = servo(Floor::Smooth, law(0.0));
+        plain.set(0.2);
+        (1..99).for_each(|number| plain.step(number, 4.0));
+        assert!(is(plain.angle, 0.2));
+        let mut walks = servo(Floor::Smooth, law(0.05));
+        let mut drawn = Rng::stream(1, "world.steering");
+        let first = 0.05 * 0.08_f64.sqrt() * drawn.gauss();
+        (1..=20).for_each(|number| walks.step(number, 4.0));
+        assert!(
+            is(walks.wander, first.clamp(-0.1, 0.1)),
+            "{} {first}",
+            walks.wander
+        );
+        let mut wild = servo(Floor::Smooth, law(99.0));
+        (1..=20).for_each(|number| wild.step(number, 4.0));
+        assert!(is(wild.wander.abs(), 0.1));
+    }
+}

@@ -60,6 +60,12 @@ impl DriveFed {
         }
     }
 
+    /// For tests: the log entries of `device` are those of the drive.
+    #[cfg(test)]
+    pub(super) fn watch(&mut self, device: &str) {
+        self.devices.insert(device.to_owned());
+    }
+
     /// The first stop by a watchdog since the last call.
     fn stopped(&mut self, rig: &Rig) -> Option<(Instant, String)> {
         let (moments, _) = rig.log_since(&self.log);

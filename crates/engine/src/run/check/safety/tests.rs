@@ -7,9 +7,9 @@ use emulators::world::{BodyConfig, Pose, Scene, Shape, World};
 use emulators::{Event, EventKind};
 
 use super::*;
-use crate::robots::Figure;
 use crate::robots::checker::{Look, Status};
 use crate::robots::instruments::Unknown;
+use crate::robots::{Axis, Figure};
 
 /// A robot that reported `told` while the true value is `truth`.
 struct Telling {
@@ -267,4 +267,233 @@ fn an_echo_is_no_line_at_work() {
         "{}",
         check.detail
     );
+}
+
+/// A rig with one link, and the nodes of its device and of its master. A byte takes 10 us.
+fn linked(name: &str) -> (Rig, [usize; 2]) {
+    let (rig, [ends]) = crate::rig::bare::linked([name], 1_000_000);
+    (rig, ends.map(|end| end.node))
+}
+
+fn drive(set_point: f64) -> Axis {
+    Axis {
+        name: "drive".into(),
+        unit: "m/s",
+        set_point,
+        limit: None,
+        actual: None,
+    }
+}
+
+/// Looks at `rig` at a millisecond, with a drive at this set-point.
+fn look_at(checker: &mut dyn Checker, rig: &mut Rig, millis: u64, set_point: f64) {
+    rig.run_until(Instant::from_millis(millis));
+    checker.observe(&Look {
+        rig,
+        axes: &[drive(set_point)],
+        contacts: &[],
+    });
+}
+
+/// Commands at 10 and 20 ms. At a set-point the next one may be 300 ms later.
+#[test]
+fn a_drive_is_fed_while_it_drives() {
+    let fed = |looks: &[(u64, f64)]| {
+        let (mut rig, [_, master]) = linked("base");
+        let links = vec!["base".to_owned()];
+        let within = Duration::from_millis(300);
+        let mut fed = DriveFed::new(&rig, links, within, Calm::default());
+        for millis in [10, 20] {
+            rig.inject(master, &[1]);
+            look_at(&mut fed, &mut rig, millis, 1.0);
+        }
+        for &(millis, set_point) in looks {
+            look_at(&mut fed, &mut rig, millis, set_point);
+        }
+        fed.verdict()
+    };
+    let held = fed(&[(320, 1.0)]);
+    assert_eq!(
+        (held.status, &*held.detail),
+        (Status::Pass, "commands at most 300 ms apart at set-points")
+    );
+    let late = fed(&[(321, 1.0), (900, 1.0)]);
+    assert_eq!(late.status, Status::Fail);
+    assert!(
+        late.detail
+            .starts_with("at 0.321000 s no command for 301 ms at"),
+        "{}",
+        late.detail
+    );
+    assert_eq!(fed(&[(250, 0.0), (550, 1.0)]).status, Status::Pass);
+    let (mut rig, _) = linked("base");
+    let within = Duration::from_millis(300);
+    let mut none = DriveFed::new(&rig, Vec::new(), within, Calm::default());
+    look_at(&mut none, &mut rig, 900, 1.0);
+    assert_eq!(none.verdict().status, Status::NotObserved);
+}
+
+/// A watchdog of a device on the drive's links has fired, between two looks at the logs.
+#[test]
+fn a_watchdog_of_the_drive_is_told() {
+    let stopped = |source: &str| {
+        let (mut rig, _) = linked("base");
+        let links = vec!["base".to_owned()];
+        let within = Duration::from_secs(9);
+        let mut fed = DriveFed::new(&rig, links, within, Calm::default());
+        fed.watch("base");
+        look_at(&mut fed, &mut rig, 10, 1.0);
+        let event = Event {
+            at: Instant::from_millis(50),
+            kind: EventKind::Note,
+            rule: "watchdog",
+            detail: String::new(),
+            bytes: Vec::new(),
+        };
+        rig.log(source, event);
+        look_at(&mut fed, &mut rig, 100, 1.0);
+        let early = fed.verdict().status;
+        look_at(&mut fed, &mut rig, 110, 1.0);
+        (early, fed.verdict().detail)
+    };
+    let (early, detail) = stopped("base");
+    assert_eq!(early, Status::Pass);
+    assert!(
+        detail.starts_with("at 0.050000 s base stopped by itself"),
+        "{detail}"
+    );
+    assert!(stopped("other").1.starts_with("commands at most"));
+}
+
+/// 60 bytes a second to the device, for some seconds, are a busy line. The last part of the run
+/// begins at 10 s; a second of it is enough.
+#[test]
+fn a_line_that_was_busy_is_alive_at_the_end() {
+    let judged = |bytes: usize, busy_s: u64, last_s: u64, until_s: u64, exempt: &str| {
+        let (mut rig, [_, master]) = linked("base");
+        let last = Duration::from_secs(4);
+        let exempt = vec![exempt.to_owned()];
+        let mut alive = AliveAtTheEnd::new(Instant::from_secs(10), last, exempt, false);
+        look_at(&mut alive, &mut rig, 0, 0.0);
+        for second in 1..=until_s {
+            if second <= busy_s || second == last_s {
+                rig.inject(master, &vec![7; bytes]);
+            }
+            look_at(&mut alive, &mut rig, 1_000 * second, 0.0);
+        }
+        let check = alive.verdict();
+        (check.status, check.detail)
+    };
+    let silent = (
+        Status::Fail,
+        "silent since 10.000000 s: base to-device".to_owned(),
+    );
+    assert_eq!(judged(60, 4, 0, 14, ""), silent);
+    assert_eq!(judged(60, 10, 11, 14, "").0, Status::Pass);
+    for (bytes, busy_s, until_s, exempt) in [
+        (59, 10, 14, ""),
+        (60, 3, 14, ""),
+        (60, 9, 14, "base"),
+        (60, 9, 10, ""),
+    ] {
+        assert_eq!(
+            judged(bytes, busy_s, 0, until_s, exempt).0,
+            Status::NotObserved,
+            "{bytes} {busy_s}"
+        );
+    }
+}
+
+/// A robot that believes this pose.
+struct Believing(Pose);
+
+impl Instruments for Believing {
+    fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+        Some((rig.now(), self.0))
+    }
+}
+
+/// The robot stands at the origin and may be wrong by 300 mm and 20 degrees, or for less than three
+/// seconds.
+#[test]
+fn a_pose_is_wrong_if_it_is_so_for_three_seconds() {
+    let judged = |x: f64, degrees: f64, until_ms: u64, hit_ms: Option<u64>| {
+        let pose = Pose::new(x, 0.0, degrees.to_radians());
+        let mut quiet = Undisturbed::default();
+        if let Some(hit) = hit_ms {
+            quiet.hit_at(Instant::from_millis(hit));
+        }
+        let mut believed = PoseBelieved::new(Arc::new(Believing(pose)), 300.0, quiet);
+        let mut rig = rig();
+        for millis in (1_000..=until_ms).step_by(500) {
+            look_at(&mut believed, &mut rig, millis, 0.0);
+        }
+        let check = believed.verdict();
+        (check.status, check.detail)
+    };
+    assert_eq!(judged(0.3, 19.9, 9_000, None).0, Status::Pass);
+    let wrong = "since 1.000000 s the believed pose is wrong, by 310 mm and 0 degrees";
+    assert_eq!(
+        judged(0.31, 0.0, 4_000, None),
+        (Status::Fail, wrong.to_owned())
+    );
+    assert_eq!(judged(0.31, 0.0, 3_500, None).0, Status::Pass);
+    assert_eq!(judged(0.0, -20.1, 4_000, None).0, Status::Fail);
+    assert_eq!(judged(0.31, 0.0, 9_000, Some(3_000)).0, Status::Pass);
+    assert_eq!(judged(0.31, 0.0, 9_000, Some(1_000)).0, Status::NotObserved);
+}
+
+/// A lidar sends until 2 s. The robot may drive for a second and half of one to brake, and 0.3 s
+/// until commands could have stopped it.
+#[test]
+fn a_robot_rests_after_a_silence() {
+    use emulators::world::Command;
+    let judged = |stops_ms: u64, from_ms: u64| {
+        let (mut rig, [lidar, _]) = linked("lidar");
+        let needs = vec![Need::always("lidar")];
+        let within = Duration::from_secs(1);
+        let mut rests = RestsAfterSilence::new(needs, Vec::new(), Calm::default(), within);
+        for millis in (100..=6_000).step_by(100) {
+            if millis <= 2_000 {
+                rig.inject(lidar, &[1]);
+            }
+            let speed = if (from_ms..stops_ms).contains(&millis) {
+                0.2
+            } else {
+                0.0
+            };
+            for wheel in ["left", "right"] {
+                rig.world
+                    .actuate(wheel, Command::Speed(speed))
+                    .expect("a wheel");
+            }
+            rig.run_until(Instant::from_millis(millis));
+            rests.observe(&Look {
+                rig: &rig,
+                axes: &[],
+                contacts: &[],
+            });
+        }
+        let check = rests.verdict();
+        (check.status, check.detail)
+    };
+    assert_eq!(
+        judged(3_000, 500),
+        (
+            Status::Pass,
+            "at rest in each of 1 silences of lidar".into()
+        )
+    );
+    assert_eq!(judged(3_500, 500).0, Status::Pass);
+    let (status, detail) = judged(9_000, 500);
+    assert_eq!(status, Status::Fail);
+    assert!(
+        detail.ends_with(" s after the last byte of lidar"),
+        "{detail}"
+    );
+    let at = detail
+        .strip_prefix("still moving at ")
+        .and_then(|rest| rest.split(' ').next());
+    assert_eq!(at, Some("3.900000"), "{detail}");
+    assert_eq!(judged(0, 0).0, Status::NotObserved, "it never moved");
 }
