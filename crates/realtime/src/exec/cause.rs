@@ -98,19 +98,24 @@ pub(crate) fn probable(evidence: &Evidence<'_>) -> Option<String> {
     };
     // A cause with nearly the same weight may be the true one. Damage of bytes explains the other
     // findings, so only a second cause of this kind is printed beside it.
-    let least = match first.weight {
+    let least = least_beside(first.weight);
+    let next = causes.find(|next| next.weight >= least && next.text != first.text);
+    Some(match next {
+        Some(next) => format!("{}. Also: {}", first.text, next.text),
+        None => first.text,
+    })
+}
+
+/// The least weight of a second cause beside a first one of this weight.
+fn least_beside(first: u32) -> u32 {
+    match first {
         // Without its device, the program's behaviour says little.
         weight::DEVICE => u32::MAX,
         weight::SETTING.. => weight::SETTING,
         // A program that ends and leaves its motors on has two defects.
         weight::ENDED => weight::MOTORS,
         other => weight::ORDER.max(other.saturating_sub(20)),
-    };
-    let next = causes.find(|next| next.weight >= least && next.text != first.text);
-    Some(match next {
-        Some(next) => format!("{}. Also: {}", first.text, next.text),
-        None => first.text,
-    })
+    }
 }
 
 /// Why a run failed without a failed check: a rule that must be observed was not. `None` if there
@@ -180,4 +185,22 @@ fn unknown(evidence: &Evidence<'_>) -> String {
         None => "line settings, rates and frames are as they should be".to_owned(),
     };
     format!("not known; {sound} ({})", observed.join("; "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A second cause is at most 20 below the first, and never below 55; the lowest weight is 10.
+    #[test]
+    fn a_second_cause_has_nearly_the_weight_of_the_first() {
+        let weights = [
+            weight::SCENARIO,
+            weight::ORDER,
+            weight::UNREAD,
+            weight::HELD_UP,
+        ];
+        assert_eq!(weights.map(least_beside), [55, 55, 56, 58]);
+        assert_eq!(least_beside(weight::ENDED), weight::MOTORS);
+    }
 }

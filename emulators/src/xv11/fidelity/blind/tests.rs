@@ -277,7 +277,7 @@ fn a_deviation_is_the_root_of_the_mean_square() {
 
 /// Degrees 0 to 33 have a distance, so that 2 to 31, thirty of them, have two neighbours on both
 /// sides. From one turn to the next ten of them keep their distance, ten more change by 1 mm, and
-/// the last ten by 2 mm; strengths change by as many roots of 400. Mean 1, mean square 2 / 3. The
+/// the last ten by 2 mm; strengths change by as many roots of 400. Mean 1, variance 2 / 3. The
 /// products of the 29 neighbours are nine times 1, 2 and nine times 4, together 47; their mean
 /// squares add up to 48. With a degree less nothing is compared.
 #[test]
@@ -334,7 +334,7 @@ fn codes_are_counted_by_hand() {
 }
 
 /// Thirty packets with a distance are enough. A turn without two speeds is none to compare. Speeds
-/// 1, 3 and then 2, 6: steps 2, -1 and 4 of mean 5 / 3, mean square 38 / 9; by tooth 1 and 3, of
+/// 1, 3 and then 2, 6: steps 2, -1 and 4 of mean 5 / 3 and variance 38 / 9; by tooth 1 and 3, of
 /// deviation 1 and opposite.
 #[test]
 fn packets_and_speeds_of_a_window_by_hand() {

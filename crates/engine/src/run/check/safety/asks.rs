@@ -65,21 +65,7 @@ impl AsksAgain {
             let link = link.enumerate().find(|(_, link)| link.name == asking.link);
             let (link, _) = link?;
             let codec = instruments.codec_towards(rig, asking.link, Direction::ToDevice)?;
-            Some(Ear {
-                link,
-                asking,
-                codec,
-                frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
-                heard_at: Instant::ZERO,
-                open: None,
-                damaged: 0,
-                paused_until: Instant::ZERO,
-                paused: 0,
-                requests: 0,
-                replies: 0,
-                unanswered: 0,
-                repeated: 0,
-            })
+            Some(Ear::new(link, asking, codec))
         });
         Self {
             ear: ear.map(|ear| ear.listening(rig)),
@@ -94,6 +80,24 @@ const BOTH: [Direction; 2] = [Direction::ToDevice, Direction::ToMaster];
 const REPLIES: usize = 1;
 
 impl Ear {
+    fn new(link: usize, asking: Asking, codec: &'static Codec) -> Self {
+        Self {
+            link,
+            asking,
+            codec,
+            frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
+            heard_at: Instant::ZERO,
+            open: None,
+            damaged: 0,
+            paused_until: Instant::ZERO,
+            paused: 0,
+            requests: 0,
+            replies: 0,
+            unanswered: 0,
+            repeated: 0,
+        }
+    }
+
     fn listening(self, rig: &mut Rig) -> Shared<Self> {
         let ear = Shared::new(self);
         rig.add_tap(Box::new(Listener(ear.clone())));
@@ -253,26 +257,12 @@ mod tests {
 
     /// A reply answers the request that begins with its first byte.
     fn ear() -> Ear {
-        let codec = &BUS_HIGH_FIRST;
-        Ear {
-            link: 0,
-            asking: Asking {
-                link: "bus",
-                is_answer: |request, reply| request.first() == reply.first(),
-                counter: "answers",
-            },
-            codec,
-            frames: BOTH.map(|direction| FrameBytes::towards(codec, direction)),
-            heard_at: Instant::ZERO,
-            open: None,
-            damaged: 0,
-            paused_until: Instant::ZERO,
-            paused: 0,
-            requests: 0,
-            replies: 0,
-            unanswered: 0,
-            repeated: 0,
-        }
+        let asking = Asking {
+            link: "bus",
+            is_answer: |request, reply| request.first() == reply.first(),
+            counter: "answers",
+        };
+        Ear::new(0, asking, &BUS_HIGH_FIRST)
     }
 
     fn ask(ear: &mut Ear, requests: &str) {

@@ -85,17 +85,7 @@ impl CountsTrue {
             } = intake;
             let index = rig.links().iter().position(|known| known.name == link)?;
             let codec = instruments.codec_towards(rig, link, direction)?;
-            let ear = Ear {
-                link: index,
-                direction,
-                codec,
-                counter: Counter::towards(codec, direction),
-                patient: Counter::towards(codec, direction),
-                heard_at: Instant::ZERO,
-                sound: 0,
-                patient_sound: 0,
-                damaged: 0,
-            };
+            let ear = Ear::new(index, direction, codec);
             Some(Watched {
                 intake,
                 ear: ear.listening(rig),
@@ -115,6 +105,20 @@ impl CountsTrue {
 }
 
 impl Ear {
+    fn new(link: usize, direction: Direction, codec: &'static Codec) -> Self {
+        Self {
+            link,
+            direction,
+            codec,
+            counter: Counter::towards(codec, direction),
+            patient: Counter::towards(codec, direction),
+            heard_at: Instant::ZERO,
+            sound: 0,
+            patient_sound: 0,
+            damaged: 0,
+        }
+    }
+
     fn listening(self, rig: &mut Rig) -> Shared<Self> {
         let ear = Shared::new(self);
         rig.add_tap(Box::new(Listener(ear.clone())));
@@ -275,20 +279,9 @@ mod tests {
     use crate::codec::BUS_HIGH_FIRST;
 
     fn watched() -> Watched {
-        let (codec, direction) = (&BUS_HIGH_FIRST, Direction::ToMaster);
         Watched {
             intake: Intake::new("base", |_| None),
-            ear: Shared::new(Ear {
-                link: 0,
-                direction,
-                codec,
-                counter: Counter::towards(codec, direction),
-                patient: Counter::towards(codec, direction),
-                heard_at: Instant::ZERO,
-                sound: 0,
-                patient_sound: 0,
-                damaged: 0,
-            }),
+            ear: Shared::new(Ear::new(0, Direction::ToMaster, &BUS_HIGH_FIRST)),
             sound: VecDeque::new(),
             accepted: 0,
             calm: Calm::default(),

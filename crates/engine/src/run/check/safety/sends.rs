@@ -47,19 +47,7 @@ impl SendsSoundFrames {
             .filter_map(|link| {
                 let name = rig.links()[link].name.clone();
                 let codec = instruments.codec_towards(rig, &name, Direction::ToDevice)?;
-                Some(Ear {
-                    link,
-                    name,
-                    codec,
-                    counter: Counter::towards(codec, Direction::ToDevice),
-                    sent_at: Instant::ZERO,
-                    bytes: 0,
-                    framed: 0,
-                    outside: 0,
-                    excused: 0,
-                    paused_until: Instant::ZERO,
-                    broken: None,
-                })
+                Some(Ear::new(link, name, codec))
             })
             .collect();
         let ears = ears.into_iter().map(|ear| ear.listening(rig));
@@ -70,6 +58,22 @@ impl SendsSoundFrames {
 }
 
 impl Ear {
+    fn new(link: usize, name: String, codec: &'static Codec) -> Self {
+        Self {
+            link,
+            name,
+            codec,
+            counter: Counter::towards(codec, Direction::ToDevice),
+            sent_at: Instant::ZERO,
+            bytes: 0,
+            framed: 0,
+            outside: 0,
+            excused: 0,
+            paused_until: Instant::ZERO,
+            broken: None,
+        }
+    }
+
     fn listening(self, rig: &mut Rig) -> Shared<Self> {
         let ear = Shared::new(self);
         rig.add_tap(Box::new(Listener(ear.clone())));
@@ -149,20 +153,7 @@ mod tests {
     use crate::codec::BUS_HIGH_FIRST;
 
     fn ear() -> Ear {
-        let codec = &BUS_HIGH_FIRST;
-        Ear {
-            link: 0,
-            name: "base".to_owned(),
-            codec,
-            counter: Counter::towards(codec, Direction::ToDevice),
-            sent_at: Instant::ZERO,
-            bytes: 0,
-            framed: 0,
-            outside: 0,
-            excused: 0,
-            paused_until: Instant::ZERO,
-            broken: None,
-        }
+        Ear::new(0, "base".to_owned(), &BUS_HIGH_FIRST)
     }
 
     const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
