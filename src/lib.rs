@@ -22,6 +22,7 @@
 //! | [`ports`] | ports in virtual time for drivers of every style | `serialport`, `embedded`, `futures`, `tokio` |
 //! | [`run`] | a run with its checks and verdict | |
 //! | [`robots`] | devices, links and program of each robot | built-in ones: `robots` |
+//! | [`scenario::device`] | kinds of devices | those played by a process: `programs` |
 //! | [`scenario`] | scenarios as data; floor plans | |
 //! | [`codec`] | protocols: bytes in words | |
 //! | [`rig`] | nodes and lines under one clock, faults of lines | |

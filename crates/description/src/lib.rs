@@ -36,6 +36,7 @@ pub mod error;
 pub mod expr;
 mod field;
 mod framing;
+#[cfg(feature = "import")]
 pub mod import;
 mod lua;
 pub mod master;

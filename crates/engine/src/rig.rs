@@ -12,9 +12,9 @@ mod link_kind;
 mod logged;
 mod modem;
 mod node;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 mod node_programs;
-#[cfg(not(feature = "described"))]
+#[cfg(not(feature = "programs"))]
 #[path = "rig/no_node_programs.rs"]
 mod node_programs;
 mod paced;
@@ -37,7 +37,7 @@ use protocols::{Instant, LineConfig, LineEvent};
 use crate::rig::line::{Direction, End, Line};
 use crate::rig::trace::{Tap, Trace};
 use crate::rig::{cpu::CpuModel, fault::Budget};
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub use ::nodes::Stopwatch;
 use deadlines::Plan;
 pub use disturb::Disturbance;

@@ -121,7 +121,7 @@ pub struct Run {
     /// Steps of the mission that wait for a condition, and steps added during the run.
     steps: Steps,
     /// The observer of a node program under test.
-    #[cfg(feature = "described")]
+    #[cfg(feature = "programs")]
     goes_on: Option<check::GoesOn>,
     /// Watches of conditions on bytes, once there are any.
     line_watches: Option<LineWatches>,
@@ -166,7 +166,7 @@ impl Run {
         let instruments: Arc<dyn Instruments> = Arc::from(instruments);
         let watchers = Watchers::of(&scenario, &mut rig, &instruments);
         let wire_log = Logging::begin(&mut rig, &*instruments);
-        #[cfg(feature = "described")]
+        #[cfg(feature = "programs")]
         let goes_on = check::GoesOn::of(&rig);
         let mut run = Self {
             rig,
@@ -187,7 +187,7 @@ impl Run {
             wire_log,
             contacts: Contacts::default(),
             steps: Steps::take_from(&mut scenario.mission),
-            #[cfg(feature = "described")]
+            #[cfg(feature = "programs")]
             goes_on,
             line_watches: None,
             looks: 0,
@@ -349,7 +349,7 @@ impl Run {
         self.watchers.look(&self.rig, &*self.instruments, &contacts);
         self.contacts.extend(contacts);
         self.history.observe(&self.rig, &*self.instruments);
-        #[cfg(feature = "described")]
+        #[cfg(feature = "programs")]
         if let Some(goes_on) = &mut self.goes_on {
             goes_on.observe(&self.rig);
         }
@@ -435,16 +435,15 @@ impl Run {
         let now = self.rig.now();
         let is_over = self.is_over || now >= self.scenario.duration.instant();
         let mut checks = self.watchers.verdicts(now, is_over);
+        #[cfg(feature = "programs")]
+        checks.extend(check::node_programs(&self.rig));
         #[cfg(feature = "described")]
-        {
-            checks.extend(check::node_programs(&self.rig));
-            checks.extend(check::requests_answered(&self.rig, &self.scenario));
-        }
+        checks.extend(check::requests_answered(&self.rig, &self.scenario));
         checks.extend(check::fired(self.rig.events()));
         checks.extend(self.steps.checks(is_over));
         checks.extend(self.misnamed_faults());
         checks.extend(self.expectations(pose_error, wall_overlap, is_over));
-        #[cfg(feature = "described")]
+        #[cfg(feature = "programs")]
         if let Some(goes_on) = &self.goes_on {
             let masters = check::unanswered(&self.rig, &self.scenario);
             let own = masters
@@ -452,7 +451,7 @@ impl Run {
                 .filter(|master| goes_on.is_at(&self.rig, master));
             check::must_answer(&mut checks, own, &self.scenario.fault);
         }
-        #[cfg(feature = "described")]
+        #[cfg(feature = "programs")]
         checks.extend(self.goes_on.as_ref().map(|goes_on| {
             let broken = own_breaks(&self.rig, &self.scenario.fault);
             let rest = check::Rest {

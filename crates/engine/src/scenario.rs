@@ -379,7 +379,9 @@ impl Scenario {
 
     /// The scenario as a file.
     pub fn to_toml(&self) -> String {
-        let text = toml::to_string(self).expect("every field has a TOML form");
+        // Compiles the serialization of each type once, and not once for each serializer of toml.
+        let erased: &dyn erased_serde::Serialize = self;
+        let text = toml::to_string(erased).expect("every field has a TOML form");
         // Without a robot there is no program that could have settings.
         match self.robot == NO_ROBOT && self.program == ProgramSpec::default() {
             true => without_table(&text, "program"),

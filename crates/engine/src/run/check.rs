@@ -13,7 +13,7 @@ mod collision;
 mod goes_on;
 #[cfg(feature = "described")]
 mod masters;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 mod node_programs;
 pub(crate) mod safety;
 mod silence;
@@ -23,7 +23,7 @@ pub use accepted::SetPointsAsAccepted;
 pub use at_work::AtWorkAgain;
 pub use collision::NoCollisionAtSpeed;
 pub(super) use collision::{COLLISION, HARMLESS_M_S};
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub(crate) use goes_on::node::{GoesOn, Rest};
 pub use goes_on::{
     GOES_ON, NOT_UNDERSTOOD, PAUSES_MAX, SILENT_MAX, STREAM, astray, is_done, is_misunderstood,
@@ -33,11 +33,11 @@ pub use goes_on::{
 pub use masters::{REQUESTS_ANSWERED, must_answer};
 #[cfg(feature = "described")]
 pub(crate) use masters::{requests_answered, unanswered};
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub use node_programs::NODE_PROGRAMS;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub(crate) use node_programs::node_programs;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub use nodes::last_words;
 pub use safety::{
     AliveAtTheEnd, AsksAgain, Calm, ComplaintsTrue, CountsTrue, DoesAsOrdered, DriveFed, LinesTrue,

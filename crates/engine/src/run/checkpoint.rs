@@ -70,7 +70,7 @@ impl Run {
             wire_log,
             contacts: self.contacts.clone(),
             steps: self.steps.clone(),
-            #[cfg(feature = "described")]
+            #[cfg(feature = "programs")]
             goes_on: self.goes_on.clone(),
             line_watches: None,
             looks: self.looks,

@@ -6,7 +6,7 @@ pub mod camera_scans;
 mod car_board;
 #[cfg(feature = "described")]
 pub mod description;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub mod firmware;
 mod hc06;
 mod kind;
@@ -15,9 +15,9 @@ pub mod master;
 mod mount;
 mod mpu6050;
 mod odometer;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 mod played;
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub mod program;
 mod read;
 mod registers;
@@ -91,9 +91,9 @@ static KINDS: Registry<dyn DeviceKind> = Registry::new(&[
     description::DESCRIPTION,
     #[cfg(feature = "described")]
     master::MASTER,
-    #[cfg(feature = "described")]
+    #[cfg(feature = "programs")]
     program::PROGRAM,
-    #[cfg(feature = "described")]
+    #[cfg(feature = "programs")]
     firmware::FIRMWARE,
 ]);
 
@@ -109,9 +109,11 @@ pub(super) fn embed(devices: &mut BTreeMap<String, DeviceSpec>, base: &Path) {
         if let Some(master) = device.settings_mut::<master::MasterSpec>() {
             master.embed(base);
         }
+        #[cfg(feature = "programs")]
         if let Some(program) = device.settings_mut::<program::NodeProgramSpec>() {
             program.embed(base);
         }
+        #[cfg(feature = "programs")]
         if let Some(firmware) = device.settings_mut::<firmware::FirmwareSpec>() {
             firmware.embed(base);
         }
@@ -368,14 +370,9 @@ impl fmt::Debug for DeviceSpec {
 impl Serialize for DeviceSpec {
     /// Serializes as an enum: the variant has the name of the kind and contains the settings.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        struct Erased<'a>(&'a dyn Settings);
-        impl Serialize for Erased<'_> {
-            fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                erased_serde::serialize(self.0, serializer)
-            }
-        }
+        let settings: &dyn erased_serde::Serialize = self.settings.as_ref();
         let mut map = serializer.serialize_map(Some(1))?;
-        map.serialize_entry(self.kind(), &Erased(self.settings.as_ref()))?;
+        map.serialize_entry(self.kind(), settings)?;
         map.end()
     }
 }

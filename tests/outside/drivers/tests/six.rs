@@ -187,3 +187,26 @@ async fn fine_dust<P: embedded_io_async::Read>(port: &mut P) -> Result<u16, Stri
         }
     }
 }
+
+#[test]
+fn a_kind_that_needs_a_feature_names_it() {
+    for (device, line) in [
+        (
+            "device.valve.program = { command = [\"valve\"] }",
+            "device.valve.program",
+        ),
+        (
+            "device.board.firmware = { board = \"uno\" }",
+            "device.board.firmware",
+        ),
+    ] {
+        let refused = bench(device).err().map(|error| error.to_string());
+        let kind = line.rsplit('.').next().unwrap_or_default();
+        let wanted =
+            format!("{line}: \"{kind}\" needs the feature \"programs\" of the crate hilrig");
+        assert!(
+            refused.as_ref().is_some_and(|text| text.contains(&wanted)),
+            "{refused:?}"
+        );
+    }
+}

@@ -9,7 +9,7 @@ use super::{Check, Status};
 use crate::rig::NO_FRAME;
 use crate::run::OwnBreaks;
 
-#[cfg(feature = "described")]
+#[cfg(feature = "programs")]
 pub(crate) mod node;
 
 /// Name of the check.

@@ -96,6 +96,9 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for SettingsVisitor<T> {
     }
 }
 
+/// Names of the kinds that exist only with the feature `programs`.
+const OF_PROGRAMS: [&str; 2] = ["program", "firmware"];
+
 /// Finds the kind of a name.
 struct KindSeed;
 
@@ -116,6 +119,11 @@ impl Visitor<'_> for KindSeed {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
         kind(name).ok_or_else(|| {
+            if OF_PROGRAMS.contains(&name) {
+                return E::custom(format!(
+                    "\"{name}\" needs the feature \"programs\" of the crate hilrig, which is not enabled"
+                ));
+            }
             let known: Vec<String> = kinds()
                 .iter()
                 .map(|kind| format!("`{}`", kind.name()))
