@@ -116,7 +116,7 @@ struct Start {
     up_at: Instant,
     /// The wheel counters begin at the next poll, which knows the world.
     counters: Counters,
-    /// The processor has run away; its watchdog starts it again here.
+    /// Time at which the watchdog restarts a processor that has run away.
     crashed_until: Option<Instant>,
 }
 
@@ -173,7 +173,7 @@ struct Motors {
 const BOOT: Duration = Duration::from_millis(30);
 /// After its own watchdog the fielded firmware waits this long before its main loop.
 const STALE_BOOT: Duration = Duration::from_secs(5);
-/// Counts of the divider for which the stop button works on.
+/// Counts of the divider for which a released stop button stays in force.
 const BUTTON_COUNTS: u16 = 120;
 /// Counts of the divider after which the light shows that the master is silent.
 const SILENT_COUNTS: u16 = 120;
@@ -204,7 +204,7 @@ impl AvrBase {
     /// The text of the debug build.
     pub const DEBUG: Port = Port(1);
 
-    /// A base that has power since before the run.
+    /// A base that had power before the run began.
     pub fn new(config: AvrBaseConfig, seed: u64) -> Self {
         let drawn = CYCLE.mul_f64(Rng::stream(seed, "base.phase").uniform());
         let ticks = Ticks::with_phase(config.phase.unwrap_or(drawn));

@@ -24,9 +24,9 @@ use crate::world::World;
 /// Event that resets a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetOn {
-    /// The host's DTR continues, as with an Arduino.
+    /// The host switches DTR on, as with an Arduino.
     Dtr,
-    /// The host's RTS continues: the same board behind an adapter cable that has RTS in DTR's
+    /// The host switches RTS on: the same board behind an adapter cable that has RTS in DTR's
     /// place.
     Rts,
     /// A break on the line.
@@ -62,13 +62,13 @@ pub struct BoardConfig {
 pub const BOOT: Duration = Duration::from_millis(1_600);
 /// The pin at which the host's DTR or RTS arrives: each byte is its level.
 pub const RESET_PIN: Port = Port(1);
-/// A level has no rate; it takes 10 us to get through.
+/// A level has no rate; it arrives after 10 us.
 pub const PIN_LINE: LineConfig = LineConfig::new_8n1(1_000_000);
 /// Interval between two looks at the values that lines follow: a sketch's loop may run as often.
 const LOOK_EVERY: Duration = Duration::from_millis(1);
 
 impl HostLine {
-    /// The pin at which a board sets it.
+    /// The port of the pin on which a board sets this line.
     pub const fn port(self) -> Port {
         match self {
             Self::Cts => Port(2),
@@ -103,7 +103,7 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    /// The name of a value that is not there is the error.
+    /// Creates a board at rest. The error is the name of a value that does not exist.
     pub(crate) fn new(config: &BoardConfig, values: &Variables) -> Result<Self, String> {
         let followers = config.raises.iter().map(|(line, name)| {
             let value = values.find(name).ok_or_else(|| name.clone())?;
@@ -125,7 +125,8 @@ impl Board {
         })
     }
 
-    /// Levels arrive at the reset pin; when that started the board again, if it did.
+    /// Takes levels of the reset pin; returns the time at which they restarted the board, if they
+    /// did.
     pub(crate) fn pin(&mut self, now: Instant, levels: &[u8]) -> Option<Instant> {
         let mut started = None;
         for (index, &level) in levels.iter().enumerate() {
@@ -140,7 +141,7 @@ impl Board {
         Some(started)
     }
 
-    /// A break arrives; whether that starts the board again.
+    /// Takes a break; returns whether it restarts the board.
     pub(crate) fn is_reset_by_break(&mut self, now: Instant) -> bool {
         let is_reset = self.resets_on == Some(ResetOn::Break);
         if is_reset {
@@ -189,7 +190,7 @@ impl Board {
         is_up
     }
 
-    /// A level that has changed.
+    /// Moves a changed level into `buf`; returns the number of bytes.
     pub(crate) fn transmit(&mut self, port: Port, buf: &mut [u8]) -> usize {
         let mut followers = self.followers.iter_mut();
         let due = followers.find(|one| one.port == port && one.is_due);

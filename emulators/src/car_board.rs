@@ -36,7 +36,7 @@ use sensors::Sensors;
 
 /// Bytes that wait for the line at most; a frame that does not fit is lost.
 const QUEUE_MAX: usize = 256;
-/// The electronics need this, mV (user guide ug-000002-16).
+/// Minimum voltage of the electronics, mV (user guide ug-000002-16).
 const LEAST_MV: u16 = 6_800;
 /// Battery voltage of an almost empty battery, mV.
 const LOW_MV: u16 = 6_850;
@@ -44,10 +44,10 @@ const LOW_MV: u16 = 6_850;
 /// Treatment of a command beyond its range. No source says what the board does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OutOfRange {
-    /// Nothing.
+    /// The command is ignored.
     #[default]
     Ignored,
-    /// Counts as the nearest that there is.
+    /// The nearest valid command is executed.
     Clamped,
 }
 
@@ -151,7 +151,7 @@ struct Faults {
     is_low: bool,
     is_motor_dead: bool,
     is_servo_dead: bool,
-    /// Between two frames.
+    /// Time between two frames while a fault slows them down.
     period: Option<Duration>,
 }
 

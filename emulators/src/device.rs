@@ -119,7 +119,7 @@ pub struct Event {
     pub bytes: Vec<u8>,
 }
 
-/// Moments of a log that are kept, folded ones included; older ones are only counted.
+/// Maximum number of moments that a log keeps, folded ones included; older ones are only counted.
 const MOMENTS_MAX: usize = 1024;
 
 /// Number of violations of each rule by its name, and the latest moments of the log, also those

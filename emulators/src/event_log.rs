@@ -34,20 +34,20 @@ struct Repeat {
 }
 
 impl EventLog {
-    /// Something happened.
+    /// Logs an event.
     pub fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
         self.broken.note(at, rule);
         self.push(at, EventKind::Note, rule, detail, &[]);
     }
 
-    /// The master broke a rule that it cannot break often.
+    /// Logs a broken rule that the master cannot break often.
     pub fn violation(&mut self, at: Instant, rule: &'static str, detail: String, bytes: &[u8]) {
         self.broken.count(at, rule);
         self.push(at, EventKind::Violation, rule, detail, bytes);
     }
 
-    /// Something that may happen at any rate: the first time makes an entry, further times are
-    /// counted and make an entry after a pause.
+    /// Logs an event that may occur at any rate: the first occurrence makes an entry, later ones
+    /// are counted and make an entry after a pause.
     pub fn repeated(
         &mut self,
         at: Instant,
@@ -80,7 +80,7 @@ impl EventLog {
         &self.broken
     }
 
-    /// Writes the counts that are due; rules that were kept meanwhile are forgotten.
+    /// Writes the counts that are due; rules that were not broken meanwhile are forgotten.
     pub fn poll(&mut self, now: Instant) {
         if self.repeats.iter().all(|repeat| repeat.report_at > now) {
             return;

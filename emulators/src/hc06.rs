@@ -12,10 +12,10 @@
 //! host the radio is slower than a UART at 460800 baud, so a robot that floods loses bytes inside
 //! its frames. Towards the robot no byte is lost. Figures and guesses are in [`Profile`].
 //!
-//! Rules the module judges its master by: `unknown-command`, `line-end-after-command`,
-//! `line-end-missing`, `lower-case-command`, `command-too-slow`, `no-pause-between-commands`,
-//! `command-while-connected`, `fifo-overflow`, `framing-error`; the host by `host-overflow`,
-//! `host-port-closed`.
+//! Rules for the module's master: `unknown-command`, `line-end-after-command`, `line-end-missing`,
+//! `lower-case-command`, `command-too-slow`, `no-pause-between-commands`,
+//! `command-while-connected`, `fifo-overflow`, `framing-error`. Rules for the host:
+//! `host-overflow`, `host-port-closed`.
 
 mod air;
 mod command;
@@ -51,7 +51,7 @@ const SWITCH_PAUSE: Duration = Duration::from_millis(2);
 /// Handling of bytes from the module's UART.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// Nothing: no power.
+    /// Ignores them: no power.
     Off,
     /// Reads commands.
     Command,
@@ -109,7 +109,8 @@ pub struct Hc06 {
     give_up_at: Option<Instant>,
     collector: Collector,
     air: Air,
-    /// Bytes of the UART that were no commands since command mode began, once there were any.
+    /// Number of UART bytes since the start of command mode that were no commands; `None` before
+    /// the first of them.
     vanished: Option<u64>,
     changes: VecDeque<LineEvent>,
     log: EventLog,
@@ -202,7 +203,7 @@ impl Hc06 {
         };
         let switch_at = self.next_line.map(|(at, _)| at);
         let silent_at = self.collector.deadline();
-        // Asked for each byte: a list of four would be walked through each time.
+        // This runs for each byte, so it avoids a walk through a list of four.
         let at = |at: Option<Instant>| at.unwrap_or(NEVER);
         let next = at(connect_at).min(at(self.give_up_at));
         let next = next.min(at(switch_at)).min(at(silent_at));

@@ -16,8 +16,9 @@
 //! answer  | 01 | status | length | bytes |       status 0: acknowledged, 1: not
 //! ```
 //!
-//! A microcontroller clocks byte by byte, and only at the end is the number of bytes known. It asks
-//! when a transaction begins and reports its end. A register pointer moves by the bytes taken.
+//! A microcontroller clocks byte by byte, so the number of bytes is known only at the end. It sends
+//! a request at the beginning of a transaction and reports its end. A register pointer moves by the
+//! bytes taken.
 //!
 //! ```text
 //! begin   | 02 | 2 | address u7, direction | most |
@@ -76,8 +77,8 @@ pub trait RegisterChip: Clone {
         register.wrapping_add(count)
     }
 
-    /// Whether a master that reads from `address` without an acknowledge finds the bus up,
-    /// all ones: a chip that is there and busy.
+    /// Whether the chip is present but busy: a master that reads from `address` gets no
+    /// acknowledge, and all ones.
     fn is_busy(&self, _now: Instant, _address: u8) -> bool {
         false
     }
@@ -365,8 +366,8 @@ mod tests {
         assert_eq!(found, [0xFE, 0xFF, 0x00, 0x01]);
     }
 
-    /// The power register, which reads 40 of a chip that sleeps, lies behind 6A: a read from there
-    /// on continues with it.
+    /// The power register, which reads 40 in a sleeping chip, lies behind 6A: a read from there on
+    /// continues with it.
     #[test]
     fn a_read_goes_on_where_the_last_one_ended() {
         let chip = Mpu6050::new(Mpu6050Config::default(), 1, "test");
@@ -445,7 +446,7 @@ mod tests {
     }
 
     /// Messages that a terminal ran together, and one that it tore: each has its answer. A chip
-    /// that is not there acknowledges nothing, a message that begins with another byte is as ever.
+    /// that is not there acknowledges nothing; a message without a frame is handled as usual.
     #[test]
     fn f17_frames_keep_messages_apart() {
         let scene = Scene::new(Vec::<Fixture>::new(), vec![]).unwrap();

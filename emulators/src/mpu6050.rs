@@ -109,7 +109,7 @@ pub struct Mpu6050Config {
     pub bias_dps: [f64; 3],
     /// Walk of the bias: standard deviation after a second, degrees a second.
     pub bias_walk_dps: f64,
-    /// Of each turn rate, degrees a second.
+    /// Noise of each turn rate, degrees a second.
     pub gyro_noise_dps: f64,
     /// Noise of each acceleration, m/s².
     pub accel_noise_m_s2: f64,
@@ -144,7 +144,7 @@ pub struct Mpu6050 {
     /// Bits of the status that reading it will clear.
     status: u8,
     fifo: VecDeque<u8>,
-    /// The last byte that came out of it: an empty one continues with that.
+    /// The last byte read from the FIFO: an empty FIFO repeats it.
     fifo_last: u8,
     /// Time up to which samples are in the FIFO and in the status.
     sampled_at: Instant,

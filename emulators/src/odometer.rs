@@ -11,7 +11,7 @@
 //! runs, the board is silent until a reset.
 //!
 //! Lines are those of [`protocols::odometer`]. Opening its port resets the board, as its USB side
-//! does, and all figures begin at 0 again. The program takes a loop for 10 ms to integrate the
+//! does, and all figures begin at 0 again. The program assumes 10 ms a loop to integrate the
 //! heading, but a loop lasts a little longer. After a loop of more than 10 ms,
 //! `delay(10 - elapsed)` waits for 49 days.
 //!
@@ -44,9 +44,9 @@ pub use sketch::{Overrun, Program};
 
 /// Bytes that wait for the line at most; a line that does not fit is lost.
 const QUEUE_MAX: usize = 512;
-/// From the start of the program to its first look at the sensor.
+/// Time from the start of the program to its first look at the sensor.
 const FIRST_LOOK: Duration = Duration::from_micros(7_600);
-/// From one word about a sensor that is not there to the next.
+/// Time between two messages about a missing sensor.
 const COMPLAINT_PERIOD: Duration = Duration::from_micros(500_600);
 
 /// Configuration of the board.
@@ -119,11 +119,11 @@ impl OdometerConfig {
 enum State {
     /// Without supply.
     Off,
-    /// Looks for its sensor then.
+    /// Looks for its sensor at this time.
     Looks(Instant),
-    /// Has found it, and calibrates it until then.
+    /// Has found its sensor, and calibrates it until this time.
     Calibrates(Instant),
-    /// The next loop begins then.
+    /// The next loop begins at this time.
     Runs(Instant),
     /// Waits forever.
     Hangs,

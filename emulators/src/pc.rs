@@ -3,7 +3,8 @@
 //! It opens the port, sends waypoints and orders, and collects the robot's messages: map, pose,
 //! state, waypoints. If the robot does not return a list of waypoints within two seconds, the PC
 //! sends the list again. In manual mode it repeats the order, because the robot stops without one.
-//! No message of the robot can break the PC: nonsense is counted, and is a violation of the robot.
+//! No message of the robot can break the PC: invalid messages are counted as violations of the
+//! robot.
 //!
 //! Rules: `bad-message`, `bad-row`, `waypoints-not-confirmed`, `order-not-confirmed`.
 
@@ -114,7 +115,7 @@ impl Pc {
         Self::with_patience(script, Patience::default())
     }
 
-    /// A PC with its port closed and its own idea of patience.
+    /// A PC with its port closed and the given timeouts and retries.
     pub fn with_patience(script: Script, patience: Patience) -> Self {
         Self {
             script,

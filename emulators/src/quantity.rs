@@ -16,11 +16,11 @@ pub use sink::{Sink, SinkKind, Wanted};
 pub struct Variable {
     /// Stable name, unique in its device.
     pub name: String,
-    /// At the start of the run.
+    /// Value at the start of the run.
     pub initial: i64,
     /// Minimum and maximum value that a master may write.
     pub limits: [i64; 2],
-    /// Taken on when the master has been silent for the device's watchdog time.
+    /// Value that it takes when the master has been silent for the device's watchdog time.
     pub safe: Option<i64>,
     /// Source of the value.
     pub source: ValueSource,
@@ -118,7 +118,7 @@ impl ValueSource {
         }
     }
 
-    /// Whether the initial value is where it begins.
+    /// Whether the source counts from the initial value.
     const fn begins_anywhere(&self) -> bool {
         matches!(
             self,
@@ -130,7 +130,7 @@ impl ValueSource {
 /// Reason for invalid variables.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VariableError {
-    /// Place in the list.
+    /// Index in the list.
     pub index: usize,
     /// The error, and the expected value.
     pub message: String,
@@ -145,7 +145,7 @@ pub(crate) struct Variables {
     told: Vec<i64>,
     /// Time since which an actuator needs a new command.
     changed_at: Option<Instant>,
-    /// Since when counters and ramps run.
+    /// Start time of counters and ramps.
     began: Instant,
 }
 
@@ -168,7 +168,7 @@ impl Variables {
         Ok(variables)
     }
 
-    /// Encoders and actuators that the variables are about, each with the variable's place.
+    /// Encoders and actuators that the variables need, each with the variable's index.
     pub(crate) fn wanted(&self) -> impl Iterator<Item = (usize, Wanted<'_>)> {
         self.known.iter().enumerate().flat_map(|(index, variable)| {
             let encoder = match &variable.source {
@@ -210,7 +210,7 @@ impl Variables {
         }
     }
 
-    /// Since when [`drive`](Self::drive) has had something to do.
+    /// Time since which [`drive`](Self::drive) has had work.
     pub(crate) fn changed_at(&self) -> Option<Instant> {
         self.changed_at
     }
@@ -239,7 +239,7 @@ impl Variables {
         source.read([variable.initial, stored], now - self.began, world)
     }
 
-    /// Takes `value`, or the nearest that is allowed; whether it was allowed.
+    /// Stores `value`, or the nearest allowed one; returns whether `value` was allowed.
     pub(crate) fn write(&mut self, at: Instant, index: usize, value: i64) -> bool {
         let [least, greatest] = self.known[index].limits;
         self.values[index] = value.clamp(least, greatest);
@@ -270,7 +270,7 @@ impl Variables {
         Ok(())
     }
 
-    /// All is as at the start again.
+    /// Resets everything to its state at the start.
     pub(crate) fn restart(&mut self, at: Instant) {
         let initial = self.known.iter().map(|variable| variable.initial);
         self.values = initial.collect();
@@ -278,7 +278,7 @@ impl Variables {
         self.note_change(at);
     }
 
-    /// The master is silent: whether any value changed by it.
+    /// Sets the safe values of a silent master; returns whether any value changed.
     pub(crate) fn make_safe(&mut self, at: Instant) -> bool {
         let before = self.values.clone();
         for (value, variable) in self.values.iter_mut().zip(&self.known) {

@@ -174,7 +174,8 @@ impl Registers {
         self.variables.set(now, name, value)
     }
 
-    /// Encoders and actuators of its values; without them, it reads 0 and drives nothing.
+    /// Encoders and actuators that its values need; without them, a value reads 0 and drives
+    /// nothing.
     pub fn wanted(&self) -> impl Iterator<Item = Wanted<'_>> {
         self.variables.wanted().map(|(_, wanted)| wanted)
     }
@@ -225,7 +226,7 @@ impl Registers {
         };
         if !self.pending.is_empty() || at < self.free_at {
             self.tell(at, "request-before-reply", || {
-                "a frame ends before the answer to the one before it has".to_owned()
+                "a frame ends before the previous frame is answered".to_owned()
             });
         }
         if self.pending.len() == QUEUE_MAX {

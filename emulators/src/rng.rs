@@ -56,8 +56,8 @@ impl Rng {
         (-2.0 * libm::log(away_from_zero)).sqrt() * libm::cos(TAU * turn)
     }
 
-    /// About normal with mean 0 and standard deviation 1, never beyond 3.47: the sum of four even
-    /// ones of 16 bits. One draw, and no logarithm, for callers that need very many.
+    /// About normal with mean 0 and standard deviation 1, never beyond 3.47: the sum of four
+    /// uniform numbers of 16 bits. One draw, and no logarithm, for callers that need very many.
     pub fn bell(&mut self) -> f64 {
         let word = self.next_u64();
         let sum = (0..4)

@@ -104,7 +104,7 @@ pub enum State {
 const STEPS_PER_POLL_MAX: u32 = 20_000;
 /// Line coding of the UART.
 const LINE: LineConfig = LineConfig::new_8n1(rplidar::BAUD);
-/// Of a UART that was set up for another sensor of the family.
+/// Line coding of a UART that was set up for another sensor of the family.
 const WRONG_LINE: LineConfig = LineConfig::new_8n1(256_000);
 
 /// An RPLIDAR A1.
@@ -123,9 +123,9 @@ pub struct Rplidar {
     phase: Phase,
     output: Output,
     faults: Faults,
-    /// Whether a start fails, and how.
+    /// Random numbers: whether a start fails, and how.
     starts: Rng,
-    /// Wandering of the motor and of its disturbances.
+    /// Random numbers: variation of the motor and its disturbances.
     drive: Rng,
     log: EventLog,
 }
@@ -139,8 +139,8 @@ impl Rplidar {
     /// The line DTR: each byte in is its level, 0 low. Used with [`MotorControl::Dtr`].
     pub const DTR: Port = Port(2);
 
-    /// A sensor that was switched on before the run begins: its start text has gone. `name` and
-    /// `seed` choose its noise.
+    /// A sensor that was switched on before the run begins: it has already sent its start text.
+    /// `name` and `seed` choose its noise.
     pub fn new(name: &str, seed: u64, config: Config) -> Self {
         let stream = |part: &str| Rng::stream(seed, &format!("{name}.{part}"));
         let angle_deg = stream("angle").range(0.0, 360.0);
@@ -166,7 +166,7 @@ impl Rplidar {
         sensor
     }
 
-    /// Something breaks at `now`; `figure` replaces the usual one, see [`Fault`].
+    /// Begins a fault at `now`; `figure` replaces the usual one, see [`Fault`].
     pub fn set_fault(&mut self, now: Instant, fault: Fault, figure: Option<f64>) {
         self.faults.set(fault, figure);
         self.faults_changed(now);
@@ -180,7 +180,7 @@ impl Rplidar {
         }
     }
 
-    /// A fault is mended at `now`.
+    /// Ends a fault at `now`.
     pub fn clear_fault(&mut self, now: Instant, fault: Fault) {
         let was_off = self.faults.has(Fault::Off);
         self.faults.clear(fault);
@@ -205,7 +205,7 @@ impl Rplidar {
         }
     }
 
-    /// True speed of the head when it was last of concern.
+    /// True speed of the head when it was last computed.
     pub fn speed_rpm(&self) -> f64 {
         self.rotor.speed_rpm()
     }

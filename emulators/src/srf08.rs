@@ -45,7 +45,7 @@ pub const ANN: core::ops::RangeInclusive<u8> = 0x53..=0x55;
 const GENERAL_CALL: u8 = 0;
 /// Speed of sound.
 const SPEED_M_S: f64 = 343.2;
-/// Nearer echoes are lost in the burst itself.
+/// Minimum distance of an echo: nearer ones are lost in the burst itself.
 const LEAST_M: f64 = 0.03;
 /// One unit of the range register.
 const RANGE_UNIT_M: f64 = 0.043;
@@ -56,7 +56,7 @@ const SLICES: usize = 32;
 const SLICES_FROM: u8 = 4;
 /// Value of a slice with an echo. The manual says "not zero".
 const SLICE_ECHO: u8 = 1;
-/// Computing after the last echo; a guess that makes 65 ms of the default range.
+/// Computing time after the last echo; a guess that gives 65 ms for the default range.
 const OVERHEAD: Duration = Duration::from_millis(1);
 /// Sequence to write to the command register before a new address.
 const ADDRESS_CHANGE: [u8; 3] = [0xA0, 0xAA, 0xA5];
@@ -74,7 +74,7 @@ pub struct Srf08Config {
     pub yaw_rad: f64,
     /// Height above the floor, metres. The chip gets no echo from lower objects.
     pub height_m: f64,
-    /// Of the cone, to either side, radians.
+    /// Half angle of the cone, radians.
     pub half_angle_rad: f64,
     /// Maximum distance of an echo, metres, whatever the range register holds. 6 m in practice.
     pub hears_m: f64,

@@ -40,7 +40,7 @@ pub struct TextConfig {
     pub unknown: Option<String>,
     /// Reply to a value out of range, if any.
     pub refused: Option<String>,
-    /// Sent by itself.
+    /// Line that it sends by itself, if any.
     pub periodic: Option<Periodic>,
     /// The board that it sits on.
     pub board: BoardConfig,
@@ -57,7 +57,7 @@ pub struct Command {
     pub reply: Option<String>,
 }
 
-/// A line that comes unasked.
+/// A line that is sent without a request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Periodic {
     /// The line.
@@ -238,7 +238,7 @@ impl Text {
         self.pending.push_back((at + self.config.latency, reply));
     }
 
-    /// Sets the variables if all values are allowed; whether they were.
+    /// Sets the variables if all values are allowed; returns whether they were.
     fn take_fields(&mut self, at: Instant, fields: &[(usize, i64)]) -> bool {
         for &(index, value) in fields {
             let variable = self.variables.get(index);
@@ -312,7 +312,7 @@ fn pieces(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
     Ok(pieces)
 }
 
-/// The pieces of a request: its fields can be distinguished, and can be set.
+/// The pieces of a request; an error if its fields cannot be distinguished or set.
 fn request(text: &str, variables: &Variables) -> Result<Vec<Piece>, String> {
     let pieces = pieces(text, variables)?;
     let touching = |pair: &[Piece]| matches!(pair, [Piece::Field(_), Piece::Field(_)]);

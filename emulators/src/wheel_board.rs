@@ -70,8 +70,8 @@ impl WheelBoard {
     /// The only port.
     pub const BUS: Port = Port(0);
 
-    /// A board that is up as the run begins, its bridges off. Its dice are those of `seed` that
-    /// begin with `name`.
+    /// A board that is up as the run begins, its bridges off. Its random streams are those of
+    /// `seed` whose names begin with `name`.
     pub fn new(name: &str, seed: u64, config: Config) -> Self {
         Self {
             decoder: OutputsDecoder::default(),

@@ -61,7 +61,7 @@ pub struct World {
     chassis: Box<dyn Chassis>,
     /// See [`World::body`].
     stand_in: BodyConfig,
-    /// Places of the motors and of the encoders named `left` and `right`.
+    /// Indices of the motors and of the encoders named `left` and `right`.
     motors: [Option<usize>; 2],
     wheels: [Option<usize>; 2],
     bumper: Bumper,

@@ -173,7 +173,7 @@ impl Xv11 {
         xv11
     }
 
-    /// Something breaks at `now`.
+    /// Begins a fault at `now`.
     pub fn set_fault(&mut self, now: Instant, fault: Fault) {
         self.faults.set(fault);
         self.faults_changed(now);
@@ -199,7 +199,7 @@ impl Xv11 {
         self.foresee();
     }
 
-    /// Something else feeds the motor from `now` on.
+    /// Changes the supply of the motor from `now` on.
     pub fn set_supply(&mut self, now: Instant, supply: MotorSupply) {
         self.rotor.advance(now);
         self.rotor.supply = supply;

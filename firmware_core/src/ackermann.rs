@@ -38,7 +38,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// The motion that leads back.
+    /// The motion that undoes this one.
     #[must_use]
     pub fn inverse(self) -> Self {
         CarPose::default().then(self).motion_to(CarPose::default())
@@ -79,8 +79,8 @@ impl CarPose {
         }
     }
 
-    /// The pose of a point `ahead_m` before this one on the same body. From the rear axle to the
-    /// front axle `ahead_m` is the wheelbase, back its negative, to the middle half of it.
+    /// The pose of a point on the same body, `ahead_m` metres in front of this one. From the rear
+    /// axle to the front axle that is the wheelbase; in the other direction it is negative.
     #[must_use]
     pub fn shifted(self, ahead_m: f64) -> Self {
         let along = Motion {
@@ -114,8 +114,8 @@ impl CarPose {
 }
 
 impl CarGeometry {
-    /// Motion of the middle of the rear axle after `path_m`, backwards below 0, at a steering angle
-    /// of less than a quarter turn.
+    /// Motion of the rear axle's middle along an arc of `path_m` metres, backwards if it is
+    /// negative. The steering angle must be less than a quarter turn.
     pub fn rear_arc(&self, steering_rad: f64, path_m: f64) -> Motion {
         let turn_rad = path_m * libm::tan(steering_rad) / self.wheelbase_m;
         arc(path_m, turn_rad)
@@ -185,7 +185,7 @@ impl CarGeometry {
     }
 }
 
-/// Motion along an arc of this length that starts ahead.
+/// Motion along an arc of length `path_m` that starts straight ahead and turns by `turn_rad`.
 fn arc(path_m: f64, turn_rad: f64) -> Motion {
     let half = turn_rad / 2.0;
     let (sin, cos) = libm::sincos(half);
@@ -350,10 +350,10 @@ mod tests {
         assert!((steering.to_degrees() - 25.0).abs() < 0.01, "{steering}");
     }
 
-    /// Of a turn of t radians the chord is sin(t / 2) / (t / 2) of the arc and starts at t / 2. It
-    /// therefore leads sin(t) / t ahead and (1 - cos(t)) / t aside: for 1.98e-4 rad, by their
-    /// series, 1 - t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. Short arcs and long ones meet at 2e-4
-    /// rad.
+    /// For a turn of t radians the chord has sin(t / 2) / (t / 2) of the arc's length and points t
+    /// / 2 to the side. The car therefore gets sin(t) / t ahead and (1 - cos(t)) / t sideways. For
+    /// 1.98e-4 rad the series give 1 - t^2 / 6 = 1 - 6.534e-9 and t / 2 = 9.9e-5. The code changes
+    /// from the series to the quotient at 2e-4 rad.
     #[test]
     fn a_short_arc_keeps_its_digits() {
         let short = arc(3.0, 1.98e-4);

@@ -6,9 +6,9 @@
 //! ```
 //!
 //! The bus has no sequence numbers, so an answer must repeat the request: register, direction and
-//! count must match, and the request must have left. All other frames are counted and dropped. (The
-//! fielded program compared only the register and accepted acknowledgements and short replies as
-//! data.) After a repeated request a late answer to an earlier try may still arrive. The line
+//! count must match, and the request must have been sent. All other frames are counted and dropped.
+//! (The fielded program compared only the register and accepted acknowledgements and short replies
+//! as data.) After a repeated request a late answer to an earlier try may still arrive. The line
 //! therefore stays idle for one timeout, so that the late answer cannot match the next request.
 
 mod listener;
@@ -73,7 +73,7 @@ pub struct Counters {
     pub unsolicited: u32,
     /// Error frames: the slave did not understand.
     pub errors: u32,
-    /// Candidates rejected by their checksum or cut off.
+    /// Frame candidates that were cut off or have a checksum mismatch.
     pub bad_frames: u32,
     /// Requests or completions lost because a queue was full.
     pub overflows: u32,

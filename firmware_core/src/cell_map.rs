@@ -8,7 +8,7 @@ use crate::growing_map::NotWritten;
 use crate::map_view::MapView;
 use crate::pose::Point;
 
-/// A cell, counted from the one with its lower left corner at the origin.
+/// Coordinates of a cell. Cell (0, 0) has its lower left corner at the origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Cell {
     /// Along x.
@@ -23,7 +23,7 @@ impl Cell {
         Self { x, y }
     }
 
-    /// The four that share an edge.
+    /// The four cells that share an edge with this one.
     pub const fn edge_neighbours(self) -> [Self; 4] {
         let Self { x, y } = self;
         [
@@ -34,17 +34,17 @@ impl Cell {
         ]
     }
 
-    /// The eight around it.
+    /// The eight cells around this one.
     pub fn neighbours(self) -> impl Iterator<Item = Self> {
         self.block().filter(move |cell| *cell != self)
     }
 
-    /// The nine of the 3 x 3 block around it.
+    /// The nine cells of the 3 x 3 block around this one.
     pub fn block(self) -> impl Iterator<Item = Self> {
         (-1..=1).flat_map(move |y| (-1..=1).map(move |x| Self::new(self.x + x, self.y + y)))
     }
 
-    /// Distance of the middles, in cells.
+    /// Distance between the middles of the two cells, in cells.
     pub fn distance(self, other: Self) -> f32 {
         libm::hypotf((self.x - other.x) as f32, (self.y - other.y) as f32)
     }
@@ -149,7 +149,7 @@ impl CellMap {
         cells.zip(self.cells.iter().copied())
     }
 
-    /// All of it for an observer; `None` without cells.
+    /// The whole map for an observer; `None` if it has no cells.
     pub fn view(&self) -> Option<MapView<'_>> {
         let width = usize::try_from(self.width)
             .ok()

@@ -241,7 +241,7 @@ mod tests {
         radius_m: 0.40,
     };
 
-    /// One obstacle in the middle of 21 x 21 cells. At 0.20 m: 252 exp(-0.35) = 177.6, and 177 by
+    /// One obstacle in the middle of 21 x 21 cells. At 0.20 m: 252 exp(-0.35) = 177.6, and 177 /
     /// 14 is 12.6; at 0.30 m: exp(-1.35), 65.3 and 4.6; at 0.40 m: exp(-2.35), 24.03 and 1.7; each
     /// rounded.
     #[test]

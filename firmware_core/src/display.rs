@@ -292,7 +292,7 @@ impl Display {
         self.tx.pop(buf)
     }
 
-    /// The next tile that may have changed, from where the last one was.
+    /// The next tile that may have changed; the search starts at the position of the last one.
     fn next_tile(&mut self) -> Option<(usize, usize)> {
         let first = self.next % TILES;
         // Search one full round, including the part of the first column before the start.

@@ -33,8 +33,8 @@ pub struct View {
     pub edges: BTreeSet<Cell>,
 }
 
-/// The open edges near the reachable area of a robot at `start` that is three cells wide, without
-/// those of `given_up`.
+/// The open edges near the area that a robot at `start`, three cells wide, can reach. Edges of
+/// `given_up` are left out.
 pub fn open_edges(map: &CellMap, start: Cell, given_up: &BTreeSet<Cell>) -> BTreeSet<Cell> {
     let reach = reach(map, &map.eroded(), start);
     let is_edge = |cell: &Cell| {
@@ -79,9 +79,9 @@ pub fn next_view(map: &CellMap, start: Cell, edges: &BTreeSet<Cell>) -> Option<V
     Some(View { place, edges })
 }
 
-/// The course's choice: of a twentieth of the free cells, drawn at random, the cell with rays
-/// through the most unknown cells, including those behind others. `None` if no ray meets an unknown
-/// cell: the map counts as complete.
+/// The course's choice: a twentieth of the free cells is drawn at random, and the cell whose rays
+/// pass through the most unknown cells wins. Unknown cells behind others count, too. `None` if no
+/// ray meets an unknown cell: the map counts as complete.
 pub fn random_view(map: &CellMap, open: &CellMap, dice: &mut Dice) -> Option<Cell> {
     let free = open.iter().filter(|(_, value)| *value == FREE);
     let free: Vec<Cell> = free.map(|(cell, _)| cell).collect();
@@ -239,7 +239,7 @@ mod tests {
         assert!(view.place.x >= 5 && !view.edges.is_empty(), "{view:?}");
         let open = map.eroded();
         assert!(open.is_free(view.place));
-        // The course's rays find it, too, or draw no cell that sees it.
+        // The course's choice finds it, too, unless it draws no cell that sees it.
         let found = (0..20).filter_map(|seed| random_view(&map, &open, &mut Dice::new(seed)));
         assert!(found.count() > 0);
         let closed = room(0);

@@ -87,7 +87,8 @@ mod tests {
 
     const STEP: Duration = Duration::from_millis(40);
 
-    /// Reads `count` times, with `more` hundredths added each time; the sum of the turns, degrees.
+    /// Reads `count` times, with `more` hundredths added each time; returns the sum of the turns,
+    /// degrees.
     fn run(gyro: &mut Gyro, from: (Instant, i32), count: u16, more: i32, wheels: Wheels) -> f32 {
         let mut turned = 0.0;
         for n in 1..=count {

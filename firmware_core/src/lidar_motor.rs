@@ -225,8 +225,9 @@ mod tests {
         assert_eq!(motor.duty, 180);
     }
 
-    /// 1.0 rpm per duty is 255 rpm at most. The weakness is reported after 900 packets, not while
-    /// the motor spins up, and not if the motor comes within 20 rpm.
+    /// A motor with 1.0 rpm per duty step reaches 255 rpm at most. After 900 packets its drive is
+    /// reported as too weak. Nothing is reported while the motor spins up, or if it comes within 20
+    /// rpm of the target speed.
     #[test]
     fn a_drive_that_is_too_weak_is_told() {
         for (gain, is_weak) in [(1.0, true), (1.12, false)] {

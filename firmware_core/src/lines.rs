@@ -23,7 +23,7 @@ pub const LINES_MAX: usize = 20;
 /// Maximum number of segments before they are merged.
 const SEGMENTS_MAX: usize = 64;
 
-/// Distance beside two lines, in tolerances, from which a point between them is of neither.
+/// Distance from two lines, in tolerances, from which a point between them belongs to neither.
 const ALONE: f32 = 2.0;
 
 /// The ends of a line, in the order of the points.
@@ -38,7 +38,7 @@ pub struct Line {
 /// Settings of the line search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// Neighbouring points farther apart than this are of different regions.
+    /// Neighbouring points farther apart than this belong to different regions.
     pub gap_mm: f32,
     /// Maximum distance of a point from its line.
     pub tolerance_mm: f32,
@@ -271,7 +271,7 @@ impl Segments {
         // A line across the beginning has its end a turn later.
         let last = if next < at { b.last + turn } else { b.last };
         let last = last.min(a.first + turn);
-        // Between them may be points that are too alone to be a line: they are of neither.
+        // A point between them that is far from both belongs to neither.
         let far_mm = settings.tolerance_mm * ALONE;
         let is_of = |point: &Point| [a, b].iter().any(|it| it.fit.beside_mm(*point) <= far_mm);
         let fit = Fit::of(circle.run(a.first, last).filter(is_of), settings);

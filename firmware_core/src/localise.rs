@@ -18,9 +18,9 @@ use crate::pose::{Point, Pose, PoseChange, normalised, sin_cos};
 pub const HEADINGS: usize = 360;
 /// Above this ratio of the second-best score to the best, the position is not certain.
 pub const AMBIGUOUS_RATIO: f32 = 0.9;
-/// A second position is different if it lies farther away than this, in cells,
+/// A second position is different if it lies farther away than this, in cells.
 const APART_CELLS: f32 = 3.0;
-/// or if its heading differs by more than this, in degrees.
+/// A second position is also different if its heading differs by more than this, in degrees.
 const APART_DEG: usize = 30;
 /// The heading is the mean of the votes within these degrees of the best one.
 const MEAN_DEG: usize = 10;
@@ -29,8 +29,8 @@ const THROUGH_MM: f32 = 200.0;
 const BEFORE_MM: f32 = 200.0;
 /// Maximum distance of a wall that is used: the lidar's range, in cells.
 const REACH: i32 = 60;
-/// Maximum share of matched walls for an immediate exclusion of a position, as one in this number.
-/// Its free line of sight is then not counted.
+/// A position with at most 1 / this number of the walls matched is ruled out at once: its free line
+/// of sight is then not checked.
 const FEW_PARTS: i32 = 2;
 /// The same limit as a score: a position that fits again later has at least this score.
 const FEW: u8 = 100;
@@ -585,7 +585,7 @@ mod tests {
         assert!((estimate.score - 0.8).abs() < 1e-6 && (estimate.ratio - 0.75).abs() < 1e-6);
         assert_eq!((estimate.second.x_mm, estimate.second_cells), (750.0, 5.0));
         assert!((degrees(estimate.second) + 60.0).abs() < 1e-3 && !estimate.is_ambiguous());
-        // 0.0256 of 0.4352 parts two degrees on.
+        // The heading moves by the share 0.0256 / 0.4352 of two degrees.
         let askew = row(&[(4, 90, 204), (4, 92, 102)]).estimate(Votes::Best);
         let heading = degrees(askew.expect("places").pose);
         assert!(
@@ -632,8 +632,9 @@ mod tests {
         assert_eq!(second(&[(0, 59, 20)]), (20, 0, 59));
     }
 
-    /// A cell ahead, and none to the side: the earlier scan counts one cell behind, within two
-    /// degrees and a cell. Positions with a current score of 100 of 255 or less are skipped.
+    /// The robot drove a cell ahead, and none to the side: the earlier score is that of the cell
+    /// behind, the best within two degrees and a cell. Positions with a current score of 100 of 255
+    /// or less are skipped.
     #[test]
     fn what_fits_both_times_is_the_product() {
         let ahead = PoseChange {

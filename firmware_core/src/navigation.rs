@@ -202,8 +202,8 @@ const NEARER_STEPS: i8 = 12;
 const MUCH: f32 = STEP * 8.0;
 /// Scans between two plans: one second.
 const PLAN_SCANS: u8 = 5;
-/// Plans in a row without a path after which the goal counts as unreachable, and the number of
-/// rounds with all paths blocked: a moving obstacle may have blocked one.
+/// A goal counts as unreachable after this many plans in a row without a path, or this many rounds
+/// in which all paths were blocked: in a single round a moving obstacle may have blocked one.
 const WAYLESS_PLANS: u8 = 4;
 const BLOCKED_ROUNDS: u8 = 2;
 /// Distance to the last goal at which the robot begins to slow down.

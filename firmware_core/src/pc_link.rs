@@ -27,8 +27,9 @@ use fielded::{CountedPsi, Receiver};
 
 /// Room for the longest frame in addition to a useful queue.
 const TX_LEN: usize = if cfg!(feature = "large") { 8192 } else { 2048 };
-/// Bytes sent without a pause: the radio has room for 700, and other frames may wait in it. A list
-/// of more than 54 waypoints is longer (a list of 100 has 919 bytes), and a row of the large map.
+/// Bytes sent without a pause: the radio has room for 700, and other frames may wait in it. Two
+/// kinds of frames may be longer: a list of more than 54 waypoints (100 of them take 919 bytes),
+/// and a row of the large map.
 const AT_ONCE: usize = 512;
 /// Rows are added only while no more than this is queued, so that a pose never waits long.
 const ROWS_BELOW: usize = 512;
@@ -168,7 +169,7 @@ struct Fielded {
 
 /// Longest of the queues of received bytes.
 const WAITING_MAX: usize = 512;
-/// The fielded one.
+/// Length of the fielded program's queue.
 const SHORT_QUEUE: usize = 200;
 /// Time before which the fielded program has no queue (field defect PU-16).
 const READY_AFTER: Duration = Duration::from_millis(1);

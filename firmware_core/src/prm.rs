@@ -477,7 +477,7 @@ mod tests {
 
     /// In a corridor of nine cells only the middle one has more than four cells to both sides: the
     /// point moves two cells sideways, to the nearest such cell; the ends stay. Beside a pillar 2
-    /// and 1 cells away the room is 4 + 1.
+    /// and 1 cells away the squared distance is 4 + 1.
     #[test]
     fn a_way_is_moved_to_where_there_is_room() {
         let mut map = drawn(ORIGIN, &["........."; 21]);

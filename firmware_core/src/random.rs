@@ -119,7 +119,8 @@ mod tests {
         assert_eq!(random.below(0), 0x72B7_B29B / 2);
     }
 
-    /// The parts of one that these six are; Box and Muller take two of them for each number.
+    /// Two of the draws above as fractions of 1. Box and Muller use two of them for each normal
+    /// number.
     #[cfg(feature = "host")]
     #[test]
     fn unit_and_normal_numbers_are_made_of_draws() {

@@ -549,7 +549,7 @@ mod tests {
         );
     }
 
-    /// A stuck lidar repeats a packet, even the last one: no turn is made of that, and none of
+    /// A stuck lidar repeats a packet, even the last one: no turn is made of that, or of
     /// eight packets.
     #[test]
     fn a_few_packets_are_no_turn() {
@@ -618,8 +618,9 @@ mod tests {
         assert!(shifted.points()[1].distance_mm(Point::new(1050.0, 20.0)) < 0.01);
     }
 
-    /// Seed figure S2: 0.3 m/s moves the robot 60 mm in a turn. A wall 1200 mm ahead at the end,
-    /// seen by beam 0 turned ahead 60 mm earlier and by beam 359 at the end.
+    /// Seed figure S2: 0.3 m/s moves the robot 60 mm in a turn. At its end a wall is 1200 mm ahead.
+    /// Beam 0, which looks ahead here, has seen the wall 60 mm earlier; beam 359 sees it at the
+    /// end.
     #[test]
     fn motion_within_the_turn_is_taken_out_of_the_scan() {
         let mut odometry = Odometry::new(DRIVE);

@@ -13,7 +13,7 @@ use crate::pose::{Point, Pose, normalised};
 const LENGTH_MIN_MM: f32 = 150.0;
 /// Largest angle between two directions of the same wall, radians.
 const TURN_MAX: f32 = 0.26;
-/// A larger correction is an error.
+/// Maximum plausible correction; a larger one is an error.
 const SHIFT_MAX_MM: f32 = 300.0;
 const ROTATION_MAX: f32 = 0.17;
 /// Spacing of points on a seen wall.
@@ -44,7 +44,7 @@ const SHIFTS_MM: [[f32; 2]; 5] = [
 /// Without this limit, in rows of similar wall ends, wrong neighbouring walls drew the pose 12 cm
 /// away from a pose where all points fitted.
 const AS_MANY: (usize, usize) = (9, 10);
-/// Minimum ratio of fitting points for another pose.
+/// Minimum ratio of the points that fit at another pose to those at the believed pose.
 const BETTER: (usize, usize) = (6, 5);
 
 /// Faces of walls in the map's frame, the oldest first; free space is to the left of them, so that
@@ -72,7 +72,7 @@ impl Walls {
         self.segments.is_empty()
     }
 
-    /// The corrected pose of a robot that believes to be at `robot` and sees `lines`; `robot`
+    /// The corrected pose of a robot that believes it is at `robot` and sees `lines`; `robot`
     /// itself if the walls give no better pose.
     pub fn corrected(&self, robot: Pose, lines: &[Segment]) -> Pose {
         self.fitted(robot, lines)
@@ -296,7 +296,7 @@ mod tests {
         assert!((15.0..21.0).contains(&corrected.x_mm), "{corrected:?}");
     }
 
-    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes to be 10 cm and 0.5
+    /// A room of 3 by 2 m, seen from (1, 1.1) m by a robot that believes it is 10 cm and 0.5
     /// radians away: too far for a correction, but no other pose fits as well.
     #[test]
     fn a_robot_that_rolled_without_knowing_is_found() {

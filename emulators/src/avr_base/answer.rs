@@ -94,8 +94,8 @@ impl AvrBase {
         reply
     }
 
-    /// Runs `access` on `count` bytes from `register` on. If the range reaches the motors' state,
-    /// the memory holds that state before, and the motors take it over after.
+    /// Runs `access` on `count` bytes from `register` on. If they include the motors' state, that
+    /// state is copied to the memory before, and back to the motors after.
     fn with_motors(&mut self, register: u8, count: u8, access: impl FnOnce(&mut Memory)) {
         if !Memory::reaches_motors(register, count) {
             return access(&mut self.memory);
@@ -158,7 +158,7 @@ impl AvrBase {
         }
     }
 
-    /// The memory as the read meets it if an encoder's count carried while it was copied.
+    /// The memory as a read finds it if an encoder's count carried while it was copied.
     fn tear_encoders(&mut self, request: &Request) -> Option<Memory> {
         if self.quirks.encoder == EncoderCopy::Snapshot {
             return None;
@@ -228,7 +228,7 @@ impl AvrBase {
         if let Some(name) = read_only(first, request.count()) {
             let rule = rules::WRITE_READ_ONLY;
             self.journal.violation(at, rule, &request.bytes, || {
-                format!("{name} is fed by the base")
+                format!("{name} is read-only: the base sets it")
             });
         }
         for address in SET_POINT_REGISTERS {
@@ -272,7 +272,7 @@ fn cut_value(first: u8, count: u8) -> Option<&'static str> {
         .map(|value| value.name)
 }
 
-/// The values of which `count` registers from `first` on hold anything.
+/// The values that lie at least partly in `count` registers from `first` on.
 fn values(first: u8, count: u8) -> impl Iterator<Item = &'static registers::Register> {
     let end = u16::from(first) + u16::from(count);
     registers::TABLE.iter().filter(move |value| {

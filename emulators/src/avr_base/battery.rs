@@ -43,7 +43,7 @@ pub(super) struct Battery {
     pub(super) is_low: bool,
 }
 
-/// Voltage of a battery that is all but empty, mV: 3 percent.
+/// Voltage of an almost empty battery, mV: 3 percent.
 const LOW_MV: f64 = 9_900.0;
 
 impl Battery {
@@ -56,13 +56,13 @@ impl Battery {
         }
     }
 
-    /// Another battery, or a charger.
+    /// Replaces or charges the battery.
     pub(super) const fn replace(&mut self, now: Instant, config: BatteryConfig) {
         self.config = config;
         self.since = now;
     }
 
-    /// The firmware starts again.
+    /// Resets the stored values when the firmware restarts.
     pub(super) const fn forget(&mut self) {
         self.least_mv = u16::MAX;
     }
@@ -145,7 +145,7 @@ mod tests {
         assert_eq!(memory.read(33, 3), [0x2E, 0x00, 81]);
     }
 
-    /// 0.037 * 13305 - 363 = 129.3: eight bits with sign make -127 of it.
+    /// 0.037 * 13305 - 363 = 129.3, which is -127 in eight bits with sign.
     #[test]
     fn fielded_percent_wrap_above_127() {
         let memory = sampled(13_305.0, BatteryRegisters::HighByteOnly);

@@ -122,7 +122,7 @@ pub(super) struct Cpu {
     tick_left: u64,
     /// Work left until the divider counts.
     count_left: Option<u64>,
-    /// The main loop does not run before.
+    /// Time before which the main loop does not run.
     main_from: u64,
     /// Whether the main loop's next step is the load.
     to_load: bool,
@@ -132,7 +132,7 @@ pub(super) struct Cpu {
     ring: VecDeque<u8>,
     /// Whether the transmit interrupt is on: bytes were put since it found the ring empty.
     feeds: bool,
-    /// The line asks for its next byte.
+    /// Time at which the line requests its next byte.
     asks_at: u64,
     /// Whether the line has asked in vain, and its next byte begins at any time.
     is_idle: bool,
@@ -174,7 +174,7 @@ impl Cpu {
         Instant::from_nanos(self.at)
     }
 
-    /// A byte that ended at `ended`.
+    /// Takes a byte that ended at `ended`.
     pub(super) fn receive(&mut self, ended: Instant, byte: u8) {
         self.incoming.push_back((ended, byte));
     }
@@ -196,7 +196,7 @@ impl Cpu {
         }
     }
 
-    /// The main loop answers: `work` until the first byte, then byte after byte.
+    /// Starts an answer of the main loop: `work` until the first byte, then byte after byte.
     pub(super) fn reply(&mut self, work: Duration, bytes: &[u8]) {
         let bytes = puts(nanos(work), bytes);
         let left = bytes.front().map_or(0, |(before, _)| *before);
@@ -213,13 +213,13 @@ impl Cpu {
         self.is_replying() || !self.incoming.is_empty() || self.interrupt.is_some()
     }
 
-    /// No step comes before.
+    /// Time before which no step comes.
     pub(super) fn next_change(&self) -> Instant {
         let left = match self.slice() {
             // Bytes and ticks wait for the interrupt's end.
             Slice::Interrupt(left) => return Instant::from_nanos(self.at + left),
             Slice::Tick(left) | Slice::Reply(left) => left,
-            // A step without a look.
+            // The next step may be skipped.
             Slice::Main(0) => PASS,
             Slice::Main(left) => left,
             Slice::Idle => u64::MAX,
@@ -362,7 +362,7 @@ impl Cpu {
         }
     }
 
-    /// The next byte of the reply goes into the ring.
+    /// Puts the next byte of the reply into the ring.
     fn put(&mut self) -> Option<Step> {
         let reply = self.reply.as_mut()?;
         let Some((_, byte)) = reply.bytes.pop_front() else {
@@ -407,7 +407,7 @@ impl Cpu {
         }
     }
 
-    /// The main loop runs for `time`, past as many steps as that takes.
+    /// Runs the main loop for `time`, past as many steps as that takes.
     fn go_round(&mut self, time: u64) {
         if time <= self.main_left {
             self.main_left -= time;
@@ -503,7 +503,8 @@ mod tests {
         assert_eq!(cpu.next_change(), at(24_625));
     }
 
-    /// Each counts after 4.1 us, and the interrupt takes 2.3 us more, and what the byte needs.
+    /// Each byte counts after 4.1 us; the interrupt then takes 2.3 us more, plus the work for the
+    /// byte.
     #[test]
     fn a_byte_counts_before_its_interrupt_is_over() {
         let mut cpu = cpu(0);

@@ -87,7 +87,7 @@ impl Counter {
         }
     }
 
-    /// The wheel has turned to `edges` by `now`.
+    /// Counts the wheel's turn to `edges` by `now`.
     pub(super) fn look(&mut self, odometer: Odometer, ticks: Ticks, now: Instant, edges: i64) {
         let turned = edges - self.seen;
         let counted = match odometer {
@@ -123,7 +123,7 @@ impl Counter {
         (self.count, self.before, self.edges) = (count, count, edges);
     }
 
-    /// The wheel turns on unseen.
+    /// Skips a turn of the wheel that the firmware does not see.
     pub(super) fn miss(&mut self, now: Instant, edges: i64) {
         (self.seen, self.at) = (edges, now);
     }

@@ -17,8 +17,8 @@ const NAMES: [&str; 7] = [
     "stop-button",
 ];
 
-/// Counts for each true one by default: the two wires of each encoder are
-/// exchanged, so that it counts backwards.
+/// Default number of counts for each true one: the two wires of each encoder are exchanged, so that
+/// it counts backwards.
 const WRONG: f64 = -1.0;
 
 /// Encoders as the firmware sees them.

@@ -26,7 +26,7 @@ impl AvrBase {
         self.now = self.now.max(now);
     }
 
-    /// Another battery, or a charger.
+    /// Replaces or charges the battery.
     pub const fn replace_battery(&mut self, now: Instant, battery: BatteryConfig) {
         self.battery.replace(now, battery);
     }

@@ -25,7 +25,7 @@ const RANGE_M: f64 = 3.0;
 /// Noise of a reading, degrees. A guess.
 const NOISE_C: f64 = 0.3;
 
-/// Whether the base has them.
+/// Whether the base has thermometers and a dispenser of kits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Heat {
     /// Like the fielded base.
@@ -118,8 +118,8 @@ mod tests {
     use super::*;
     use crate::world::{BodyConfig, HeatPlate, Point, Scene, Shape};
 
-    /// A robot at (1, 2) that looks along y, and a plate of 37 degrees, as far as can be seen, so
-    /// far beside it: to the left, as the robot looks, is where x is less.
+    /// A robot at (1, 2) that looks along y, so that smaller x is to its left. A plate of 37
+    /// degrees stands beside it at `plate_x`, `half_m` long to either side.
     fn world(plate_x: f64, half_m: f64) -> World {
         let ends = [2.0 - half_m, 2.0 + half_m].map(|y| Point::new(plate_x, y));
         let plate = HeatPlate::new(ends[0], ends[1], 37.0).expect("sound");

@@ -20,7 +20,7 @@ const SCALE: f64 = 0.005;
 /// Noise, degrees per root of a second: data sheet, 0.005 degrees/s per root of a hertz.
 const NOISE_DEG: f64 = 0.005;
 
-/// Whether the base has one.
+/// Whether the base has a gyroscope.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Imu {
     /// Like the fielded base.
@@ -53,7 +53,7 @@ impl Gyro {
         }
     }
 
-    /// The base starts again: its sum begins at 0.
+    /// Restarts the sum at 0 when the base restarts.
     pub(super) const fn restart(&mut self) {
         self.last = None;
         self.sum_deg = 0.0;

@@ -64,7 +64,7 @@ struct Repeats {
 }
 
 impl Journal {
-    /// Something that the base did.
+    /// Logs an action of the base.
     pub(super) fn note(&mut self, at: Instant, rule: &'static str, detail: String) {
         self.broken.note(at, rule);
         self.push(Event {

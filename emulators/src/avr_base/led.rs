@@ -7,12 +7,12 @@ use super::memory::Memory;
 /// The light. Hues are the firmware's: 0 to 255 once round the circle of colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Led {
-    /// All is well: the brightness goes up and down. Green, and towards red below 20 percent.
+    /// No fault: the brightness goes up and down. Green, and towards red below 20 percent.
     Heartbeat {
         /// Follows the battery.
         hue: u8,
     },
-    /// Something is not well.
+    /// A fault: the light blinks.
     Blink {
         /// Hue of the light: see [`FAULT_HUE`], [`STOPPED_HUE`], [`SILENT_HUE`].
         hue: u8,

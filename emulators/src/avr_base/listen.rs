@@ -71,7 +71,7 @@ impl AvrBase {
     fn drop_byte(&mut self, at: Instant, byte: u8) {
         self.journal
             .violation(at, rules::BYTES_WHILE_BUSY, &[byte], || {
-                format!("byte {byte:02X} while a request was worked on is lost")
+                format!("byte {byte:02X} is lost: a request was being processed")
             });
     }
 
@@ -83,7 +83,7 @@ impl AvrBase {
         if waits || replies {
             let rule = rules::REQUEST_BEFORE_REPLY;
             self.journal.violation(at, rule, &[byte], || {
-                "a frame begins before the reply to the one before has ended".into()
+                "a frame begins before the reply to the previous frame has ended".into()
             });
         }
     }

@@ -44,8 +44,8 @@ const READINGS: usize = 199;
 const DISTANCES: usize = 231;
 /// Blocks of infrared sensors that are wanted, and that have been measured, a bit each.
 const WANTED: usize = 263;
-/// Registers that the main loop refills from a variable of two bytes, and where that lies. The
-/// firmware has a table of four by four distances.
+/// Registers that the main loop refills from a variable of two bytes, and the variable's position.
+/// The firmware has a table of four by four distances.
 const FED: [(usize, usize); 14] = [
     (1, DISTANCES + 26),
     (3, DISTANCES + 14),
@@ -185,7 +185,7 @@ impl Memory {
         self.bytes[WANTED] >> block & 1 != 0
     }
 
-    /// A block of infrared sensors was measured.
+    /// Notes that a block of infrared sensors was measured.
     pub(super) fn has_block(&mut self, block: usize) {
         self.bytes[WANTED + 1] |= 1 << block;
     }
@@ -239,7 +239,7 @@ impl Memory {
         }
     }
 
-    /// Puts the motors' state where it lies.
+    /// Stores the motors' state at its position in the memory.
     pub(super) fn hold_motors(&mut self, motors: &Motors) {
         let mut put = |at: usize, bytes: &[u8]| {
             self.bytes[at..][..bytes.len()].copy_from_slice(bytes);
@@ -272,7 +272,7 @@ impl Memory {
         self.bytes[POINTER + 2..][..2].copy_from_slice(&[sum_low, sum_high]);
     }
 
-    /// The register of the request becomes that of the reply.
+    /// Copies the register of the request to the reply.
     pub(super) fn begin_reply(&mut self, register: u8) {
         self.bytes[REPLY] = register;
     }
@@ -316,13 +316,14 @@ impl Memory {
         self.bytes[REPLY]
     }
 
-    /// The reply to a read of `register` has its header, but for the checksum.
+    /// Stores the header of the reply to a read of `register`, without the checksum.
     pub(super) fn hold_reply(&mut self, register: u8, control: u8) {
         let [low, high] = (self.map + u16::from(register)).to_le_bytes();
         self.bytes[REPLY..][..4].copy_from_slice(&[register, control, low, high]);
     }
 
-    /// The reply to a write has no data: its pointer stays that of the last read.
+    /// Stores the header of the reply to a write. It has no data: its pointer stays that of the
+    /// last read.
     pub(super) fn hold_acknowledgement(&mut self) {
         self.bytes[REPLY + 1] = 0;
     }
@@ -332,14 +333,14 @@ impl Memory {
         self.bytes[REPLY + 4..][..2].copy_from_slice(&checksum.to_le_bytes());
     }
 
-    /// An error frame was sent.
+    /// Stores the header and checksum of a sent error frame.
     pub(super) fn hold_error(&mut self, register: u8, checksum: u16) {
         self.bytes[REPLY..][..2].copy_from_slice(&[register, 0]);
         self.hold_reply_checksum(checksum);
     }
 
-    /// The receive interrupt stores a byte of data where the pointer leads. The index has a sign,
-    /// so that the byte may lie below the buffer.
+    /// Stores a data byte where the pointer leads, as the receive interrupt does. The index has a
+    /// sign, so that the byte may lie below the buffer.
     pub(super) fn store(&mut self, index: i8, byte: u8) {
         let address = self.pointer().wrapping_add_signed(i16::from(index));
         let place = usize::from(address.wrapping_sub(self.map));
@@ -360,7 +361,7 @@ impl Memory {
         self.bytes[REQUEST + 1]
     }
 
-    /// A request with this count begins.
+    /// Stores the count of a request that begins.
     pub(super) fn hold_control(&mut self, control: u8) {
         self.bytes[REQUEST + 1] = control;
     }

@@ -18,7 +18,7 @@ use crate::world::{Drive, World};
 const WATCHDOG_LAG: Duration = Duration::from_micros(42);
 
 impl AvrBase {
-    /// A valid request came in and is worked on at `at`.
+    /// Restarts the watchdog for a valid request that is processed at `at`.
     pub(super) fn restart_watchdog(&mut self, at: Instant, request: &Request) {
         match self.quirks.watchdog {
             Watchdog::AnyFrame { timeout } => self.watchdog_at = Some(request.at + timeout),
@@ -36,7 +36,7 @@ impl AvrBase {
         }
     }
 
-    /// The master has been silent for too long.
+    /// Stops the motors because the master has been silent for too long.
     pub(super) fn motor_watchdog(&mut self, at: Instant, world: &mut World) {
         self.watchdog_at = None;
         self.chip.watchdog_counts = None;
@@ -87,7 +87,8 @@ impl AvrBase {
         }
     }
 
-    /// The master has written over it. Set-points come from their registers in the next pass.
+    /// Takes the motors' state that the master has overwritten. Set-points come from their
+    /// registers in the next pass.
     pub(super) fn take_motor_state(&mut self, state: &memory::Motors) {
         for (index, side) in self.sides.iter_mut().enumerate() {
             side.counted = state.counted[index];

@@ -69,7 +69,8 @@ impl AvrBase {
         self.ticks.after(self.now, 5 * TICK, 1)
     }
 
-    /// Runs the processor to its next step, at `limit` at the latest; whether there was one.
+    /// Runs the processor to its next step, at `limit` at the latest; returns whether there was
+    /// one.
     pub(super) fn step(&mut self, limit: Instant, world: &mut World) -> bool {
         let attentive = self.is_attentive();
         let Some((at, step)) = self.chip.cpu.advance(limit, attentive) else {

@@ -18,12 +18,12 @@ pub enum Profile {
     Document,
     /// Field firmware b77a6df of May 2015 with all its defects.
     Rcj2015,
-    /// Field firmware 5f54f4d of September 2014: the same, and two defects more.
+    /// Field firmware 5f54f4d of September 2014: the same, and two more defects.
     Rcj2014,
 }
 
 impl Profile {
-    /// All of them.
+    /// All profiles.
     pub const ALL: [Self; 3] = [Self::Document, Self::Rcj2015, Self::Rcj2014];
 
     /// The profile that scenarios call `name`.
@@ -168,7 +168,7 @@ pub enum SetPoints {
     Signed,
     /// Signed, and the register shows the limited value.
     SignedAndReported,
-    /// Taken for unsigned: all that is negative means full ahead.
+    /// Taken for unsigned: every negative value means full ahead.
     Unsigned,
 }
 

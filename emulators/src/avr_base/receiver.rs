@@ -208,8 +208,8 @@ impl Interrupt {
         Duration::from_nanos(cycles * 125 / 2)
     }
 
-    /// The count goes to its place in the memory, data and the first byte of the checksum behind
-    /// them to the receive buffer.
+    /// Stores the count at its place in the memory. Data and the first byte of the checksum go to
+    /// the receive buffer.
     fn store(&self, byte: u8, memory: &mut Memory) {
         match self.frame.as_slice() {
             [_, _] => memory.hold_control(byte),
@@ -405,8 +405,8 @@ mod tests {
         Instant::from_nanos(micros * 1_000)
     }
 
-    /// The bytes come 10 us after each other, followed by a pause. Returns for the requests from
-    /// both whether each is valid.
+    /// The bytes come 10 us after each other, followed by a pause. Returns, for the requests of
+    /// each receiver, whether each request is valid.
     fn heard(bytes: &[u8]) -> (Vec<bool>, Vec<bool>) {
         let (mut receiver, mut journal) = (buffered(), Journal::default());
         let (mut now, mut heard) = (100, Vec::new());

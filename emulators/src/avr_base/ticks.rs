@@ -29,9 +29,9 @@ pub(super) const CYCLE: Duration = Duration::from_nanos(200 * TICK_NANOS);
 const TICK_WORK: Duration = Duration::from_nanos(97_875);
 /// The tick interrupt once its tasks are gone. A guess.
 const BARE_TICK: Duration = Duration::from_micros(10);
-/// The divider's turn more.
+/// Additional time of the tick interrupt when the divider counts.
 const DIVIDER_WORK: Duration = Duration::from_nanos(3_000);
-/// The regulator more, with both wheels standing and driven.
+/// Additional time of the regulator, with both wheels standing and with both driven.
 const REGULATOR_WORK: [Duration; 2] = [Duration::from_micros(34), Duration::from_micros(140)];
 /// The tick interrupt with each of the analog task's three blocks.
 const ANALOG_WORK: [Duration; 3] = [
@@ -48,14 +48,14 @@ pub(super) struct Ticks {
 }
 
 impl Ticks {
-    /// All tasks ran together `phase` before the start of the run.
+    /// Ticks of tasks that all ran together `phase` before the start of the run.
     pub(super) fn with_phase(phase: Duration) -> Self {
         Self {
             ahead: nanos(phase) % nanos(CYCLE),
         }
     }
 
-    /// The counter starts at `now`.
+    /// Ticks of a counter that starts at `now`.
     pub(super) fn started_at(now: Instant) -> Self {
         let cycle = nanos(CYCLE);
         Self {

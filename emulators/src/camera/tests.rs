@@ -329,7 +329,7 @@ fn a_blind_camera_recognises_no_marker() {
     );
 }
 
-/// A wall 0.4 m before the marker hides it, from one place as from another.
+/// A wall 0.4 m before the marker hides it from any place.
 #[test]
 fn a_marker_is_hidden_wherever_the_robot_stands() {
     let told = |x: f64, y: f64, fixtures: Vec<Fixture>| {

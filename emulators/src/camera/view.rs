@@ -8,7 +8,8 @@ use protocols::perception::Marker;
 use super::{Camera, CameraConfig, Output, PlacedMarker, Views, encoded};
 use crate::world::{Pose, Row, World, wrap_angle};
 
-/// Up and down from the axis a marker is still in the picture: half of 480 rows over 525 pixels.
+/// Tangent of the largest angle above or below the axis at which a marker is in the picture: half
+/// of 480 rows over 525 pixels.
 const HALF_HEIGHT: f64 = 240.0 / 525.0;
 /// Depths at which a marker is recognised, metres: nearer it leaves the picture, farther it is too
 /// small.

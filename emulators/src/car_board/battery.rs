@@ -9,7 +9,7 @@ pub struct BatteryConfig {
     pub start_mv: f64,
     /// Lost per second, mV.
     pub drop_mv_per_s: f64,
-    /// Less at full level, mV.
+    /// Voltage drop at full level, mV.
     pub sag_mv: f64,
 }
 

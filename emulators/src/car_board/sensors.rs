@@ -22,7 +22,7 @@ const PLACES: [(&str, u8, f64, f64, f64); 3] = [
     ("left", 0xE4, 0.129, 0.1, 0.25 * TAU),
 ];
 
-/// Everything that is read.
+/// All sensors of the board.
 #[derive(Clone, Debug)]
 pub(super) struct Sensors {
     /// Front, right, left: the order of the frame.
@@ -56,7 +56,7 @@ impl Sensors {
         }
     }
 
-    /// Reads all, and starts the next round of the ultrasonic sensors.
+    /// Reads all sensors, and starts the next round of the ultrasonic ones.
     pub(super) fn read(&mut self, now: Instant, config: &BoardConfig, world: &World) -> Readings {
         let [front_cm, right_cm, left_cm] = self
             .ultrasonic
@@ -97,13 +97,13 @@ impl Sensors {
         }
     }
 
-    /// The board begins again.
+    /// Resets the readings when the board restarts.
     pub(super) fn reset(&mut self) {
         (self.travel, self.pulses) = (None, 0);
     }
 }
 
-/// The range of the round that is over, 0 if there is no echo or no answer; begins the next.
+/// Returns the range of the finished round, 0 without an echo or an answer; begins the next round.
 fn range_cm(sensor: &mut Srf08, now: Instant, world: &World) -> u16 {
     if !sensor.acknowledges(now, 0) {
         return 0;

@@ -6,7 +6,8 @@ use protocols::car_board::Level;
 /// software of the car drove 3 and -4; the others are guesses. -1 and -2 do not move the car.
 const FORWARD_M_S: [f64; 4] = [0.0, 0.11, 0.22, 0.35];
 const BACKWARD_M_S: [f64; 5] = [0.0, 0.0, 0.0, -0.22, -0.35];
-/// At level 10, and backwards at -10: a guess. Between the last known level and it speed is linear.
+/// Speed at level 10, and backwards at -10: a guess. Between the last known level and it speed is
+/// linear.
 pub const FULL_SPEED_M_S: f64 = 1.2;
 
 /// Speed that a level leads to, m/s; the car gets there with a lag.

@@ -3,7 +3,7 @@
 use protocols::car_board::Steering;
 
 /// Angles measured at the values -50, -40, .. 50: degrees, counter-clockwise, so left is positive.
-/// Between them the table of the car's software is straight. Source: report, chapter 3.
+/// Between them the table of the car's software is linear. Source: report, chapter 3.
 const MEASURED_DEG: [f64; 11] = [
     25.0, 21.0, 17.0, 12.0, 9.0, 6.0, -2.0, -5.0, -9.0, -13.0, -18.0,
 ];
@@ -21,8 +21,8 @@ pub fn angle_deg(steering: Steering) -> f64 {
     from + (to - from) * part / 10.0
 }
 
-/// The steering value whose angle is nearest; beyond the ends the end. `None` if the angle is not a
-/// number.
+/// The steering value with the nearest angle; an angle beyond the table gives its end. `None` if
+/// the angle is not a number.
 pub fn nearest(angle_deg: f64) -> Option<Steering> {
     if angle_deg.is_nan() {
         return None;

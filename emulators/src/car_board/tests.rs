@@ -357,7 +357,7 @@ fn a_deaf_sensor_hears_no_echo_and_the_others_do() {
     assert_eq!(heard("left"), [true, true, false]);
 }
 
-/// The configured one, else that of all wheels together.
+/// The configured encoder counts, else the one of all wheels together.
 #[test]
 fn the_magnets_turn_with_the_configured_encoder() {
     let encoders = |names: &[&str]| -> Vec<Encoder> {

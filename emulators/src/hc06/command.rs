@@ -26,7 +26,7 @@ pub(super) struct Collector {
     silence_seen: bool,
 }
 
-/// Bytes must be checked one by one.
+/// Error: the bytes must be checked one by one, because a line end may be among them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LineEndMatters;
 
@@ -78,7 +78,7 @@ impl Collector {
         self.clone().finish(End::Silence)
     }
 
-    /// Takes one byte; the attempt if a line end completed it.
+    /// Takes one byte; returns the attempt if a line end completed it.
     pub(super) fn push(&mut self, byte: u8, at: Instant) -> Option<Attempt> {
         if self.count == 0 {
             self.first = at;
@@ -154,7 +154,7 @@ impl Collector {
 /// Effect of a command on the module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Answer {
-    /// Written to the UART.
+    /// Text for the UART.
     pub(super) reply: Vec<u8>,
     /// The settings afterwards.
     pub(super) settings: Settings,
@@ -200,7 +200,7 @@ fn whole(attempt: &Attempt) -> Option<&[u8]> {
     (attempt.count <= TEXT_MAX as u64).then_some(attempt.text.as_slice())
 }
 
-/// The silence-terminated command that `text` is to `family`. No HC-06 can become a master: two
+/// The silence-terminated command of `family` with this `text`. No HC-06 can become a master: two
 /// of them cannot connect to each other.
 fn known(family: Family, text: &[u8]) -> Option<Command<'_>> {
     Command::parse(text).filter(|command| {
@@ -293,7 +293,7 @@ pub(super) fn complaint(
         if attempt.end == End::Silence && profile.family == Family::V30 {
             ("line-end-missing", "this family waits for CR LF")
         } else if is_known(text) {
-            ("command-too-slow", "a command must come in one go")
+            ("command-too-slow", "a command must come without a pause")
         } else if is_known(bare) {
             ("line-end-after-command", "this family wants no line end")
         } else if is_known(&bare.to_ascii_uppercase()) {

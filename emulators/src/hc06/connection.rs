@@ -103,7 +103,7 @@ impl Hc06 {
         self.vanished = None;
     }
 
-    /// The connection is up.
+    /// Handles a new connection.
     pub(super) fn connect(&mut self, now: Instant) {
         self.host = Host::Connected;
         self.mode = Mode::Data;
@@ -116,7 +116,7 @@ impl Hc06 {
         self.look_for_partner(now);
     }
 
-    /// The module's side of the connection is gone.
+    /// Handles the end of the connection on the module's side.
     fn leave_data_mode(&mut self, now: Instant, why: &str) {
         self.give_up_at = None;
         self.enter_command_mode();
@@ -160,7 +160,7 @@ impl Hc06 {
         }
     }
 
-    /// The supervision time is over.
+    /// Ends the connection after the supervision time.
     pub(super) fn give_up(&mut self, now: Instant) {
         if self.host == Host::Connected {
             self.host = Host::Closed;

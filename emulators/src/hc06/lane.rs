@@ -217,8 +217,7 @@ impl Lane {
         }
     }
 
-    /// The radio works again at `now` after frames were held up: they arrive from now on, one a
-    /// slot.
+    /// Continues at `now` after frames were held up: they arrive from now on, one a slot.
     pub(super) fn resume(&mut self, now: Instant) {
         self.moves_at = self.moves_at.max(now);
         let mut earliest = next_multiple(now, self.slot);

@@ -55,11 +55,11 @@ pub struct Profile {
     pub settings: Settings,
     /// Address on the air.
     pub address: [u8; 6],
-    /// Silence that ends a command, families without line ends. Public tools that configure real
+    /// Silence that ends a command without a line end. Public tools that configure real
     /// modules look for the reply 0.55, 0.6 or 1 s after their command. One states that the module
     /// takes 0.6 s: about half a second. "One command a second" is a rule for the sender.
     pub silence: Duration,
-    /// Longest time from the first to the last byte of a command, families without line ends:
+    /// Longest time from the first to the last byte of a command without a line end:
     /// typing by hand fails, pasting works. About 1 s by report.
     pub command_time: Duration,
     /// Time at which a new line coding takes effect.

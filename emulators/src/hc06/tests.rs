@@ -578,7 +578,7 @@ fn a_power_cut_does_not_prolong_the_supervision_time() {
     assert_eq!(bench.changes, [(lost_at + 20 * SECOND, LineEvent::Closed)]);
 }
 
-/// Whether bytes survive a disconnect is not documented: both are there.
+/// Whether bytes survive a disconnect is not documented: the profile offers both.
 #[test]
 fn leftovers_are_dropped_or_kept_as_the_profile_says() {
     let mut profile = at(BAUD);

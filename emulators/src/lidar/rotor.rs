@@ -23,7 +23,7 @@ pub enum MotorSupply {
     },
     /// The host's motor drive: the last byte on the sensor's motor port is its duty.
     Host {
-        /// Of the drive at full duty.
+        /// Voltage of the drive at full duty.
         volts: f64,
     },
 }
@@ -68,7 +68,7 @@ pub(crate) const DEG_PER_S: f64 = 6.0;
 pub(crate) struct Rotor {
     motor: Motor,
     pub(crate) supply: MotorSupply,
-    /// Of the host's drive, 0 to 1.
+    /// Duty of the host's drive, 0 to 1.
     pub(crate) duty: f64,
     /// Additional friction of dust, rpm/s.
     pub(crate) dust_rpm_s: f64,

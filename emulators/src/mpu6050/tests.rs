@@ -153,7 +153,8 @@ fn temperature_and_the_bias_of_each_axis_are_shown() {
     assert_eq!(words, [-2_900, -144, 79, 26]);
 }
 
-/// 0.05 degrees a second are 6.55 counts, 0.04 m/s² are 66.8: of 2000 samples to a tenth.
+/// 0.05 degrees a second are 6.55 counts, 0.04 m/s² are 66.8. 2000 samples show them within a
+/// tenth.
 #[test]
 fn noise_is_as_large_as_it_is_set() {
     let world = world();

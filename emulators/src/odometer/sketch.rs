@@ -8,13 +8,13 @@ use crate::i2c::RegisterChip as _;
 use crate::mpu6050::{ADDRESS, IDENTITY, Mpu6050, register};
 use crate::world::World;
 
-/// Distance that the program takes for a count: 2 pi / 60 * 0.032 m.
+/// Distance that the program assumes for a count: 2 pi / 60 * 0.032 m.
 const COUNT_M: f32 = 0.003_351;
 /// Degrees a second of a count at 2000 degrees a second, as the sensor's library has it.
 const RATE_UNIT_DPS: f32 = 0.060_975;
 /// The program's unit of the rate that it prints: 25 / 2000, which is 4.88 times too small.
 const PRINTED_UNIT_DPS: f32 = 25.0 / 2000.0;
-/// Time that the program takes for a loop.
+/// Time that the program assumes for a loop.
 const STEP_S: f32 = 0.01;
 /// Number of samples at rest whose mean is the offset.
 const CALIBRATION_SAMPLES: i16 = 50;
@@ -54,7 +54,7 @@ pub enum Overrun {
     IsLate,
 }
 
-/// Its variables.
+/// Variables of the program.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Sketch {
     began: Instant,

@@ -41,7 +41,7 @@ pub struct Counts {
     pub diagnoses: u64,
     /// Candidates with a wrong checksum or length, or cut off.
     pub bad_frames: u64,
-    /// Sound frames that mean nothing.
+    /// Valid frames without a meaning.
     pub bad_messages: u64,
     /// Rows that do not fit the map.
     pub bad_rows: u64,
@@ -86,7 +86,7 @@ pub(super) enum News {
     /// The map's size changed, or became known.
     MapSize,
     Row,
-    /// The last missing row.
+    /// The last missing row arrived.
     MapComplete,
     Waypoints,
     State,
@@ -94,18 +94,18 @@ pub(super) enum News {
     Condition,
     /// Known already, or not evaluated.
     Nothing,
-    /// A victim more or less.
+    /// The number of victims changed.
     Victims,
     /// A new message of the robot.
     Message,
-    /// The map's size makes no sense.
+    /// The map's size is invalid.
     BadSize,
     BadMessage(MessageError),
     BadRow(RowError),
 }
 
 impl Record {
-    /// Bytes that belong to no frame: text of the robot, or wreckage.
+    /// Bytes that belong to no frame: text of the robot, or parts of damaged frames.
     pub fn text_bytes(&self) -> u64 {
         self.decoder.discarded()
     }
@@ -122,7 +122,7 @@ impl Record {
         }
     }
 
-    /// The line went quiet.
+    /// Handles an idle line.
     pub(super) fn idle(&mut self, now: Instant, tell: impl FnMut(News)) {
         self.decoder.idle();
         self.take(now, &[], tell);
@@ -348,7 +348,7 @@ mod tests {
             (record.trajectory.len(), record.counts.poses_dropped)
         };
         assert_eq!([kept(1), kept(2)], [(500_000, 0), (500_000, 1)]);
-        // Where the last one that was kept is.
+        // The position of the last pose that was kept.
         assert_eq!(kept(1), (500_000, 1));
     }
 }

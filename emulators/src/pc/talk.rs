@@ -94,7 +94,7 @@ impl Pc {
                 News::State => self.compare_mode(now),
                 News::BadSize => {
                     let kind = EventKind::Violation;
-                    let detail = || "a map size without sense".to_owned();
+                    let detail = || "an invalid map size".to_owned();
                     self.log.repeated(now, kind, "bad-message", detail);
                 }
                 News::BadMessage(error) => {

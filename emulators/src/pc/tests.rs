@@ -826,8 +826,8 @@ fn what_the_robot_says_of_itself_is_noted() {
     );
 }
 
-/// A step that is put in front of one that was done comes first of those that were not; one that
-/// is beyond the limits of the protocol is refused.
+/// A step inserted in front of a completed one becomes the first of those to be done. A step beyond
+/// the limits of the protocol is refused.
 #[test]
 fn a_step_is_put_in_front_of_what_was_not_done_yet() {
     let raw = |text: &[u8]| step(When::AfterConnected(SECOND), Action::Raw(text.to_vec()));

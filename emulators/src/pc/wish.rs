@@ -79,7 +79,7 @@ impl<T> Wish<T> {
         }
     }
 
-    /// The robot has understood; whether this is news.
+    /// Notes that the robot has received the wish; returns whether this is new.
     pub(super) fn confirm(&mut self, now: Instant) -> bool {
         let news = self.outcome == Outcome::Unknown && self.said_at.is_some();
         if news {

@@ -5,7 +5,7 @@ use crate::world::{Chassis, Command};
 /// Effect of a variable on the world: its value times `scale` goes to an actuator whenever the
 /// value changes, by a master's write or by the timeout of a silent master. At the start of the run
 /// a value of 0 changes nothing, so that brakes stay on. The device's first poll passes on any
-/// other.
+/// other value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sink {
     /// Name of the actuator.

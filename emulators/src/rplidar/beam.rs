@@ -14,7 +14,7 @@ use crate::lidar::beam::{Beam, normal};
 use crate::rng::Rng;
 use crate::world::World;
 
-/// Nearer than this there is no measurement (LD108).
+/// Minimum distance of a measurement (LD108).
 const RANGE_MIN_MM: f64 = 150.0;
 /// Standard deviation of a distance, as a part of it. LD108 says below 1 %; the noise is limited to
 /// 3.5 deviations.
@@ -27,8 +27,8 @@ const ASIDE_M: f64 = 0.024_014;
 const BACK_DEG: f64 = 8.0;
 /// Angle of a point at 1 m behind the head's zero: the angles of a turn count from there.
 pub(super) const ZERO_DEG: f64 = 6.624;
-/// If the dot falls on two surfaces, one is measured if it has this part of the light more. A
-/// guess, fitted to the shares of real turns (see FIDELITY).
+/// If the dot falls on two surfaces, one is measured if it has more light than the other by this
+/// share. A guess, fitted to the shares of real turns (see FIDELITY).
 const EDGE_STEP: f64 = 0.04;
 /// Half of the dot's width as an angle. A guess: about the size of a collimated diode's dot at 2 m.
 const DOT_RAD: f64 = 0.35 * PI / 180.0;
@@ -49,7 +49,8 @@ pub(super) struct Seen {
     pub(super) distance_q2: u16,
     /// Angle of the point behind the head's zero, degrees; 0 without a measurement.
     pub(super) lead_deg: f64,
-    /// Light by the light that is just enough; at least 1 where something was measured.
+    /// Light divided by the minimum light of a measurement; at least 1 where something was
+    /// measured.
     pub(super) light: f64,
 }
 

@@ -68,7 +68,7 @@ pub(super) fn rotor(control: MotorControl, angle_deg: f64) -> Rotor {
 }
 
 impl Rplidar {
-    /// The duty of the motor pin, 0 to 1.
+    /// Sets the duty of the motor pin, 0 to 1.
     pub(super) fn set_duty(&mut self, now: Instant, duty: f64) {
         match self.motor {
             MotorControl::Pwm => self.drive_motor(now, duty),
@@ -76,7 +76,7 @@ impl Rplidar {
         }
     }
 
-    /// The level of DTR.
+    /// Sets the level of DTR.
     pub(super) fn set_dtr(&mut self, now: Instant, high: bool) {
         self.dtr_high = high;
         match self.motor {
@@ -94,7 +94,7 @@ impl Rplidar {
         }
     }
 
-    /// The request F0.
+    /// Executes the request F0.
     pub(super) fn set_pwm(&mut self, now: Instant, pwm: u16) {
         match self.motor {
             MotorControl::Command => self.drive_motor(now, (f64::from(pwm) / PWM_MAX).min(1.0)),

@@ -19,10 +19,10 @@ use super::{Fault, Rplidar};
 use crate::lidar::beam::normal;
 use crate::world::World;
 
-/// Interval of the checks of the rotation while a scan starts. A guess, ...
+/// Interval of the checks of the rotation while a scan starts. A guess.
 const CHECK_TIME: Duration = Duration::from_millis(25);
-/// ... The rotation is steady if it changed by less than this share in [`EVEN_CHECKS`] consecutive
-/// checks.
+/// Maximum change of an even rotation, as a share, in each of [`EVEN_CHECKS`] consecutive checks. A
+/// guess.
 const EVEN_CHANGE: f64 = 0.002;
 const EVEN_CHECKS: u8 = 4;
 /// Slowest rotation that counts as one (LD108: 1 to 10 turns a second).
@@ -64,7 +64,7 @@ enum Stream {
     Ultra,
 }
 
-/// Waits for an even rotation.
+/// A scan that waits for an even rotation.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Starting {
     stream: Stream,
@@ -76,7 +76,7 @@ pub(super) struct Starting {
     paused: Option<(Instant, Instant)>,
 }
 
-/// Measures.
+/// A scan that takes samples.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Scanning {
     stream: Stream,
@@ -206,7 +206,7 @@ impl Rplidar {
         };
     }
 
-    /// Whether a request for a scan has no answer, for one reason or another.
+    /// Whether a request for a scan gets no answer.
     fn refuses_scan(&mut self, at: Instant, command: Command) -> bool {
         if let Command::ExpressScan { mode } = command
             && self.profile.express(mode).is_none()
@@ -315,7 +315,7 @@ impl Rplidar {
         self.phase = Phase::Scanning(scanning);
     }
 
-    /// Takes whole turns off the angle; whether there was one.
+    /// Takes whole turns off the angle; returns whether there was one.
     fn wrap_angle(&mut self) -> bool {
         let has_turned = self.rotor.angle_deg() >= 360.0;
         while self.rotor.angle_deg() >= 360.0 {

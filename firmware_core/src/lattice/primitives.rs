@@ -8,7 +8,7 @@ use alloc::vec::Vec;
 const NOMINAL_M_S: f64 = 0.4;
 /// Time for a turn by 45 degrees, seconds.
 const TURN_45_S: f64 = 0.6;
-/// Poses of a generated primitive.
+/// Number of poses of a generated primitive.
 const POSES: usize = 10;
 
 /// One motion.
@@ -25,7 +25,7 @@ pub struct Primitive {
     pub poses: Vec<[f64; 3]>,
 }
 
-/// Primitives for each heading, equally many.
+/// A set of primitives, the same number for each heading.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrimitiveSet {
     resolution_m: f64,

@@ -99,10 +99,10 @@ pub enum NoPlan {
 impl core::fmt::Display for NoPlan {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Self::Resolution => "the map has other cells than the primitives",
-            Self::Start => "the robot cannot be where it begins",
-            Self::Goal => "the robot cannot be at its goal",
-            Self::NoWay => "there is no way",
+            Self::Resolution => "the map's cell size differs from that of the primitives",
+            Self::Start => "the start is off the map or in an obstacle",
+            Self::Goal => "the goal is off the map or in an obstacle",
+            Self::NoWay => "there is no path",
             Self::Limit => "no path was found within the limits",
         })
     }

@@ -15,7 +15,7 @@ fn car() -> Lattice {
     Lattice::new(PrimitiveSet::car(), &outline())
 }
 
-/// The car's covered floor around its middle.
+/// Outline of the car: the floor that it covers, around its middle.
 fn outline() -> Outline {
     Outline::rectangle(0.23, 0.23, 0.165)
 }
@@ -87,7 +87,8 @@ fn the_primitives_are_those_of_the_car() {
             );
         }
     }
-    // Curvature: 10.8 degrees of steering at most for the straightest axle distance of 0.25 m.
+    // Curvature: with the smallest wheelbase, 0.25 m, a primitive needs at most 10.8 degrees of
+    // steering.
     for (index, one) in set.all().iter().enumerate() {
         for pair in one.poses.windows(2) {
             let way = libm::hypot(pair[1][0] - pair[0][0], pair[1][1] - pair[0][1]);

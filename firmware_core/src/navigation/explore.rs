@@ -8,8 +8,8 @@ pub enum WallLaw {
     /// The seed report's law: keeps the beam 50 degrees left of ahead at a fixed length. The law
     /// needs a wall at the start: without one the robot drives in circles.
     Beam,
-    /// Keeps the nearest point ahead or on the left abeam and at a fixed distance, which also leads
-    /// around corners of both kinds.
+    /// Keeps the nearest point (ahead or on the left) abeam and at a fixed distance. This also
+    /// leads around inner and outer corners.
     Nearest,
 }
 

@@ -30,8 +30,8 @@ const STALE_CELLS: i8 = 4;
 const WITHIN_CELLS: i8 = 5;
 /// Cost of a cell of the path, in unknown cells.
 const WAY_WEIGHT: i32 = 3;
-/// Number of path cells for which one more unknown cell is required, up to the number behind any
-/// door.
+/// For each this many cells of its path, a view must show one more unknown cell; but never more
+/// cells than lie behind any door.
 const CRUMB_CELLS: u16 = 4;
 /// Worth of a ray to an unfelt wall, in unknown cells, and the minimum number of such rays. A wall
 /// narrower than a plate of 10 cm was felt together with the walls beside it.

@@ -24,7 +24,7 @@ const REFUSED_MAX: usize = 8;
 
 /// Not reached by the wave.
 const UNREACHED: u8 = 0;
-/// Two cells that no wave has reached.
+/// A byte of two cells that the wave has not reached.
 const NOWHERE: u8 = UNREACHED * 0x11;
 /// The goal itself; other cells hold the direction from which the wave came: number in
 /// [`NEIGHBOURS`] plus one, 1 to 8.

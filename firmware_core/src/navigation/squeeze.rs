@@ -154,8 +154,8 @@ mod tests {
         assert_eq!(super::thin(&slim), slim);
     }
 
-    /// Thirty plans, none of them 3 cells shorter than the shortest, then 5 mm for 199 scans: 4
-    /// ticks near an obstacle, else 8.
+    /// After thirty plans, none of them 3 cells shorter than the shortest, 5 mm of clearance apply
+    /// for 199 scans: at 4 ticks near an obstacle, else at 8.
     #[test]
     fn a_way_that_becomes_no_shorter_is_driven_wherever_the_body_fits() {
         let mut squeeze = Squeeze::NONE;
@@ -174,8 +174,8 @@ mod tests {
         assert_eq!(squeeze.step(&BODY, 0, &ahead(206.0)), (BODY, i8::MAX));
     }
 
-    /// Each third cell less counts as progress, and another goal restarts the count; a robot that
-    /// never had a path does not count.
+    /// A path that is three cells shorter counts as progress, and another goal restarts the count.
+    /// A robot that never had a path does not start tight driving.
     #[test]
     fn a_way_that_becomes_shorter_is_none() {
         let mut squeeze = Squeeze::NONE;

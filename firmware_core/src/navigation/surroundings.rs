@@ -169,8 +169,9 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// T5: a post 100 mm beside the path stops a body of 205 mm at the rest of the square over 205,
-    /// which is 178.96: after 121.04 mm. 205 mm beside the path, the post no longer blocks.
+    /// T5: a post is 300 mm ahead and 100 mm beside the path. It stops a body of 205 mm at
+    /// sqrt(205^2 - 100^2) = 178.96 mm before it, after 121.04 mm. 205 mm beside the path, the post
+    /// no longer blocks.
     #[test]
     fn a_post_beside_the_way_is_reached_later() {
         let free = |y| Surroundings::of(core::iter::once(Point::new(300.0, y))).free_mm(&BODY, 0.0);

@@ -243,8 +243,9 @@ fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
     };
     assert_eq!((scans(160.0, 0.0), scans(161.0, 0.0)), (Some(15), None));
     assert_eq!((scans(80.0, 0.0), scans(81.0, 0.0)), (Some(0), Some(15)));
-    // 1 mm a scan is 10 mm each ten scans and one more: never stalled, so 150 mm away it drives on
-    // until 80 mm are left, which takes longer than 40 scans.
+    // At 1 mm a scan the goal comes 10 mm nearer every 11 scans, so the robot never counts as
+    // stalled. From 150 mm away it drives on until 80 mm are left, which takes longer than 40
+    // scans.
     assert_eq!(scans(150.0, 1.0), None);
 }
 
@@ -454,8 +455,9 @@ fn scans_to_leave(walls: &Walls, mut pose: Pose, seed: u64) -> Option<(u16, f32)
     None
 }
 
-/// At stake: a robot in a narrow area does not find out again, but drives to and fro before the
-/// door. 15 mm of clearance are required on each side, and there are 17 less the lidar's error.
+/// At stake: a robot in a narrow area does not find its way out again, but drives to and fro before
+/// the door. 15 mm of clearance are required on each side; the door leaves 17 mm, less the lidar's
+/// error.
 #[test]
 fn a_robot_leaves_by_the_narrow_door_that_it_came_in_by() {
     let walls = [
@@ -466,7 +468,7 @@ fn a_robot_leaves_by_the_narrow_door_that_it_came_in_by() {
     ];
     let leaves = |seed| scans_to_leave(&walls, Pose::new(1_300.0, 1_400.0, 1.0), seed);
     let all: Vec<_> = (0..8).map(leaves).collect();
-    // If the robot touches a wall, it is only slightly.
+    // The robot may touch a wall, but only slightly.
     let is_sound = |left: &Option<_>| left.is_some_and(|(_, nearest)| nearest > 155.0);
     assert!(all.iter().all(is_sound), "{all:?}");
 }

@@ -93,8 +93,8 @@ impl LikelihoodField {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        // Through 32 bits, which a processor converts in one instruction; unsigned 64 bits it does
-        // not.
+        // Convert to 32 bits first, which takes a processor one instruction; a conversion to
+        // unsigned 64 bits takes more.
         let (x, y) = (x as u32 as usize, y as u32 as usize);
         if x >= self.width || y >= self.height {
             return self.farthest_m;

@@ -77,7 +77,7 @@ fn more_boxes_need_more_guesses() {
     assert_eq!(localiser.needed(40), 625);
 }
 
-/// A motion without noise moves exactly so; backwards too.
+/// Without noise a guess moves exactly as the odometry says, also backwards.
 #[test]
 fn a_guess_moves_as_the_odometry_says() {
     let mut random = Pcg32::new(1);
@@ -207,8 +207,8 @@ fn near(one: f64, other: f64) -> bool {
     (one - other).abs() < 1e-4
 }
 
-/// Boxes of 0.5 m and 10 degrees, counted downwards from below 0 on; headings close to a circle of
-/// 36 boxes.
+/// Guesses are counted in boxes of 0.5 m and 10 degrees. Positions below 0 are rounded down, and
+/// the headings form a circle of 36 boxes.
 #[test]
 fn guesses_are_counted_in_boxes() {
     let deg = |deg: f64| deg.to_radians();
@@ -308,8 +308,8 @@ fn a_scan_is_weighed_when_the_robot_has_moved() {
 }
 
 /// The scanner sits 0.2 m ahead and 0.1 m to the left and looks to the left: a point 1 m ahead of
-/// it lies at 0.2, 1.1; a point 1 m to its left lies 0.8 m behind the robot. From 0.15 m on, up to
-/// 6 m; of 120 beams every second.
+/// it lies at 0.2, 1.1; a point 1 m to its left lies 0.8 m behind the robot. Ranges from 0.15 m to
+/// 6 m are valid; of 120 beams every second is used.
 #[test]
 fn beams_end_where_the_scanner_sees_them() {
     let localiser = guessing(&[(CarPose::default(), 1.0)]);

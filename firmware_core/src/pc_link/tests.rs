@@ -76,7 +76,7 @@ fn the_first_frames_are_the_golden_ones() {
     assert_eq!(sent(&mut link), row);
 }
 
-/// A list with a lost rest, then 200 ms of silence and a whole list.
+/// A list whose end is lost, then 200 ms of silence and a complete list.
 #[test]
 fn silence_ends_a_frame_that_was_cut_off() {
     let mut link = link(None);

@@ -25,13 +25,13 @@ pub(super) fn check_basis(
     let (is_same, expected) = match key {
         "map" => (
             number(value) == Ok(grid::SIDE),
-            "is the side of hilrig's map, expected that of this firmware; build both with the same \
+            "is the side of hilrig's map, but not of this firmware's; build both with the same \
              features",
         ),
         "defaults" => (
             number(value) == Ok(hash_of(default)),
-            "is of other defaults or another version; build hilrig and this firmware from the same \
-             source",
+            "comes from other defaults or another version; build hilrig and this firmware from the \
+             same source",
         ),
         _ => return None,
     };
@@ -77,7 +77,7 @@ pub(super) fn set_start(
     Some(number(value).map(|number| *place = number))
 }
 
-/// The number that `value` is.
+/// Parses `value` as a number.
 pub(super) fn number<T: FromStr>(value: &str) -> Result<T, &'static str> {
     value.parse().map_err(|_| "expected a number")
 }

@@ -20,7 +20,7 @@ const MARGIN_RAD: f32 = 0.2;
 /// wheels turn by half a radian too much in one step.
 const DRIFT: (f32, f32) = (3000.0, 0.7);
 
-/// See the module's documentation.
+/// State of a lost robot; see the module's documentation.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Lost {
     unseen_mm: f32,
@@ -31,7 +31,7 @@ pub(super) struct Lost {
 }
 
 impl Lost {
-    /// Not lost.
+    /// A robot that is not lost.
     pub(super) const NONE: Self = Self {
         unseen_mm: 0.0,
         unseen_rad: 0.0,

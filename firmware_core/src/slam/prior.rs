@@ -26,7 +26,7 @@ pub(super) struct Travel {
 }
 
 impl Travel {
-    /// Not moved.
+    /// No travel.
     pub(super) const NONE: Self = Self {
         distance_mm: 0.0,
         turned: 0.0,

@@ -88,8 +88,8 @@ pub(super) fn pair<const W: usize>(cells: &[u8], starts: &[u32], offset: usize) 
 }
 
 /// As [`sums`], for the first `L` lanes of `N` rows, one above the other: a window that is narrow
-/// needs few lanes, and all of its rows pass while a point's position is at hand. Rows of a window
-/// that lies on the map are on it.
+/// needs few lanes, and all of its rows pass while a point's position is at hand. All rows must lie
+/// on the map.
 #[inline(never)]
 pub(super) fn narrow<const N: usize, const L: usize, const W: usize>(
     cells: &[u8],
@@ -114,7 +114,7 @@ pub(super) fn narrow<const N: usize, const L: usize, const W: usize>(
     sums
 }
 
-/// One row of them.
+/// One row of the sums.
 #[inline]
 fn spread(cells: &[u8], starts: &[u32], offset: usize) -> Sums {
     let cells = cells.get(offset..).unwrap_or(&[]);

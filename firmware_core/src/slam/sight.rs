@@ -111,8 +111,9 @@ mod tests {
         (0..count).map(point).collect()
     }
 
-    /// 34 points of a wall are 30 pairs, 14 points of the wall across it are 10: along the first
-    /// wall stands a third of the walls across. No pair spans the corner of the two walls.
+    /// 34 points of a wall are 30 pairs, 14 points of the wall across it are 10 pairs. So the walls
+    /// across the direction of the first wall are a third of those along it. No pair spans the
+    /// corner of the two walls.
     #[test]
     fn the_direction_with_the_fewest_walls_across_is_the_least_seen() {
         let laid = [
@@ -133,8 +134,8 @@ mod tests {
         }
     }
 
-    /// With 2 parts in 100 across, half of the interval from 1 to 3, half of the scan counts: of 10
-    /// mm along the wall 5, of 4 mm across it all.
+    /// With 2 parts in 100 across, the middle of the interval from 1 to 3, half of the scan counts:
+    /// 5 of 10 mm along the wall, and all of 4 mm across it.
     #[test]
     fn between_deaf_and_hearing_the_scan_counts_for_its_part() {
         let points = [

@@ -41,7 +41,7 @@ impl Walk {
         at
     }
 
-    /// Replaces the value of the next `count` cells by `then` of it.
+    /// Replaces the value of each of the next `count` cells by its entry in the table `then`.
     #[inline(never)]
     pub(super) fn map(&mut self, cells: &mut [u8], count: i32, then: &[u8; 256]) {
         let mut walk = *self;

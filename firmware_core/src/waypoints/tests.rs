@@ -151,7 +151,7 @@ enum Step {
     Replace(Vec<i16>),
 }
 
-/// The only reason to refuse a waypoint, and the length of the list then.
+/// The error of a refused waypoint, and the length of the full list.
 const FULL: (WaypointError, usize) = (WaypointError::Full, CAPACITY);
 
 fn step() -> impl Strategy<Value = Step> {
@@ -196,7 +196,7 @@ proptest! {
                 Step::Advance => list.advance(),
                 Step::Clear => { list.clear(); model.clear(); }
                 Step::Replace(xs) => {
-                    // Strangers' numbers, so all of it is new.
+                    // The numbers are not the robot's, so all waypoints are new.
                     prop_assert_eq!(list.replace(xs.iter().map(|&x| sent(-2, x))), 0);
                     model = list.all().iter().map(|waypoint| waypoint.id).zip(xs).collect();
                     for (id, _) in &model { prop_assert!(given.insert(*id)); }

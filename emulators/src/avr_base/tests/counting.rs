@@ -1,5 +1,6 @@
-//! The fielded receiver against the slow obvious version of itself: one that lives through every
-//! microsecond, counts ticks and decrements its counter, where the emulator computes deadlines.
+//! The fielded receiver against a slow and obvious version of itself: that version steps through
+//! every microsecond, counts ticks and decrements its counter, where the emulator computes
+//! deadlines.
 
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -105,7 +106,7 @@ impl Naive {
 #[derive(Clone, Debug)]
 struct Piece {
     register: u8,
-    /// Of a frame of five bytes.
+    /// The sent part of a frame of five bytes.
     part: core::ops::Range<usize>,
     gap_us: u32,
 }

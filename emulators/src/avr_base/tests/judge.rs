@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// The rules that a master breaks which sends `frames`, with a pause between them.
+/// The rules broken by a master that sends `frames` with a pause between them.
 fn broken_by(profile: Profile, frames: &[&[u8]]) -> Vec<&'static str> {
     let mut bench = Bench::new(in_phase(profile));
     for frame in frames {
@@ -135,7 +135,7 @@ fn bytes_between_frames_are_told() {
 fn requests_that_do_not_wait_for_the_reply_are_told() {
     let told = |profile: Profile, gap: Duration| {
         let mut bench = Bench::new(in_phase(profile));
-        // Behind the next tick.
+        // After the next tick.
         bench.run(MS / 5);
         bench.send(&read(profile, 36, 10));
         bench.run(gap);
@@ -233,7 +233,7 @@ fn a_button_that_was_released_holds_until_its_time() {
     assert!(!is_stopped(ButtonState::Lingering(now)) && !is_stopped(ButtonState::Released));
 }
 
-/// Of the document's receiver, which searches its buffer, and of the fielded one.
+/// Holds for the document's receiver, which searches its buffer, and for the fielded one.
 #[test]
 fn a_receiver_waits_until_a_frame_begins() {
     for profile in Profile::ALL {

@@ -42,7 +42,7 @@ fn before(at: Instant, time: Duration) -> Instant {
     Instant::ZERO + (at - Instant::ZERO).saturating_sub(time)
 }
 
-/// Each 37 us later within the cycle of all tasks, at rest before.
+/// Calls `judge` `count` times after a rest, each time 37 us later within the cycle of all tasks.
 fn over_phases(count: u32, judge: impl FnMut(&mut Bench)) {
     over_phases_of(in_phase(Profile::Rcj2015), count, judge);
 }
@@ -219,8 +219,8 @@ fn f1_the_memory_behind_the_map_is_that_of_the_chip() {
     assert_eq!(bench.read(59, 2), [59, 0x82]);
 }
 
-/// The chip's own vector, in the middle of nothing: 200 mm on the short sensors, 400 on the long
-/// one behind, all blocks wanted and measured, 846 of the battery, which are 12.39 V.
+/// The chip's own vector, without an object nearby: 200 mm on the short sensors, 400 on the long
+/// one behind, all blocks wanted and measured, a battery reading of 846, which is 12.39 V.
 #[test]
 fn f1_a_read_over_the_end_of_the_sensors_is_the_chips() {
     let mut bench = fielded();
@@ -345,7 +345,7 @@ fn point_05_of_twenty_frames_without_a_gap_three_or_four_are_answered() {
     assert_eq!(judge_burst(burst_shares(&hex("AB 24 01 00 D0"))), Ok(()));
 }
 
-/// Minimum and most time to an answer, ns, of reads that end 1 us behind each of the `ticks`.
+/// Minimum and maximum time to an answer, ns, of reads that end 1 us behind each of the `ticks`.
 fn held_up(bench: &mut Bench, ticks: impl Iterator<Item = u32>) -> [u128; 2] {
     let mut bounds = [u128::MAX, 0];
     for tick in ticks {
@@ -371,8 +371,9 @@ fn assert_held_for(found: u128, work_ns: u128) {
     assert!(near, "{found} ns, expected {expected}");
 }
 
-/// 97.4 us, once round the main loop 24.6 us more, 2.7 us with the divider's turn; its regulator
-/// takes 34 us standing and 140 us driving; the analog task 967, 967 and 538 us with the tick.
+/// A tick holds the answer up for 97.4 us, once round the main loop for 24.6 us more, and the
+/// divider's count for 2.7 us. The regulator takes 34 us standing and 140 us driving, the analog
+/// task 967, 967 and 538 us with the tick.
 #[test]
 fn point_05_ticks_hold_an_answer_up_for_their_work() {
     let mut bench = fielded();

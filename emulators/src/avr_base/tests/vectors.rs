@@ -11,8 +11,8 @@ fn documented() -> Bench {
     Bench::new(in_phase(Profile::Document))
 }
 
-/// A row of the table: request, reply, and that the reply began in the measured window, which a
-/// task in front can make longer. A probe of one master asking one base.
+/// Checks a row of the table: the reply to the request, and that it began in the measured window. A
+/// task before the reply can make that window longer.
 fn row(bench: &mut Bench, request: &str, reply: &str) {
     assert_eq!(bench.ask(&hex(request)), hex(reply));
     let latency = bench.latency.map(|latency| latency.as_micros());

@@ -236,7 +236,7 @@ proptest! {
         let mut sent = Vec::new();
         for op in &ops {
             if let Op::PowerOff = op {
-                // A reply that is cut off is another story.
+                // The model has no reply that is cut off, so wait until all of it was read.
                 while !bench.radio.air.down.is_drained() {
                     bench.run_for(Duration::from_millis(20));
                 }

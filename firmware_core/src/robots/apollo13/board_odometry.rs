@@ -155,8 +155,8 @@ mod tests {
     }
 
     /// At 0.22 m/s for 4 s, then 0.4 s without a frame, and a counter that restarts: the car rolled
-    /// 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm; a car that had stopped before did not. A pulse is
-    /// 25 mm of that.
+    /// 0.22 * 0.3 m * (1 - exp(-4/3)) = 48.6 mm. A car that had stopped before did not roll. One
+    /// pulse is 25 mm.
     #[test]
     fn a_car_rolls_out_while_its_board_starts() {
         for (stands, expected_m) in [(0, 0.0486), (40, 0.0)] {

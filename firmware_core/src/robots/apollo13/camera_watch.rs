@@ -45,8 +45,8 @@ impl CameraWatch {
 mod tests {
     use super::*;
 
-    /// Blind from 701 ms after the start, and after the last one. A camera that has not worked
-    /// yet does not fall silent.
+    /// The car is blind from 701 ms after the start, and from 701 ms after the last scan. A camera
+    /// that has not worked yet does not fall silent.
     #[test]
     fn a_camera_is_silent_700_ms_after_its_last_scan() {
         let at = Instant::from_millis;

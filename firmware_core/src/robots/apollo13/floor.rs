@@ -310,8 +310,8 @@ impl Floor {
             clippy::cast_sign_loss,
             reason = "not below 0, saturates"
         )]
-        // Through 32 bits, which a processor converts in one instruction; unsigned 64 bits it does
-        // not.
+        // Convert to 32 bits first, which takes a processor one instruction; a conversion to
+        // unsigned 64 bits takes more.
         let (x, y) = (x as u32 as usize, y as u32 as usize);
         (x < self.plan.width && y < self.rows).then(|| y * self.plan.width + x)
     }
@@ -499,10 +499,10 @@ mod tests {
             .collect()
     }
 
-    /// From 0.025 m on in steps of a cell, 5 cm, up to one cell and a half before the obstacle:
-    /// 0.925 m, so 0.9 m is the last, cell 18. A beam longer than 3 m clears up to 2.925 m: 2.9 m
-    /// is cell 58. A beam without an obstacle clears from 0.55 m on, cell 11, because the camera is
-    /// blind nearer.
+    /// The beam clears from 0.025 m on in steps of a cell, 5 cm, up to one cell and a half before
+    /// the obstacle. That is 0.925 m, so the step at 0.9 m, cell 18, is the last. A beam longer
+    /// than 3 m clears up to 2.925 m: 2.9 m is cell 58. A beam without an obstacle clears from 0.55
+    /// m on, cell 11, because the camera is blind nearer.
     #[test]
     fn a_beam_clears_what_lies_before_its_end() {
         let cleared = |range_m| {
@@ -518,8 +518,8 @@ mod tests {
     }
 
     /// Eight tenths of a cell at 3 m are 0.01333 rad: a beam 0.013 rad beside the last clearing one
-    /// does not clear, one of 0.0134 rad on the other side does. From 0.53 m up, 2.9 m away, they
-    /// are in the next rows.
+    /// does not clear, one of 0.0134 rad on the other side does. The scanner is at y = 0.53 m, so
+    /// the beams are in the next rows 2.9 m away.
     #[test]
     fn beams_that_clear_lie_apart_where_they_end() {
         let mut floor = empty();

@@ -229,7 +229,7 @@ impl Gates {
         None
     }
 
-    /// Pairs of markers of which each is the other's nearest. As fielded, any two.
+    /// Pairs of markers that are each other's nearest. With the fielded rule, all pairs.
     fn pairs(&self) -> Vec<[(u32, [f64; 2]); 2]> {
         let markers: Vec<(u32, [f64; 2])> = self.markers().collect();
         let nearest = |one: &(u32, [f64; 2])| {

@@ -91,8 +91,8 @@ mod tests {
         track_m: 0.155,
     };
 
-    /// 10 m with two turns to the left and two to the right, each of a quarter at 15 degrees of
-    /// steering, 45 readings a second at 0.22 m/s.
+    /// A course of 10 m: two quarter turns to the left and two to the right at 15 degrees of
+    /// steering, with 45 readings a second at 0.22 m/s.
     fn course() -> (CarPose, CarPose) {
         let step = 0.22 / 45.0;
         // A quarter turn takes k / tan(15 degrees) * pi / 2 = 1.5125 m.

@@ -1,11 +1,11 @@
 //! Detects a stuck gyroscope.
 //!
 //! A chip with stuck registers reports one rate forever; the odometer adds this rate up to a
-//! heading, and its lines look valid. A working gyroscope is never quiet: its noise of 0.05 degrees
-//! a second (MPU-6050, data sheet) is 0.8 of its steps of 0.061 at 2,000 degrees a second. One line
-//! in three therefore repeats the rate of the line before. The run of equal rates counted here
-//! occurs by chance once in 10^14 lines. For a stuck gyroscope the turn is computed from the
-//! steering.
+//! heading, and its lines look valid. A working gyroscope is never quiet: its noise is 0.05 degrees
+//! a second (MPU-6050, data sheet), 0.8 of its step of 0.061 in the range of 2,000 degrees a
+//! second. One line in three therefore repeats the rate of the line before. The run of equal rates
+//! counted here occurs by chance once in 10^14 lines. For a stuck gyroscope the turn is computed
+//! from the steering.
 
 use protocols::odometer::Reading;
 
@@ -30,7 +30,7 @@ pub struct GyroWatch {
 }
 
 impl GyroWatch {
-    /// The odometer was reset.
+    /// Restarts the watch after a reset of the odometer.
     pub const fn begin_anew(&mut self) {
         self.before = None;
         self.same = 0;

@@ -1,25 +1,27 @@
 //! Detects an odometer with wrong or missing data, and decides when to restart it.
 //!
-//! Its microcontroller takes the gyroscope's offset when it starts, from samples at rest. It starts
-//! whenever its port is opened, and by itself after a loss of supply. If the odometer fell silent,
-//! or restarted while the car was rolling, the car stops and opens its port to restart it. If it
-//! stays silent, the car continues with the odometry of its board.
+//! Its microcontroller measures the gyroscope's offset when it starts, from samples at rest. It
+//! starts whenever its port is opened, and by itself after a loss of supply. If the odometer fell
+//! silent, or restarted while the car was rolling, the car stops and opens its port to restart it.
+//! If it stays silent, the car continues with the odometry of its board.
 
 use core::time::Duration;
 
 use protocols::Instant;
 
-/// Lines come each 10 ms; no scheduler causes a longer silence than this.
+/// Silence after which the odometer counts as silent. Lines come each 10 ms, and no scheduler
+/// delays them this long.
 const SILENT: Duration = Duration::from_millis(250);
 /// The car counts as resting if it had no motor command and no wheel pulse for this long: its motor
 /// has a lag of 0.3 s.
 const AT_REST: Duration = Duration::from_millis(1_200);
 /// Time between the measurement of the offset and the first line.
 const CALIBRATED_BEFORE: Duration = Duration::from_millis(200);
-/// A silent odometer is started even if the car does not come to rest within this time, because an
-/// operator drives it by hand. Then it is started again at rest.
+/// Longest wait for the car to come to rest. After it a silent odometer is started in the rolling
+/// car, which an operator may drive by hand, and started again once the car rests.
 const PATIENCE: Duration = Duration::from_secs(3);
-/// The first line comes 1.10 s after the port was opened, that of the later sketch 2.24 s.
+/// Longest wait for the first line after the port was opened: it takes 1.10 s, with the later
+/// sketch 2.24 s.
 const ANSWERS: Duration = Duration::from_millis(2_800);
 /// Attempts before the car continues without the odometer.
 const ATTEMPTS: u8 = 3;
@@ -32,11 +34,11 @@ enum State {
     /// The odometer is valid; nothing to do.
     #[default]
     Fine,
-    /// The car comes to rest, since this time.
+    /// The car has been coming to rest since this time.
     Resting(Instant),
     /// The port was opened at this time.
     Opened(Instant),
-    /// The odometer is lost, since this time.
+    /// The odometer has been lost since this time.
     Gone(Instant),
 }
 
@@ -280,7 +282,7 @@ mod tests {
         assert!(opened.is_empty() && watch.openings() == 0);
     }
 
-    /// After the opening, lines continue that are not the first after a start: the port has no
+    /// After the opening, the lines continue without a first line after a start: the port has no
     /// reset line.
     #[test]
     fn an_odometer_that_goes_on_behind_its_opening_is_believed() {

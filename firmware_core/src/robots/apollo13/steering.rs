@@ -55,7 +55,7 @@ pub fn level_for(speed_m_s: f64) -> i8 {
 mod tests {
     use super::*;
 
-    /// AP5: rows of the seed's table, and that it falls everywhere.
+    /// AP5: the values of the seed's table, which fall everywhere.
     #[test]
     fn ap5_the_angles_are_those_of_the_report() {
         let near = |value: i8, expected: f64| {

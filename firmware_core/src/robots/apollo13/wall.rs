@@ -127,8 +127,9 @@ mod tests {
         libm::sqrt(squares.sum::<f64>() / distances.len() as f64)
     }
 
-    /// AP8: from 0.60 m and 0.25 m within 0.40 +- 0.03 m after 8 s (123 readings), 1 cm rms from
-    /// then on, and no touch of the wall; 20 seeds, both sides.
+    /// AP8: a car that starts at 0.60 m or 0.25 m is within 0.40 +- 0.03 m after 8 s (123
+    /// readings). From then on its error is 1 cm rms, and it never touches the wall; 20 seeds, both
+    /// sides.
     #[test]
     fn ap8_the_distance_is_kept() {
         for seed in 0..20 {

@@ -33,7 +33,7 @@ const IN_TIME: RangeInclusive<Duration> = Duration::from_millis(30)..=Duration::
 /// A contradiction, over the motion since the last one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Finding {
-    /// The car moved as the second motion shows, not as the odometer, the first.
+    /// The car moved as the second motion shows, not as the first, which is the odometer's.
     Way(Motion, Motion),
     /// The car turned as one of them shows.
     Turn(Motion, Motion),
@@ -187,8 +187,8 @@ mod tests {
         }
     }
 
-    /// 0.15 m ahead by the board, the same distance back by the odometer; and 5 cm instead of 15. A
-    /// board that misses pulses causes no finding.
+    /// 0.15 m ahead by the board and the same distance back by the odometer are a finding, as are 5
+    /// cm instead of 15. A board that misses pulses causes no finding.
     #[test]
     fn an_encoder_that_counts_backwards_or_too_little_is_found() {
         for (told_m, is_found) in [
@@ -226,7 +226,7 @@ mod tests {
 
     /// The car changes its direction while the board's frames are lost for two seconds: it drove
     /// 0.4 m back, and the encoder reports ahead. An encoder that reports back is trusted at any
-    /// distance. Without lost frames both are, because the car rolled on.
+    /// distance. Without lost frames both reports are trusted, because the car rolled on.
     #[test]
     fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
         for (told_m, gap_ms, is_found) in [
@@ -420,8 +420,8 @@ mod tests {
     }
 
     /// Sliding aside by 0.2 m, the board reports 4 cm ahead and the encoder 4 or 5 cm back: a
-    /// difference of 8 cm is two pulses, 9 mean an encoder that counts backwards. The same behind a
-    /// gap, where 0.15 m of path are enough and 0.14 m are not.
+    /// difference of 8 cm is two pulses, 9 cm mean an encoder that counts backwards. The same after
+    /// a gap, where 0.15 m of path are enough and 0.14 m are not.
     #[test]
     fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
         let aside = |ahead_m: f64, left_m: f64| CarPose {

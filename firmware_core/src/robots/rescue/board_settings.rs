@@ -15,7 +15,7 @@ const RADIO_NAME: &str = "rescue";
 const RADIO_PIN: [u8; 4] = *b"1234";
 
 impl Config {
-    /// Radio settings that replace those of a module that may be at `found_baud`.
+    /// Radio settings for a module that may still be at `found_baud`.
     pub const fn radio_setup(found_baud: u32) -> radio_setup::Settings {
         radio_setup::Settings {
             found_baud,
@@ -26,7 +26,7 @@ impl Config {
     }
 
     /// Reports the settings that [`set`](Self::set) derives from the default, except enabled
-    /// defects. Other settings have no words: compare the result.
+    /// defects. Other settings have no `KEY=VALUE` form: compare the result.
     pub fn tell(&self, report: &mut Report<'_>) {
         tell_basis(&Self::DEFAULT, report);
         if self.mapping.mode == slam::Mode::Document {
@@ -108,7 +108,7 @@ mod tests {
     use super::*;
     use crate::pose::Pose;
 
-    /// The words of `config`, set on the default.
+    /// The default with the words of `config` applied.
     fn told(config: &Config) -> Config {
         let mut words: Vec<(&str, String)> = Vec::new();
         config.tell(&mut |key, value| words.push((key, value.to_string())));

@@ -30,8 +30,8 @@ const FOOTPRINT_CELLS: u32 = 90;
 const NOTHING_CELLS: u32 = 3;
 /// Scans for which the robot stays at a view.
 const LOOK_SCANS: u8 = 4;
-/// Maximum number of scans for a path: 20 s, plus a share for 13 cm/s; and ten seconds more if the
-/// robot is nearly there.
+/// Maximum number of scans for a path: 20 s, plus the path's length at 13 cm/s, plus ten seconds if
+/// the robot is nearly there.
 const PATIENCE_SCANS: u16 = 100;
 const PATIENCE_PER_CELL: u16 = 2;
 const NEARLY_SCANS: u16 = 50;

@@ -70,7 +70,7 @@ mod tests {
         assert_eq!((kits.counted(2), kits), (None, Kits::NONE));
     }
 
-    /// A magazine of 255 kits is then empty.
+    /// After 255 kits the magazine is empty.
     #[test]
     fn more_than_there_are_is_not_waited_for() {
         let mut kits = Kits::NONE;

@@ -9,11 +9,11 @@ use crate::scan::{BEAMS, Scan};
 /// of 0.3 m/s has covered what lies between.
 const NEAR_MM: f32 = 450.0;
 /// A beam has passed a place if it ended this much farther, mm: several times the noise, and the
-/// way of a person of 0.3 m/s in a turn.
+/// distance that a person at 0.3 m/s covers in a turn.
 const PASSED_MM: f32 = 60.0;
 /// Minimum number of such points: fewer lie at edges.
 const POINTS_MIN: u32 = 4;
-/// Set-points that do not drive ahead more than this, ticks, turn the robot.
+/// Set-points with a forward speed of at most this, ticks, count as a turn on the spot.
 const TURNS: i16 = 2;
 
 /// The scan before, and whether an object moves.
@@ -69,7 +69,7 @@ impl Movers {
         }
     }
 
-    /// `wanted`; at rest if an object moves where the robot would drive.
+    /// The set-points `wanted`, or rest if an object moves where the robot would drive.
     pub(super) fn guarded(&self, wanted: [i8; 2]) -> [i8; 2] {
         let ahead = i16::from(wanted[0]) + i16::from(wanted[1]);
         match self.is_ahead && ahead > TURNS || self.is_behind && ahead < -TURNS {
@@ -102,8 +102,8 @@ mod tests {
     use super::*;
     use crate::pose::sin_cos;
 
-    /// A robot with this heading before a wall at y = 600 mm. The thing stands at 90 degrees: its
-    /// distance in mm, and its width in degrees.
+    /// Scan of a robot with this heading before a wall at y = 600 mm. An object stands at 90
+    /// degrees: its distance in mm, and its width in degrees.
     fn scan(heading: f32, thing: Option<(f32, f32)>) -> Scan {
         let points: Vec<Point> = (0_u8..180)
             .filter_map(|degree| {
@@ -127,8 +127,8 @@ mod tests {
     const LEFT: f32 = core::f32::consts::FRAC_PI_2;
 
     /// A person of five degrees stands 400 mm ahead, where the wall was seen at 600 mm: the robot
-    /// may turn and drive back, but not ahead. In the next scan the person stands still. One of
-    /// three degrees is an edge, one at 460 mm is far.
+    /// may turn and drive back, but not ahead. In the next scan the person stands still. A person
+    /// of three degrees is an edge, one at 460 mm is too far.
     #[test]
     fn the_robot_rests_before_what_moves() {
         for (thing, moves) in [
@@ -149,7 +149,7 @@ mod tests {
         }
     }
 
-    /// Behind the robot it is the other way round. A motion that is not known tells nothing.
+    /// Behind the robot it is the other way round. If the motion is unknown, nothing is detected.
     #[test]
     fn what_moves_behind_the_robot_stops_it_when_it_drives_back() {
         let thing = Some((400.0, 9.0));
@@ -164,8 +164,8 @@ mod tests {
         assert_eq!(movers.guarded([-20, -20]), [-20, -20]);
     }
 
-    /// The robot turns by 30 degrees, and by 30 of which the wheels count 10: the wall, and a post
-    /// before it, stay where they are in the first case only.
+    /// The robot turns by 30 degrees; in the second case the wheels count only 10 of them. The
+    /// wall, and a post before it, stay where they are in the first case only.
     #[test]
     fn the_robots_own_motion_is_no_motion_of_others() {
         let post = Some((300.0, 20.0));
@@ -230,7 +230,7 @@ mod tests {
         }
     }
 
-    /// Up to two ticks are a turn.
+    /// A forward speed of up to two ticks is a turn.
     #[test]
     fn a_turn_is_no_drive() {
         let mut movers = Movers::new();

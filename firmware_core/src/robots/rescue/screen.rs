@@ -104,7 +104,7 @@ pub(super) struct View<'a> {
     pub(super) figures: Figures,
 }
 
-/// Values that determine all of the picture but the map.
+/// Values that determine everything in the picture except the map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Facts {
     page: Page,

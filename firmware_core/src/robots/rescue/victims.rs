@@ -373,7 +373,7 @@ mod tests {
         assert_eq!(pass(&mut victims), 1);
     }
 
-    /// A byte too many on the wire can make -2000 degrees of a reading. The hall's estimate drops
+    /// An extra byte on the wire can turn a reading into -2000 degrees. The hall's estimate drops
     /// by half a degree, 150 / 32 tenths, and no victim is found.
     #[test]
     fn a_reading_far_off_is_no_cold_hall() {
@@ -534,7 +534,7 @@ mod tests {
         assert_eq!(victims.excess(0, 235), 15);
         assert_eq!(victims.ambient_64[0], 220 * 64);
         assert_eq!(victims.excess(0, 234), 14);
-        // 2 parts of 64 of the 14 tenths above it.
+        // 2/64 of the 14 tenths above the estimate.
         assert_eq!(victims.ambient_64[0], 220 * 64 + 28);
         assert_eq!(victims.ambient_64[1], 0);
         let around = wall();

@@ -200,9 +200,9 @@ mod tests {
         })
     }
 
-    /// Ten times the angle, at most 4 rad/s; from 0.02 rad on the robot drives, with twice the
-    /// distance and at most half a metre a second, and steers eight times the angle. At a bearing
-    /// of half a radian it turns.
+    /// The robot turns at ten times the angle, at most 4 rad/s. From 0.02 rad on it drives at twice
+    /// the distance, at most half a metre a second, and steers eight times the angle. At a bearing
+    /// of half a radian it turns again.
     #[test]
     fn it_turns_towards_the_goal_and_drives_there() {
         let mut moves = moving(None, Defects::NONE);
@@ -233,8 +233,8 @@ mod tests {
         assert_eq!(moves.step(Pose::new(981.0, 0.0, 0.0), true), None);
     }
 
-    /// At the goal the robot turns to its heading, at least with half a radian a second, until a
-    /// hundredth; then it stands, and has arrived within 0.015 rad once it is at rest.
+    /// At the goal the robot turns to its heading, at half a radian a second or more, until a
+    /// hundredth is left. Then it stands. It has arrived once it is at rest within 0.015 rad.
     #[test]
     fn it_settles_as_it_was_told_to_look() {
         let mut moves = moving(Some(1.0), Defects::NONE);

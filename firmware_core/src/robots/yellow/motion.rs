@@ -13,7 +13,7 @@ impl Velocity {
     /// Standstill.
     pub const ZERO: Self = Self::new(0.0, 0.0);
 
-    /// These speeds.
+    /// A velocity of these speeds.
     pub const fn new(linear_m_s: f32, angular_rad_s: f32) -> Self {
         Self {
             linear_m_s,

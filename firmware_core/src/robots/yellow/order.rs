@@ -103,7 +103,7 @@ mod tests {
         }
     }
 
-    /// Accepted angles of these, in degrees.
+    /// The accepted ones of these angles, degrees.
     fn believed(order: &mut Order, degrees: impl IntoIterator<Item = u16>) -> Vec<u16> {
         let nodes = degrees.into_iter();
         nodes

@@ -20,7 +20,7 @@ const NEAREST_MM: f32 = 150.0;
 const FARTHEST_MM: f32 = 5_000.0;
 /// Minimum difference of two samples of one direction that belong to two surfaces.
 const SURFACE_MM: u16 = 100;
-/// Sent for a direction without a measurement.
+/// Distance that is sent for a direction without a measurement.
 pub(super) const NOTHING_MM: i32 = 10_000;
 /// The fielded program ignores weaker readings.
 const FIELDED_QUALITY_MIN: u8 = 10;

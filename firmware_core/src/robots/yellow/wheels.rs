@@ -104,7 +104,8 @@ impl Wheel {
         counter.wrapping_sub(before).cast_signed()
     }
 
-    /// Takes the counter, which `began_anew` or not; returns false if the counter is implausible.
+    /// Takes the counter; `began_anew`: it was restarted. Returns false if the counter is
+    /// implausible.
     fn measure(&mut self, counter: u16, began_anew: bool, defects: &Defects) -> bool {
         let change = self.change(counter);
         let before = self.counter.replace(counter).unwrap_or(counter);
@@ -338,9 +339,9 @@ mod tests {
         assert_eq!(counts(-1_001, jumps).1, 7.0);
     }
 
-    /// 20 rpm from rest: 0.2 V a rpm ahead and a volt for 40 are 4.5 of 24 V beside a half; each
-    /// sample adds 0.04 V. Backwards it is 0.1 V a rpm, and the integral restarts. 100 rpm need
-    /// more than the bridge's limit.
+    /// 20 rpm from rest need 0.2 V a rpm ahead, and a volt for 40 rpm: 4.5 of 24 V above a half.
+    /// Each sample adds 0.04 V. Backwards it is 0.1 V a rpm, and the integral restarts. 100 rpm
+    /// need more than the bridge's limit.
     #[test]
     fn a_duty_is_what_speed_and_error_take() {
         let mut wheel = Wheel::NEW;

@@ -183,9 +183,9 @@ fn the_car_fits_beside_a_wall_that_it_cannot_face() {
     assert!(!pilot.is_free(&map, CarPose { x_m: 7.0, ..START }));
 }
 
-/// To a goal behind it beside a wall the car turns round in several moves. Of 24 such paths some
-/// pass where a heading between two of the lattice's seems too near the wall; no path is planned
-/// twice.
+/// To reach a goal behind it beside a wall, the car turns round in several moves. Some of 24 such
+/// paths contain poses with a heading between two of the lattice's that seem too near to the wall;
+/// no path is planned twice.
 #[test]
 fn a_map_that_has_not_changed_blocks_no_way_that_was_planned_on_it() {
     let map = hall([3.0, 0.5]);

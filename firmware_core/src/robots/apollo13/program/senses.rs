@@ -102,7 +102,8 @@ impl Apollo13 {
         self.steer_along_wall(readings);
     }
 
-    /// Whether the board has reported the same readings over a way in which its pulses count.
+    /// Whether the board has reported the same readings over a distance in which its pulses should
+    /// have changed.
     fn is_stuck(&mut self, readings: car_board::Readings) -> bool {
         let at = self.odometry.pose();
         match self.same {

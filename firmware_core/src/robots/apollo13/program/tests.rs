@@ -139,7 +139,7 @@ impl<'a> Car<'a> {
         let ms = self.now.as_millis();
         let line = odometer::Dialect::Fixed.line(&odometer::Measurement {
             distance_m: self.travel as f32,
-            // Only its noise: one that is quiet is stuck.
+            // The gyroscope reports only its noise; without noise it would count as stuck.
             rate_rad_s: f32::from(!self.is_gyro_stuck && (ms / 10).is_multiple_of(3)) * 0.001,
             yaw_rad: wrapped(self.yaw) as f32,
             time_ms: u32::try_from(ms).unwrap(),

@@ -271,8 +271,8 @@ fn what_nobody_has_seen_beside_a_wall_may_be_wall() {
     assert!(survey.is_kept_off([0, 44]) && survey.is_kept_off([SIDE - 7, 0]));
 }
 
-/// Two more scans with a point than without make an obstacle, one more without a point a free cell.
-/// The count is limited to 10 and to -3, and each scan counts once.
+/// A cell is an obstacle if two more scans had a point in it than had none, and free if one more
+/// had none. The count is limited to 10 and to -3, and each scan counts once.
 #[test]
 fn a_cell_is_what_most_scans_say() {
     let mut survey = Survey::new(at(0.0));
@@ -298,7 +298,7 @@ fn a_cell_is_what_most_scans_say() {
 }
 
 /// An obstacle 2 m ahead is entered and the path to it is free up to 1.925 m; one 3.5 m ahead is
-/// not entered yet; of 10 m the first 4 were checked.
+/// not entered yet; of a beam of 10 m the first 4 m were checked.
 #[test]
 fn a_beam_frees_its_way_and_enters_its_end() {
     let looked = |range_m: f64, x_m: f64| {
@@ -489,8 +489,8 @@ fn twelve_cells_make_an_edge() {
 }
 
 /// A beam of 1 m along y from a cell's middle frees the cells up to a cell and a half before its
-/// end, 0.925 m; beside it, 0.0125 rad or more, another one does. A point farther than 3 m is not
-/// entered, and its beam frees up to 4 m.
+/// end, 0.925 m. A beam beside it, by 0.0125 rad or more, frees cells of its own. A point farther
+/// than 3 m is not entered, and its beam frees up to 4 m.
 #[test]
 fn a_beam_frees_cells_along_its_own_bearing() {
     let camera = CarPose {

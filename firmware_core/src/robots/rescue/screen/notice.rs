@@ -108,12 +108,12 @@ impl Notices {
         self.count
     }
 
-    /// The newest one.
+    /// The newest message.
     pub(super) fn last(&self) -> Entry {
         self.newest().next().expect("there was one at the start")
     }
 
-    /// The newest one for the PC.
+    /// The newest message, as text for the PC.
     pub(in super::super) fn told(&self) -> Text<'static> {
         Text {
             #[expect(clippy::cast_possible_truncation, reason = "it tells neighbours apart")]
@@ -122,7 +122,7 @@ impl Notices {
         }
     }
 
-    /// Newest first.
+    /// All messages, newest first.
     pub(super) fn newest(&self) -> impl Iterator<Item = Entry> + '_ {
         let count = self.count as usize;
         (0..count.min(KEPT)).map(move |back| self.entries[(count - 1 - back) % KEPT])

@@ -19,7 +19,7 @@ use crate::pose::{Point, Pose};
 
 const BLACK: u16 = 0x0000;
 const WHITE: u16 = 0xFFFF;
-/// Never seen: 255 - 127 is 4 of 7, 18 of 31 and 37 of 63.
+/// Colour of a cell that was never seen: 255 - 127 is 4 of 7, 18 of 31 and 37 of 63.
 const GRAY: u16 = 18 << 11 | 37 << 5 | 18;
 
 /// 480 x 272 pixels.

@@ -25,7 +25,7 @@ const MARGIN: u8 = 2;
 const MARGIN_WIDE: u8 = 10;
 /// Maximum size, 102.4 m square.
 const CELLS_MAX: usize = 1_024 * 1_024;
-/// Maximum distance in whole 10 cm in 8 bits, mm.
+/// Maximum distance, mm, that 8 bits hold in steps of 10 cm.
 const EIGHT_BITS_MM: f32 = 12_700.0;
 
 impl From<NotWritten> for Failure {

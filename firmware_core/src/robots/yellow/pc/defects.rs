@@ -3,7 +3,7 @@
 use super::config::{Following, NextView, PcConfig, Planning};
 use crate::localise::Votes;
 
-/// Function that enables one.
+/// Function that enables a variant.
 type Switch = fn(&mut PcConfig);
 
 /// All defects of the program.

@@ -18,7 +18,7 @@ const POLL: Duration = Duration::from_millis(500);
 const ARRIVED_MM: f32 = 50.0;
 /// Tolerance of the heading, if one was requested: twice the robot's own.
 const ARRIVED_RAD: f32 = 0.06;
-/// Checks of a robot that rests elsewhere before the goal is sent again.
+/// Number of checks of a robot that rests elsewhere before the goal is sent again.
 const POLLS_RESTING: u32 = 3;
 /// Checks of a robot that drives without progress: 10 s.
 const POLLS_STUCK: u32 = 20;
@@ -374,7 +374,7 @@ mod tests {
         };
         assert_eq!(told_at(0.0, 0.0), Some(19));
         assert_eq!([told_at(10.1, 0.0), told_at(0.0, -0.051)], [None; 2]);
-        // Each 11th check at 1 mm or at 5 mrad a check counts as progress.
+        // A robot that moves by 1 mm or 5 mrad a check makes progress at every 11th check.
         assert_eq!([told_at(1.0, 0.0), told_at(0.0, 0.005)], [None; 2]);
         assert_eq!(told_at(0.4, 0.0), Some(19));
         // A check of the driving robot restarts the count of a resting one.

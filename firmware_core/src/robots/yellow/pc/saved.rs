@@ -1,4 +1,5 @@
-//! Faces of the walls of a saved map: all that its cells tell of the lines from which it was made.
+//! Faces of the walls of a saved map. Its cells tell no more about the lines from which it was
+//! made.
 //!
 //! ```text
 //! # # # .      a run of wall cells with free cells on one side is a face, in the middle of the
@@ -19,7 +20,7 @@ const CELLS_MIN: i32 = 2;
 /// The faces of `map`, each with free space to its left.
 pub(super) fn faces(map: &CellMap) -> impl Iterator<Item = Segment> {
     let [walls, free] = [OBSTACLE, FREE].map(|value| cells(map, value));
-    // The ways along a face.
+    // The directions along a face.
     let ways = [[1, 0], [0, 1], [-1, 0], [0, -1]];
     ways.into_iter().flat_map(move |way| {
         let is_face = |cell: Cell| {
@@ -44,7 +45,7 @@ fn cells(map: &CellMap, wanted: u8) -> BTreeSet<Cell> {
     wanted.map(|(cell, _)| cell).collect()
 }
 
-/// The middle of the edge of `cell` that lies behind (-1) or ahead (1) on the way.
+/// The middle of the edge of `cell` that lies behind (-1) or ahead (1) in the direction `way`.
 fn edge(cell: Cell, way: [i32; 2], side: i32) -> Point {
     let along = |at: i32, step: i32| ((2 * at + 1 + side * step) as f32) * CELL_MM / 2.0;
     Point::new(along(cell.x, way[0]), along(cell.y, way[1]))
@@ -54,8 +55,9 @@ fn edge(cell: Cell, way: [i32; 2], side: i32) -> Point {
 mod tests {
     use super::*;
 
-    /// A wall of three cells, free on its lower side, and a single cell with free cells around:
-    /// one face from right to left (free space to the left is below), 15 cm high, and none.
+    /// A wall of three cells, free on its lower side, and a single cell with free cells around. The
+    /// wall has one face from right to left, so that the free space below is to its left; it is 15
+    /// cm high. The single cell has none.
     #[test]
     fn a_run_of_cells_is_a_face_with_free_space_to_its_left() {
         let mut map = CellMap::new(CELL_MM, 0, 100);

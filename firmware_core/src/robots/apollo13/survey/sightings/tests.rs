@@ -76,9 +76,9 @@ fn even(depth_m: f64) -> Vec<Sighting> {
 }
 
 /// 6 m ahead 81 points count, and their mean has an error of 36 * 1.43 mm / 9. The very first point
-/// is the end of 41, 20 from their middle, and their mean square is (41^2 - 1) / 12 = 140: by
-/// sqrt((1 + 400 / 140) / 41) = 0.30673 of 51.48 mm. 12 m ahead 80 columns are 1.83 m, more than
-/// 1.2: so 41 points count. Right ahead at 1 m the best is 4 mm.
+/// is the end of a run of 41, 20 from its middle, with a mean square of (41^2 - 1) / 12 = 140: its
+/// error is sqrt((1 + 400 / 140) / 41) = 0.30673 of 51.48 mm. 12 m ahead 80 columns are 1.83 m,
+/// more than 1.2 m, so 41 points count. Straight ahead at 1 m the error is the minimum, 4 mm.
 #[test]
 fn a_place_is_as_sure_as_the_mean_of_its_neighbours() {
     let is = |found: f64, expected: f64| (found - expected).abs() < 2e-6;
