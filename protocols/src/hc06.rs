@@ -87,7 +87,7 @@ pub enum Command<'a> {
 }
 
 impl<'a> Command<'a> {
-    /// The command that exactly `bytes` are, if any: upper case only, no line end.
+    /// The command with exactly these `bytes`, if any: upper case only, no line end.
     pub fn parse(bytes: &'a [u8]) -> Option<Self> {
         let rest = bytes.strip_prefix(b"AT")?;
         match rest {

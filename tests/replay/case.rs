@@ -373,7 +373,7 @@ fn a_dump_of_one_direction_becomes_a_case_of_its_decoder() {
     );
     let cause = text.replacen(
         "diagnosis = []",
-        "diagnosis = [\"what is sent comes back\"]",
+        "diagnosis = [\"sent bytes come back\"]",
         1,
     );
     assert_ne!(cause, text);

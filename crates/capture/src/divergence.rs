@@ -143,7 +143,7 @@ const AROUND: usize = 4096;
 /// Maximum length of the text of a frame; a row of a map is longer.
 const WORDS_MAX: usize = 200;
 
-/// A protocol, and which way its frames go.
+/// A protocol, and the direction of its frames.
 type Way = (&'static Codec, Direction);
 
 /// Text of a whole message: as a frame, as text, or as bytes around `byte`.

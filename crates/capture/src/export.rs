@@ -33,12 +33,12 @@ pub enum Format {
     Csv,
     /// The lines as a logic analyzer would see them, bit by bit (.vcd)
     Vcd,
-    /// Bytes, lidar turns, the believed way and map, for Foxglove and its like (.mcap)
+    /// Bytes, lidar turns, the believed path and map, for Foxglove and similar tools (.mcap)
     #[cfg(feature = "mcap")]
     Mcap,
     /// Lidar turns with the believed poses, for mappers (.log, .carmen)
     Carmen,
-    /// The believed way, eight columns (.tum)
+    /// The believed path, eight columns (.tum)
     Tum,
     /// The believed map, with its picture beside it (.yaml)
     RosMap,
@@ -160,7 +160,7 @@ impl Export<'_> {
             Format::Tum => {
                 let way = self.belief.map_or(&[][..], |belief| &belief.way);
                 if way.is_empty() {
-                    return Err(ExportError::Nothing("the program believed to be nowhere"));
+                    return Err(ExportError::Nothing("the program reported no believed pose"));
                 }
                 (
                     folder::tum(way).into_bytes(),

@@ -157,7 +157,7 @@ fn a_translated_line_end_is_named() {
     assert_eq!(damages(codec, &turned), [expected]);
     assert_eq!(
         expected.to_string(),
-        "the host turns CR into LF (put right, 96 of 96 bytes are in valid frames)"
+        "the host turns CR into LF (undone, 96 of 96 bytes are in valid frames)"
     );
 }
 

@@ -219,7 +219,7 @@ impl Faults {
         set.map(|(_, figure)| *figure)
     }
 
-    /// Clears a fault that acts once; its figure if it was set.
+    /// Clears a fault that acts once; returns its figure if it was set.
     pub(super) fn take(&mut self, fault: Fault) -> Option<f64> {
         let figure = self.figure(fault);
         self.clear(fault);

@@ -175,7 +175,7 @@ fn ranging_ends_when_its_time_is_over() {
     assert!(!chip.is_ranging(ready));
 }
 
-/// Behind the three bytes a command is a command still; they themselves are no unknown ones.
+/// After the three bytes a command still works, and the three do not count as unknown commands.
 #[test]
 fn only_an_address_changes_the_address() {
     let world = world(Some(1.0));
@@ -220,7 +220,7 @@ fn a_chip_hears_from_where_it_sits() {
     assert_eq!(heard(0.10, 0.0, 0.0, &world(Some(0.2))), 10);
 }
 
-/// 10 cm of noise at 2 m: of 500 ranges to a seventh.
+/// 10 cm of noise at 2 m: 500 ranges show it within a seventh.
 #[test]
 fn noise_is_as_large_as_it_is_set() {
     let world = world(Some(2.0));

@@ -278,7 +278,7 @@ fn only_a_break_on_its_own_line_is_heard() {
     assert_eq!(rules(&mut slave), [""; 0]);
 }
 
-/// The line's own settings are those of the UART; pins have a level's.
+/// The line's own settings are those of the UART; pins have the settings of a level.
 #[test]
 fn the_uart_has_the_line_s_settings() {
     let slave = Text::new(config()).expect("sound");

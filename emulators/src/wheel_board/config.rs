@@ -21,7 +21,7 @@ pub struct Config {
     pub mirrored: [bool; 2],
     /// Voltage of the full battery.
     pub supply_v: f64,
-    /// Volts an hour that the battery loses at rest, and beside that with both motors at full
+    /// Volts an hour that the battery loses at rest, and in addition with both motors at full
     /// drive. A guess: a pack that lasts some hours.
     pub drain_v_per_h: [f64; 2],
     /// Range sensors at the ADC's channels from 0 on.

@@ -121,13 +121,13 @@ impl Counters {
 pub(super) struct Battery {
     volts: f64,
     drain_v_per_h: [f64; 2],
-    /// Up to which its loss is counted.
+    /// Time up to which its loss is counted.
     at: Instant,
     /// Last voltage reported to the bridges.
     told: f64,
 }
 
-/// Loss that is worth telling the bridges: a thousandth of their speed.
+/// Minimum loss that is reported to the bridges: a thousandth of their speed.
 const TOLD_V: f64 = 0.01;
 /// An empty pack: its protection switches nothing off here, the motors only get slower.
 const EMPTY_V: f64 = 6.0;
@@ -166,8 +166,8 @@ impl Battery {
 mod tests {
     use super::*;
 
-    /// 12 V that fall by 0.036 V an hour at rest and by 0.36 V more at full drive: 10 mV after
-    /// 1000 s at rest, or after 91 s at full drive, are worth telling, and then as many more. An
+    /// 12 V that fall by 0.036 V an hour at rest and by 0.36 V more at full drive. After 1000 s at
+    /// rest, or after 91 s at full drive, 10 mV are lost and reported, and again after as long. An
     /// empty pack keeps its 6 V.
     #[test]
     fn a_loss_of_ten_millivolts_is_told() {

@@ -21,13 +21,13 @@ const USUAL_SLOW: f64 = 0.5;
 /// Active faults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Faults {
-    /// Of the left and right encoder.
+    /// Whether the left and right encoder are stuck.
     pub(super) stuck: [bool; 2],
     /// Counts for one edge.
     pub(super) count_factor: f64,
     /// Part of the motors' speed that is left.
     pub(super) speed: f64,
-    /// Whether the ADC gives anything.
+    /// Whether the ADC gives random values.
     pub(super) garbage: bool,
     /// Range sensors that see nothing, a bit each.
     pub(super) blind: u64,

@@ -17,7 +17,7 @@ use super::{Config, RangeSensor};
 use crate::rng::Rng;
 use crate::world::World;
 
-/// Between two measurements, and its greatest deviation (data sheet).
+/// Time between two measurements, and its greatest deviation (data sheet).
 const PERIOD_MS: f64 = 38.3;
 const PERIOD_SPREAD_MS: f64 = 9.6;
 /// The data sheet's two points of the curve.
@@ -88,7 +88,7 @@ impl Infrared {
         self.sensors.iter().map(|sensor| sensor.volts)
     }
 
-    /// At a channel of the ADC; an open one is at ground.
+    /// Voltage at a channel of the ADC; an open channel is at ground.
     pub(super) fn volts_of(&self, channel: usize) -> f64 {
         self.sensors.get(channel).map_or(0.0, |sensor| sensor.volts)
     }
@@ -158,8 +158,8 @@ mod tests {
         assert!(sensors.volts().eq([0.0, 0.0, 1.25, 0.0, 0.0, 0.0]));
     }
 
-    /// Measurements last 38.3 ms within 9.6, and begin at any time of one; a request after a second
-    /// finds one, not twenty-six.
+    /// Measurements last 38.3 ms, 9.6 ms more or less, and at the start one is under way. A request
+    /// after a second finds one measurement, not twenty-six.
     #[test]
     fn measurements_are_as_long_as_the_data_sheet_says() {
         let mut sensors = Infrared::new("board", 7, &Config::default());

@@ -46,7 +46,7 @@ pub(super) struct Motion {
     pub(super) speed: f64,
     /// Counter-clockwise, rad/s.
     pub(super) turn: f64,
-    /// Of a push, m/s, in world axes.
+    /// Velocity of a push, m/s, in world axes.
     pub(super) drift: Point,
 }
 

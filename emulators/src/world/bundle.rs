@@ -286,7 +286,8 @@ mod tests {
         assert_eq!([up(2.5, 0.199), up(2.5, 0.201)], [false, true]);
     }
 
-    /// Two more than 1e-5 and 4 millionths of half a kilometre; four fit, a fifth does not.
+    /// The tolerance is 1e-5 m and 4 millionths of half a kilometre. Four primitives fit into a
+    /// bundle, a fifth does not.
     #[test]
     fn four_fit_into_a_bundle() {
         assert!((tolerance(500.0) - 2.01e-3).abs() < 1e-12);

@@ -25,7 +25,7 @@ const LEFT_M: f64 = 1e-3;
 /// Contacts kept until they are taken; more are counted only.
 const CONTACTS_MAX: usize = 1024;
 
-/// The body met a surface.
+/// Contact of the body with a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
     /// Beginning of the step in which they met.
@@ -89,13 +89,13 @@ impl Bumper {
         least - radius_m
     }
 
-    /// The body was put elsewhere.
+    /// Discards what is known after the body was placed elsewhere.
     pub(super) fn forget(&mut self) {
         self.free = 0.0;
         self.touching.clear();
     }
 
-    /// A surface was put elsewhere.
+    /// Requires a new measurement after a surface was placed elsewhere.
     pub(super) fn look_again(&mut self) {
         self.free = 0.0;
     }

@@ -57,7 +57,7 @@ impl Pose {
         Self { x, y, theta }
     }
 
-    /// Without the heading.
+    /// The position without the heading.
     pub const fn point(self) -> Point {
         Point::new(self.x, self.y)
     }

@@ -15,7 +15,7 @@ use super::geometry::{Bounds, Crossing, Point, Primitive, Ray};
 const CELL_M: f64 = 0.5;
 /// Cells along one axis at most; larger scenes get larger cells.
 const CELLS_MAX: f64 = 128.0;
-/// See the module's words on rounding.
+/// Margin of the cells against rounding, see the module's text.
 const MARGIN_M: f64 = 1e-6;
 /// A direction component below this never changes the cell; the drift stays below the margin.
 const STILL: f64 = 1e-10;
@@ -32,9 +32,9 @@ pub(super) struct Grid {
     /// Number of columns, including the ring.
     columns: i32,
     rows: i32,
-    /// Farthest two places in the grid can be apart, metres.
+    /// Maximum distance of two positions in the grid, metres.
     extent_m: f64,
-    /// First one for each cell, row by row, then those that did not fit.
+    /// The first bundle of each cell, row by row, then the bundles that did not fit.
     bundles: Vec<Bundle>,
 }
 
@@ -224,7 +224,7 @@ struct Walk {
     /// Distance at which it leaves the present column and row.
     exit_x: f64,
     exit_y: f64,
-    /// From one column or row to the next.
+    /// Distance along the ray from one column or row to the next.
     across_x: f64,
     across_y: f64,
     step_x: i32,

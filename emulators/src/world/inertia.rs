@@ -7,9 +7,9 @@ use super::{Point, TRAIL_STEPS, World};
 
 impl World {
     /// Acceleration of the reference point over the floor, m/s², in body axes (x forward, y left):
-    /// the mean of the last `over`, limited to 1 ms to 250 ms. In a curve it points to the middle.
-    /// Physics changes speeds at once where a wheel slips or a wall is met, so a sensor must pass
-    /// the time of its filter.
+    /// the mean over the last `over`, which is limited to 1 ms to 250 ms. In a curve it points to
+    /// the middle. Physics changes speeds at once where a wheel slips or a wall is met, so a sensor
+    /// must pass the time of its filter.
     pub fn acceleration(&self, over: Duration) -> Point {
         let steps = u64::try_from(over.as_nanos()).unwrap_or(u64::MAX) / STEP_NANOS;
         let steps = steps.clamp(1, TRAIL_STEPS as u64 - 6);

@@ -298,7 +298,7 @@ impl Scene {
         !self.inner.moving.is_empty()
     }
 
-    /// No obstacle is ever faster than this, m/s.
+    /// Maximum speed of all obstacles, m/s.
     pub(super) fn obstacle_speed_m_s(&self) -> f64 {
         let speeds = self.inner.moving.iter().map(MovingBody::top_speed_m_s);
         speeds.fold(0.0, f64::max)

@@ -169,7 +169,7 @@ impl Places {
 /// No primitive.
 const NOTHING: usize = usize::MAX;
 
-/// No answer.
+/// The sectors have no answer: only the grid knows it.
 #[derive(Debug)]
 pub(super) struct Unlisted;
 

@@ -561,7 +561,8 @@ fn a_teleported_robot_is_exactly_there_and_drives_on() {
     );
 }
 
-/// In the middle of a step of a turn on the spot, 2.69 rad/s: it is there, and turns on from there.
+/// In the middle of a step of a turn on the spot, 2.69 rad/s: the robot is at its new place at
+/// once, and continues its turn from there.
 #[test]
 fn a_turning_robot_is_teleported_exactly() {
     let mut world = open_floor();

@@ -79,9 +79,9 @@ pub(super) struct Wander {
     phases: [f64; LINES.len()],
     /// Teeth passed.
     teeth: u32,
-    /// Deviation of the speed besides the lines, as a part of it, ...
+    /// Deviation of the speed besides the lines, as a part of the speed.
     rest: f64,
-    /// ... and the resulting advance of the head, degrees.
+    /// Advance of the head by that deviation, degrees.
     shift_deg: f64,
 }
 
@@ -107,7 +107,7 @@ impl Wander {
         }
     }
 
-    /// A tooth has passed.
+    /// Advances by one tooth.
     fn pass(&mut self) {
         let Some(rng) = &mut self.rng else { return };
         self.teeth = self.teeth.wrapping_add(1);
@@ -153,7 +153,7 @@ impl Encoder {
         }
     }
 
-    /// A place to stand at power-on, degrees.
+    /// A random angle at which the head stands at power-on, degrees.
     pub(super) fn any_angle(&mut self) -> f64 {
         self.rng.range(0.0, 360.0)
     }
@@ -223,7 +223,7 @@ fn offsets() -> [f64; TEETH as usize] {
 pub(super) enum Arrival {
     /// Its slots are done; this many of them may have to be skipped.
     Expected,
-    /// Too late: which slot is next is no longer known.
+    /// Too late: the next slot is no longer known.
     Late,
 }
 

@@ -90,7 +90,7 @@ impl Fault {
         names
     };
 
-    /// The fault with this name and `figure`, if that is a question.
+    /// The fault with this name, and `figure` if it takes one.
     pub(super) fn named(name: &str, figure: Option<f64>) -> Option<Self> {
         match (name, Self::from_name(name)) {
             ("slow" | "dust", _) => Some(Self::Dust {
@@ -122,7 +122,7 @@ impl Faults {
         self.0.contains(&fault)
     }
 
-    /// Clears a fault that acts once; whether it was set.
+    /// Clears a fault that acts once; returns whether it was set.
     pub(super) fn take(&mut self, fault: Fault) -> bool {
         let had = self.has(fault);
         self.clear(fault);

@@ -89,7 +89,7 @@ pub(super) struct Firmware {
     tooth_s: f64,
     word: u16,
     good_teeth: u8,
-    /// Known end: the processor restarts then.
+    /// Time of the next restart, if it is known.
     restart_at: Option<Instant>,
     /// Whether the 1446-byte frame of firmware 2.1 was begun.
     turn_begun: bool,
@@ -123,7 +123,7 @@ impl FreeRun {
 }
 
 impl Firmware {
-    /// Powered at the beginning of the run.
+    /// A processor that is powered at the beginning of the run.
     pub(super) fn new() -> Self {
         Self {
             phase: Phase::Boot {

@@ -65,15 +65,15 @@ pub fn range_sigma_mm(distance_mm: f64) -> f64 {
 /// angular jitter over a rough wall.
 const SENSORS_PART: f64 = 0.75;
 
-/// The same as (A) has it from turn to turn. A distance that the noise moves by much less than a
-/// millimetre changes in 1.128 sigma of the turns: 0.08 mm at 287 mm, 0.13 at 350, 0.17 at 412,
-/// 0.21 at 450, 0.30 at 510, 0.36 at 585.
+/// The same deviation, as (A) shows it from turn to turn. A distance that the noise moves by much
+/// less than a millimetre changes in 1.128 sigma of the turns: 0.08 mm at 287 mm, 0.13 at 350, 0.17
+/// at 412, 0.21 at 450, 0.30 at 510, 0.36 at 585.
 fn range_sigma_captured_mm(distance_mm: f64) -> f64 {
     let near = 0.345 * libm::pow(distance_mm / 550.0, 1.7);
     near.max(SENSORS_PART * range_sigma_mm(distance_mm))
 }
 
-/// The same of firmware 2.1: a part of the distance and a part of its square. Where the wall faces
+/// The same for firmware 2.1: a part of the distance and a part of its square. Where the wall faces
 /// the sensor, (B) has 0.43 mm at 225 mm, 8.3 mm at 2.6 m, 9.1 mm at 2.85 m and 12.5 mm at 3.1 m.
 /// That sensor turned by half a degree meanwhile, so slanting walls show more: its repeats over all
 /// walls, 14.0 mm at 2721 mm and 19.6 mm at 3113 mm, are 1 / 0.62 of this.
@@ -134,7 +134,7 @@ impl Laws {
         }
     }
 
-    /// Of even surfaces.
+    /// Laws of even surfaces.
     pub(super) const EVEN: Self = Self {
         range_mm: range_sigma_mm,
         strength: strength_sigma,
@@ -143,7 +143,7 @@ impl Laws {
         too_dim: FLAW_TOO_DIM,
     };
 
-    /// Of a captured sensor with this law of its ranges.
+    /// Laws of a captured sensor whose ranges have this deviation.
     const fn captured(range_mm: fn(f64) -> f64) -> Self {
         Self {
             range_mm,

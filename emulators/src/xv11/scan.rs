@@ -146,7 +146,7 @@ impl Scan {
         self.pace.map(|pace| pace.due(pace.count))
     }
 
-    /// Stores the reading of the next slot; a full packet comes back.
+    /// Stores the reading of the next slot; returns the packet that it completes.
     pub(super) fn store(&mut self, reading: RawReading, word: u16) -> Option<Full> {
         let slot = self.slot()? % 360;
         self.index += 1;

@@ -53,7 +53,8 @@ impl Place {
             .map(|(layer, (size_m, deviation))| deviation * patch(point, size_m, layer))
             .sum();
         let fleck = patch(point, FLECK_M, 8);
-        // Of a number with a deviation of 1, evenly mixed, the cube has one of about 3.
+        // The cube of a number with a deviation of 1, evenly distributed, has a deviation of about
+        // 3.
         let fleck = FLECK / 3.0 * fleck * fleck * fleck;
         Self {
             reflects: libm::exp(logarithm + fleck),

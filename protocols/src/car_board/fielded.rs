@@ -15,7 +15,7 @@ pub struct FieldedDecoder {
 }
 
 impl FieldedDecoder {
-    /// Takes one byte; a frame if it was the last of one.
+    /// Takes one byte; returns the frame that it completes, if any.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
         if SYNC.get(self.len).is_some_and(|sync| *sync != byte) {
             self.len = 0;

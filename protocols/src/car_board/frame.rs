@@ -6,7 +6,7 @@ use crate::{Candidate, Format, FrameError};
 pub const SYNC: [u8; 2] = [0x00, 0x0F];
 /// Bytes of a frame.
 pub const FRAME_LEN: usize = 13;
-/// No ultrasonic sensor reports more: its default range of 11.008 m.
+/// Maximum range of an ultrasonic sensor: its default range of 11.008 m.
 pub const ULTRASONIC_MAX_CM: u16 = 1_100;
 /// Minimum and maximum voltage of a battery that the board can run from, millivolts. A guess on
 /// both sides: the electronics need 6.8 V, a charged pack has 8.4 V.

@@ -344,7 +344,7 @@ proptest! {
     }
 }
 
-/// Small numbers by chance, by which a stream is made and damaged: as the proptests above, but a
+/// Small random numbers by which a stream is made and damaged: as the proptests above, but a
 /// hundred thousand of them.
 struct Dice(u64);
 

@@ -44,7 +44,7 @@ pub enum LineCommand<'a> {
 }
 
 impl<'a> LineCommand<'a> {
-    /// The command that `line`, without its line end, is, if any. A question may end in `?`.
+    /// The command of `line`, without its line end, if any. A question may end in `?`.
     pub fn parse(line: &'a [u8]) -> Option<Self> {
         let rest = line.strip_prefix(b"AT")?;
         if rest.is_empty() {

@@ -4,7 +4,7 @@ use core::fmt;
 
 use super::{Dialect, RATE_SCALE, crc16};
 
-/// Most that printing two decimals changes each of five figures by.
+/// Maximum change of a sum of five figures when each is printed with two decimals.
 const ROUNDING: f64 = 5.0 * 0.005;
 
 /// The figures of a verified line.

@@ -35,7 +35,7 @@ impl Text {
 }
 
 impl Default for Text {
-    /// Nothing.
+    /// An empty text.
     fn default() -> Self {
         Self {
             bytes: [0; LINE_MAX],

@@ -23,7 +23,7 @@ pub const SENSORS_LEN: usize = 2 * INFRARED + 2;
 /// Conditions that concern the operator, one bit each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Condition {
-    /// The battery is all but empty: the robot goes home slowly.
+    /// The battery is almost empty: the robot goes home slowly.
     BatteryLow,
     /// The base does not answer.
     BaseSilent,

@@ -154,7 +154,7 @@ impl Decoder {
         })
     }
 
-    /// A start byte has come.
+    /// Begins a candidate at a start byte.
     fn begin(&mut self) {
         self.state = State::LengthHigh;
         self.escaped = false;

@@ -5,8 +5,8 @@
 //!  without damage  A1      A2  B3  C4      A twice, then B and C: the same
 //! ```
 //!
-//! Requests are compared by their words, without numbers that count: a sequence number is another
-//! one in each repetition, and a checksum is no word. As soon as such a number differs between the
+//! Requests are compared by their words, without numbers that count: a sequence number differs
+//! in each repetition, and a checksum is no word. As soon as such a number differs between the
 //! two runs, the recorded replies have the wrong number for one of them, and the program repeats
 //! its requests for this reason: from there on only the order of the requests is compared.
 
@@ -25,7 +25,7 @@ use engine::robots::{self, Dut, PcEnd};
 use engine::run::check::Check;
 use engine::scenario::Source;
 
-/// Pause between two pieces of one request, at most.
+/// Maximum pause between two pieces of one request.
 const WITHIN: Duration = Duration::from_millis(20);
 /// Largest number of repetitions that each damaged frame may cost: it may look like two frames.
 const REPEATS: usize = 2;
@@ -194,7 +194,7 @@ impl Request {
     }
 }
 
-/// Compares the requests with the damage and without it; in words.
+/// Compares the requests with the damage and without it; returns the result as a sentence.
 fn compare(
     got: &[Request],
     expected: &[Request],

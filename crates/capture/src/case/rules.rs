@@ -153,7 +153,7 @@ impl Expectation {
         if let Some(sound) = &self.sound {
             let lines = sound.prints.lines().count();
             words.push(format!(
-                "it does as the reference program did, which printed {lines} lines"
+                "it behaves as the reference program, which printed {lines} lines"
             ));
         }
         words

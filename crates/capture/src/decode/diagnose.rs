@@ -124,7 +124,7 @@ impl core::fmt::Display for Damage {
             }
             Self::Swapped { framed, bytes } => write!(
                 f,
-                "each two bytes are swapped (put right, {framed} of {bytes} are in sound frames)"
+                "each two bytes are swapped (swapped back, {framed} of {bytes} are in valid frames)"
             ),
             Self::ChecksumOrder { other, expected } => write!(
                 f,
@@ -134,7 +134,7 @@ impl core::fmt::Display for Damage {
             Self::Echo { back, sent } => {
                 write!(
                     f,
-                    "what is sent comes back: echo ({back} of {sent} frames sent)"
+                    "sent bytes come back: echo ({back} of {sent} frames sent)"
                 )
             }
             Self::FramingErrors { errors, bytes } => write!(
@@ -176,7 +176,7 @@ impl core::fmt::Display for Damage {
                 bytes,
             } => write!(
                 f,
-                "{change} (put right, {framed} of {bytes} bytes are in valid frames)"
+                "{change} (undone, {framed} of {bytes} bytes are in valid frames)"
             ),
         }
     }

@@ -192,7 +192,7 @@ mod tests {
 
     const FIRST: [u8; 3] = [1, 4, 0x2A];
 
-    /// At stake: one damaged line makes a log another format, or loses its good bytes. The second
+    /// At stake: a damaged line makes a log look like another format, or loses good bytes. The second
     /// line is cut inside its third byte, the last one inside its second.
     #[test]
     fn a_line_that_is_cut_keeps_its_whole_bytes() {

@@ -169,7 +169,7 @@ fn words(row: &Row) -> Option<&str> {
     }
 }
 
-/// What all heads together tell.
+/// Information from all heads together.
 struct Heads {
     ends: Ends,
     dates: Dates,

@@ -99,7 +99,7 @@ fn upright(levels: Levels, name: &str, out: &mut Imported) -> Levels {
         return levels;
     }
     out.note(format!(
-        "channel \"{name}\" is low when idle: it is read upside down, as RS-232 levels are"
+        "channel \"{name}\" is low when idle: it is read inverted, as RS-232 levels are"
     ));
     levels.inverted()
 }
@@ -118,7 +118,7 @@ fn line(
         found = of(&inverted);
         if found.is_some() {
             out.note(format!(
-                "channel \"{name}\" is read upside down: it fits so"
+                "channel \"{name}\" is read inverted: only then its pulses fit a rate"
             ));
             levels = inverted;
         }

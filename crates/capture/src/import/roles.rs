@@ -175,7 +175,7 @@ fn say(
         out.note(format!("\"{name}\" is taken as {way}{link}"));
     }
     if told.iter().any(Option::is_none) || names.len() == 1 {
-        out.note("--from program is the other way round");
+        out.note("--from program exchanges the directions");
     }
 }
 

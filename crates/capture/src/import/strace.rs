@@ -379,7 +379,7 @@ fn chosen(
     )))
 }
 
-/// Files that a note names.
+/// Maximum number of files that a note names.
 const NAMED: usize = 3;
 
 /// Notes the files that are left out, and the number of their bytes.

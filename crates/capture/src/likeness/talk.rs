@@ -63,7 +63,8 @@ impl Talk {
         Self::of(requests, pieces, line)
     }
 
-    /// The same requests at the same times, to `peer`, which has run for `warm_up` before.
+    /// Sends the same requests at the same times to `peer`, which has run for `warm_up` before;
+    /// returns the conversation.
     pub(super) fn played(
         real: &Self,
         line: LineConfig,

@@ -192,7 +192,7 @@ impl Conversation {
         &self.link
     }
 
-    /// The program opens the port.
+    /// Handles the opening of the port by the program.
     pub fn open(&mut self, now: Instant) {
         if core::mem::replace(&mut self.is_open, true) {
             return;
@@ -212,7 +212,7 @@ impl Conversation {
         self.plan(Source::Opening, now, &said, is_again);
     }
 
-    /// The program closes the port.
+    /// Handles the closing of the port by the program.
     pub const fn close(&mut self) {
         self.is_open = false;
     }

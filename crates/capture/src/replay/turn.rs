@@ -8,8 +8,8 @@ use protocols::{Instant, LineConfig};
 use crate::decode::pause::is_exact;
 use crate::{Capture, Kind, Record};
 
-/// The last record of a link. Clocks of logs may show seconds or milliseconds: a request behind an
-/// answer then has its time, and only the order of the records tells them apart.
+/// The last record of a link. A log's clock may show only seconds or milliseconds: a request after
+/// an answer then has the same time, and only the order of the records separates them.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Turn {
     at: Instant,

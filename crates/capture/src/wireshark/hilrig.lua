@@ -2,7 +2,7 @@
 --
 -- Wireshark reads the serial link type by itself; this adds a tree "hilrig" with the frames whose
 -- last byte came in the packet. Frames split over packets are put together per link and direction.
--- The protocol of a line is the first one of which a sound frame is seen.
+-- The protocol of a line is that of the first valid frame on it.
 -- Needs nothing but Wireshark 3.4 or newer. Register names are those of the rescue robot's base.
 
 local proto = Proto("hilrig", "hilrig serial frames")
@@ -41,12 +41,12 @@ end
 
 -- Formats ----------------------------------------------------------------------------------------
 --
--- judge(s, state) says how long the frame at the start of s is; 0 for none, nil for "more"; state is
--- the line's own table, for formats whose frames say what the next ones are; state.before is the byte
--- before s, nil at the start of the line. tell(s) returns a title
--- and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which half a
--- frame is given up, per cent of the bytes in frames below which it is not guessed; of a described
--- device a function that says whether a frame is a message of it.
+-- judge(s, state) returns the length of the frame at the start of s: 0 for no frame, nil if more bytes
+-- are needed. state is a table of the line, for formats whose frames announce the next ones;
+-- state.before is the byte before s, nil at the start of the line. tell(s) returns a title
+-- and a list of { field, value }. Each row: name, judge, tell, seconds of silence after which a partial
+-- frame is discarded, minimum per cent of the bytes in frames for a guess; for a described
+-- device also a function that tests whether a frame is one of its messages.
 
 --@SOURCES
 local FORMATS = {
@@ -80,7 +80,7 @@ local function tell_bad(out, bytes)
   out[#out + 1] = { "bad", #bytes .. " bytes in no frame", { { f.bad, #bytes } }, bytes }
 end
 
--- Cuts what is settled off line.buf; all of it if the line is quiet.
+-- Removes the decided bytes from line.buf; all bytes if the line is quiet.
 local function cut(line, out, quiet)
   local format, at, from = line.format, 1, 1
   while at <= #line.buf do
@@ -102,8 +102,8 @@ local function cut(line, out, quiet)
   line.buf = line.buf:sub(at)
 end
 
--- The format with the most bytes in sound frames; one of a described device, which has a function
--- that says whether a frame is a message of it, before others.
+-- The format with the most bytes in valid frames. A format of a described device goes before others
+-- if its function finds a message of the device.
 local function guess(buf, from, quiet)
   local best, most = nil, 0
   for _, format in ipairs(FORMATS) do

@@ -58,7 +58,8 @@ pub fn read_into(contents: &mut Contents, bytes: &[u8]) {
 }
 
 impl Contents {
-    /// The link whose bytes towards the master a topic of ours contains.
+    /// The index of the link for one of our own topics, if the topic contains the bytes of the link
+    /// towards the master. A link that is not known yet is added.
     fn link(&mut self, topic: &str, baud: Option<&String>) -> Option<usize> {
         let (link, direction) = topic.strip_prefix('/')?.rsplit_once('/')?;
         if direction != Direction::ToMaster.name() {

@@ -114,7 +114,7 @@ fn garbage_damages_every_packet() {
     shows(Fault::Garbage, |bench| sound_share(bench) < 90);
 }
 
-/// Of each packet one byte is another one, and no more than that.
+/// One byte of each packet is changed, and no more than that.
 #[test]
 fn garbage_changes_one_byte_of_each_packet() {
     let [mut broken, mut sound] = pair(Fault::Garbage, None, &fw129());

@@ -8,7 +8,7 @@
 //! The reference point is the middle of the rear axle: poses of the world, the footprint and every
 //! mount refer to it. Two wheels stand for four (the bicycle model): the differential gear is ideal
 //! and tyres do not drift sideways. [`SteeringLaw`] and [`Floor`] describe the servo's true angle;
-//! by default it equals the command, at rest as rolling.
+//! by default it equals the command, both at rest and rolling.
 
 mod servo;
 mod wheels;
@@ -49,7 +49,7 @@ pub struct AckermannConfig {
     pub wheel_ticks_per_turn: Option<u32>,
     /// Maximum steering angle of the (single) front wheel, to either side.
     pub steering_max_rad: f64,
-    /// The servo turns no faster.
+    /// Maximum turn rate of the servo.
     pub steering_rate_rad_s: f64,
     /// Time constant of the servo near its goal.
     pub steering_lag_s: f64,
@@ -57,7 +57,7 @@ pub struct AckermannConfig {
     pub steering_law: SteeringLaw,
     /// Grip of the floor under the car.
     pub floor: Floor,
-    /// At drive 255 in the long run.
+    /// Final speed at drive 255.
     pub full_speed_m_s: f64,
     /// Greatest drive at which the car does not move yet; below 255.
     pub dead_zone_drive: u8,
@@ -245,7 +245,7 @@ impl Ackermann {
     }
 }
 
-/// Of the shaft, then of the rear wheels if they have any.
+/// The encoders of the shaft, then of the rear wheels if they have any.
 fn encoders(config: &AckermannConfig) -> Vec<Encoder> {
     let encoder = |name: &str, tick_m: f64| Encoder {
         name: name.to_owned(),

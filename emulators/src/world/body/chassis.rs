@@ -78,14 +78,15 @@ pub struct Velocity {
     pub turn_rad_s: f64,
 }
 
-/// Something that can be set.
+/// An actuator: a part of a chassis that takes commands.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Actuator {
     /// Stable name in snake case, unique in its chassis.
     pub name: String,
     /// Its kind.
     pub kind: ActuatorKind,
-    /// Minimum and maximum value in the unit of its kind; a value beyond becomes the nearest.
+    /// Minimum and maximum value in the unit of its kind; a value beyond them becomes the nearer
+    /// one.
     pub range: [f64; 2],
 }
 
@@ -168,15 +169,15 @@ pub enum Command {
     Brake,
     /// As [`Drive::Coast`].
     Coast,
-    /// An ideal regulator holds this speed of the rim, m/s; it is reached with the lag of a driven
-    /// wheel, and no speed beyond full drive is.
+    /// An ideal regulator holds this speed of the rim, m/s. It is reached with the lag of a driven
+    /// wheel, and limited to the speed at full drive.
     Speed(f64),
     /// The servo goes to this angle, rad, counter-clockwise from straight ahead.
     Angle(f64),
 }
 
 impl Command {
-    /// The drive that does the same, or the same part of full drive.
+    /// The drive with the same effect, or with the same part of full drive.
     pub(in crate::world) fn as_drive(self, full_speed_m_s: f64) -> Drive {
         match self {
             Self::Power(power) => Drive::Power(power),
@@ -201,7 +202,7 @@ impl From<Drive> for Command {
     }
 }
 
-/// Something that counts.
+/// An encoder: it counts the turn of an axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Encoder {
     /// Stable name in snake case, unique in its chassis.

@@ -46,7 +46,7 @@ pub struct BodyConfig {
     pub axle_m: f64,
     /// Encoder counts per turn of a wheel.
     pub ticks_per_turn: u32,
-    /// Of a wheel at drive 255 in the long run.
+    /// Final speed of a wheel at drive 255.
     pub full_speed_m_s: f64,
     /// Greatest drive at which a wheel does not turn yet; below 255.
     pub dead_zone_drive: u8,

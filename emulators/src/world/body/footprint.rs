@@ -10,7 +10,7 @@ const RADIUS_M: [f64; 2] = [0.02, 2.0];
 const CORNERS_MAX: usize = 64;
 /// Shortest side of an outline, metres.
 const SIDE_MIN_M: f64 = 1e-3;
-/// No corner is farther from the reference point, metres.
+/// Maximum distance of a corner from the reference point, metres.
 const REACH_MAX_M: f64 = 4.0;
 
 /// The part of the floor that a body covers, in its own axes: metres, x forward, y left, the origin
@@ -69,7 +69,7 @@ impl Footprint {
             return Err(FootprintError::Corners { found: count });
         }
         let far = |corner: &Point| Point::default().distance(*corner);
-        // Not a number is not within either.
+        // Not-a-number is in no range.
         let within = |corner: &Point| far(corner) <= REACH_MAX_M;
         if let Some(corner) = corners.iter().position(|corner| !within(corner)) {
             return Err(FootprintError::Reach { corner });
@@ -199,12 +199,12 @@ pub enum FootprintError {
     },
     /// A side is too short.
     Side {
-        /// From this corner to the next.
+        /// The side from this corner to the next.
         side: usize,
     },
     /// Two sides touch or cross.
     Crossing {
-        /// Each from the corner of this number to the next.
+        /// The sides, each from the corner of this number to the next.
         sides: [usize; 2],
     },
 }
@@ -323,7 +323,8 @@ mod tests {
         assert!(!meets(steep, side((1.5, 0.5), (2.5, 1.5))));
     }
 
-    /// Back on itself, not on and not around a corner.
+    /// A side folds if it goes back on the one before, not if it goes straight on or around a
+    /// corner.
     #[test]
     fn a_side_folds_back_onto_the_one_before() {
         let out = side((0.0, 0.0), (2.0, 1.0));
@@ -336,7 +337,7 @@ mod tests {
         assert!(!folds(out, side((2.0, 1.0), (0.0, 0.1))));
     }
 
-    /// There and back along any direction; not on ahead, and not around a corner.
+    /// There and back along any direction is a fold; straight on and around a corner are none.
     #[test]
     fn sides_that_go_back_on_themselves_fold() {
         let fold = |a, b, c| folds(side(a, b), side(b, c));

@@ -42,7 +42,7 @@ pub enum Reversing {
     /// Drives in the other direction.
     #[default]
     AtOnce,
-    /// Brakes until the wheel all but stands, as the speed controllers of model cars do.
+    /// Brakes until the wheel almost stands, as the speed controllers of model cars do.
     BrakesFirst,
 }
 
@@ -67,9 +67,9 @@ pub(super) struct Motor {
     /// Speed that the drive leads to, and the part of the difference covered in one step.
     target: f64,
     approach: f64,
-    /// Of the rim, m/s; holds for the current step.
+    /// Speed of the rim, m/s; holds for the current step.
     pub(super) speed: f64,
-    /// Of the rim at the beginning of the current step, metres.
+    /// Travel of the rim at the beginning of the current step, metres.
     travel: f64,
     /// Metres on the floor per metre of rim, noise left out.
     grip: f64,
@@ -80,7 +80,7 @@ pub(super) struct Motor {
 }
 
 impl Motor {
-    /// At rest, brakes on. Its noise is that of the streams of `seed` that end in `name`.
+    /// A motor at rest, brakes on. Its noise is that of the streams of `seed` that end in `name`.
     pub(super) fn new(
         figures: MotorFigures,
         (slip, scale_noise): (f64, f64),
@@ -101,7 +101,7 @@ impl Motor {
         }
     }
 
-    /// Takes effect at the next step. Angles are not for motors and change nothing.
+    /// Sets a command from the next step on. Angles are not for motors and change nothing.
     pub(super) fn set(&mut self, command: Command) {
         if self.command == command {
             return;

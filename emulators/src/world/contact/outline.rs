@@ -48,7 +48,7 @@ struct Solid {
     /// Relative to the body's first position: the gap at the beginning, and at the end.
     began: Gap,
     stay: Gap,
-    /// Of the body's middle from it in the end, if the body stays.
+    /// Distance of the body's middle from the surface at the end, if the body stays.
     middle_m: f64,
 }
 
@@ -108,7 +108,7 @@ struct Step<'a> {
     solids: Vec<Solid>,
     /// Surfaces in touch, and how much nearer they came; 0 if they only stay near.
     met: Vec<(Near, Approach)>,
-    /// Of the body where it is being tried.
+    /// Corners of the body at the pose that is being tried.
     corners: Vec<Point>,
 }
 
@@ -247,7 +247,7 @@ impl<'a> Step<'a> {
         solids.filter(blocks).map(|(place, _)| place).collect()
     }
 
-    /// The body meets `blockers` when it has made `part` of the motion `wanted`.
+    /// Records that the body meets `blockers` after `part` of the motion `wanted`.
     fn note(&mut self, blockers: &[usize], wanted: Motion, part: Motion) {
         let pose = part.pose(STEP_S);
         self.footprint.place(pose, &mut self.corners);

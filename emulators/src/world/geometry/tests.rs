@@ -185,8 +185,8 @@ fn a_wall_is_met_up_to_a_nanometre_beyond_its_ends() {
     );
 }
 
-/// On the wall's line: from its other end on it is behind, up to a nanometre; it is met as far as
-/// the ray reaches, and a nanometre beside it.
+/// Rays on the wall's line. A ray that starts beyond the wall's other end by a nanometre misses it.
+/// Other rays meet it if they are long enough, and up to a nanometre beside it.
 #[test]
 fn a_ray_along_the_wall_meets_it_up_to_a_nanometre() {
     let met = |x: f64, y: f64, limit: f64| {

@@ -137,7 +137,7 @@ impl MovingBody {
         self.reach
     }
 
-    /// It is never faster than this, m/s.
+    /// Maximum speed of the body, m/s.
     pub(super) fn top_speed_m_s(&self) -> f64 {
         match &self.course {
             Course::Path(path) => path.top_speed_m_s(),

@@ -128,7 +128,7 @@ impl<'a> Canvas<'a> {
     fn draw_circle(&mut self, circle: &Circle, [dx, dy]: [f64; 2]) {
         let [ahead, left] = self.seen(circle.center.x + dx, circle.center.y + dy);
         let square = ahead * ahead + left * left;
-        // Of the length of the tangents; below 0 the camera is within.
+        // Square of the length of the tangents; if it is below 0, the camera is inside the circle.
         let tangent = square - circle.radius * circle.radius;
         if ahead + circle.radius < NEAR_M {
             return;

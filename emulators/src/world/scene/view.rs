@@ -7,7 +7,8 @@ use protocols::Instant;
 use super::{Fixture, Obstacle, Scene};
 use crate::world::geometry::Point;
 
-/// Rays of a cone lie no farther apart: half a degree, as in the simulator of the car's university.
+/// Maximum angle between rays of a cone: half a degree, as in the simulator of the car's
+/// university.
 const CONE_STEP_RAD: f64 = core::f64::consts::PI / 360.0;
 
 /// Directions around one in the middle.
@@ -15,7 +16,7 @@ const CONE_STEP_RAD: f64 = core::f64::consts::PI / 360.0;
 pub struct Cone {
     /// Its middle, radians, in the world's frame.
     pub angle: f64,
-    /// To either side, radians; at most half a turn.
+    /// Angle to either side, radians; at most half a turn.
     pub half_angle: f64,
 }
 

@@ -94,7 +94,7 @@ impl Team {
 
 /// Two discs of 0.1 m with 1 m between their middles, one drives at the other with 0.3 m/s: a
 /// lidar in the middle sees the rim of the other 0.9 m away, and 0.75 m away after half a second.
-/// They meet after 0.8 m, 2.667 s; both have one contact, only that of the first is its own.
+/// They meet after 0.8 m, 2.667 s; both have one contact, caused by the first one's motion alone.
 #[test]
 fn a_robot_meets_one_that_stands() {
     let start = Pose::new(0.0, 0.0, 0.0);

@@ -1,5 +1,5 @@
-//! A blind test: a plain classifier tries to tell windows of a real capture from windows of the
-//! emulated sensor in the same room. Its accuracy is the figure: 50 % is chance.
+//! A blind test: a plain classifier tries to distinguish windows of a real capture from windows of
+//! the emulated sensor in the same room. Its accuracy is the figure: 50 % is chance.
 //!
 //! A window is two turns. Half of the windows train the classifier, the others are judged, and then
 //! the other way round. Only what repeats is the room: something that moves in it, edges and
@@ -18,11 +18,11 @@ use crate::xv11::Profile;
 
 /// Turns of a window.
 const WINDOW: usize = 2;
-/// Fewest windows that can be halved.
+/// Minimum number of windows that can be halved.
 const WINDOWS_MIN: usize = 4;
-/// Fewest degrees of the room, or packets with a distance, that a window has to show.
+/// Minimum number of degrees of the room, or of packets with a distance, in a window.
 const SHOWN_MIN: usize = 30;
-/// Most turns that are compared, and emulated units.
+/// Maximum number of compared turns, and number of emulated units.
 const TURNS_MAX: usize = 240;
 const UNITS: u64 = 2;
 /// Steepest wall, as a part of the distance in a degree: on a steeper one a sensor that is turned a
@@ -208,7 +208,7 @@ fn alike(values: &[f64], lag: usize) -> f64 {
     sum / own.max(1e-12)
 }
 
-/// Part of `values` that `is` holds for.
+/// Share of `values` for which `is` holds.
 fn share<T>(values: &[T], is: impl Fn(&T) -> bool) -> f64 {
     values.iter().filter(|value| is(value)).count() as f64 / values.len().max(1) as f64
 }

@@ -28,7 +28,7 @@ const OWN: [&str; 6] = [
 ];
 
 impl Column {
-    /// Of a stream, packets or turns.
+    /// The column of a stream, packets or turns.
     pub fn of(bytes: &[u8]) -> Self {
         let statistics = Statistics::of(bytes);
         Self {
@@ -102,7 +102,7 @@ const LIMITS: [(&str, Limit); 24] = [
 
 const SAME_TEXT: &str = "boot text, characters alike";
 
-/// Allowed difference of a figure from that of a stream; `is_hand_in_box` as of [`Column`].
+/// Allowed difference of a figure from that of a stream; for `is_hand_in_box` see [`Column`].
 fn limit(name: &str, is_hand_in_box: bool) -> Limit {
     let is_own = OWN.contains(&name) || name.starts_with("noise from");
     if !is_hand_in_box && !is_own {

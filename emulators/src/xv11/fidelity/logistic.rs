@@ -6,7 +6,7 @@
 /// Steps of the descent, and their length.
 const STEPS: usize = 400;
 const LENGTH: f64 = 0.5;
-/// Weight of the penalty on large weights, so that few windows are not learned by heart.
+/// Weight of the penalty on large weights, so that a few windows are not memorised.
 const PENALTY: f64 = 0.01;
 
 /// A trained classifier.
@@ -24,7 +24,7 @@ fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
 }
 
 impl Logistic {
-    /// Learns to tell `yes` from `no`; both count the same, whatever their numbers of rows.
+    /// Learns to distinguish `yes` and `no`; both count the same, whatever their numbers of rows.
     pub(super) fn trained(yes: &[Vec<f64>], no: &[Vec<f64>]) -> Self {
         let width = yes.first().or(no.first()).map_or(0, Vec::len);
         let rows: Vec<&Vec<f64>> = yes.iter().chain(no).collect();

@@ -31,7 +31,7 @@ pub(super) struct Repeats {
 }
 
 impl Repeats {
-    /// No distance at this angle in this turn.
+    /// Notes that this turn has no distance at this angle.
     pub(super) fn gap(&mut self, degree: usize) {
         self.last.remove(&degree);
     }

@@ -9,7 +9,7 @@ use crate::world::{
 use crate::xv11::{Config, Detail, MotorSupply, Mount, Profile, Xv11};
 
 /// Corners of the box as the capture shows them, by straight lines through its walls: angle in
-/// degrees, put right by how unevenly the teeth lie there, and distance in metres.
+/// degrees, corrected for the uneven teeth there, and distance in metres.
 const CORNERS: [(f64, f64); 4] = [
     (56.22, 0.465),
     (141.89, 0.547),

@@ -14,9 +14,9 @@ use crate::xv11::{Config, Detail, MotorSupply, Mount, Profile, Xv11};
 
 /// Degrees of a turn.
 pub(super) const DEGREES: usize = 360;
-/// A degree belongs to the room if that part of its turns has a distance ...
+/// A degree belongs to the room if at least this share of its turns has a distance,
 const SEEN: f64 = 0.6;
-/// ... and that part of the distances is near their median.
+/// and if at least this share of the distances is near their median.
 const STILL: f64 = 0.6;
 /// Rounds of building and measuring, and turns of a measurement.
 const ROUNDS: usize = 5;
@@ -80,7 +80,7 @@ pub(super) struct Twin {
 }
 
 impl Twin {
-    /// In a room as built, without corrections.
+    /// A sensor in a room as built, without corrections.
     pub(super) const fn new(profile: Profile, built: Room) -> Self {
         Self { profile, built }
     }

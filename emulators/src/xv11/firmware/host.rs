@@ -32,7 +32,8 @@ impl Xv11 {
         }
     }
 
-    /// The stream ends. The console's answers are not known. Only a power cycle ends it.
+    /// Opens the console, which ends the stream. Its answers are not known, and only a power cycle
+    /// ends it.
     pub(in crate::xv11) fn open_console(&mut self, now: Instant, by: &str) {
         if matches!(self.firmware.phase, Phase::Off | Phase::Console) {
             return;

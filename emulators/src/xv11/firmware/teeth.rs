@@ -17,9 +17,9 @@ use crate::xv11::{Fault, Xv11};
 const RESYNC_READINGS: u8 = 3;
 /// The first tooth slower than this is taken for two: 175.6 rpm was, 183.3 rpm was not.
 const DOUBLING_BELOW_RPM: f64 = 180.0;
-/// Angle by which the head turns before measuring continues after a doubled tooth, ...
+/// Angle by which the head turns before measuring continues after a doubled tooth.
 const DOUBLING_PAUSE_DEG: f64 = 2.35;
-/// ... and slots measured until the mistake shows.
+/// Number of slots measured after that pause until the mistake shows.
 const DOUBLING_SLOTS: u16 = 44;
 /// Without a tooth for this long the processor restarts: 311 packets and 7 bytes of the capture
 /// after about five packets in the ring.
@@ -130,7 +130,7 @@ impl Xv11 {
         }
     }
 
-    /// The tooth came late: which slot is next is known again at its second edge.
+    /// Handles a late tooth: the next slot is known again at the tooth's second edge.
     fn slow_down(&mut self, seen: Tooth) {
         self.believe(seen.took_s);
         let pace = self.pace(seen, seen.took_s);
@@ -235,7 +235,7 @@ impl Xv11 {
             .note(at, "encoder-lost", "sends 0x52 at line rate".to_owned());
     }
 
-    /// Takes a tooth time for true: it gives the speed word and the pace of the next slots.
+    /// Accepts a tooth time: it gives the speed word and the pace of the next slots.
     fn believe(&mut self, tooth_s: f64) {
         self.firmware.tooth_s = tooth_s;
         if self.faults.has(Fault::FrozenSpeed) {

@@ -9,7 +9,8 @@ const RECENT_MAX: usize = 512;
 /// Number of chunks that are kept until the protocol of a direction is known.
 const WAITING_MAX: usize = 1_024;
 
-/// What one direction of a link keeps for the other one, and of the other one.
+/// Bytes that one direction of a link stores: its own for the other direction, and chunks of the
+/// other one.
 #[derive(Default)]
 pub(super) struct Beside {
     /// The last bytes of this direction.

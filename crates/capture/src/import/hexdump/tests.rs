@@ -187,8 +187,8 @@ fn a_damaged_row_costs_its_own_bytes() {
             source.chunks(16).enumerate().map(row).collect()
         }),
     ];
-    /// What happens to the row, and how many of its bytes are kept; those before it and behind it
-    /// are.
+    /// Damages a row; returns the result, and how many of the row's bytes are kept. Bytes before
+    /// and behind the row are always kept.
     type Damage = fn(&str) -> (String, usize);
     let damages: [(&str, Damage); 5] = [
         ("missing", |_| (String::new(), 0)),

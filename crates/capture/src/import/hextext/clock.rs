@@ -337,7 +337,7 @@ fn without_zone(time: &str) -> (&str, Option<i64>) {
 }
 
 /// Puts the times of a file of an unknown year in order: without a 29 February, the later dates are
-/// a day earlier; behind December comes the next year.
+/// a day earlier, and the next year follows December.
 pub(super) struct Years {
     leap_day: u64,
     before: u64,

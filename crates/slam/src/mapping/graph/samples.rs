@@ -30,7 +30,7 @@ pub(crate) struct Errors {
     pub(crate) odometry: f64,
 }
 
-/// What held the pose of a keyframe.
+/// How the pose of a keyframe was held: by known walls, or by odometry.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Held {
     /// Share of the scan that lay on no known wall, 0 to 1.
@@ -60,7 +60,7 @@ struct Varied<'a> {
 
 impl Graph {
     /// `count` variants of all poses, each with other errors of the edges; `None` if the poses are
-    /// not determined. `held` says of each pose what held it.
+    /// not determined. `held` describes each pose.
     pub(crate) fn samples(
         &self,
         count: usize,

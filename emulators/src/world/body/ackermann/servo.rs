@@ -5,7 +5,7 @@ use super::super::{NOISE_STEPS, STEP_S};
 use super::AckermannConfig;
 use crate::rng::Rng;
 
-/// A car slower than this stands, for its servo.
+/// Speed below which the car stands, for its servo.
 const REST_M_S: f64 = 0.02;
 /// At rest on PVC the wheels stop this far short of their goal: 4 degrees, a guess; the report only
 /// says that the servo is weak there.
@@ -62,13 +62,13 @@ pub(super) struct Servo {
     noise: Rng,
     /// The commanded angle.
     pub(super) wanted: f64,
-    /// Holds for the current step.
+    /// Angle of the wheels in the current step.
     pub(super) angle: f64,
     pub(super) tangent: f64,
 }
 
 impl Servo {
-    /// Straight ahead.
+    /// A servo that points straight ahead.
     pub(super) fn new(config: &AckermannConfig, seed: u64) -> Self {
         Self {
             approach: part_per_step(config.steering_lag_s),
@@ -84,12 +84,12 @@ impl Servo {
         }
     }
 
-    /// Takes effect at the next step.
+    /// Sets the commanded angle from the next step on.
     pub(super) fn set(&mut self, angle: f64) {
         self.wanted = angle.clamp(-self.angle_max, self.angle_max);
     }
 
-    /// Step `number` of a car whose wheels roll at `speed`, m/s.
+    /// Runs step `number` of a car whose wheels roll at `speed`, m/s.
     pub(super) fn step(&mut self, number: u64, speed: f64) {
         if number.is_multiple_of(NOISE_STEPS) {
             let way = self.law.wander_rad * noise_root() * speed.abs().sqrt();

@@ -6,15 +6,15 @@ use super::super::STEP_S;
 /// Left and right.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct RearWheels {
-    /// Of the rims at the beginning of the current step, metres.
+    /// Travel of the rims at the beginning of the current step, metres.
     travel: [f64; 2],
-    /// Of the rims, m/s; holds for the current step.
+    /// Speed of the rims, m/s; holds for the current step.
     pub(super) speed: [f64; 2],
 }
 
 impl RearWheels {
-    /// The next step: the axle's middle rolls at `speed`; `bend` is half of the track by the radius
-    /// of the middle's circle, positive to the left.
+    /// Begins the next step: the axle's middle rolls at `speed`; `bend` is half of the track
+    /// divided by the radius of the middle's circle, positive to the left.
     pub(super) fn step(&mut self, speed: f64, bend: f64) {
         for (travel, speed) in self.travel.iter_mut().zip(self.speed) {
             *travel += speed * STEP_S;

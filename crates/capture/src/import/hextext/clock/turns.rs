@@ -2,7 +2,7 @@
 
 use super::{Clock, DAY, HOUR, SECOND};
 
-/// Puts the times of a clock in order that begins again at midnight or at the full hour.
+/// Puts in order the times of a clock that begins again at midnight or at the full hour.
 pub(in crate::import) struct Turns {
     /// Time after which the clock begins again.
     period: Option<u64>,

@@ -29,8 +29,8 @@ mod tests {
     use super::*;
     use crate::import::text::lines;
 
-    /// Received 1 2 and 3: a line without a direction that ends as they do shows them again. What
-    /// was sent ends what was received.
+    /// The bytes 1 2 and 3 are received: a line without a direction that ends with them shows them
+    /// again. Sent bytes end the received ones.
     #[test]
     fn received_bytes_that_are_shown_again_are_dropped() {
         let text = b"1\n2\n3\n4\n5\n6\n";
