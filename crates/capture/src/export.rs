@@ -160,7 +160,9 @@ impl Export<'_> {
             Format::Tum => {
                 let way = self.belief.map_or(&[][..], |belief| &belief.way);
                 if way.is_empty() {
-                    return Err(ExportError::Nothing("the program reported no believed pose"));
+                    return Err(ExportError::Nothing(
+                        "the program reported no believed pose",
+                    ));
                 }
                 (
                     folder::tum(way).into_bytes(),

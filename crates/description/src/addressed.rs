@@ -54,7 +54,7 @@ pub(crate) struct AddressField {
 }
 
 impl AddressField {
-    /// The address that a request asks; `None` if it asks none, or all devices.
+    /// The address that a request asks for; `None` if it asks for none, or for all devices.
     pub(crate) fn asked(&self, request: &Record) -> Option<i128> {
         let asked = request.get(&self.name)?.as_int()?;
         (!self.special.contains(&asked)).then_some(asked)

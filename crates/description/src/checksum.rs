@@ -87,8 +87,8 @@ const ALIASES: [(&str, &str); 30] = [
 ];
 
 impl Algorithm {
-    /// The number of bytes behind the sync byte that the checksum leaves out by its definition: the
-    /// classic one of LIN the protected identifier.
+    /// The number of bytes behind the sync byte that the checksum leaves out by its definition:
+    /// LIN's classic checksum leaves out the protected identifier.
     pub(crate) fn left_out(&self) -> Option<i64> {
         match &*self.name {
             "lin-classic" => Some(1),

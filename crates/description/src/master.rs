@@ -52,7 +52,8 @@ pub struct Master {
     rest: Vec<usize>,
     /// The request whose timeout ended last, until its reply comes late.
     late: Option<usize>,
-    /// Number of requests that need a reply and whose time for it is over, and of those with one.
+    /// Number of requests that need a reply and whose timeout is over, and number of those that got
+    /// one.
     judged: [u64; 2],
     cutter: Cutter,
     overlong: Overlong,
@@ -111,7 +112,8 @@ impl Master {
         &self.values
     }
 
-    /// Number of requests that need a reply and whose time for it is over, and of those with one.
+    /// Number of requests that need a reply and whose timeout is over, and number of those that got
+    /// one.
     pub const fn judged(&self) -> [u64; 2] {
         self.judged
     }

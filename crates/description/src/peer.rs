@@ -102,7 +102,7 @@ impl Emulated {
     }
 
     /// Takes a byte of the device only when the line is free. A restart of the device then loses
-    /// those that the line has not taken.
+    /// the bytes that the line has not taken.
     #[must_use]
     pub fn paced(mut self) -> Self {
         self.is_paced = true;

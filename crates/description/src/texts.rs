@@ -184,7 +184,7 @@ impl Text {
     }
 }
 
-/// Where the bytes of a body are in its content.
+/// The bytes of a body, and the position of each in the content.
 pub(crate) type Body = (Vec<u8>, Vec<usize>);
 
 impl Description {

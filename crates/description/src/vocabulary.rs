@@ -60,9 +60,9 @@ impl Description {
         messages.filter(move |message| message.is_from(from) || self.echoes)
     }
 
-    /// All words in which frames that `from` sends are printed, without numbers: whatever a frame
-    /// has a value for is one of them. `None` if a frame can contain any text, unless its words
-    /// `beside_texts` are asked for, or if the description has no messages of its own.
+    /// All words in which frames that `from` sends are printed, without numbers. `None` if a frame
+    /// can contain any text, unless its words `beside_texts` are asked for, or if the description
+    /// has no messages of its own.
     pub fn vocabulary(&self, from: From, beside_texts: bool) -> Option<Vec<&str>> {
         if self.protocol.is_some() {
             return self.modbus_vocabulary(beside_texts);

@@ -150,7 +150,7 @@ const EXPERIMENTS: [Experiment; 12] = [
     },
     Experiment {
         name: "mazes",
-        about: "mazes of five sizes, searched; time and way against one who knows the map",
+        about: "mazes of five sizes, searched; time and path against a robot that knows the map",
         place: "rescue robot, pages 1, 5 and 22",
         seeds: 7_000..7_020,
         perform: mazes::perform,

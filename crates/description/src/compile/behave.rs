@@ -11,7 +11,7 @@ use crate::schema::behaviour::{EventSpec, FaultSpec, OnSpec};
 use crate::schema::message::{From, Names};
 use crate::schema::short::Plain;
 
-/// The fields that a trigger's message has; of any message, those that all messages of the host
+/// The fields of a trigger's message. For any message: the fields that all messages of the host
 /// have.
 fn fields_of(trigger: Trigger, messages: &[Message]) -> Vec<&str> {
     let mut requests = messages

@@ -253,7 +253,7 @@ impl Compiler<'_> {
             if terminator.0.is_empty() {
                 self.wrong(
                     format!("{key}.terminator"),
-                    "is empty, expected what ends a line",
+                    "is empty, expected the bytes that end a line",
                 );
             }
             return marked(start, terminator.0.clone());
@@ -279,7 +279,10 @@ impl Compiler<'_> {
         }
         if let Some(end) = &spec.end {
             if end.0.is_empty() {
-                self.wrong(format!("{key}.end"), "is empty, expected what ends a frame");
+                self.wrong(
+                    format!("{key}.end"),
+                    "is empty, expected the bytes that end a frame",
+                );
             }
             return marked(start, end.0.clone());
         }

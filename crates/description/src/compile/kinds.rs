@@ -122,7 +122,10 @@ impl Compiler<'_> {
         let on = match &spec.on {
             Some(text) => self.expr_of_fields(&format!("{key}.on"), text, Some(&earlier)),
             None => {
-                self.wrong(key, "has no \"on\", expected what chooses the case");
+                self.wrong(
+                    key,
+                    "has no \"on\", expected an expression that chooses the case",
+                );
                 Expr::constant(Value::Int(0))
             }
         };

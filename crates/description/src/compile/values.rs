@@ -284,7 +284,7 @@ impl Compiler<'_> {
         let is_text = matches!(kind, CellKind::Text(_));
         let initial_is_text = matches!(variable.initial, Value::Text(_));
         if is_text != initial_is_text && spec.initial.is_some() {
-            let message = "is not what the type says, expected text for str and a number else";
+            let message = "does not fit the type, expected text for str and a number otherwise";
             self.wrong(format!("{key}.initial"), message);
         }
         if is_text && spec.initial.is_none() {

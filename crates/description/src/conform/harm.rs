@@ -47,7 +47,7 @@ impl Description {
         !self.may_hold_effect(&request.repeat(2))
     }
 
-    /// Whether `bytes`, which a pause ends, leave the state of a device unchanged that verifies
+    /// Whether `bytes`, which a pause ends, leave the state of a device unchanged if it verifies
     /// checksums and ends frames as described.
     pub fn keeps_state(&self, bytes: &[u8]) -> bool {
         if self.ends_with_silence() {

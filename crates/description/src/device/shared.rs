@@ -26,7 +26,7 @@ pub(super) struct Complaint {
     pub(super) end: u64,
 }
 
-/// What a device on a shared wire heard since the last [`Described::settle`].
+/// Frames and bytes that a device on a shared wire heard since the last [`Described::settle`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Heard {
     /// Number of bytes that passed the device.

@@ -328,7 +328,7 @@ impl Encoding {
     }
 }
 
-/// The number that a field which counts `value` holds.
+/// The content of a field that counts `value`.
 fn length_of(value: &Value) -> usize {
     match value {
         Value::List(list) => list.len(),

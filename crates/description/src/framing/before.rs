@@ -13,8 +13,8 @@ pub(super) enum Before {
 }
 
 impl Before {
-    /// Whether a frame without its start marker, which is that of the previous frame's end, can
-    /// begin here.
+    /// Whether a frame can begin here without its start marker, because the end marker of the
+    /// previous frame serves as one.
     pub(super) fn may_share(self, marker: &[u8]) -> bool {
         match self {
             Self::Nothing => true,

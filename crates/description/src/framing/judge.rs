@@ -254,8 +254,8 @@ impl Framing {
         }
     }
 
-    /// The sound frame at the beginning of `bytes`, or its beginning, if it takes no search: most
-    /// frames have a known size and plain checksums. `None` says nothing.
+    /// The sound frame at the beginning of `bytes`, or an incomplete one, if that takes no search:
+    /// most frames have a known size and plain checksums. `None` decides nothing.
     #[inline]
     fn sound(&self, bytes: &[u8]) -> Option<Candidate> {
         let plain = self.plain.as_deref()?;

@@ -131,7 +131,7 @@ fn the_fast_route_judges_as_the_slow_one() {
     assert!(several > 0 && sound > 500, "{several} {sound}");
 }
 
-/// The decoder takes a whole frame at once as byte by byte, also with two formats.
+/// The decoder treats a whole frame at once like the same bytes one by one, also with two formats.
 #[test]
 fn a_whole_delivery_is_taken_as_single_bytes() {
     let text = "name = \"x\"\nabout = \"x\"\nendian = \"little\"\nline = { baud = 9600 }\n\
@@ -202,7 +202,7 @@ fn no_frame_begins_within_a_damaged_one() {
                 vec![&sound[..]; 2],
                 1,
             ),
-            // The marker behind a rejected frame is no cut frame.
+            // The marker behind a rejected frame is not a cut frame.
             ([&sound[..], &[0x40], &inner].concat(), vec![&sound[..]], 1),
             (vec![mark, 1, 2, 4, mark], vec![], 1),
             // The stream begins within a frame, or with one.
@@ -239,7 +239,8 @@ fn modbus_frames(of: &Description, from: From, bytes: &[u8], is_whole: bool) -> 
 }
 
 /// A frame whose CRC ends with 0 has a correct CRC without its last byte, too. A reply to a read
-/// with 4 bytes is then also a request, and so for each length that one of the ends can send.
+/// with 4 bytes is then also a request. The same holds for each length that one of the ends can
+/// send.
 #[test]
 fn the_end_that_sends_decides_about_the_length_of_a_modbus_frame() {
     let text = "name = \"x\"\nabout = \"x\"\nprotocol = \"modbus-rtu\"\nregisters.holding = [{ at \

@@ -424,7 +424,7 @@ fn a_column_of_hexadecimal_numbers_is_read_as_such() {
     assert_eq!(error, wanted);
 }
 
-/// What a register cannot have is an error with its line, not left out.
+/// A property that a register cannot have is an error with its line; it is not left out.
 #[test]
 fn a_scale_of_0_and_a_value_beyond_the_type_are_refused() {
     for (map, wanted) in [

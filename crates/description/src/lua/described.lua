@@ -234,7 +234,7 @@ local function bitwise(a, b, of)
     if of(x, y) then value = value + place end
     a, b, place = math.floor(a / 2), math.floor(b / 2), place * 2
   end
-  -- What is left of a negative number is -1.
+  -- The remaining high bits of a negative number are all 1, which is -1.
   if of(a < 0 and 1 or 0, b < 0 and 1 or 0) then value = value - place end
   return value
 end
@@ -590,7 +590,7 @@ local UNSTUFFED = {
 }
 
 -- The place of the first DLE that begins the end marker: a DLE of the content is sent twice. 0 if a
--- DLE begins neither.
+-- DLE begins neither of the two.
 local function dle_end(s, finish)
   local at = 1
   while at < #s do
@@ -655,7 +655,7 @@ local function sound(framing, s)
   return true
 end
 
--- Whether a frame that has its length is one.
+-- Whether a frame of complete length is valid.
 local function whole(framing, frame)
   if #framing.last > 0 and frame:sub(-#framing.last) ~= framing.last then return 0 end
   return sound(framing, frame) and #frame or 0

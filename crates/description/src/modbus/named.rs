@@ -53,7 +53,7 @@ impl Asked {
             }
     }
 
-    /// The asked registers that begin in the table of `of`.
+    /// The registers that the request covers at least in part.
     fn cells(self, of: &Description) -> Vec<&Cell> {
         let table = tables(of)
             .into_iter()
@@ -161,7 +161,7 @@ impl Description {
         (!named.is_empty()).then(|| named.join(", "))
     }
 
-    /// The registers of which frames that `from` sends show values.
+    /// The registers whose values are in frames that `from` sends.
     fn shown(&self, from: From) -> impl Iterator<Item = &Cell> {
         let tables = tables(self).into_iter();
         let cells = tables.flat_map(|(_, _, table)| &table.cells);

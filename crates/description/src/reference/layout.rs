@@ -307,8 +307,9 @@ mod tests {
         parts.collect::<Vec<_>>().join(" | ")
     }
 
-    /// IEC 62056-21, section 6: STX, data, ETX, BCC over all behind STX. VE.Direct: the checksum is
-    /// the value of the last line. The telegram of DSMR: `/`, data, `!`, four digits, CR LF.
+    /// IEC 62056-21, section 6: STX, data, ETX, BCC over everything behind STX. VE.Direct: the
+    /// checksum is the value of the last line. The telegram of DSMR: `/`, data, `!`, four digits,
+    /// CR LF.
     #[test]
     fn the_bytes_behind_an_end_marker_are_drawn_behind_it() {
         let meter = parse(shipped::text("iec-62056-21").expect("shipped"));

@@ -62,7 +62,7 @@ pub(super) fn perform(plan: &Plan, tell: &(dyn Fn(usize, usize) + Sync)) -> Find
         table.push(&one.name, figures);
     }
     let mut plot = Plot::new(
-        "Time of a search against one who knows the map",
+        "Time of a search against a robot that knows the map",
         ["tiles of the maze", "times as long"],
     );
     let by_size = |pick: usize| {

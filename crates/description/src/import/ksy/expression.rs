@@ -26,7 +26,7 @@ pub(super) fn word(id: &str) -> String {
 }
 
 impl Names {
-    /// The name of a field that is reached over `chain`, such as `_parent.len`.
+    /// The name of a field that is reached through `chain`, such as `_parent.len`.
     fn of(&self, chain: &str) -> Result<String, String> {
         let mut parts: Vec<&str> = chain.split('.').collect();
         let deepest = self.levels.len().saturating_sub(1);

@@ -204,7 +204,7 @@ impl<'a> Reader<'a> {
                 (
                     contents,
                     format!("{path}.contents"),
-                    "is no bytes".to_owned(),
+                    "is not a list of bytes".to_owned(),
                 )
             });
         }
