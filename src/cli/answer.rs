@@ -149,7 +149,7 @@ const RESULTS: [(&str, Subschema); 35] = [
     ("new", of::<Files>),
 ];
 
-/// The JSON Schema of what `--json` prints.
+/// The JSON Schema of the output of `--json`.
 pub(super) fn json_schema() -> Value {
     let mut generator = SchemaSettings::draft2020_12().into_generator();
     let end = generator.subschema_for::<End>();
@@ -166,7 +166,7 @@ pub(super) fn json_schema() -> Value {
     let definitions = generator.take_definitions(true);
     let mut schema = json_schema!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "What a command of hilrig prints with --json",
+        "title": "Output of a command of hilrig with --json",
         "type": "object",
         "properties": {
             "tool": { "const": TOOL },
@@ -441,8 +441,8 @@ pub(super) struct Surveyed {
     /// Parts of the map that were not joined to each other, 1 if all is one; null if no loops are
     /// closed.
     pub(super) parts: Option<u64>,
-    /// Part of the way that only the matching of scans holds, 0 to 1; 1 if the map has several
-    /// parts; null if no loops are closed, or the log has no odometry.
+    /// Part of the path whose positions only the matching of scans determines, 0 to 1; 1 if the map
+    /// has several parts; null if no loops are closed, or the log has no odometry.
     pub(super) doubt: Option<f64>,
     pub(super) cell_mm: f64,
     pub(super) scan_median_us: f64,

@@ -112,7 +112,7 @@ fn reach(args: &DiffArgs) -> Result<Reach, CliError> {
 
 fn print(found: &Difference) {
     println!(
-        "B laid by {:.1} mm, {:.1} mm, {:.2} deg",
+        "B moved by {:.1} mm, {:.1} mm, {:.2} deg",
         found.shift.x * 1000.0,
         found.shift.y * 1000.0,
         found.shift.theta.to_degrees()

@@ -158,7 +158,7 @@ fn is_bad(command: &str, path: &Path) -> bool {
 }
 
 fn not_bad(file: &Path, what: &str) -> CliError {
-    CliError::content(file, format!("{what}, expected something that fails"))
+    CliError::content(file, format!("{what}, expected a file that fails"))
 }
 
 fn not_sound(failed: &str) -> CliError {

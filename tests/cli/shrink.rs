@@ -136,6 +136,6 @@ fn what_passes_cannot_be_shrunk() {
     let error = text(&output.stderr);
     assert_eq!(
         error,
-        "error: good.toml: passes, expected something that fails\n"
+        "error: good.toml: passes, expected a file that fails\n"
     );
 }

@@ -276,7 +276,7 @@ time.sleep(0.1)
     let ended = run("byte", "exec python3 program.py", &files, &more);
     let (status, detail) = ended.check("deterministic");
     assert_eq!(status, "fail", "{detail}");
-    let words = "two runs part: sonar to-device, byte 4: 0x01 at ";
+    let words = "the two runs differ: sonar to-device, byte 4: 0x01 at ";
     let at = detail
         .strip_prefix(words)
         .and_then(|rest| rest.split_once(" s, then 0x02 at "));

@@ -48,7 +48,7 @@ fn a_shifted_map_is_laid_back_and_passes() {
         "{said}{}",
         text(&output.stderr)
     );
-    assert!(said.starts_with("B laid by -150.0 mm, 0.0 mm"), "{said}");
+    assert!(said.starts_with("B moved by -150.0 mm, 0.0 mm"), "{said}");
     assert!(session.has("diff.png"));
 }
 

@@ -436,7 +436,7 @@ fn programs_that_cannot_be_fuzzed_are_named_with_the_reason() {
     assert_eq!(
         said(&["--exec", "true"]),
         "error: --scenario is missing, expected the one whose devices the program is to meet, \
-         --description of its device, or --corpus with what a device says to it\n"
+         --description of its device, or --corpus with bytes of a device\n"
     );
     assert_eq!(
         exec("echo no port >&2; exit 3", &[]),

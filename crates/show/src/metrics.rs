@@ -22,11 +22,11 @@ pub struct Metrics {
     pub pose_max_mm: Option<f64>,
     /// Root mean square of the heading error, degrees.
     pub heading_rms_deg: Option<f64>,
-    /// Share of walls found and of found walls right, the smaller one.
+    /// The smaller one of `walls_found` and `walls_right`.
     pub wall_overlap: Option<f64>,
-    /// Share of the walls seen that are in the map.
+    /// Share of the seen walls that are in the map.
     pub walls_found: Option<f64>,
-    /// Share of the walls in the map that are there.
+    /// Share of the walls in the map that exist in the world.
     pub walls_right: Option<f64>,
     /// Waypoints visited in order.
     pub waypoints_visited: usize,

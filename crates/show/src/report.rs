@@ -109,7 +109,7 @@ fn stage(outcome: &Outcome) -> String {
             .replace("<div id=\"view\">", "<div id=\"view\" hidden>")
             .replace("id=\"stage\"", "id=\"stage\" class=\"bare\""),
     };
-    // Last: the words of a check stay as they are.
+    // Inserted last, so that nothing in the text of a check is replaced.
     stage.replace("<!-- checks -->", &verdict::checks(outcome))
 }
 
@@ -165,7 +165,7 @@ fn event_list(outcome: &Outcome, events: &[&Logged]) -> String {
     section("events", "Events", &list)
 }
 
-/// A note that the list is incomplete, if so.
+/// A note that the list is incomplete; empty if it is complete.
 fn more(all: usize, shown: usize, file: &str) -> String {
     if all == shown {
         return String::new();

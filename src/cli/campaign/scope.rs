@@ -68,7 +68,7 @@ pub(super) fn shard_of(args: &CampaignArgs) -> Result<Shard, CliError> {
             Err(CliError::Usage(message.to_owned()))
         }
         (ShardChoice::Auto, None) => {
-            let message = "--shard auto: expected --shards N, how many there are";
+            let message = "--shard auto: expected --shards N, the number of shards";
             Err(CliError::Usage(message.to_owned()))
         }
         (ShardChoice::Auto, Some(of)) => {

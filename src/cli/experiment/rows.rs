@@ -77,7 +77,7 @@ pub(super) fn run(args: &ExperimentArgs) -> Result<Verdict, CliError> {
     }
     answer(&done, &args.out, &names, model);
     let is_bad = done.iter().any(|one| match (one.verdict, model) {
-        // Without a signal, a measure broke.
+        // Only a signal or a failed measurement leaves a row without a run.
         (RowVerdict::NotRun, _) => true,
         (RowVerdict::Refused, _) => false,
         (_, Model::Sound) => one.is_lost(),

@@ -229,7 +229,7 @@ fn search(args: &FuzzArgs) -> Result<Verdict, CliError> {
         (None, Some(_)) if args.exec.exec.is_some() => one_port(args)?,
         _ => {
             let text = "--scenario is missing, expected the one whose devices the program is to \
-                        meet, --description of its device, or --corpus with what a device says to it";
+                        meet, --description of its device, or --corpus with bytes of a device";
             return Err(CliError::Usage(text.to_owned()));
         }
     };
@@ -420,7 +420,7 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
             ),
             0 if learned > 0 => println!(
                 "{}: learned requests that are answered: {learned}; no checksum is sure, so \
-                 whether damaged ones are taken cannot be seen",
+                 it is unknown whether damaged ones are accepted",
                 met.link
             ),
             0 if met.lacks_noise => println!(
@@ -430,7 +430,7 @@ fn report(args: &FuzzArgs, search: &Search<'_>) {
             // A driver answers nothing: its requests get altered replies instead.
             0 if search.asks(&met.link) => {}
             0 => println!(
-                "{}: no frame was answered: whether damaged ones are taken cannot be seen",
+                "{}: no frame was answered, so it is unknown whether damaged ones are accepted",
                 met.link
             ),
             count => println!(

@@ -115,7 +115,7 @@ pub(in crate::cli) struct Beginning<'a> {
     pub(in crate::cli) ports: &'a Path,
     /// Folder for the results.
     pub(in crate::cli) out: &'a Path,
-    /// The table of ports is printed.
+    /// Whether the table of ports is printed.
     pub(in crate::cli) is_first: bool,
 }
 

@@ -37,7 +37,7 @@ pub(super) fn same(first: &Played, second: &Played, folders: [&Path; 2]) -> Chec
                 words.map(|words| format!("output of the program: {words}")),
             ];
             let all: Vec<String> = all.into_iter().flatten().collect();
-            format!("two runs part: {}", all.join("; "))
+            format!("the two runs differ: {}", all.join("; "))
         }
     };
     Check::new("deterministic", is_same, detail)
@@ -102,7 +102,7 @@ fn other_bytes(
     first.map(|(_, words)| words)
 }
 
-/// A byte with its time to the nanosecond: runs part by the cost of a call, or less.
+/// A byte with its time to the nanosecond: runs may differ by the cost of a call, or less.
 fn byte_words(byte: Option<&(Instant, u8)>) -> String {
     let Some((at, byte)) = byte else {
         return "nothing".to_owned();

@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 use crate::realtime::process::Ended;
 use crate::run::check::{Check, Status, last_words};
 
-/// Checks whose text names what was wrong: the text of a rule, or an exit code. The name of every
-/// other check says enough.
+/// Checks whose text identifies the error, as a rule's text or an exit code. For every other check
+/// the name suffices.
 const TELLING: [&str; 7] = [
     "exits",
     "prints",
@@ -63,8 +63,8 @@ impl fmt::Display for Reason {
 /// Minimum number of digits of an address or a counter.
 const LONG: usize = 5;
 
-/// `text` without what changes from run to run: times, dates, addresses and long numbers become
-/// `#`. Short whole numbers stay: they say which value or line was wrong.
+/// `text` without the parts that change from run to run: times, dates, addresses and long numbers
+/// become `#`. Short whole numbers stay, because they identify the wrong value or line.
 fn lasting(text: &str) -> String {
     let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | ':' | '_');
     let mut out = String::new();

@@ -175,7 +175,7 @@ impl Open {
             known.cells.clone_from(&map.cells);
         }
         if let Some(parts) = survey.parts.filter(|parts| *parts > 1) {
-            let words = format!("the map has {parts} parts; how they lie to each other is unknown");
+            let words = format!("the map has {parts} parts; their relative positions are unknown");
             self.desk.tell("not-joined", words);
         }
         self.desk.show(&known, self.clock.now(), &self.clock);

@@ -11,8 +11,8 @@
 //!  display: {width, height, runs} | null}
 //! ```
 //!
-//! `runs` and `shades` are base64; the rest is as `view/view.js` takes it. The last map is
-//! whole, those before it have 16 shades: a map is noise while it forms, and this bounds it.
+//! `runs` and `shades` are base64; the rest has the form that `view/view.js` takes. The last map is
+//! complete. Earlier ones have 16 shades, which limits their size: a map is noisy while it forms.
 
 use emulators::world::Pose;
 use firmware_core::map_view::MapView;

@@ -7,7 +7,7 @@
   const world = at("world"), lanes = at("lanes"), time = at("time");
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
 
-  // How many of the sorted `times` are not after `now`.
+  // Number of the sorted `times` that are not after `now`.
   function until(times, now) {
     let low = 0, high = times.length;
     while (low < high) {
@@ -38,7 +38,7 @@
     return images.get(name);
   }
 
-  // Maps besides the robot's own are as they were in the end.
+  // Maps other than the robot's own show the state at the end.
   const otherImage = (map, layer) => picture(map.name, map, layer,
     () => view.cells(view.bytes(map.runs), map.width * map.height));
 
@@ -122,13 +122,13 @@
     draw();
   }
 
-  // The two seconds before the time that is shown, and what came of it.
+  // Shows the two seconds before the shown time, and half a second after it.
   function near() {
     const now = Number(time.value);
     show(now - 2, now + 0.5);
   }
 
-  // ---- playing: a minute takes twelve seconds, a short run its own time
+  // ---- playing: a minute takes twelve seconds, a short run plays in real time
 
   let playing = null;
   function stop() {
@@ -214,7 +214,7 @@
   }
   dark.addEventListener("change", () => theme(dark.matches));
   window.addEventListener("resize", draw);
-  // Paper is white, and folds nothing of what failed.
+  // Printed with the light theme, because paper is white.
   window.addEventListener("beforeprint", () => theme(false));
   window.addEventListener("afterprint", () => theme(dark.matches));
 

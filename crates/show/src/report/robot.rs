@@ -12,7 +12,7 @@ pub(super) fn section(outcome: &Outcome) -> String {
     if !outcome.axes.is_empty() {
         content += &table("axes", outcome.axes.iter().map(axis));
     }
-    // Devices without a robot are what the run is about.
+    // Without a robot, the run is about its devices.
     let open = if outcome.has_body { "" } else { " open" };
     content.extend(outcome.panels.iter().map(|one| panel(one, open)));
     if content.is_empty() {

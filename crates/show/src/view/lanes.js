@@ -1,12 +1,12 @@
-// The time line of a run on a canvas: what the wires carried, what faults and events there were,
-// and figures as plots, all over one axis of time. Shared by the live page and report.html; a
-// classic script that needs view.js and adds one object, `hilrigLanes`. Times are seconds.
+// The time line of a run on a canvas: the load of the wires, faults and events, and figures as
+// plots, all over one axis of time. Shared by the live page and report.html; a classic script that
+// needs view.js and adds one object, `hilrigLanes`. Times are seconds.
 //
 //   model   {from, to, links: [LINK..], bars: [BAR..], marks: [MARK..], plots: [PLOT..], cursor}
 //   LINK    {name, ways: [LANE to-master, LANE to-device]}     one above the other
 //   LANE    {at: [end of each bin..], load: [0..1..], errors: [n..], faults: [n..],
-//            damage: [[from, to | null]..]}      while faults are at work on it
-//   BAR     {name, from, to | null, isOver}       a fault at work
+//            damage: [[from, to | null]..]}      while faults act on it
+//   BAR     {name, from, to | null, isOver}       a fault and its duration
 //   MARK    {at, kind: "event" | "violation" | "fail" | "fault" | "visit"}
 //   PLOT    {name, unit, at: [s..], values: [number | null..]}
 "use strict";
@@ -49,7 +49,7 @@ const hilrigLanes = (() => {
     return steps.find((one) => span / one <= count) ?? 86400 * 7;
   }
 
-  // The range of indices of sorted `at` that can be seen, one more on either side.
+  // The range of indices of sorted `at` that are visible, one more on either side.
   function seen(at, { from, to }) {
     const after = (time) => {
       let low = 0, high = at.length;
@@ -78,7 +78,7 @@ const hilrigLanes = (() => {
     context.textAlign = "left";
   }
 
-  // The busiest of each column, so that a long run is drawn as quickly as a short one.
+  // Draws the busiest bin of each column, so that a long run is drawn as quickly as a short one.
   function drawLane(context, model, width, top, one) {
     const bottom = top + lane - 1, left = labels(width);
     context.fillStyle = colours.grid;
@@ -94,7 +94,7 @@ const hilrigLanes = (() => {
     let column = -1, best = [0, 0, 0];
     const flush = (wide) => {
       if (column < 0) return;
-      // What is little is still to be seen.
+      // A small load stays visible.
       const load = best[0] > 0 ? Math.max(Math.min(best[0], 1), 0.14) * (lane - 2) : 0;
       const piece = (colour, high) => {
         context.fillStyle = colour;
@@ -133,7 +133,7 @@ const hilrigLanes = (() => {
     context.fillText(one.name, Math.max(place, left), top + bar / 2);
   }
 
-  // What happened: ticks; what is bad is higher, and a failed check a cross.
+  // A tick for each mark, a higher one for all but plain events; a failed check is a cross.
   function drawMarks(context, model, width, top) {
     const kinds = {
       event: [colours.dim, 5], visit: [colours.waypoint, 11], fault: [colours.faults, 11],
@@ -158,7 +158,7 @@ const hilrigLanes = (() => {
   const figure = (value) => Math.abs(value) >= 1000 ? value.toFixed(0)
     : String(Math.round(value * 1000) / 1000);
 
-  // The value of a plot at a time: the last one that was known.
+  // The value of a plot at a time: the last known one.
   function valueAt(one, at) {
     const [, end] = seen(one.at, { from: 0, to: at });
     for (let i = Math.min(end, one.at.length) - 1; i >= 0; i--) {
@@ -191,7 +191,7 @@ const hilrigLanes = (() => {
     if (!isKnown) return;
     const span = max - min || 1;
     const y = (value) => low - (value - min) / span * (low - high);
-    // Beside the plot, or in it where there is no room.
+    // Beside the plot, or inside it if there is no room.
     const narrow = width < 600, edge = narrow ? left + 3 : left - 4;
     context.textAlign = narrow ? "left" : "right";
     context.fillText(figure(max), edge, high + 4);
@@ -213,7 +213,7 @@ const hilrigLanes = (() => {
       down = true;
     }
     context.stroke();
-    // A value without neighbours is no line.
+    // A value without neighbours is drawn as a dot.
     context.fillStyle = colour;
     const known = (i) => one.values[i] !== null && one.values[i] !== undefined;
     for (let i = first; i < last; i++) {
@@ -223,7 +223,7 @@ const hilrigLanes = (() => {
     context.restore();
   }
 
-  // Fills the canvas, whose style has `width` pixels and `ratio` times as many of its own.
+  // Fills the canvas: `width` pixels of its style, and `ratio` device pixels for each of them.
   function draw(canvas, model, width, ratio) {
     const high = height(model), context = canvas.getContext("2d"), left = labels(width);
     const sizes = [Math.round(width * ratio), Math.round(high * ratio)];

@@ -3,7 +3,7 @@
 // `hilrigView`, and touches nothing but the canvas or element it is given. The JSON (metres,
 // radians, seconds):
 //
-//   frame      {x, y, scale, height}       what `fit` makes; pass it to everything else
+//   frame      {x, y, scale, height}       made by `fit`; pass it to all other functions
 //   scene      {bounds: [x0, y0, x1, y1], shapes: [SHAPE..]}
 //   SHAPE      {wall: [x0, y0, x1, y1]} | {polygon: [x0, y0, x1, y1, ..]} | {circle: [x, y, r]}
 //   map        {width, height, resolution_m, origin_m, cells}   cells: bytes, lowest row first,
@@ -18,7 +18,7 @@
 //   waypoints  [x0, y0, x1, y1, ..]        in the order of their visit
 "use strict";
 const hilrigView = (() => {
-  // Told apart by the colour-blind (Okabe and Ito); `setDark` changes what lies behind them.
+  // Colours that colour-blind people can distinguish (Okabe and Ito); `setDark` changes the others.
   const colours = {
     unknown: 127, truth: "#009e73", belief: "#d55e00", scan: "#0072b2", waypoint: "#cc79a7",
     sensed: "#0072b2", planned: "#cc79a7", guess: "#d55e00",
@@ -35,7 +35,7 @@ const hilrigView = (() => {
     errors: "#ff8a80", faults: "#e69f00", cursor: "#e6e6e6",
     tones: [[34, 38, 43], [74, 80, 88], [230, 230, 230]],
   };
-  // What is drawn of these has three times the contrast of the paper at least.
+  // Drawn parts in these colours have a contrast of at least 3 against the paper.
   const setDark = (isDark) => Object.assign(colours, isDark ? dark : light, { isDark });
   setDark(false);
 
@@ -102,7 +102,7 @@ const hilrigView = (() => {
     return here >= 190 && (ridge(1, 0) || ridge(0, 1));
   }
 
-  // How sure a wall is, 0 free to 255.
+  // The probability of a wall, from 0 (free) to 255.
   function shade(map, layer, x, y) {
     const value = map.cells[y * map.width + x];
     if (layer === "walls") return isWall(map, x, y) ? 255 : 0;
@@ -118,7 +118,7 @@ const hilrigView = (() => {
     return a.map((from, i) => from + (b[i] - from) * share);
   }
 
-  // The map as a picture of one pixel a cell, top row first: to be kept and drawn again.
+  // The map as a picture of one pixel a cell, top row first. It can be stored and drawn again.
   function mapImage(map, layer) {
     const image = new ImageData(map.width, map.height);
     const tones = Array.from({ length: 256 }, (_, value) => tone(value));
@@ -139,7 +139,7 @@ const hilrigView = (() => {
     return canvas;
   }
 
-  // `image`: of `mapImage`. The map's lower left corner is the world's origin.
+  // `image` comes from `mapImage`. Without `origin_m` the map's lower left corner is 0, 0.
   function drawMap(context, frame, map, image) {
     const [left, low] = map.origin_m ?? [0, 0];
     const [x, y] = toPixel(frame, left, low + map.height * map.resolution_m);
@@ -163,7 +163,7 @@ const hilrigView = (() => {
     }
   }
 
-  // Corners of a footprint where a robot at `pose` has them.
+  // Corners of the footprint of a robot at `pose`, in the world.
   function placed(corners, [x, y, theta]) {
     const cos = Math.cos(theta), sin = Math.sin(theta), path = [];
     for (let i = 0; i + 1 < corners.length; i += 2) {
@@ -173,10 +173,10 @@ const hilrigView = (() => {
     return path;
   }
 
-  // The robot's outline, and where it looks; a dot's size at least.
+  // The robot's outline and its heading, at least as large as a dot.
   function drawRobot(context, frame, pose, footprint, colour) {
     const [x, y] = toPixel(frame, pose[0], pose[1]), corners = footprint.polygon;
-    // As far as it reaches ahead.
+    // Distance from the centre to the front.
     const ahead = corners ? Math.max(...corners.filter((_, i) => i % 2 === 0))
       : footprint.circle[2];
     const r = Math.max(ahead * frame.scale, 4);
@@ -193,7 +193,7 @@ const hilrigView = (() => {
     context.stroke();
   }
 
-  // Lines thin where there may be many of them, thick where they are a plan; points as dots.
+  // Thin lines for kinds that can be numerous, thick lines for plans; points as dots.
   function drawOverlay(context, frame, overlay) {
     context.strokeStyle = context.fillStyle = colours[overlay.role];
     context.lineWidth = overlay.role === "planned" ? 3 : overlay.role === "possible" ? 0.5 : 1.5;
@@ -210,7 +210,7 @@ const hilrigView = (() => {
     }
   }
 
-  // A switch for each overlay there is or was, in `parent`. Names that are off are in `hidden`.
+  // A switch in `parent` for each present or earlier overlay. Names that are off are in `hidden`.
   function offerOverlays(parent, overlays, hidden, changed) {
     for (const { name, role } of overlays) {
       if ([...parent.children].some((label) => label.dataset.name === name)) continue;
@@ -240,12 +240,12 @@ const hilrigView = (() => {
     return marks;
   }
 
-  // "1, 4" of indices from 0; many are cut short.
+  // Indices from 0 as "1, 4"; a long list is cut.
   const numbers = (indices) => indices.length > 4
     ? `${indices.slice(0, 3).map((one) => one + 1).join(", ")}, ..`
     : indices.map((one) => one + 1).join(", ");
 
-  // Numbered from 1 and joined. Those with `reached[index]` are pale, `marked` has a ring.
+  // Waypoints, numbered from 1 and joined. `reached` ones are pale, the `marked` one has a ring.
   function drawWaypoints(context, frame, waypoints, reached = [], marked = null) {
     context.setLineDash([4, 4]);
     drawPath(context, frame, waypoints, colours.waypoint);
@@ -276,7 +276,7 @@ const hilrigView = (() => {
     }
   }
 
-  // A grid of whole metres, or of whatever length leaves room, and a bar that says how long it is.
+  // A grid, whose spacing depends on the scale, and a bar with its length.
   function drawGrid(context, frame, ratio) {
     const { width, height } = context.canvas;
     const lengths = [0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100];
@@ -303,7 +303,7 @@ const hilrigView = (() => {
     context.fillText(length, left, low - ratio);
   }
 
-  // Bytes of base64.
+  // The bytes of a base64 text.
   const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
   // The cells of a map from pairs of count and value.

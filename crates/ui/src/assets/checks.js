@@ -1,6 +1,6 @@
-// ---- verdicts as they come
+// ---- the verdicts so far
 
-// The first time in a text: digits with six decimals, as times and nothing else are written.
+// The first time in a text: digits with six decimals; only times are written with six decimals.
 function firstTime(text) {
   const found = /(?<![\d.])\d+\.\d{6}(?![\d.])/.exec(text);
   return found ? Number(found[0]) : null;

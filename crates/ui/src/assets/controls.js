@@ -13,7 +13,7 @@ $("again").onsubmit = (event) => {
   send({ do: "restart", seed });
 };
 
-// ---- tabs; which one is in the address, so that a link opens the same
+// ---- tabs; the address names the open one, so that a link opens the same tab
 
 const TABS = ["robot", "checks", "faults", "wire", "log"];
 const narrow = window.matchMedia("(max-width: 599px)");
@@ -33,7 +33,7 @@ function showTab(name) {
 }
 
 for (const tab of TABS) {
-  // On a phone all is folded until it is asked for, and folds again.
+  // On a phone all panels are folded at first, and a second press folds a panel again.
   $(`tab-${tab}`).onclick = () =>
     showTab(narrow.matches && !$(`panel-${tab}`).hidden ? null : tab);
 }
@@ -65,7 +65,7 @@ function showTheme() {
 }
 function nextTheme() {
   theme = THEMES[(THEMES.indexOf(theme) + 1) % THEMES.length];
-  // A browser that keeps nothing shows it all the same.
+  // The theme also changes if the browser stores no data.
   try { localStorage.theme = theme; } catch { /* as said */ }
   showTheme();
 }
@@ -94,7 +94,7 @@ document.addEventListener("keydown", (event) => {
     return;
   }
   if (driving !== null && event.code in directions) return;
-  // A button that has the focus is pressed by space itself.
+  // The browser itself presses the focused button at a space.
   if (event.key === " " && event.target.matches("button, summary, input, [role=tab]")) return;
   const tab = TABS[Number(event.key) - 1];
   if (tab && $(`tab-${tab}`).offsetParent !== null) {
@@ -106,7 +106,7 @@ document.addEventListener("keydown", (event) => {
   }
 });
 window.addEventListener("resize", requestDraw);
-// Where the map is small, its switches are folded.
+// The switches of a small map are folded.
 const small = window.matchMedia("(max-width: 1200px)");
 small.onchange = () => { $("layers").open = !small.matches; };
 small.onchange();

@@ -13,7 +13,7 @@ function showTalk() {
     .then((reply) => reply.json())
     .then((told) => {
       hilrig.talk = told;
-      // The plots have the whole run, whatever time is shown.
+      // The plots show the whole run at every displayed time.
       if (!isPast) hilrig.plots = told.plots;
       listTalk(told);
     })
@@ -36,7 +36,7 @@ function listTalk({ talks, exchanges, listed_from_s, late_s }) {
   if (atEnd) box.scrollTop = box.scrollHeight;
 }
 
-// Rows that stay are not touched: focus and selected text stay in them.
+// Unchanged rows are not rebuilt, so that they keep focus and selected text.
 function listRows(exchanges, box) {
   const body = $("exchanges"), keys = exchanges.map((one) => JSON.stringify(one));
   const wanted = new Set(keys);
@@ -59,7 +59,7 @@ function talkRow(talk) {
     talk.unanswered, talk.unasked, talk.bad, inMs(talk.reply_ms), inMs(talk.reply_ms_max)], [4, 6]);
 }
 
-// Words and bytes of a frame; the Wire tab has the longer ones in full.
+// Words and bytes of a frame; the Wire tab shows long ones in full.
 function frameCell(frame) {
   const cell = make("td");
   if (!frame) return cell;

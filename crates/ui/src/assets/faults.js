@@ -1,4 +1,4 @@
-// ---- faults by click: place on the robot's wiring, kind, settings as a scenario has them
+// ---- faults by click: place on the robot's wiring, kind, and the settings of a scenario
 
 // Where the next fault acts: {link, direction} or {device}.
 let target = null;
@@ -38,7 +38,7 @@ function choose(place, node) {
   const fits = ({ place: keys, links }) => link
     ? keys.includes("link") && links.includes(link.kind) : !keys.includes("link");
   const before = $("fault-kind").value, kinds = hilrig.stage.faults.kinds.filter(fits);
-  // Those that strike single bytes, those of a line as a whole, those of a device.
+  // Faults of single bytes, of a whole line, and of a device.
   const groups = [
     ["single bytes", (kind) => kind.keys.includes("byte")],
     ["the line", (kind) => !kind.keys.includes("byte") && kind.place.includes("link")],
@@ -56,7 +56,7 @@ function choose(place, node) {
 const kindNow = () =>
   hilrig.stage.faults.kinds.find((kind) => kind.name === $("fault-kind").value);
 
-// What a key may be: choices, a number between bounds, or a text.
+// An input for a key: choices, a number between bounds, or a text.
 function keyField(key, first, schema = hilrig.stage.faults.keys[key] ?? {}) {
   const label = make("label", key), types = [schema.type].flat();
   const devices = hilrig.stage.devices.map((device) => device.name);
@@ -85,7 +85,7 @@ function keyField(key, first, schema = hilrig.stage.faults.keys[key] ?? {}) {
   return label;
 }
 
-// What a field of a fault says.
+// The value in the input of a key.
 function fieldValue(field) {
   const parts = () => field.value.split(",").map((part) => part.trim());
   if (field.dataset.list === "names") return parts();
@@ -93,7 +93,7 @@ function fieldValue(field) {
   return field.dataset.number ? Number(field.value) : field.value;
 }
 
-// A condition that begins the fault: what it waits for, then the keys that say it.
+// A condition that begins the fault: a choice of its kind, then the keys of that kind.
 function whenFields() {
   const { when, keys } = hilrig.stage.faults, box = make("div", "", { id: "fault-condition" });
   const choice = make("select", "", { id: "fault-waits" }), label = make("label", "waits until");
@@ -114,7 +114,7 @@ function showKind() {
   say("fault-about", kind.about);
   const keys = [...(kind.place.includes("devices") ? ["devices"] : []), ...kind.keys];
   $("fault-keys").replaceChildren(...keys.map((key) => keyField(key, true)));
-  // A condition is a table of its own, and an end is given in seconds below.
+  // A condition is a table of its own, and the duration is given in seconds below.
   const times = hilrig.stage.faults.time.filter((key) => key !== "when" && key !== "until");
   $("fault-when").replaceChildren(...whenFields(), ...times.map((key) => keyField(key, false)));
 }
@@ -129,15 +129,15 @@ $("fault").onsubmit = (event) => {
     const inside = $("fault-condition").contains(field) ? fault.when ??= {} : fault;
     inside[field.name] = fieldValue(field);
   }
-  // A byte by its number is hit once; a rate beside it would contradict.
+  // A byte with a number is hit once, so a rate would contradict the number.
   if (fault.byte !== undefined) delete fault.rate;
-  // A fault that waits begins at an unknown time: it needs a duration.
+  // A fault with a condition begins at an unknown time, so it needs a duration.
   const waits = ["when", "at_byte", "at_frame"].some((key) => fault[key] !== undefined);
   if (waits && held > 0) fault.lasting ??= `${Math.round(held * 1000)}ms`;
   send({ do: "fault", fault, for_ms: held > 0 && !waits ? Math.round(held * 1000) : null });
 };
 
-// ---- what is at work
+// ---- the list of faults
 
 function showFaults(faults) {
   const now = seen().now.at_ns / 1e9;
@@ -149,7 +149,7 @@ function showFaults(faults) {
   }
 }
 
-// A condition as its keys and figures.
+// A condition as keys and values.
 const inWords = (value) => typeof value !== "object" || Array.isArray(value) ? String(value)
   : Object.entries(value).map(([key, inner]) => `${key} ${inner}`).join(" ");
 

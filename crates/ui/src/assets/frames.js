@@ -1,4 +1,4 @@
-// ---- frames: what the receivers got, in words and bytes
+// ---- received frames, in words and bytes
 
 let framesAsked = 0, framesBusy = false, framesTold = [], frameChosen = null;
 
@@ -21,7 +21,7 @@ function showFrames(atOnce = false) {
   fetch(`/frames${query(`&at_ns=${at_ns}${lane === "" ? "" : `&lane=${lane}`}`)}`)
     .then((reply) => reply.json())
     .then(({ frames }) => { framesTold = frames; listFrames(); })
-    .catch(() => refuse("the frames cannot be had"))
+    .catch(() => refuse("the rig does not answer the request for frames"))
     .finally(() => { framesBusy = false; requestDraw(); });
 }
 
@@ -54,7 +54,7 @@ function chooseFrame(one) {
   frameChosen = keyOf(one);
   for (const item of $("frames").children) item.setAttribute("aria-current", "false");
   const go = jump(one.at_ns / 1e9);
-  // Eight bytes in a line: as wide as the column.
+  // Eight bytes in a line fit the width of the column.
   const lines = (one.bytes.match(/.{1,16}/g) ?? []).map((line, index) => {
     const text = line.match(/../g).map((pair) => parseInt(pair, 16))
       .map((byte) => byte >= 32 && byte < 127 ? String.fromCharCode(byte) : ".").join("");
@@ -65,11 +65,11 @@ function chooseFrame(one) {
     ? [make("p", "A fault hit these bytes, or lost the bytes before them.")] : [];
   $("frame").replaceChildren(go, words, ...damage, make("pre", lines.join("\n")));
   listFrames();
-  // The list is shorter now.
+  // The detail has made the list shorter.
   $("frames").querySelector("[aria-current=true]")?.scrollIntoView({ block: "nearest" });
 }
 
-// By keys: up and down go from frame to frame.
+// The up and down keys go from frame to frame.
 $("frames").onkeydown = (event) => {
   const by = { ArrowDown: 1, ArrowUp: -1 }[event.key], items = [...$("frames").children];
   if (!by || items.length === 0) return;

@@ -13,7 +13,7 @@ const $ = (id) => document.getElementById(id);
 const view = hilrigView, clockText = hilrigLanes.clock;
 let socket = null, images = {}, dirty = {}, shown = {};
 
-// What is shown: the moment that was gone back to, or the newest.
+// The displayed moment: a recorded one, or the newest.
 const seen = () => hilrig.past ?? hilrig;
 
 function send(command) {
@@ -27,9 +27,9 @@ function refuse(why) {
   say("refused", why);
 }
 
-// ---- what the server tells
+// ---- messages of the server
 
-// Every request names the token of the page's own address.
+// Every request contains the token from the page's own address.
 const query = (rest = "") =>
   `?token=${new URLSearchParams(location.search).get("token") ?? ""}${rest}`;
 
@@ -74,7 +74,7 @@ function hear(message) {
 }
 
 function begin(stage) {
-  // Where it went on in another way, the way that was is still to be seen.
+  // After a branch, the path of the earlier run stays visible.
   const ghost = stage.branched_ns ? { at: stage.branched_ns / 1e6, samples: hilrig.samples } : null;
   Object.assign(hilrig, {
     stage, now: null, slow: null, scan: null, checks: null, maps: {}, samples: [], series: [],
@@ -151,8 +151,8 @@ function goLive() {
   requestDraw();
 }
 
-// Shows all as it was at a time, milliseconds: the newest moment that was recorded by then. While
-// one is on its way only the last wish is kept.
+// Shows the newest moment recorded up to a time, milliseconds. While a request is on its way, only
+// the last further request is kept.
 function goTo(at_ms) {
   wanted = Math.max(at_ms, 0);
   if (!asking) ask();
@@ -211,13 +211,13 @@ function draw() {
 
 // ---- words
 
-// Puts text where it differs: a page that is read aloud stays quiet otherwise.
+// Changes a text only if it differs, so that a screen reader does not repeat it.
 function say(id, text) {
   const node = $(id);
   if (node.textContent !== text) node.textContent = text;
 }
 
-// Rebuilds a part of the page only when what it shows has changed, and never under the fingers.
+// Rebuilds a part of the page only when its data has changed, and never while a finger is on it.
 function once(id, value, build) {
   const key = JSON.stringify(value ?? null);
   if (shown[id] === key || $(id).contains(document.activeElement)) return;
@@ -265,7 +265,7 @@ function showNow() {
   const speed = $("speed");
   if (document.activeElement !== speed) {
     const value = String(hilrig.now.speed);
-    // One that was asked for elsewhere.
+    // A speed that was set elsewhere.
     if (![...speed.options].some((option) => option.value === value)) {
       speed.append(make("option", `${value} x`, { value }));
     }

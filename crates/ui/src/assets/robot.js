@@ -1,6 +1,6 @@
-// ---- the robot: what it is told and does, its panels, its display, its station
+// ---- the robot: its orders and state, its panels, its display, its station
 
-// A name of a scenario as one would say it.
+// A name of a scenario in plain words.
 const words = (name) => hilrig.stage?.mode_words?.[name]
   ?? (name[0].toUpperCase() + name.slice(1)).replaceAll("-", " ");
 
@@ -22,7 +22,7 @@ function beginRobot(stage) {
   aim(null);
 }
 
-// What the next press on the map is for, one of the station's acts; `null`: waypoints.
+// The act of the station to which the next press on the map belongs; `null`: waypoints.
 let aiming = null;
 
 function aim(act) {
@@ -37,7 +37,7 @@ function aim(act) {
   requestDraw();
 }
 
-// A place in metres and a heading in radians, by the act that is aimed.
+// Performs an act at a place in metres with a heading in radians.
 function perform(act, [x, y], radians) {
   const degrees = Math.round(radians * 1800 / Math.PI) / 10;
   const figures = act.heading ? [x, y, degrees] : [x, y];
@@ -72,11 +72,11 @@ function showRobot() {
     () => unmarked(pc.waypoints).map(waypointItem));
 }
 
-// Rows of names and values; a value that this robot does not have has no row.
+// Rows of names and values; a value that this robot lacks has no row.
 function showFacts({ mode, pc, gap, trouble, truth }) {
   const { stage } = hilrig, facts = [];
   const degrees = (value) => `${value}\u00b0`;
-  // A heading from 0 to 360 degrees, in one decimal.
+  // A heading from 0 to 360 degrees, with one decimal.
   const heading = (value) => degrees(Math.round((value % 360 + 360) % 360 * 10) / 10);
   const doing = mode ?? pc?.state?.mode;
   const told = pc?.state?.to.length ? `, set-points ${pc.state.to.join(", ")}` : "";
@@ -86,7 +86,7 @@ function showFacts({ mode, pc, gap, trouble, truth }) {
     facts.push(["PC", `${pc.connection}${silent}${trouble ? `: ${trouble}` : ""}`]);
     facts.push(["reported pose",
       pc.pose ? `${pc.pose[0]} mm, ${pc.pose[1]} mm, ${heading(pc.pose[2])}` : "none yet"]);
-    // Not of a robot that sends no map.
+    // Not for a robot that sends no map.
     if (pc.rows_missing !== null || pc.size_mm) {
       facts.push(["map rows missing", pc.rows_missing === null ? "all" : String(pc.rows_missing)]);
     }
@@ -109,7 +109,7 @@ function showFacts({ mode, pc, gap, trouble, truth }) {
   });
 }
 
-// The waypoints of the mission, where no PC shows its own list.
+// The waypoints of the mission, if no PC shows its own list.
 function showGoals({ goals = [] }) {
   const next = goals.findIndex(({ visited }) => visited === null);
   once("goals", goals, () => unmarked(goals).map(({ at, visited }, index) => {
@@ -148,7 +148,7 @@ function waypointItem(place, index) {
   return item;
 }
 
-// Its values, what passes its wires, what happened.
+// The robot's values, the traffic on its wires, and the events.
 function showSlow() {
   const { slow } = seen();
   once("axes", slow.axes, () => (slow.axes ?? []).map(axisRow));
@@ -172,8 +172,8 @@ function axisRow({ name, unit, set_point, limit, actual }) {
   return row([name, `${told}${unit && ` ${unit}`}${most}`]);
 }
 
-// A panel of the robot's: values that belong together, folded by a click. A value that is a number
-// is plotted by a click on its name.
+// A panel of the robot: values that belong together, folded by a click. A click on the name of a
+// number plots it.
 function panelItem({ name: group, rows }) {
   const item = make("details"), table = make("table"), body = make("tbody");
   item.open = !hilrig.folded.has(group);
@@ -263,7 +263,7 @@ const directions = {
   ArrowLeft: ["left", 1], KeyA: ["left", 1], ArrowRight: ["left", -1], KeyD: ["left", -1],
 };
 
-// What the pressed keys come to, a set-point for each axis.
+// The set-point of each axis for the pressed keys.
 function axes() {
   const { limit, ...adds } = hilrig.stage.keys;
   return limit.map((most, axis) => {
@@ -273,7 +273,7 @@ function axes() {
   });
 }
 
-// Said again and again: a robot whose page is gone has to stop.
+// Sent repeatedly, because a robot whose page is gone has to stop.
 function startDriving() {
   keys.clear();
   $("drive").setAttribute("aria-pressed", "true");

@@ -2,7 +2,7 @@
 
 const canvas = $("world");
 let drag = null, frame = null;
-// What is looked at, in metres: `null` is all there is.
+// The visible section, in metres; `null` is the whole.
 let camera = null;
 
 function beginStage() {
@@ -30,7 +30,7 @@ function offerMaps(heads) {
     if (name === "display" || options.some((option) => option.value === name)) continue;
     $("map").append(make("option", name, { value: name }));
   }
-  // What this robot does not have is not offered; a map that is not there is not chosen.
+  // Maps that this robot lacks are not offered and not selected.
   const there = (name) => name === "" || heads.some((head) => head.name === name && head.width);
   for (const option of $("map").options) option.hidden = !there(option.value);
   const none = heads.every(({ name, width }) => name === "display" || !width);
@@ -48,7 +48,7 @@ function mapPicture(name, map) {
   return images[key];
 }
 
-// The canvas has as many pixels as the screen shows of it.
+// Gives the canvas as many pixels as the screen shows.
 function fitCanvas() {
   const ratio = window.devicePixelRatio || 1;
   const { clientWidth, clientHeight } = canvas;
@@ -57,8 +57,8 @@ function fitCanvas() {
   return ratio;
 }
 
-// All of it, as large as it can be, and nothing of it under the layers: in the middle, or to the
-// right of them.
+// The whole, as large as possible and not under the list of layers: in the middle, or to the right
+// of the list.
 function fitBeside(bounds, ratio) {
   const margin = 24 * ratio, whole = view.fit(canvas, bounds, margin);
   const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = $("layers");
@@ -96,7 +96,7 @@ function drawWorld() {
     }
   }
   const { footprint } = hilrig.stage;
-  // Both at the instant of the belief, so that what lies between them is error and not age.
+  // Both poses at the time of the estimate, so that their distance shows error and not age.
   const truth = now.gap?.truth ?? now.truth;
   if (truth) view.drawRobot(context, frame, truth, footprint, view.colours.truth);
   if (now.believed) view.drawRobot(context, frame, now.believed, footprint, view.colours.belief);
@@ -127,7 +127,7 @@ function drawWays(context, now) {
   way("show-belief", 2, view.colours.belief);
 }
 
-// The way that the run took before it went on in another way.
+// The path of the earlier run after the time of the branch.
 function drawGhost(context) {
   if (!hilrig.ghost || !$("show-truth").checked) return;
   context.setLineDash([3, 5]);
@@ -188,17 +188,17 @@ const place = (event) => {
   return { px, py, metres, mm: metres.map((value) => Math.round(value * 1000)) };
 };
 
-// Where the pointer lies as seen from where it was pressed, radians; ahead if it was not moved.
+// Direction from the press to the pointer, radians; 0 if the pointer was not moved.
 const lookedAt = ({ start, last, moved }) =>
   moved ? Math.atan2(start.py - last.py, last.px - start.px) : 0;
 
-// The list with the waypoint that is being dragged where the pointer is.
+// The list, with the dragged waypoint at the pointer.
 function dragged(list) {
   if (!drag || drag.index === null || !drag.moved) return list;
   return list.map((place, index) => index === drag.index ? drag.to : place);
 }
 
-// The waypoint under the pointer or in the list's row under it, by its index.
+// Index of the waypoint under the pointer, on the map or in the list.
 let marked = null;
 
 function markWaypoint(index) {

@@ -1,9 +1,9 @@
-// ---- the time line: lanes, faults, events, plots, and the time that is shown
+// ---- the time line: lanes, faults, events, plots, and the displayed time
 
 const lanes = $("lanes");
-// What is seen of the time, seconds: `null` is all of it, and grows with it.
+// The visible range, seconds; `null` is the whole run, and grows with it.
 let span = null, lineDrawn = 0, lineDrag = null;
-// Numbers of the series that are plotted, by group and name: a robot is known by its names.
+// The plotted series, by group and name.
 const plotted = new Set(["error position error"]);
 
 function beginLine() {
@@ -13,7 +13,7 @@ function beginLine() {
 
 const nameOf = ({ group, name }) => `${group} ${name}`;
 
-// A box for each series there is.
+// A box for each series.
 function offerSeries() {
   const groups = new Map();
   for (const one of hilrig.series) {
@@ -53,7 +53,7 @@ function wireLinks(at, bars) {
     ({ name: link.name, ways: [0, 1].map((side) => wayOn(link, index, side)) }));
 }
 
-// `1.5s`, `200ms`: a length of time as a scenario says it, in seconds.
+// A duration of a scenario, such as `1.5s` or `200ms`, in seconds.
 function seconds(text) {
   const units = { ns: 1e-9, us: 1e-6, ms: 1e-3, s: 1, min: 60, h: 3600 };
   const [, number, unit] = /^\s*([\d.]+)\s*([a-z]+)$/.exec(text ?? "") ?? [];
@@ -62,7 +62,7 @@ function seconds(text) {
 
 const placeOf = (fault) => fault.link ?? fault.device ?? (fault.devices ?? []).join(", ");
 
-// When a fault is over, if that is known.
+// The time of a fault's end, if it is known.
 function endOf({ from, until, lasting, every }) {
   const ends = lasting && !every ? (seconds(from) ?? 0) + seconds(lasting) : null;
   return seconds(until) ?? ends;
@@ -71,7 +71,7 @@ function endOf({ from, until, lasting, every }) {
 function model() {
   const { samples, stage } = hilrig, now = hilrig.now.at_ns / 1e9;
   const at = samples.map((sample) => sample[0] / 1000);
-  // Those that strike one byte are marks in its lane.
+  // Faults of a single byte are marks in its lane instead.
   const lasting = (hilrig.slow?.faults ?? []).filter(({ fault }) => fault.byte === undefined);
   const bars = lasting.map(({ fault, state }) => ({
     link: fault.link, direction: fault.direction,
