@@ -56,7 +56,7 @@ pub trait Device {
         &[]
     }
 
-    /// Whether a `figure` changes what this fault does.
+    /// Whether a `figure` changes the effect of this fault.
     fn takes_figure(&self, fault: &str) -> bool {
         !matches!(fault, "off" | "restart" | "garbage")
     }

@@ -360,7 +360,7 @@ impl Hc06 {
     fn receive_air(&mut self, now: Instant, bytes: &[u8]) {
         self.advance(now);
         if self.host == Host::Closed {
-            // The host drops what it has not sent yet as it closes.
+            // A closing host drops its unsent bytes.
             if self.closed_at.is_some_and(|at| now - at < LEFT_BEHIND) {
                 return;
             }

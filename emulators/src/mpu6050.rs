@@ -5,7 +5,7 @@
 //! 1A  low-pass filter            3B .. 40  acceleration x, y, z     two's complement,
 //! 1B  range of the gyroscope     41, 42    temperature              high byte first
 //! 1C  range of accelerations     43 .. 48  turn rate x, y, z
-//! 23  what goes into the FIFO    6A        40 FIFO on, 04 FIFO reset
+//! 23  selection for the FIFO     6A        40 FIFO on, 04 FIFO reset
 //! 72, 73  bytes in the FIFO      74        reads them, one after the other
 //! 6B  power: 40 sleeps, as after power-up; 80 resets      75  who am I: 68
 //! ```

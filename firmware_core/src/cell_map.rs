@@ -313,8 +313,8 @@ mod tests {
         assert_eq!(map.cell_of(Point::new(-0.1, 99.9)), Ok(Cell::new(-1, 0)));
     }
 
-    /// By hand: from (0.5, 0.5) to (2.5, 1.5) cells, x edges at a quarter and three quarters, the y
-    /// edge at a half.
+    /// By hand: the line from (0.5, 0.5) to (2.5, 1.5) cells meets edges in x at a quarter and
+    /// three quarters of its length, and the edge in y at half of it.
     #[test]
     fn a_walk_touches_every_cell_on_the_way() {
         let map = map(&[]);

@@ -77,7 +77,7 @@ impl GrowingMap {
         Ok(())
     }
 
-    /// All of it for an observer.
+    /// The whole map, for an observer.
     pub fn view(&self) -> MapView<'_> {
         let origin = self.low.map(|low| low as f32 * self.cell_mm);
         let width = usize::try_from(self.size[0]).unwrap_or(1);

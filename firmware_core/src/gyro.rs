@@ -99,7 +99,8 @@ mod tests {
         turned.to_degrees()
     }
 
-    /// An offset of a degree a second is 4 hundredths in 40 ms; 104 are 26 degrees a second.
+    /// An offset of one degree a second is 4 hundredths in 40 ms; without the offset, 104
+    /// hundredths are 1 degree, which is 25 degrees a second.
     #[test]
     fn what_drifts_at_rest_is_no_turn() {
         let mut gyro = Gyro::new();

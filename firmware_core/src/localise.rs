@@ -572,8 +572,8 @@ mod tests {
         pose.heading.to_degrees()
     }
 
-    /// Cells of 100 mm from (-200, 700) on: the fifth has its middle at (250, 750). Scores of a
-    /// degree to either side have equal weights, by their fourth power.
+    /// Cells of 100 mm from (-200, 700) on: the fifth has its middle at (250, 750). The scores one
+    /// degree to either side are equal, so their weights, the fourth powers, are equal too.
     #[test]
     fn the_best_score_is_the_place() {
         let matches = row(&[(4, 90, 204), (4, 88, 102), (4, 92, 102), (9, 300, 153)]);

@@ -234,8 +234,8 @@ impl Odometry {
     }
 
     /// The dead-reckoned pose at `at`. Between two readings it is interpolated. After the newest
-    /// one it continues at the last speed for at most 250 ms. Before the oldest one it is that
-    /// one's pose.
+    /// reading it continues at the last speed for at most 250 ms. Before the oldest reading it is
+    /// the pose of that reading.
     pub fn pose_at(&self, at: Instant) -> Pose {
         let samples = &self.samples[..self.len];
         let Some(newest) = samples.last() else {

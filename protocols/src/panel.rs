@@ -551,7 +551,8 @@ mod tests {
         assert_eq!(clamped[4..9], [0, 0x0F, 0xFF, 0x0F, 0xFF]);
     }
 
-    /// 3 columns and 2 rows; one place; corners exchanged; all that there is, which saturates.
+    /// Windows of 3 columns and 2 rows, of one place, and with exchanged corners; the area of the
+    /// largest window saturates.
     #[test]
     fn the_area_is_columns_times_rows() {
         let area = |columns, rows| Window { columns, rows }.area();

@@ -150,7 +150,7 @@ fn check_names(ports: &[NamedPort]) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Why a fault changes nothing on its line.
+/// The reason why a fault changes nothing on its line.
 fn without_effect(fault: &FaultSpec, ports: &[NamedPort], lines: &[LineOfPair]) -> Option<String> {
     let mut pairs = ports.chunks_exact(2).zip(lines);
     let is_its = |pair: &[NamedPort]| fault.link.as_deref() == Some(&*pair[0].name);

@@ -158,7 +158,7 @@ pub enum CaseError {
     },
 }
 
-/// Silence at the end from which on a program that used to send counts as stopped.
+/// Minimum silence at the end of a case after which a program that sent before counts as stopped.
 const SILENCE: Duration = Duration::from_secs(1);
 /// Minimum number of chunks on a link on which the program sends continuously.
 const TALK_MIN: usize = 10;

@@ -185,7 +185,7 @@ impl Description {
         })
     }
 
-    /// Whether the key `factor` of a scenario changes what this fault does.
+    /// Whether the key `factor` of a scenario changes the effect of this fault.
     pub(crate) fn takes_figure(&self, fault: &str) -> bool {
         let own = self.faults.iter().find(|own| own.name == fault);
         own.map_or(matches!(fault, "wrong" | "slow"), |own| {

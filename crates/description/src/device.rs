@@ -63,7 +63,7 @@ pub struct Described {
     inbox: VecDeque<(Instant, Vec<u8>)>,
     /// Memory of bytes that have been processed, for the next ones.
     spare: Vec<u8>,
-    /// When the silence is long enough to end a frame.
+    /// Time at which the silence is long enough to end a frame.
     quiet_at: Option<Instant>,
     /// Bytes of a frame that a silence will end.
     silent: Vec<u8>,
@@ -74,10 +74,10 @@ pub struct Described {
     /// Frames to be sent, with their times.
     pending: VecDeque<(Instant, Vec<u8>)>,
     output: VecDeque<u8>,
-    /// When the transmission ends.
+    /// End of the transmission.
     sending_until: Instant,
     busy_until: Instant,
-    /// When the start of the device ends.
+    /// End of the start of the device.
     boot_until: Option<Instant>,
     /// Events that have not been processed yet.
     events: VecDeque<(Instant, EventSpec)>,
@@ -252,7 +252,7 @@ impl Described {
         }
     }
 
-    /// When the device acts next without further bytes.
+    /// Time at which the device acts next without further bytes.
     fn acts_at(&self) -> Option<Instant> {
         let due = self.pending.front().map(|(due, _)| *due);
         let event = self.events.front().map(|(at, _)| *at);

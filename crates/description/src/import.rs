@@ -25,7 +25,7 @@ pub struct Draft {
     pub fields: usize,
     /// Parts of the file that are not in the draft.
     pub left_out: Vec<String>,
-    /// How ambiguous parts of the file were read.
+    /// The interpretations of ambiguous parts of the file.
     pub notes: Vec<String>,
 }
 

@@ -57,7 +57,7 @@ pub struct Master {
     judged: [u64; 2],
     cutter: Cutter,
     overlong: Overlong,
-    /// When a silence is long enough to end a frame.
+    /// Time at which a silence is long enough to end a frame.
     quiet_at: Option<Instant>,
     /// Earliest time of a request: the last bytes and a silence are over.
     free_at: Instant,
@@ -236,7 +236,7 @@ impl Master {
         }
     }
 
-    /// When the next request is due.
+    /// Time at which the next request is due.
     fn asks_at(&self) -> Instant {
         self.due.max(self.free_at)
     }

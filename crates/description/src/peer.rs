@@ -74,7 +74,7 @@ pub struct Emulated {
     line: LineConfig,
     world: World,
     now: Instant,
-    /// When the device's transmission ends.
+    /// End of the device's transmission.
     sending_until: Instant,
     heard: VecDeque<(Instant, Vec<u8>)>,
     /// Whether the device gets each byte when it ends, instead of all bytes of a request at once.
@@ -200,7 +200,8 @@ impl Peer for Emulated {
 const LATE_MAX: Duration = Duration::from_secs(3);
 /// Share of the lateness of a port that is no pause yet, for frames that only a silence ends.
 const OPEN_SHARE: u32 = 10;
-/// Maximum number of bytes of an exchange: a program that writes without a pause does not hold it.
+/// Maximum number of bytes of an exchange. It also ends the exchange of a program that writes
+/// without a pause.
 const HEARD_MAX: usize = 1 << 20;
 
 /// Bytes received after a request.

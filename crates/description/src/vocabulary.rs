@@ -1,4 +1,4 @@
-//! The words with which messages and their values are printed: what a condition can compare.
+//! The words with which messages and their values are printed. A condition can compare them.
 
 use std::collections::BTreeSet;
 

@@ -14,7 +14,7 @@ pub struct Metrics {
     pub sim_s: f64,
     /// Time that it took, seconds.
     pub wall_s: f64,
-    /// How many times faster than real time.
+    /// Ratio of virtual time to real time.
     pub speedup: f64,
     /// Root mean square of the position error, mm.
     pub pose_rms_mm: Option<f64>,

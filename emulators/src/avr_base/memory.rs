@@ -80,7 +80,7 @@ pub(super) struct Memory {
     map: u16,
     /// Bytes written elsewhere, through an overwritten data pointer.
     far: BTreeMap<u16, u8>,
-    /// Which bytes of the task table were overwritten.
+    /// The overwritten bytes of the task table.
     tasks: [bool; TASK_BYTES as usize],
     /// Variables behind the registers of the battery's voltage and percent: they lie below the map.
     battery_mv: u16,
@@ -434,7 +434,8 @@ mod tests {
         );
     }
 
-    /// Field firmware b77a6df, measured on the chip: a value is put where it lies, by hand.
+    /// Field firmware b77a6df, measured on the chip: the expected addresses of the values were
+    /// worked out by hand.
     #[test]
     fn the_motors_lie_where_the_firmware_has_them() {
         let mut memory = Memory::new(MAP_2015);

@@ -207,7 +207,7 @@ fn settings_are_read_back_until_a_restart_and_not_lost_by_its_end() {
     assert_eq!(chip.known_faults(), ["off", "restart", "stuck", "wrong"]);
 }
 
-/// A bias of 2 degrees a second, of which another 1 has walked: 3 times 131 counts.
+/// A bias of 2 degrees a second, and 1 more from its walk: 3 times 131 counts.
 #[test]
 fn what_has_walked_adds_to_the_bias() {
     let world = world();
@@ -339,8 +339,8 @@ fn f17_the_fifo_holds_samples_until_they_are_read() {
     assert_eq!(count(&mut chip, 6_000), 0);
 }
 
-/// Register map: bits 0 to 2 select the filter, 1 to 6 give 1 kHz and 0 and 7 give 8 kHz, divided
-/// by one more than the divider; bits 3 to 5 are of the external pin.
+/// Register map: bits 0 to 2 select the filter. Filters 1 to 6 give 1 kHz, 0 and 7 give 8 kHz, each
+/// divided by the divider plus one. Bits 3 to 5 belong to the external pin.
 #[test]
 fn the_filter_and_the_divider_give_the_rate() {
     let world = world();

@@ -96,8 +96,9 @@ fn variables_that_cannot_be_are_refused() {
     assert!(Variables::new(vec![variable("a", ValueSource::Counter { period })]).is_err());
 }
 
-/// Wheels of 350 mm/s against each other, 260 mm apart, turn at 2692 mrad/s; a push of 0.6 m in 2 s
-/// beside it is the speed over the floor. The wall ahead is 2 m off, so 5 s of 350 mm/s meet it.
+/// Wheels that turn at 350 mm/s in opposite directions, 260 mm apart, turn the robot at 2692
+/// mrad/s. A push of 0.6 m in 2 s gives its speed over the floor. In the second part the wall ahead
+/// is 2 m away, so a robot at 350 mm/s meets it within 7 s.
 #[test]
 fn motion_and_contact_are_shown() {
     let sources = [

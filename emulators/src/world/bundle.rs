@@ -174,8 +174,8 @@ impl Bundle {
         self.index[lane] as usize
     }
 
-    /// Which lanes the beam may meet within `limit`. The formulas are those of the exact test for
-    /// walls, with the middle in place of the end.
+    /// The lanes that the beam may meet within `limit`. The formulas are those of the exact test
+    /// for walls, with the middle in place of the end.
     #[inline(always)]
     pub(super) fn screen(&self, beam: &Beam, limit: f32) -> [bool; LANES] {
         let (dir_x, dir_y) = (beam.dir_x, beam.dir_y);
@@ -233,9 +233,9 @@ mod tests {
 
     const NOWHERE: Point = Point::new(-10.0, -20.0);
 
-    /// Which of four lanes a ray from `from` at `angle` may meet within `limit`: a wall across at 1
-    /// m, half a metre to either side; a wall along the ray, 0.2 m to the left from 1 m to 3 m; a
-    /// circle of 0.3 m around (2, 0); and an empty lane.
+    /// The lanes, of four, that a ray from `from` at `angle` may meet within `limit`. The lanes are
+    /// a wall across at 1 m, half a metre to either side; a wall along the ray, 0.2 m to the left
+    /// from 1 m to 3 m; a circle of 0.3 m around (2, 0); and an empty lane.
     fn screened(from: (f64, f64), angle: f64, limit: f32) -> [bool; LANES] {
         let at = Point::new;
         let wall = |from, to| Primitive::Segment(Segment::new(from, to).expect("long"));

@@ -89,7 +89,7 @@ impl Bumper {
         least - radius_m
     }
 
-    /// Discards what is known after the body was placed elsewhere.
+    /// Discards the stored distances and contacts, because the body was placed elsewhere.
     pub(super) fn forget(&mut self) {
         self.free = 0.0;
         self.touching.clear();

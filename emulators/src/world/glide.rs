@@ -86,7 +86,7 @@ mod tests {
         assert!(!world.is_moving());
     }
 
-    /// Where the floor holds again, the car follows its wheels.
+    /// As soon as the floor has grip again, the car follows its wheels.
     #[test]
     fn wheels_hold_beyond_the_slick_place() {
         let mut world = car(0.05);

@@ -62,7 +62,7 @@ struct Place {
     sectors: OnceLock<Box<[Sector]>>,
 }
 
-/// What a ray in these directions may meet.
+/// The primitives that a ray in these directions may meet.
 #[derive(Clone, Debug)]
 struct Sector {
     /// The nearest primitives: a lower bound of the distance, metres, and the index of each.
@@ -214,7 +214,7 @@ struct View {
     line: Option<(Point, f64)>,
 }
 
-/// Distance from the middle of a place within which all of it lies.
+/// Radius of the circle around the middle of a place that contains the place.
 const REACH_M: f64 = PLACE_M * SQRT_2 / 2.0 + MARGIN;
 
 impl View {

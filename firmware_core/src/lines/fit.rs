@@ -124,7 +124,7 @@ mod tests {
         Point::new(x_mm, y_mm)
     }
 
-    /// 3, 4, 5; between two equal points no direction is better than another.
+    /// A triangle of 3, 4 and 5; between two equal points no direction is better than another.
     #[test]
     fn a_chord_runs_from_point_to_point() {
         let chord = Fit::chord(at(10.0, 20.0), at(40.0, -20.0));

@@ -207,7 +207,8 @@ fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
         [0.0, 1.0, -1.0].map(|side| around_a_post(-10.0, side)),
         [35.0, 35.0, -55.0]
     );
-    // 17 degrees: -26.1 or 60.1, so -30 + 40 or 65; 25 degrees: -18.1 or 68.1, so -20 + 40 or 70.
+    // At 17 degrees the post is passed at -26.1 or 60.1, so -30 + 40 competes with 65; at 25
+    // degrees it is passed at -18.1 or 68.1, so -20 + 40 competes with 70.
     assert_eq!([17.0, 25.0].map(|at| around_a_post(at, 1.0)), [65.0, -20.0]);
 }
 

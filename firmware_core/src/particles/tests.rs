@@ -24,7 +24,8 @@ fn field() -> LikelihoodField {
     LikelihoodField::new(100, 0.05, [0.0; 2], &walls(), 2.0)
 }
 
-/// Scan of a scanner of 70 degrees at `pose`, by steps of 1 cm: independent of the map's cells.
+/// Scan of a scanner with a field of view of 70 degrees at `pose`, traced in steps of 1 cm,
+/// independent of the map's cells.
 fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
     let bearings = (-35..=35).map(|deg| f64::from(deg).to_radians());
     let range = |bearing: f64| {
@@ -41,7 +42,7 @@ fn scan(pose: CarPose, random: &mut Pcg32) -> Vec<Beam> {
     beams.collect()
 }
 
-/// Every cell of a random field by hand: the least distance over all obstacles.
+/// Compares every cell of a random field with the least distance over all obstacles.
 #[test]
 fn distances_are_those_to_the_next_obstacle() {
     let mut random = Pcg32::new(5);
@@ -267,7 +268,7 @@ fn the_estimate_is_the_mean_of_the_heaviest_heap() {
     assert!(near(turned.pose.heading_rad.abs(), PI) && near(turned.share, 1.0));
 }
 
-/// Limits of 5 cm and 0.05 rad, each a little to both sides; the first scan always counts.
+/// Values slightly below and above the limits of 5 cm and 0.05 rad; the first scan always counts.
 #[test]
 fn a_scan_is_weighed_when_the_robot_has_moved() {
     let mut localiser = guessing(&[(pose(1.0, 1.0, 0.0), 1.0)]);
@@ -370,9 +371,9 @@ fn the_guess_whose_beams_end_on_an_obstacle_weighs_more() {
     assert_eq!(localiser.fit_at(below, &beside(-5.0)), 0.0);
 }
 
-/// A quarter and three quarters of the weight: of 500 drawn 375 are the second, within four
-/// standard deviations of 9.7. The number is the minimum of the settings for one box, and the
-/// maximum for guesses spread everywhere.
+/// Two guesses have a quarter and three quarters of the weight: of 500 drawn guesses 375 are the
+/// second one, within four standard deviations of 9.7. The number is the minimum of the settings
+/// for one box, and the maximum for guesses spread everywhere.
 #[test]
 fn the_heavier_guess_is_drawn_more_often() {
     let places = [pose(1.0, 1.0, 0.0), pose(1.1, 1.0, 0.0)];

@@ -206,7 +206,7 @@ mod tests {
         assert_eq!(agreement(3, 1, 16), 0.75);
     }
 
-    /// Of 80 points, an eighth are 10: 20 less 5 is 15, 10 above 8 less 3 or 9 less 4.
+    /// An eighth of 80 points is 10: 20 - 5 = 15 is 10 more than 8 - 3 or 9 - 4.
     #[test]
     fn a_place_is_better_by_an_eighth_of_all_points() {
         let here = evidence(20, 5, 80);

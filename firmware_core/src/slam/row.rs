@@ -245,7 +245,7 @@ impl Cut {
     }
 }
 
-/// Adds the rows from `row` on of the windows of `cuts` to the lanes; cells outside the map count
+/// Adds the windows of `cuts` to the lanes, in the rows from `row` on; cells outside the map count
 /// as 0. `ends` has a bit for each row with ends, see [`Cut::ends`].
 #[inline(never)]
 pub(super) fn add_cut<const N: usize, const W: usize, const H: usize>(

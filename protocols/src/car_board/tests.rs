@@ -173,7 +173,8 @@ fn a_pause_tells_where_frames_begin() {
     assert_eq!(found, [frame; 3]);
 }
 
-/// 1101 cm, a line of 2, and voltages beside the band; the limits themselves are good.
+/// 1101 cm, a line of 2, and voltages outside the band are rejected; values at the limits are
+/// accepted.
 #[test]
 fn values_that_no_sensor_has_are_rejected_with_their_place() {
     let good = Readings {

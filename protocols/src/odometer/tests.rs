@@ -215,7 +215,8 @@ fn the_later_sketch_has_ten_figures_and_no_sum() {
     assert_eq!(Raw::read(b"#1*2*3*"), Err(LineError::Fields { found: 3 }));
 }
 
-/// CR LF, LF, and LF LF behind a terminal that makes LF of CR: the empty line is one more.
+/// Line ends CR LF and LF, and the LF LF of a terminal that turns CR into LF, which adds an empty
+/// line.
 #[test]
 fn lines_end_in_any_of_three_ways() {
     let mut decoder = Decoder::default();

@@ -80,7 +80,7 @@ pub(in crate::cli) struct CaseTried {
     unjudged: Vec<String>,
     /// The cause of a failure, as far as the ports show it.
     pub(in crate::cli) cause: Option<String>,
-    /// How the program ended, if it ended by itself.
+    /// The end of the program, if it ended by itself.
     pub(in crate::cli) ended: Option<Ended>,
     /// The last part of its output.
     pub(in crate::cli) said: String,

@@ -54,7 +54,7 @@ pub(super) struct Tried {
     pub(super) cause: Option<String>,
     /// Verdicts on the program itself.
     pub(super) checks: Vec<Check>,
-    /// How and when the program ended, if it ended itself.
+    /// The end of the program and its time, if it ended by itself.
     pub(super) ended: Option<(Ended, Instant)>,
     pub(super) said: String,
     /// Calls outside virtual time.

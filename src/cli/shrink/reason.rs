@@ -18,12 +18,12 @@ const TELLING: [&str; 7] = [
     "program-connected",
 ];
 
-/// Why a case fails.
+/// The reason of a case's failure.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Reason {
     /// Names of the failed checks, each with its text if that tells more.
     checks: BTreeSet<(String, String)>,
-    /// How the program failed, and its last line.
+    /// The way in which the program failed, and its last line.
     end: Option<(Ended, String)>,
 }
 

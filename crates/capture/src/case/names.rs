@@ -69,7 +69,8 @@ impl Case {
         named
     }
 
-    /// Why `ignores_damage` cannot be judged: devices answer anew and send no captured damage.
+    /// The reason why `ignores_damage` cannot be judged: devices answer anew and send no captured
+    /// damage.
     pub fn why_damage_is_not_judged(&self) -> Option<&'static str> {
         (self.play == Some(Play::Devices)).then_some(
             "is not judged if the devices answer, because the captured damage does not arrive; \

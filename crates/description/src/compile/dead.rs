@@ -9,7 +9,7 @@ use span::Span;
 impl Compiler<'_> {
     /// Records errors for keys that can have no effect.
     pub(super) fn check_effects(&mut self, description: &Description) {
-        // An external program may implement what the description only names.
+        // An external program may implement parts that the description only names.
         if description.program.is_some() {
             return;
         }

@@ -302,7 +302,7 @@ impl Compiler<'_> {
             scale,
             limits: None,
         };
-        // What the type cannot hold would be cut on the wire.
+        // A value that does not fit the type would be cut on the wire.
         let limits = spec.limits.iter().flatten();
         let limits = limits.map(|limit| ("limits", Value::Float(*limit)));
         let initial = spec.initial.is_some().then_some(("initial", initial));

@@ -306,7 +306,7 @@ impl Described {
     }
 }
 
-/// When the first of `count` bytes began.
+/// Time at which the first of `count` bytes began.
 fn first_start(line: protocols::LineConfig, end: Instant, count: usize) -> Instant {
     line.byte_end(end, count as u64)
 }

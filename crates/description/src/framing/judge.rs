@@ -13,7 +13,7 @@ use crate::schema::wire::Stuffing;
 #[derive(Clone, Debug)]
 pub struct Frames(pub(crate) Arc<Vec<Framing>>, Unused, Looked, Context);
 
-/// What the judgement of bytes depends on, apart from the bytes.
+/// The context on which the judgement of bytes depends.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Context {
     /// The byte before the first one.

@@ -9,7 +9,7 @@ use super::{Cutter, Framing};
 use crate::Description;
 use crate::schema::message::From;
 
-/// How a frame ends, with its markers.
+/// The ways in which a frame ends, with their markers.
 const CUTS: [&str; 14] = [
     "size = 14",
     "sync = [0xFA]\nsize = 15",

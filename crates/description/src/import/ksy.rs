@@ -47,7 +47,7 @@ struct Level<'a> {
     types: Vec<&'a Node>,
     names: Names,
     orders: Orders,
-    /// Where the type is in the file, for reports.
+    /// Position of the type in the file, for reports.
     path: String,
 }
 

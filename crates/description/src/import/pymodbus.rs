@@ -21,7 +21,7 @@ const SECTIONS: [(&str, &str, u32); 6] = [
 /// Maximum number of registers of a block.
 const BLOCK_MAX: u64 = 65_536;
 
-/// Where the blocks begin.
+/// The layout of the blocks.
 struct Layout {
     is_shared: bool,
     /// The ends of the blocks in order of [`TABLES`].

@@ -1150,7 +1150,7 @@ local function modbus(s, from)
   return string.format("device %d: %s", address, said), items
 end
 
--- Items of the tree: a field, its value in the form that the field wants, and what is said beside.
+-- Items of the tree: a field, its value in the form that the field wants, and the text beside it.
 local function add_items(items, record)
   for _, entry in ipairs(record) do
     local field, value = entry[3], entry[2]

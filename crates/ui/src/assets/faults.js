@@ -1,6 +1,6 @@
 // ---- faults by click: place on the robot's wiring, kind, and the settings of a scenario
 
-// Where the next fault acts: {link, direction} or {device}.
+// Place of the next fault: {link, direction} or {device}.
 let target = null;
 
 function beginFaults(stage) {

@@ -74,7 +74,8 @@ fn a_stuck_head_gives_no_nodes() {
     shows(Fault::Stuck, |bench| bench.scan().bytes.is_empty());
 }
 
-/// 1350 - 1.615 * v = 150 + 1000 + 0.385 * v gives 100 rpm instead of 330.
+/// The motor's drive, 1350 - 1.615 * v, equals its friction with the fault, 150 + 1000 + 0.385 * v,
+/// at 100 rpm instead of 330.
 #[test]
 fn a_slow_head_gives_more_nodes_in_a_turn() {
     let run = |slow: bool| {

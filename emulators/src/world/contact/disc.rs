@@ -184,7 +184,7 @@ mod tests {
         // The obstacle moves towards the body and does not limit the body's own motion, which leads
         // away.
         assert!(is(left(0.6, 0.4, 0.45), 1.0, Some([0.15, -0.05])));
-        // Where it already overlaps nothing is left.
+        // If the body already overlaps, no motion is left.
         assert!(is(left(0.6, 0.45, 0.35), 0.0, Some([0.25, 0.1])));
         assert!(is(left(0.45, 0.45, 0.45), 1.0, Some([0.0; 2])));
         // No nearer at the end than at the beginning: a surface that went away blocks nothing.

@@ -173,7 +173,8 @@ fn a_sensor_ahead_and_left_of_a_robot_that_looks_left_is_behind_it_in_x() {
     );
 }
 
-/// From (1, 0) to (1, 1), and a nanometre longer at either end, itself included.
+/// The wall from (1, 0) to (1, 1) is met up to a nanometre beyond either end, and at exactly that
+/// distance.
 #[test]
 fn a_wall_is_met_up_to_a_nanometre_beyond_its_ends() {
     let wall = Segment::new(Point::new(1.0, 0.0), Point::new(1.0, 1.0)).unwrap();

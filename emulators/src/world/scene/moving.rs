@@ -12,7 +12,7 @@ use crate::world::path::{Path, Repeat};
 #[derive(Clone, Debug)]
 pub(super) struct MovingBody {
     body: Body,
-    /// Distance from its origin within which all of it lies.
+    /// Radius of the circle around its origin that contains the obstacle.
     reach: f64,
     course: Course,
 }
@@ -132,7 +132,7 @@ impl MovingBody {
         }
     }
 
-    /// Distance from its origin within which all of it lies, metres.
+    /// Radius of the circle around its origin that contains the obstacle, metres.
     pub(super) const fn reach(&self) -> f64 {
         self.reach
     }

@@ -136,8 +136,8 @@ fn a_robot_meets_one_that_stands() {
     assert!((apart - 0.2).abs() < 4e-4, "{apart}");
 }
 
-/// Head on, both with 0.3 m/s: each has one contact at 0.6 m/s, half of it by itself. The order in
-/// which the worlds advance changes nothing.
+/// Two robots meet head on, both with 0.3 m/s: each has one contact at 0.6 m/s, and causes half of
+/// it. The order in which the worlds advance changes nothing.
 #[test]
 fn the_order_of_the_worlds_changes_nothing() {
     let met = |backwards: bool| {

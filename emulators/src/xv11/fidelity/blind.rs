@@ -2,7 +2,7 @@
 //! the emulated sensor in the same room. Its accuracy is the figure: 50 % is chance.
 //!
 //! A window is two turns. Half of the windows train the classifier, the others are judged, and then
-//! the other way round. Only what repeats is the room: something that moves in it, edges and
+//! the other way round. Only repeating readings count as the room: moving objects, edges and
 //! corners are left out of both streams.
 
 #[cfg(test)]

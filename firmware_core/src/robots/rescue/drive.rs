@@ -566,7 +566,8 @@ mod tests {
         assert_eq!((drive.set_point(), drive.expired), (HALT, 1));
     }
 
-    /// Registers 13 and 17, low byte first; 1, 3, 5, 7, 9, 11 and 21, 23, 29, 31; 33 to 35.
+    /// Words, low byte first: heat in registers 13 and 17, infrared in 1, 3, 5, 7, 9, 11, 21, 23,
+    /// 29 and 31. Battery: a word in 33 and 34, and the percentage in 35.
     #[test]
     fn what_was_read_is_told_once() {
         let mut drive = Drive::new(&fitted());

@@ -154,8 +154,8 @@ mod tests {
         assert_eq!(count(&kept), 0);
     }
 
-    /// A lidar that measures a tenth of each turn, each time elsewhere: what it saw adds up. A far
-    /// point replaces a near one of its bearing.
+    /// A lidar that measures a tenth of each turn, each time a different one: its measurements add
+    /// up. A far point replaces a near one of its bearing.
     #[test]
     fn parts_of_turns_add_up() {
         let mut kept = Kept::new();

@@ -5,8 +5,8 @@ use crate::navigation::HALT;
 use crate::pose::{Point, Pose, PoseChange};
 use crate::scan::{BEAMS, Scan};
 
-/// Maximum distance of a mover from the lidar, mm: a robot that stops for it rests before a person
-/// of 0.3 m/s has covered what lies between.
+/// Maximum distance of a mover from the lidar, mm: a robot that stops for a person at 0.3 m/s rests
+/// before the person has covered the distance between them.
 const NEAR_MM: f32 = 450.0;
 /// A beam has passed a place if it ended this much farther, mm: several times the noise, and the
 /// distance that a person at 0.3 m/s covers in a turn.

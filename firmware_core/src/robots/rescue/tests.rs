@@ -528,7 +528,7 @@ fn from_pc(robot: &mut Rescue, now: Instant, bytes: &[u8]) {
     robot.obey(now, frame);
 }
 
-/// Manual set-points are limited to 35 ticks to each side; another mode has none.
+/// Manual set-points are limited to 35 ticks to each side; in other modes there are none.
 #[test]
 fn an_order_by_hand_is_no_faster_than_the_base_takes() {
     let ordered = |mode, set_point| {

@@ -525,8 +525,8 @@ mod tests {
         assert_eq!(told(&[307, 307], &with(0, -440.0)), 1);
     }
 
-    /// 45 tenths are warm, 44 are not; 15 tenths are the edge of a victim, and do not count as
-    /// ambient.
+    /// A reading of 4.5 degrees above the hall is warm, one of 4.4 is not. From 1.5 degrees on it
+    /// is the edge of a victim, and does not count as ambient.
     #[test]
     fn warmth_begins_at_its_limits() {
         let mut victims = Victims::new();

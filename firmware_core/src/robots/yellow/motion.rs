@@ -101,8 +101,8 @@ mod tests {
         assert!(!Velocity::new(0.0, f32::INFINITY).is_finite());
     }
 
-    /// 15 rad/s2 in either direction, and a hundredth of a second: 0.15 rad/s, and not past the
-    /// target.
+    /// 15 rad/s2 for a hundredth of a second change the turn rate by 0.15 rad/s in either
+    /// direction, but not past the target.
     #[test]
     fn turning_gathers_speed_and_loses_it_alike() {
         let turned = |from, to| {

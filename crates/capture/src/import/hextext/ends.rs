@@ -200,7 +200,7 @@ impl Ends {
                 (Some(is_host), _) => Some(is_host),
                 (None, other) => other.map(|is_host| !is_host),
             };
-            // Where only the arrow turns, the arrow tells the direction.
+            // If only the arrow changes, the arrow gives the direction.
             let is_written = |pair: (&str, &str)| written.contains(&pair);
             let both = is_written((sender, receiver)) && is_written((receiver, sender));
             let is_host = of_roles.or_else(|| {

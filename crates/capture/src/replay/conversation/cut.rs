@@ -514,8 +514,8 @@ mod tests {
         assert_eq!(least_gap(LineConfig::new_8n1(115_200)), GAP_MIN);
     }
 
-    /// At 1 Mbaud a byte takes 10 us. Pieces 3 ms apart are one message; what the other side sent
-    /// during a message leaves it out.
+    /// At 1 Mbaud a byte takes 10 us. Pieces 3 ms apart are one message. A message is left out if
+    /// the other side sent bytes during it.
     #[test]
     fn messages_during_which_the_other_side_is_silent_are_learnt_from() {
         let fast = LineConfig::new_8n1(1_000_000);

@@ -124,7 +124,7 @@ const BURST_GAP: Duration = Duration::from_millis(20);
 /// capture does not contain the opening, and many programs discard bytes from before they were
 /// ready.
 const BEGINS_AFTER: Duration = Duration::from_millis(100);
-/// Number of messages after a request from which on they are a stream.
+/// Minimum number of messages after a request that count as a stream.
 const STREAM_MIN: usize = 16;
 
 /// Cause of a message.
@@ -335,7 +335,8 @@ mod tests {
     }
 
     /// Ten messages, 100 ms apart, the last at 1 s. The stream continues if the session ends within
-    /// three gaps and 20 ms. What begins in its last second is repeated, but for the first message.
+    /// three gaps and 20 ms. Messages that begin in its last second are repeated, except the first
+    /// one.
     #[test]
     fn a_stream_to_the_end_is_repeated() {
         let stream = |count: u64| {
@@ -355,9 +356,9 @@ mod tests {
         assert_eq!(Tail::of(&[], us(5)), None);
     }
 
-    /// The second message begins 20 ms after the end of the first, the third 20.01 ms after that.
-    /// What comes after a message that is no reply is none either. Of 16 messages, only the first
-    /// is a reply: they are a stream.
+    /// The second message begins 20 ms after the end of the first, the third 20.01 ms after that. A
+    /// message after one that is no reply is no reply either. Of 16 messages, only the first is a
+    /// reply: they are a stream.
     #[test]
     fn messages_that_follow_at_once_belong_to_the_reply() {
         let marked = |ends: &[u64]| -> Vec<bool> {

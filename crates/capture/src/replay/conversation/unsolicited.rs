@@ -140,7 +140,7 @@ mod tests {
         }]
     }
 
-    /// Which of these messages, by their times and bytes, are unsolicited beside these requests.
+    /// The messages that, by their times and bytes, are unsolicited beside these requests.
     fn free(messages: &[(u64, &[u8])], requests: &[u64]) -> Vec<bool> {
         let messages: Vec<_> = messages
             .iter()

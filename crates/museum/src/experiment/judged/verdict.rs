@@ -15,7 +15,7 @@ pub enum Verdict {
     ByConstruction,
     /// The rig cannot measure the row.
     Refused,
-    /// The command was interrupted before.
+    /// The command was interrupted before this row.
     NotRun,
 }
 

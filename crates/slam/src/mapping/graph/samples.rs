@@ -30,7 +30,7 @@ pub(crate) struct Errors {
     pub(crate) odometry: f64,
 }
 
-/// How the pose of a keyframe was held: by known walls, or by odometry.
+/// The sources that hold the pose of a keyframe: known walls, or odometry.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Held {
     /// Share of the scan that lay on no known wall, 0 to 1.

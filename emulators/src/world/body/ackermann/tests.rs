@@ -22,8 +22,8 @@ fn run(car: &mut Ackermann, from: u64, end: u64) {
     }
 }
 
-/// The command is 0.2 rad. At rest: all of it, 4 degrees (0.07 rad) less, nothing; rolling: all of
-/// it.
+/// The command is 0.2 rad. At rest the wheels turn by all of it, by 4 degrees (0.07 rad) less, or
+/// not at all; a rolling car turns them by all of it.
 #[test]
 fn a_heavy_car_steers_badly_at_rest() {
     for (floor, at_rest) in [

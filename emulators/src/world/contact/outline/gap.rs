@@ -301,8 +301,8 @@ mod tests {
         assert!((distance(Point::new(0.0, 3.0), &post, place) - 1.5).abs() < 1e-12);
     }
 
-    /// Ways at random, far from the origin: they cross if, as Cramer's rule has it, both parts lie
-    /// between 0 and 1.
+    /// Random paths far from the origin: by Cramer's rule they cross if both parts lie between 0
+    /// and 1.
     #[test]
     fn ways_at_random_cross_where_both_parts_lie_within() {
         let mut dice = crate::rng::Rng::stream(1, "ways");

@@ -426,7 +426,8 @@ mod tests {
         assert!(heap.line.is_none());
     }
 
-    /// 4 + 2 + 6, 1 + 10 + 9 and 2 + 6 + 18 with 1, 2 and 3 again; two equal rows have no answer.
+    /// With the solution 1, 2, 3 the rows are 4 + 2 + 6, 1 + 10 + 9 and 2 + 6 + 18; two equal rows
+    /// have no solution.
     #[test]
     fn normal_equations_with_all_entries_are_solved() {
         let sum = Sum {
@@ -618,7 +619,8 @@ mod tests {
         assert!(x_m(&tracker).is_some_and(|x_m| (x_m - 2.1).abs() < 1e-9));
     }
 
-    /// The first eight scans are always drawn; then each 2 cm and each hundredth of a radian.
+    /// The first eight scans are always drawn; then one is drawn after each 2 cm and each hundredth
+    /// of a radian.
     #[test]
     fn a_scan_is_drawn_where_the_camera_has_moved() {
         let mut tracker = Tracker::new(CarPose::default());

@@ -523,7 +523,8 @@ fn robot() -> std::boxed::Box<super::super::Rescue> {
     std::boxed::Box::new(super::super::Rescue::new(super::super::Config::default()))
 }
 
-/// 20 mm from the edge, there again, back in the middle, and at the edge again.
+/// Each time that the robot comes near the edge from the middle of the map counts once; staying
+/// near the edge does not count again.
 #[test]
 fn each_time_that_the_map_ends_is_told_once() {
     let mut robot = robot();

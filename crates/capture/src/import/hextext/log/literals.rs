@@ -19,7 +19,7 @@ struct Literal {
     bytes: Vec<u8>,
 }
 
-/// What the file contains.
+/// The forms of content in a file.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Forms {
     /// Literals with more than digits.

@@ -52,7 +52,7 @@ pub(super) fn direction(word: &str) -> Option<bool> {
 /// Whether the last word of a direction says that the host sent the bytes.
 pub(super) fn told_by(words: &[String]) -> Option<bool> {
     let at = words.iter().rposition(|word| direction(word).is_some())?;
-    // What a slave sends is received, and the other way round.
+    // Bytes that a slave sends are received by the host, and the other way round.
     let is_of_slave = at > 0 && is_slave(&words[at - 1]) && !is_action_of_host(&words[at]);
     direction(&words[at]).map(|is_sent| is_sent != is_of_slave)
 }

@@ -177,8 +177,9 @@ fn a_frame_counts_when_the_board_is_quiet() {
     assert_eq!(car.ultrasound_m()[0], Some(1.0));
 }
 
-/// While it was silent the odometer counted at least 8 cm less than the board, three pulses: half a
-/// metre by the board, and 41, 43 or minus 43 cm by the odometer.
+/// The board reports half a metre. An odometer that was silent and counted at least 8 cm less,
+/// three pulses, missed a part of that path: 41 cm in either direction are too few, 43 cm are
+/// enough.
 #[test]
 fn an_odometer_that_missed_three_pulses_was_deaf() {
     let mut car = car();
