@@ -45,7 +45,8 @@ struct Solid {
     primitive: Primitive,
     /// Origin of the surface at the beginning and at the end of the step.
     places: [Point; 2],
-    /// Relative to the body's first position: the gap at the beginning, and at the end.
+    /// Gaps at the beginning of the step, and at its end if the body stays, both relative to the
+    /// first position of the body.
     began: Gap,
     stay: Gap,
     /// Distance of the body's middle from the surface at the end, if the body stays.

@@ -474,9 +474,9 @@ mod tests {
         assert_eq!([0.59, 0.60].map(second), [true, false]);
     }
 
-    /// Sliding aside, the board reports 4 cm ahead and 25 cm to the left; the encoder reports 25 cm
-    /// ahead: the same distance, in the same direction. With 17 cm it has missed more than two
-    /// pulses.
+    /// While the car slides aside, the board reports 4 cm ahead and 25 cm to the left. An encoder
+    /// with 25 cm ahead reports the same distance in the same direction. One with 17 cm has missed
+    /// more than two pulses.
     #[test]
     fn an_encoder_that_told_as_much_way_is_not_short() {
         let board = CarPose {

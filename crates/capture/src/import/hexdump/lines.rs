@@ -287,7 +287,8 @@ mod tests {
         assert_eq!((cut, other), ([true; 3], [false; 3]));
     }
 
-    /// With a colon an offset has two digits or more, without one four; at most sixteen.
+    /// An offset with a colon has two digits or more, one without a colon four or more; at most
+    /// sixteen.
     #[test]
     fn an_offset_begins_a_row() {
         for (text, offset, rest) in [

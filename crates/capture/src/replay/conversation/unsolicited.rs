@@ -150,7 +150,8 @@ mod tests {
         are_unsolicited(Cut::Gaps, &messages, &requests)
     }
 
-    /// Two messages of a kind before the first request, or one of them and four in all.
+    /// A kind is unsolicited if two of its messages come before the first request, or one of four
+    /// in all.
     #[test]
     fn a_kind_that_comes_before_any_request_is_unsolicited() {
         let times = |list: &[u64]| list.iter().map(|&at| (at, &b"ab"[..])).collect::<Vec<_>>();
