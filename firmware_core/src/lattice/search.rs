@@ -100,8 +100,8 @@ impl core::fmt::Display for NoPlan {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
             Self::Resolution => "the map's cell size differs from that of the primitives",
-            Self::Start => "the start is off the map or in an obstacle",
-            Self::Goal => "the goal is off the map or in an obstacle",
+            Self::Start => "the start is off the map or too near an obstacle",
+            Self::Goal => "the goal is off the map or too near an obstacle",
             Self::NoWay => "there is no path",
             Self::Limit => "no path was found within the limits",
         })
