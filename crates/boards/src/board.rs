@@ -287,7 +287,8 @@ impl BoardText {
         self.check_pins(source)
     }
 
-    /// Checks that one simulator runs it, and that a board in QEMU has no parts of others.
+    /// Checks that exactly one simulator runs the board, and that a board in QEMU has no settings
+    /// of other boards.
     fn check_simulator(&self, source: &Source<'_>) -> Result<(), BoardError> {
         let (mcu, qemu) = match (&self.mcu, &self.qemu) {
             (Some(mcu), None) if MCUS.contains(&&**mcu.get_ref()) => return Ok(()),

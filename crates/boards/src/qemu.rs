@@ -9,28 +9,28 @@ use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
-/// Its name.
+/// Name of QEMU's program.
 const NAME: &str = "qemu-system-arm";
-/// Names another one.
+/// Environment variable with the path of another program to use instead.
 const VARIABLE: &str = "HILRIG_QEMU_ARM";
 
 /// The machine of QEMU that runs a board's firmware.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
-    /// Its name, as QEMU's option `-M` has it.
+    /// Name of the machine, as QEMU's option `-M` accepts it.
     pub machine: String,
-    /// Which firmware it runs.
+    /// Kind of firmware that the machine runs.
     pub firmware: Tier,
 }
 
-/// Which firmware a machine of QEMU runs, and in which time.
+/// Kind of firmware that a machine of QEMU runs, and its time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Tier {
     /// Programs linked with the board layer `nodes/cortex-m4`, in lockstep with the rig.
     Lockstep,
-    /// Any, unmodified, in real time.
+    /// Any firmware, unmodified, in real time.
     RealTime,
 }
 
@@ -84,9 +84,10 @@ impl Machine {
                 serials += NO_SERIAL;
                 continue;
             };
-            // QEMU's own backend for serial ports would set 115200 baud; the one for pipes sets
-            // nothing. Named by its number, the port may have any path. It has the rate of its line
-            // already: stty knows only some rates.
+            // QEMU's own backend for serial ports would set 115200 baud; the backend for pipes sets
+            // nothing. A port that is named by the number of its file descriptor may have any path.
+            // The port already has the rate of its line, and `stty` does not know all rates, so the
+            // rate is not set here.
             let fd = 3 + number;
             opened += &format!(
                 "exec {fd}<>\"${variable}\" && stty cs8 -parenb -cstopb raw -echo <&{fd} && "
@@ -99,8 +100,9 @@ impl Machine {
 
     fn start(&self, elf: &str) -> Result<String, String> {
         let qemu = find()?;
-        // QEMU does not notice the end of this process while gdb holds it, or while its program
-        // computes. util-linux, which has `setpriv`, is part of each usual Linux.
+        // QEMU does not notice the end of this process while gdb holds QEMU, or while its program
+        // computes. `setpriv` ends QEMU then; it belongs to util-linux, which is part of each usual
+        // Linux.
         let bound = match find_program("setpriv", env::var_os("PATH")) {
             Some(_) => "setpriv --pdeathsig KILL ",
             None => "",

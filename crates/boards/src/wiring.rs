@@ -7,7 +7,7 @@ use serde_json::{Map, Value, json};
 
 use crate::Board;
 
-/// The content of a rig's port.
+/// The kind of data that a port of the rig carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PortKind {
     /// Bytes of a UART.

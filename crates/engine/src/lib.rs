@@ -9,7 +9,7 @@
 //! | [`rig`] | nodes and lines under one clock, faults on the way |
 //! | [`picture`] | pixels, read from files and written to them |
 //!
-//! Each module stands only on those below it. A test in another crate uses the crate `hilrig`,
+//! Each module depends only on those below it. A test in another crate uses the crate `hilrig`,
 //! whose prelude names all of this.
 
 pub mod codec;

@@ -1,7 +1,6 @@
 //! How a fuzzer tells the answers of a program apart.
 
-/// The method by which a program's client distinguishes its answers, and the requests worth
-/// sending.
+/// How a fuzzer distinguishes the answers of a program, and which requests are worth sending.
 #[derive(Clone, Copy, Debug)]
 pub struct Answers {
     /// Positions of the bytes that select the kind of a frame.
@@ -10,9 +9,9 @@ pub struct Answers {
     pub head: usize,
     /// Whether a frame reports that another one was bad.
     pub is_refusal: fn(&[u8]) -> bool,
-    /// Minimum value, and number of values from there on, of the first
-    /// [`Choices`](super::wire::Choices) of frames that are likely to be answered. Half of the
-    /// requests are built from them.
+    /// Range of each of the first [`Choices`](super::wire::Choices) of a frame that is likely to be
+    /// answered: the minimum value, and the number of values from there on. Half of the requests
+    /// are built from such choices.
     pub likely: &'static [(u8, u8)],
 }
 

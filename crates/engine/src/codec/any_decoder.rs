@@ -18,8 +18,8 @@ pub trait AnyDecoder: Send {
     fn idle(&mut self);
     /// Like [`Decode::pending`].
     fn pending(&self) -> usize;
-    /// Takes bytes of the other direction, in their order of time: a request can give its reply
-    /// names.
+    /// Takes bytes of the other direction, in their order of time: a request can determine the
+    /// names of the fields in its reply.
     fn beside(&mut self, _bytes: &[u8]) {}
     /// A copy with the same state.
     fn copy(&self) -> Box<dyn AnyDecoder>;

@@ -48,8 +48,8 @@ pub static CAR_COMMAND: Codec =
         });
 
 const SOURCE: &str = include_str!("lua/car_board.lua");
-/// Both bytes of a pair leave together, 87 us apart; the car's program sends the next pair after a
-/// millisecond, or after 20.
+/// Both bytes of a pair leave together, 87 us apart; the car's program sends the next pair 1 ms or
+/// 20 ms later.
 const PAIR_GAP: Duration = Duration::from_millis(5);
 
 const BOARD_FIELDS: [LuaField; 4] = [
@@ -79,7 +79,7 @@ const COMMAND_FIELDS: [LuaField; 2] = [
     ),
 ];
 
-/// From the board.
+/// Frames of the board.
 #[derive(Clone, Copy, Debug)]
 pub struct CarBoard;
 
@@ -150,7 +150,7 @@ impl Wire for CarBoard {
         made_again(frame.as_bytes(), frame.readings().encode().as_bytes())
     }
 
-    /// The sensors with new values, and whether there is a line.
+    /// The kind of a frame: the sensors with new values, and whether a line is seen.
     fn kind(frame: &Frame) -> u64 {
         let readings = frame.readings();
         let words = [readings.front_cm, readings.right_cm, readings.left_cm];
@@ -161,7 +161,7 @@ impl Wire for CarBoard {
     }
 }
 
-/// A range; often 15 cm, whose low byte equals one of the sync.
+/// A range in centimetres; often 15, because its low byte equals a sync byte.
 fn range(choices: &mut Choices<'_>) -> u16 {
     match choices.byte() {
         0..64 => 15,
@@ -178,7 +178,7 @@ fn put_within(bytes: &mut [u8], [least, greatest]: [u16; 2]) {
     }
 }
 
-/// To the board.
+/// Commands to the board.
 #[derive(Clone, Copy, Debug)]
 pub struct CarCommand;
 

@@ -10,13 +10,13 @@ use super::row::Codec;
 /// Evidence of bytes for a format.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Evidence {
-    /// Bytes in all.
+    /// Number of all bytes.
     pub bytes: u64,
-    /// Bytes in valid frames with plausible values.
+    /// Number of bytes in valid frames with plausible values.
     pub framed: u64,
-    /// Such frames.
+    /// Number of these frames.
     pub frames: u64,
-    /// Frames that begin where another one ends.
+    /// Number of frames that begin where another one ends.
     pub joined: u64,
 }
 

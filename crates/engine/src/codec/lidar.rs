@@ -54,7 +54,7 @@ pub struct Lidar {
     pub invalid: BTreeMap<u8, u64>,
     /// Speed words of the packets in order of size.
     pub speeds: Vec<u16>,
-    /// Difference between consecutive packet indices, of 90, and its count.
+    /// Differences between consecutive packet indices, modulo 90, with their counts.
     pub steps: BTreeMap<u8, u64>,
     /// Distances in bytes from one turn's header to the next's.
     pub gaps: BTreeSet<u64>,

@@ -149,7 +149,8 @@ impl Wire for Panel {
     }
 }
 
-/// Pixels have two encodings: encoded again, they must be the same.
+/// Compares pixels instead of bytes, because pixels have two encodings: after encoding again, the
+/// pixels must be the same.
 fn pixels_mean_themselves<'a>(
     window: Window,
     runs: impl Iterator<Item = (u8, &'a [u8])>,

@@ -28,7 +28,7 @@ pub static PERCEPTION: Codec = Codec::of::<Perception>("Rows of depths, scans an
         fields: &FIELDS,
     });
 
-/// Between two pictures lie 33 ms; the longest message takes less than one.
+/// Two pictures are 33 ms apart, and the longest message takes less than 1 ms.
 const GAP: Duration = Duration::from_millis(10);
 
 const FIELDS: [LuaField; 5] = [

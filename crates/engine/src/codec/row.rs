@@ -64,7 +64,7 @@ pub trait OwnFormat: Send + Sync {
         None
     }
 
-    /// The use of pauses for the frames.
+    /// How pauses of the line affect the frames.
     fn pause(&self) -> Pause {
         Pause::Discards
     }
@@ -74,25 +74,25 @@ pub trait OwnFormat: Send + Sync {
         None
     }
 
-    /// The fields of which frames in this direction have values; `None` if they are not known, or
-    /// the same as the [vocabulary](Self::vocabulary).
+    /// Names of the fields that frames in this direction have; `None` if they are not known, or the
+    /// same as the [vocabulary](Self::vocabulary).
     fn field_names(&self, _direction: Direction) -> Option<Vec<&str>> {
         None
     }
 
-    /// All words in which frames in this direction are printed, without numbers. `None` if a frame
-    /// can have other names or contain any text; with `beside_texts`, texts do not count.
+    /// All words, without numbers, that the printed frames of this direction can contain. `None` if
+    /// a frame can have other names or contain any text; with `beside_texts`, texts are ignored.
     fn vocabulary(&self, _direction: Direction, _beside_texts: bool) -> Option<Vec<&str>> {
         None
     }
 }
 
-/// The use of a pause of the line for the frames of a format.
+/// How a pause of the line affects the frames of a format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pause {
     /// A pause only discards a partial frame: its bytes tell the length of each frame.
     Discards,
-    /// A pause ends the frames whose length their bytes do not tell.
+    /// A pause ends only those frames whose bytes do not tell their length.
     EndsUnknown,
     /// Only a pause shows the end of some formats.
     Ends,
@@ -193,7 +193,7 @@ impl Codec {
         self
     }
 
-    /// Sets the knowledge about answers.
+    /// Sets how the answers of a program are distinguished.
     #[must_use]
     pub const fn with_answers(mut self, answers: Answers) -> Self {
         self.answers = answers;
@@ -241,13 +241,13 @@ impl Codec {
         self.idle
     }
 
-    /// Whether a pause of this length in what a program sends ends a frame: a stalled line may part
-    /// a frame whose bytes tell its length.
+    /// Whether a pause of this length in the output of a program ends a frame. It never does if the
+    /// bytes tell the length of each frame: a stalled line may split such a frame.
     pub fn is_ended_by(&self, pause: Duration) -> bool {
         self.pause() != Pause::Discards && pause > self.idle
     }
 
-    /// The use of pauses for the frames.
+    /// How pauses of the line affect the frames.
     pub fn pause(&self) -> Pause {
         match self.format {
             Format::Own(format) => format.pause(),
@@ -295,7 +295,8 @@ impl Codec {
         }
     }
 
-    /// As [`OwnFormat::field_names`], or the words beside texts; `None` for a built-in format.
+    /// As [`OwnFormat::field_names`]; without such names, the [vocabulary](OwnFormat::vocabulary)
+    /// without texts. `None` for a built-in format.
     pub fn field_names(&self, towards: Direction) -> Option<Vec<&'static str>> {
         let Format::Own(format) = self.format else {
             return None;

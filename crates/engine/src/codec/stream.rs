@@ -219,7 +219,7 @@ impl Counter {
         Self { decoder }
     }
 
-    /// Adds bytes, and returns their result.
+    /// Takes more bytes and returns the counts that they add.
     pub fn push(&mut self, mut bytes: &[u8]) -> Count {
         let mut count = Count::default();
         while let Some(outcome) = self.decoder.step(&mut bytes) {

@@ -53,13 +53,13 @@ pub struct Escaped {
     bytes: Vec<u8>,
 }
 
-/// From this choice on, a built frame contains a telecommand; below, arbitrary bytes; from the
-/// other one on, many of them.
+/// Values of the first choice of a built frame: from this value on, the frame contains a
+/// telecommand; from [`LONG`] on, many arbitrary bytes; below both, a few arbitrary bytes.
 const COMMANDS: u8 = 208;
 const LONG: u8 = 240;
 
-/// A telecommand of a few drawn fields with small values. No pose is set: the robot would have to
-/// believe it.
+/// A telecommand with some random fields and small values. It sets no pose, because the robot would
+/// have to believe it.
 fn command(choices: &mut Choices<'_>) -> Vec<u8> {
     let small = |byte: u8| f32::from(byte.cast_signed()) / 100.0;
     let fields = choices.byte();

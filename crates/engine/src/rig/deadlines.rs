@@ -73,7 +73,7 @@ impl Deadlines {
             return None;
         }
         let mut place = self.half + from;
-        // Up and to the right until a winner is due, then down to the first time that is.
+        // Climb up and to the right until a winner is due, then descend to the first due time.
         while self.times[place] > now {
             while place % 2 == 1 {
                 place /= 2;

@@ -74,8 +74,8 @@ impl Rig {
         })
     }
 
-    /// Whether a figure changes what this fault of the device `name` does. A program may use the
-    /// figure of any fault.
+    /// Whether a figure changes the effect of this fault of the device `name`. A program may use
+    /// the figure of any fault.
     pub(crate) fn takes_figure(&self, name: &str, fault: &str) -> bool {
         let is_program = self.node_programs().any(|(program, _)| program == name);
         let mut nodes = self.nodes.iter();
@@ -101,8 +101,8 @@ impl Rig {
         devices.map(|node| node.name.as_str())
     }
 
-    /// The faults that the device `name` supports, without those of a program that plays it: only
-    /// its start tells them.
+    /// The faults that the device `name` supports. Faults of a program that plays a device are
+    /// missing: they are known only after the program has started.
     pub fn faults_without_start(&self, name: &str) -> &'static [&'static str] {
         let is_program = self.node_programs().any(|(program, _)| program == name);
         let device = self.nodes.iter().find(|node| node.name == name);
@@ -150,8 +150,8 @@ impl Rig {
         }
     }
 
-    /// Begins or ends the effects of a fault, except damage. If two faults have the same effect, it
-    /// ends with the second fault.
+    /// Begins or ends the effects of a fault, except damage. If two faults have the same effect on
+    /// a device, the effect ends when both faults are over.
     pub fn disturb(&mut self, what: &Disturbance, begins: bool) {
         match what {
             Disturbance::Device { .. } => self.set_device_fault(what, begins),

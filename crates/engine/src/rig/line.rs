@@ -293,8 +293,8 @@ impl Line {
         ends
     }
 
-    /// Counts the fate of `given` bytes, including those held back earlier: `passed`, and the bytes
-    /// held back now, remain.
+    /// Counts the lost and added bytes of `given` bytes, which include those held back earlier.
+    /// `passed` bytes, and the bytes held back now, are left of them.
     fn count(&mut self, given: u64, passed: u64) {
         let left = passed + self.faults.held();
         self.traffic.added += left.saturating_sub(given);

@@ -431,8 +431,9 @@ mod tests {
         assert_eq!(through(&[0xFF, 0x55], one, two), (vec![0xFF, 0x55], 0));
     }
 
-    /// Of 8N1 the stop bit is a parity bit to a receiver of 8E1, and the next start bit its stop
-    /// bit. 0x01 has odd ones, so the stop bit of the last character is a right parity bit.
+    /// A receiver of 8E1 reads the stop bit of 8N1 as a parity bit, and the next start bit as its
+    /// stop bit. 0x01 has an odd number of ones, so the stop bit of the last character is a correct
+    /// parity bit.
     #[test]
     fn a_missing_parity_bit_is_an_error_of_most_characters() {
         let (none, even) = (coding(8, Parity::None, 1), coding(8, Parity::Even, 1));

@@ -366,7 +366,7 @@ mod tests {
         }
     }
 
-    /// A byte to the master is none that a device hears.
+    /// A byte to the master does not count as heard by a device.
     #[test]
     fn a_device_has_heard_what_was_sent_to_it() {
         let (mut rig, [[device, master]]) = bare::linked(["line"], 9600);

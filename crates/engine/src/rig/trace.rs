@@ -6,15 +6,16 @@ use protocols::{Instant, LineEvent};
 
 use crate::rig::line::{Delivery, Direction};
 
-/// Running CRC-64/XZ over all that passed the lines.
+/// Running CRC-64/XZ over all bytes on the lines.
 #[derive(Clone)]
 pub struct Trace {
     digest: Digest,
-    /// Bytes that `digest` has yet to take: pieces are short, and it is quick with long ones only.
+    /// Bytes that were not passed to `digest` yet: pieces are short, and the digest is fast only
+    /// with long ones.
     waiting: Vec<u8>,
 }
 
-/// Bytes that go into the digest at once.
+/// Number of bytes that are passed to the digest at once.
 const BLOCK: usize = 4096;
 
 impl Default for Trace {
@@ -32,7 +33,7 @@ impl core::fmt::Debug for Trace {
     }
 }
 
-/// On which side of the faults bytes were seen.
+/// The side of the faults on which bytes are observed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Side {
     /// Bytes as the sender put them on the wire.
@@ -41,7 +42,7 @@ pub enum Side {
     Received,
 }
 
-/// Sees every chunk on every line while the rig runs.
+/// Observes every chunk on every line while the rig runs.
 pub trait Tap: Send {
     /// `bytes` passed `link` in `direction`; the last one ended at `at`.
     fn record(&mut self, link: usize, direction: Direction, side: Side, at: Instant, bytes: &[u8]);
@@ -56,13 +57,14 @@ pub trait Tap: Send {
     /// The run has reached `now`: all earlier events have been reported. Called now and then.
     fn reached(&mut self, _now: Instant) {}
 
-    /// Takes the error that stopped it since the last call, in words. [`finish`](Self::finish)
+    /// Takes, as text, the error that stopped the tap since the last call. [`finish`](Self::finish)
     /// returns the same error again.
     fn take_trouble(&mut self) -> Option<String> {
         None
     }
 
-    /// The run is over; an error is one that also stopped an earlier record.
+    /// Ends the tap after the run. Returns the error that stopped the tap, also if it was an
+    /// earlier one.
     fn finish(&mut self) -> std::io::Result<()> {
         Ok(())
     }

@@ -30,7 +30,7 @@ impl Rig {
         self.violations + counted.sum::<u64>() - self.excused_counts
     }
 
-    /// The rules that masters broke, as the devices count them: device, rule, how often.
+    /// The rules that masters broke, as the devices count them: device, rule and number.
     pub fn broken_rules(&self) -> impl Iterator<Item = (&str, &'static str, u64)> {
         self.nodes.iter().flat_map(|node| {
             let broken = node.broken_rules().into_iter().flat_map(BrokenRules::iter);
@@ -38,8 +38,8 @@ impl Rig {
         })
     }
 
-    /// The rules that masters broke, with those of devices that do not count them: their entries in
-    /// the log.
+    /// The rules that masters broke, for all devices: for a device that does not count them, the
+    /// number of its log entries.
     pub fn all_broken_rules(&self) -> Vec<(String, &'static str, u64)> {
         let counted = self.broken_rules();
         let mut broken: Vec<_> = counted
@@ -187,8 +187,8 @@ mod tests {
         rig.run_for(Duration::from_millis(10));
     }
 
-    /// Before 20 ms and behind 40 ms violations count, between them they do not: two, three and
-    /// four of them, of a device that counts and of one that does not.
+    /// Violations before 20 ms and after 40 ms count, those in between do not: two, three and four
+    /// violations, of a device that counts and of one that does not.
     #[test]
     fn violations_while_the_rig_was_late_do_not_count() {
         for device in [counting(), Strict::default()] {

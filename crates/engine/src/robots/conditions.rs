@@ -367,7 +367,7 @@ impl Moment<'_> {
         devices.any(|(name, device)| device.own_rules(self.rig, name).contains(&&*event.rule))
     }
 
-    /// The knowledge of the rule of `event` by its name and source.
+    /// Knowledge about the rule of `event`, from its name and its source.
     pub(crate) fn known_rule(&self, event: &EventCondition) -> Known {
         let source = event.source.as_ref();
         let device = source.and_then(|source| self.devices.get(source));

@@ -17,8 +17,8 @@ pub(super) const OF_RESCUE: [&str; 5] = [
 /// Keys of `[program]` that only yellow reads.
 pub(super) const OF_YELLOW: [&str; 2] = ["program.map", "program.votes"];
 
-/// Keys of `[expect.safety]` about the counters, orders and pose of a built-in program: nothing of
-/// them is known of your own.
+/// Keys of `[expect.safety]` about the counters, orders and pose of a built-in program: the rig
+/// cannot observe them in your own program.
 const OF_BUILT_IN: [&str; 10] = [
     "expect.safety.true_telemetry",
     "expect.safety.true_counts",
@@ -96,7 +96,7 @@ pub(super) fn warnings(
         let span = source.find(key.rsplit('.').next().unwrap_or(key));
         let message = match (OF_BUILT_IN.contains(&key), OF_BODY.contains(&key)) {
             (true, _) => {
-                "has no effect: nothing of it can be observed of your own program".to_owned()
+                "has no effect: it cannot be observed in your own program".to_owned()
             }
             (_, true) => "has no effect: the scenario has no robot that moves".to_owned(),
             _ => format!("has no effect: the robot \"{}\" ignores it", robot.name()),

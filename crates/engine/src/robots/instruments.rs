@@ -322,8 +322,8 @@ pub trait Instruments: Send + Sync {
         &[]
     }
 
-    /// The bearing of the goal that the program drives straight to, as it believes it, radians to
-    /// the left.
+    /// Believed bearing of the goal to which the program drives in a straight line, radians,
+    /// positive to the left.
     fn goal_bearing(&self, _rig: &Rig) -> Option<f64> {
         None
     }

@@ -169,8 +169,8 @@ fn all_of(kind: Option<&str>) -> Option<&'static [&'static str]> {
     }
 }
 
-/// A message with the expected names, if a device of the kind `kind`, with its `own_rules` or with
-/// the `declared` events, cannot log `rule`, and neither can the rig in its name.
+/// A message with the expected names if `rule` cannot be logged: neither by a device of the kind
+/// `kind` with its `own_rules` or `declared` events, nor by the rig in the name of this device.
 pub(crate) fn unknown(
     kind: Option<&str>,
     own_rules: &[&str],

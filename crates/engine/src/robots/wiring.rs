@@ -1,4 +1,4 @@
-//! A robot of a scenario in its world: all mistakes of its parts at once.
+//! Wires the robot of a scenario into its world, and reports all mistakes of its parts at once.
 
 use emulators::world::{BodyConfig, Pose as WorldPose, Scene, Shape, World};
 
@@ -64,7 +64,7 @@ pub fn wire_first(
         Ok(world) => wrong.extend(wire_without_start(plan(world)).err()),
         Err(error) => {
             wrong.push(error);
-            // All other parts are judged, too, in an empty place.
+            // Check all other parts too, in an empty world.
             if let Some(world) = stand_in(robot, scenario, source) {
                 wrong.extend(wire_without_start(plan(world)).err());
             }

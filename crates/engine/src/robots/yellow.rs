@@ -7,8 +7,8 @@
 //! | `board` | motor board | program, registers as frames |
 //! | `telemetry` | PC, behind a WiFi bridge | program, 38400 baud |
 //!
-//! Half of the robot's mind is on the PC: maps, ways, localisation. That program is the device at
-//! the other end of `telemetry`.
+//! Half of the robot's software runs on the PC: maps, paths, localisation. That program is the
+//! device at the other end of `telemetry`.
 
 mod body;
 mod command;

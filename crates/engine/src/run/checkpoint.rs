@@ -125,7 +125,7 @@ impl Checkpoint {
         if (counts_back || has_team) && asked.duration != scenario.duration {
             return None;
         }
-        // The checker of later violations is copied as it was made.
+        // The checker of later violations is copied with its original settings.
         let later =
             [asked, scenario].map(|one| (one.expect.violations_from, one.expect.violations_max));
         if later[0] != later[1] && later.iter().any(|(from, _)| from.is_some()) {

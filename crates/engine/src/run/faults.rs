@@ -144,8 +144,8 @@ impl Run {
         }
     }
 
-    /// Watches the conditions of faults: those that start one from the beginning of the run, those
-    /// that end one from its start.
+    /// Watches the conditions of faults. A condition that starts a fault is watched from the
+    /// beginning of the run, a condition that ends a fault from the start of the fault.
     pub(super) fn watch_faults(&mut self) {
         let now = self.rig.now();
         let mut wanted = Vec::new();
@@ -233,7 +233,8 @@ impl Run {
         }
     }
 
-    /// Tells the checkers which faults there are, as some excuse their effects.
+    /// Passes the current faults to the checkers, because some checkers excuse the effects of
+    /// faults.
     pub(super) fn tell_checkers(&mut self) {
         let faults = self.scenario.fault.iter().enumerate();
         let faults = faults.map(|(index, fault)| self.in_time(FaultId(index), fault));

@@ -35,9 +35,9 @@ pub(super) fn ends_alike(a: &Expect, b: &Expect) -> bool {
 pub struct Visit {
     /// Time of the first visit.
     pub at: Instant,
-    /// Index of the waypoint.
+    /// Position of the waypoint.
     pub waypoint: Point,
-    /// The least distance until the next one was reached.
+    /// Smallest distance from the waypoint before the next one was reached, mm.
     pub nearest_mm: f64,
 }
 
@@ -73,7 +73,7 @@ impl Progress {
         }
     }
 
-    /// True pose of the robot, and whether it moves.
+    /// Updates the progress with the true pose of the robot, and with whether it moves.
     pub fn observe(&mut self, now: Instant, pose: Pose, is_moving: bool) {
         let place = pose.point();
         self.last = Some(place);

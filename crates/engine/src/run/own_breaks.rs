@@ -74,8 +74,8 @@ pub fn own_breaks(rig: &Rig, faults: &[FaultSpec]) -> Vec<OwnBreaks> {
             broken.first = Some((moment.at, detail.unwrap_or_default()));
         }
     }
-    // A device keeps a limited number of moments. Under a lasting fault that explains all of them,
-    // the others are explained, too.
+    // A device keeps a limited number of moments. If a lasting fault explains all kept ones, it
+    // also explains the others.
     for broken in found.iter_mut().filter(|broken| broken.first.is_none()) {
         let damage = devices.iter().find(|(name, _)| *name == broken.device);
         if broken.explained > 0 && damage.is_some_and(|(_, damage)| !damage.lasting.is_empty()) {

@@ -40,7 +40,7 @@ struct Leaf {
     moments: Vec<(Instant, Reading)>,
     /// The reading at the judged moment.
     now: Option<Reading>,
-    /// Of the log: the state of its rule.
+    /// For a condition on the log: knowledge about its rule.
     known: Known,
     /// For a condition on the log: whether its source has logged something.
     is_logged: bool,

@@ -61,9 +61,10 @@ struct Seen {
     armed_since: Option<Instant>,
     /// Triggers that wait for their answers, oldest first.
     pending: VecDeque<Instant>,
-    /// Later times that wait as well. One answer is theirs, too, and the oldest time is due first.
+    /// Number of later triggers that also wait. One answer serves all of them, and the oldest
+    /// trigger is due first.
     more_pending: u64,
-    /// Whether later times were left out that each needed an answer of its own.
+    /// Whether later triggers were not kept although each needs its own answer.
     is_overfull: bool,
     /// Whether `until` has ended the rule.
     is_over: bool,

@@ -412,8 +412,8 @@ mod tests {
         assert_eq!([log.lanes[0].end, log.lanes[1].end], [9, 19]);
     }
 
-    /// At stake: both directions of a text device that sends by itself carry bytes at the same
-    /// time, and a damaged byte or binary data makes one endless frame. Lines of text stay whole; a
+    /// Both directions of a text device that sends by itself carry bytes at the same time, and a
+    /// damaged byte or binary data could make one endless frame. But lines of text stay whole; a
     /// line with one damaged byte is a line; 600 binary bytes are 256, 256 and 88.
     #[test]
     fn full_duplex_lines_stay_whole_and_binary_data_is_bounded() {

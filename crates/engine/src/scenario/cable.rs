@@ -23,8 +23,8 @@ pub struct ExecSpec {
     /// Whether the program may end with exit code 0 before the run is over.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub may_end: bool,
-    /// Whether the program may stop sending and reading, e.g. when its work is done. It counts if
-    /// all programs of the file may.
+    /// Whether the program may stop sending and reading, e.g. when its work is done. This has an
+    /// effect only if all programs of the file may be idle.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub may_idle: bool,
 }

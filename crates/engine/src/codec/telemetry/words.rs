@@ -1,8 +1,8 @@
 //! A payload as text: message name and fields.
 //!
 //! A payload does not contain its sender. Some fields belong to the robot's messages only
-//! (odometry, scan, lines, IR), some to the PC's only. No reader knows a field of the other
-//! message, and an encoder omits it.
+//! (odometry, scan, lines, IR), some to the PC's only. A decoder ignores the fields of the other
+//! side's message, and an encoder omits them.
 
 use core::fmt::Write as _;
 

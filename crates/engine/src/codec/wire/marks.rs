@@ -19,7 +19,7 @@ const fn size(number: usize) -> u64 {
 /// session would be new.
 pub(super) fn of_session<W: Wire>(stream: &Stream, mark: Mark<'_>) {
     let mut decoder = W::decoder();
-    // Of nothing yet.
+    // No frame and no error yet.
     let mut before = [7, 7];
     let mut discarded = 0;
     let mut hear = |decoder: &mut W::Decoder, mut bytes: &[u8]| {

@@ -35,9 +35,9 @@ impl Window {
 /// Repeated active periods within a window.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spells {
-    /// Time between two begins.
+    /// Time from the start of one period to the start of the next.
     pub every: Duration,
-    /// Length of each.
+    /// Length of each period.
     pub lasting: Duration,
     /// Maximum number of repetitions.
     pub count: Option<u32>,

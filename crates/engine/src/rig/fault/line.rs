@@ -46,11 +46,11 @@ struct Order {
 pub struct LineFaults {
     entries: Vec<Entry>,
     order: Order,
-    /// Bytes counted since there are faults.
+    /// Number of bytes counted since the line has had faults.
     counted: u64,
     planned: BTreeMap<u64, Vec<Damage>>,
     struck: VecDeque<Strike>,
-    /// End of each of these bytes on the line.
+    /// End of each struck byte on the line.
     struck_at: VecDeque<Instant>,
     wire: Wire,
 }
@@ -64,9 +64,9 @@ struct Wire {
     truncated: u16,
     /// A byte that is swapped with the next one.
     held: Option<u8>,
-    /// Time at which the sender last ended.
+    /// End of the last bytes of the sender.
     quiet_from: Instant,
-    /// Frames begun.
+    /// Number of frames that have begun.
     frames: u64,
 }
 

@@ -30,7 +30,7 @@ pub struct Delivery {
 pub struct Mark {
     /// Index, among the bytes that arrived with it, of the byte after the character.
     pub before: usize,
-    /// The bytes read by the receiver.
+    /// The byte that the receiver read.
     pub value: u8,
     /// The error.
     pub damage: MarkDamage,

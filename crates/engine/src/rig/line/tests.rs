@@ -20,7 +20,7 @@ fn take(line: &mut Line, at_us: u64, bytes: &[u8]) -> u64 {
     ends.as_micros()
 }
 
-/// All that arrives within a millisecond of looking each microsecond.
+/// All deliveries within a millisecond; the line is polled each microsecond.
 fn deliveries(line: &mut Line) -> Vec<Delivery> {
     let mut all = Vec::new();
     for micros in 0..1000 {
@@ -97,7 +97,7 @@ fn a_line_waits_for_its_sender_as_well_as_for_its_bytes() {
     assert!(!original.is_only_late(&[8]));
 }
 
-/// Bytes out of nowhere, or into it: 10 - 3 + 2 - 1 = 4 + 1 + 3.
+/// Bytes that appear or disappear without a count are detected: 10 - 3 + 2 - 1 = 4 + 1 + 3.
 #[test]
 fn bytes_are_conserved_if_the_sums_are_equal() {
     let mut line = line();
@@ -188,7 +188,7 @@ fn a_piece_may_be_lost_in_part() {
     assert_eq!(line.traffic().lost, 2);
 }
 
-/// Five bytes in pieces of two, and one of a byte: each with its own time, 5 us late.
+/// Five bytes arrive in two pieces of two bytes and one of one byte, each 5 us after its own time.
 #[test]
 fn a_short_read_gives_pieces_at_their_own_times() {
     let mut line = line();
@@ -374,8 +374,9 @@ fn a_recording_arrives_in_the_place_of_what_is_sent() {
     assert_eq!(line.traffic(), traffic);
 }
 
-/// By hand, see the resampler: 48 69 read at half the rate are one byte, 9C. It is whole only when
-/// the line has been idle for two characters of the slower rate: 40 us of 20 us each behind 20 us.
+/// By hand, see the resampler: 48 69 read at half the rate are one byte, 9C. It is complete only
+/// after the line was idle for two characters of the slower rate: two times 20 us after the end of
+/// the bytes at 20 us.
 #[test]
 fn a_receiver_at_half_the_rate_reads_half_as_many() {
     let mut line = line();

@@ -27,7 +27,7 @@ fn command(bytes: &[u8], order: ChecksumOrder) -> Option<Command> {
     let format = avr::Bus { order };
     let starts = (0..bytes.len()).filter(|&at| bytes[at] == avr::START);
     let mut ends = starts.map(|at| &bytes[at..]);
-    // The length first: a start byte is followed by a checksum over everything behind it.
+    // Compare the length first: a checksum for each start byte would cover all bytes behind it.
     let has_its_length = |frame: &[u8]| {
         let control = frame.get(2);
         control.is_some_and(|&control| avr::frame_len(control) == frame.len())

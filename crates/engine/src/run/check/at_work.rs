@@ -1,4 +1,4 @@
-//! Whether the robot recovers.
+//! Checks that the robot works again after adversity and recovery.
 
 use core::time::Duration;
 

@@ -18,19 +18,19 @@ pub(crate) const COLLISION: &str = "no-collision-at-speed";
 /// Maximum speed of a harmless touch, m/s.
 pub(crate) const HARMLESS_M_S: f64 = 0.05;
 
-/// Age of a command that may still be the one in the drive: lines delay it, and a drive takes it in
+/// Maximum age of a command that the drive may still apply: lines delay it, and a drive takes it in
 /// its next cycle.
 const CURRENT: Duration = Duration::from_millis(200);
-/// Time to brake behind a drive that did not follow: the wheels of the built-in robots stand after
-/// 0.3 s. It is looked at in steps.
+/// Time to brake after the drive did not follow the program: the wheels of the built-in robots
+/// stand after 0.3 s. The drive is checked at steps of this time.
 const STEP: Duration = Duration::from_millis(50);
 const STEPS: u32 = 6;
 const BRAKES: Duration = Duration::from_millis(300);
 
 /// The robot does not collide. A person who walks into the robot does not count: only the robot's
-/// own motion towards the obstacle does. Nor does a contact while the drive has another set-point
-/// than those that the program has sent in the last 0.2 s, and while it brakes afterwards: the
-/// program cannot stop it then.
+/// own motion towards the obstacle does. A contact also does not count while the drive has a
+/// set-point that the program did not send in the last 0.2 s, or while the robot brakes afterwards:
+/// the program cannot stop the robot then.
 #[derive(Clone, Default)]
 pub struct NoCollisionAtSpeed {
     /// Time from which a sensor deceives the robot: later contacts are counted, but not judged.
@@ -42,7 +42,7 @@ pub struct NoCollisionAtSpeed {
     worst_m_s: f64,
 }
 
-/// The bytes that the program has sent to its drive of late, and the changes of the drive's
+/// The bytes that the program recently sent to its drive, and the changes of the drive's
 /// set-points.
 #[derive(Clone)]
 struct Sent {
@@ -53,7 +53,7 @@ struct Sent {
 }
 
 impl Sent {
-    /// Adds the bytes and drops those that can be no part of a current frame.
+    /// Adds the bytes, and drops those that cannot belong to a current frame.
     fn take(&mut self, at: Instant, bytes: &[u8]) {
         self.chunks.push_back((at, bytes.to_vec()));
         let is_old = |(sent, _): &(Instant, _)| at - *sent > BRAKES + CURRENT * 2;
@@ -62,21 +62,21 @@ impl Sent {
         }
     }
 
-    /// Notes the set-points at `now`.
+    /// Stores the set-points at `now`, if they have changed.
     fn see(&mut self, now: Instant, axes: &[Axis]) {
         let seen = || axes.iter().map(|axis| axis.set_point);
         let last = self.set_points.back();
         if last.is_none_or(|(_, last)| !last.iter().copied().eq(seen())) {
             self.set_points.push_back((now, seen().collect()));
         }
-        // Those before the oldest change hold until then.
+        // The set-points before the oldest change are active until that change.
         let next = |all: &VecDeque<(Instant, _)>| all.get(1).map(|(at, _)| *at);
         while next(&self.set_points).is_some_and(|at| now - at > BRAKES + STEP) {
             self.set_points.pop_front();
         }
     }
 
-    /// Whether the drive has followed the program until `now`, also before, for the time to brake.
+    /// Whether the drive followed the program at `now`, and during the time to brake before `now`.
     fn follows(&self, now: Instant) -> bool {
         (0..=STEPS).all(|step| {
             let at = Instant::ZERO + (now - Instant::ZERO).saturating_sub(STEP * step);
@@ -86,8 +86,8 @@ impl Sent {
         })
     }
 
-    /// Whether each axis has a set-point that was sent shortly before `now`, or got none, or its
-    /// first one only now.
+    /// Whether each axis has a set-point that was sent shortly before `now`. An axis that got no
+    /// command, or its first one only now, also counts.
     fn leads(&self, now: Instant, set_points: &[f64]) -> bool {
         let mut bytes = Vec::new();
         let mut commands = Vec::new();
@@ -218,7 +218,7 @@ mod tests {
 
     /// Frames of two bytes, A5 and a set-point of the first axis. The drive keeps 10 although 0 is
     /// sent from 300 ms on: for 0.2 s it may be the delay of the line. It takes 0 at 1,000 ms and
-    /// has until 1,300 ms to brake. Without commands of late, the program is to blame.
+    /// has until 1,300 ms to brake. Without recent commands, the program is responsible.
     #[test]
     fn a_drive_that_keeps_an_old_set_point_does_not_follow() {
         let command = |bytes: &[u8]| match bytes {

@@ -1,5 +1,5 @@
 //! Whether a program under test works until the end: the limits for processes at ports and for
-//! node programs, and what devices and the mission tell about it.
+//! node programs, and the evidence of devices and of the mission.
 
 use core::time::Duration;
 
@@ -16,7 +16,7 @@ pub(crate) mod node;
 pub const GOES_ON: &str = "program-goes-on";
 /// Rig time for which any program may be silent.
 pub const SILENT_MAX: Duration = Duration::from_secs(2);
-/// Factor on the longest pause so far, for which a program may be silent.
+/// A program may be silent for this many times its longest pause so far.
 pub const PAUSES_MAX: u32 = 3;
 /// A device that sends this long after its last request sends without requests.
 pub const STREAM: Duration = Duration::from_secs(1);
@@ -82,8 +82,8 @@ pub const fn is_misunderstood(times: u64, sent: u64, arrived: u64) -> bool {
     (arrived == 0 && times > 0) || (times >= FEW && times * FRAME >= sent)
 }
 
-/// Why nothing was observed of a program whose bytes no device received, if no rule of the scenario
-/// observed it.
+/// The reason why nothing was observed of a program: no device received its bytes, and no rule of
+/// the scenario observed it.
 pub fn unheard(checks: &[Check]) -> Option<&'static str> {
     let is_observed = |check: &Check| {
         let is_own = ["rule-", "mission-step-"]

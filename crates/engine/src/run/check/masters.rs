@@ -88,7 +88,7 @@ mod tests {
         check.expect("there is a master")
     }
 
-    /// A device answers its master; a port at which no device is does not.
+    /// A device answers its master; a port without a device does not.
     #[test]
     fn a_master_without_a_reply_observes_nothing() {
         let meter = "[device]\nmeter = { description = \"modbus-meter\" }\n";

@@ -137,7 +137,7 @@ fn of_its_work(
     checkers
 }
 
-/// The checkers of what the program counts, sends, believes and obeys.
+/// The checkers of the program's counters, frames, believed pose and obeyed orders.
 fn of_the_program(
     spec: &SafetySpec,
     scenario: &Scenario,
@@ -184,7 +184,7 @@ fn of_the_program(
     checkers
 }
 
-/// Whether `fault` acts on a link that `is_meant`, or on a device of such a link.
+/// Whether `fault` acts on a link that `is_meant` selects, or on a device of such a link.
 fn touches(fault: &FaultSpec, rig: &Rig, is_meant: &dyn Fn(&str) -> bool) -> bool {
     let links = [&fault.link, &fault.with].into_iter().flatten();
     let devices = fault.device.iter().chain(fault.devices.iter().flatten());

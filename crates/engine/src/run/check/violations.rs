@@ -23,7 +23,7 @@ pub(crate) fn violations(max: u64, rig: &Rig) -> Check {
     Check::new(VIOLATIONS, found <= max, detail).if_observed(is_asked)
 }
 
-/// At most so many rules were broken after the faults of a run.
+/// The program broke at most a given number of rules after the faults of a run.
 #[derive(Clone, Debug)]
 pub struct ViolationsLater {
     max: u64,
@@ -128,7 +128,7 @@ fn ends(rig: &Rig, links: &[String]) -> Vec<String> {
     nodes.map(|node| rig.node_name(node).to_owned()).collect()
 }
 
-/// Whether the station of `scenario` gives an order `from` then on.
+/// Whether the station of `scenario` gives an order at or after `from`.
 fn has_late_order(scenario: &Scenario, from: Instant) -> bool {
     let mut steps = scenario.mission.step.iter();
     steps.any(|step| step.at.is_none_or(|at| at.instant() >= from))
@@ -147,9 +147,9 @@ fn times(faults: &[FaultSpec]) -> Vec<[Instant; 2]> {
     times.collect()
 }
 
-/// Devices of the station behind one that was without power, such as the PC behind its radio, if no
-/// step has connected it again, or behind a link that is `broken` to the end: nothing that they
-/// send arrives, or no answer to it.
+/// Devices of the station without a connection: their bytes, or the answers to them, do not arrive.
+/// Such a device is behind another one that was without power, as the PC behind its radio, and no
+/// step has connected it again; or it is behind a link that is `broken` to the end.
 fn unconnected(
     faults: &[FaultSpec],
     broken: &[String],
@@ -281,9 +281,9 @@ mod tests {
         assert_eq!(with("", "radio", "100ms", "").unconnected, [""; 0]);
     }
 
-    /// Devices at the ends of a link that stays broken are exempt, whatever their names; a closed
-    /// port is the station's own if it disconnects; an order that is not confirmed is one of the
-    /// time with faults if none was given later. Anything else counts.
+    /// Three things are exempt: devices at the ends of a link that stays broken, whatever their
+    /// names; a closed port, if the station itself disconnects; and an order that is not confirmed,
+    /// if none was given after the time with faults. Anything else counts.
     #[test]
     fn only_what_the_run_itself_explains_is_exempt() {
         let judged = |broken: &str, steps: &str, broken_rules: &[(&str, &'static str)]| {

@@ -4,8 +4,9 @@ use super::{Node, Probe, Source};
 use crate::scenario::Condition;
 
 impl Probe {
-    /// Whether it holds at the moment judged last by something else than `question` does: another
-    /// line, an entry of another rule or source. The same frame, contact or entry is no answer.
+    /// Whether this condition holds at the last judged moment because of another event than
+    /// `question`: a frame on another line, or a log entry of another rule or source. The same
+    /// frame, contact or entry is no answer.
     pub(in crate::run) fn answers(&self, question: &Self) -> bool {
         let (mut asked, mut held) = (Vec::new(), Vec::new());
         question.add_held(&mut asked);
@@ -14,7 +15,7 @@ impl Probe {
         held.iter().any(|one| !is_same(one))
     }
 
-    /// Its momentary parts that hold at the moment judged last.
+    /// Adds its momentary parts that hold at the last judged moment.
     fn add_held<'a>(&'a self, into: &mut Vec<&'a Condition>) {
         match &self.node {
             Node::All(parts) | Node::Any(parts) => {
@@ -31,7 +32,8 @@ impl Probe {
     }
 }
 
-/// Whether two conditions that hold at one moment may hold by the same frame, contact or entry.
+/// Whether two conditions that hold at one moment may hold because of the same frame, contact or
+/// entry.
 fn may_be_one(one: &Condition, other: &Condition) -> bool {
     let line = |condition: &Condition| match condition {
         Condition::Bytes(bytes) => Some((bytes.link.clone(), bytes.direction)),

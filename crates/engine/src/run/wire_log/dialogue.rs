@@ -57,8 +57,8 @@ impl Marks {
         }
     }
 
-    /// The newest mark that leaves the listed bytes before `until`; otherwise the oldest one whose
-    /// bytes are stored.
+    /// The newest mark with at least the bytes to be listed between it and `until`; otherwise the
+    /// oldest one whose bytes are stored.
     fn before(&self, until: Instant, lanes: &[LoggedLane; 2]) -> &Mark {
         let stored = || self.all.iter().filter(|mark| mark.is_stored(lanes));
         let is_early = |mark: &&Mark| {
@@ -234,7 +234,7 @@ impl Mark {
     }
 }
 
-/// The last frame, of `own` from the last on, that sets the state of a decoder.
+/// The last frame that sets the state of a decoder. `own` has the frames from the last one on.
 fn primer<'a>(tail: &Tail, own: impl Iterator<Item = &'a Placed>) -> Option<Vec<u8>> {
     let codec: &'static Codec = tail.codec?;
     let bytes = |one: &Placed| {
@@ -331,7 +331,7 @@ mod tests {
         log.push(way, at(millis), line.as_bytes());
     }
 
-    /// At stake: a request and a reply of different periods are paired, and the figures are those
+    /// A request is not paired with a reply of another period, and the figures are not only those
     /// of the last bytes. 20 requests a second with 8 bytes, replies with 25 bytes after 7 ms; the
     /// log keeps 4096 bytes. Of 10000 requests, the one at 50 s had no reply, and the one at 100 s
     /// had it after 30 ms.
@@ -378,8 +378,8 @@ mod tests {
         assert_eq!((talk.requests, talk.since_s), (1, Some(1.0)));
     }
 
-    /// At stake: the first stored bytes of a stream are taken for the reply to the request that
-    /// began it. The reply came after 12 ms; 2000 lines without a request follow, 10 ms apart.
+    /// The first stored bytes of a stream are not taken for the reply to the request that began it.
+    /// The reply came after 12 ms; 2000 lines without a request follow, 10 ms apart.
     #[test]
     fn a_stream_is_not_the_reply_to_its_start() {
         let mut log = log(4_096, LinkKind::Uart, None);
@@ -432,9 +432,9 @@ mod tests {
         }
     }
 
-    /// At stake: a format whose frames depend on an earlier one, an RPLIDAR's nodes on their
-    /// descriptor, is read from the middle. A request, its descriptor, and 2000 nodes: 10000 bytes,
-    /// of which 4096 are stored.
+    /// A format whose frames depend on an earlier one, as an RPLIDAR's nodes on their descriptor,
+    /// is read from the middle. A request, its descriptor, and 2000 nodes: 10000 bytes, of which
+    /// 4096 are stored.
     #[test]
     fn a_stream_stays_valid_when_its_begin_is_no_longer_stored() {
         let mut log = log(4_096, LinkKind::Uart, Some(&RPLIDAR));

@@ -275,8 +275,8 @@ mod tests {
             .collect()
     }
 
-    /// Bytes are parted by more than 50 ms; those before the section's first pause are left out if
-    /// the section does not begin with the first byte.
+    /// Pauses of more than 50 ms split the bytes. Bytes before the section's first pause are left
+    /// out if the section does not begin with the first byte.
     #[test]
     fn bytes_of_an_unknown_protocol_are_parted_by_pauses() {
         let mut parted = tail(&[(10, &[1, 2]), (60, &[3]), (111, &[4])]);
@@ -298,7 +298,7 @@ mod tests {
         assert_eq!(places(&alone), [[0, 2]]);
     }
 
-    /// The last bytes may go on until 50 ms have passed.
+    /// The last bytes may continue until 50 ms have passed.
     #[test]
     fn the_last_bytes_are_settled_after_a_pause() {
         let settled = |until_ms: u64| {
@@ -345,7 +345,7 @@ mod tests {
         assert_eq!(parts(&[0xFF; 256])[..], [[0, 256]]);
     }
 
-    /// Bytes of the other direction part data, but no line of text that has its end.
+    /// Bytes of the other direction split data, but not a complete line of text.
     #[test]
     fn the_other_direction_parts_what_is_no_line() {
         let turned = |chunks: &[(u64, &[u8])], others: &[u64]| {
@@ -390,8 +390,8 @@ mod tests {
         );
     }
 
-    /// A frame in two parts is one unless the decoder loses its patience between them. The
-    /// beginning of a section may be the rest of a frame, which is no error.
+    /// A frame in two parts stays one frame unless the pause between them exceeds the decoder's
+    /// idle time. The beginning of a section may be the rest of a frame, which is no error.
     #[test]
     fn frames_of_a_known_protocol_are_whole() {
         let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];

@@ -408,7 +408,7 @@ fn frames_are_counted_from_the_first_that_is_seen() {
     assert_eq!(passed.bytes, [5, 6, 10]);
 }
 
-/// At half its rate the sender's line coding is another one, while the fault is at work.
+/// While the fault is active, the sender's line coding has half the rate.
 #[test]
 fn a_sender_has_its_own_rate_while_it_is_wrong() {
     let mut faults = LineFaults::default();
@@ -458,7 +458,8 @@ fn a_gate_stays_closed_as_long_as_any() {
     );
 }
 
-/// Whole messages: each time from nothing to `by`, both included; forever is no overflow.
+/// The delay of each message is from zero to `by`, both included; the longest duration causes no
+/// overflow.
 #[test]
 fn the_jitter_of_messages_is_what_its_dice_say() {
     let mut faults = jitter(Duration::from_nanos(2));

@@ -1,5 +1,5 @@
 //! Defects of the fielded PC program, one by one: the rig's PC has none of them. Frames are the
-//! golden ones of the fielded robot, or come from the codec that those verify.
+//! golden ones of the fielded robot, or come from the codec, which the golden frames verify.
 
 use proptest::prelude::*;
 use protocols::pcui::message::{self, MapProperties, Mode, NO_WAYPOINT, Waypoint};

@@ -19,8 +19,8 @@ use crate::rig::line::Line;
 
 /// Options that allow silence.
 const ALLOW_IT: &str = "allow it with --node-may-idle (firmware: --firmware-may-idle)";
-/// Number of moments at which a program sent that show that it sends regularly, also to a device
-/// that sends without requests.
+/// Minimum number of moments at which a program sent, from which it counts as sending regularly,
+/// also to a device that sends without requests.
 const REGULAR: u64 = 20;
 
 /// Observations of a node program under test.

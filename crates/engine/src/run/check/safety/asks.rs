@@ -19,14 +19,15 @@ const ENOUGH: u64 = 12;
 const SHARE: u64 = 50;
 /// Interval between two comparisons of the counts.
 const EVERY: Duration = Duration::from_millis(500);
-/// Replies that the program may count more than the rig, and their share.
+/// Number of replies that the program may count in excess of the rig; and one more for each of this
+/// number of replies.
 const AHEAD: u64 = 4;
 const AHEAD_SHARE: u64 = 50;
-/// The same for each of these damaged deliveries.
+/// One more reply for each of this number of damaged deliveries.
 const DAMAGED_SHARE: u64 = 5;
 
-/// The program repeats a request that was not answered, or whose answer reports an error, and takes
-/// only fitting frames for replies.
+/// The program repeats a request that was not answered, or whose answer reports an error, and
+/// accepts only matching frames as replies.
 pub struct AsksAgain {
     ear: Option<Shared<Ear>>,
     next: Instant,
@@ -43,11 +44,11 @@ struct Ear {
     heard_at: Instant,
     /// The last request while it is not answered, and the number of times that it was sent.
     open: Option<(Vec<u8>, u32)>,
-    /// Deliveries of the device with damage: the program may find a reply behind damaged bytes that
-    /// the rig counts as a part of them.
+    /// Number of damaged deliveries of the device: the program may find a reply behind damaged
+    /// bytes that the rig counts as part of them.
     damaged: u64,
-    /// End of the time in which requests are not judged, and their number: they waited for the
-    /// line, and the reply to the first one came meanwhile.
+    /// End of the time in which requests are not judged, and the number of these requests: they
+    /// waited for the line, and the reply to the first one arrived meanwhile.
     paused_until: Instant,
     paused: u64,
     requests: u64,
@@ -128,7 +129,7 @@ impl Ear {
         self.requests += 1;
         if at < self.paused_until {
             self.paused += 1;
-            // Not counted when the next request follows.
+            // With two or more tries, the next request does not count it as unanswered.
             let tries = self.open.take().map_or(1, |(_, tries)| tries + 1);
             self.open = Some((request, tries.max(2)));
             return;
@@ -314,7 +315,7 @@ mod tests {
         assert_eq!(ear.unanswered, 1);
     }
 
-    /// Of twelve unanswered requests half have to be repeated; of fewer nothing is said. The
+    /// Of twelve unanswered requests, half must be repeated; fewer requests are not judged. The
     /// program may count 4 answers more than the rig, one more of 50, one more for each request in
     /// a pause, and one more for each five damaged deliveries.
     #[test]
@@ -348,8 +349,8 @@ mod tests {
         assert!(counted(10, 0, 109).is_some() && counted(4, 3, 110).is_some());
     }
 
-    /// Requests and replies are frames on their lines. A reply in two parts with a pause of more
-    /// than the decoder's patience between them is none.
+    /// Requests and replies are frames on their lines. Two parts of a reply are not a frame if the
+    /// pause between them is longer than the decoder's idle time.
     #[test]
     fn frames_are_taken_from_both_directions() {
         let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];

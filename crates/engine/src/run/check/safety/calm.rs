@@ -24,7 +24,7 @@ pub struct Calm {
 }
 
 impl Calm {
-    /// The faults of `scenario` on links of `rig` that `is_meant`, and on their devices.
+    /// The faults of `scenario` on links of `rig` that `is_meant` selects, and on their devices.
     pub(super) fn of(scenario: &Scenario, rig: &Rig, is_meant: &dyn Fn(&str) -> bool) -> Self {
         let links = rig.links().iter().map(|link| link.name.clone());
         let mut new = Self {
@@ -48,8 +48,8 @@ impl Calm {
         self
     }
 
-    /// The same for other faults of the run. A fault that waits for a condition, a byte or a frame
-    /// does not act yet.
+    /// Replaces the faults by those that the run has now. A fault that waits for a condition, a
+    /// byte or a frame does not act yet.
     pub(super) fn renew(&mut self, faults: &[FaultSpec], rig: &Rig) {
         let is_meant = |link: &str| self.links.iter().any(|own| own == link);
         let faults = faults
@@ -97,18 +97,18 @@ impl Undisturbed {
         }
     }
 
-    /// A contact at `now` ends it.
+    /// Ends the undisturbed time with a push or contact at `now`.
     pub(super) fn hit_at(&mut self, now: Instant) {
         self.hit = Some(self.hit.map_or(now, |hit| hit.min(now)));
     }
 
-    /// Whether it has ended.
+    /// Whether the undisturbed time has ended.
     pub(super) fn is_over(&self, now: Instant) -> bool {
         let mut ends = self.hit.into_iter().chain(self.calm.first());
         ends.any(|end| now >= end)
     }
 
-    /// The same for other faults of the run.
+    /// Replaces the faults by those that the run has now.
     pub(super) fn renew(&mut self, faults: &[FaultSpec], rig: &Rig) {
         self.calm.renew(faults, rig);
     }
@@ -139,7 +139,7 @@ mod tests {
         assert!(Calm::default().is(at(0)));
     }
 
-    /// The earlier of a hit and a fault ends it.
+    /// The first push, contact or fault ends the undisturbed time.
     #[test]
     fn the_first_hit_or_fault_disturbs() {
         let at = Instant::from_secs;

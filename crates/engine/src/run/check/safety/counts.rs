@@ -21,19 +21,20 @@ const EVERY: Duration = Duration::from_millis(500);
 /// Number of comparisons until a frame that arrived must be counted: 1 s. The program may compute
 /// before it reads its queue.
 const LATE: usize = 2;
-/// Frames that the program may count more than the rig.
+/// Number of frames that the program may count in excess of the rig.
 const AHEAD: u64 = 2;
-/// The same after a fault.
+/// The same number after a fault.
 const SLACK: u64 = 12;
-/// The same as a share of the valid frames: late bytes may part a frame for the rig only.
+/// One more such frame for each of this number of valid frames: late bytes may split a frame in the
+/// rig's decoder only.
 const DISTURBED: u64 = 40;
-/// Frames that the program may reject without damage: candidates inside of valid frames, and bytes
-/// before its port is ready.
+/// Number of frames that the program may reject without damage: candidates inside of valid frames,
+/// and bytes before its port is ready.
 const REJECTED: u64 = 40;
 /// Time of a restart of a device after the effects of a fault: an RPLIDAR that waits for the rest
 /// of a damaged request answers again after 5 s, and its program then starts it again.
 const RESTART: Duration = Duration::from_secs(2);
-/// Share of the frames that the program may miss while it starts a device again.
+/// The program may miss one of this number of frames while it starts a device again.
 const SHARE: u64 = 8;
 /// Number of frames from which this share applies: a fast stream. Each order counts.
 const FAST: u64 = 1_000;
@@ -136,7 +137,7 @@ impl Ear {
         self.patient_sound += self.patient.push(bytes).frames;
     }
 
-    /// A pause parted bytes: program and rig may find other frames in them.
+    /// Handles a pause between bytes: the program and the rig may find different frames in them.
     const fn disturb(&mut self) {
         self.damaged += 1;
     }
@@ -327,7 +328,8 @@ mod tests {
         assert_eq!(told(0, 41).as_deref(), Some(words));
     }
 
-    /// What the program has to know at the third look is what arrived up to the first.
+    /// At the third comparison, the program must have counted the frames that arrived up to the
+    /// first one.
     fn third(mut one: Watched, [sound, damaged]: [u64; 2], accepted: u64) -> Option<String> {
         arrived(&one, sound, damaged);
         for _ in 0..2 {

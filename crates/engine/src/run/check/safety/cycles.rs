@@ -175,7 +175,7 @@ impl Watched {
         let is_exempt = mode.is_some_and(|mode| self.cycle.except.contains(&mode));
         if !self.calm.is(now) || is_exempt || now < Instant::ZERO + STARTS {
             (self.count, self.since, self.second) = (count, now, (now, count));
-            // An optional frame need not come again behind a fault.
+            // An optional frame need not come again after a fault.
             self.in_a_row = 0;
             return;
         }
@@ -324,7 +324,7 @@ mod tests {
             observed(&mut one, &[(7_000, in_time)])
         };
         assert_eq!((after(7), after(8).is_some()), (None, true));
-        // A late one begins anew.
+        // A late frame restarts the count of frames in time.
         let mut one = watched(false);
         let looks: Vec<(u64, u64)> = (0..=6).map(|n| (5_000 + n * 100, n)).collect();
         observed(&mut one, &looks);

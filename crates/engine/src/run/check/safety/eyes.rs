@@ -19,7 +19,7 @@ struct Turns {
     link: usize,
     decoder: Box<dyn ScanDecoder>,
     count: u64,
-    /// Number of damaged deliveries: the ends of turns are not known among them.
+    /// Number of damaged deliveries. The rig does not know which turns end in them.
     damaged: u64,
 }
 
@@ -60,8 +60,8 @@ impl Eyes {
 }
 
 impl Eyes {
-    /// Number of deliveries that a fault damaged, with some bytes left: a program may still see by
-    /// them.
+    /// Number of deliveries that a fault damaged but did not remove completely: a program may still
+    /// find distances in them.
     pub(super) fn damaged(&self) -> u64 {
         self.shared.lock().damaged
     }

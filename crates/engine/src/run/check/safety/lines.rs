@@ -14,35 +14,39 @@ use crate::scenario::FaultSpec;
 
 /// Maximum time from the search for lines until the station has them.
 const AGE: Duration = Duration::from_millis(1_500);
-/// Distance between neighbouring points beyond which they belong to different walls, and the
-/// distance of a point from its line; millimetres.
+/// Distance between neighbouring points beyond which they belong to different walls, and maximum
+/// distance of a point from its line, millimetres.
 const GAP_MM: f64 = 300.0;
 const NEAR_MM: f64 = 75.0;
-/// A line of pieces that bend by up to 10 degrees leaves its points by this share of its length.
+/// Maximum distance of the points from a line of pieces that bend by up to 10 degrees, as a share
+/// of the line's length.
 const BENT: f64 = 0.05;
-/// Points of the shortest line.
+/// Minimum number of points of a line.
 const POINTS_MIN: usize = 3;
-/// Shortest distance between the points of two walls in one run, and the distance of a line's end
-/// from its point, where no other line moves it; millimetres.
+/// Minimum distance between the points of two walls in one run, and maximum distance of a line's
+/// end from its point where no other line moves the end, millimetres.
 const JUMP_MM: f64 = 60.0;
 const AT_POINT_MM: f64 = 8.0;
-/// Points of a corner that a line cuts off.
+/// Maximum number of points of a corner that a line cuts off.
 const CORNER: usize = 5;
-/// Length of a smooth wall, its points, their distance from its line, and that of their middle.
+/// A smooth wall: its minimum length and number of points, the maximum distance of the points from
+/// its line, and that of their middle, millimetres.
 const LONG_MM: f64 = 500.0;
 const MANY: usize = 20;
 const SMOOTH_MM: f64 = 20.0;
 const BESIDE_MM: f64 = 2.5;
-/// Distance and bend of two lines that are one.
+/// Maximum distance and bend, in millimetres and radians, of two lines that count as one.
 const JOINED_MM: f64 = 50.0;
 const GOES_ON_RAD: f64 = 0.07;
-/// Points of a straight wall that a line must cover, and their distance from the chord.
+/// Minimum number of points of a straight wall that a line must cover, and their maximum distance
+/// from the chord, millimetres.
 const WALL: usize = 12;
 const STRAIGHT_MM: f64 = 10.0;
-/// Points at the end of a run that a line must cover to its last one, and the distance from it.
+/// Number of points at the end of a run that a line must cover up to the last one, and the maximum
+/// distance from that point, millimetres.
 const END: usize = 6;
 const END_MM: f64 = 5.0;
-/// The robot leaves out further lines.
+/// Maximum number of lines that the robot reports; it omits further ones.
 const LINES_MAX: usize = 20;
 
 type Point = [f64; 2];
@@ -211,7 +215,7 @@ fn runs(points: &[Point]) -> Vec<Vec<Point>> {
     runs
 }
 
-/// Whether a run may go all the way around.
+/// Whether a run of points may be a closed circle.
 fn is_closed(run: &[Point]) -> bool {
     distance(run[0], run[run.len() - 1]) <= GAP_MM
 }
@@ -264,16 +268,16 @@ fn piece(line: &Line, points: &[Point], within: f64) -> Option<Vec<Point>> {
     Some(piece.copied().collect())
 }
 
-/// Whether the line goes from a point to the next one. Near to a corner its end may be between two
-/// points.
+/// Whether the line has too few points: it goes from one point to the next. Near a corner its end
+/// may be between two points.
 fn has_few(line: &Line, points: &[Point]) -> bool {
     length(line) >= JUMP_MM
         && piece(line, points, AT_POINT_MM).is_some_and(|piece| piece.len() < POINTS_MIN)
 }
 
-/// Whether points between the ends of the line are beside it. A few may be of a thing before the
-/// wall that is too narrow for a line. The points at the ends of a short line may be in the other
-/// order.
+/// Whether points between the ends of the line are beside it. A few points may belong to an object
+/// in front of the wall that is too narrow for a line. The points at the ends of a short line may
+/// be in the other order.
 fn cuts(line: &Line, points: &[Point]) -> bool {
     let ends = piece(line, points, JUMP_MM).filter(|_| length(line) >= 2.0 * JUMP_MM);
     let Some(piece) = ends else {
@@ -286,7 +290,8 @@ fn cuts(line: &Line, points: &[Point]) -> bool {
     beside.take(CORNER).count() == CORNER
 }
 
-/// Whether the line is not the middle of its points. Beyond its ends are those of other lines.
+/// Whether the line is beside the middle of its points. Points beyond its ends belong to other
+/// lines.
 fn is_beside(line: &Line, points: &[Point]) -> bool {
     let ([start, end], length) = (line, length(line));
     let Some(piece) = piece(line, points, JUMP_MM).filter(|_| length >= LONG_MM) else {

@@ -20,17 +20,17 @@ const SLIPS: Duration = Duration::from_secs(3);
 const LEAST: [f64; 2] = [0.03, 0.05];
 /// Minimum motion of a run for an exact verdict: 1.2 m of path, a turn of 200 degrees.
 const ENOUGH: [f64; 2] = [1.2, 3.5];
-/// Minimum motion for a rough verdict, metres and radians, and its permitted error: the wrong unit
-/// or sign.
+/// Minimum motion for a rough verdict, metres and radians, and its permitted error as a share: only
+/// a wrong unit or sign exceeds it.
 const SOME: [f64; 2] = [0.3, 0.3];
 const ROUGH: f64 = 0.5;
-/// Maximum motion measured at rest: 300 mm, 45 degrees, and 0.3 degrees for each second of rest: a
-/// gyroscope's bias wanders.
+/// Maximum motion measured at rest, metres and radians: 300 mm and 45 degrees, and 0.3 degrees more
+/// for each second of rest, because a gyroscope's bias drifts.
 const AT_REST: [f64; 2] = [0.3, 0.8];
 const AT_REST_PER_S: [f64; 2] = [0.0, 0.005];
-/// Permitted motion to one side in curves, as a share of the distance between the curves and their
-/// tangents, and in any case, metres. A pose that leaves each curve on the wrong side drifts by
-/// twice this distance.
+/// Permitted measured motion to one side in curves: a share of the distance between the curves and
+/// their tangents, but at least `DRIFT_M` metres. A pose that leaves each curve on the wrong side
+/// drifts by twice this distance.
 const DRIFT: f64 = 0.5;
 const DRIFT_M: f64 = 0.1;
 /// Names and units of path and turn.

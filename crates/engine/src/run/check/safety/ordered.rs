@@ -14,7 +14,7 @@ use crate::scenario::{Action, FaultSpec, Scenario, Step};
 /// Time to brake after the order to rest was obeyed: the wheels of the built-in robots stand after
 /// 0.3 s.
 const BRAKES: Duration = Duration::from_millis(300);
-/// Duration of a motion that is no rest.
+/// Minimum duration of a motion that counts as not resting.
 const MOTION: Duration = Duration::from_millis(100);
 /// Time from an order to drive until the set-points must follow.
 const FOLLOWS: Duration = Duration::from_secs(1);
@@ -30,15 +30,15 @@ struct Window {
     until: Instant,
     /// Signs of the ordered set-points; empty for an order to rest.
     signs: Vec<f64>,
-    /// Bytes on the link of the orders that were sent before the order, and the arrival of the next
-    /// ones.
+    /// Number of bytes on the link of the orders that were sent before this order, and the arrival
+    /// time of the first later byte.
     before: Option<u64>,
     arrived: Option<Instant>,
     moving_since: Option<Instant>,
     looks: u32,
     obeyed: u32,
     was_judged: bool,
-    /// Whether a fault has disturbed it.
+    /// Whether a fault has disturbed this order, so that it is not judged.
     is_void: bool,
 }
 
@@ -255,8 +255,8 @@ mod tests {
         rests.map(|window| window.at.as_millis() / 1_000).collect()
     }
 
-    /// An empty list is an order to rest for a robot that drives to the places of lists. In a mode
-    /// of another kind it may mean nothing, and behind a drive by hand that a station repeats.
+    /// An empty list orders rest if the robot drives to the places of lists. It may mean nothing in
+    /// a mode of another kind, or after a drive by hand that a station repeats.
     #[test]
     fn an_empty_list_orders_rest_only_behind_lists() {
         let list = |at: u32| format!("{{ at = \"{at}s\", do = {{ waypoints-m = [[1, 2]] }} }},");

@@ -159,7 +159,7 @@ impl Tap for Listener {
         if direction == Direction::ToMaster && link == ear.link {
             let at = delivery.at;
             let mut found = Vec::new();
-            // A receiver gives up a frame that a pause parts.
+            // A receiver discards a frame that a pause splits.
             if at - ear.heard_at > ear.codec.idle() {
                 found = ear.stream.idle();
             }
@@ -264,8 +264,9 @@ mod tests {
         }]
     }
 
-    /// A valid frame is followed by 1 m/s. After damaged bytes, half of it more and a tenth of the
-    /// limit is allowed: up to 1.7 m/s, and 0.2 m/s back. More than that fails after 200 ms.
+    /// A valid frame is followed by 1 m/s. After damaged bytes, the set-point may be 1.5 times as
+    /// large plus a tenth of the limit: 1.7 m/s ahead, or 0.2 m/s back. More than that fails after
+    /// 200 ms.
     #[test]
     fn set_points_stay_within_those_of_the_last_order() {
         let after = |set_point: f64, millis: u64, is_judged: bool| {
@@ -289,7 +290,8 @@ mod tests {
         assert!(after(-0.21, 200, true).is_some());
     }
 
-    /// A new order, or a moment in which the set-points may follow it, begins anew.
+    /// A new order, or a moment in which the set-points may follow it, restarts the time of wrong
+    /// set-points.
     #[test]
     fn wrong_set_points_have_to_last() {
         let at = Instant::from_millis;

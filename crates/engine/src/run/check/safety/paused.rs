@@ -37,8 +37,8 @@ mod tests {
     use crate::rig::fault::Strike;
     use crate::rig::line::Original;
 
-    /// Four bytes arrive late, their first two arrive in a piece of their own, or a host eats one
-    /// of them; a strike takes the last one.
+    /// Undamaged: four late bytes, and the first two of them in a separate piece. Damaged: a host
+    /// drops one byte, or a strike removes the last one.
     #[test]
     fn bytes_are_damaged_by_the_host_and_by_strikes() {
         let drop = Strike {

@@ -25,7 +25,7 @@ pub struct PoseBelieved {
     within_m: f64,
     within_rad: f64,
     quiet: Undisturbed,
-    /// A person drives, who may push the robot on behind a gentle touch.
+    /// Whether a person drives: after a gentle touch, the person may continue to push the robot.
     is_by_hand: bool,
     judged: u64,
     last: Option<Instant>,

@@ -78,9 +78,9 @@ struct Watched {
 }
 
 impl RestsAfterSilence {
-    /// Observes a robot that must rest `within` this time after one of the links in `needs` fell
-    /// silent. `drive` are the links with the commands of its drive; they are `calm` while no fault
-    /// acts on them.
+    /// Observes a robot that must rest when a link in `needs` has been silent for the time
+    /// `within`. `drive` are the links that carry the commands to its drive; `calm` knows the times
+    /// in which no fault acts on them.
     pub fn new(needs: Vec<Need>, drive: Vec<String>, calm: Calm, within: Duration) -> Self {
         let watched = needs.into_iter().map(|need| Watched {
             need,
@@ -105,7 +105,7 @@ impl RestsAfterSilence {
         }
     }
 
-    /// Also regards a lidar as silent whose turns show no distance.
+    /// Also treats a lidar as silent if its turns show no distance.
     #[must_use]
     pub fn with_eyes(mut self, rig: &mut Rig, instruments: &Arc<dyn Instruments>) -> Self {
         self.eyes = Eyes::open(rig, &**instruments);
@@ -113,8 +113,8 @@ impl RestsAfterSilence {
         self
     }
 
-    /// Number of bytes that the robot received on `link`; of turns with a distance, if the link is
-    /// that of its lidar and such turns are known.
+    /// Number of bytes that the robot received on `link`. For the link of its lidar, the number of
+    /// turns with a distance, if such turns are known.
     fn heard_on(&self, rig: &Rig, link: &str) -> u64 {
         let eyes = self.eyes.as_ref().filter(|eyes| eyes.link() == link);
         let turns = eyes.map(Eyes::turns).filter(|turns| *turns > 0);

@@ -37,8 +37,8 @@ struct Watched {
     ear: Option<Shared<Ear>>,
     delivered: u64,
     heard_at: Instant,
-    /// Times without a fault on the link: a device whose bytes a fault delays or damages may be as
-    /// good as silent for the program, which has counted that before.
+    /// Times without a fault on the link. While a fault delays or damages its bytes, the program
+    /// may treat the device as silent and count this before the real silence.
     calm: Calm,
     /// Valid frames or turns so far, and since the last silence.
     frames: u64,
@@ -91,7 +91,7 @@ impl NoticesSilence {
         }
     }
 
-    /// The turns of the lidar, if `link` is its.
+    /// The turns of the lidar, if `link` is the lidar's link.
     fn turns(&self, link: &str) -> Option<u64> {
         let eyes = self.eyes.as_ref()?;
         (eyes.link() == link).then(|| eyes.turns())
@@ -154,8 +154,8 @@ impl Checker for NoticesSilence {
                 let frames = || ear.map_or(delivered, |ear| ear.lock().frames);
                 let frames = turns.unwrap_or_else(frames);
                 if frames != one.frames {
-                    // A failure that was noticed while frames still arrive, for instance of a lidar
-                    // that stands still: the silence behind it is no new one.
+                    // The program noticed a failure while frames still arrived, for instance from a
+                    // lidar that stands still. The later silence is no new failure.
                     if count > one.counted || !one.calm.is(now) {
                         one.worked = 0;
                     }

@@ -11,7 +11,7 @@ use crate::rig::line::{Delivery, Direction};
 use crate::rig::trace::{Side, Tap};
 use crate::robots::Instruments;
 
-/// Bytes outside frames that are no failure: commands that set up a radio module.
+/// Maximum number of bytes outside frames without a failure: commands that set up a radio module.
 const SETUP: u64 = 160;
 /// One byte of this many may be outside a frame: a port that closes cuts a frame.
 const SHARE: u64 = 50;
@@ -169,7 +169,7 @@ mod tests {
             ear.take(at, &vec![0x55; outside]);
             ear.broken
         };
-        // 163 of 163 bytes are 160 and three of 50; of 1163 there are 183.
+        // Of 163 bytes, all may be outside: 160, and one for each 50. Of 1163 bytes, 183 may be.
         assert_eq!((after(0, 163), after(0, 164)), (None, Some((at, 164))));
         assert_eq!((after(200, 183), after(200, 184)), (None, Some((at, 184))));
     }

@@ -11,10 +11,11 @@ use crate::rig::line::Direction;
 use crate::robots::Instruments;
 use crate::scenario::{FaultSpec, Scenario};
 
-/// Time in which a line is observed before it is judged. The program uses it steadily if it is
-/// never silent for longer than a quarter of the limit then, and sends enough bytes.
+/// Time in which a line is observed before it is judged. The program uses it steadily if, in this
+/// time, it sends enough bytes and is never silent for longer than a quarter of the limit.
 const OBSERVED: Duration = Duration::from_secs(5);
-/// Minimum number of bytes in this time. A duty that is sent when it changes is less.
+/// Minimum number of bytes in this time. A motor duty that is sent only when it changes has fewer
+/// bytes.
 const BYTES_MIN: u64 = 100;
 
 /// On each line that it uses steadily the program continues to send, as long as no fault acts on
@@ -200,8 +201,8 @@ mod tests {
         );
     }
 
-    /// Less than five seconds, less than 100 bytes after the first ones, or a pause of more than
-    /// half a second among them are none.
+    /// There is no steady use after less than five seconds, with less than 100 bytes after the
+    /// first ones, or with a pause of more than half a second.
     #[test]
     fn other_lines_are_not_judged() {
         let after = |tenths, bytes| {

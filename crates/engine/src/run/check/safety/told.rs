@@ -73,7 +73,7 @@ impl Watched {
         // A report before the first update has no true value to compare with.
         let is_new = self.told_at != Some(figure.at);
         let was_told = self.told_at.replace(figure.at).is_some();
-        // A steady value has had its true value before, too.
+        // A steady value had its true value also before the first update.
         let is_steady = figure.wrong_min == 1;
         if !is_new || !(was_told || is_steady) {
             return;

@@ -13,14 +13,14 @@ use crate::rig::line::Direction;
 use crate::robots::Instruments;
 use crate::scenario::FaultSpec;
 
-/// Angle of a turn on the spot that is longer than half a turn with its corrections, radians: 230
-/// degrees.
+/// Angle from which a turn on the spot is longer than half a turn with its corrections: 230
+/// degrees, in radians.
 const LONG: f64 = 4.0;
 /// Maximum speed of a turn on the spot, m/s.
 const SPOT_M_S: f64 = 0.03;
 /// Minimum turn rate, rad/s: noise of the drive train.
 const REST_RAD_S: f64 = 0.15;
-/// Minimum set-point of a drive, m/s, and the time of a drive away from the goal.
+/// Minimum set-point of a drive away from the goal, m/s, and its minimum duration.
 const AWAY_M_S: f64 = 0.15;
 const AWAY: Duration = Duration::from_millis(150);
 
