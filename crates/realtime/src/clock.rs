@@ -36,7 +36,7 @@ pub trait Clock {
         false
     }
 
-    /// The real time in which so much of this clock's time passes.
+    /// The real time in which `time` passes on this clock.
     fn lasts(&self, time: Duration) -> Duration {
         time
     }

@@ -12,8 +12,8 @@ pub(crate) type Rates = (u32, u32);
 /// Bytes at different rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Garbled {
-    /// The first rates at which bytes passed garbled after others had passed at the right one, and
-    /// the time: one of both has changed its rate, the other has not.
+    /// The first pair of different rates at which bytes passed after others had passed at equal
+    /// rates, and the time: one end has changed its rate, the other has not.
     pub since: Option<(Rates, Instant)>,
     /// Bytes from client and device that passed garbled since the last right one.
     pub last: [u64; 2],
@@ -24,9 +24,9 @@ pub struct Garbled {
 }
 
 impl Garbled {
-    /// Notes the bytes that client and device have sent until `now`. `wrong` has their different
-    /// rates throughout the time since the last call; `None` if they were the same, and nothing if
-    /// they changed meanwhile.
+    /// Stores the number of bytes that client and device have sent until `now`. `wrong` has the
+    /// different rates since the last call: `Some(None)` if they were equal for all of this time,
+    /// `None` if they changed in it.
     pub(crate) fn note(&mut self, now: Instant, sent: [u64; 2], wrong: Option<Option<Rates>>) {
         let before = core::mem::replace(&mut self.passed, sent);
         let more = [0, 1].map(|side| sent[side] - before[side].min(sent[side]));

@@ -1,6 +1,6 @@
-//! A foreign, unmodified program in virtual time: whatever its language, its threads and processes
-//! run one at a time under supervision, see the rig's clock and no other, and time moves only when
-//! all of them wait.
+//! A foreign, unmodified program in virtual time: in any language. Its threads and processes run
+//! one at a time under supervision, and see only the rig's clock. Time advances only when all of
+//! them wait.
 //!
 //! ```text
 //!  threads of the program        supervisor                     stage
@@ -9,12 +9,12 @@
 //!                                all wait: time moves    --->
 //! ```
 //!
-//! Under ptrace and a seccomp filter the program stops at the calls that have to do with time,
-//! waiting, other threads or ports; all others run at full speed. Each stopped call costs a fixed
-//! virtual time, computing costs none. So the same run gives the same bytes, as often as one likes
-//! and on a loaded machine: `docs/virtual-time.md` says what that takes and where it ends.
+//! Under ptrace and a seccomp filter, the program stops at system calls about time, waiting, other
+//! threads or ports; all other calls run at full speed. Each stopped call costs a fixed virtual
+//! time, computing costs none. So each repetition of a run gives the same bytes, also on a loaded
+//! machine. `docs/virtual-time.md` describes the requirements and the limits.
 //!
-//! For Linux on x86-64; elsewhere a program is refused in words.
+//! Supervision needs Linux on x86-64. On other systems each program is refused with a message.
 
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod call;
@@ -100,7 +100,7 @@ pub const HAS_LINES: bool = cfg!(all(target_os = "linux", target_arch = "x86_64"
 /// callers that only need the verdict. `None` if `goes_on` returned false.
 ///
 /// # Errors
-/// If it cannot be put on trial.
+/// If the program cannot be run.
 pub fn judge(
     scenario: &Scenario,
     source: &Source,

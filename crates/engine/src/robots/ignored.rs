@@ -95,9 +95,7 @@ pub(super) fn warnings(
     let ignored = given.map(|(key, _)| {
         let span = source.find(key.rsplit('.').next().unwrap_or(key));
         let message = match (OF_BUILT_IN.contains(&key), OF_BODY.contains(&key)) {
-            (true, _) => {
-                "has no effect: it cannot be observed in your own program".to_owned()
-            }
+            (true, _) => "has no effect: it cannot be observed in your own program".to_owned(),
             (_, true) => "has no effect: the scenario has no robot that moves".to_owned(),
             _ => format!("has no effect: the robot \"{}\" ignores it", robot.name()),
         };

@@ -18,7 +18,7 @@ const UNITS_MAX: u32 = 36_000_000;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ComputingSpec {
-    /// Scale that was measured with.
+    /// Scale with which the computing was measured.
     #[serde(deserialize_with = "scale")]
     pub scale: f64,
     /// Number of calls at which computing could be charged.

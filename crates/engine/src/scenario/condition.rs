@@ -90,7 +90,7 @@ pub struct FrameCondition {
 pub struct RegisterCondition {
     /// Name of the device.
     pub device: String,
-    /// Number of the register: of a built-in base a byte, of your own device the whole value.
+    /// Number of the register: one byte of a built-in base, or the whole value of your own device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub address: Option<u32>,
     /// Name of the register, variable or field of state.

@@ -56,7 +56,7 @@ impl AdapterSpec {
     }
 }
 
-/// Declares the keys of a fault: each is optional, and which are given can be listed.
+/// Declares the keys of a fault: each is optional, and the given ones can be listed.
 macro_rules! fault_spec {
     ($($(#[doc = $doc:literal])+ $key:ident: $type:ty $(, $least:literal to $most:literal)?;)+) => {
         /// A fault. Its kind decides which keys it has.

@@ -28,7 +28,8 @@ pub(super) fn check_text(source: &Source) -> Result<(), ScenarioError> {
 }
 
 /// Checks that the start and all waypoints are within the maximum distance, and that the
-/// expectations are possible. Adds the errors to `problems`, except for tables that have one.
+/// expectations are possible. Adds the errors to `problems`, except for tables that already have an
+/// error.
 pub(super) fn check(scenario: &Scenario, source: &Source, problems: &mut Vec<ScenarioError>) {
     // A wrong value was replaced; its table and those around it say nothing about the file.
     let wrong: Vec<String> = problems
@@ -226,7 +227,8 @@ mod tests {
         );
     }
 
-    /// A push by such an angle panicked, or never ended. A number without limits is finite.
+    /// A push by such an angle once panicked or never ended. A number without other limits must be
+    /// finite.
     #[test]
     fn numbers_that_no_quantity_has_are_refused() {
         let push = |turn: &str| {
@@ -266,7 +268,7 @@ mod tests {
         );
     }
 
-    /// Each of these was accepted, and did nothing.
+    /// Each of these values was once accepted and had no effect.
     #[test]
     fn what_lasts_no_time_or_starts_nothing_is_refused() {
         let head = "schema = 1\nname = \"t\"\nrobot = \"none\"\nduration = ";

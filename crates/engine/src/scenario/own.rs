@@ -231,7 +231,7 @@ fn line(baud: &Spanned<u32>, key: &str, source: &Source) -> Result<LineConfig, S
     Err(source.invalid(Some(baud.span()), format!("{key}.baud"), message))
 }
 
-/// Checks times of which 0 has no sense, each with its key and what it would do.
+/// Checks the times for which 0 makes no sense. Each has its key and the effect that 0 would have.
 fn check_times(
     times: &[(&str, Option<Span>, &str)],
     key: &str,
@@ -358,7 +358,7 @@ impl RegistersSpec {
     }
 }
 
-/// Watchdog and actuators, if there are any, of the values of `list` with their limits.
+/// Watchdog and actuators of the values of `list`, each with its limits; `None` without actuators.
 fn driven<'a>(
     watchdog: Option<Span>,
     list: &str,

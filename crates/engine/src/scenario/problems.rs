@@ -204,7 +204,8 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
         }
     }
 
-    /// The values that a reader expects at a place: it says so of a value that no key has.
+    /// The values that the reader expects at a place, as it names them in its error about a value
+    /// that no key has.
     fn expected(&self, steps: &[Step], repair: impl Fn(&'static str) -> Repair) -> Option<String> {
         let mut found = None;
         for probe in PROBES {
@@ -255,7 +256,7 @@ impl<'b, T, F: Fn(Document<'b>) -> Result<T, Error>> Reading<'_, 'b, F> {
                 }
                 return Mended::Next(next);
             }
-            // The inserted value is one of some names.
+            // Only one of some names can be inserted here: try each of them.
             if let Repair::Insert(name, Value::Toml(_)) = &repair
                 && let Complaint::UnknownName(_, known) = Complaint::of(next.message())
                 && is_of_made(&next)
@@ -306,8 +307,8 @@ enum Complaint<'a> {
     UnknownKey(&'a str, Vec<&'a str>),
     /// A name that is not among the known ones.
     UnknownName(&'a str, Vec<&'a str>),
-    /// A name is expected, or a table with one key, and the table has another number of them;
-    /// `None` for another value.
+    /// A name, or a table with one key, is expected; with the number of keys if the file has a
+    /// table, else `None`.
     NoName(Option<usize>),
     Other,
 }

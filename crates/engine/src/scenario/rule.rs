@@ -56,8 +56,8 @@ pub struct RuleSpec {
     /// run if not given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub until: Option<UntilSpec>,
-    /// Whether a single run passes that does not observe the rule; a campaign must observe it in
-    /// one run at least.
+    /// Whether a single run passes without observing the rule; a campaign must observe it in at
+    /// least one run.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub may_be_unobserved: bool,
 }

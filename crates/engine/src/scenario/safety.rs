@@ -37,8 +37,9 @@ pub struct SafetySpec {
     /// Whether the program must send only whole, valid frames.
     #[serde(default, skip_serializing_if = "core::ops::Not::not")]
     pub sound_frames: bool,
-    /// Maximum error of the believed position for 3 s, millimetres, and 20 degrees of the heading,
-    /// before the first fault, push or contact that may mislead the robot's sensors.
+    /// Maximum error of the believed position, millimetres; the heading may be wrong by 20 degrees.
+    /// A larger error must not last 3 s before the first fault, push or contact that may mislead
+    /// the robot's sensors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub pose_within_mm: Option<f64>,

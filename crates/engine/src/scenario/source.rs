@@ -171,8 +171,8 @@ impl Source {
         Some(start..start + name.len())
     }
 
-    /// Position of `text` in a line that is no comment, if `is_it` says so of the text before it in
-    /// the line and of the text after it.
+    /// Position of `text` outside of comments, where `is_it` accepts the text before it and the
+    /// text after it in the line.
     fn find_by(&self, text: &str, is_it: fn(&str, &str) -> bool) -> Option<usize> {
         let mut at = 0;
         for line in self.text.split_inclusive('\n') {

@@ -101,7 +101,7 @@ pub(super) fn read_devices(document: &mut Document<'_>) -> Result<Devices, toml:
 
 impl MemberSpec {
     /// The robot alone in the world of `scenario`, in which it is called `name`. Its random numbers
-    /// are others than those of an equal robot.
+    /// differ from those of an equal robot.
     fn alone(&self, scenario: &Scenario, name: &str) -> Scenario {
         let seed = Rng::stream(scenario.seed, &format!("team.{name}")).next_u64() >> 1;
         Scenario {
@@ -138,8 +138,8 @@ impl Scenario {
         members.map(member).collect()
     }
 
-    /// The programs of the file: the index of the robot, 0 for the first one, the name of the
-    /// program with that of a further robot before it, and the program.
+    /// The programs of the file, each with the index of its robot, 0 for the first one. The name of
+    /// a program of a further robot has the robot's name as prefix.
     pub fn programs(&self) -> impl Iterator<Item = (usize, String, &ExecSpec)> {
         let own = self.exec.iter();
         let own = own.map(|(name, spec)| (0, name.clone(), spec));

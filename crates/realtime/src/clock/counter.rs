@@ -41,7 +41,7 @@ pub(super) fn shown<T>(read: impl FnOnce() -> T) -> T {
 /// [`WallClock`]: super::WallClock
 #[derive(Debug)]
 pub(crate) struct Hidden {
-    /// Whether another one hides it already, or the system cannot.
+    /// Whether another `Hidden` already hides the counter, or the system cannot hide it.
     is_idle: bool,
     /// The state is that of a thread.
     not_send: PhantomData<*const ()>,

@@ -60,7 +60,7 @@ pub(super) enum Pending {
 }
 
 impl Pending {
-    /// Maximum time of the answer.
+    /// Latest time of the answer.
     pub(super) const fn until(&self) -> Instant {
         match self {
             Self::Condition(_, until) | Self::Step(until) => *until,

@@ -118,8 +118,8 @@ fn least_beside(first: u32) -> u32 {
     }
 }
 
-/// Why a run failed without a failed check: a rule that must be observed was not. `None` if there
-/// is no such rule.
+/// The reason why a run failed without a failed check: a rule that must be observed was not
+/// observed. `None` if there is no such rule.
 fn undecided(evidence: &Evidence<'_>) -> Option<String> {
     let open: Vec<String> = evidence
         .outcome

@@ -9,7 +9,7 @@ use super::{Cpu, Schedule};
 pub struct Companion {
     /// Its name, for verdicts.
     pub name: String,
-    /// For the shell.
+    /// Its shell command.
     pub command: String,
     /// Index of its robot; the names in its environment are those of this robot alone.
     pub robot: usize,
@@ -31,7 +31,7 @@ pub struct Supervision {
 }
 
 impl Default for Supervision {
-    /// As the command line has it without options.
+    /// The settings of the command line without options.
     fn default() -> Self {
         Self {
             call_cost: Duration::from_micros(1),

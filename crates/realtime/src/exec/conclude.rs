@@ -46,9 +46,9 @@ fn judge_motors(outcome: &mut Outcome, ended: Option<Instant>) {
 pub(crate) struct Ending<'a> {
     /// Observations at its ports.
     pub(crate) ports: &'a Ports,
-    /// The same of each program by its name.
+    /// The end of each program and the rig time of it, by the program's name.
     pub(crate) each: Vec<(String, Option<(Ended, Instant)>)>,
-    /// How it was to be started and judged.
+    /// The command of the program, and its permissions.
     pub(crate) foreign: &'a Foreign,
     /// Its own end and the rig time of it, if it ended by itself.
     pub(crate) ended: Option<(Ended, Instant)>,
@@ -77,7 +77,7 @@ pub(crate) struct SoFar<'a> {
 }
 
 impl Ending<'_> {
-    /// Whether each program was there as long as it had to be.
+    /// Whether each program ran for as long as required.
     fn alive(&self, now: Instant) -> Check {
         let (foreign, farewell) = (self.foreign, self.farewell);
         let over = self.is_over.then_some(now);

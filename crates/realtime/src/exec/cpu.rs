@@ -8,7 +8,7 @@ use core::str::FromStr;
 pub enum Cpu {
     /// Measured processor time, multiplied by this factor in thousandths.
     Scale(u32),
-    /// What the scenario's table `[computing]` records.
+    /// The virtual time that the scenario's table `[computing]` records.
     OfCase,
 }
 
@@ -30,7 +30,7 @@ impl Cpu {
 impl FromStr for Cpu {
     type Err = String;
 
-    /// Reads a factor, or `case` for what a saved case records.
+    /// Reads a factor, or `case` for the times that a saved case records.
     fn from_str(text: &str) -> Result<Self, String> {
         if text == "case" {
             return Ok(Self::OfCase);

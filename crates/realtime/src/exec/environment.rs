@@ -45,7 +45,8 @@ pub(crate) fn environment(
     env
 }
 
-/// The variable with the name of a port in `/dev`, and this name: some libraries accept no other.
+/// The variable with the name of a port in `/dev`, and this name. Some libraries accept no other
+/// names of ports.
 pub(crate) fn terminal_of(name: &str, path: &Path) -> Option<(String, OsString)> {
     let terminal = path.canonicalize().ok()?;
     let variable = format!("{TERMINAL_VARIABLE}{}", variable(name));

@@ -20,7 +20,7 @@ pub enum ExecError {
     /// The program cannot run in virtual time.
     #[error("{0}")]
     Virtual(String),
-    /// The program requires a port that does not exist; all existing ones.
+    /// The program requires a port that does not exist; with the names of all existing ports.
     #[error("--exec-needs {0}: no such port, expected some of {all}", all = .1.join(", "))]
     NoSuchPort(String, Vec<String>),
 }

@@ -30,7 +30,7 @@ pub(crate) struct Port {
     /// Rig time since the last read while bytes waited; time in which the rig was late does not
     /// count.
     unread_for: Duration,
-    /// The longest of these times at whose end the program read on.
+    /// The longest such time after which the program read again.
     longest: Duration,
     pub(super) hangs_at: Option<Instant>,
     pub(super) from_client: u64,
@@ -93,7 +93,7 @@ impl Ports {
         }
         if !sign.is_open || sign.is_drained || has_read || sign.reads.is_none() {
             let waited = core::mem::take(&mut port.unread_for);
-            // It read or flushed in the end, and nothing of what waited got lost.
+            // The program has read or flushed at last, and no waiting byte was lost.
             if (has_read || sign.is_drained) && sign.is_open && sign.lost.overrun == 0 {
                 port.hangs_at = None;
                 port.longest = port.longest.max(waited);

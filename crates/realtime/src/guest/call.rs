@@ -1,33 +1,34 @@
-//! A stopped call: its number, what it was given, and how it goes on.
+//! A system call at which a thread has stopped: its number, its arguments, and how the thread
+//! continues.
 
 use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
 
-/// The calls about futexes of Linux 6.7, which `libc` does not know.
+/// The futex calls of Linux 6.7, which `libc` does not know.
 pub(super) const FUTEX_WAKE: i64 = 454;
 pub(super) const FUTEX_WAIT: i64 = 455;
 pub(super) const FUTEX_REQUEUE: i64 = 456;
 
-/// Length of the instruction that makes a call.
+/// Length of the instruction that makes a system call.
 pub(super) const INSTRUCTION: u64 = 2;
 
 /// The instructions that read the processor's counter.
 pub(super) const RDTSC: [u8; 2] = [0x0F, 0x31];
 pub(super) const RDTSCP: [u8; 3] = [0x0F, 0x01, 0xF9];
 
-/// A call at which a thread stands.
+/// A system call at which a thread has stopped.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Call {
     /// Its number.
     pub(super) number: i64,
-    /// What it was given.
+    /// Its arguments.
     pub(super) args: [u64; 6],
     registers: libc::user_regs_struct,
 }
 
 impl Call {
-    /// The call at which the thread `tid` stands.
+    /// The call at which the thread `tid` has stopped.
     pub(super) fn of(tid: Pid) -> nix::Result<Self> {
         let registers = ptrace::getregs(tid)?;
         Ok(Self {
@@ -44,20 +45,20 @@ impl Call {
         })
     }
 
-    /// Hides that the thread went by single instructions: the instruction of the call has kept the
-    /// flags with the trap flag in `r11` (Intel's manual, volume 2, SYSCALL).
+    /// Hides that the thread runs in single steps: the call instruction has stored the flags, with
+    /// the trap flag, in `r11` (Intel's manual, volume 2, SYSCALL).
     pub(super) fn hide_step(&mut self, tid: Pid) {
         if hide_trap_flag(&mut self.registers) {
             let _ = ptrace::setregs(tid, self.registers);
         }
     }
 
-    /// What the kernel answered; at the end of the call only.
+    /// The kernel's result; valid only at the end of the call.
     pub(super) const fn result(&self) -> i64 {
         self.registers.rax.cast_signed()
     }
 
-    /// The kernel does nothing; the program is given `result`.
+    /// Skips the call in the kernel, and gives `result` to the program.
     pub(super) fn answer(&self, tid: Pid, result: i64) -> nix::Result<()> {
         let mut registers = self.registers;
         registers.orig_rax = u64::MAX;
@@ -65,7 +66,7 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// The kernel does the call with `value` as its argument `index`, 0 to 4.
+    /// Lets the kernel execute the call with `value` as its argument `index`, 0 to 4.
     pub(super) fn with(&self, tid: Pid, index: usize, value: u64) -> nix::Result<()> {
         let mut registers = self.registers;
         match index {
@@ -78,7 +79,8 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// The kernel does nothing now; the thread makes the same call once more when it goes on.
+    /// Skips the call in the kernel for now. The thread makes the same call again when it
+    /// continues.
     pub(super) fn again(&self, tid: Pid) -> nix::Result<()> {
         let mut registers = self.registers;
         registers.rip -= INSTRUCTION;
@@ -87,7 +89,8 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// At the end of a call: argument `index` is what it was, the program is given `result`.
+    /// At the end of a call: restores the argument `index` to `value`, and gives `result` to the
+    /// program.
     pub(super) fn with_result(
         &self,
         tid: Pid,
@@ -100,7 +103,8 @@ impl Call {
         end.with(tid, index, value)
     }
 
-    /// At the end of a call: the thread makes it once more when it goes on, with its own argument.
+    /// At the end of a call: restores the argument `index`, and lets the thread make the call again
+    /// when it continues.
     pub(super) fn with_result_again(
         &self,
         tid: Pid,
@@ -113,7 +117,7 @@ impl Call {
         end.with_result(tid, index, value, number)
     }
 
-    /// At the end of a call that was to be made again: it was interrupted instead.
+    /// At the end of a call that was to be made again: lets it fail with EINTR instead.
     pub(super) fn interrupted_at_end(&self, tid: Pid) -> nix::Result<()> {
         let mut registers = self.registers;
         registers.rip += INSTRUCTION;
@@ -121,9 +125,8 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// After a wait in the kernel that was cut short by a stop of ours: a call that the kernel
-    /// would
-    /// not make again by itself is made again.
+    /// After our stop has cut short a wait in the kernel: lets the thread make the call again, if
+    /// the kernel would not do this by itself.
     pub(super) fn again_if_cut_short(&self, tid: Pid) {
         if self.number >= 0 && self.result() == -i64::from(libc::EINTR) {
             let _ = self.again(tid);
@@ -135,18 +138,18 @@ impl Call {
         self.number == other.number && self.args == other.args
     }
 
-    /// All registers of the thread as it stands at the call.
+    /// All registers of the thread at the call.
     pub(super) const fn registers(&self) -> libc::user_regs_struct {
         self.registers
     }
 
-    /// Where the thread's next instruction is.
+    /// Address of the thread's next instruction.
     pub(super) const fn instruction(&self) -> u64 {
         self.registers.rip
     }
 
-    /// The thread is past an instruction of `len` bytes that reads the processor's counter, and has
-    /// found `count` there.
+    /// Moves the thread past an instruction of `len` bytes that reads the processor's counter, with
+    /// `count` as the value that it read.
     pub(super) fn has_read_counter(&self, tid: Pid, len: u64, count: u64) -> nix::Result<()> {
         let mut registers = self.registers;
         registers.rip += len;
@@ -159,13 +162,13 @@ impl Call {
         ptrace::setregs(tid, registers)
     }
 
-    /// Where the thread's stack begins.
+    /// Value of the stack pointer at the call.
     pub(super) const fn stack(&self) -> u64 {
         self.registers.rsp
     }
 }
 
-/// Names of the calls that people meet in messages.
+/// Names of the calls that users see in messages.
 const NAMES: &[(i64, &str)] = &[
     (libc::SYS_read, "read"),
     (libc::SYS_write, "write"),
@@ -286,7 +289,7 @@ const NAMES: &[(i64, &str)] = &[
     (libc::SYS_sched_setaffinity, "sched_setaffinity"),
 ];
 
-/// Takes the trap flag out of the flags that a call has kept; whether it was there.
+/// Removes the trap flag from the flags that a call has stored; returns whether it was set.
 pub(super) const fn hide_trap_flag(registers: &mut libc::user_regs_struct) -> bool {
     const TRAP_FLAG: u64 = 1 << 8;
     let has_it = registers.r11 & TRAP_FLAG != 0;

@@ -1,9 +1,11 @@
-//! Clocks and ports that a program reads without a stop: pages of ours in place of the kernel's.
+//! Clocks and ports that a program reads without a stop: our pages replace the kernel's page
+//! (vDSO).
 //!
-//! A copy of the kernel's page is put into each new program, its functions led to ours, which count
-//! virtual time in memory beside them. The supervisor lends time to them before it lets a thread go
-//! on: up to the next event at the rig, and for so many looks as the thread may make before others
-//! have their turn. Beyond that a look is a call. So a run is the same with the page and without.
+//! Each new program gets a copy of the kernel's page, whose functions jump to ours. Ours count
+//! virtual time in memory beside them. Before a thread continues, the supervisor lends time to
+//! these functions: up to the next event at the rig, and for as many looks (clock reads) as the
+//! thread may make before another thread has its turn. Beyond that, a look is a system call. So a
+//! run is the same with the page and without.
 //!
 //! ```text
 //!  stop --lend: now, limit, cost--> looks, looks, .. --stop, take: now, how many--> supervisor
@@ -17,7 +19,7 @@ use super::inject::{Hands, NotMade, kernel_page};
 use super::lent::{LentCount, LentPort, LentRead, Loan, Taken};
 use super::memory::Memory;
 
-/// Made of `clock_page.s`, which a test assembles.
+/// Machine code of `clock_page.s`; a test assembles the file and compares.
 #[rustfmt::skip]
 const CODE: [u8; 1106] = [
     0x48, 0xB9, 0x00, 0x00, 0xFA, 0xED, 0x51, 0x72, 0x86, 0x18, 0x85, 0xFF, 0x74, 0x20, 0x48, 0xB9,
@@ -91,7 +93,7 @@ const CODE: [u8; 1106] = [
     0x5F, 0x41, 0x5E, 0x41, 0x5D, 0x41, 0x5C, 0x41, 0x5A, 0x41, 0x59, 0x41, 0x58, 0x5F, 0x5E, 0x5A,
     0x5B, 0xC3,
 ];
-/// Where in it each function of the kernel's page has its own.
+/// For each function of the kernel's page, the offset of our function in `CODE`.
 const FUNCTIONS: [(&str, u64); 6] = [
     ("clock_gettime", 0x00),
     ("gettimeofday", 0x47),
@@ -100,24 +102,25 @@ const FUNCTIONS: [(&str, u64); 6] = [
     ("getcpu", 0xAC),
     ("getrandom", 0xB4),
 ];
-/// The code that answers calls, where it gives up, and its end.
+/// Offsets of the code that answers calls, of its part that gives up, and of its end.
 const SERVE: u64 = 0xEF;
 const GIVE_UP: u64 = 0x137;
-/// Between its pushes and its pops.
+/// Range of this code between its pushes and its pops.
 const SERVED: core::ops::Range<u64> = 0x102..0x43E;
-/// Where each of its pushes begins.
+/// Offsets of its pushes.
 const PUSHES: [u64; 12] = [0, 1, 2, 3, 4, 6, 8, 10, 12, 14, 16, 18];
-/// The instruction that calls it from a detour, its length, and the flag that says it gave up.
+/// The instruction that calls this code from a detour, the instruction's length, and the flag that
+/// means that the code gave up.
 const CALL: [u8; 2] = [0xE8, 5];
 const CARRY: u64 = 1;
-/// Room for detours, from the beginning of the code.
+/// Range for detours, from the start of the code.
 const DETOURS: core::ops::Range<u64> = 2048..4096;
-/// Where the data is, from the beginning of the code: in a page of its own, because processors are
-/// slow where code and data that change are close.
+/// Offset of the data from the start of the code. The data has its own page, because processors are
+/// slow if changing data is close to code.
 const DATA: u64 = 4096;
-/// What is put behind the copy of the kernel's page.
+/// Offset of our code from the start of the copy of the kernel's page.
 const OURS: u64 = 8192;
-/// The data: ports, reads of them, counts of their bytes.
+/// Offsets and sizes in the data: ports, reads of ports, counts of their bytes.
 const PORTS: u64 = 96;
 const PORT: u64 = 552;
 const READS: u64 = 2304;
@@ -126,9 +129,9 @@ const READS_MAX: usize = 64;
 const ASKS: u64 = 2816;
 const ASKS_MAX: usize = 7;
 const TAKES: u64 = 2928;
-/// The instruction that goes on somewhere else, by so many bytes.
+/// The relative jump instruction.
 const JUMP: u8 = 0xE9;
-/// What a file of the program format says of itself.
+/// Constants of the ELF format.
 const SECTIONS: core::ops::Range<usize> = 0..64;
 const DYNAMIC: u64 = 2;
 const DT_HASH: u64 = 4;
@@ -139,16 +142,16 @@ const FUNCTION: u8 = 2;
 /// The page of a process.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ClockPage {
-    /// Where the copy begins.
+    /// Address of the copy.
     pub(super) place: u64,
     data: u64,
-    /// Where the next detour goes.
+    /// Address for the next detour.
     next_detour: u64,
 }
 
 impl ClockPage {
-    /// Puts the page into the process `tid`, which has just become another program and stands at
-    /// the end of that call.
+    /// Puts the page into the process `tid`, which has just executed another program and has
+    /// stopped at the end of that call.
     pub(super) fn put(tid: Pid, hands: &mut Hands) -> Result<Self, NotMade> {
         let (_, mut image) = kernel_page(tid).ok_or(NotMade::Refused)?;
         let len = image.len() as u64;
@@ -177,13 +180,14 @@ impl ClockPage {
         self.data - DATA
     }
 
-    /// The code that answers calls.
+    /// Address of the code that answers calls.
     pub(super) const fn serve(self) -> u64 {
         self.code() + SERVE
     }
 
-    /// Leads a thread that has met a fault there out of the code that answers calls: a buffer of
-    /// its call is none, or its stack has no room for that code. `None` if it stands elsewhere.
+    /// Handles a fault of a thread in the code that answers calls: a buffer of its call is invalid,
+    /// or its stack has no room for that code. Leads the thread out of this code. `None` if the
+    /// thread is not in it.
     pub(super) fn gives_up(self, tid: Pid, registers: &mut user_regs_struct) -> Option<()> {
         let inside = registers.rip.wrapping_sub(self.code());
         if SERVED.contains(&inside) {
@@ -209,7 +213,7 @@ impl ClockPage {
         Some(())
     }
 
-    /// Room for a detour of `len` bytes.
+    /// Allocates a detour of `len` bytes.
     pub(super) fn detour(&mut self, len: u64) -> Option<u64> {
         let place = self.next_detour;
         let end = place + len;
@@ -220,12 +224,12 @@ impl ClockPage {
         Some(place)
     }
 
-    /// Whether its code is at this address.
+    /// Whether `address` is in the page's code.
     pub(super) const fn has_code_at(self, address: u64) -> bool {
         self.place <= address && address < self.data
     }
 
-    /// Lets the thread count time by itself, and read what `ports` bring, at most four. Fails if
+    /// Lets the thread count time by itself, and read the bytes of `ports`, at most four. Fails if
     /// the program has made the page read-only: then nothing is lent.
     pub(super) fn lend(self, tid: Pid, loan: Loan, ports: &[LentPort]) -> Result<(), Errno> {
         let ports = &ports[..ports.len().min(PORTS_MAX)];
@@ -259,7 +263,7 @@ impl ClockPage {
         Memory(tid).write_all(all)
     }
 
-    /// How far it has come; `is_lent`: with ports.
+    /// The use of the loan so far; `is_lent`: with ports.
     pub(super) fn take(self, tid: Pid, is_lent: bool) -> Option<Taken> {
         let mut words = [[0; 8]; 12];
         let mut reads = [[0; 8]; READS_MAX];
@@ -316,7 +320,7 @@ impl ClockPage {
     }
 }
 
-/// Where in the kernel's page, of `len` bytes, which jumps are to be.
+/// The jumps to our functions and their offsets in the kernel's page, whose length is `len`.
 fn lead(image: &[u8], len: u64) -> Option<Vec<(usize, [u8; 5])>> {
     let word = |at: u64| {
         let at = usize::try_from(at).ok()?;
@@ -362,7 +366,7 @@ fn lead(image: &[u8], len: u64) -> Option<Vec<(usize, [u8; 5])>> {
         jump[1..].copy_from_slice(&distance.to_le_bytes());
         jumps.push((usize::try_from(at).ok()?, jump));
     }
-    // Without that one there is nothing to gain.
+    // Without these functions the page brings no gain.
     jumps.len().ge(&2).then_some(jumps)
 }
 
@@ -372,7 +376,7 @@ mod tests {
 
     use super::*;
 
-    /// The bytes above are those of the source beside them.
+    /// The bytes of `CODE` are those of the assembled source file.
     #[test]
     fn the_code_is_that_of_its_source() {
         let folder = std::env::temp_dir().join(format!("hilrig-page-{}", std::process::id()));
@@ -411,7 +415,7 @@ mod tests {
         std::fs::remove_dir_all(&folder).expect("ours");
     }
 
-    /// The kernel's page of this very process has the functions that programs look for.
+    /// The kernel's page of this process has the functions that programs look for.
     #[test]
     fn the_kernels_page_is_led_to_ours() {
         let own = Pid::from_raw(std::process::id().cast_signed());

@@ -28,34 +28,36 @@ pub(super) struct Computing {
     tapes: Vec<Tape>,
     calls: u64,
     fingerprint: u64,
-    /// Processor time that was measured, and virtual time that was charged.
+    /// Measured processor time, and charged virtual time.
     pub(super) used: Duration,
     pub(super) charged: Duration,
     /// The files that ran: name and fingerprint of each.
     programs: BTreeSet<String>,
-    /// What the case recorded.
+    /// The computing that the case recorded.
     recorded: Option<ComputingSpec>,
 }
 
 /// Charges of one thread.
 #[derive(Clone, Debug, Default)]
 struct Tape {
-    /// Calls so far.
+    /// Number of calls so far.
     calls: u64,
     charges: Vec<(u64, u32)>,
-    /// The next charge that was recorded.
+    /// Index of the next recorded charge.
     next: usize,
-    /// Up to which call the charges are known.
+    /// Number of the call up to which the charges are known.
     known: u64,
-    /// Processor time since the last charge, and virtual nanoseconds of less than a unit.
+    /// Processor time since the last charge, and the uncharged rest in virtual nanoseconds, less
+    /// than a unit.
     computed: Duration,
     rest: u128,
-    /// The last part of that time.
+    /// The last part of this processor time.
     last: Duration,
 }
 
 impl Computing {
-    /// For a run whose case has recorded `spec`; `None` if it would have to, and has not.
+    /// Computing of a run whose case has recorded `spec`. `None` if `cpu` requires a record and
+    /// there is none.
     pub(super) fn new(cpu: Cpu, spec: Option<&ComputingSpec>) -> Option<Self> {
         let (scale, recorded) = match cpu {
             Cpu::Scale(thousandths) => (Some(thousandths), None),
@@ -78,14 +80,14 @@ impl Computing {
         })
     }
 
-    /// For a run of `scenario`; `None`: computing takes no virtual time.
+    /// Computing of a run of `scenario`; `None` if computing takes no virtual time.
     pub(super) fn of(cpu: Option<Cpu>, scenario: &Scenario) -> Result<Option<Self>, GuestError> {
         let recorded = scenario.computing.as_ref();
         let new = |cpu| Self::new(cpu, recorded).ok_or(GuestError::NoComputing);
         cpu.map(new).transpose()
     }
 
-    /// Whether processor time is to be measured.
+    /// Whether processor time must be measured.
     pub(super) const fn measures(&self) -> bool {
         self.scale.is_some()
     }
@@ -98,7 +100,7 @@ impl Computing {
         &mut self.tapes[index]
     }
 
-    /// A thread has used the processor for so long between two stops.
+    /// Adds the processor time of a thread between two stops.
     pub(super) fn used(&mut self, thread: u32, time: Duration) {
         let time = time.saturating_sub(FREE);
         self.used += time;
@@ -107,7 +109,8 @@ impl Computing {
         tape.last = time;
     }
 
-    /// What a thread has used the processor for last was a wait for another thread: it is free.
+    /// Makes the last processor time of a thread free of charge, because the thread only waited for
+    /// another one.
     pub(super) fn forgive(&mut self, thread: u32) {
         let tape = self.tape(thread);
         let last = core::mem::take(&mut tape.last);
@@ -115,12 +118,13 @@ impl Computing {
         self.used = self.used.saturating_sub(last);
     }
 
-    /// These files run: name and fingerprint of each.
+    /// Adds files that the program runs: name and fingerprint of each.
     pub(super) fn runs(&mut self, files: Vec<String>) {
         self.programs.extend(files);
     }
 
-    /// A thread begins a call of this number: virtual time that its computing before has taken.
+    /// Records that a thread begins a call with this number. Returns the virtual time that its
+    /// computing before the call takes.
     pub(super) fn charge(&mut self, thread: u32, number: i64) -> Duration {
         self.calls += 1;
         for word in [u64::from(thread), number.cast_unsigned()] {
@@ -154,7 +158,7 @@ impl Computing {
         }
     }
 
-    /// The same program again from its start: what was measured stays.
+    /// The computing for another run of the same program from its start: measured charges stay.
     pub(super) fn again(mut self) -> Self {
         for tape in &mut self.tapes {
             *tape = Tape {
@@ -182,8 +186,8 @@ impl Computing {
         Some(Check::new("computes-as-recorded", passed, detail))
     }
 
-    /// How this run differs from the recorded one: nothing, or in words; `None` if none was
-    /// recorded.
+    /// Comparison of this run with the recorded one: the equality or the first difference as a
+    /// message; `None` if none was recorded.
     pub(super) fn difference(&self) -> Option<Result<String, String>> {
         let recorded = self.recorded.as_ref()?;
         let again = "measure again with --cpu SCALE";
@@ -217,7 +221,7 @@ impl Computing {
     }
 }
 
-/// The name in a line of name and fingerprint.
+/// The name in a line with name and fingerprint.
 fn name_of(line: &str) -> &str {
     line.rsplit_once(' ').map_or(line, |(name, _)| name)
 }
@@ -256,8 +260,8 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
     const NONE: Duration = Duration::ZERO;
 
-    /// By hand, at 20 times as slow: 1.01 ms less the free 10 us are 20 ms, 15 us are 0.1 ms; what
-    /// is less than a unit waits. A second run charges the same, whatever it measures.
+    /// By hand, at 20 times as slow: 1.01 ms less the free 10 us are 20 ms, 15 us are 0.1 ms; the
+    /// rest below a unit is charged later. A second run charges the same, whatever it measures.
     #[test]
     fn a_charge_is_measured_once() {
         let mut first = Computing::new(Cpu::Scale(20_000), None).expect("measures");
@@ -277,7 +281,7 @@ mod tests {
         let again: Vec<Duration> = (0..6).map(|_| second.charge(1, 7)).collect();
         assert_eq!(again, seen);
         assert!(second.difference().expect("recorded").is_ok());
-        // Another program is no repeat: one call more, or another one.
+        // One call more, or another call, makes a different program.
         second.charge(1, 7);
         assert!(second.difference().expect("recorded").is_err());
         let mut other = Computing::new(Cpu::OfCase, Some(&spec)).expect("recorded");
@@ -287,7 +291,7 @@ mod tests {
         assert!(other.difference().expect("recorded").is_err());
     }
 
-    /// A run that a debugger starts again measures only beyond what it knows.
+    /// A run that a debugger starts again measures only calls that it does not know yet.
     #[test]
     fn a_run_again_measures_what_is_new() {
         let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
@@ -303,7 +307,7 @@ mod tests {
         assert!(Computing::new(Cpu::OfCase, None).is_none());
     }
 
-    /// By hand: 3 ms before a kick that found no loop, 1 s in a loop that waits, 2 ms behind it.
+    /// By hand: 3 ms before a check that found no loop, 1 s in a loop that waits, 2 ms after it.
     #[test]
     fn a_wait_is_free() {
         let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
@@ -314,12 +318,13 @@ mod tests {
         run.used(0, 2 * MS + FREE);
         assert_eq!(run.charge(0, 1), 5 * MS);
         assert_eq!(run.used, 5 * MS);
-        // What was charged is not taken back.
+        // A charge is never taken back.
         run.forgive(0);
         assert_eq!(run.used, 5 * MS);
     }
 
-    /// The same calls of another file are no repeat; a case without such names is judged by calls.
+    /// The same calls of a different file are no repetition. A case without names of files is
+    /// compared by its calls.
     #[test]
     fn a_changed_program_is_named() {
         let files = |print: &str| vec![format!("sh {:016x}", 5), format!("my planner {print}")];

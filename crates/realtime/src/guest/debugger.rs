@@ -1,13 +1,12 @@
-//! A debugger for which time stands: the remote protocol of GDB in front of a program in virtual
-//! time.
+//! A debugger that stops time: GDB's remote protocol for a program in virtual time.
 //!
 //! ```text
 //!  gdb ---TCP---> wire ---> gdbstub ---> session ---> supervisor ---> threads
 //!                                          `---> rig: time, wires, verdicts
 //! ```
 //!
-//! While the debugger holds the program no time passes at the rig. A held thread goes on in the
-//! middle of its turn, so that the run is the same as without a debugger.
+//! While the debugger holds the program, no time passes at the rig. A held thread continues in the
+//! middle of its turn, so the run is the same as without a debugger.
 
 mod again;
 mod back;
@@ -43,53 +42,53 @@ use target::Action;
 use wire::{Door, Ear, Wire};
 use wires::Wires;
 
-/// Most turns, and most wall time, between two looks at what the debugger sends.
+/// Maximum number of turns, and maximum wall time, between two checks for input of the debugger.
 const TURNS: u32 = 64;
-/// Number of steps back in a row between two lines about them: a breakpoint with a condition makes
-/// one at each place where the condition is false.
+/// Number of steps back in a row between two lines about them: a breakpoint with a condition causes
+/// one step back at each place where the condition is false.
 const STEPS_EACH: u32 = 5;
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 
-/// How a program is debugged.
+/// Settings of a debugger session.
 #[derive(Clone, Debug, Default)]
 pub struct DebugSettings {
     /// Port on this machine where the debugger connects; 0: a free one.
     pub port: u16,
     /// Name of the program's file, if it is not the first that uses a port.
     pub program: Option<String>,
-    /// The rig's time at which the program first stands; without it, it stands at its start.
+    /// Rig time at which the program first stops; if `None`, it stops at its start.
     pub at: Option<Duration>,
-    /// The program runs once, and then again to the place where a check failed.
+    /// Whether the program runs once, and then again up to the place where a check failed.
     pub on_fail: bool,
 }
 
-/// How a debugger's session ended.
+/// The end of a debugger session.
 pub enum Debugged {
     /// The run ended and was judged.
     Judged(Box<Played>),
     /// The debugger killed the program; the run until then.
     Killed(Box<Played>),
-    /// The caller did not go on; the run until then.
+    /// The caller stopped the session; the run until then.
     Cut(Box<Played>),
-    /// The program or the place to debug did not come up; the fix is named.
+    /// The program to debug did not start, or its place was not reached; with the fix.
     NotReached(String),
-    /// The program could not be started; the caller knows why.
+    /// The program could not be started; the caller knows the reason.
     NotStarted,
 }
 
-/// The outside of a session.
+/// Functions of the caller that a session uses.
 pub struct Surroundings<'a> {
-    /// Starts the program from the beginning, if it can.
+    /// Starts the program from its beginning, if possible.
     pub start: &'a mut dyn FnMut() -> Option<Trial>,
-    /// Whether the session goes on.
+    /// Whether the session may continue.
     pub goes_on: &'a dyn Fn() -> bool,
-    /// Prints a line for people.
+    /// Prints a line for the user.
     pub say: &'a dyn Fn(&str),
 }
 
 /// A program and its debugger.
 struct Session<'a> {
-    /// There is none only while the program is started again.
+    /// The supervised program; `None` only while the program is started again.
     trial: Option<Trial>,
     start: &'a mut dyn FnMut() -> Option<Trial>,
     settings: DebugSettings,
@@ -98,51 +97,51 @@ struct Session<'a> {
     /// The thread of the last stop.
     current: Option<i32>,
     actions: Vec<(Tid, Action)>,
-    /// Length and kind of what is watched, by address.
+    /// Length and kind of watched memory, by its address.
     kinds: BTreeMap<u64, (u64, WatchKind)>,
     wires: Wires,
-    /// The run is over, and the debugger knows.
+    /// Whether the run is over and the debugger knows it.
     is_over: bool,
-    /// The way back that the debugger wants, and the time to which the next one leads.
+    /// The backward motion that the debugger requests, and the time to which the next one leads.
     back: Option<Back>,
     back_to: Option<Instant>,
-    /// The watched memory of the last stop.
+    /// Address of the watched memory at the last stop.
     last_watched: Option<u64>,
-    /// What came of the first run with `on_fail`.
+    /// Result of the first run with `on_fail`.
     first: Option<Box<Played>>,
-    /// Which program is debugged, once that is known.
+    /// The program that is debugged, once it is known.
     wanted: Option<Wanted>,
-    /// The debugger was told the signal of the held thread.
+    /// Whether the debugger was told the signal of the held thread.
     is_signal_told: bool,
-    /// A way back did not come to its place.
+    /// Whether a backward motion did not reach its place.
     has_missed: bool,
-    /// Hears the debugger on a way back; whether it has broken that off.
+    /// Receives an interrupt of the debugger during a backward motion; and whether there was one.
     ear: Option<Ear>,
     is_broken_off: bool,
-    /// What the computing of the run before was charged.
+    /// Charges for computing in the previous run.
     computing: Option<Computing>,
-    /// Why the place to debug did not come up.
+    /// The reason why the place to debug was not reached.
     missed: Option<String>,
     /// Number of `reverse-continue` in a row.
     steps_back: u32,
 }
 
-/// What a running program came to.
+/// Event of a running program.
 enum Event {
     Stop(Stop),
     /// The run is over.
     Over,
 }
 
-/// Why a debugger is served no longer.
+/// The reason why a debugger is not served any more.
 enum Leave {
     Detached,
     Killed,
-    /// The process has ended, and the debugger knows.
+    /// The process has ended, and the debugger knows it.
     Ended,
-    /// The connection broke.
+    /// The connection is broken.
     Gone,
-    /// The caller does not go on.
+    /// The caller stopped the session.
     Cut,
 }
 
@@ -192,7 +191,7 @@ pub fn debug(
     session.conclude(leave)
 }
 
-/// Why there is a run whenever one is asked for.
+/// Panic message: the caller has checked that there is a run.
 const THERE: &str = "a session without a run is over";
 
 impl Session<'_> {
@@ -212,7 +211,7 @@ impl Session<'_> {
         self.trial_ref().supervisor_ref()
     }
 
-    /// Runs until something happens; `None` if the caller does not go on.
+    /// Runs until an event; `None` if the caller stops the session.
     fn run_until_event(&mut self) -> Result<Option<Event>, GuestError> {
         while (self.goes_on)() && !self.breaks_off() {
             if let Some(event) = self.run_for_a_while()? {
@@ -222,20 +221,20 @@ impl Session<'_> {
         Ok(None)
     }
 
-    /// Whether the debugger breaks off its way back.
+    /// Whether the debugger interrupts its backward motion.
     fn breaks_off(&mut self) -> bool {
         self.is_broken_off |= self.ear.as_ref().is_some_and(Ear::hears_interrupt);
         self.is_broken_off
     }
 
-    /// Runs for some turns, or until something happens.
+    /// Runs for some turns, or until an event.
     fn run_for_a_while(&mut self) -> Result<Option<Event>, GuestError> {
         let clock = WallClock::start();
         for _ in 0..TURNS {
             if let Some(event) = self.run_turn()? {
                 return Ok(Some(event));
             }
-            // A turn of a thread that computes takes a second.
+            // A turn of a thread that computes can take a second.
             if clock.now() - Instant::ZERO >= LOOK_EVERY {
                 break;
             }
@@ -248,7 +247,8 @@ impl Session<'_> {
         if let Some(stop) = self.supervisor().take_stop() {
             return Ok(Some(Event::Stop(stop)));
         }
-        // In the middle of a turn nothing is over: it would not have been seen without a stop.
+        // A run is not over in the middle of a turn: without a stop, the end would not have been
+        // noticed there.
         let is_over = !self.supervisor().is_held() && self.trial().is_over();
         Ok(is_over.then_some(Event::Over))
     }
@@ -275,7 +275,7 @@ impl Session<'_> {
         }
     }
 
-    /// Takes away all that a debugger has set: the next one knows nothing of it.
+    /// Removes all breakpoints and settings of a debugger, because the next one does not know them.
     fn forget_debugger(&mut self) {
         self.set_marks(&Marks::default());
         if let Some(debugging) = self.supervisor().debugging() {
@@ -337,7 +337,7 @@ impl Session<'_> {
                     return Ok(match stub.get_reason() {
                         DisconnectReason::Disconnect => Leave::Detached,
                         DisconnectReason::Kill => {
-                            // One of the two packets for this expects an answer.
+                            // One of the two packets for this request expects an answer.
                             let _ = stub.borrow_conn().confirm();
                             Leave::Killed
                         }
@@ -348,7 +348,7 @@ impl Session<'_> {
             };
             stub = match next {
                 Ok(stub) => stub,
-                // It has spoken another language, or has gone.
+                // The client sent another protocol, or is gone.
                 Err(_) => return Ok(Leave::Gone),
             };
         }
@@ -360,16 +360,16 @@ impl Session<'_> {
         MultiThreadStopReason::SignalWithThread { tid, signal }
     }
 
-    /// Runs for a while for the debugger: why it stands then, if it does.
+    /// Runs for a while for the debugger; returns the reason for a stop, if the program stopped.
     fn run_for_debugger(
         &mut self,
         wire: &mut Wire,
     ) -> Result<Option<MultiThreadStopReason<u64>>, GuestError> {
         if let Some(back) = self.back.take() {
-            // A wire without an ear is heard when the way back is over.
+            // Without an ear, the connection is read only after the backward motion.
             self.ear = wire.ear().ok();
             let Some(reason) = self.go_back(back)? else {
-                // If the debugger is gone, the next look at it finds out.
+                // If the debugger is gone, the next read reports it.
                 let _ = wire.take_interrupt();
                 let _ =
                     wire.say("[hilrig] the way back is broken off; the program is at its start");
@@ -379,7 +379,7 @@ impl Session<'_> {
                 let text = "the program does not repeat, so the way back missed its place; check it \
                             with hilrig run --virtual --check";
                 (self.say)(text);
-                // The debugger may be gone; the next look at it finds out.
+                // If the debugger is gone, the next read reports it.
                 let _ = wire.say(&format!("[hilrig] {text}"));
             }
             self.steps_back += u32::from(back == Back::Continue);
@@ -394,7 +394,7 @@ impl Session<'_> {
             return Ok(Some(MultiThreadStopReason::Exited(0)));
         }
         let event = self.run_for_a_while()?;
-        // What cannot be said, the debugger does without.
+        // A line that cannot be sent is dropped.
         let mut tell = |text: &str| drop(wire.say(&format!("[hilrig] {text}")));
         let now = self.trial().now();
         let stop = match event {
@@ -446,13 +446,13 @@ impl Session<'_> {
         }))
     }
 
-    /// The watched memory to which `address` belongs, and how it is watched.
+    /// The watched memory that contains `address`, and its kind.
     fn watched_at(&self, address: u64) -> (u64, WatchKind) {
         let before = self.kinds.range(..=address).next_back();
         before.map_or((address, WatchKind::Write), |(&at, &(_, kind))| (at, kind))
     }
 
-    /// Ends the session: lets the run come to its end if it is to.
+    /// Ends the session, and lets the run continue to its end if required.
     fn conclude(mut self, leave: Result<Leave, GuestError>) -> Result<Debugged, GuestError> {
         let leave = match leave {
             Ok(leave) => leave,

@@ -1,9 +1,9 @@
 //! Detours: the program's own `select`, `read` and `ioctl` of ports ask the code in its clock page
 //! first.
 //!
-//! One instruction of the program before the call is replaced by a jump of the same length or
-//! shorter. So each place to which the program may jump or return remains the beginning of an
-//! instruction, and a call that the page does not answer is made where it was.
+//! A jump replaces one instruction of the program before the call; the jump is not longer than the
+//! instruction. So each address to which the program may jump or return remains the start of an
+//! instruction. A call that the page does not answer is still made at its own place.
 //!
 //! | found at a stop, in glibc | is replaced | after an answer |
 //! |---|---|---|
@@ -12,9 +12,10 @@
 //! | the same behind `mov %fs:24, %eax; test; jne ..`, before 2.34 | `mov` | returns |
 //! | `mov %eax, %r8d; mov n(%rsp), %edi; xor %eax, %eax; syscall` | `mov`, `xor` | goes on behind the call |
 //!
-//! With several threads `read` is a point of cancellation (pthreads(7)): the second and third form
-//! leave it to the function then, whose call in the fourth form comes after a look at whether its
-//! thread is cancelled. No jump leads between the two instructions of that form.
+//! With several threads, `read` is a cancellation point (pthreads(7)). In this case the detours of
+//! the second and third form let the function make the call itself. Its call has the fourth form,
+//! and follows a check whether the thread is cancelled. No jump leads between the two instructions
+//! of the fourth form.
 
 use nix::libc;
 use nix::unistd::Pid;
@@ -30,32 +31,33 @@ const JUMP: u8 = 0xE9;
 const NOP: u8 = 0x90;
 /// Calls that the page may answer.
 const SERVED: [i64; 3] = [libc::SYS_read, libc::SYS_ioctl, libc::SYS_pselect6];
-/// Bytes before a call at which is looked.
+/// Number of bytes that are examined before a call.
 const BEFORE: usize = 24;
-/// Functions begin at multiples of this.
+/// Alignment of functions.
 const ALIGNMENT: u64 = 16;
 const ENDBR: [u8; 4] = [0xF3, 0x0F, 0x1E, 0xFA];
 
-/// What is replaced at a call.
+/// The instruction before a call that is replaced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Found {
-    /// Bytes from the beginning of the replaced instruction to the call.
+    /// Number of bytes from the start of the replaced instruction to the call.
     before: u64,
-    /// Its length.
+    /// Length of the replaced instruction.
     len: u64,
     form: Form,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Form {
-    /// It sets the number of the call, which is next.
+    /// It sets the number of the call, which follows directly.
     Number,
-    /// It is the first one of its function, and compares a byte at this distance behind it with 0.
+    /// It is the first instruction of its function, and compares with 0 the byte at this distance
+    /// behind it.
     Compare(i32),
-    /// The same, and reads a word of the thread.
+    /// It is the first instruction of its function, and reads a word of the thread.
     Thread,
-    /// Behind a look at whether the thread is cancelled: it reads the file from this place of the
-    /// stack.
+    /// It follows a check whether the thread is cancelled, and reads the file number from this
+    /// offset on the stack.
     Cancelled(u8),
 }
 
@@ -64,8 +66,8 @@ pub(super) fn is_served(number: i64) -> bool {
     SERVED.contains(&number)
 }
 
-/// Makes the program ask `page` before the call `number` behind which `tid` stands, at `place`;
-/// whether it does from now on.
+/// Makes the program ask `page` before the call `number`, behind which `tid` stands, at `place`.
+/// Returns whether the program does so from now on.
 pub(super) fn make(tid: Pid, page: &mut ClockPage, number: i64, place: u64) -> bool {
     made(tid, page, number, place).is_some()
 }
@@ -82,14 +84,14 @@ fn made(tid: Pid, page: &mut ClockPage, number: i64, place: u64) -> Option<()> {
     let detour = assemble(found, at, replaced, page.serve(), number)?;
     let mut jump = vec![NOP; usize::try_from(found.len).ok()?];
     jump[..5].copy_from_slice(&jump_to(replaced, at)?);
-    // Only a tracer may write to the program's code.
+    // Only a tracer can write to the program's code.
     poke(tid, at, &detour).ok()?;
     poke(tid, replaced, &jump).ok()?;
     *page = taken;
     Some(())
 }
 
-/// What of the `code` up to a call can be replaced.
+/// The instruction that can be replaced in the `code` up to a call.
 fn find(code: &[u8], number: i64, call: u64) -> Option<Found> {
     let before = code.strip_suffix(&SYSCALL)?;
     let number = u32::try_from(number).ok()?;
@@ -111,7 +113,7 @@ fn find(code: &[u8], number: i64, call: u64) -> Option<Found> {
             form: Form::Cancelled(place),
         });
     }
-    // xor %eax, %eax; where the word of the thread was 0, compilers leave it out.
+    // This is `xor %eax, %eax`; compilers omit it where the word of the thread was 0.
     let short = before.strip_suffix(&[0x31, 0xC0]);
     let before = short.unwrap_or(before);
     let xor = if short.is_some() { 2 } else { 0 };
@@ -138,17 +140,18 @@ fn find(code: &[u8], number: i64, call: u64) -> Option<Found> {
     })
 }
 
-/// Most bytes of a detour.
+/// Maximum length of a detour, bytes.
 const DETOUR: u64 = 56;
-/// Bytes of a detour from its look at the number of threads to its last piece.
+/// Number of bytes of a detour from its check of the number of threads to its last piece.
 const UP_TO_LAST: u8 = 26;
 
-/// The detour at `at` of what was at `replaced`.
+/// The detour at `at`, for the instruction at `replaced`.
 fn assemble(found: Found, at: u64, replaced: u64, serve: u64, number: i64) -> Option<Vec<u8>> {
     let [a, b, c, d] = u32::try_from(number).ok()?.to_le_bytes();
     let set_number = [0xB8, a, b, c, d];
     let mut code = Vec::new();
-    // With several threads the function is a point of cancellation: straight to the last piece.
+    // With several threads the function is a cancellation point, so jump directly to the last
+    // piece.
     match found.form {
         Form::Number => {}
         // mov place(%rsp), %edi
@@ -166,7 +169,7 @@ fn assemble(found: Found, at: u64, replaced: u64, serve: u64, number: i64) -> Op
             code.extend([0x85, 0xC0, 0x75, UP_TO_LAST]);
         }
     }
-    // lea -128(%rsp), %rsp: the program may use what is below.
+    // lea -128(%rsp), %rsp: the program may use the memory below its stack pointer.
     code.extend([0x48, 0x8D, 0x64, 0x24, 0x80]);
     code.extend(set_number);
     // call serve
@@ -202,7 +205,7 @@ fn jump_to(at: u64, to: u64) -> Option<[u8; 5]> {
     Some([JUMP, a, b, c, d])
 }
 
-/// The distance from the end of an instruction, as the processor takes it.
+/// The distance from the end of an instruction to its target, as the processor encodes it.
 fn distance(from: u64, to: u64) -> Option<[u8; 4]> {
     let distance = to.cast_signed().checked_sub(from.cast_signed())?;
     Some(i32::try_from(distance).ok()?.to_le_bytes())
@@ -221,8 +224,8 @@ mod tests {
         code
     }
 
-    /// The beginnings of `select` and `read` of glibc 2.36, of `read` of 2.31, and the call of a
-    /// `read` with threads, as a disassembler shows them.
+    /// Compares with the output of a disassembler: the starts of `select` and `read` in glibc 2.36,
+    /// of `read` in 2.31, and the call of a `read` with threads.
     #[test]
     fn the_instruction_before_a_call_is_replaced() {
         let select = padded(&[0x89, 0xDF, 0xB8, 0x0E, 1, 0, 0]);
@@ -247,7 +250,8 @@ mod tests {
         assert_eq!((found.before, found.form), (12, Form::Thread));
     }
 
-    /// The number of another call, an instruction inside a function, and any other code stay.
+    /// The number of another call, an instruction inside a function, and any other code stay
+    /// unchanged.
     #[test]
     fn other_code_stays() {
         let select = padded(&[0xB8, 0x0E, 1, 0, 0]);
@@ -260,7 +264,8 @@ mod tests {
         assert_eq!(find(&[], libc::SYS_read, CALL), None);
     }
 
-    /// A detour too far away for a jump is none. By hand: the jumps of a near one.
+    /// A detour that is too far away for a jump is not made. The jumps of a near one are computed
+    /// by hand.
     #[test]
     fn a_detour_is_near() {
         let found = Found {
@@ -277,7 +282,7 @@ mod tests {
         assert_eq!(code[35..40], [JUMP, 0xDD, 0x0F, 0, 0]);
     }
 
-    /// With several threads a detour does what it replaced, and nothing else: by hand, the jump
+    /// With several threads a detour only executes the replaced instruction. By hand: the jump
     /// behind the condition leads to the replaced instruction.
     #[test]
     fn a_program_with_threads_makes_its_call() {
@@ -301,7 +306,8 @@ mod tests {
             assert!(code.starts_with(last), "{form:?}: {code:X?}");
             assert_eq!(code[to - 1], 0xC3, "{form:?}: ret");
         }
-        // Behind the look at whether the thread is cancelled: its own `mov`, then as ever.
+        // Behind the check whether the thread is cancelled: the detour has the program's own `mov`,
+        // then the usual code.
         let found = Found {
             before: 6,
             len: 6,

@@ -1,4 +1,4 @@
-//! Where there is no supervisor: programs are refused in words.
+//! A build without a supervisor: all programs are refused with a message.
 
 use core::time::Duration;
 use std::ffi::OsString;
@@ -15,43 +15,43 @@ use crate::transport::PortDir;
 use crate::{PortReport, Sign};
 use engine::run::{Outcome, Run};
 
-/// The hidden command.
+/// The hidden command of a program in virtual time.
 pub const VERB: &str = "__guest";
 
 /// The same for a program in real time that has modem lines.
 pub const LINES_VERB: &str = "__guest-lines";
 
-/// A program on trial: there never is one.
+/// A supervised program: it never exists in this build.
 pub enum Trial {}
 
-/// What came of it.
+/// Result of a supervised program.
 pub struct Played {
     /// The run.
     pub outcome: Outcome,
     /// Whether the captures of the run were written.
     pub recorded: io::Result<()>,
-    /// The end of what the program said.
+    /// The last part of the program's output.
     pub said: String,
-    /// What left virtual time.
+    /// Notes about actions outside of virtual time.
     pub notes: Vec<String>,
-    /// What the program's calls were, in words.
+    /// Summary of the program's calls, as text.
     pub spent: String,
-    /// What was decided, call by call.
+    /// The decisions, call by call.
     pub calls: Calls,
-    /// What passed each port.
+    /// Traffic of each port.
     pub reports: Vec<PortReport>,
 }
 
-/// What was decided, call by call.
+/// The decisions, call by call.
 pub struct Calls;
 
 impl Calls {
-    /// How many calls there were.
+    /// Number of calls.
     pub(crate) const fn count(&self) -> u64 {
         0
     }
 
-    /// Where two runs part.
+    /// The first difference between two runs.
     pub(crate) const fn part_from(&self, _: &Self) -> Option<String> {
         None
     }
@@ -78,12 +78,12 @@ impl Trial {
         match *self {}
     }
 
-    /// Whether there is nothing more to see.
+    /// Whether the run is over.
     pub(crate) const fn is_over(&self) -> bool {
         match *self {}
     }
 
-    /// Goes on for some milliseconds.
+    /// Continues for some milliseconds.
     ///
     /// # Errors
     /// Never.
@@ -91,7 +91,7 @@ impl Trial {
         match *self {}
     }
 
-    /// Goes on.
+    /// Continues.
     ///
     /// # Errors
     /// Never.
@@ -99,17 +99,17 @@ impl Trial {
         match *self {}
     }
 
-    /// From now on the run goes on when its mission is over.
+    /// Lets the run continue after its mission is over.
     pub(crate) const fn make_endless(&mut self) {
         match *self {}
     }
 
-    /// Lets the rig's time run.
+    /// Starts rig time.
     pub(crate) const fn begin(&mut self) {
         match *self {}
     }
 
-    /// Whether the rig's time runs.
+    /// Whether rig time runs.
     pub(crate) const fn has_begun(&self) -> bool {
         match *self {}
     }
@@ -119,24 +119,24 @@ impl Trial {
         match *self {}
     }
 
-    /// The rig's time.
+    /// Rig time.
     pub(crate) const fn now(&self) -> Instant {
         match *self {}
     }
 
-    /// What can be seen of the program at its ports.
+    /// Observations of the program at its ports.
     pub(crate) fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
         match *self {}
         #[expect(unreachable_code, reason = "names the type")]
         core::iter::empty()
     }
 
-    /// How the program ended.
+    /// The end of the program.
     pub(crate) const fn ended(&self) -> Option<Ended> {
         match *self {}
     }
 
-    /// Where the program was when a signal such as SIGSEGV came.
+    /// The place of the program when a signal such as SIGSEGV came.
     pub const fn fault(&self) -> Option<&str> {
         match *self {}
     }
@@ -151,17 +151,17 @@ impl Trial {
         match *self {}
     }
 
-    /// The program now.
+    /// The current state of the program.
     pub const fn moment(&mut self) -> Option<TrialMoment> {
         match *self {}
     }
 
-    /// Puts the program back.
+    /// Restores an earlier state of the program.
     pub const fn put_back(&mut self, _: &TrialMoment) -> bool {
         match *self {}
     }
 
-    /// What it said so far.
+    /// The program's output so far.
     pub(crate) const fn said(&self) -> String {
         match *self {}
     }
@@ -180,38 +180,38 @@ impl Trial {
 /// A program at one moment.
 pub enum TrialMoment {}
 
-/// How a program is debugged.
+/// Settings of a debugger session.
 #[derive(Clone, Debug, Default)]
 pub struct DebugSettings {
     /// Port where the debugger connects.
     pub port: u16,
     /// Name of the program's file.
     pub program: Option<String>,
-    /// Time at which the program first stands.
+    /// Rig time at which the program first stops.
     pub at: Option<Duration>,
-    /// It runs once, and then again to the place where a check failed.
+    /// Whether it runs once, and then again up to the place where a check failed.
     pub on_fail: bool,
 }
 
-/// How a debugger's session ended.
+/// The end of a debugger session.
 pub enum Debugged {
     /// The run ended and was judged.
     Judged(Box<Played>),
     /// The debugger killed the program.
     Killed(Box<Played>),
-    /// The caller did not go on.
+    /// The caller stopped the session; the run until then.
     Cut(Box<Played>),
     /// The program could not be started.
     NotStarted,
 }
 
-/// The outside of a session.
+/// Functions of the caller that a session uses.
 pub struct Surroundings<'a> {
     /// Starts the program from the beginning.
     pub start: &'a mut dyn FnMut() -> Option<Trial>,
-    /// Whether the session goes on.
+    /// Whether the session may continue.
     pub goes_on: &'a dyn Fn() -> bool,
-    /// Prints a line for people.
+    /// Prints a line for the user.
     pub say: &'a dyn Fn(&str),
 }
 

@@ -1,4 +1,4 @@
-//! Why a program cannot be run in virtual time.
+//! Reasons why a program cannot be run in virtual time.
 
 use core::time::Duration;
 use std::io;
@@ -7,26 +7,26 @@ use std::path::PathBuf;
 use crate::exec::ExecError;
 use crate::transport::TransportError;
 
-/// Why a program cannot be run in virtual time.
+/// The reason why a program cannot be run in virtual time.
 #[derive(Debug, thiserror::Error)]
 pub enum GuestError {
-    /// The system does not let it be traced.
+    /// The system does not allow tracing the program.
     #[error(
         "--virtual: the system does not let a program be traced: in a container allow ptrace \
          (--cap-add=SYS_PTRACE), and look at /proc/sys/kernel/yama/ptrace_scope, expected at most 1"
     )]
     NotTraced,
-    /// The filter cannot be put on, or there is no shell.
+    /// The filter cannot be installed, or the shell is missing.
     #[error("--virtual: the program cannot be started under supervision: {0}")]
     NotLaunched(String),
-    /// It is a setuid program.
+    /// The program is a setuid program.
     #[error(
         "--virtual: {} is a setuid or setgid program: under supervision it would run without its \
          rights; expected one that needs none, or a run without --virtual",
         .0.display()
     )]
     Setuid(PathBuf),
-    /// It is for another processor.
+    /// The program was built for another processor.
     #[error("--virtual: {} is a 32-bit program: expected one for x86-64", .0.display())]
     OtherArchitecture(PathBuf),
     /// This build has no supervisor.
@@ -41,18 +41,18 @@ pub enum GuestError {
     /// No rig answers.
     #[error("--dir {}: no rig answers here, expected a directory of `hilrig up`: {source}", .dir.display())]
     NoRig {
-        /// Where.
+        /// The directory.
         dir: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A thread computes on and on.
+    /// A thread computes without making a call.
     #[error(
         "{0} computes without a call for {secs:.0} s of processor time",
         secs = .1.as_secs_f64()
     )]
     Spins(String, Duration),
-    /// Virtual time stands.
+    /// Virtual time does not advance.
     #[error(
         "virtual time stood for {secs} s of wall time: {0}; a --call-cost above 0 lets it go on \
          with each call",
@@ -69,18 +69,18 @@ pub enum GuestError {
         "--port {port}: {source}; expected a free port of this machine, 0 lets the system choose one"
     )]
     DebugPort {
-        /// Which.
+        /// The TCP port.
         port: u16,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// The program has written to the page that answers its looks at clocks.
+    /// The program has overwritten the page with our clock functions.
     #[error(
         "the program has overwritten the page from which hilrig answers clocks and ports; expected \
          writes to the program's own memory only"
     )]
     Overwritten,
-    /// The program has read other bytes than the rig brought.
+    /// The program has read other bytes than the rig delivered.
     #[error(
         "{0} at {secs:.6} s: the program has read bytes that the rig did not bring; this is a fault \
          of hilrig, expected no difference; with --trace-calls FILE each read asks the rig",
@@ -90,15 +90,15 @@ pub enum GuestError {
     /// The trace cannot be written.
     #[error("--trace-calls {}: {source}", .path.display())]
     Trace {
-        /// Where.
+        /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the operating system.
         source: io::Error,
     },
-    /// A real port went away.
+    /// A real port disappeared.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// It cannot be put on trial.
+    /// The program cannot be run.
     #[error(transparent)]
     Exec(#[from] ExecError),
 }

@@ -1,9 +1,10 @@
 //! Signals from 32 to 64, for a thread that has stopped at one.
 //!
-//! By safe means a supervisor can pass on signals up to 31 only. So one of these is lent: while all
-//! others are held back it is given the handler of the real one, the kernel makes the frame of that
-//! handler, with its stack, its floating point registers and all that is told of the signal, and
-//! number and masks in it are put right before the thread goes on.
+//! Without unsafe code, a supervisor can only deliver signals up to 31. So it borrows one of these.
+//! While all other signals are blocked, the borrowed one gets the handler of the real one. The
+//! kernel creates the frame of that handler, with its stack, its floating point registers and the
+//! information about the signal. Then the supervisor corrects number and masks in the frame, and
+//! the thread continues.
 //!
 //! ```text
 //!  stop at 35        SIGSTKFLT gets the handler of 35; sent; stop; goes on by one step
@@ -22,9 +23,9 @@ use super::pending::Pending;
 
 /// The borrowed signal: no program sends it.
 const LENT: Signal = Signal::SIGSTKFLT;
-/// Below its stack pointer a program keeps this to itself.
+/// Number of bytes below its stack pointer that a program may use.
 const RED_ZONE: u64 = 128;
-/// What the kernel takes of masks.
+/// Length of the signal masks that the kernel accepts.
 const MASK_LEN: u64 = 8;
 const SIG_SETMASK: u64 = 2;
 const SIG_DFL: u64 = 0;
@@ -32,14 +33,15 @@ const SIG_IGN: u64 = 1;
 const SA_SIGINFO: u64 = 4;
 const SA_NODEFER: u64 = 0x4000_0000;
 const SA_RESETHAND: u64 = 0x8000_0000;
-/// Where in what a handler is given of its thread the mask is that comes back after it.
+/// Offset of the signal mask in the context of a handler; the kernel restores this mask after the
+/// handler.
 const CONTEXT_MASK: u64 = 296;
-/// Results by which the kernel notes how an interrupted call goes on.
+/// Results with which the kernel stores how an interrupted call continues.
 const ERESTARTSYS: i64 = -512;
 const ERESTARTNOINTR: i64 = -513;
 const ERESTARTNOHAND: i64 = -514;
 const ERESTART_RESTARTBLOCK: i64 = -516;
-/// Bytes that are borrowed below the stack, and what is where.
+/// Number of borrowed bytes below the stack, and the offsets of their parts.
 const SCRATCH: usize = 128;
 const NEW_MASK: u64 = 0;
 const OLD_MASK: u64 = 8;
@@ -47,20 +49,20 @@ const ITS_ACTION: u64 = 16;
 const LENT_ACTION: u64 = 48;
 const OLD_ACTION: u64 = 80;
 
-/// What became of the thread.
+/// State of the thread after a delivery.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Delivered {
-    /// It can go on, at the handler or where it was.
+    /// The thread can continue, at the handler or where it was.
     Goes,
     /// The signal has no handler and kills the process.
     Fatal,
-    /// It has ended meanwhile, with this status.
+    /// The thread has ended, with this status.
     Ended(i32),
     /// The signal cannot be delivered.
     Refused,
 }
 
-/// What a program has set for a signal, as the kernel keeps it.
+/// A program's action for a signal, in the kernel's format.
 #[derive(Clone, Copy, Debug)]
 struct Action {
     handler: u64,
@@ -124,8 +126,8 @@ const fn bit(signal: i32) -> u64 {
     1 << (signal - 1)
 }
 
-/// Delivers `signal` to the thread `tid` of `process`, which has stopped at it. `told` is what its
-/// handler is told of it, if not what the kernel knows.
+/// Delivers `signal` to the thread `tid` of `process`, which has stopped at it. `told` replaces the
+/// kernel's information about the signal for the handler.
 pub(super) fn deliver(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Delivered {
     match try_to(process, tid, signal, told) {
         Ok(delivered) => delivered,
@@ -138,7 +140,7 @@ fn try_to(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Result<De
     let memory = Memory(tid);
     let registers = ptrace::getregs(tid)?;
     let mut info = ptrace::getsiginfo(tid)?;
-    // While a call waits with a mask of its own this is that one.
+    // While a call waits with its own mask, this is that mask.
     let held = Pending::of(process, tid.as_raw()).blocked;
     let mut hands = Hands::of(tid, registers)?;
     let [of, thread] = [process, tid.as_raw()].map(|id| u64::from(id.cast_unsigned()));
@@ -176,7 +178,7 @@ fn try_to(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Result<De
     hands.stop_at(LENT)?;
     scratch.give_back();
 
-    // How a call goes on that was interrupted is the kernel's business again.
+    // The kernel again decides how the interrupted call continues.
     ptrace::setregs(tid, registers)?;
     info.si_signo = LENT as i32;
     ptrace::setsiginfo(tid, &info)?;
@@ -184,7 +186,7 @@ fn try_to(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Result<De
     hands.next_stop()?;
     let mut begun = ptrace::getregs(tid)?;
     if begun.rip != action.handler {
-        // No room for its frame: the program is told as ever.
+        // The stack has no room for the frame: the program gets the usual error of the kernel.
         return Ok(Delivered::Goes);
     }
     if action.flags & SA_SIGINFO != 0 {
@@ -227,7 +229,7 @@ fn try_to(process: i32, tid: Pid, signal: i32, told: Option<&[u8]>) -> Result<De
     Ok(Delivered::Goes)
 }
 
-/// The registers of a thread whose call is made again as if no signal had come.
+/// The registers of a thread that repeats its call as if no signal had come.
 const fn undisturbed(registers: libc::user_regs_struct) -> libc::user_regs_struct {
     let mut next = registers;
     if registers.orig_rax.cast_signed() < 0 {

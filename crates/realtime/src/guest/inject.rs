@@ -1,5 +1,5 @@
-//! Calls that a stopped thread makes for its supervisor, at a call instruction of the kernel's own
-//! page; its registers are put back by the caller.
+//! System calls that a stopped thread makes for its supervisor, with a call instruction of the
+//! kernel's own page. The caller restores the thread's registers.
 
 use nix::libc;
 use nix::sys::ptrace;
@@ -10,17 +10,17 @@ use rustix::process::WaitOptions;
 use super::memory::Memory;
 use super::news::{is_death, wait};
 
-/// The instruction that makes a call.
+/// The instruction that makes a system call.
 const SYSCALL: [u8; 2] = [0x0F, 0x05];
 /// Stop at the beginning or the end of a call, with `PTRACE_O_TRACESYSGOOD`.
 const CALL_STOP: i32 = libc::SIGTRAP | 0x80;
 
-/// Why a thread did not make a call.
+/// The reason why a thread did not make a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum NotMade {
-    /// It has ended, with this status.
+    /// The thread has ended, with this status.
     Ended(i32),
-    /// It cannot be made to.
+    /// The thread cannot be made to do it.
     Refused,
 }
 
@@ -30,18 +30,18 @@ impl From<nix::Error> for NotMade {
     }
 }
 
-/// A stopped thread that makes calls. It may stand at a signal, or at the end of a call.
+/// A stopped thread that makes calls. It may have stopped at a signal, or at the end of a call.
 pub(super) struct Hands {
     tid: Pid,
     registers: libc::user_regs_struct,
-    /// Where there is a call instruction.
+    /// Address of a call instruction.
     place: u64,
-    /// Signals that came in between: they are to be sent again.
+    /// Signals that arrived meanwhile and must be sent again.
     deferred: Vec<i32>,
 }
 
 impl Hands {
-    /// Those of `tid`, whose registers are `registers`.
+    /// Prepares `tid`, whose registers are `registers`.
     pub(super) fn of(tid: Pid, registers: libc::user_regs_struct) -> Result<Self, NotMade> {
         let place = call_instruction(tid, &registers).ok_or(NotMade::Refused)?;
         Ok(Self {
@@ -52,7 +52,7 @@ impl Hands {
         })
     }
 
-    /// Makes a call; what the kernel answered.
+    /// Makes a call; returns the kernel's result.
     pub(super) fn call(&mut self, number: i64, args: &[u64]) -> Result<i64, NotMade> {
         let arg = |index: usize| args.get(index).copied().unwrap_or(0);
         let mut registers = self.registers;
@@ -75,7 +75,7 @@ impl Hands {
                 (0, CALL_STOP) if is_inside => break,
                 (0, CALL_STOP) => is_inside = true,
                 (0, signal) => self.defer(signal),
-                // The filter stops it as well.
+                // The filter also stops this call.
                 _ => {}
             }
         }
@@ -91,15 +91,16 @@ impl Hands {
         }
     }
 
-    /// A signal that came in between.
+    /// Stores a signal that arrived meanwhile.
     fn defer(&mut self, signal: i32) {
-        // The watch over wall time stops threads, and looks again later.
+        // The supervisor's limit of wall time stops threads with SIGSTOP; it will check again
+        // later.
         if signal != libc::SIGSTOP {
             self.deferred.push(signal);
         }
     }
 
-    /// Lets the thread go on until it has stopped at `signal`.
+    /// Lets the thread continue until it stops at `signal`.
     pub(super) fn stop_at(&mut self, signal: Signal) -> Result<(), NotMade> {
         loop {
             ptrace::cont(self.tid, None)?;
@@ -112,7 +113,7 @@ impl Hands {
         }
     }
 
-    /// Sends those signals again that came in between.
+    /// Sends the stored signals again.
     pub(super) fn send_again(&mut self, process: i32) -> Result<(), NotMade> {
         let ids = [process, self.tid.as_raw()].map(|id| u64::from(id.cast_unsigned()));
         for signal in core::mem::take(&mut self.deferred) {
@@ -122,13 +123,13 @@ impl Hands {
         Ok(())
     }
 
-    /// From now on its registers are these.
+    /// Replaces the registers of the thread.
     pub(super) const fn become_like(&mut self, registers: libc::user_regs_struct) {
         self.registers = registers;
     }
 }
 
-/// Where a thread finds an instruction that makes a call.
+/// Address of an instruction that makes a system call, in the memory of the thread.
 fn call_instruction(tid: Pid, registers: &libc::user_regs_struct) -> Option<u64> {
     let last = registers.rip.wrapping_sub(SYSCALL.len() as u64);
     let mut code = [0; 2];
@@ -140,7 +141,7 @@ fn call_instruction(tid: Pid, registers: &libc::user_regs_struct) -> Option<u64>
     Some(from + at as u64)
 }
 
-/// The kernel's own page in the memory of `tid`: where it is, and what is in it.
+/// The kernel's own page in the memory of `tid`: its address and its content.
 pub(super) fn kernel_page(tid: Pid) -> Option<(u64, Vec<u8>)> {
     let maps = std::fs::read_to_string(format!("/proc/{tid}/maps")).ok()?;
     let line = maps.lines().find(|line| line.ends_with("[vdso]"))?;

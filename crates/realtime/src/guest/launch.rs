@@ -1,5 +1,5 @@
-//! How a foreign program comes under supervision: hilrig starts itself once more, and that process
-//! asks to be traced, puts on the filter, and becomes the program.
+//! Start of a foreign program under supervision: hilrig starts itself once more. The new process
+//! asks to be traced, installs the filter, and becomes the program.
 //!
 //! ```text
 //!  hilrig run ..            hilrig __guest CMD
@@ -7,8 +7,8 @@
 //!     | options, cont ----------> filter, exec /bin/sh -c CMD
 //! ```
 //!
-//! The filter stops the calls that have to do with time, waiting, other threads or ports; all
-//! others run at full speed.
+//! The filter stops the system calls about time, waiting, other threads or ports; all others run at
+//! full speed.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -32,11 +32,12 @@ use super::call::{Call, FUTEX_REQUEUE, FUTEX_WAIT, FUTEX_WAKE};
 use super::memory::Memory;
 use super::settings::SETTINGS;
 
-/// The hidden command.
+/// The hidden command for a program in virtual time.
 pub const VERB: &str = "__guest";
-/// The same for a program in real time that has modem lines.
+/// The hidden command for a program in real time that has modem lines.
 pub const LINES_VERB: &str = "__guest-lines";
-/// Requests about modem lines, and others that a pseudo-terminal does not answer as a serial port.
+/// Requests about modem lines, and others that a pseudo-terminal answers differently from a serial
+/// port.
 const LINES: [u64; 14] = [
     libc::TIOCMGET,
     libc::TIOCMBIS,
@@ -60,19 +61,19 @@ pub(super) const TIOCGICOUNT: u64 = 0x545D;
 pub(super) const F_SETSIG: i32 = 10;
 pub(super) const F_SETOWN_EX: i32 = 15;
 pub(super) const NOTICES: [i32; 4] = [libc::F_SETFL, libc::F_SETOWN, F_SETSIG, F_SETOWN_EX];
-/// The filter's instruction that ends it with a verdict.
+/// The filter's instruction that returns a verdict.
 const RETURN: u16 = 0x06;
 pub(super) const TIOCGSERIAL: u64 = 0x541E;
 pub(super) const TIOCSSERIAL: u64 = 0x541F;
-/// Exit code of a launcher that was not allowed to be traced.
+/// Exit code of a launcher that could not be traced.
 pub(super) const NOT_TRACED: i32 = 125;
-/// Exit code of a launcher that could not put on the filter, or find the shell.
+/// Exit code of a launcher that could not install the filter, or did not find the shell.
 pub(super) const NOT_LAUNCHED: i32 = 126;
 /// A flag of clone that hides the child from the tracer of its parent.
 pub(super) const CLONE_UNTRACED: u64 = 0x0080_0000;
-/// File numbers below this have a copy in the supervisor until the program closes the file.
+/// Files with numbers below this one have a copy in the supervisor until the program closes them.
 pub(super) const KEPT_BELOW: u32 = 256;
-/// What the filter says of a call that a 32-bit program would make.
+/// The filter's mark of a call by a 32-bit program.
 pub(super) const OTHER_ARCHITECTURE: u8 = 1;
 pub(super) const NOT_LAUNCHED_CODE: u8 = 126;
 
@@ -184,20 +185,21 @@ const STOPPED: &[i64] = &[
     libc::SYS_sched_setaffinity,
 ];
 
-/// Options of sockets by which messages show the system's time, old and new ones (socket(7)).
+/// Options of sockets that add the system's time to messages, old and new ones (socket(7)).
 const TIMESTAMPS: [u64; 6] = [29, 35, 37, 63, 64, 65];
 
-/// Variables by which libraries do without the chance that the processor itself gives (RDRAND,
-/// RDSEED), which no supervisor sees: those of OpenSSL (OPENSSL_ia32cap(3)) and of Qt.
+/// Variables that stop libraries from using the processor's random numbers (RDRAND, RDSEED), which
+/// no supervisor can control: those of OpenSSL (OPENSSL_ia32cap(3)) and of Qt.
 const WITHOUT_CHANCE: [(&str, &str); 2] = [
     ("OPENSSL_ia32cap", "~0x4000000000000000:~0x40000"),
     ("QT_NO_CPU_FEATURE", "rdrnd rdseed"),
 ];
 
-/// Variables of sanitizers whose search for leaks needs ptrace, which the supervisor holds.
+/// Variables of sanitizers. Their search for memory leaks needs ptrace, which the supervisor
+/// already uses.
 const WITH_LEAKS: [&str; 3] = ["ASAN_OPTIONS", "HWASAN_OPTIONS", "LSAN_OPTIONS"];
 
-/// The options `set` by the user, without a search for leaks unless the user decides about it.
+/// The user's options `set`, without a search for leaks unless the user sets that option.
 fn without_leaks(set: Option<OsString>) -> OsString {
     let mut options = set.unwrap_or_default();
     if options.to_string_lossy().contains("detect_leaks") {
@@ -217,8 +219,8 @@ fn supervised(launcher: &mut Command) {
     }
 }
 
-/// Starts the launcher of `command`, `env` being added to its environment; what the program says
-/// goes to `mouth`. It stops before it does anything.
+/// Starts the launcher of `command`, with `env` added to its environment. The program's output goes
+/// to `mouth`. The launcher stops before it does anything.
 pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> io::Result<Child> {
     let mut launcher = Command::new(std::env::current_exe()?);
     for (name, value) in WITHOUT_CHANCE {
@@ -237,7 +239,8 @@ pub(super) fn start(command: &str, env: &[(String, OsString)], mouth: File) -> i
     launcher.spawn()
 }
 
-/// Starts the launcher of a program and its arguments, stopped at calls about modem lines alone.
+/// Starts the launcher of a program and its arguments; the program stops only at calls about modem
+/// lines.
 pub(super) fn start_with_lines(
     command: &[OsString],
     env: &[(String, OsString)],
@@ -253,7 +256,7 @@ pub(super) fn start_with_lines(
     launcher.spawn()
 }
 
-/// The signals by which a program is asked to end.
+/// The signals that ask a program to end.
 pub(super) fn requests_to_end() -> SigSet {
     let mut set = SigSet::empty();
     for signal in [
@@ -279,10 +282,10 @@ pub fn become_guest_with_lines(words: impl IntoIterator<Item = OsString>) -> Exi
 
 /// Becomes `command`, supervised by the parent process.
 pub fn become_guest(command: &str) -> ExitCode {
-    // Where things lie in memory is the same in each run; some systems forbid even that.
+    // Memory addresses are then the same in each run; some systems forbid this setting.
     let _ = personality::get()
         .and_then(|persona| personality::set(persona | Persona::ADDR_NO_RANDOMIZE));
-    // Where the processor's counter cannot be hidden it is as it is.
+    // If the processor's counter cannot be hidden, it stays visible.
     let _ = set_time_stamp_counter_readability(TimeStampCounterReadability::RaiseSIGSEGV);
     let mut shell = Command::new("/bin/sh");
     become_supervised(shell.args(["-c", command]), all_stopped)
@@ -306,12 +309,12 @@ fn become_supervised(
     code(NOT_LAUNCHED)
 }
 
-/// Calls at which a program is stopped, and with which arguments.
+/// Calls at which a program is stopped, with conditions on their arguments.
 type Rules = BTreeMap<i64, Vec<SeccompRule>>;
 
 fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
     let mut rules: Rules = STOPPED.iter().map(|&number| (number, Vec::new())).collect();
-    // Of all that this call does only the lock that is waited for, and signals about files.
+    // Of this call's requests, only waits for a lock and signals about files are stopped.
     let requests = NOTICES.into_iter().chain([libc::F_SETLKW]);
     let requests = requests.map(|request| {
         let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
@@ -333,7 +336,7 @@ fn all_stopped() -> Result<Rules, seccompiler::BackendError> {
     Ok(rules)
 }
 
-/// `setsockopt` for the system's time of each message.
+/// Stops `setsockopt` if it asks for the system's time of each message.
 fn about_stamps() -> Result<Rules, seccompiler::BackendError> {
     let (eq, len) = (SeccompCmpOp::Eq, SeccompCmpArgLen::Dword);
     let rules = TIMESTAMPS.map(|option| {
@@ -346,7 +349,7 @@ fn about_stamps() -> Result<Rules, seccompiler::BackendError> {
     Ok([(libc::SYS_setsockopt, rules?)].into())
 }
 
-/// A child is not to be hidden: it would leave the supervision.
+/// Removes the flag that hides a child, because a hidden child would leave the supervision.
 pub(super) fn show_child(tid: Pid, call: &Call) {
     let flags = match call.number {
         libc::SYS_clone => Ok(call.args[0]),
@@ -362,11 +365,11 @@ pub(super) fn show_child(tid: Pid, call: &Call) {
     };
 }
 
-/// Rules that hide children from the tracer of their parent.
+/// Rules for calls that hide children from the tracer of their parent.
 fn about_children() -> Result<Rules, seccompiler::BackendError> {
     let is_hidden = SeccompCmpOp::MaskedEq(CLONE_UNTRACED);
     let hides = SeccompCondition::new(0, SeccompCmpArgLen::Qword, is_hidden, CLONE_UNTRACED)?;
-    // The flags of the newer call are in memory, where no filter sees them.
+    // The flags of the newer call are in memory, which no filter can read.
     Ok([
         (libc::SYS_clone, vec![SeccompRule::new(vec![hides])?]),
         (libc::SYS_clone3, Vec::new()),
@@ -387,7 +390,7 @@ fn about_lines() -> Result<Rules, seccompiler::BackendError> {
     Ok(all)
 }
 
-/// `lstat`: libserialport looks for the entry of a port in `/sys/class/tty`.
+/// Stops `lstat`, because libserialport looks for the entry of a port in `/sys/class/tty`.
 fn about_entries() -> Result<Rules, seccompiler::BackendError> {
     let flag = u64::from(libc::AT_SYMLINK_NOFOLLOW.unsigned_abs());
     let is_link = SeccompCmpOp::MaskedEq(flag);
@@ -409,7 +412,7 @@ fn put_on_filter(
         TargetArch::x86_64,
     )?;
     let mut program: BpfProgram = filter.try_into()?;
-    // It would kill the process without a word.
+    // The default would kill the process without a message.
     let kill = u32::from(SeccompAction::KillProcess);
     let told = u32::from(SeccompAction::Trace(OTHER_ARCHITECTURE.into()));
     for step in &mut program {
@@ -424,7 +427,7 @@ fn put_on_filter(
 mod tests {
     use super::*;
 
-    /// The options of the user stay; the last option counts.
+    /// The user's options stay. If an option is given twice, the last one counts.
     #[test]
     fn the_search_for_leaks_is_off_unless_the_user_decides() {
         let options = |set: Option<&str>| without_leaks(set.map(Into::into));

@@ -1,25 +1,25 @@
-//! What is lent to a thread until its next stop, and what it has made of it: see
-//! [`clock_page`](super::clock_page).
+//! The time and bytes that are lent to a thread until its next stop, and the thread's use of them:
+//! see [`clock_page`](super::clock_page).
 
 use protocols::Instant;
 
-/// Most bytes of a port that are lent at once.
+/// Maximum number of bytes of a port that are lent at once.
 pub(super) const LENT_BYTES: usize = 64;
 
 /// Time that a thread may count by itself.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Loan {
-    /// Nanoseconds of virtual time, and up to which it may go.
+    /// Virtual time, and its limit, nanoseconds.
     pub(super) now: u64,
     pub(super) limit: u64,
-    /// What a look costs.
+    /// Virtual time that a look at a clock takes, nanoseconds.
     pub(super) cost: u64,
-    /// Most looks and calls, and those of a new turn.
+    /// Maximum number of looks and calls, now and after a new turn.
     pub(super) looks: u64,
     pub(super) turn: u64,
-    /// Files below 64, as bits, of which is known what is ready.
+    /// Bits of the files below 64 whose readiness is known.
     pub(super) known: u64,
-    /// Bytes may be counted before any is read.
+    /// Whether bytes may be counted before any is read.
     pub(super) counts: bool,
 }
 
@@ -27,19 +27,19 @@ pub(super) struct Loan {
 #[derive(Clone, Debug)]
 pub(super) struct LentPort {
     pub(super) port: usize,
-    /// The program's file, below 64.
+    /// The program's number of the file, below 64.
     pub(super) fd: i32,
-    /// A read waits for a byte.
+    /// Whether a read waits for a byte.
     pub(super) waits: bool,
-    /// A write does not wait.
+    /// Whether a write never waits.
     pub(super) takes: bool,
-    /// From here on there may be other bytes than those below.
+    /// Time from which on there may be other bytes than those in `bytes`.
     pub(super) known_until: Instant,
-    /// In order of time; those that are there have an earlier one than now.
+    /// Bytes in order of time. Those with an earlier time than now have arrived.
     pub(super) bytes: Vec<(Instant, u8)>,
 }
 
-/// A read of a lent port: when, which of the ports, how many bytes.
+/// A read of a lent port: its time, the index of the port, and the number of bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LentRead {
     pub(super) at: Instant,
@@ -47,8 +47,8 @@ pub(super) struct LentRead {
     pub(super) len: usize,
 }
 
-/// A count of the bytes of a lent port: when, which of the ports, how many, and where the count
-/// went.
+/// A count of the bytes of a lent port: its time, the index of the port, the number of bytes, and
+/// the address to which this number was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LentCount {
     pub(super) at: Instant,
@@ -57,16 +57,16 @@ pub(super) struct LentCount {
     pub(super) address: u64,
 }
 
-/// What a thread has made of it.
+/// A thread's use of a loan.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Taken {
     pub(super) now: u64,
     pub(super) looks: u64,
-    /// Looks and calls that were left.
+    /// Number of looks and calls that are left.
     pub(super) left: u64,
     pub(super) selects: u64,
     pub(super) reads: Vec<LentRead>,
-    /// All counts of bytes, and those behind the last read and select.
+    /// Number of all counts of bytes, and the counts after the last read and select.
     pub(super) counts: u64,
     pub(super) last_counts: Vec<LentCount>,
 }
@@ -77,9 +77,9 @@ impl Taken {
         self.looks == 0 && self.selects == 0 && self.counts == 0 && self.reads.is_empty()
     }
 
-    /// Keeps what the page says within what was lent: times between these two, in order, at most
-    /// so many calls for each turn, and bytes of `ports`. Returns whether it was: the program can
-    /// write to its page.
+    /// Limits the values in the page to the loan: times between `times` in order, at most `calls`
+    /// calls in each turn, and bytes of `ports`. Returns whether no value was beyond the loan,
+    /// because the program can write to its page.
     pub(super) fn bound(&mut self, times: [Instant; 2], calls: u64, ports: &[LentPort]) -> bool {
         let before = self.clone();
         let [from, limit] = times;
@@ -121,7 +121,7 @@ impl LentRead {
 }
 
 impl LentPort {
-    /// The port as the code knows it.
+    /// The port in the format of the page.
     pub(super) fn image(&self) -> Vec<u8> {
         let bytes = &self.bytes[..self.bytes.len().min(LENT_BYTES)];
         let mut words = vec![
@@ -145,8 +145,8 @@ mod tests {
         Instant::from_nanos(nanos)
     }
 
-    /// A lease from 100 to 200 ns of one port with two bytes: what it allows stays, and each other
-    /// word of a page that was written to is cut back to it.
+    /// A lease from 100 to 200 ns of one port with two bytes: permitted values stay, and each other
+    /// value that a program wrote to the page is limited to the loan.
     #[test]
     fn a_page_says_no_more_than_was_lent() {
         let port = LentPort {

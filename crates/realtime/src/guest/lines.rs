@@ -1,5 +1,5 @@
-//! Modem lines in real time: a program runs at its own speed, and is stopped where it asks a port
-//! for a line that a pseudo-terminal does not have; the rig answers, over its control socket.
+//! Modem lines in real time: a program runs at its own speed. It is stopped where it asks a port
+//! for a line that a pseudo-terminal does not have. The rig answers over its control socket.
 //!
 //! ```text
 //!  thread: ioctl(TIOCMBIC) --stop--> this one --{"do":"modem",..}--> rig: lidar-dtr goes low
@@ -39,11 +39,11 @@ use crate::transport::Settings;
 use terminals::Done;
 use waiters::Waiter;
 
-/// How long the rig may take to answer; a rig that is just ending never does.
+/// Maximum time for an answer of the rig; a rig that is just ending never answers.
 const PATIENCE: Duration = Duration::from_secs(1);
-/// The same for its first answer: it may have just started, on a busy machine.
+/// Maximum time for the rig's first answer: the rig may have just started, on a busy machine.
 const PATIENCE_FIRST: Duration = Duration::from_secs(10);
-/// Bits of modem lines, as TIOCMGET has them, by their names in the rig's answer.
+/// Bits of modem lines as in TIOCMGET, by their names in the rig's answer.
 const BITS: [(&str, u32); 6] = [
     ("dtr", 0x002),
     ("rts", 0x004),
@@ -54,8 +54,8 @@ const BITS: [(&str, u32); 6] = [
 ];
 const RI: u32 = 0x080;
 
-/// Runs a program and its arguments with modem lines on the ports of the rig in `dir`; its exit
-/// code as a shell has it. What it says goes to `speaks`.
+/// Runs a program and its arguments with modem lines on the ports of the rig in `dir`. Returns its
+/// exit code as a shell reports it. The program's output goes to `speaks`.
 ///
 /// # Errors
 /// If no rig answers there, or the program cannot be started or traced.
@@ -89,7 +89,7 @@ pub fn run_with_lines(dir: &Path, command: &[OsString], speaks: Stdio) -> Result
         env.push((port_variable(name), dir.join(name).into()));
         env.extend(terminal_of(name, &dir.join(name)));
     }
-    // The program is in this group too: it is its answer to such a signal that counts.
+    // The program is in the same process group, so its own reaction to such a signal counts.
     let _ = launch::requests_to_end().thread_block();
     let not_started = |error: io::Error| GuestError::NotLaunched(error.to_string());
     let root = launch::start_with_lines(command, &env, speaks).map_err(not_started)?;
@@ -98,7 +98,7 @@ pub fn run_with_lines(dir: &Path, command: &[OsString], speaks: Stdio) -> Result
     Ok(code_of(status))
 }
 
-/// The exit code that a shell makes of the system's status.
+/// The exit code that a shell reports for the system's status.
 fn code_of(status: i32) -> u8 {
     match status & 0x7F {
         0 => u8::try_from(status >> 8 & 0xFF).unwrap_or(1),
@@ -106,7 +106,7 @@ fn code_of(status: i32) -> u8 {
     }
 }
 
-/// Runs the command as it is: the supervisor that started this process provides the modem lines.
+/// Runs the command unchanged: the supervisor that started this process provides the modem lines.
 fn run_plain(command: &[OsString], speaks: Stdio) -> Result<u8, GuestError> {
     let [program, words @ ..] = command else {
         return Ok(0);
@@ -118,7 +118,7 @@ fn run_plain(command: &[OsString], speaks: Stdio) -> Result<u8, GuestError> {
 }
 
 /// Runs a shell command with modem lines on the ports of the rig that started this process; where a
-/// program cannot be traced it has none.
+/// program cannot be traced, it has no modem lines.
 pub fn become_shell_with_lines(command: OsString) -> ExitCode {
     let shell: [OsString; 3] = ["/bin/sh".into(), "-c".into(), command];
     let dir = std::env::var_os(PORTS_VARIABLE).unwrap_or_default();
@@ -151,12 +151,12 @@ fn ports_in(dir: &Path) -> io::Result<BTreeMap<u64, String>> {
     Ok(ports)
 }
 
-/// Whether a device number is that of a client's side of a pseudo-terminal.
+/// Whether a device number is that of the client's end of a pseudo-terminal.
 fn is_pseudo_terminal(device: u64) -> bool {
     matches!(rustix::fs::major(device), 136..=143)
 }
 
-/// The rig, as its control socket is reached.
+/// The rig, by its control socket.
 struct Rig(BufReader<UnixStream>);
 
 impl Rig {
@@ -180,31 +180,31 @@ impl Rig {
 
 /// Follows all threads of a program.
 struct Tracer {
-    /// `None` once it does not answer any more.
+    /// The rig; `None` after it has stopped answering.
     rig: Option<Rig>,
     ports: BTreeMap<u64, String>,
     dir: PathBuf,
-    /// What clients have set, by the port's device number.
+    /// Settings made by clients, by the port's device number.
     settings: BTreeMap<u64, Settings>,
     serial_flags: BTreeMap<u64, u32>,
-    /// Bytes that wait for the line at the port that was asked for last.
+    /// Number of bytes that wait for the line, at the port of the last request.
     waiting: u64,
-    /// The lines of each port as they were last.
+    /// The last known levels of the lines of each port.
     lines: BTreeMap<String, u32>,
-    /// Threads that have been seen.
+    /// Known threads.
     known: BTreeSet<i32>,
     /// Threads that wait for a line to change.
     waiters: BTreeMap<i32, Waiter>,
     /// Threads that a signal has stopped.
     halted: BTreeSet<i32>,
-    /// Processes that are killed in place of a signal beyond 31, and which.
+    /// Processes that are killed in place of a signal above 31, with that signal.
     fatal: BTreeMap<i32, i32>,
-    /// Ends of threads that came while something was done with them.
+    /// Ends of threads that were reported while the tracer worked on these threads.
     ended: VecDeque<(i32, i32)>,
 }
 
 impl Tracer {
-    /// Follows the launcher `root` to its end; the system's status.
+    /// Follows the launcher `root` to its end; returns the system's status.
     fn follow(&mut self, root: i32) -> Result<i32, GuestError> {
         let first = wait(Some(Pid::from_raw(root)), WaitOptions::empty());
         if first.is_none_or(|(_, status)| is_death(status)) {
@@ -241,10 +241,10 @@ impl Tracer {
                     }
                     None
                 }
-                // A thread begins with a stop signal of the kernel, not of another process.
+                // A new thread begins with a stop signal of the kernel, not of another process.
                 0 if is_new && signal == libc::SIGSTOP => None,
                 0 if is_stop(signal) && ptrace::getsiginfo(pid).is_err() => {
-                    // It stands until it has a signal that lets it go on.
+                    // The thread stays stopped until a signal continues it.
                     self.halted.insert(tid);
                     continue;
                 }
@@ -259,7 +259,7 @@ impl Tracer {
         Ok(0)
     }
 
-    /// Passes a signal beyond 31 on; the one with which the thread is to go on.
+    /// Delivers a signal above 31; returns the signal with which the thread must continue.
     fn high_signal(&mut self, pid: Pid, signal: i32) -> Option<Signal> {
         let process = group_of(pid.as_raw()).unwrap_or(pid.as_raw());
         match deliver(process, pid, signal, None) {
@@ -275,7 +275,7 @@ impl Tracer {
         }
     }
 
-    /// Answers a call about a line, if it is one of a port; whether the thread has to wait.
+    /// Answers a call about a line if its file is a port; returns whether the thread must wait.
     fn called(&mut self, pid: Pid) -> bool {
         let Ok(call) = Call::of(pid) else {
             return false;
@@ -311,7 +311,7 @@ impl Tracer {
         };
         let file = terminals::copy_of(pid, fd);
         if file.as_ref().is_none_or(terminals::is_hung_up) {
-            // The kernel refuses everything there.
+            // The kernel rejects all requests at this file.
             return false;
         }
         if let Some(file) = file
@@ -341,12 +341,12 @@ impl Tracer {
         false
     }
 
-    /// The port that is behind a file, and its device number.
+    /// The port behind a file, and its device number.
     fn port_at(&mut self, pid: Pid, fd: u64) -> Option<(u64, String)> {
         let data = std::fs::metadata(format!("/proc/{pid}/fd/{fd}")).ok()?;
         let device = data.rdev();
         if !self.ports.contains_key(&device) && is_pseudo_terminal(device) {
-            // A port whose plug was out has come back as another one.
+            // A port whose plug was out has come back with another device number.
             self.ports = ports_in(&self.dir).unwrap_or_default();
         }
         Some((device, self.ports.get(&device)?.clone()))
@@ -356,7 +356,7 @@ impl Tracer {
         self.waiters.insert(pid.as_raw(), waiter);
     }
 
-    /// `None` if the kernel is to do it.
+    /// Changes modem lines; `None` if the kernel must execute the request.
     fn change(
         &mut self,
         memory: Memory,
@@ -378,7 +378,7 @@ impl Tracer {
             libc::TIOCMBIC => wish(word(), Some(false)),
             libc::TIOCMSET => wish(word(), None),
             libc::TIOCCBRK => return Some(Ok(())),
-            // What a driver counts is not known here.
+            // The counts of a driver are not known here.
             launch::TIOCGICOUNT => return Some(memory.write(argument, &[0; 80])),
             _ => Ok(json!({"do": "modem", "port": port, "break": true})),
         };
@@ -393,7 +393,7 @@ impl Tracer {
         })
     }
 
-    /// The lines of `port` after `wish`.
+    /// The levels of the lines of `port` after `wish`.
     fn ask(&mut self, port: &str, wish: &Value) -> u32 {
         let answer = self.rig.as_mut().map(|rig| rig.ask(wish));
         match answer {
@@ -403,7 +403,7 @@ impl Tracer {
                 self.lines.insert(port.to_owned(), lines);
                 self.waiting = answer["waiting"].as_u64().unwrap_or(0);
             }
-            // The program is not to wait for a rig that has ended.
+            // The program does not wait for a rig that has ended.
             _ => (self.rig, self.waiting) = (None, 0),
         }
         self.lines.get(port).copied().unwrap_or(0)

@@ -1,5 +1,6 @@
-//! Links that name ports: libraries look up a port's driver before they open it (libserialport and
-//! the programs built on it, such as sigrok), and a terminal of this kind has none.
+//! Symbolic links of ports: libraries such as libserialport look up a port's driver before they
+//! open the port (also in programs built on them, such as sigrok). The terminals of the rig have no
+//! such link, so the supervisor answers.
 
 use std::os::unix::fs::MetadataExt as _;
 
@@ -13,12 +14,12 @@ use super::memory::Memory;
 const STAT: usize = 144;
 const STAT_NAMES: usize = 16;
 const STAT_MODE: usize = 24;
-/// Where the system lists its terminals.
+/// Folder in which the system lists its terminals.
 const CLASS: &str = "/sys/class/tty/";
-/// What such an entry leads to, but for its name.
+/// Target of such an entry, without the terminal's name.
 const DRIVER: &str = "../../devices/virtual/tty/";
 
-/// What a thread asks of a link.
+/// A thread's request about a link.
 pub(super) struct Link {
     pub(super) path: String,
     place: u64,
@@ -26,7 +27,7 @@ pub(super) struct Link {
 }
 
 impl Link {
-    /// The link that `call`, readlink or readlinkat, asks for.
+    /// The link in `call`, which is readlink or readlinkat.
     pub(super) fn of(tid: Pid, call: &Call) -> Self {
         let [path, place, len] = match call.number {
             libc::SYS_readlink | libc::SYS_lstat => [call.args[0], call.args[1], call.args[2]],
@@ -36,8 +37,8 @@ impl Link {
         Self { path, place, len }
     }
 
-    /// If it is the entry of a terminal that the system does not list: the terminal's device, and
-    /// what the entry leads to.
+    /// The terminal's device and the target of the entry, if the link is the entry of a terminal
+    /// that the system does not list.
     pub(super) fn unlisted_terminal(&self) -> Option<(u64, String)> {
         let name = self.path.strip_prefix(CLASS)?;
         let device = std::fs::metadata(format!("/dev/{name}")).ok()?.rdev();
@@ -56,7 +57,7 @@ impl Link {
         }
     }
 
-    /// The thread is given this.
+    /// Writes `text` as the target of the link.
     pub(super) fn answer(&self, tid: Pid, call: &Call, text: &str) {
         let len = text.len().min(usize::try_from(self.len).unwrap_or(0));
         if Memory(tid)

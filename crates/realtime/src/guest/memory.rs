@@ -6,12 +6,12 @@ use nix::errno::Errno;
 use nix::sys::uio::{RemoteIoVec, process_vm_readv, process_vm_writev};
 use nix::unistd::Pid;
 
-/// Longest text that is read.
+/// Maximum length of a text.
 const TEXT_MAX: usize = 4096;
-/// Pages never end in the middle of this.
+/// Page sizes are multiples of this.
 const STEP: u64 = 256;
 
-/// The memory that a thread sees.
+/// The memory of a thread.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Memory(pub(super) Pid);
 
@@ -67,7 +67,7 @@ impl Memory {
         }
     }
 
-    /// Writes several pieces in one call; a piece with address 0 is left out.
+    /// Writes several pieces in one call; a piece with address 0 is not written.
     pub(super) fn write_all<'a>(
         self,
         places: impl Iterator<Item = (u64, &'a [u8])>,
@@ -101,7 +101,7 @@ impl Memory {
         Ok(u64::from_ne_bytes(buf))
     }
 
-    /// Two numbers beside each other, as in a `timespec`.
+    /// Two consecutive numbers, as in a `timespec`.
     pub(super) fn pair(self, address: u64) -> Result<[i64; 2], Errno> {
         let mut pair = [[0; 8]; 2];
         self.read(address, pair.as_flattened_mut())?;
@@ -115,12 +115,12 @@ impl Memory {
         self.write(address, &bytes)
     }
 
-    /// The text at `address` up to its NUL; what cannot be read is left out.
+    /// The text at `address` up to its NUL; unreadable parts are left out.
     pub(super) fn text(self, address: u64) -> String {
         let mut text = Vec::new();
         let mut at = address;
         while text.len() < TEXT_MAX {
-            // Up to the end of a block, so that no page is touched beyond that of the NUL.
+            // Up to the end of a block, so that the read touches no page after the page of the NUL.
             let len = STEP - at % STEP;
             let mut buf = vec![0; usize::try_from(len).unwrap_or_default()];
             if self.read(at, &mut buf).is_err() {
@@ -136,7 +136,7 @@ impl Memory {
         String::from_utf8_lossy(&text).into_owned()
     }
 
-    /// The buffers that an array of `count` `iovec`s names: address and length.
+    /// The buffers in an array of `count` `iovec`s: address and length.
     pub(super) fn iovecs(self, address: u64, count: u64) -> Result<Vec<(u64, usize)>, Errno> {
         if count > 1024 {
             return Err(Errno::EINVAL);

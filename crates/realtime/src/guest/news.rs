@@ -1,10 +1,10 @@
-//! News of the threads that this one traces.
+//! Events of the traced threads.
 
 use nix::libc;
 use nix::unistd::Pid;
 use rustix::process::WaitOptions;
 
-/// The next news of a thread that this one traces: its number and the system's status.
+/// The next event of a traced thread: its number and the system's status.
 pub(super) fn wait(pid: Option<Pid>, more: WaitOptions) -> Option<(i32, i32)> {
     let all = libc::__WALL | libc::__WNOTHREAD;
     let options = more | WaitOptions::from_bits_retain(all.cast_unsigned());

@@ -5,35 +5,37 @@ use std::os::fd::OwnedFd;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{OFlags, fcntl_getfl};
 
-/// The kind of a file, as far as waiting is concerned.
+/// The kind of a file, for the handling of waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Reading and writing never wait.
     Prompt,
     /// A port of the rig.
     Port(usize),
-    /// One that the supervisor answers.
+    /// A file that the supervisor answers, with its index.
     Told(usize),
-    /// What was a port of the rig, and hung up: nothing waits there.
+    /// A former port of the rig that has hung up: no call waits there.
     Gone,
-    /// The system's source of chance.
+    /// The system's source of random bytes.
     Chance,
-    /// What the program says: heard in wall time.
+    /// The program's output, which is read in wall time.
     Mouth,
-    /// Signals (signalfd). Which ones is asked each time: `signalfd4` changes that of an open file.
+    /// Signals (signalfd). The set of signals is read each time, because `signalfd4` can change it
+    /// in an open file.
     Signals,
     /// Pipes, sockets, events: may wait.
     Stream,
 }
 
-/// What the system made of a file: a call that it does not support fails at once.
+/// The type of a file, because a call that a type does not support fails at once.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Form {
     Pipe,
     Socket,
     /// Events that are counted (eventfd): reads and writes of at least [`EVENT`] bytes may wait.
     Counter,
-    /// Timers, signals, changes of folders: only reads may wait, as those of a counter.
+    /// Timers, signals, changes of folders: only reads may wait, under the same condition as for a
+    /// counter.
     Events,
     Other,
 }
@@ -63,9 +65,9 @@ pub(super) struct File {
     pub(super) fd: OwnedFd,
     pub(super) kind: Kind,
     pub(super) form: Form,
-    /// The device that it is, if it is one of characters.
+    /// The number of the device, for a character device.
     pub(super) device: Option<u64>,
-    /// How it was opened; that never changes, nor does a copy differ.
+    /// The flags of its opening. They never change, and are the same for copies.
     opened: OFlags,
 }
 
@@ -91,22 +93,22 @@ impl File {
         matches!(self.access(), Some(OFlags::WRONLY | OFlags::RDWR))
     }
 
-    /// `None`: it stands for a place only (O_PATH).
+    /// The access mode; `None` if the file is only a location (O_PATH).
     fn access(&self) -> Option<OFlags> {
         (!self.opened.contains(OFlags::PATH)).then_some(self.opened & OFlags::RWMODE)
     }
 
-    /// Whether only calls that are stopped put something into it: a pipe, or a counter.
+    /// Whether only calls that the supervisor stops can put data into it: a pipe, or a counter.
     pub(super) const fn is_inner(&self) -> bool {
         matches!(self.kind, Kind::Stream) && matches!(self.form, Form::Pipe | Form::Counter)
     }
 
-    /// Whether its owner does not want to wait.
+    /// Whether calls on this file must not wait.
     pub(super) fn never_waits(&self) -> bool {
         fcntl_getfl(&self.fd).is_ok_and(|flags| flags.contains(OFlags::NONBLOCK))
     }
 
-    /// What can be done now, of `wanted`.
+    /// The part of `wanted` that is ready now.
     pub(super) fn readiness(&self, wanted: PollFlags) -> PollFlags {
         let mut fds = [PollFd::new(&self.fd, wanted)];
         match poll(&mut fds, Some(&Timespec::default())) {
@@ -129,7 +131,7 @@ mod tests {
         [file.is_readable(), file.is_writable()]
     }
 
-    /// O_RDONLY, O_WRONLY, O_RDWR, the 3 of drivers, and O_PATH: open(2).
+    /// Checks the access modes O_RDONLY, O_WRONLY, O_RDWR, the 3 of drivers, and O_PATH: open(2).
     #[test]
     fn a_file_is_read_and_written_as_it_was_opened() {
         let options = |read, write| OpenOptions::new().read(read).write(write).open("/dev/null");

@@ -6,19 +6,19 @@ use std::io::Read as _;
 /// Signals that do nothing without a handler: SIGCHLD, SIGCONT, SIGURG, SIGWINCH.
 const MILD: u64 = 1 << 16 | 1 << 17 | 1 << 22 | 1 << 27;
 
-/// Signals that let a stopped process go on: SIGKILL, SIGCONT.
+/// Signals that continue a stopped process: SIGKILL, SIGCONT.
 const CONTINUES: u64 = 1 << 8 | 1 << 17;
 
-/// More than the system has to say of a thread.
+/// More than the length of the system's status of a thread.
 const STATUS_MAX: usize = 8192;
 
-/// The signals that wait for a thread, as bits.
+/// The pending signals of a thread, as bits.
 pub(super) struct Pending {
     pub(super) own: u64,
-    /// For any thread of its process.
+    /// Signals for any thread of its process.
     pub(super) common: u64,
     pub(super) blocked: u64,
-    /// It has left its stop: it was killed.
+    /// Whether the thread has left its stop, because it was killed.
     pub(super) is_killed: bool,
     ignored: u64,
     caught: u64,
@@ -43,17 +43,17 @@ impl Pending {
         }
     }
 
-    /// Whether one of them lets a stopped process go on.
+    /// Whether one of them continues a stopped process.
     pub(super) const fn continues(&self) -> bool {
         (self.own | self.common) & CONTINUES != 0
     }
 
-    /// Whether a handler would be called for these.
+    /// Whether one of `signals` has a handler.
     pub(super) const fn are_handled(&self, signals: u64) -> bool {
         self.caught & !self.blocked & signals == signals
     }
 
-    /// Those that do nothing while `held` are held back.
+    /// The signals without an effect while `held` are blocked.
     pub(super) const fn quiet(&self, held: u64) -> u64 {
         held | self.ignored | (MILD & !self.caught)
     }
@@ -64,7 +64,7 @@ impl Pending {
     }
 }
 
-/// What the system says of a thread, in one call: this is asked for often.
+/// The system's status of a thread, read in one call, because this is needed often.
 fn status(process: i32, tid: i32) -> Option<String> {
     let path = format!("/proc/{process}/task/{tid}/status");
     let mut file = File::open(path).ok()?;
@@ -187,7 +187,7 @@ mod tests {
         assert!(!blocked.are_handled(INT));
     }
 
-    /// This thread runs: it is in no stop, and has no signal waiting.
+    /// The thread of this test runs: it has not stopped, and has no pending signal.
     #[test]
     fn the_system_lists_the_signals_of_a_thread() {
         let tid = nix::unistd::gettid().as_raw();

@@ -1,35 +1,35 @@
-//! A place in a run that every run of the same case finds again: how many calls there were, how
-//! often time has passed since, and what the debugger saw after that.
+//! A place in a run, which every run of the same case finds again: the number of calls, the number
+//! of time steps, and the later hits, steps and signals that the debugger saw.
 
 use core::fmt;
 
 use super::supervisor::Watchpoint;
 
-/// Between two of these the program only computes.
+/// A moment of a run. Between two consecutive moments the program only computes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Moment {
-    /// Calls that threads have begun.
+    /// Number of calls that threads have begun.
     pub(super) calls: u64,
-    /// How often time has passed while all threads waited.
+    /// Number of times that time has advanced while all threads waited.
     pub(super) leaps: u64,
 }
 
-/// A part of the way from a moment to a place.
+/// A part of the path from a moment to a place.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Leg {
-    /// To the last of so many hits of these breakpoints and watchpoints together.
+    /// The last of `count` hits of any of these breakpoints and watchpoints.
     Hits {
         breaks: Vec<u64>,
         watches: Vec<Watchpoint>,
         count: u64,
     },
-    /// So many single instructions of the thread that was born as this one.
+    /// `count` single steps of the thread with this number in the order of birth.
     Steps { thread: u32, count: u64 },
-    /// So many signals.
+    /// This number of signals.
     Signals(u64),
 }
 
-/// Where a program stands.
+/// The place at which a program stands.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) moment: Moment,
@@ -37,21 +37,21 @@ pub(super) struct Place {
 }
 
 impl Place {
-    /// A thread has begun a call.
+    /// Records that a thread has begun a call.
     pub(super) fn called(&mut self) {
         self.moment.calls += 1;
         self.legs.clear();
     }
 
-    /// Time has passed.
+    /// Records that time has advanced.
     pub(super) fn leapt(&mut self) {
         self.moment.leaps += 1;
         self.legs.clear();
     }
 
-    /// The program stands at a breakpoint.
+    /// Records a stop at a breakpoint.
     pub(super) fn hit(&mut self, address: u64) {
-        // A debugger steps over a breakpoint before the program goes on to the same one.
+        // A debugger steps over a breakpoint before the program continues to the same one.
         if let [
             ..,
             Leg::Hits {
@@ -67,7 +67,7 @@ impl Place {
         self.add_hit(vec![address], Vec::new());
     }
 
-    /// The program has touched memory that is watched.
+    /// Records an access to watched memory.
     pub(super) fn touched(&mut self, watches: &[Watchpoint]) {
         self.add_hit(Vec::new(), watches.to_vec());
     }
@@ -87,7 +87,7 @@ impl Place {
         }
     }
 
-    /// A thread has done one instruction.
+    /// Records an executed instruction of a thread.
     pub(super) fn stepped(&mut self, by: u32) {
         match self.legs.last_mut() {
             Some(Leg::Steps { thread, count }) if *thread == by => *count += 1,
@@ -98,7 +98,8 @@ impl Place {
         }
     }
 
-    /// The place one instruction before, if the last ones are single instructions of that thread.
+    /// The place one instruction earlier, if the last part of the path consists of single steps of
+    /// that thread.
     pub(super) fn one_step_less(&self, of: u32) -> Option<Self> {
         let mut before = self.clone();
         match before.legs.last_mut() {
@@ -113,12 +114,12 @@ impl Place {
         }
     }
 
-    /// Whether the program stands behind an instruction that touched watched memory.
+    /// Whether the program stands behind an instruction that accessed watched memory.
     pub(super) fn is_at_watch(&self) -> bool {
         matches!(self.legs.last(), Some(Leg::Hits { watches, .. }) if !watches.is_empty())
     }
 
-    /// The program stands at a signal.
+    /// Records a stop at a signal.
     pub(super) fn signalled(&mut self) {
         match self.legs.last_mut() {
             Some(Leg::Signals(count)) => *count += 1,
@@ -127,7 +128,7 @@ impl Place {
     }
 }
 
-/// As people number it: calls, passings of time, hits.
+/// The numbers of a place for the user: calls, time steps, hits.
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "call {}.{}", self.moment.calls, self.moment.leaps)?;
@@ -146,7 +147,8 @@ impl fmt::Display for Place {
 mod tests {
     use super::*;
 
-    /// The step over a breakpoint belongs to its next hit; other steps are parts of the way.
+    /// The step over a breakpoint belongs to its next hit; other steps are separate parts of the
+    /// path.
     #[test]
     fn a_place_is_numbered_by_calls_and_hits() {
         let mut place = Place::default();

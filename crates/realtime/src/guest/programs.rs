@@ -8,11 +8,11 @@ use std::fs::{self, File};
 use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
 
-/// Most bytes of a file that count.
+/// Maximum number of bytes of a file in its fingerprint.
 const BYTES_MAX: u64 = 256 << 20;
-/// Bytes that are read at once.
+/// Number of bytes in one read.
 const PIECE: usize = 1 << 16;
-/// Factor of fingerprints: 2 to the power of 64 by the golden ratio, odd.
+/// Factor of fingerprints: 2^64 divided by the golden ratio, as an odd number.
 const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
 /// Endings of files that an interpreter runs.
 const SCRIPTS: [&str; 16] = [

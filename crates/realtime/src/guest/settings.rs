@@ -1,4 +1,4 @@
-//! Requests for the settings of a terminal: `termios`, `termios2` and the old `termio`.
+//! Requests for the settings of a terminal: `termios`, `termios2` and the old `termio` structure.
 
 use nix::errno::Errno;
 use nix::libc;
@@ -6,13 +6,13 @@ use nix::libc;
 use super::memory::Memory;
 use crate::transport::Settings;
 
-/// Requests of written-out rates, which `libc` does not have for this system.
+/// Requests with baud rates as numbers, which `libc` does not have for this system.
 pub(super) const TCGETS2: u64 = 0x802C_542A;
 pub(super) const TCSETS2: u64 = 0x402C_542B;
 pub(super) const TCSETSW2: u64 = 0x402C_542C;
 pub(super) const TCSETSF2: u64 = 0x402C_542D;
 
-/// All of them.
+/// All requests for settings.
 pub(super) const SETTINGS: [u64; 12] = [
     libc::TCGETS,
     TCGETS2,
@@ -35,17 +35,17 @@ pub(super) const fn is_settings(request: u64) -> bool {
         || matches!(request, libc::TCSETS | TCSETS2 | libc::TCSETA)
 }
 
-/// Whether it is to be done once all that was written has left.
+/// Whether the request takes effect after all written bytes have left.
 pub(super) const fn waits_until_sent(request: u64) -> bool {
     matches!(request, libc::TCSETSW | TCSETSW2 | libc::TCSETAW) || flushes(request)
 }
 
-/// Whether it throws away what was not read.
+/// Whether the request discards unread bytes.
 pub(super) const fn flushes(request: u64) -> bool {
     matches!(request, libc::TCSETSF | TCSETSF2 | libc::TCSETAF)
 }
 
-/// What a request that reads them gets of `settings`; `None` for one that sets them.
+/// The bytes of `settings` for a request that reads them; `None` for a request that sets them.
 pub(super) fn read_back(settings: &Settings, request: u64) -> Option<Vec<u8>> {
     match request {
         libc::TCGETS => Some(settings.bytes()[..Settings::LEN].to_vec()),
@@ -55,7 +55,7 @@ pub(super) fn read_back(settings: &Settings, request: u64) -> Option<Vec<u8>> {
     }
 }
 
-/// What a request that changes `before` wants.
+/// The settings after a request that changes `before`.
 pub(super) fn wanted(
     memory: Memory,
     before: &Settings,
@@ -76,17 +76,17 @@ pub(super) fn wanted(
     Ok(before.with(&bytes[..len]).with_named_speeds())
 }
 
-/// The same error, as this crate's other library has it.
+/// The same error, in the type of the other library.
 pub(super) fn errno_of(errno: rustix::io::Errno) -> Errno {
     Errno::from_raw(errno.raw_os_error())
 }
 
-/// Length of what a driver says of its chip (TIOCGSERIAL), and where its flags are in it.
+/// Length of the driver's description of its chip (TIOCGSERIAL), and the offset of its flags.
 const SERIAL_LEN: usize = 72;
 const FLAGS_AT: usize = 16;
 
-/// Reads or sets what a driver says of its chip; of that only the `flags` are kept, which programs
-/// set for low latency.
+/// Reads or sets the driver's description of its chip. Only the `flags` are kept; programs set them
+/// for low latency.
 pub(super) fn serial(
     memory: Memory,
     is_set: bool,

@@ -1,7 +1,7 @@
-//! The rig on which a foreign program plays in virtual time: its clock, its ports.
+//! The rig of a foreign program in virtual time: its clock and its ports.
 //!
-//! The program's time and the rig's run together, but the rig's begins when the program has opened
-//! its ports.
+//! The times of program and rig run together, but rig time begins when the program has opened its
+//! ports.
 
 mod ahead;
 mod rewind;
@@ -23,7 +23,7 @@ use engine::rig::{Paced as _, Rigs as _};
 use engine::run::Run;
 pub(super) use rewind::StageMoment;
 
-/// Between two looks at what the program does with its ports, and longest step of time.
+/// Interval between two observations of the program at its ports, and maximum step of time.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
 /// Bits of modem lines, as TIOCMGET has them.
 const DTR: u32 = 0x002;
@@ -35,31 +35,33 @@ const OUTPUTS: u32 = DTR | RTS;
 pub(super) struct Slot {
     /// The device's number.
     device: u64,
-    /// How many ports there were at its place so far.
+    /// Number of ports that have existed at this place so far.
     made: u64,
     /// Number of bytes delivered to its client at the last look, and the time of the last delivery.
     brought: u64,
     heard: Instant,
     openings: Openings,
-    /// Bytes came since that was asked last.
+    /// Whether bytes have arrived since the last query.
     has_arrived: bool,
-    /// The client may send.
+    /// Whether the client may send.
     may_send: bool,
-    /// The client has it to itself (TIOCEXCL).
+    /// Whether the client uses the port exclusively (TIOCEXCL).
     pub(super) is_exclusive: bool,
-    /// What a client has set by TIOCSSERIAL: its flags.
+    /// Flags that a client has set with TIOCSSERIAL.
     pub(super) serial_flags: u32,
-    /// What the client has set of DTR and RTS.
+    /// Bits of DTR and RTS, as the client has set them.
     outputs: u32,
-    /// The ports on which those two reach a device, a byte a level.
+    /// The ports of the pins through which DTR and RTS reach a device, one byte per level.
     pins: [Option<usize>; 2],
-    /// What the client sees of the others, and how often each changed: CTS, DSR, RI, DCD.
+    /// Bits of the lines that the client sees, and the number of changes of each: CTS, DSR, RI,
+    /// DCD.
     inputs: u32,
     changes: [u32; 4],
 }
 
 impl Slot {
-    /// Of RI only the end counts, as in a 16550 and its driver.
+    /// Stores the input lines and counts their changes. For RI only a falling level counts, as in a
+    /// 16550 and its driver.
     fn note_inputs(&mut self, inputs: u32) {
         let changed = core::mem::replace(&mut self.inputs, inputs) ^ inputs;
         for (count, input) in self.changes.iter_mut().zip(INPUTS) {
@@ -78,35 +80,35 @@ pub(super) struct Stage {
     pub(super) ports: Ports,
     readiness: Readiness,
     now: Instant,
-    /// When the rig's time began, and what it was then.
+    /// The program's time at which rig time began, and rig time at that moment.
     begun: Option<Instant>,
     zero: Instant,
-    /// The run goes on when its mission is over.
+    /// Whether the run continues after its mission is over.
     pub(super) is_endless: bool,
-    /// The rig stands: the run is over.
+    /// Whether rig time stands because the run is over.
     pub(super) is_frozen: bool,
     slots: Vec<Slot>,
-    /// Devices that hung up.
+    /// Numbers of devices that have hung up.
     gone: BTreeSet<u64>,
-    /// Calls in a row at such a one that did not wait.
+    /// Number of consecutive calls at such a device that did not wait.
     fruitless: u32,
-    /// What is to be said of that.
+    /// The message about these calls.
     pub(super) busy: Option<String>,
     has_delivered: bool,
-    /// The program may have done something to a port besides sending.
+    /// Whether the program may have acted on a port, other than by sending.
     is_touched: bool,
-    /// The program may have sent to, opened or closed a port.
+    /// Whether the program may have sent to, opened or closed a port.
     is_stirred: bool,
     next_look: Instant,
     foreseen: Option<Foreseen>,
-    /// The rig's time when the ports were looked at last.
+    /// Rig time of the last observation of the ports.
     observed_at: Instant,
-    /// The pipe for what the program says: device and number.
+    /// The pipe for the program's output: device and number.
     pub(super) mouth: (u64, u64),
 }
 
 impl Stage {
-    /// `ports` is what is to be seen of those that `realtime` serves.
+    /// A stage for `run`. `ports` holds the observations of the ports that `realtime` serves.
     pub(super) fn new(
         run: Run,
         mut realtime: Realtime<SimClock>,
@@ -173,18 +175,18 @@ impl Stage {
         self.begun.is_some()
     }
 
-    /// The rig's time at the program's `at`; `None` while it stands.
+    /// Rig time at the program's time `at`; `None` while rig time stands.
     fn rig_time(&self, at: Instant) -> Option<Instant> {
         let begun = self.begun.filter(|_| !self.is_frozen)?;
         Some(self.zero + (at - begun))
     }
 
-    /// The rig's time runs from now on, if it does not yet.
+    /// Starts rig time, if it has not started yet.
     pub(super) fn begin(&mut self) {
         self.begun.get_or_insert(self.now);
     }
 
-    /// Whether there is nothing more to run.
+    /// Whether the run is over.
     pub(super) fn is_over(&self) -> bool {
         !self.is_endless && self.run.is_over()
     }
@@ -207,12 +209,12 @@ impl Stage {
         Some(self.now + (next - rig_now))
     }
 
-    /// The program's own clocks have come to `now`, before anything happened.
+    /// Sets the program's time to `now`, which its own clocks have reached without an event.
     pub(super) fn has_counted(&mut self, now: Instant) {
         self.now = self.now.max(now);
     }
 
-    /// A call has taken `cost`.
+    /// Advances time by `cost`, the virtual time of a call.
     pub(super) fn pass(&mut self, cost: Duration) -> Result<(), TransportError> {
         self.now += cost;
         let Some(rig_now) = self.rig_time(self.now) else {
@@ -257,12 +259,12 @@ impl Stage {
         self.carry()
     }
 
-    /// The program is about to do something to a port besides sending.
+    /// Records that the program is about to act on a port, other than by sending.
     pub(super) const fn touch(&mut self) {
         self.is_touched = true;
     }
 
-    /// Notes that the program may send to, open or close a port before the next stop.
+    /// Records that the program may send to, open or close a port before the next stop.
     pub(super) const fn stir(&mut self) {
         self.is_stirred = true;
     }
@@ -280,14 +282,15 @@ impl Stage {
         let is_stirred = core::mem::take(&mut self.is_stirred);
         let is_touched = core::mem::take(&mut self.is_touched);
         let is_looked_at = is_touched || self.now >= self.next_look;
-        // What the program does is done now, however far the rig was run before.
+        // An action of the program happens at its own time, so the rig must advance to this time
+        // first.
         if is_stirred || is_looked_at {
             self.forget_foreseen();
             if let Some(rig_now) = self.rig_time(self.now) {
                 self.advance(rig_now);
             }
         }
-        // A look finds nothing new at ports that no client has used: it makes no call.
+        // Ports that no client has used need no check, so this makes no call.
         let is_quiet = !is_touched && !is_stirred && self.realtime.rests();
         match is_looked_at {
             true if !is_quiet => self.realtime.carry(&mut self.run)?,
@@ -318,7 +321,7 @@ impl Stage {
             let made = self.realtime.made(port);
             let is_there = self.realtime.terminal(port).is_some();
             if (slot.device != 0 && !is_there) || made != slot.made {
-                // Its plug was pulled: what its clients have open is hung up for good.
+                // The plug was pulled: files that its clients have open are hung up for good.
                 self.gone.extend((slot.device != 0).then_some(slot.device));
                 slot.device = 0;
                 has_delivered = true;
@@ -355,7 +358,7 @@ impl Stage {
         Ok(())
     }
 
-    /// Looks at what the program does with its ports.
+    /// Observes the program at its ports.
     pub(super) fn look(&mut self) {
         self.observe();
         let waited = self.now - Instant::ZERO;
@@ -367,7 +370,8 @@ impl Stage {
     fn observe(&mut self) {
         let rig_now = self.run.rig.now();
         let on_time = match self.begun {
-            // As often as it is looked, but for a port that is opened in between.
+            // The time since the last observation. A port may also be observed in between, when it
+            // is opened.
             Some(_) => rig_now - core::mem::replace(&mut self.observed_at, rig_now),
             None => Duration::ZERO,
         };
@@ -376,18 +380,18 @@ impl Stage {
         }
     }
 
-    /// Whether the program has opened nothing for as long as it may take.
+    /// Whether the program has opened no port within the permitted time.
     pub(super) fn gave_up(&self) -> bool {
         let waited = self.now - Instant::ZERO;
         self.begun.is_none() && self.readiness.has_given_up(&self.ports, waited)
     }
 
-    /// Whether bytes came for the program since the last call.
+    /// Whether bytes have arrived for the program since the last call.
     pub(super) const fn take_delivered(&mut self) -> bool {
         core::mem::replace(&mut self.has_delivered, false)
     }
 
-    /// The ports to which bytes came since the last call.
+    /// The ports at which bytes have arrived since the last call.
     pub(super) fn take_arrived(&mut self) -> Vec<usize> {
         let slots = self.slots.iter_mut().enumerate();
         let arrived =
@@ -395,21 +399,21 @@ impl Stage {
         arrived.collect()
     }
 
-    /// The port that is the device of this number.
+    /// The port with this device number.
     pub(super) fn port_of(&self, device: u64) -> Option<usize> {
         self.slots
             .iter()
             .position(|slot| slot.device == device && device != 0)
     }
 
-    /// Where the client finds a port.
+    /// The path of a port for the client.
     pub(super) fn path_of(&self, port: usize) -> Option<String> {
         let place = self.realtime.places().nth(port)?;
         Some(place.path.to_string_lossy().into_owned())
     }
 
-    /// Bytes of a client that may be written now. After the run the rig takes none of them, and a
-    /// program that waits for room could not end.
+    /// Number of bytes that the client may write now. After the run the rig takes no bytes; without
+    /// a limit here, a program that waits for room could not end.
     pub(super) fn room(&mut self, port: usize) -> usize {
         if self.is_frozen {
             return BACKLOG_MAX;
@@ -420,14 +424,13 @@ impl Stage {
         self.realtime.room(port, &self.run)
     }
 
-    /// Whether bytes that the client writes are lost: after the run, behind more than the rig
-    /// takes.
+    /// Whether bytes of the client are lost: after the run, beyond the room of the rig.
     pub(super) fn discards(&self, port: usize) -> bool {
         self.is_frozen && self.realtime.room(port, &self.run) == 0
     }
 
-    /// Bytes of a client that the line has not taken. After the run it takes none, and a program
-    /// that waits for them to leave could not end.
+    /// Number of written bytes that the line has not taken. After the run it is 0, because the line
+    /// takes none, and a program that waits for them to leave could not end.
     pub(super) fn backlog(&self, port: usize) -> usize {
         if self.is_frozen {
             return 0;
@@ -435,7 +438,8 @@ impl Stage {
         self.realtime.backlog(port, &self.run)
     }
 
-    /// When the next byte that the client writes arrives, and at which node of the rig.
+    /// Time at which the next written byte of the client arrives, and the node of the rig that
+    /// receives it.
     pub(super) fn arrival_of_next(&self, port: usize) -> (Instant, Option<usize>) {
         let rig = self.run.rig_of(self.realtime.robot(port));
         let node = self.realtime.node(port);
@@ -450,7 +454,7 @@ impl Stage {
         (arrives, Some(line.to.node))
     }
 
-    /// When the port brought something last.
+    /// Time of the last delivery of the port.
     pub(super) fn heard(&self, port: usize) -> Instant {
         self.slots[port].heard
     }
@@ -460,12 +464,12 @@ impl Stage {
         self.slots[port].outputs | self.slots[port].inputs
     }
 
-    /// How often CTS, DSR, RI and DCD of a port have changed, as drivers count.
+    /// Number of changes of CTS, DSR, RI and DCD of a port, as drivers count them.
     pub(super) fn line_changes(&self, port: usize) -> [u32; 4] {
         self.slots[port].changes
     }
 
-    /// The client sets its modem lines.
+    /// Sets the modem lines of the client.
     pub(super) fn set_modem(&mut self, port: usize, lines: u32) {
         self.forget_foreseen();
         let slot = &mut self.slots[port];
@@ -480,7 +484,7 @@ impl Stage {
         }
     }
 
-    /// The client sends a break.
+    /// Sends a break of the client.
     pub(super) fn send_break(&mut self, port: usize) {
         self.forget_foreseen();
         self.realtime

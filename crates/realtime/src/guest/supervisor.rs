@@ -1,4 +1,5 @@
-//! The loop: lets one thread run until it blocks, then the next; when all are blocked, time moves.
+//! The main loop: runs one thread until it blocks, then the next one. When all threads are blocked,
+//! time advances.
 
 mod clocks;
 mod crash;
@@ -67,23 +68,23 @@ use notices::Notice;
 pub(super) use rewind::Moment;
 use schedule::Schedule;
 
-/// Calls that a thread makes in a row while others could run.
+/// Number of calls that a thread makes in a row while other threads could run.
 const SLICE: u32 = 1_000;
-/// Wall time that a thread which waits outside of virtual time is given for each step of it.
+/// Wall time for each step of virtual time while a thread waits outside of virtual time.
 const OUTSIDE: Duration = Duration::from_millis(1);
 
-/// What becomes of a call.
+/// Decision about a call.
 pub(super) enum Outcome {
-    /// The program gets this in place of what the kernel would say.
+    /// The program gets this result; the kernel does not execute the call.
     Answer(i64),
-    /// The kernel does it.
+    /// The kernel executes the call.
     Kernel,
     /// The thread waits.
     Block(Wait),
     /// The kernel executes the call for an unknown time; the thread stays in this state until it
     /// ends.
     Leave(State),
-    /// As an answer, but other threads that can run go first.
+    /// The program gets this result, after other threads that can run.
     Yield(i64),
 }
 
@@ -93,26 +94,26 @@ impl From<Errno> for Outcome {
     }
 }
 
-/// Whether the running thread goes on.
+/// Whether the running thread continues.
 enum Flow {
-    /// With this signal, if any.
+    /// It continues, with this signal if there is one.
     Goes(Option<Signal>),
     Stays,
 }
 
-/// What is the same for a whole run.
+/// Settings for a whole run.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Settings {
-    /// Of all chance that the program asks the system for.
+    /// Seed of all random bytes that the program requests from the system.
     pub(super) seed: u64,
     pub(super) supervision: Supervision,
 }
 
-/// All threads of a foreign program, and the stage on which they play.
+/// All threads of a foreign program, and the stage with its rig.
 pub(super) struct Supervisor {
     pub(super) stage: Stage,
     settings: Settings,
-    /// The first process of each program, and how those ended that have: the system's status.
+    /// The first process of each program, with the system's status of those that have ended.
     roots: BTreeMap<i32, Option<i32>>,
     /// Launchers that have not become their program yet.
     launchers: BTreeSet<i32>,
@@ -121,69 +122,72 @@ pub(super) struct Supervisor {
     queue: VecDeque<i32>,
     /// First stops of threads whose creation has not been reported yet.
     early: BTreeSet<i32>,
-    /// How many threads and processes there were.
+    /// Numbers of threads and processes created so far.
     born: [u32; 2],
     blocks: u64,
-    /// Something happened that files may have to do with.
+    /// Whether an event may have changed the readiness of files.
     is_changed: bool,
-    /// The only thread that ran since all that wait for files tried once more.
+    /// The only thread that has run since all threads that wait for files tried again.
     ran: Option<i32>,
-    /// A signal may be on its way to a thread that waits.
+    /// Whether a signal may be pending for a thread that waits.
     is_signalled: bool,
-    /// The program has made files from which it reads signals.
+    /// Whether the program has opened files from which it reads signals.
     has_signal_files: bool,
-    /// The program has made terminals, which may send signals.
+    /// Whether the program has created terminals, which may send signals.
     has_terminals: bool,
-    /// Those to which it has just written.
+    /// The program's own terminals to which it has just written.
     typed: Vec<PathBuf>,
-    /// A queue or semaphore of System V may have changed.
+    /// Whether a queue or semaphore of System V may have changed.
     has_queues_changed: bool,
-    /// The program has opened a file that the supervisor answers.
+    /// Whether the program has opened a file that the supervisor answers.
     has_told_files: bool,
-    /// The program hears of some file by a signal, and of which: by process and number.
+    /// Whether signals report events of files to the program, and these files, by process and
+    /// number.
     hears_by_signal: bool,
     notices: BTreeMap<(i32, i32), Notice>,
-    /// Signals beyond 31 about files: to which process, which, and about which number.
+    /// Sent signals above 31 about files: process, signal, and number of the file.
     sent_notices: Vec<(i32, i32, i32)>,
-    /// Processes that were killed in place of a signal beyond 31, and which.
+    /// Processes that were killed in place of a signal above 31, with that signal.
     fatal: BTreeMap<i32, i32>,
-    /// It has given a socket a network port of its own choice.
+    /// Whether the program has chosen a network port for a socket.
     has_bound: bool,
     /// Named pipes that are being opened from both sides.
     meetings: Vec<Meeting>,
-    /// Looks at clocks and calls about ports that were no stops; stopped calls by their numbers.
+    /// Number of looks at clocks and of calls about ports without a stop, and stopped calls by
+    /// their numbers.
     pub(super) looks: u64,
     pub(super) served: u64,
     pub(super) spent: BTreeMap<i64, u64>,
-    /// Virtual time that has passed while a thread asked for the same over and over.
+    /// Virtual time that has passed while a thread repeated the same request.
     pub(super) idled: Duration,
     watchdog: Watchdog,
-    /// No part of the rig reads a clock: node programs have limits of wall time.
+    /// Whether the processor's counter is hidden from the supervisor. It is not if a part of the
+    /// rig reads the wall clock: node programs have timeouts.
     pub(super) hides_counter: bool,
     pub(super) calls: Calls,
     notes: Vec<String>,
-    /// How processes ended since the programs were asked to end: the system's statuses.
+    /// The system's statuses of processes that have ended since the programs were asked to end.
     pub(super) last_ends: Vec<i32>,
-    /// Where the last fault was.
+    /// Place of the last fault.
     fault: Option<String>,
     pub(super) trouble: Option<GuestError>,
-    /// What a debugger has set, if there is one.
+    /// The state of a debugger, if there is one.
     debugging: Option<Box<Debugging>>,
-    /// What may still stop for a debugger that has left.
+    /// Stops that may still come for a debugger that has left.
     left: Option<Left>,
     /// The thread that a debugger held when it left.
     held_over: Option<(i32, Next)>,
-    /// Another order of threads than that of their calls.
+    /// An order of threads that differs from the order of their calls.
     schedule: Option<Schedule>,
-    /// What is lent to the thread that runs.
+    /// The time and bytes that are lent to the running thread.
     lease: Lease,
-    /// The price of computing, if it has one.
+    /// The price of computing, if computing takes virtual time.
     computing: Option<Computing>,
     /// Counts calls and other signs that a thread does not wait in a loop.
     progress: u64,
     /// Threads that can run, but not before this time.
     late: Vec<(Instant, i32)>,
-    /// A thread stands in the code of its clocks, whose counts stay with it.
+    /// Whether a thread has stopped in the code of its clocks, with counts that must stay there.
     keeps_loan: bool,
 }
 
@@ -271,7 +275,7 @@ impl Supervisor {
         Ok(new)
     }
 
-    /// What left virtual time, each told once.
+    /// Notes about actions outside of virtual time, each once.
     pub(super) fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -281,7 +285,7 @@ impl Supervisor {
         !self.launchers.contains(&root)
     }
 
-    /// How the first process of a program ended, if it did: the system's status.
+    /// The system's status of a program's first process, if it has ended.
     pub(super) fn status(&self, root: i32) -> Option<i32> {
         self.roots.get(&root).copied().flatten()
     }
@@ -291,7 +295,7 @@ impl Supervisor {
         self.roots.values().all(Option::is_some)
     }
 
-    /// Kills all that is there.
+    /// Kills all processes.
     pub(super) fn kill_all(&mut self) {
         for &pid in self.processes.keys() {
             if let Some(pid) = rustix::process::Pid::from_raw(pid) {
@@ -310,7 +314,7 @@ impl Supervisor {
         }
     }
 
-    /// The processes that are there, the first one of each program left out.
+    /// All living processes, without the first one of each program.
     pub(super) fn others(&self) -> impl Iterator<Item = i32> {
         let all = self.processes.keys().copied();
         all.filter(|pid| !self.roots.contains_key(pid))
@@ -326,7 +330,7 @@ impl Supervisor {
         !self.processes.is_empty()
     }
 
-    /// Lets threads run until one has blocked or ended, or lets time pass until something happens.
+    /// Lets threads run until one has blocked or ended, or lets time pass until an event.
     ///
     /// # Errors
     /// If a real port went away, or the program cannot be supervised any more.
@@ -402,7 +406,7 @@ impl Supervisor {
         waits.chain(timers).chain(self.next_late()).min()
     }
 
-    /// Whose time has come may run.
+    /// Lets threads run whose deadlines have passed.
     fn expire(&mut self) {
         let now = self.stage.now();
         let mut due: Vec<(Instant, u64, i32)> = Vec::new();
@@ -419,8 +423,9 @@ impl Supervisor {
         self.fire_timers(now);
     }
 
-    /// Threads that wait for files try once more, in the order in which they began to wait. If
-    /// nothing happened but that `ran` ran until it waited, it does not try for ports alone.
+    /// Lets threads that wait for files try again, in the order in which they began to wait. `ran`
+    /// is the only thread that has run since the last attempt, if nothing else happened: this
+    /// thread does not try again if it waits only for ports.
     fn retry_files(&mut self, ran: Option<i32>) {
         let has_queues_changed = core::mem::take(&mut self.has_queues_changed);
         let waiting = self.threads.values().filter(|thread| {
@@ -456,7 +461,7 @@ impl Supervisor {
         }
     }
 
-    /// The calls at which threads are that do not wait in virtual time.
+    /// For messages: the last calls of the threads that do not wait in virtual time.
     fn last_calls(&self) -> String {
         let busy = self.threads.values().filter(|thread| !thread.is_blocked());
         let names: Vec<String> = busy
@@ -473,7 +478,7 @@ impl Supervisor {
         }
     }
 
-    /// Says once that something leaves virtual time.
+    /// Adds a note that something leaves virtual time, once.
     fn note(&mut self, what: String) {
         if !self.notes.contains(&what) {
             self.notes.push(what);

@@ -1,4 +1,4 @@
-//! Threads and processes of a foreign program, as the supervisor knows them.
+//! The supervisor's data about threads and processes of a foreign program.
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,52 +14,52 @@ use super::call::Call;
 use super::clock_page::ClockPage;
 use super::open_file::File;
 
-/// How a thread goes on.
+/// How a thread continues.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Next {
-    /// With this signal, if any.
+    /// It runs, with this signal if there is one.
     Go(Option<Signal>),
-    /// It tries the call at which it stands once more.
+    /// It tries its current call again.
     Attempt,
-    /// It has begun a call, and nothing was decided about it.
+    /// It has begun a call, and no decision was made about it.
     Begin,
     /// It makes the call that it has begun.
     Call,
-    /// Its computing before that call has passed, and nothing else was decided about it.
+    /// Its computing before that call has passed, and no other decision was made about it.
     Charged,
-    /// It has computed up to where it lets others go first, or is late.
+    /// It has computed up to the point where it lets others run first, or is delayed.
     Lose,
-    /// It has stopped with this status, which the supervisor has not handled yet.
+    /// It has stopped with this status, which was not handled yet.
     Stopped(i32),
 }
 
-/// What a thread waits for.
+/// The event that a thread waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum On {
-    /// Another thread's call, or nothing.
+    /// A call of another thread, or no event.
     Others,
-    /// A word in memory: where it is, and which of its bits.
+    /// A change of a word in memory: its position, and a mask of bits.
     Futex(FutexKey, u32),
-    /// Something to read or room to write.
+    /// Bytes to read, or room to write.
     Files,
-    /// Bytes that leave a port.
+    /// The end of sending at a port.
     Line,
-    /// A queue or a semaphore of System V, which has no file.
+    /// A queue or semaphore of System V, which has no file.
     Queue,
-    /// A child that ends.
+    /// The end of a child.
     Child,
 }
 
-/// A word in memory: that of a process, or of a file or of memory that processes share.
+/// The position of a word in memory: of one process, of a file, or of memory that processes share.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum FutexKey {
     /// Process and address.
     Own(i32, u64),
-    /// Device and number of the file, offset.
+    /// Device and number of the file, and the offset.
     Shared(u64, u64, u64),
 }
 
-/// A wait: at the deadline the call is tried again and sees that its time is up.
+/// A wait. At the deadline the call is tried again and detects its timeout.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wait {
     pub(super) on: On,
@@ -67,7 +67,7 @@ pub(super) struct Wait {
 }
 
 impl Wait {
-    /// Until a signal comes.
+    /// A wait until a signal comes.
     pub(super) const fn for_ever() -> Self {
         Self {
             on: On::Others,
@@ -76,18 +76,18 @@ impl Wait {
     }
 }
 
-/// What a thread does.
+/// State of a thread.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum State {
     /// It is in the queue of threads that can run.
     Ready(Next),
     Running,
     Blocked(Wait),
-    /// It is in the kernel, and virtual time does not count there.
+    /// It is in the kernel, where virtual time does not count.
     Outside,
-    /// It was stopped by a signal, until one comes that lets it go on.
+    /// It was stopped by a signal, until another signal continues it.
     Halted,
-    /// The first thread of a process has ended, others have not.
+    /// It is the first thread of a process and has ended; other threads of the process have not.
     Ended,
 }
 
@@ -95,77 +95,77 @@ pub(super) enum State {
 #[derive(Clone, Debug)]
 pub(super) struct Thread {
     pub(super) tid: Pid,
-    /// How many there were before it.
+    /// Number of threads that were created before it.
     pub(super) index: u32,
     /// The number of its process.
     pub(super) process: i32,
     pub(super) state: State,
-    /// The call at which it stands, or made last.
+    /// Its current or last call.
     pub(super) call: Option<Call>,
     /// The call in which it waits outside of virtual time.
     pub(super) outside: Option<Call>,
-    /// When it made that call.
+    /// Time at which it made this call.
     pub(super) entered: Instant,
-    /// Processor time for which it has computed since then.
+    /// Processor time that it has used since this call.
     pub(super) computed: Duration,
-    /// It was found in a loop without a call that only another thread can end: the number of signs
-    /// of progress at that time, and the fingerprint of the loop.
+    /// The thread is in a loop without a call that only another thread can end: the value of
+    /// `progress` at that time.
     pub(super) in_loop_at: Option<u64>,
     pub(super) loop_state: Option<u64>,
-    /// Instructions of that loop, if the thread has made no call since.
+    /// Number of instructions in that loop, if the thread has made no call since.
     pub(super) loop_length: Option<u32>,
-    /// Counts all beginnings of waits.
+    /// Number of its current wait among all waits.
     pub(super) blocked_at: u64,
     pub(super) is_woken: bool,
-    /// It stands at the end of a call that it will make again.
+    /// Whether it has stopped at the end of a call that it will make again.
     pub(super) is_at_end: bool,
-    /// Bytes of the call that are done.
+    /// Number of bytes that its call has already processed.
     pub(super) progress: usize,
     /// The side of a named pipe that it waits to open.
     pub(super) opens: Option<FifoSide>,
-    /// How often the lines of a port had changed when it began to wait for them.
+    /// Numbers of changes of a port's lines when it began to wait for them.
     pub(super) lines_before: Option<[u32; 4]>,
     pub(super) slice: u32,
-    /// The files of its `poll` or `select`, as it names them in memory.
+    /// The files of its `poll` or `select`, in the format of the program's memory.
     pub(super) watched: Vec<u8>,
-    /// The longest wait of its `select`, as it names it in memory.
+    /// The timeout of its `select`, in the format of the program's memory.
     pub(super) timeout: [u8; 16],
-    /// It waits for bytes of ports that the supervisor holds, and for nothing else.
+    /// Whether it waits only for bytes of ports that the supervisor holds.
     pub(super) waits_for_ports: bool,
-    /// Its call is about a port whose bytes the supervisor holds.
+    /// Whether its call is about a port whose bytes the supervisor holds.
     pub(super) asks_port: bool,
     /// Pipes and counters of its last calls of `select` and `poll`.
     pub(super) quiet: Vec<i32>,
-    /// What it asks for over and over.
+    /// Its busy waiting, if it was detected.
     pub(super) idle: Option<Idle>,
-    /// The processors on which it wants to run, as bits.
+    /// The processors that it has requested, as bits.
     pub(super) processors: u64,
-    /// The thread that waits in the kernel until this one has become another program.
+    /// The thread that waits in the kernel until this one has executed another program.
     pub(super) vfork_parent: Option<i32>,
 }
 
-/// Calls that a thread makes again and again, each time with the same answer that is of no use, and
-/// nothing else but looks at clocks.
+/// Calls that a thread repeats, each time with the same useless answer, and with only looks at
+/// clocks between them.
 #[derive(Clone, Debug)]
 pub(super) struct Idle {
     pub(super) seen: Vec<Fruitless>,
-    /// How many there were in a row.
+    /// Number of these calls in a row.
     pub(super) count: u32,
-    /// When the first one was made.
+    /// Time of the first one.
     pub(super) since: Instant,
 }
 
-/// A call of no use.
+/// A call without success.
 #[derive(Clone, Debug)]
 pub(super) struct Fruitless {
     /// Its number and arguments.
     pub(super) call: (i64, [u64; 3]),
-    /// The files of a `poll` or `select`, as its thread names them in memory.
+    /// The files of a `poll` or `select`, in the format of the program's memory.
     pub(super) watched: Vec<u8>,
     pub(super) answer: i64,
 }
 
-/// One side of a named pipe: device and number of the file, and which side.
+/// One side of a named pipe: device and number of the file, and the side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FifoSide {
     pub(super) file: (u64, u64),
@@ -206,7 +206,7 @@ impl Thread {
 /// A timer behind a file descriptor.
 #[derive(Debug)]
 pub(super) struct TimerFile {
-    /// The kernel's own, which is made readable when its time has come.
+    /// The kernel's own timer; the supervisor makes it readable when its time has come.
     pub(super) file: OwnedFd,
     pub(super) clock: i64,
     pub(super) timer: Timer,
@@ -214,18 +214,19 @@ pub(super) struct TimerFile {
     pub(super) expired: u64,
 }
 
-/// When it expires next, and each how many nanoseconds after that; 0: never again.
+/// Time of the next expiration, and the interval in nanoseconds after it; 0: no further ones.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Timer {
     pub(super) at: Option<Instant>,
     pub(super) interval: u64,
 }
 
-/// Timers that expire more often are looked at so often: the kernel joins expirations as well.
+/// Minimum interval of checks for timers that expire more often: the kernel also combines
+/// expirations.
 const OFTEN: Duration = Duration::from_micros(50);
 
 impl Timer {
-    /// When to look at it next.
+    /// Time of the next check.
     fn deadline(&self) -> Option<Instant> {
         let interval = Duration::from_nanos(self.interval);
         let later = match interval.is_zero() {
@@ -244,12 +245,12 @@ pub(super) struct PosixTimer {
     pub(super) signal: i32,
     /// Value for the thread that takes the signal.
     pub(super) value: u64,
-    /// The thread for which the signal is.
+    /// The thread that gets the signal, if it is for one thread.
     pub(super) thread: Option<i32>,
     pub(super) timer: Timer,
-    /// It has expired, and no thread has taken its signal yet.
+    /// Whether it has expired and no thread has taken its signal yet.
     pub(super) is_due: bool,
-    /// The kernel has its signal for some thread.
+    /// Whether the kernel has its signal for a thread.
     pub(super) is_sent: bool,
     pub(super) overrun: i64,
 }
@@ -257,32 +258,32 @@ pub(super) struct PosixTimer {
 /// One process.
 #[derive(Debug)]
 pub(super) struct Process {
-    /// By which its files can be had.
+    /// A handle of the process, for copies of its files.
     pub(super) handle: Option<OwnedFd>,
     /// Copies of its open files.
     pub(super) files: BTreeMap<i32, Arc<File>>,
-    /// Instructions at which it was seen to make 64-bit calls.
+    /// Instructions at which it has made 64-bit calls.
     pub(super) sites: BTreeSet<u64>,
-    /// Its clocks that are no calls.
+    /// Its page with clocks that cause no calls.
     pub(super) clocks: Option<ClockPage>,
-    /// Instructions at which it makes calls that its page may answer; whether the page is asked.
+    /// Instructions with calls that its page may answer, and whether the page is asked.
     pub(super) detours: BTreeMap<u64, bool>,
-    /// Another process may run in its memory for as long as it wants.
+    /// Whether another process may run in its memory for an unlimited time.
     pub(super) shares_memory: bool,
     pub(super) random: Rng,
-    /// Signals, as bits, whose handlers ask for interrupted calls to be made again.
+    /// Signals whose handlers request a restart of interrupted calls, as bits.
     pub(super) restarts: u64,
     pub(super) alarm: Timer,
     pub(super) timers: BTreeMap<i32, TimerFile>,
     pub(super) posix_timers: BTreeMap<i32, PosixTimer>,
-    /// All its threads are about to end.
+    /// Whether all its threads are about to end.
     pub(super) is_dying: bool,
-    /// The signal beyond 31 by which it ends.
+    /// The signal above 31 that ends it.
     pub(super) fatal: Option<i32>,
 }
 
 impl Process {
-    /// When the next of its timers expires.
+    /// Time at which its next timer expires.
     pub(super) fn next_timer(&self) -> Option<Instant> {
         let files = self
             .timers

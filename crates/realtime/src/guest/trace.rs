@@ -1,5 +1,5 @@
-//! What the supervisor decided, call by call: a fingerprint of it, a file for people, and the place
-//! at which two runs part.
+//! Record of the supervisor's decisions, call by call: a fingerprint, a readable file, and the
+//! first difference between two runs.
 
 use core::fmt;
 use std::fs::File;
@@ -11,21 +11,22 @@ use protocols::Instant;
 use super::GuestError;
 use super::call;
 
-/// Records that are kept to be compared.
+/// Maximum number of records that are kept for a comparison.
 const KEPT_MAX: usize = 4_000_000;
 
-/// One call that came to its end.
+/// A finished call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Record {
     /// Virtual time.
     pub(super) at: Instant,
-    /// Which thread, in the order of their beginnings.
+    /// Number of the thread, in the order of creation.
     pub(super) thread: u32,
     /// Its number.
     pub(super) number: i64,
-    /// Looks at a clock, or calls about ports, that were no stops, in its place; 0: it is one.
+    /// Number of looks at a clock, or of calls about ports, without a stop, that this record stands
+    /// for; 0: it is a stopped call.
     pub(super) looks: u32,
-    /// What the supervisor answered; nothing if the kernel did.
+    /// The supervisor's answer; `None` if the kernel executed the call.
     pub(super) result: Option<i64>,
 }
 
@@ -56,7 +57,7 @@ pub struct Calls {
 }
 
 impl Calls {
-    /// With a file for people, if there is to be one.
+    /// An empty record, with a readable file if one is requested.
     pub(super) fn new(file: Option<&Path>) -> Result<Self, GuestError> {
         let file = file.map(|path| {
             safefs::create(path).map_err(|source| GuestError::Trace {
@@ -86,12 +87,12 @@ impl Calls {
         self.file.is_some()
     }
 
-    /// How many calls there were.
+    /// Number of calls.
     pub const fn count(&self) -> u64 {
         self.count
     }
 
-    /// Where `self` and `other` part, in words; `None` if they do not.
+    /// The first difference between `self` and `other`, as text; `None` if they are equal.
     pub fn part_from(&self, other: &Self) -> Option<String> {
         let both = self.kept.iter().zip(&other.kept);
         let first = both.clone().position(|(one, other)| one != other);

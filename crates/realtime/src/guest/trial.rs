@@ -1,5 +1,5 @@
-//! A foreign program on trial in virtual time: started, run, ended, judged by the same checks as in
-//! real time.
+//! A run of a foreign program in virtual time: its start, run and end, and its judgement by the
+//! same checks as in real time.
 
 mod checks;
 mod environment;
@@ -41,19 +41,20 @@ use environment::environment_of;
 use processor::stay_here;
 pub use rewind::TrialMoment;
 
-/// Virtual time in which a program may end once it was asked to, and what it left behind after it.
+/// Virtual time within which a program must end after it was asked to, and then its child
+/// processes.
 const PATIENCE: Duration = Duration::from_secs(2);
 const TOGETHER: Duration = Duration::from_millis(100);
 const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
-/// The same in wall time.
+/// The same limit in wall time.
 const PATIENCE_WALL: Duration = Duration::from_secs(5);
-/// Maximum number of turns between two looks at whether the run is to be ended. The watchdog ends
-/// them after 50 ms of wall time.
+/// Maximum number of turns between two checks whether the run must end. The watchdog ends the turns
+/// after 50 ms of wall time.
 const TURNS_MAX: u32 = 10_000;
-/// How long its last words may be on their way.
+/// Maximum wait for the program's last output.
 const LAST_WORDS: Duration = Duration::from_millis(500);
 
-/// A program on trial.
+/// A foreign program and its run.
 pub struct Trial {
     supervisor: Supervisor,
     programs: Vec<Started>,
@@ -65,7 +66,7 @@ pub struct Trial {
     gone_at: Option<Instant>,
     /// The thread that computes without a system call.
     spins: Option<String>,
-    /// On which processors this thread may run.
+    /// The set of processors on which this thread may run.
     processors: Option<CpuSet>,
 }
 
@@ -74,31 +75,31 @@ struct Started {
     name: String,
     /// Its first process.
     root: i32,
-    /// How it ended, and the rig's time then.
+    /// Its end, and rig time at that moment.
     ended: Option<(Ended, Instant)>,
 }
 
-/// What came of it.
+/// Result of a supervised program.
 pub struct Played {
-    /// The run, its first checks being about the program.
+    /// The run; its first checks are about the program.
     pub outcome: Outcome,
     /// Whether the captures of the run were written.
     pub recorded: io::Result<()>,
-    /// The end of what the program said.
+    /// The last part of the program's output.
     pub said: String,
-    /// What left virtual time.
+    /// Notes about actions outside of virtual time.
     pub notes: Vec<String>,
-    /// What the program's calls were, in words.
+    /// Summary of the program's calls, as text.
     pub spent: String,
-    /// What was decided, call by call.
+    /// The decisions, call by call.
     pub calls: Calls,
-    /// What passed each port.
+    /// Traffic of each port.
     pub reports: Vec<PortReport>,
 }
 
 impl Trial {
-    /// Starts the program in front of `run`, whose ends are on `seats`. What it says is written
-    /// to `log`, what is decided call by call to `trace`.
+    /// Starts the program on the ports of `run`, whose ends are on `seats`. The program's output is
+    /// written to `log`, the decisions call by call to `trace`.
     ///
     /// # Errors
     /// If it cannot be started or supervised, or needs a port that there is not.
@@ -180,12 +181,12 @@ impl Trial {
         &mut self.supervisor
     }
 
-    /// The same to look at.
+    /// The same, for reading.
     pub(super) const fn supervisor_ref(&self) -> &Supervisor {
         &self.supervisor
     }
 
-    /// Whether there is nothing more to see.
+    /// Whether the run is over.
     pub fn is_over(&self) -> bool {
         let stage = &self.supervisor.stage;
         let is_gone = self
@@ -210,7 +211,7 @@ impl Trial {
         Ok(())
     }
 
-    /// Lets a thread run until it waits, or time pass.
+    /// Lets a thread run until it waits, or lets time pass.
     ///
     /// # Errors
     /// If a real port went away, or the program cannot be supervised.
@@ -240,7 +241,7 @@ impl Trial {
         Ok(())
     }
 
-    /// Whether a program has ended that has to be there, or all have and left no port open.
+    /// Whether a required program has ended, or all programs have ended and left no port open.
     fn is_gone(&self) -> bool {
         let is_wrong = |one: &Started| {
             let may_end = self.foreign.may_end_of(&one.name);
@@ -252,17 +253,17 @@ impl Trial {
             || are_all_gone && !self.supervisor.stage.ports.any_open()
     }
 
-    /// From now on the run goes on when its mission is over.
+    /// Lets the run continue after its mission is over.
     pub const fn make_endless(&mut self) {
         self.supervisor.stage.is_endless = true;
     }
 
-    /// Lets the rig's time run, if it does not yet.
+    /// Starts rig time, if it has not started yet.
     pub fn begin(&mut self) {
         self.supervisor.stage.begin();
     }
 
-    /// Whether the rig's time runs.
+    /// Whether rig time runs.
     pub const fn has_begun(&self) -> bool {
         self.supervisor.stage.has_begun()
     }
@@ -272,28 +273,28 @@ impl Trial {
         self.supervisor.stage.now() - Instant::ZERO
     }
 
-    /// The rig's time.
+    /// Rig time.
     pub const fn now(&self) -> Instant {
         self.supervisor.stage.run.rig.now()
     }
 
-    /// What can be seen of the program at its ports.
+    /// Observations of the program at its ports.
     pub fn signs(&mut self) -> impl Iterator<Item = Sign<'_>> {
         self.supervisor.stage.realtime.signs()
     }
 
-    /// How the program ended, if it did; of several the first that ended.
+    /// The end of the program; of several programs, the one that ended first.
     pub fn ended(&self) -> Option<Ended> {
         self.first_end().map(|(ended, _)| ended)
     }
 
-    /// How the program ended, and when; of several the first that ended.
+    /// The end of the program and its time; of several programs, the one that ended first.
     fn first_end(&self) -> Option<(Ended, Instant)> {
         let ends = self.programs.iter().filter_map(|one| one.ended);
         ends.min_by_key(|(_, at)| *at)
     }
 
-    /// Where the program was when a signal such as SIGSEGV came.
+    /// The place of the program when a signal such as SIGSEGV came.
     pub fn fault(&self) -> Option<&str> {
         self.supervisor.fault()
     }
@@ -303,16 +304,16 @@ impl Trial {
         self.spins.as_deref()
     }
 
-    /// Ends the program without a verdict; what it said, and the run.
+    /// Ends the program without a verdict; returns its output, and the run.
     pub fn quit(mut self) -> (String, Run) {
         let farewell = self.finish();
         let mut run = self.supervisor.stage.run;
-        // The capture is for people; what cannot be written of it is not worth the case.
+        // The capture is only for the user; an error while writing it must not lose the case.
         let _ = run.finish_taps();
         (farewell.said, run)
     }
 
-    /// Ends the program at once; nothing of its run counts but what its computing was charged.
+    /// Ends the program at once. Nothing of its run is kept except the charges for its computing.
     pub(super) fn abandon(mut self) -> Option<Computing> {
         let computing = self.supervisor.computing().cloned();
         self.supervisor.stage.is_frozen = true;
@@ -334,7 +335,8 @@ impl Trial {
         self.supervisor.note_halted();
         let computing = self.supervisor.computing();
         let repeats = computing.and_then(Computing::check);
-        // A case keeps its own record: a program that has changed since differs each time.
+        // A case keeps its own record of charges: after a change of the program, a new record would
+        // differ each time.
         let spec = computing.filter(|it| it.measures()).map(Computing::spec);
         let waits = self.waits();
         let ended = self.first_end();
@@ -357,7 +359,7 @@ impl Trial {
         spec.into_iter().for_each(|spec| run.set_computing(spec));
         let recorded = run.finish_taps();
         let reports = realtime.reports().collect();
-        // The ports stay until the program has ended: it is not to be told that they went away.
+        // The ports exist until the program has ended, so that it does not notice their end.
         drop((realtime, self.dir));
         let mut outcome = run.judge();
         let spins = self.spins.or(busy);
@@ -384,7 +386,7 @@ impl Trial {
         }
     }
 
-    /// What the program's threads wait for.
+    /// The events for which the program's threads wait.
     fn waits(&self) -> Vec<Wait> {
         waits(self.processes())
     }
@@ -455,7 +457,7 @@ impl Trial {
         (left, was_killed)
     }
 
-    /// Lets the program go on for `most` of its time, until `is_enough`.
+    /// Lets the program continue for at most `most` of its time, until `is_enough`.
     fn go_on(&mut self, most: Duration, is_enough: impl Fn(&Supervisor) -> bool) {
         let until = self.supervisor.stage.now() + most;
         let clock = WallClock::start();
@@ -468,7 +470,7 @@ impl Trial {
         }
     }
 
-    /// The processes that are there besides the program itself.
+    /// All living processes besides the program itself.
     fn others(&self) -> Vec<Left> {
         let others = self
             .supervisor
@@ -483,7 +485,7 @@ impl Trial {
             .collect()
     }
 
-    /// What it said so far.
+    /// The program's output so far.
     pub fn said(&self) -> String {
         let words = self.words.lock();
         words.map(|words| words.text()).unwrap_or_default()

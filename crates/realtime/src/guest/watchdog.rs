@@ -1,9 +1,10 @@
-//! A watch in wall time over the one thread that runs: if it waits in the kernel for something of
-//! which virtual time knows nothing, or computes on and on, it is stopped so that it can be named.
-//! Computing is measured in processor time, since on a busy machine a thread may wait for its turn.
-//! For the same reason a thread that computes without a call is no sign that virtual time stands.
+//! A watchdog in wall time for the running thread. It stops a thread that waits in the kernel for
+//! an event outside of virtual time, or that computes without end, so that the thread can be named.
+//! Computing is measured in processor time, because a thread may wait for its turn on a busy
+//! machine. For the same reason, a thread that computes without a call does not mean that virtual
+//! time stands.
 //!
-//! Nothing here counts for a verdict, and a thread that makes calls is never stopped.
+//! The watchdog has no influence on a verdict, and never stops a thread that makes calls.
 
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, AtomicU64, Ordering};
 use core::time::Duration;
@@ -17,53 +18,55 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::clock::{Clock, WallClock};
 use crate::exec::Supervision;
 
-/// Between two looks.
+/// Interval between two checks.
 const EVERY: Duration = Duration::from_millis(50);
-/// Looks without a call after which a thread that sleeps is taken to wait for the world outside.
+/// Number of checks without a call after which a sleeping thread counts as waiting for the outside
+/// world.
 const SLEEPS: u32 = 2;
-/// The same for one that waits for a disk.
+/// This number for a thread that waits for a disk.
 const FETCHES: u32 = 200;
-/// Processor time after which one that computes is stopped, to hear of others; with `--schedule`,
-/// where loops that wait for others are common.
+/// Processor time without a call after which a thread is stopped so that others can run; the second
+/// value is for `--schedule`, where loops that wait for others are common.
 const COMPUTES: Duration = Duration::from_secs(1);
 const COMPUTES_BY_SCHEDULE: Duration = Duration::from_millis(100);
-/// So many times as long as a thread may compute virtual time may stand.
+/// Virtual time may stand for this many times the limit of computing.
 const STANDS: u32 = 3;
 const STANDS_MIN: Duration = Duration::from_secs(30);
 
-/// Why a thread was stopped.
+/// The reason why a thread was stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kick {
     /// It waits in the kernel.
     Sleeps,
-    /// It has computed for this long without a call, since it was let go on.
+    /// It has computed without a call for this long since it continued.
     Computes(Duration),
 }
 
 #[derive(Debug, Default)]
 struct Shared {
-    /// The thread that runs, and its process; 0: none.
+    /// The running thread and its process; 0: none.
     tid: AtomicI32,
     process: AtomicI32,
-    /// Counts what it does.
+    /// Number of its actions.
     steps: AtomicU64,
-    /// Milliseconds since its last step when it was stopped, and one more; 0: it was not.
+    /// Milliseconds from its last action to its stop, plus one; 0: it was not stopped.
     kicked: AtomicU32,
     sleeps: AtomicBool,
-    /// Counts single instructions for a debugger: time stands meanwhile, and that is no fault.
+    /// Number of single steps for a debugger: virtual time stands meanwhile, which is no fault.
     stepped: AtomicU64,
-    /// Virtual time, nanoseconds; how often that was told, and whether the supervisor is at work.
+    /// Virtual time in nanoseconds, the number of its updates, and whether the supervisor is
+    /// active.
     now: AtomicU64,
     turns: AtomicU64,
     is_at_work: AtomicBool,
-    /// Seconds for which that stood; 0: it goes on.
+    /// Seconds for which virtual time has stood; 0: it advances.
     stood: AtomicU32,
     is_over: AtomicBool,
-    /// Counts its looks: the only clock that the supervisor reads in its turns.
+    /// Number of checks: the only clock that the supervisor reads in its turns.
     beats: AtomicU32,
 }
 
-/// The watch, on a thread of its own; it ends when this is dropped.
+/// The watchdog, on a separate thread, which ends when this value is dropped.
 #[derive(Debug)]
 pub(super) struct Watchdog {
     shared: Arc<Shared>,
@@ -71,11 +74,11 @@ pub(super) struct Watchdog {
 }
 
 impl Watchdog {
-    /// Over a program whose first process is `root`.
+    /// Starts a watchdog for a program whose first process is `root`.
     pub(super) fn start(root: i32, supervision: Supervision) -> Self {
         let shared = Arc::<Shared>::default();
         let watching = Arc::clone(&shared);
-        // Without this thread only the name of a hanging thread is lost.
+        // Without this thread, only the name of a hanging thread is lost.
         let _ = thread::Builder::new()
             .name("watchdog".to_owned())
             .spawn(move || watch(&watching, root, supervision));
@@ -83,24 +86,24 @@ impl Watchdog {
         Self { shared, clock }
     }
 
-    /// From now on this thread runs.
+    /// Records that this thread runs from now on.
     pub(super) fn watch(&self, tid: i32, process: i32) {
         self.shared.process.store(process, Ordering::Relaxed);
         self.shared.tid.store(tid, Ordering::Relaxed);
         self.count();
     }
 
-    /// It did something.
+    /// Records an action of the running thread.
     pub(super) fn count(&self) {
         self.shared.steps.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// A debugger lets it go by single instructions.
+    /// Records a single step for a debugger.
     pub(super) fn count_step(&self) {
         self.shared.stepped.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// The supervisor begins to work, and virtual time is this.
+    /// Records that the supervisor becomes active at the virtual time `now`.
     pub(super) fn begin_turn(&self, now: Instant) {
         self.shared.turns.fetch_add(1, Ordering::Relaxed);
         self.shared.is_at_work.store(true, Ordering::Relaxed);
@@ -109,28 +112,28 @@ impl Watchdog {
         self.shared.now.store(nanos, Ordering::Relaxed);
     }
 
-    /// It does something else now.
+    /// Records that the supervisor is no longer active.
     pub(super) fn end_turn(&self) {
         self.shared.is_at_work.store(false, Ordering::Relaxed);
     }
 
-    /// For how long virtual time stood, if that was too long.
+    /// Time for which virtual time has stood, if that was too long.
     pub(super) fn stood(&self) -> Option<Duration> {
         let seconds = self.shared.stood.load(Ordering::Relaxed);
         (seconds > 0).then(|| Duration::from_secs(seconds.into()))
     }
 
-    /// Number of looks so far.
+    /// Number of checks so far.
     pub(super) fn beats(&self) -> u32 {
         self.shared.beats.load(Ordering::Relaxed)
     }
 
-    /// No thread runs.
+    /// Records that no thread runs.
     pub(super) fn rest(&self) {
         self.shared.tid.store(0, Ordering::Relaxed);
     }
 
-    /// Why the thread was stopped, if it was.
+    /// The reason why the thread was stopped, if it was.
     pub(super) fn take_kick(&self) -> Option<Kick> {
         let millis = self.shared.kicked.swap(0, Ordering::Relaxed);
         let sleeps = self.shared.sleeps.load(Ordering::Relaxed);
@@ -162,10 +165,10 @@ fn watch(shared: &Shared, root: i32, supervision: Supervision) {
     };
     let patience = (spin_max * STANDS).max(STANDS_MIN);
     let (mut steps, mut stepped, mut looks) = (0, 0, 0);
-    // What it was seen to do in all of them.
+    // State of the thread in all checks since its last action.
     let mut seen = None;
     let (mut since, mut time, mut turns, mut moved_at) = (Duration::ZERO, 0, 0, clock.now());
-    // Whose processor time it saw last, and how much that was.
+    // Thread and value of the last measured processor time.
     let mut last = (0, Duration::ZERO);
     while !shared.is_over.load(Ordering::Relaxed) {
         clock.sleep_until(clock.now() + EVERY);
@@ -174,7 +177,7 @@ fn watch(shared: &Shared, root: i32, supervision: Supervision) {
         if core::mem::replace(&mut time, shared.now.load(Ordering::Relaxed)) != time {
             moved_at = wall;
         }
-        // Nothing resumes the thread between two turns.
+        // No thread continues between two turns.
         let has_turned =
             core::mem::replace(&mut turns, shared.turns.load(Ordering::Relaxed)) != turns;
         if !has_turned && !shared.is_at_work.load(Ordering::Relaxed) {
@@ -189,14 +192,15 @@ fn watch(shared: &Shared, root: i32, supervision: Supervision) {
         let counted = used(process, tid).filter(|_| tid != 0);
         let state = state(process, tid).filter(|_| tid != 0);
         let now = shared.steps.load(Ordering::Relaxed);
-        // How long it may compute without a call, another limit says. Calls at no cost are counted.
+        // Another limit applies to computing without a call. Calls that take no virtual time are
+        // counted.
         if has_computed(&mut last, tid, counted) && state == Some('R') && now == steps {
             moved_at = wall;
         }
         if wall - moved_at >= patience {
             let seconds = u32::try_from((wall - moved_at).as_secs()).unwrap_or(u32::MAX);
             shared.stood.store(seconds, Ordering::Relaxed);
-            // Whatever is waited for, it comes to its end.
+            // Killing the processes ends any wait.
             for pid in [process, root].into_iter().filter_map(Pid::from_raw) {
                 let _ = kill_process(pid, Signal::KILL);
             }
@@ -214,7 +218,7 @@ fn watch(shared: &Shared, root: i32, supervision: Supervision) {
         let computed = used.saturating_sub(since);
         let (sleeps, is_enough) = match state {
             Some('S') => (true, looks >= SLEEPS),
-            // For a disk, which on a busy machine takes its time.
+            // The thread waits for a disk, which may take long on a busy machine.
             Some('D') => (true, looks >= FETCHES),
             Some('R') => (false, computed >= spin_max.min(computes)),
             _ => continue,
@@ -233,7 +237,7 @@ fn watch(shared: &Shared, root: i32, supervision: Supervision) {
     }
 }
 
-/// Whether a thread has used processor time since the last look at it.
+/// Whether a thread has used processor time since the last check.
 const fn has_computed(last: &mut (i32, Duration), tid: i32, used: Option<Duration>) -> bool {
     let Some(used) = used else {
         return false;
@@ -242,12 +246,12 @@ const fn has_computed(last: &mut (i32, Duration), tid: i32, used: Option<Duratio
     before == tid && used.as_nanos() > was.as_nanos()
 }
 
-/// Processor time that a thread has used; `None` where the system does not tell.
+/// Processor time that a thread has used; `None` if the system does not report it.
 fn used(process: i32, tid: i32) -> Option<Duration> {
     let text = fs::read_to_string(format!("/proc/{process}/task/{tid}/schedstat")).ok()?;
     let nanos = text.split_ascii_whitespace().next()?.parse().ok()?;
     match nanos {
-        // Some kernels keep no such count, and print zeros.
+        // Some kernels do not count it, and print zeros.
         0 => ticks(&fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?),
         nanos => Some(Duration::from_nanos(nanos)),
     }
@@ -256,14 +260,14 @@ fn used(process: i32, tid: i32) -> Option<Duration> {
 /// Processor time by a line of `stat`: fields 14 and 15, in hundredths of a second (proc(5)).
 fn ticks(stat: &str) -> Option<Duration> {
     let (_, fields) = stat.rsplit_once(") ")?;
-    // The third field is the first one here.
+    // The third field of the line is the first one here.
     let mut fields = fields.split_ascii_whitespace().skip(11);
     let mut next = || fields.next()?.parse::<u64>().ok();
     let ticks = next()?.saturating_add(next()?);
     Some(Duration::from_millis(ticks.saturating_mul(10)))
 }
 
-/// What a thread does, as the system's letter.
+/// State of a thread, as the system's letter.
 fn state(process: i32, tid: i32) -> Option<char> {
     let stat = fs::read_to_string(format!("/proc/{process}/task/{tid}/stat")).ok()?;
     let (_, fields) = stat.rsplit_once(") ")?;

@@ -162,7 +162,7 @@ impl FaultSpec {
         Ok(())
     }
 
-    /// Whether the fault is a wrong rate that is this one.
+    /// Whether the fault is a wrong rate of exactly `baud`, without a deviation.
     pub fn is_at_rate(&self, baud: u32) -> bool {
         let is_zero = |value: Option<f64>| value.is_none_or(|value| value == 0.0);
         self.kind == FaultKind::WrongBaud

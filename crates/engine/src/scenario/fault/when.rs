@@ -51,7 +51,7 @@ impl WhenSpec {
         ("the robot is near a position", &["near_m", "within_m"]),
     ];
 
-    /// The key that gives this one of the condition.
+    /// The key in `when` from which `key` of the condition was made.
     pub(crate) fn key_of(&self, key: &'static str) -> &'static str {
         match key {
             "address" | "name" => "register",

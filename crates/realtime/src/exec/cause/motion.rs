@@ -12,7 +12,7 @@ use super::{Cause, Evidence, weight};
 use engine::run::Outcome;
 use engine::run::check::Status;
 
-/// Time within which a command that does not come leaves its mark.
+/// Time within which a missing command affects the motion.
 const NEXT: Duration = Duration::from_secs(1);
 /// Time after the start in which a fault prevents the first motion.
 const FIRST: Duration = Duration::from_secs(5);
@@ -251,7 +251,7 @@ fn first_turn(way: &[(Instant, Pose)], turned: &[f64]) -> Option<Turn> {
         } else if (done - most).abs() > TURN {
             break;
         } else if most.abs() < TURN && done.abs() < STILL {
-            // A sway; the turn that counts begins later.
+            // The robot only swayed; the turn that counts begins later.
             (begin, farthest) = (index, index);
         } else if most.abs() >= TURN && moved_on(way, farthest, index) {
             break;

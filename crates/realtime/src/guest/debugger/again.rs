@@ -1,4 +1,5 @@
-//! Running again from the start to a place that was seen before: each run of a case is the same.
+//! Runs the program again from its start to a place that an earlier run has reached: each run of a
+//! case is the same.
 
 use protocols::Instant;
 
@@ -14,25 +15,25 @@ pub(super) struct Marks {
     pub(super) watches: Vec<Watchpoint>,
 }
 
-/// What was seen on the way to a place.
+/// An observation on the path to a place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Seen {
-    /// A breakpoint that was looked for.
+    /// A breakpoint.
     Break,
-    /// Watched memory was touched: its address.
+    /// A change of watched memory, with its address.
     Watch(u64),
 }
 
-/// A way to a place, and what is looked for on it.
+/// A path to a place, with the breakpoints and watchpoints to report on it.
 pub(super) struct Walk<'a> {
     pub(super) to: &'a Place,
     pub(super) marks: &'a Marks,
-    /// The thread, by the order of birth, that goes by single instructions.
+    /// The thread that runs in single steps, by its number in the order of birth.
     pub(super) steps: Option<u32>,
 }
 
 impl Session<'_> {
-    /// Starts the program anew and lets it be loaded; whether it was.
+    /// Starts the program again and waits until it is loaded; returns whether it was loaded.
     pub(super) fn load_again(&mut self) -> Result<bool, GuestError> {
         if self.is_broken_off {
             return Ok(false);
@@ -48,7 +49,7 @@ impl Session<'_> {
         self.load()
     }
 
-    /// Runs again to `place`; whether it was found.
+    /// Runs again to `place`; returns whether the place was reached.
     pub(super) fn go_to(&mut self, place: &Place) -> Result<bool, GuestError> {
         let walk = Walk {
             to: place,
@@ -77,7 +78,7 @@ impl Session<'_> {
         self.reach_goal(Goal::Time(at))
     }
 
-    /// Runs up to a goal; whether it was reached.
+    /// Runs to a goal; returns whether it was reached.
     pub(super) fn reach_goal(&mut self, goal: Goal) -> Result<bool, GuestError> {
         if let Some(debugging) = self.supervisor().debugging() {
             debugging.set_goal(Some(goal));
@@ -94,13 +95,13 @@ impl Session<'_> {
         }
     }
 
-    /// Where the program is.
+    /// The current place of the program.
     pub(super) fn place(&mut self) -> Place {
         let debugging = self.supervisor().debugging();
         debugging.map(|it| it.place().clone()).unwrap_or_default()
     }
 
-    /// From now on these breakpoints and watchpoints are set, and no others.
+    /// Replaces all breakpoints and watchpoints by these.
     pub(super) fn set_marks(&mut self, marks: &Marks) {
         self.supervisor().clear_breaks();
         for &address in &marks.breaks {
@@ -111,7 +112,8 @@ impl Session<'_> {
         }
     }
 
-    /// Walks from here to a place and tells what is seen before it; whether it was found.
+    /// Runs from here to a place, and reports observations before it. Returns whether the place was
+    /// reached.
     pub(super) fn walk(
         &mut self,
         walk: &Walk<'_>,
@@ -154,7 +156,7 @@ impl Session<'_> {
             } => {
                 let mut marks = walk.marks.clone();
                 marks.breaks.extend(breaks);
-                // Those of the way come first: the processor watches no more than four.
+                // Watchpoints of this leg come first, because the processor has only four.
                 let others = marks.watches.into_iter();
                 let others = others.filter(|it| !watches.contains(it));
                 marks.watches = watches.iter().copied().chain(others).take(4).collect();
@@ -192,7 +194,8 @@ impl Session<'_> {
         }
     }
 
-    /// Runs until `is_there` says so, with true if that stop is not to be told; whether it did.
+    /// Runs until `is_there` returns a value: `true` if that stop must not be reported, `false` if
+    /// it must. Returns whether this happened.
     fn pass(
         &mut self,
         walk: &Walk<'_>,
@@ -221,7 +224,7 @@ impl Session<'_> {
                     seen(&place, Seen::Break);
                 }
                 Stop::Watch(_, address) => seen(&place, Seen::Watch(address)),
-                // It has gone by single instructions for too long.
+                // The thread has made too many single steps.
                 Stop::Step(_) => return Ok(false),
                 _ => {}
             }
@@ -234,7 +237,7 @@ impl Session<'_> {
         }
     }
 
-    /// A thread that stands at a breakpoint does the instruction under it.
+    /// Lets a thread at a breakpoint execute the instruction under it.
     fn leave_break(&mut self, keeps_stepping: Option<u32>) -> Result<(), GuestError> {
         let held = self
             .supervisor()
@@ -254,7 +257,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// One instruction of the held thread, or less if it stops before its end.
+    /// Executes one instruction of the held thread, or less if the thread stops before its end.
     fn step_held(&mut self, tid: i32) -> Result<(), GuestError> {
         if let Some(debugging) = self.supervisor().debugging() {
             debugging.set_step(Some(Step { tid, within: 0..0 }));
@@ -269,7 +272,8 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// One instruction of a thread, whatever others do meanwhile; whether it was done.
+    /// Executes one instruction of a thread, whatever the others do meanwhile; returns whether it
+    /// was executed.
     fn single_step(
         &mut self,
         thread: u32,
@@ -335,7 +339,7 @@ impl Session<'_> {
         found.map(|(_, tid)| tid)
     }
 
-    /// Where a thread's next instruction is.
+    /// Address of a thread's next instruction.
     pub(super) fn instruction_of(&self, tid: i32) -> u64 {
         let registers = self.supervisor_ref().registers_of(tid);
         registers.map_or(0, |(own, _)| own.rip)

@@ -1,4 +1,4 @@
-//! Backwards: the program runs again from its start to the place before.
+//! Backward motion: the program runs again from its start to an earlier place.
 
 use gdbstub::common::Tid;
 use gdbstub::stub::MultiThreadStopReason;
@@ -10,10 +10,10 @@ use crate::guest::GuestError;
 use crate::guest::place::{Moment, Place};
 use protocols::Instant;
 
-/// Most instructions that are done one by one to find the one before.
+/// Maximum number of single steps to find the previous instruction.
 const STEPS_MAX: u64 = 1_000_000;
 
-/// Which way back.
+/// Kind of a backward motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Back {
     /// To the last breakpoint or watchpoint.
@@ -37,7 +37,8 @@ impl ReverseStep<Tid> for Session<'_> {
 }
 
 impl Session<'_> {
-    /// Goes back; why the program stands then. `None` if the debugger has broken that off.
+    /// Moves backward; returns the reason for the stop, or `None` if the debugger has interrupted
+    /// the motion.
     pub(super) fn go_back(
         &mut self,
         back: Back,
@@ -68,18 +69,18 @@ impl Session<'_> {
         if is_broken_off {
             self.back_to_start()?;
         }
-        // The debugger takes away what it had set.
+        // Restore the debugger's breakpoints, because the debugger removes them itself.
         self.set_marks(&marks);
         Ok((!is_broken_off).then_some(reason))
     }
 
-    /// Runs again to `place`; whether it came there.
+    /// Runs again to `place`; returns whether this run reached it as the run before.
     fn arrive(&mut self, place: &Place) -> Result<bool, GuestError> {
         let found = self.go_to(place)?;
         Ok(self.is_as_before(found, place))
     }
 
-    /// Whether this run came to `place` as the run before it; if not, the debugger will be told.
+    /// Whether this run reached `place` as the run before. If not, the debugger will be told.
     fn is_as_before(&mut self, found: bool, place: &Place) -> bool {
         let is_it = found && self.place().moment == place.moment;
         if !is_it && (self.goes_on)() && !self.is_broken_off {
@@ -134,7 +135,7 @@ impl Session<'_> {
             Seen::Break => return Ok(MultiThreadStopReason::SwBreak(self.number_of(tid))),
             Seen::Watch(address) => address,
         };
-        // Backwards, memory changes as its instruction is undone.
+        // Backwards, the memory changes where its instruction is undone.
         let (addr, kind) = self.watched_at(address);
         let index = self.supervisor_ref().index_of(tid).unwrap_or(0);
         match self.predecessor(&place, index)? {
@@ -185,9 +186,10 @@ impl Session<'_> {
             let debugging = self.supervisor().debugging();
             let last = debugging.and_then(|it| it.last_step_of(thread).cloned());
             let before = match here.is_at_watch() {
-                // The last whole instruction was the one before that which touched the memory.
+                // The thread stands behind the instruction that touched the memory, so the last
+                // whole step is the instruction before it.
                 true => last.filter(|last| last.moment == here.moment),
-                // Where the last instruction ended is where it stands now.
+                // The thread stands where the last instruction ended.
                 false => last.and_then(|last| last.one_step_less(thread)),
             };
             if let Some(before) = before {

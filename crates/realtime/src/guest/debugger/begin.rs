@@ -1,4 +1,5 @@
-//! Up to the place where the debugger finds the program.
+//! The first stop of a debugger session: runs the program to the place where the debugger first
+//! finds it.
 
 use protocols::Instant;
 
@@ -9,7 +10,8 @@ use crate::guest::GuestError;
 use crate::guest::supervisor::{Goal, Stop, Wanted};
 
 impl Session<'_> {
-    /// Runs the program to where the debugger finds it; whether it is there.
+    /// Runs the program to the place where the debugger first finds it; returns whether the place
+    /// was reached.
     pub(super) fn run_to_start(&mut self) -> Result<bool, GuestError> {
         self.find_program()?;
         let spot = match self.settings.on_fail {
@@ -52,7 +54,7 @@ impl Session<'_> {
         Ok(is_there)
     }
 
-    /// Notes that the program to debug was not started, and which ones were.
+    /// Stores the message that the program to debug was not started, with the started ones.
     fn miss_program(&mut self) {
         let debugging = self.supervisor().debugging();
         let started = debugging.map_or_else(String::new, |it| it.started().join(", "));
@@ -72,7 +74,7 @@ impl Session<'_> {
         });
     }
 
-    /// Runs once and says where the run failed, if it did.
+    /// Runs the program once; returns the place where the run failed, if it failed.
     fn look_for_failure(&mut self) -> Result<Option<Spot>, GuestError> {
         if !self.load_again()? {
             if (self.goes_on)() {
@@ -94,7 +96,7 @@ impl Session<'_> {
         })
     }
 
-    /// Lets a program that has just been started be loaded; whether it was.
+    /// Waits until a program that has just started is loaded; returns whether it was loaded.
     pub(super) fn load(&mut self) -> Result<bool, GuestError> {
         let wanted = self.wanted.clone().unwrap_or_default();
         self.supervisor().begin_debugging(wanted);
@@ -112,8 +114,8 @@ impl Session<'_> {
         }
     }
 
-    /// Finds which program is to be debugged: of those that a command starts, the one that uses a
-    /// port first. For that the command runs until then.
+    /// Finds the program to debug: among the programs that a command starts, the first one that
+    /// uses a port. The command runs until then.
     fn find_program(&mut self) -> Result<(), GuestError> {
         if let Some(name) = &self.settings.program {
             self.wanted = Some(Wanted::Name(name.clone()));
@@ -136,7 +138,7 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Runs up to a signal, counted from the start.
+    /// Runs to the signal with this number, counted from the start.
     fn reach_signal(&mut self, number: u64) -> Result<bool, GuestError> {
         let mut left = number;
         loop {

@@ -1,4 +1,5 @@
-//! Where a run fails: the time at which a check fails for good, and the call before it.
+//! The place at which a run fails: the time from which a check stays failed, and the call before
+//! it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,7 +12,7 @@ use crate::guest::supervisor::{PortWrite, Stop};
 use engine::run::check::{Check, Status};
 use engine::run::{LOOK_EVERY, Outcome, is_of_the_end};
 
-/// Where to stop for a failure.
+/// The place at which to stop for a failure.
 #[derive(Clone, Debug)]
 pub(super) enum Spot {
     /// At the beginning of a call.
@@ -26,18 +27,18 @@ pub(super) enum Spot {
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     pub(super) spot: Spot,
-    /// For people: which check, when, why.
+    /// Message for the user: the check, its time and the reason.
     pub(super) what: String,
 }
 
-/// What is noted during a run, to find the place of its failure.
+/// Observations during a run that are needed to find the place of its failure.
 #[derive(Debug, Default)]
 pub(super) struct Watch {
     next: Instant,
-    /// Since when a check has failed.
+    /// For each failed check, the time since which it has failed.
     failing: BTreeMap<String, Instant>,
     signals: u64,
-    /// A signal ended the process: its number, counted from the start, and when.
+    /// The signal that ended the process: its number, counted from the start, and its time.
     died: Option<(u64, Instant)>,
 }
 
@@ -80,7 +81,7 @@ impl Watch {
                 .died
                 .map_or(Spot::Call(log.last), |(number, _)| Spot::Signal(number));
         }
-        // A device names the instant; a check has only looked since.
+        // A device logs the exact time; a check only notices the failure at its next look.
         let looked = at - Instant::ZERO;
         let from = Instant::ZERO + looked.saturating_sub(2 * LOOK_EVERY);
         let mut events = outcome.events.iter().filter(|it| it.is_violation());
@@ -93,19 +94,19 @@ impl Watch {
     }
 }
 
-/// What the program did in a run.
+/// The writes and calls of the program in a run.
 #[derive(Debug, Default)]
 struct Log {
     writes: Vec<PortWrite>,
-    /// Names of the nodes that they went to.
+    /// Names of the nodes that received the writes.
     names: BTreeMap<usize, String>,
-    /// Where the program began its last call.
+    /// Start of the program's last call.
     last: Moment,
 }
 
 impl Log {
-    /// The last write of which something had arrived at `at`: at `device`, if anything was written
-    /// to it.
+    /// The last write of which bytes had arrived at `at`: the last one to `device`, or else to any
+    /// node.
     fn write_before(&self, at: Instant, device: Option<&str>) -> Option<Moment> {
         let mut before = self.writes.iter().rev().filter(|it| it.arrives <= at);
         let is_for = |it: &&PortWrite| {
@@ -121,7 +122,7 @@ impl Log {
 pub(super) enum First {
     Passed,
     Failed(Failure),
-    /// The caller does not go on.
+    /// The caller stopped the session.
     Cut,
 }
 
@@ -144,7 +145,8 @@ impl Session<'_> {
                 }
                 Some(Event::Stop(Stop::Ended(status))) => {
                     ended = Some(now);
-                    // By a signal: the last one that it was given. SIGKILL gives no stop before.
+                    // The process was ended by a signal: take the last one that it received.
+                    // SIGKILL causes no stop before the end.
                     let last = last_signal.filter(|&(_, signal)| status & 0x7F == signal);
                     watch.died = last.map(|(number, _)| (number, now));
                 }
@@ -182,8 +184,8 @@ impl Session<'_> {
 mod tests {
     use super::*;
 
-    /// A write that is queued behind another one has not caused what the device says at the end of
-    /// the first; a device is not at fault for bytes that went to another one.
+    /// A write that waits behind another one is not the cause of a device's report at the end of
+    /// the first. Bytes to another device are no cause either.
     #[test]
     fn the_write_of_a_failure_is_the_last_that_had_arrived() {
         let write = |millis: u64, to, calls| PortWrite {

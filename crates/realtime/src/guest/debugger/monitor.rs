@@ -1,4 +1,4 @@
-//! `monitor` commands: what the rig has to say while the program stands.
+//! `monitor` commands: information of the rig while the program stands.
 
 use core::str::FromStr as _;
 
@@ -7,9 +7,9 @@ use crate::guest::supervisor::Goal;
 use engine::run::check::Status;
 use engine::scenario::{Condition, FaultSpec, Span};
 
-/// Lines of `wires` without a number.
+/// Number of lines that `wires` prints without a number.
 const WIRES: usize = 20;
-/// Most events that `state` prints.
+/// Maximum number of events that `state` prints.
 const EVENTS: usize = 5;
 
 const HELP: &str = "\
@@ -25,7 +25,7 @@ monitor fault add KEY=VALUE..  adds a fault, as hilrig fault does; the run is an
 monitor help                 this text";
 
 impl Session<'_> {
-    /// What is printed for `monitor COMMAND`.
+    /// Output of `monitor COMMAND`.
     pub(super) fn monitor(&mut self, command: &str) -> String {
         let mut words = command.split_whitespace();
         let verb = words.next().unwrap_or("help");

@@ -1,4 +1,4 @@
-//! Registers and signals in the order and the numbers of GDB.
+//! Registers and signals in the order and with the numbers of GDB.
 
 use gdbstub::common::Signal as GdbSignal;
 use gdbstub_arch::x86::reg::{X86_64CoreRegs, X87FpuInternalRegs};
@@ -15,7 +15,7 @@ const fn lowest(value: u32) -> u16 {
     u16::from_le_bytes([a, b])
 }
 
-/// What GDB is shown of a thread.
+/// The registers of a thread as GDB sees them.
 pub(super) fn shown(own: &user_regs_struct, float: Option<&user_fpregs_struct>) -> X86_64CoreRegs {
     let mut regs = X86_64CoreRegs {
         regs: [
@@ -55,7 +55,8 @@ pub(super) fn shown(own: &user_regs_struct, float: Option<&user_fpregs_struct>) 
     regs
 }
 
-/// Two bits a register, 3 being empty, of the processor's one, 1 being in use.
+/// The tags of the x87 registers with two bits per register, where 3 means empty, from those with
+/// one bit, where 1 means in use.
 fn tags_in_full(tags: u16) -> u32 {
     (0..8).fold(0, |sum, index| match tags & (1 << index) {
         0 => sum | 0b11 << (2 * index),
@@ -70,10 +71,10 @@ fn tags_in_short(tags: u32) -> u16 {
     })
 }
 
-/// Takes what GDB has changed.
+/// Applies the registers that GDB has changed.
 pub(super) const fn take(regs: &X86_64CoreRegs, own: &mut user_regs_struct) {
     if own.rip != regs.rip {
-        // It goes on elsewhere: the kernel has no call to make again.
+        // The thread continues at another place, so the kernel must not repeat a call.
         own.orig_rax = u64::MAX;
     }
     [
@@ -84,7 +85,7 @@ pub(super) const fn take(regs: &X86_64CoreRegs, own: &mut user_regs_struct) {
     own.eflags = regs.eflags as u64;
 }
 
-/// The same of the floating point registers.
+/// Applies the changed floating point registers.
 pub(super) fn take_float(regs: &X86_64CoreRegs, float: &mut user_fpregs_struct) {
     for (from, words) in regs.st.iter().zip(float.st_space.chunks_exact_mut(4)) {
         let mut bytes = [0; 16];
@@ -104,7 +105,7 @@ pub(super) fn take_float(regs: &X86_64CoreRegs, float: &mut user_fpregs_struct) 
     float.ftw = tags_in_short(regs.fpu.ftag);
 }
 
-/// Signals of this system that GDB numbers otherwise.
+/// Signals that have another number in GDB than in this system.
 const NUMBERS: [(i32, GdbSignal); 17] = [
     (libc::SIGBUS, GdbSignal::SIGBUS),
     (libc::SIGUSR1, GdbSignal::SIGUSR1),
@@ -125,14 +126,14 @@ const NUMBERS: [(i32, GdbSignal); 17] = [
     (libc::SIGSTKFLT, GdbSignal::SIGLOST),
 ];
 
-/// A signal of this system as GDB numbers it.
+/// GDB's number of a signal of this system.
 pub(super) fn to_gdb(signal: i32) -> GdbSignal {
     let row = NUMBERS.iter().find(|(own, _)| *own == signal);
     let same = GdbSignal(u8::try_from(signal).unwrap_or(GdbSignal::SIGTRAP.0));
     row.map_or(same, |(_, gdb)| *gdb)
 }
 
-/// The other way.
+/// The system's number of a signal of GDB.
 pub(super) fn from_gdb(signal: GdbSignal) -> i32 {
     let row = NUMBERS.iter().find(|(_, gdb)| *gdb == signal);
     row.map_or(i32::from(signal.0), |(own, _)| *own)

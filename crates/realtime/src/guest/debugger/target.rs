@@ -31,7 +31,7 @@ use super::registers::{from_gdb, shown, take, take_float};
 use crate::guest::GuestError;
 use crate::guest::supervisor::{Step, Watchpoint};
 
-/// What GDB wants of one thread.
+/// GDB's order to one thread.
 #[derive(Clone, Debug)]
 pub(super) enum Action {
     Go(Option<GdbSignal>),
@@ -39,12 +39,12 @@ pub(super) enum Action {
     Range(u64, u64),
 }
 
-/// An error that GDB is told by its number.
+/// An error with its number for GDB.
 fn errno<E>(number: i32) -> TargetError<E> {
     TargetError::Errno(u8::try_from(number).unwrap_or(u8::MAX))
 }
 
-/// Copies the part of `data` that GDB asks for.
+/// Copies the requested part of `data`.
 fn part(data: &[u8], offset: u64, length: usize, buf: &mut [u8]) -> usize {
     let rest = usize::try_from(offset).ok().and_then(|at| data.get(at..));
     let rest = rest.unwrap_or_default();
@@ -69,7 +69,7 @@ impl Session<'_> {
         found.map(|(_, tid)| tid)
     }
 
-    /// The number of a thread; of one that is gone, that of the first.
+    /// The number of a thread; if the thread has ended, the number of the first thread.
     pub(super) fn number_of(&self, tid: i32) -> Tid {
         let threads = self.threads();
         let found = threads.iter().find(|(_, other)| *other == tid);
@@ -182,7 +182,7 @@ impl ThreadExtraInfo for Session<'_> {
 impl MultiThreadResume for Session<'_> {
     fn resume(&mut self) -> Result<(), GuestError> {
         let actions = core::mem::take(&mut self.actions);
-        // An order to go forward takes the place of an earlier one to go back.
+        // An order to run forward replaces an earlier order to go back.
         self.back = None;
         let is_told = core::mem::take(&mut self.is_signal_told);
         let mut step = None;
@@ -206,7 +206,7 @@ impl MultiThreadResume for Session<'_> {
         if let Some(held) = held {
             let given = signals.iter().find(|(tid, _)| *tid == held);
             let signal = given.and_then(|(_, signal)| *signal);
-            // A debugger that does not know of a signal cannot mean to drop it.
+            // A debugger that was not told of a signal cannot intend to drop it.
             let is_meant = is_told || given.is_some();
             if is_meant && !supervisor.set_held_signal(held, signal) {
                 supervisor.send_signal(held, signal);
@@ -280,8 +280,8 @@ impl MultiThreadRangeStepping for Session<'_> {
 }
 
 impl MultiThreadSchedulerLocking for Session<'_> {
-    /// The order of threads is part of the run, so it stays what it is: a lock would be another
-    /// run.
+    /// Locking the scheduler has no effect: the order of threads is part of the run, so another
+    /// order would be another run.
     fn set_resume_action_scheduler_lock(&mut self) -> Result<(), GuestError> {
         Ok(())
     }
@@ -311,7 +311,7 @@ impl SwBreakpoint for Session<'_> {
     }
 }
 
-/// `hbreak`: the same, since each kind of memory can be written here.
+/// `hbreak` sets the same breakpoints, because all memory of the program can be written.
 impl HwBreakpoint for Session<'_> {
     fn add_hw_breakpoint(&mut self, addr: u64, kind: usize) -> TargetResult<bool, Self> {
         self.add_sw_breakpoint(addr, kind)
@@ -322,7 +322,8 @@ impl HwBreakpoint for Session<'_> {
     }
 }
 
-/// The processor watches whole words; longer memory takes several of its four registers.
+/// Divides watched memory into words. The processor watches whole words, so longer memory needs
+/// several of its four registers.
 fn words(address: u64, len: u64, kind: WatchKind) -> Vec<Watchpoint> {
     let end = address.saturating_add(len.min(32));
     let (mut at, mut words) = (address, Vec::new());
@@ -426,7 +427,7 @@ impl MonitorCmd for Session<'_> {
 mod tests {
     use super::*;
 
-    /// Each word lies at a multiple of its length, and together they are the memory.
+    /// Each word lies at a multiple of its length, and all words together are the watched memory.
     #[test]
     fn watched_memory_is_cut_into_words_of_the_processor() {
         let cut = |address, len| -> Vec<(u64, u64)> {

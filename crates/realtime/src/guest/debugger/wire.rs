@@ -10,16 +10,16 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::guest::GuestError;
 
-/// Longest wait before the caller is asked whether it goes on.
+/// Maximum wait before the caller is asked again whether the session may continue.
 const WAIT: Duration = Duration::from_millis(50);
-/// Longest wait for a debugger that takes no bytes; after it the debugger is gone.
+/// Maximum wait for a debugger that takes no bytes; then it counts as gone.
 const WRITE_WAIT: Duration = Duration::from_secs(10);
 /// The byte by which a debugger interrupts the program.
 const INTERRUPT: u8 = 0x03;
-/// Bytes that are read at once.
+/// Maximum number of bytes in one read.
 const READ_MAX: usize = 4096;
 
-/// Where debuggers connect, from this machine only.
+/// The socket for debuggers; it accepts connections from this machine only.
 pub(super) struct Door {
     listener: TcpListener,
     pub(super) address: SocketAddr,
@@ -35,7 +35,7 @@ impl Door {
         opened.map_err(|source| GuestError::DebugPort { port, source })
     }
 
-    /// The next debugger; `None` if the caller does not go on.
+    /// The next debugger; `None` if the caller stops the session.
     pub(super) fn accept(&self, goes_on: &dyn Fn() -> bool) -> io::Result<Option<Wire>> {
         while goes_on() {
             wait(&[&self.listener])?;
@@ -48,7 +48,7 @@ impl Door {
         Ok(None)
     }
 
-    /// Turns away any debugger beside the one that is there.
+    /// Refuses other debuggers while one is connected.
     pub(super) fn turn_away(&self) {
         while let Ok((stream, _)) = self.listener.accept() {
             drop(stream);
@@ -76,7 +76,7 @@ fn wait(files: &[&dyn std::os::fd::AsFd]) -> io::Result<()> {
 pub(super) struct Wire {
     stream: TcpStream,
     inbox: Vec<u8>,
-    /// How much of that was handed out.
+    /// Number of buffered bytes that were handed out.
     taken: usize,
     outbox: Vec<u8>,
 }
@@ -116,7 +116,7 @@ impl Wire {
         }
     }
 
-    /// The next byte, whenever it comes; `None` if the caller does not go on.
+    /// Waits for the next byte; `None` if the caller stops the session.
     pub(super) fn next(
         &mut self,
         door: &Door,
@@ -134,24 +134,25 @@ impl Wire {
         }
     }
 
-    /// What hears an interrupt while nothing else is read.
+    /// A second handle of the connection, which detects an interrupt while nothing else is read.
     pub(super) fn ear(&self) -> io::Result<Ear> {
         self.stream.try_clone().map(Ear)
     }
 
-    /// Drops what was sent up to an interrupt.
+    /// Discards the input up to an interrupt.
     pub(super) fn take_interrupt(&mut self) -> io::Result<()> {
         while self.try_next()?.is_some_and(|byte| byte != INTERRUPT) {}
         Ok(())
     }
 
-    /// Answers that something was done.
+    /// Confirms that a request was executed.
     pub(super) fn confirm(&mut self) -> io::Result<()> {
         self.outbox.extend(b"$OK#9a");
         self.flush()
     }
 
-    /// Prints a line on the debugger's console; only while it waits for the program to stop.
+    /// Prints a line on the debugger's console. Only valid while the debugger waits for the program
+    /// to stop.
     pub(super) fn say(&mut self, text: &str) -> io::Result<()> {
         let mut packet = "O".to_owned();
         for byte in text.bytes().chain([b'\n']) {
@@ -163,7 +164,7 @@ impl Wire {
     }
 }
 
-/// The ear of a wire.
+/// A second handle of a connection, see [`Wire::ear`].
 pub(super) struct Ear(TcpStream);
 
 impl Ear {

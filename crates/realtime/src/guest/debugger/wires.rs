@@ -9,7 +9,7 @@ use crate::guest::trial::Trial;
 use engine::rig::line::Direction;
 use engine::rig::trace::{Side, Tap};
 
-/// Pieces that are kept of all lines together.
+/// Maximum number of stored pieces of all lines together.
 const KEPT_MAX: usize = 20_000;
 
 /// Bytes that arrived together.
@@ -49,7 +49,7 @@ impl Wires {
         trial.run().rig.add_tap(Box::new(self.clone()));
     }
 
-    /// The last `count` pieces that arrived on the link of this number, one a line.
+    /// The last `count` pieces that arrived on the link with this number, one per line.
     pub(super) fn last(&self, link: usize, count: usize) -> Vec<String> {
         let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let of_link = kept.iter().rev().filter(|piece| piece.link == link);

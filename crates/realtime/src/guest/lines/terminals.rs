@@ -1,7 +1,6 @@
-//! Settings and queues of a port in real time: the kernel of a pseudo-terminal drops parity and
-//! character sizes, and knows nothing of a line that takes its time. They are kept here, and the
-//! rig
-//! is told.
+//! Settings and queues of a port in real time: the kernel's pseudo-terminal drops parity and
+//! character sizes, and does not know that the line takes time. This module stores the settings and
+//! reports them to the rig.
 
 use std::os::fd::OwnedFd;
 
@@ -22,15 +21,15 @@ use super::Tracer;
 use super::launch::{TIOCGSERIAL, TIOCSSERIAL};
 use crate::transport::Settings;
 
-/// What becomes of a call.
+/// Result of a request.
 pub(super) enum Done {
     ByKernel,
-    /// When all that was written has left.
+    /// The call must wait until all written bytes have left.
     Later,
     With(i64),
 }
 
-/// Whether a request is one of those that are answered here.
+/// Whether this module answers the request.
 pub(super) const fn is_one(request: u64, argument: u64) -> bool {
     is_settings(request)
         || matches!(
@@ -40,7 +39,7 @@ pub(super) const fn is_one(request: u64, argument: u64) -> bool {
         || (request == libc::TCSBRK && argument != 0)
 }
 
-/// A file of a thread that stands.
+/// A copy of a stopped thread's file.
 pub(super) fn copy_of(pid: Pid, fd: u64) -> Option<OwnedFd> {
     let status = std::fs::read_to_string(format!("/proc/{pid}/status")).ok()?;
     let process = status.lines().find_map(|line| line.strip_prefix("Tgid:"))?;
@@ -49,7 +48,7 @@ pub(super) fn copy_of(pid: Pid, fd: u64) -> Option<OwnedFd> {
     pidfd_getfd(process, i32::try_from(fd).ok()?, PidfdGetfdFlags::empty()).ok()
 }
 
-/// Whether the port behind a file is gone.
+/// Whether the port behind a file has hung up.
 pub(super) fn is_hung_up(file: &OwnedFd) -> bool {
     let mut fds = [PollFd::new(file, PollFlags::empty())];
     let polled = poll(&mut fds, Some(&Timespec::default()));
@@ -69,7 +68,7 @@ impl Tracer {
         let (device, name) = port;
         let result = match request {
             libc::TCFLSH => {
-                // The kernel does the rest of it.
+                // The kernel executes the rest of the request.
                 if matches!(
                     i32::try_from(argument),
                     Ok(libc::TCOFLUSH | libc::TCIOFLUSH)
@@ -103,7 +102,7 @@ impl Tracer {
         Done::With(code(result))
     }
 
-    /// Does what was to be done once all had left.
+    /// Executes the request after all written bytes have left.
     pub(super) fn once_sent(
         &mut self,
         pid: Pid,
@@ -117,7 +116,7 @@ impl Tracer {
         }
     }
 
-    /// Reads or changes settings; whether the kernel has nothing to do any more.
+    /// Reads or changes settings; returns whether the request is complete without the kernel.
     fn settings(
         &mut self,
         pid: Pid,
@@ -146,7 +145,7 @@ impl Tracer {
     }
 }
 
-/// Gives the kernel what it can do of `wanted`.
+/// Sets the supported part of `wanted` in the kernel.
 fn set(
     file: &OwnedFd,
     termios: &mut Termios,
@@ -161,7 +160,7 @@ fn set(
     tcsetattr(file, when, termios).map_err(errno_of)
 }
 
-/// What the program is given.
+/// The result for the program.
 pub(super) fn code(result: Result<(), Errno>) -> i64 {
     result.map_or_else(|errno| -i64::from(errno as i32), |()| 0)
 }

@@ -1,5 +1,5 @@
-//! Threads that wait until a modem line changes (TIOCMIWAIT), or until all that they wrote has left
-//! (tcdrain): they stand while the rig is asked.
+//! Threads that wait until a modem line changes (TIOCMIWAIT), or until all written bytes have left
+//! (tcdrain). They stay stopped while the rig is asked repeatedly.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -17,10 +17,10 @@ use super::terminals::{self, code};
 use super::{RI, Tracer};
 use crate::clock::{Clock as _, WallClock};
 
-/// Between two questions.
+/// Interval between two questions to the rig.
 const ASK_EVERY: Duration = Duration::from_millis(2);
 
-/// A thread that stands at its call.
+/// A thread that waits at its call.
 pub(super) struct Waiter {
     call: Call,
     device: u64,
@@ -28,12 +28,12 @@ pub(super) struct Waiter {
     what: What,
 }
 
-/// What a thread waits for.
+/// The event that a thread waits for.
 enum What {
     Line {
-        /// The lines as they were last.
+        /// The last known levels of the lines.
         lines: u32,
-        /// Those that it waits for.
+        /// Bits of the lines that the thread waits for.
         wanted: u64,
     },
     Sent,
@@ -65,8 +65,8 @@ impl Waiter {
         }
     }
 
-    /// Whether what it waits for has come, the lines being `seen` and so many bytes `waiting`; of
-    /// RI only the end counts, as in a 16550.
+    /// Whether the event has come, with the levels `seen` and `waiting` bytes. For RI only a
+    /// falling level counts, as in a 16550.
     fn sees(&mut self, seen: u32, waiting: u64) -> bool {
         match &mut self.what {
             What::Line { lines, wanted } => {
@@ -122,7 +122,7 @@ impl Tracer {
                 false if Pending::of(tid, tid).interrupts() => {
                     Some(-i64::from(Errno::EINTR as i32))
                 }
-                // The rig has ended: no line will ever change.
+                // The rig has ended, so no line will ever change.
                 false if self.rig.is_none() => Some(-i64::from(Errno::EIO as i32)),
                 false => None,
             };
@@ -136,7 +136,7 @@ impl Tracer {
         self.waiters = still;
     }
 
-    /// Does what a thread waited to do; what it is given.
+    /// Executes the call of a thread after its wait; returns the result for the thread.
     fn finish(&mut self, pid: Pid, waiter: &Waiter) -> i64 {
         let file = terminals::copy_of(pid, waiter.call.args[0]);
         match (&waiter.what, file) {

@@ -1,4 +1,5 @@
-//! What the ports will bring in the next milliseconds, if the program sends nothing.
+//! Preview of the bytes that the ports will deliver in the next milliseconds if the program sends
+//! nothing.
 
 use core::time::Duration;
 use std::collections::BTreeMap;
@@ -10,39 +11,40 @@ use super::Stage;
 use crate::guest::lent::{LENT_BYTES, LentPort};
 use crate::transport::TransportError;
 
-/// The near future, in the program's time.
+/// The near future of the ports, in the program's time.
 #[derive(Debug)]
 pub(in crate::guest) struct Ahead {
-    /// Up to here, this included, only the bytes below come.
+    /// Time up to which, inclusive, no other bytes arrive than those in `ports`.
     pub(in crate::guest) limit: Instant,
     pub(in crate::guest) ports: Vec<LentPort>,
 }
 
-/// What the rig brings if nothing comes from outside, in the rig's time.
+/// Bytes that the rig will deliver without further input, in rig time.
 #[derive(Debug)]
 pub(in crate::guest) struct Foreseen {
     arrivals: Vec<Arrival>,
-    /// Up to here, this included, they are complete.
+    /// Time up to which, inclusive, `arrivals` is complete.
     until: Instant,
-    /// When something else than the rig may change it.
+    /// Time from which an action other than the rig's may change the preview.
     valid_until: Instant,
 }
 
 impl Stage {
-    /// Something comes from outside: what was foreseen is not what comes.
+    /// Discards the preview, because the rig will get input.
     pub(in crate::guest) fn forget_foreseen(&mut self) {
         self.foreseen = None;
     }
 
-    /// Whether no part of the rigs reads a clock: node programs have limits of wall time.
+    /// Whether no part of the rigs reads the wall clock; node programs do, because they have
+    /// timeouts.
     pub(in crate::guest) fn reads_no_clock(&self) -> bool {
         let members = self.run.team().iter().map(|member| &member.run.rig);
         let mut rigs = core::iter::once(&self.run.rig).chain(members);
         rigs.all(|rig| rig.preview(rig.now()).is_some())
     }
 
-    /// What comes at `ports` up to `until` at most; each is given with its file and whether a read
-    /// of it waits. `None`: that is not known.
+    /// The bytes that will arrive at `ports`, at most up to `until`. Each port has its file, and
+    /// whether a read of it waits. `None` if this is not known.
     pub(in crate::guest) fn look_ahead(
         &mut self,
         ports: &[(usize, i32, bool)],
@@ -52,7 +54,7 @@ impl Stage {
         if self.is_touched || self.is_stirred || self.is_over() || !self.realtime.is_plain() {
             return None;
         }
-        // At these times the stage and the run's checkers look.
+        // The stage and the run's checkers observe the program at these times.
         let looks = self.next_look.min(until);
         let valid_until = self.run.undisturbed_until();
         let limit = looks.min(self.now + (valid_until - rig_now));
@@ -79,7 +81,7 @@ impl Stage {
         })
     }
 
-    /// The bytes of `ports` up to the second of two times: the rig's now, and a limit.
+    /// The bytes of `ports` between two times: the rig's current time, and a limit.
     fn bytes_ahead(
         &mut self,
         ports: &[(usize, i32, bool)],
@@ -123,7 +125,8 @@ impl Stage {
         Some(lent)
     }
 
-    /// When each port brings something last before the program's time `until`, in order.
+    /// For each port, the last time before the program's time `until` at which bytes arrive; in
+    /// order of time.
     pub(in crate::guest) fn last_arrivals(&self, until: Instant) -> Vec<Instant> {
         let (Some(rig_now), Some(foreseen)) = (self.rig_time(self.now), &self.foreseen) else {
             return Vec::new();
@@ -140,13 +143,14 @@ impl Stage {
         times
     }
 
-    /// The program has come to `at` without a stop: the rig follows.
+    /// Lets the rig follow the program, which has come to `at` without a stop.
     pub(in crate::guest) fn follow(&mut self, at: Instant) -> Result<(), TransportError> {
         self.now = self.now.max(at);
         self.pass(Duration::ZERO)
     }
 
-    /// The client has read so many held bytes of a port. Returns whether they were there.
+    /// Removes `len` stored bytes of a port that the client has read. Returns whether there were as
+    /// many.
     pub(in crate::guest) fn has_read(&mut self, port: usize, len: usize) -> bool {
         let terminal = self.terminal(port);
         let taken = terminal.and_then(|it| it.take(len)).map(|it| it.len());

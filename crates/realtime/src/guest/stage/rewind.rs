@@ -1,11 +1,11 @@
-//! The program's side of the stage at an earlier moment; the rig continues.
+//! Saves and restores the program's side of the stage; the rig always continues.
 
 use protocols::Instant;
 
 use super::Stage;
 use crate::transport::Terminal;
 
-/// The program's time, and its ports as it knows them.
+/// The program's time, and the state of its ports in the program's view.
 pub(in crate::guest) struct StageMoment {
     now: Instant,
     heard: Vec<Instant>,
@@ -13,8 +13,8 @@ pub(in crate::guest) struct StageMoment {
 }
 
 impl Stage {
-    /// This moment; `None` if a client may still send or receive something, or if the kernel holds
-    /// bytes of a port.
+    /// The current moment; `None` if a client may still send or receive something, or if the kernel
+    /// holds bytes of a port.
     pub(in crate::guest) fn moment(&mut self) -> Option<StageMoment> {
         if !self.is_quiet() {
             return None;
@@ -29,12 +29,12 @@ impl Stage {
         })
     }
 
-    /// Sets the program's time and its terminals back; whether it was possible.
+    /// Restores the program's time and its terminals; returns whether this was possible.
     pub(in crate::guest) fn put_back(&mut self, moment: &StageMoment) -> bool {
         let Some(begun) = self.begun.filter(|_| self.is_quiet()) else {
             return false;
         };
-        // The rig's time continues: it is the same at the program's earlier time.
+        // Rig time continues, so the program's earlier time corresponds to rig time now.
         let gone = (self.run.rig.now() - Instant::ZERO).saturating_sub(moment.now - begun);
         self.zero = Instant::ZERO + gone;
         self.now = moment.now;
@@ -53,8 +53,8 @@ impl Stage {
         true
     }
 
-    /// Whether the rig's time runs, no byte is on its way, and the models of the terminals hold all
-    /// that the client has not read.
+    /// Whether rig time runs, no byte is in flight, and the models of the terminals hold all unread
+    /// bytes of the client.
     fn is_quiet(&mut self) -> bool {
         self.stir();
         if self.begun.is_none() || self.carry().is_err() {
@@ -68,7 +68,7 @@ impl Stage {
         })
     }
 
-    /// The terminals of the ports, as their clients name them.
+    /// The paths of the ports' terminals for their clients.
     pub(in crate::guest) fn clients(&self) -> Vec<String> {
         let places = self.realtime.places();
         let paths = places.filter_map(|place| place.path.canonicalize().ok());

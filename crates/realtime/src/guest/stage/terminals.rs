@@ -1,4 +1,4 @@
-//! The terminals of the ports: what their clients have not read, settings, a plug that is out.
+//! The terminals of the ports: unread bytes, settings, a pulled plug.
 
 use core::time::Duration;
 use std::os::fd::OwnedFd;
@@ -12,27 +12,28 @@ use crate::Traffic;
 use crate::clock::{Clock as _, WallClock};
 use crate::transport::{Settings, Terminal, TransportError};
 
-/// Looks for bytes on their way from one end of a terminal to the other: at first one after the
-/// other, then at a pace in wall time. They are counted, so that one that was held up itself, with
-/// the whole machine perhaps, gives nothing up.
+/// Number of checks in direct succession for bytes in flight from one end of a terminal to the
+/// other; later checks follow at intervals of wall time. Checks are counted instead of timed, so a
+/// check on a delayed machine does not end too early.
 const HASTY_LOOKS: u32 = 1_000;
 const LOOK_PACE: Duration = Duration::from_millis(1);
-/// After this many slow looks the bytes count as read. The terminal passes on every byte that it
-/// receives, so a process without supervision must have read them.
+/// Number of slow checks after which the missing bytes count as read. The terminal passes on every
+/// byte that it receives, so a process without supervision must have read them.
 const LOOKS: u32 = 20_000;
-/// Calls in a row at a port that hung up after which a program is in a busy loop, and what each
-/// takes from then on.
+/// Number of consecutive calls at a port that has hung up from which a program is in a busy loop,
+/// and the virtual time of each later call.
 const FRUITLESS_MAX: u32 = 1_000;
 const FRUITLESS_COST: Duration = Duration::from_micros(100);
 
 impl Stage {
-    /// Whether the device of this number was a port and has hung up.
+    /// Whether the device with this number was a port and has hung up.
     pub(in crate::guest) fn is_gone(&self, device: u64) -> bool {
         self.gone.contains(&device)
     }
 
-    /// A call at a port that hung up did not wait. After very many in a row they take longer: a
-    /// program that takes the end of input for "nothing yet" would go on for a long time.
+    /// Counts a call that did not wait, at a port that has hung up. After very many in a row, such
+    /// calls take longer: a program that takes the end of input for "nothing yet" would otherwise
+    /// continue for a long time.
     pub(in crate::guest) fn note_fruitless(&mut self) {
         self.fruitless = self.fruitless.saturating_add(1);
         if self.fruitless < FRUITLESS_MAX {
@@ -56,12 +57,12 @@ impl Stage {
         self.busy = Some(detail);
     }
 
-    /// A thread waits, or did something else.
+    /// Resets this count, because a thread has waited or made another call.
     pub(in crate::guest) const fn end_fruitless(&mut self) {
         self.fruitless = 0;
     }
 
-    /// Whether any client has a port to itself.
+    /// Whether a client uses a port exclusively.
     pub(in crate::guest) fn has_exclusive(&self) -> bool {
         self.slots.iter().any(|slot| slot.is_exclusive)
     }
@@ -76,24 +77,24 @@ impl Stage {
         self.realtime.terminal(port)
     }
 
-    /// Hands the unread bytes of a port to the kernel, for good.
+    /// Passes the unread bytes of a port to the kernel permanently.
     pub(in crate::guest) fn release(&mut self, port: usize) {
         self.realtime.release(port);
     }
 
-    /// Hands the unread bytes of all ports to the kernel, for good.
+    /// Passes the unread bytes of all ports to the kernel permanently.
     pub(in crate::guest) fn release_all(&mut self) {
         for port in 0..self.slots.len() {
             self.release(port);
         }
     }
 
-    /// Bytes that passed a port, to its client and from it.
+    /// Number of bytes that passed a port, to its client and from it.
     pub(in crate::guest) fn traffic(&self, port: usize) -> Traffic {
         self.realtime.traffic(port)
     }
 
-    /// The client changes its settings; what it can read because of that is brought to it.
+    /// Changes the client's settings, and delivers the bytes that they make readable.
     pub(in crate::guest) fn set_terminal(&mut self, port: usize, settings: Settings, fd: &OwnedFd) {
         self.touch();
         self.settle(port, fd);
@@ -101,7 +102,7 @@ impl Stage {
         self.has_delivered = true;
     }
 
-    /// The client throws away what it has sent and the line has not taken.
+    /// Discards the client's sent bytes that the line has not taken.
     pub(in crate::guest) fn discard_sent(&mut self, port: usize) -> Result<(), TransportError> {
         self.carry()?;
         self.forget_foreseen();
@@ -109,22 +110,22 @@ impl Stage {
         Ok(())
     }
 
-    /// The client has taken bytes.
+    /// Removes bytes that the client has read.
     pub(in crate::guest) fn took(&mut self, port: usize, len: usize) {
         if let Some(terminal) = self.terminal(port) {
             terminal.took(len);
         }
     }
 
-    /// The client throws away what it has not read.
+    /// Discards the client's unread bytes.
     pub(in crate::guest) fn forget_unread(&mut self, port: usize) {
         if let Some(terminal) = self.terminal(port) {
             terminal.forget();
         }
     }
 
-    /// Waits until the kernel shows at `fd`, the client's side, what was put into the port: it
-    /// brings bytes across on a thread of its own.
+    /// Waits until the kernel shows at `fd`, the client's end, all bytes that were put into the
+    /// port. The kernel transfers them on a separate thread.
     pub(in crate::guest) fn settle(&mut self, port: usize, fd: &OwnedFd) {
         if self.terminal(port).is_some_and(|it| it.holds()) {
             return;
@@ -138,7 +139,7 @@ impl Stage {
         }
     }
 
-    /// The same for all ports, without a file of the client's.
+    /// Waits in this way for all ports, without a file of the client.
     pub(in crate::guest) fn settle_all(&mut self) {
         for port in 0..self.slots.len() {
             let terminal = self.terminal(port);
@@ -153,8 +154,8 @@ impl Stage {
     }
 }
 
-/// Waits until `fd` shows `expected` bytes; if some of them are not on their way, what it shows
-/// instead.
+/// Waits until `fd` shows `expected` bytes. Returns the shown number if the others are not in
+/// flight.
 fn missed(fd: &OwnedFd, expected: u64) -> Option<u64> {
     let shows = || ioctl_fionread(fd).unwrap_or(u64::MAX);
     if shows() >= expected {
@@ -163,7 +164,7 @@ fn missed(fd: &OwnedFd, expected: u64) -> Option<u64> {
     let clock = WallClock::start();
     let mut looks = 0;
     loop {
-        // Before it says that there is nothing the kernel brings across whatever is on its way.
+        // Before it reports that there are no bytes, the kernel transfers all bytes in flight.
         let is_nothing = !is_readable(fd);
         let shown = shows();
         if shown >= expected {
@@ -214,7 +215,7 @@ mod tests {
         assert_eq!(rustix::io::write(rig, bytes), Ok(bytes.len()));
     }
 
-    /// Two runs of one program once parted by it: a machine that stood for a while.
+    /// Once, two runs of one program differed here, because the machine had stopped for a while.
     #[test]
     fn bytes_that_are_late_are_waited_for() {
         let [rig, client] = terminal();

@@ -1,4 +1,4 @@
-//! Clocks, sleeps and chance: all of it comes of virtual time and the run's seed.
+//! Clocks, sleeps and random bytes: all of them depend only on virtual time and the run's seed.
 
 use core::time::Duration;
 
@@ -10,14 +10,15 @@ use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::{Call, RDTSC, RDTSCP};
 
 const SECOND: i64 = 1_000_000_000;
-/// What the calendar shows when a run begins: 2026-01-01, 00:00 UTC.
+/// Calendar time at the start of a run: 2026-01-01, 00:00 UTC.
 const EPOCH_S: i64 = 1_767_225_600;
-/// What the clock since the machine's start shows then: some programs take 0 for "not set".
+/// Time since the start of the machine at the start of a run. It is not 0, because some programs
+/// take 0 for "not set".
 const UPTIME_S: i64 = 1_000;
-/// As much chance as is given at once.
+/// Maximum number of random bytes in one call.
 const RANDOM_MAX: u64 = 1 << 20;
 
-/// What a clock of this number shows when the run begins, nanoseconds.
+/// The reading of the clock with this number at the start of the run, nanoseconds.
 pub(super) const fn begins(clock: i64) -> i64 {
     const REALTIME: i64 = libc::CLOCK_REALTIME as i64;
     const COARSE: i64 = libc::CLOCK_REALTIME_COARSE as i64;
@@ -47,12 +48,12 @@ pub(super) const fn timespec(nanos: i64) -> [i64; 2] {
 }
 
 impl Supervisor {
-    /// What `clock` shows now, nanoseconds.
+    /// The current reading of `clock`, nanoseconds.
     pub(super) fn shown(&self, clock: i64) -> i64 {
         begins(clock).saturating_add_unsigned(self.stage.now().as_nanos())
     }
 
-    /// When `clock` shows `nanos`; past times are now.
+    /// The time at which `clock` reads `nanos`; past times count as now.
     pub(super) fn instant_of(clock: i64, nanos: i64) -> Instant {
         let since = nanos.saturating_sub(begins(clock)).max(0);
         Instant::from_nanos(since.cast_unsigned())
@@ -93,9 +94,8 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// Whether the fault at which `tid` stands is a look at the processor's counter, which
-    /// is hidden
-    /// from it: one that counts nanoseconds takes its place.
+    /// Whether the fault of `tid` is a read of the processor's counter, which is hidden from the
+    /// program. If so, the thread gets a counter of nanoseconds instead.
     pub(super) fn reads_counter(&mut self, tid: i32) -> bool {
         let pid = nix::unistd::Pid::from_raw(tid);
         let Ok(call) = Call::of(pid) else {
@@ -142,7 +142,7 @@ impl Supervisor {
         }))
     }
 
-    /// When the thread made the call at which it stands.
+    /// Time of the current call of the thread.
     pub(super) fn entered(&self, tid: i32) -> Instant {
         let thread = self.threads.get(&tid);
         thread.map_or(self.stage.now(), |thread| thread.entered)
@@ -156,7 +156,7 @@ impl Supervisor {
         Ok(Outcome::Answer(len.cast_signed()))
     }
 
-    /// Bytes of chance for the process of `tid`.
+    /// Random bytes for the process of `tid`.
     pub(super) fn chance(&mut self, tid: i32, len: usize) -> Vec<u8> {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         let process = process.and_then(|pid| self.processes.get_mut(&pid));
@@ -181,8 +181,8 @@ pub(super) fn low_i32(value: u64) -> i32 {
 mod tests {
     use super::*;
 
-    /// The calendar begins with 2026 (`date -u -d 2026-01-01 +%s`), time since the start of the
-    /// machine with 1,000 s, and the time of a processor with nothing.
+    /// The calendar begins with 2026 (`date -u -d 2026-01-01 +%s`), the time since the start of the
+    /// machine with 1,000 s, and a processor's time with 0.
     #[test]
     fn clocks_begin_where_they_do() {
         for clock in [

@@ -1,16 +1,16 @@
-//! Where a program was when a signal such as SIGSEGV came: its own code nearest to the fault, so
-//! that two crashes of one cause are known as one.
+//! The place of a program at a signal such as SIGSEGV: the program's own code nearest to the fault.
+//! So two crashes with one cause are recognised as one.
 
 use nix::libc;
 use nix::unistd::Pid;
 
 use super::{Call, Memory, Supervisor};
 
-/// Words of the stack that are searched for a place in the program.
+/// Number of words of the stack that are searched for a return address in the program.
 const WORDS_MAX: u64 = 1024;
 
 impl Supervisor {
-    /// Notes where `tid` is, if `signal` tells of a fault.
+    /// Stores the place of `tid`, if `signal` reports a fault.
     pub(super) fn note_fault(&mut self, tid: i32, signal: i32) {
         let faults = [
             libc::SIGSEGV,
@@ -25,14 +25,14 @@ impl Supervisor {
         }
     }
 
-    /// Where the last fault was, e.g. `robot+0x1139`.
+    /// The place of the last fault, e.g. `robot+0x1139`.
     pub(crate) fn fault(&self) -> Option<&str> {
         self.fault.as_deref()
     }
 }
 
-/// The instruction at which `tid` stands, or the first return address on its stack that is in the
-/// program itself: a library is seldom to blame.
+/// The instruction at which `tid` has stopped, or the first return address on its stack that lies
+/// in the program itself: a library is seldom the cause.
 fn place(tid: Pid) -> Option<String> {
     let call = Call::of(tid).ok()?;
     let exe = std::fs::read_link(format!("/proc/{tid}/exe")).ok()?;
@@ -51,7 +51,7 @@ fn place(tid: Pid) -> Option<String> {
     Some(format!("{name}+{offset:#x}"))
 }
 
-/// Code of the program in memory.
+/// A mapping of the program's code in memory.
 struct Mapping {
     from: u64,
     to: u64,
@@ -59,7 +59,7 @@ struct Mapping {
 }
 
 impl Mapping {
-    /// Of a line of `/proc/PID/maps`, if it is code of `exe`.
+    /// The mapping in a line of `/proc/PID/maps`, if it is code of `exe`.
     fn read(line: &str, exe: &str) -> Option<Self> {
         let mut words = line.split_whitespace();
         let (range, rights, offset) = (words.next()?, words.next()?, words.next()?);
@@ -74,7 +74,7 @@ impl Mapping {
         (path == exe && rights.contains('x')).then_some(mapping)
     }
 
-    /// The place in the file of `address`, if it is here.
+    /// The offset of `address` in the file, if it lies in this mapping.
     fn offset(&self, address: u64) -> Option<u64> {
         let is_here = (self.from..self.to).contains(&address);
         is_here.then(|| address - self.from + self.offset)

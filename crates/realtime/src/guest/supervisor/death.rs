@@ -1,4 +1,4 @@
-//! Threads and processes that begin, become other programs, and end.
+//! Threads and processes: their creation, their change to another program, and their end.
 
 use core::time::Duration;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,13 +17,13 @@ use crate::guest::inject::{Hands, NotMade};
 use crate::guest::news::group_of;
 use crate::guest::task::{Process, Thread, Timer};
 
-/// Entries of the table that the kernel leaves a new program.
+/// Entries of the auxiliary vector of a new program.
 const AT_IGNORE: u64 = 1;
 const AT_RANDOM: u64 = 25;
 const AT_SYSINFO_EHDR: u64 = 33;
 /// The flag of `clone` for a child in the memory of its parent (CLONE_VM).
 const SHARES: u64 = 0x100;
-/// Most arguments and variables that are passed over on the way to it.
+/// Maximum number of arguments and variables that are skipped before the auxiliary vector.
 const WORDS_MAX: u64 = 1 << 20;
 
 impl Supervisor {
@@ -86,7 +86,7 @@ impl Supervisor {
         }
     }
 
-    /// A thread has made another one, or a process.
+    /// Handles a thread that has created another thread or a process.
     pub(super) fn cloned(&mut self, tid: i32, event: i32) -> Flow {
         let new = ptrace::getevent(Pid::from_raw(tid)).ok();
         let Some(new) = new.and_then(|new| i32::try_from(new).ok()) else {
@@ -110,20 +110,20 @@ impl Supervisor {
             && let Some((clocks, detours)) = inherited
             && process.clocks.is_none()
         {
-            // Its memory is a copy, or the same.
+            // The child's memory is a copy, or the same memory.
             (process.clocks, process.detours) = (clocks, detours);
         }
         if !is_vfork {
             self.note_shared_memory(tid, group.as_raw());
             return Flow::Goes(None);
         }
-        // It waits in the kernel until its child has become another program, or has ended.
+        // The parent waits in the kernel until its child has executed another program or has ended.
         let _ = ptrace::cont(Pid::from_raw(tid), None);
         self.set_state(tid, State::Outside);
         Flow::Stays
     }
 
-    /// A process that has come of `clone` may be one in the memory of its parent.
+    /// Records that a process created by `clone` may use the memory of its parent.
     fn note_shared_memory(&mut self, tid: i32, child: i32) {
         let Some(parent) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
@@ -141,7 +141,7 @@ impl Supervisor {
         }
     }
 
-    /// Whether what `tid` has just made is a process with memory of its own.
+    /// Whether the new child of `tid` is a process with memory of its own.
     fn has_own_memory(&self, tid: i32, event: i32, child: i32) -> bool {
         if event != libc::PTRACE_EVENT_CLONE {
             return event == libc::PTRACE_EVENT_FORK;
@@ -151,12 +151,12 @@ impl Supervisor {
         parent != Some(child) && flags.is_some_and(|flags| flags & SHARES == 0)
     }
 
-    /// The child no longer uses the memory of `parent`, which goes on.
+    /// Lets `parent` continue, whose memory the child no longer uses.
     fn release(&mut self, parent: Option<i32>) {
         let Some(parent) = parent else { return };
         let state = self.threads.get(&parent).map(|thread| thread.state);
         if !matches!(state, Some(State::Outside)) {
-            // The news came already.
+            // The event was reported already.
             return;
         }
         match self.wait_for(parent) {
@@ -169,8 +169,8 @@ impl Supervisor {
         }
     }
 
-    /// A process has become another program: its clock page is hidden, so that each look at a clock
-    /// is a call.
+    /// Handles a process that has executed another program: replaces its clock page by ours, or
+    /// hides the page, so that each look at a clock is a call.
     pub(super) fn execed(&mut self, tid: i32) -> Flow {
         self.launchers.remove(&tid);
         let others = self.threads.values().filter(|thread| thread.process == tid);
@@ -217,10 +217,10 @@ impl Supervisor {
         self.execed_for_debugger(tid, flow)
     }
 
-    /// Puts the page of ours in the place of the kernel's, or else hides that one.
+    /// Replaces the kernel's clock page by ours; if this fails, hides the kernel's page.
     fn put_clock_page(&mut self, tid: i32) -> Flow {
         let pid = Pid::from_raw(tid);
-        // Up to the end of the call.
+        // Let the call run to its end.
         let at_end = ptrace::syscall(pid, None).ok();
         let status = at_end.and_then(|()| wait(Some(pid), WaitOptions::empty()));
         match status {
@@ -257,7 +257,8 @@ impl Supervisor {
         let memory = Memory(pid);
         let Ok(call) = Call::of(pid) else { return };
         let chance = self.chance(tid, 16);
-        // The stack: a count, the arguments and a zero, the variables and a zero, the table.
+        // Content of the stack: a count, the arguments and a zero, the variables and a zero, the
+        // auxiliary vector.
         let mut at = call.stack();
         let Ok(count) = memory.u64(at) else { return };
         at += 8 * (count + 2);
@@ -287,7 +288,7 @@ impl Supervisor {
         }
     }
 
-    /// All threads of the process are about to end.
+    /// Records that all threads of the process are about to end.
     pub(super) fn dies(&mut self, tid: i32) {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         if let Some(process) = process.and_then(|pid| self.processes.get_mut(&pid)) {
@@ -296,7 +297,7 @@ impl Supervisor {
         }
     }
 
-    /// A thread has ended.
+    /// Handles the end of a thread.
     pub(super) fn died(&mut self, tid: i32, status: i32) {
         let Some(process) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
@@ -330,7 +331,7 @@ impl Supervisor {
             .any(|thread| thread.process == process)
     }
 
-    /// One thread is no more; with the first one of a process, the process.
+    /// Removes an ended thread; with the first thread of a process also the process.
     pub(super) fn buried(&mut self, tid: i32, status: i32) {
         let Some(thread) = self.threads.remove(&tid) else {
             return;
@@ -356,7 +357,7 @@ impl Supervisor {
         if let Some(ended) = self.roots.get_mut(&tid) {
             *ended = Some(fatal.unwrap_or(status));
         }
-        // What it had of semaphores the kernel may have given back.
+        // The kernel may have released its semaphores.
         self.has_queues_changed = true;
         self.stage.touch();
         self.is_signalled = true;
@@ -364,7 +365,7 @@ impl Supervisor {
         self.release(thread.vfork_parent);
     }
 
-    /// Threads that wait for their children look again.
+    /// Lets threads that wait for their children check again.
     pub(super) fn wake_parents(&mut self) {
         let parents = self
             .threads
@@ -380,13 +381,14 @@ impl Supervisor {
         }
     }
 
-    /// A thread of which there are no news any more.
+    /// Removes a thread that reports no more events.
     pub(super) fn forget(&mut self, tid: i32) {
         self.buried(tid, 0);
     }
 }
 
-/// The flags with which `tid` has made another thread or process, if by `clone`.
+/// The flags of the `clone` with which `tid` has created a thread or process; `None` for another
+/// call.
 fn clone_flags(tid: i32) -> Option<Result<u64, Errno>> {
     let registers = ptrace::getregs(Pid::from_raw(tid)).ok()?;
     match i64::try_from(registers.orig_rax) {
@@ -396,7 +398,7 @@ fn clone_flags(tid: i32) -> Option<Result<u64, Errno>> {
     }
 }
 
-/// Programs that cannot be supervised.
+/// Rejects programs that cannot be supervised.
 fn refuse(pid: i32) -> Result<(), GuestError> {
     use std::io::Read as _;
     use std::os::unix::fs::PermissionsExt as _;
@@ -416,12 +418,12 @@ fn refuse(pid: i32) -> Result<(), GuestError> {
     }
 }
 
-/// As much of a program as is looked through for the names that it needs.
+/// Maximum number of bytes of a program that are searched for the names of its functions.
 const NAMES_MAX: u64 = 1 << 20;
-/// The C++ library's source of chance, which asks the processor first.
+/// The C++ library's source of random numbers, which first uses the processor's instruction.
 const RANDOM_DEVICE: &[u8] = b"_ZNSt13random_device";
 
-/// Whether a program uses it.
+/// Whether a program uses that source.
 fn takes_chance_from_processor(pid: i32) -> bool {
     use std::io::Read as _;
 

@@ -1,4 +1,4 @@
-//! What a debugger has set, and where the program stands for it.
+//! The state of a debugger, and the stops of the program for it.
 //!
 //! A stop for the debugger holds the thread in the middle of its turn. Nothing else happens until
 //! the thread continues, so the run is the same as without a debugger.
@@ -29,53 +29,53 @@ pub(in crate::guest) use memory::poke;
 pub(in crate::guest) use watch::Watchpoint;
 use watch::{hit_watch, write_watches};
 
-/// What a trap by that instruction is told as (`SI_KERNEL`).
+/// The signal code of a trap by the `int3` instruction (`SI_KERNEL`).
 const BY_INSTRUCTION: i32 = 0x80;
-/// Programs that start others; the debugger waits for what they start.
+/// Programs that start others; the debugger waits for the started ones.
 const STARTERS: [&str; 10] = [
     "sh", "dash", "bash", "busybox", "env", "nice", "timeout", "stdbuf", "setsid", "xargs",
 ];
 
-/// Instructions one by one after which a turn ends.
+/// Number of consecutive single steps after which a turn ends.
 const IN_A_ROW: u32 = 2000;
-/// Most names of started programs that are kept for a message.
+/// Maximum number of names of started programs that are kept for a message.
 const STARTED_MAX: usize = 12;
-/// Most writes that are kept for the search of a failure.
+/// Maximum number of writes that are kept for the search of a failure.
 const WRITES_MAX: usize = 4_000_000;
 
-/// Why the program stands.
+/// The reason why the program stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::guest) enum Stop {
-    /// It has just been loaded.
+    /// The program was just loaded.
     Loaded(i32),
     /// At a breakpoint of the debugger.
     Break(i32),
     /// Behind an instruction that touched watched memory at this address.
     Watch(i32, u64),
-    /// Behind a step.
+    /// Behind a single step.
     Step(i32),
-    /// At a signal, which it has not got yet.
+    /// At a signal, which the thread has not received yet.
     Signal(i32, i32),
-    /// The asked time or place has come; the thread, if one was about to make a call.
+    /// The requested time or place was reached; with the thread, if it was about to make a call.
     Reached(Option<i32>),
     /// The process has ended with this status.
     Ended(i32),
 }
 
-/// A thread that goes on by single instructions until it leaves this code.
+/// Single steps of a thread until it leaves a range of code.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::guest) struct Step {
     pub(in crate::guest) tid: i32,
-    /// Empty: one instruction.
+    /// The range; if empty, one instruction.
     pub(in crate::guest) within: Range<u64>,
 }
 
-/// Up to where the program is to run.
+/// The goal of the program's run.
 #[derive(Clone, Debug)]
 pub(in crate::guest) enum Goal {
-    /// The rig's time.
+    /// A rig time.
     Time(Instant),
-    /// The beginning of a call, or the moment after time has passed.
+    /// The start of a call, or the moment after a time step.
     Moment(Moment),
     /// A condition on the run.
     Condition(Box<Watch>),
@@ -84,25 +84,25 @@ pub(in crate::guest) enum Goal {
 /// Bytes that the program has written to a port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::guest) struct PortWrite {
-    /// When the first of them arrives, if no fault delays it.
+    /// Time of arrival of the first byte, if no fault delays it.
     pub(in crate::guest) arrives: Instant,
-    /// The node of the rig to which they go.
+    /// The node of the rig that receives the bytes.
     pub(in crate::guest) to: Option<usize>,
-    /// Where the call began.
+    /// Moment at the start of the call.
     pub(in crate::guest) moment: Moment,
 }
 
-/// Which program is to be debugged.
+/// The choice of the program to debug.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::guest) enum Wanted {
-    /// None: it is looked for.
+    /// No choice yet: it is searched for.
     #[default]
     Nothing,
     /// The first one whose file has this name.
     Name(String),
     /// The first one that is no shell.
     NoShell,
-    /// The how manieth that is started.
+    /// The program with this number in the order of starts.
     Load(u32),
 }
 
@@ -110,47 +110,47 @@ pub(in crate::guest) enum Wanted {
 #[derive(Debug, Default)]
 pub(in crate::guest) struct Debugging {
     wanted: Wanted,
-    /// How many programs were started, and which of them each process is.
+    /// Number of started programs, and the number of each process among them.
     loads: u32,
     load_of: BTreeMap<i32, u32>,
     /// Their file names, each once, the first ones only.
     started: Vec<String>,
-    /// The first program that used a port, as the how manieth it was started.
+    /// The number of the first program that used a port, in the order of starts.
     port_user: Option<u32>,
     /// The debugged process.
     pub(super) process: Option<i32>,
-    /// Breakpoints and the bytes under them.
+    /// Breakpoints with the bytes under them.
     breaks: BTreeMap<u64, u8>,
     /// Breakpoints in code that is not loaded yet.
     pending: BTreeSet<u64>,
-    /// The bytes under all breakpoints that ever were in this program.
+    /// The bytes under all breakpoints that were ever set in this program.
     under: BTreeMap<u64, u8>,
     watches: Vec<Watchpoint>,
-    /// Counts changes of the watchpoints, and which of them each thread has.
+    /// Number of changes of the watchpoints, and the number up to which each thread has them.
     watch_changes: u32,
     watched_by: BTreeMap<i32, u32>,
     pub(super) step: Option<Step>,
     goal: Option<Goal>,
     pub(super) held: Option<(i32, Next)>,
     stop: Option<Stop>,
-    /// Where the program is, as any run of it finds again.
+    /// The current place of the program, which any run finds again.
     pub(super) place: Place,
-    /// Where the last single instruction ended, and of which thread it was.
+    /// Thread and end of the last single step.
     last_step: Option<(u32, Place)>,
-    /// Instructions one by one after which a thread stands, wherever it is.
+    /// Number of single steps after which a thread stops at any place.
     steps_left: u64,
-    /// Instructions one by one since the session had a look at its debugger.
+    /// Number of single steps since the session last checked for input of its debugger.
     in_a_row: u32,
-    /// Where each thread began the call at which it is.
+    /// For each thread, the moment at which its current call began.
     begun: BTreeMap<i32, Moment>,
     /// Writes to ports, oldest first.
     writes: Vec<PortWrite>,
-    /// Where the debugged process began its last call.
+    /// Moment at which the last call of the debugged process began.
     last_call: Moment,
 }
 
 impl Supervisor {
-    /// From now on a debugger is there, for this program.
+    /// Prepares for a debugger of this program.
     pub(in crate::guest) fn begin_debugging(&mut self, wanted: Wanted) {
         self.debugging = Some(Box::new(Debugging {
             wanted,
@@ -159,7 +159,7 @@ impl Supervisor {
         }));
     }
 
-    /// The debugger is gone: what it has set is taken away.
+    /// Removes all breakpoints and watchpoints, because the debugger has left.
     pub(in crate::guest) fn end_debugging(&mut self) {
         self.clear_breaks();
         let Some(mut debugging) = self.debugging.take() else {
@@ -181,7 +181,7 @@ impl Supervisor {
             self.note_left(debugging);
         }
         if let Some((tid, next)) = held {
-            // It goes on before all others, as it would have without a stop.
+            // This thread continues before all others, as it would have without a stop.
             self.held_over = Some((tid, next));
         }
     }
@@ -190,7 +190,7 @@ impl Supervisor {
         self.debugging.as_deref_mut()
     }
 
-    /// Why the program stands, if it does; told once.
+    /// The reason why the program stands, if it does; reported once.
     pub(in crate::guest) fn take_stop(&mut self) -> Option<Stop> {
         self.debugging.as_mut()?.stop.take()
     }
@@ -200,7 +200,7 @@ impl Supervisor {
         self.debugging.as_ref().is_some_and(|it| it.held.is_some())
     }
 
-    /// The thread that goes on first.
+    /// The held thread, which continues first.
     pub(super) fn take_held(&mut self) -> Option<(i32, Next)> {
         let held = self.held_over.take();
         held.or_else(|| self.debugging.as_mut()?.held.take())
@@ -214,7 +214,8 @@ impl Supervisor {
         Flow::Stays
     }
 
-    /// The signal with which the held thread goes on; whether it can be given one there.
+    /// Sets the signal with which the held thread continues; returns whether a signal is possible
+    /// at this stop.
     pub(in crate::guest) fn set_held_signal(&mut self, tid: i32, signal: Option<Signal>) -> bool {
         let held = self.debugging.as_mut().and_then(|it| it.held.as_mut());
         match held {
@@ -226,7 +227,7 @@ impl Supervisor {
         }
     }
 
-    /// Lets `tid` run up to its next stop, a step only if it is to.
+    /// Lets `tid` run to its next stop, as a single step if required.
     pub(super) fn resume(&mut self, tid: i32, signal: Option<Signal>) -> nix::Result<()> {
         let pid = Pid::from_raw(tid);
         let is_step = self.steps_by_schedule(tid);
@@ -245,7 +246,7 @@ impl Supervisor {
         }
     }
 
-    /// A thread has read the processor's counter, which took the place of an instruction.
+    /// Handles a thread that has read the processor's counter, which replaced one instruction.
     pub(super) fn read_counter(&mut self, tid: i32) -> Flow {
         let index = self.index_of(tid).unwrap_or(0);
         let at = ptrace::getregs(Pid::from_raw(tid)).map_or(0, |it| it.rip);
@@ -253,7 +254,7 @@ impl Supervisor {
         flow.unwrap_or(Flow::Goes(None))
     }
 
-    /// A thread has done one instruction, if it goes by them.
+    /// Handles a single step of a thread, if the thread runs in single steps.
     fn stepped(&mut self, tid: i32, index: u32, instruction: u64, next: Next) -> Option<Flow> {
         let debugging = self.debugging.as_mut()?;
         let step = debugging.step.as_ref().filter(|step| step.tid == tid)?;
@@ -272,13 +273,13 @@ impl Supervisor {
                 _ => Flow::Goes(None),
             });
         }
-        // The turn ends without a stop, so that the session hears an interrupt.
+        // The turn ends without a stop, so that the session can receive an interrupt.
         debugging.in_a_row = 0;
         debugging.held = Some((tid, next));
         Some(Flow::Stays)
     }
 
-    /// A process has become another program, which may be the one to debug.
+    /// Handles a process that has executed another program, which may be the one to debug.
     pub(super) fn execed_for_debugger(&mut self, tid: i32, flow: Flow) -> Flow {
         let Some(debugging) = &mut self.debugging else {
             return flow;
@@ -317,7 +318,7 @@ impl Supervisor {
         }
     }
 
-    /// A process uses a port that it did not use before.
+    /// Records that a process uses a port for the first time.
     pub(super) fn uses_port_for_debugger(&mut self, process: i32) {
         if let Some(debugging) = &mut self.debugging {
             let load = debugging.load_of.get(&process).copied();
@@ -325,7 +326,7 @@ impl Supervisor {
         }
     }
 
-    /// A process has made another one by fork: breakpoints are not for that.
+    /// Removes breakpoints from the memory of a child that a process has created by fork.
     pub(super) fn forked_for_debugger(&mut self, parent: i32, child: Pid) {
         let parent = self.threads.get(&parent).map(|thread| thread.process);
         let Some(debugging) = &mut self.debugging else {
@@ -359,7 +360,8 @@ impl Supervisor {
         }
     }
 
-    /// A thread has stopped at SIGTRAP; whether that is the debugger's.
+    /// Handles a thread that has stopped at SIGTRAP; `None` if this stop does not belong to the
+    /// debugger.
     pub(super) fn trapped(&mut self, tid: i32) -> Option<Flow> {
         let pid = Pid::from_raw(tid);
         let (process, index) = self.threads.get(&tid).map(|it| (it.process, it.index))?;
@@ -393,7 +395,7 @@ impl Supervisor {
         if by_instruction || !is_step {
             return None;
         }
-        // A call that is not stopped leaves the address behind it in `rcx`.
+        // A call without a stop leaves the address behind it in `rcx`.
         let has_called = registers.rcx == registers.rip;
         if has_called && hide_trap_flag(&mut registers) {
             ptrace::setregs(pid, registers).ok()?;
@@ -402,7 +404,7 @@ impl Supervisor {
         self.stepped(tid, index, registers.rip, next)
     }
 
-    /// A thread that is not debugged stands at a breakpoint: it goes on as if there was none.
+    /// Lets a thread that is not debugged continue at a breakpoint as if there were none.
     fn pass_break(&mut self, pid: Pid, at: u64, byte: u8, is_set: bool) -> Flow {
         self.stop_for_schedule(pid.as_raw());
         if poke(pid, at, &[byte]).is_err() || !is_set {
@@ -422,7 +424,7 @@ impl Supervisor {
         }
     }
 
-    /// A debugged thread stands at a signal: whether the debugger is to hear of it first.
+    /// Whether the debugger must be told first of a signal at which a debugged thread has stopped.
     pub(super) fn signalled_for_debugger(&mut self, tid: i32, signal: i32) -> Option<Flow> {
         let process = self.threads.get(&tid)?.process;
         let debugging = self.debugging.as_mut()?;
@@ -434,7 +436,7 @@ impl Supervisor {
         Some(self.hold(tid, next, Stop::Signal(tid, signal)))
     }
 
-    /// A thread is about to make a call: whether the place for which the debugger waits has come.
+    /// Whether the debugger's goal is reached by a thread that is about to make a call.
     pub(super) fn calls_for_debugger(&mut self, tid: i32) -> Option<Flow> {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         self.add_pending_breaks();
@@ -448,7 +450,7 @@ impl Supervisor {
         has_come.then(|| self.hold(tid, Next::Begin, Stop::Reached(Some(tid))))
     }
 
-    /// Time has passed: the same.
+    /// Checks in the same way after a time step.
     pub(super) fn leapt_for_debugger(&mut self) {
         let Some(debugging) = &mut self.debugging else {
             return;
@@ -459,7 +461,7 @@ impl Supervisor {
         }
     }
 
-    /// A thread is about to put bytes into a port.
+    /// Records that a thread is about to write bytes to a port.
     pub(super) fn writes_for_debugger(&mut self, tid: i32, port: usize) {
         if let Some(debugging) = &mut self.debugging
             && let Some(&moment) = debugging.begun.get(&tid)
@@ -474,7 +476,7 @@ impl Supervisor {
         }
     }
 
-    /// Gives a thread the watchpoints, if it has others.
+    /// Sets the watchpoints of a thread, if they have changed.
     fn put_watches(&mut self, tid: i32) {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         let Some(debugging) = &mut self.debugging else {

@@ -1,4 +1,4 @@
-//! Which call is answered where.
+//! Selects the handler of each call.
 
 use nix::libc;
 use nix::unistd::Pid;
@@ -27,7 +27,7 @@ impl Supervisor {
         });
     }
 
-    /// Which call it is.
+    /// The decision about a call.
     pub(super) fn outcome(&mut self, tid: i32, call: &Call) -> Outcome {
         let memory = Memory(Pid::from_raw(tid));
         let done = match call.number {
@@ -87,7 +87,7 @@ impl Supervisor {
         done.unwrap_or_else(Outcome::from)
     }
 
-    /// Whether a call is one that has nothing to do with time and costs none: the kernel does it.
+    /// Whether a call is unrelated to time and costs none; the kernel executes it.
     pub(super) fn is_for_free(&mut self, tid: i32, call: &Call) -> bool {
         match call.number {
             libc::SYS_msgctl | libc::SYS_semctl => self.has_queues_changed = true,
@@ -108,7 +108,8 @@ impl Supervisor {
                 }
             }
             libc::SYS_bind | libc::SYS_getsockname => self.names_socket(tid, call),
-            // Stopped so that the clock page is read before the exec replaces the memory.
+            // This call is stopped so that the clock page is read before the exec replaces the
+            // memory.
             libc::SYS_execve | libc::SYS_execveat => self.stage.stir(),
             libc::SYS_close | libc::SYS_dup2 | libc::SYS_dup3 | libc::SYS_close_range => {
                 self.lets_go(tid, call);
@@ -124,7 +125,7 @@ impl Supervisor {
                 self.sets_notice(tid, call);
             }
             libc::SYS_io_submit => {
-                // Which files it reads is said in memory, in many forms.
+                // The files that it reads are described in memory, in many formats.
                 self.note("io_submit is done by the kernel".to_owned());
                 self.lets_all_go();
             }
@@ -133,7 +134,7 @@ impl Supervisor {
         true
     }
 
-    /// Calls about processes and signals, and what is not handled.
+    /// Calls about processes and signals, and calls without a handler.
     fn about_processes(&mut self, tid: i32, call: &Call) -> Outcome {
         match call.number {
             libc::SYS_wait4 | libc::SYS_waitid => self.wait_for_child(tid, call),
@@ -166,7 +167,7 @@ impl Supervisor {
                 self.note("io_uring is not there: the program has to do without".to_owned());
                 nix::errno::Errno::ENOSYS.into()
             }
-            // The supervisor wakes threads, and the kernel knows nothing of it.
+            // The supervisor wakes threads itself, and the kernel does not know these wake-ups.
             libc::SYS_futex_waitv | FUTEX_WAKE | FUTEX_WAIT | FUTEX_REQUEUE => {
                 let name = call::name(call.number);
                 self.note(format!(

@@ -1,4 +1,4 @@
-//! Opening of named pipes: it waits for the other side. In the kernel that would be a deadlock,
+//! Opening of named pipes, which waits for the other side. In the kernel this would be a deadlock,
 //! because the supervisor stops all other threads meanwhile.
 
 use std::collections::BTreeSet;
@@ -15,7 +15,7 @@ use super::{Memory, Next, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FifoSide;
 
-/// Both sides of a pipe, open until the threads that open it have done it.
+/// Both sides of a pipe, kept open until the threads that open it have finished.
 #[derive(Debug)]
 pub(super) struct Meeting {
     _both: OwnedFd,
@@ -28,7 +28,7 @@ impl Supervisor {
         let flags = match call.number {
             libc::SYS_open => call.args[1],
             libc::SYS_openat => call.args[2],
-            // The first of what it is told in memory.
+            // The flags are the first word of a structure in memory.
             _ => Memory(Pid::from_raw(tid)).u64(call.args[2]).unwrap_or(0),
         };
         let flags = low_i32(flags);
@@ -70,7 +70,7 @@ impl Supervisor {
         })
     }
 
-    /// The thread has come back, or is no more.
+    /// Ends a meeting for a thread that has finished the call, or has ended.
     pub(super) fn end_meeting(&mut self, tid: i32) {
         if self.meetings.is_empty() {
             return;
@@ -82,7 +82,7 @@ impl Supervisor {
             .retain(|meeting| !meeting.on_their_way.is_empty());
     }
 
-    /// Where this process finds what the program calls `path`.
+    /// The path by which this process finds the program's `path`.
     fn place(&self, tid: i32, call: &Call, path: &str) -> PathBuf {
         if path.starts_with('/') {
             return PathBuf::from(path);
@@ -98,7 +98,7 @@ impl Supervisor {
         Path::new(&format!("/proc/{process}/{from}")).join(path)
     }
 
-    /// A thread that waits for this side.
+    /// A thread that waits to open the opposite side.
     fn partner(&self, side: FifoSide) -> Option<i32> {
         let waits = |opens: FifoSide| opens.file == side.file && opens.writes != side.writes;
         let partners = self.threads.values().filter(|thread| {

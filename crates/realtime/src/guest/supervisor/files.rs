@@ -1,8 +1,8 @@
-//! What is behind a file descriptor: the supervisor looks through a copy of its own.
+//! The files behind file descriptors: the supervisor examines its own copies.
 //!
 //! The supervisor keeps a copy until the program closes the file or puts another file at its
-//! number. Those calls are stopped at no virtual time: a copy that outlives the file would hide the
-//! end of a pipe and the closing of a port.
+//! number. These calls are stopped but take no virtual time. A copy that outlives the file would
+//! hide the end of a pipe and the closing of a port.
 
 use std::os::fd::{AsFd, AsRawFd as _, OwnedFd};
 use std::sync::Arc;
@@ -22,7 +22,7 @@ impl Supervisor {
     /// The file `fd` of the process of `tid`.
     pub(super) fn file(&mut self, tid: i32, fd: i32) -> Option<Arc<File>> {
         let pid = self.threads.get(&tid)?.process;
-        // A negative number is none, and is taken amiss below.
+        // A negative number is no file, and would be rejected below.
         let fd = Some(fd).filter(|&fd| fd >= 0)?;
         if let Some(file) = self.processes.get(&pid)?.files.get(&fd) {
             // A port may have hung up meanwhile.
@@ -60,7 +60,7 @@ impl Supervisor {
         let [first, second, ..] = call.args.map(low_i32);
         let gone = match call.number {
             libc::SYS_close => first..=first,
-            // With equal numbers, or none that is open, nothing is closed.
+            // If both numbers are equal, or the first is not open, no file is closed.
             libc::SYS_dup2 | libc::SYS_dup3 if first == second || !self.is_open(tid, first) => {
                 return;
             }
@@ -82,7 +82,7 @@ impl Supervisor {
         process.is_some_and(|pid| std::fs::read_link(format!("/proc/{pid}/fd/{fd}")).is_ok())
     }
 
-    /// Drops all copies, and hands the bytes of all ports to the kernel: a call follows that the
+    /// Drops all copies, and passes the bytes of all ports to the kernel, before a call that the
     /// supervisor does not understand.
     pub(super) fn lets_all_go(&mut self) {
         for process in self.processes.values_mut() {
@@ -92,7 +92,7 @@ impl Supervisor {
         self.stage.release_all();
     }
 
-    /// Hands the bytes of a port to the kernel before a call that reads them there.
+    /// Passes the bytes of a port to the kernel, before a call that reads them there.
     pub(super) fn lets_kernel_read(&mut self, tid: i32, call: &Call) {
         self.stage.stir();
         let Some(fd) = read_by_kernel(call) else {
@@ -146,7 +146,7 @@ impl Supervisor {
         (kind, form, None)
     }
 
-    /// Files that tell of the world outside are named.
+    /// Opens a file. Files with data about the outside world are reported in a note.
     pub(super) fn open(&mut self, tid: i32, call: &Call) -> Outcome {
         let address = match call.number {
             libc::SYS_open => call.args[0],
@@ -170,7 +170,7 @@ pub(super) fn numbers(pid: i32) -> impl Iterator<Item = i32> {
     numbers.filter_map(|entry| entry.file_name().to_str()?.parse().ok())
 }
 
-/// What the system says of an open file in the line `name` (proc(5)).
+/// The system's value `name` of an open file (proc(5)).
 pub(super) fn told_of(pid: i32, fd: i32, name: &str) -> Option<String> {
     let info = std::fs::read_to_string(format!("/proc/{pid}/fdinfo/{fd}")).ok()?;
     let mut lines = info.lines();
@@ -178,7 +178,7 @@ pub(super) fn told_of(pid: i32, fd: i32, name: &str) -> Option<String> {
     Some(line.trim().to_owned())
 }
 
-/// The file whose bytes the kernel itself reads, or watches, in a call.
+/// The file whose bytes the kernel itself reads or watches in a call.
 fn read_by_kernel(call: &Call) -> Option<i32> {
     let [first, second, third, ..] = call.args.map(low_i32);
     match call.number {

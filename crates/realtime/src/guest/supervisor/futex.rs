@@ -1,4 +1,5 @@
-//! Words in memory on which threads wait for each other: the order of wake-ups is the supervisor's.
+//! Futexes: words in memory on which threads wait for each other. The supervisor determines the
+//! order of wake-ups.
 
 use core::time::Duration;
 
@@ -13,13 +14,13 @@ use crate::guest::task::FutexKey;
 
 pub(super) const ALL: u32 = u32::MAX;
 
-/// Whether a futex's operation is of such a lock.
+/// Whether a futex call operates on a lock with priority inheritance.
 pub(super) fn is_pi(call: &Call) -> bool {
     let command = command(low_i32(call.args[1]));
     call.number == libc::SYS_futex && matches!(command, libc::FUTEX_LOCK_PI | libc::FUTEX_LOCK_PI2)
 }
 
-/// What is to be done, without the flags.
+/// The operation without its flags.
 pub(super) const fn command(operation: i32) -> i32 {
     operation & !(libc::FUTEX_PRIVATE_FLAG | libc::FUTEX_CLOCK_REALTIME)
 }
@@ -113,7 +114,7 @@ impl Supervisor {
         waiters.into_iter().map(|(_, tid)| tid).collect()
     }
 
-    /// How many threads were woken.
+    /// Wakes threads; returns their number.
     fn futex_wake(&mut self, key: FutexKey, most: usize, bits: u32) -> i64 {
         let waiters = self.futex_waiters(key, bits);
         let woken = waiters.into_iter().take(most);
@@ -125,8 +126,8 @@ impl Supervisor {
         count
     }
 
-    /// Changes another word and wakes the threads that wait for the first one; if the other word
-    /// was of a kind, those that wait for it as well.
+    /// Changes another word and wakes the threads that wait for the first word. If the old value of
+    /// the other word meets a condition, also wakes threads that wait for that word.
     fn futex_wake_op(&mut self, tid: i32, call: &Call, key: FutexKey) -> Result<Outcome, Errno> {
         let [_, operation, wakes, others, target, change] = call.args;
         let [a, b, c, d, ..] = change.to_le_bytes();
@@ -189,8 +190,8 @@ impl Supervisor {
         Ok(Outcome::Answer(count))
     }
 
-    /// A thread has ended: the kernel has cleared its word and woken the threads that waited for
-    /// it.
+    /// Handles an ended thread: the kernel has cleared its word, and threads that waited for it
+    /// must wake.
     pub(super) fn wake_after_death(&mut self) {
         let mut waiters: Vec<(u64, i32)> = Vec::new();
         for thread in self.threads.values() {
@@ -227,7 +228,7 @@ impl Supervisor {
     }
 }
 
-/// What `FUTEX_WAKE_OP` does with a word, and when it wakes more threads (futex(2)).
+/// The change of a word by `FUTEX_WAKE_OP`, and the condition for waking more threads (futex(2)).
 #[derive(Clone, Copy, Debug)]
 struct Change {
     operation: u32,
@@ -250,7 +251,7 @@ impl Change {
         }
     }
 
-    /// The new word, and whether the old one compares so; `None` if there is no such change.
+    /// The new word, and whether the old one meets the condition; `None` for an unknown operation.
     fn apply(self, old: u32) -> Option<(u32, bool)> {
         let new = match self.operation {
             0 => self.by,
@@ -274,7 +275,8 @@ impl Change {
     }
 }
 
-/// The place of `address` in memory that is shared with others; `None` if it is the process's own.
+/// The position of `address` in memory that processes share; `None` if the memory belongs to the
+/// process alone.
 fn shared_key(pid: i32, address: u64) -> Option<FutexKey> {
     let maps = std::fs::read_to_string(format!("/proc/{pid}/maps")).ok()?;
     for line in maps.lines() {

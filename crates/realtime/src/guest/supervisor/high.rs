@@ -1,4 +1,4 @@
-//! Signals beyond 31 reach the program, those of its timers and ports with what these tell.
+//! Delivery of signals above 31, including those of timers and ports with their data.
 
 use nix::sys::signal::Signal;
 use nix::unistd::Pid;
@@ -7,7 +7,7 @@ use super::{Flow, Supervisor};
 use crate::guest::high_signals::{Delivered, deliver};
 
 impl Supervisor {
-    /// The thread stands at this signal.
+    /// Handles a thread that has stopped at this signal.
     pub(super) fn high_signal(&mut self, tid: i32, signal: i32) -> Flow {
         let Some(process) = self.threads.get(&tid).map(|thread| thread.process) else {
             return Flow::Goes(None);

@@ -1,10 +1,10 @@
-//! Waiting by asking over and over: a thread that makes the same fruitless calls in a row, with
-//! nothing but looks at clocks between them, waits. Each further one takes longer, a fraction of
-//! the wait so far, but never past what happens next: so the wait ends when it would have, and
-//! costs hundreds of stops in place of millions.
+//! Detection of busy waiting: a thread waits if it repeats the same calls without success, with
+//! only looks at clocks between them. Each further call takes longer, by a fraction of the wait so
+//! far, but never longer than until the next event. So the wait ends at the same time, with
+//! hundreds of stops instead of millions.
 //!
 //! The turn of the thread ends with each of these waits, like the turn of a thread that blocks:
-//! callers look at the ports between two turns, and one turn must not last for seconds.
+//! the callers observe the ports between two turns, so one turn must not last for seconds.
 
 use core::time::Duration;
 
@@ -18,25 +18,25 @@ use crate::guest::call::Call;
 use crate::guest::lent::LentCount;
 use crate::guest::task::{Fruitless, Idle};
 
-/// So many fruitless calls in a row take no longer than others.
+/// Number of consecutive calls without success that take the usual time.
 const FREE: u32 = 8;
-/// The same for writes to a full buffer.
+/// This number for writes to a full buffer.
 const FREE_FULL: u32 = 2;
-/// Then each takes this part of the time since the first, and at most so long.
+/// Each further call takes this part of the time since the first call, at most `LONGEST`.
 const PART: u32 = 4;
 const LONGEST: Duration = Duration::from_millis(1);
-/// The same for `sched_yield`: schedulers call it thousands of times before they wait.
+/// The maximum for `sched_yield`: schedulers call it thousands of times before they wait.
 const LONGEST_YIELD: Duration = Duration::from_micros(20);
-/// Most different calls of which a wait is made up.
+/// Maximum number of different calls in one wait.
 const KINDS_MAX: usize = 8;
 
-/// What a call has to do with waiting.
+/// Meaning of a call for the detection.
 enum Sign {
-    /// It was of no use, and this was the answer.
+    /// The call had no success; with its answer.
     Fruitless(i64),
-    /// Neither this nor that.
+    /// The call shows neither waiting nor progress.
     Neutral,
-    /// Something has happened.
+    /// The call shows progress.
     Fruitful,
 }
 
@@ -62,11 +62,11 @@ fn finds_no_file(tid: i32, call: &Call) -> bool {
 }
 
 impl Supervisor {
-    /// Before a call of `tid`: if it waits by such calls others come first, or time passes. Whether
-    /// it may make its call now.
+    /// Before a call of `tid` that waits in this way: lets other threads run first, or lets time
+    /// pass. `None` if the thread can make its call now.
     pub(super) fn idle_away(&mut self, tid: i32, call: &Call) -> Option<Flow> {
         let idle = self.threads.get(&tid)?.idle.as_ref()?;
-        // A full buffer has room when the next byte has left, and not before.
+        // A full buffer has room only after the next byte has left.
         let is_full = is_write(call.number);
         let free = if is_full { FREE_FULL } else { FREE };
         if idle.count < free || idle.seen.iter().all(|seen| seen.call != key(call)) {
@@ -100,7 +100,7 @@ impl Supervisor {
             self.retry_files(None);
         }
         let slice = self.threads.get(&tid).map_or(0, |thread| thread.slice);
-        // A debugger counts turns of its own. A thread with a full turn lets others run next.
+        // A debugger counts its own turns. A thread with a full turn lets others run next.
         if self.debugging.is_some() || slice >= SLICE {
             return None;
         }
@@ -108,7 +108,7 @@ impl Supervisor {
         Some(Flow::Stays)
     }
 
-    /// After a call of `tid`.
+    /// Updates the detection after a call of `tid`.
     pub(super) fn note_idle(&mut self, tid: i32, call: &Call, outcome: &Outcome) {
         let now = self.stage.now();
         let sign = self.sign_of(tid, call, outcome);
@@ -129,7 +129,8 @@ impl Supervisor {
         }
     }
 
-    /// The page has told the thread how many bytes are there, as a call would have.
+    /// Updates the detection after the page has told the thread the number of available bytes, like
+    /// a call.
     pub(super) fn note_count(&mut self, tid: i32, fd: i32, count: &LentCount) {
         let Some(thread) = self.threads.get_mut(&tid) else {
             return;
@@ -178,7 +179,7 @@ impl Supervisor {
             (number, &Outcome::Answer(answer)) if is_write(number) && answer < 0 => {
                 Sign::Fruitless(answer)
             }
-            // Examined only for a program that is waiting already: reading its memory costs time.
+            // Check this only for a program that already waits: reading its memory costs time.
             (libc::SYS_poll | libc::SYS_ppoll, &Outcome::Answer(answer)) if answer > 0 => {
                 let waits = self.threads.get(&tid).is_some_and(|it| it.idle.is_some());
                 match waits && finds_no_file(tid, call) {
@@ -210,7 +211,7 @@ impl Thread {
         let known = idle.seen.iter().find(is_it);
         let is_same = known.map(|known| known.answer == fruitless.answer);
         if is_same != Some(true) {
-            // Another answer is news: the wait begins anew.
+            // A different answer is news, so the wait starts again.
             if is_same.is_some() || idle.seen.len() >= KINDS_MAX {
                 idle.seen.clear();
                 (idle.count, idle.since) = (0, now);

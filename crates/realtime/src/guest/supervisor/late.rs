@@ -1,4 +1,4 @@
-//! Threads that are late: they can run, but not before some time.
+//! Late threads: they can run, but not before a certain time.
 
 use core::time::Duration;
 
@@ -7,23 +7,23 @@ use protocols::Instant;
 use super::{Next, State, Supervisor};
 
 impl Supervisor {
-    /// A thread goes on so much later; others may run meanwhile.
+    /// Lets a thread continue after the delay `by`; others may run meanwhile.
     pub(super) fn delay(&mut self, tid: i32, by: Duration, next: Next) {
         self.late.push((self.stage.now() + by, tid));
         self.set_state(tid, State::Ready(next));
     }
 
-    /// When the first thread that is late may run.
+    /// Time at which the first late thread may run.
     pub(super) fn next_late(&self) -> Option<Instant> {
         self.late.iter().map(|(at, _)| *at).min()
     }
 
-    /// Threads whose delay is over may run.
+    /// Lets threads run whose delay is over.
     pub(super) fn end_delays(&mut self) {
         self.end_delays_until(self.stage.now());
     }
 
-    /// The run is over: nothing is late any more, so that each thread can end.
+    /// Ends all delays, because the run is over and each thread must be able to end.
     pub(in crate::guest) fn end_all_delays(&mut self) {
         self.end_delays_until(Instant::from_nanos(u64::MAX));
     }

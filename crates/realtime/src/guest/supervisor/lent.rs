@@ -1,4 +1,4 @@
-//! Time that is lent to the thread that runs: it looks at clocks and reads ports without a stop.
+//! The loan to the running thread: with it, the thread reads clocks and ports without a stop.
 
 use core::time::Duration;
 use std::sync::Arc;
@@ -19,33 +19,33 @@ use crate::guest::lent::{LentPort, Loan, Taken};
 use crate::guest::trace::Record;
 use crate::transport::Code;
 
-/// Looks and calls of a new turn.
+/// Number of looks and calls in a new turn.
 const TURN: u64 = SLICE as u64 - 1;
-/// Shortest and longest time ahead for which bytes are lent.
+/// Minimum and maximum time ahead for which bytes are lent.
 const AHEAD: [Duration; 2] = [Duration::from_millis(2), Duration::from_millis(10)];
-/// So many times in a row bytes are lent to a program that does not take them; then once in so many
-/// calls.
+/// Number of consecutive loans of bytes that a program may leave unused; after that, bytes are lent
+/// only once in `RETRY_EVERY` calls.
 const UNUSED_MAX: u32 = 8;
 const RETRY_EVERY: u64 = 64;
-/// Files below this are bits of a word.
+/// Files with numbers below this one are bits of a word.
 const BITS: i32 = 63;
-/// Most ports that are lent at once.
+/// Maximum number of ports that are lent at once.
 const PORTS_MAX: usize = 4;
 
-/// What is lent besides time.
+/// A loan of bytes in addition to time.
 #[derive(Debug)]
 pub(super) struct Lease {
     ports: Vec<LentPort>,
-    /// When it began, and its limit.
+    /// Its start and its limit.
     from: Instant,
     limit: Instant,
-    /// Looks and calls that were lent.
+    /// Number of lent looks and calls.
     calls: u64,
-    /// For how long ahead bytes are looked for next, and how often in a row none was taken.
+    /// Time ahead for the next loan of bytes, and number of consecutive loans without a use.
     ahead: Duration,
     unused: u32,
     has_waited: bool,
-    /// The program's page holds this lease.
+    /// Whether the program's page holds this loan.
     is_lent: bool,
 }
 
@@ -70,7 +70,7 @@ impl Lease {
         core::mem::replace(&mut self.has_waited, false)
     }
 
-    /// The next one is as long as this one was of use.
+    /// Adapts the length of the next loan to the use of this one.
     fn learn(&mut self, ports: &[LentPort], taken: &Taken) {
         let is_used = !taken.reads.is_empty() || taken.selects + taken.counts > 0;
         self.unused = if is_used { 0 } else { self.unused + 1 };
@@ -94,10 +94,10 @@ impl Supervisor {
         self.processes.get(&process)?.clocks
     }
 
-    /// The thread goes on: up to the next event its clocks are its own.
+    /// Lends time before the thread continues: up to the next event, it counts its clocks itself.
     pub(super) fn lend_time(&mut self, tid: i32) {
         if self.computing.is_some() {
-            // Computing passes before calls, and before looks at clocks that are calls.
+            // Computing time is charged before calls, so each look at a clock must be a call.
             return self.keep_time(tid);
         }
         self.lease.ports.clear();
@@ -130,10 +130,10 @@ impl Supervisor {
             looks,
             turn: TURN,
             known: known.unwrap_or(0),
-            // A wait that has begun is a matter of the supervisor.
+            // The supervisor handles a wait that has already begun.
             counts: self.threads.get(&tid).is_some_and(|it| it.idle.is_none()),
         };
-        // Without ports only looks take time.
+        // Without ports, only looks take time.
         let by_looks = loan.now.saturating_add(loan.cost.saturating_mul(looks));
         let is_bare = self.lease.ports.is_empty();
         self.lease.limit = Instant::from_nanos(if is_bare { limit.min(by_looks) } else { limit });
@@ -145,8 +145,8 @@ impl Supervisor {
         }
     }
 
-    /// Lends the thread the bytes of its ports, if no other thread has to do with them. Returns the
-    /// files of which is known what is ready, as bits.
+    /// Lends the bytes of its ports to the thread, if no other thread uses these ports. Returns the
+    /// files whose readiness is known, as bits.
     fn lend_ports(&mut self, tid: i32) -> Option<u64> {
         let thread = self.threads.get(&tid)?;
         let process = self.processes.get(&thread.process)?;
@@ -195,7 +195,7 @@ impl Supervisor {
         Some(known)
     }
 
-    /// The pipes and counters of the thread's last selects in which nothing is, as bits.
+    /// The empty pipes and counters of the thread's last selects, as bits.
     fn quiet_files(&mut self, tid: i32) -> u64 {
         let quiet = self.threads.get(&tid).map(|thread| thread.quiet.clone());
         let quiet = quiet.unwrap_or_default();
@@ -208,7 +208,8 @@ impl Supervisor {
             .iter()
             .map(|(_, file)| PollFd::new(&file.fd, PollFlags::IN))
             .collect();
-        // The close of a file with a high number is no stop, and the last writer's is news.
+        // The closing of a file with a high number causes no stop, but the closing by the last
+        // writer is an event.
         let has_high = |pid| numbers(pid).any(|fd| fd >= KEPT_BELOW.cast_signed());
         let process = self.threads.get(&tid).map(|thread| thread.process);
         if polled.is_empty()
@@ -222,8 +223,8 @@ impl Supervisor {
         quiet.fold(0, |bits, ((fd, _), _)| bits | 1 << fd)
     }
 
-    /// Makes the program ask its page before the call at which the thread stands, if that is about
-    /// a port.
+    /// Makes the program ask its page before the current call of the thread, if the call is about a
+    /// port.
     pub(super) fn make_detour(&mut self, tid: i32) {
         let Some(thread) = self.threads.get(&tid).filter(|thread| thread.asks_port) else {
             return;
@@ -262,8 +263,8 @@ impl Supervisor {
         processes.any(|it| it.shares_memory) || self.threads.values().any(is_borrowed)
     }
 
-    /// Whether the fault at which `tid` stands is of a call that its page was about to answer: then
-    /// the program makes the call.
+    /// Whether the fault of `tid` occurred while its page answered a call: then the program makes
+    /// the call.
     pub(super) fn gives_up(&self, tid: i32) -> bool {
         let pid = Pid::from_raw(tid);
         let Some(clocks) = self.clocks_of(tid) else {
@@ -292,7 +293,8 @@ impl Supervisor {
         clocks.is_some_and(|it| registers.is_ok_and(|at| it.has_code_at(at.rip)))
     }
 
-    /// The thread goes on where virtual time does not count: each look is a call.
+    /// Lends nothing, because the thread continues where virtual time does not count: each look is
+    /// a call.
     pub(super) fn keep_time(&mut self, tid: i32) {
         self.lease.ports.clear();
         self.lease.is_lent = false;
@@ -306,12 +308,13 @@ impl Supervisor {
                 known: 0,
                 counts: false,
             };
-            // A page that the program has made read-only fails at the program's own look.
+            // If the program has made its page read-only, its own next look fails.
             let _ = clocks.lend(Pid::from_raw(tid), nothing, &[]);
         }
     }
 
-    /// The thread has stopped: what it has counted has passed, what it has read is taken.
+    /// Takes the loan back from a stopped thread: its counted time passes, and its read bytes are
+    /// removed.
     pub(super) fn take_time(&mut self, tid: i32) {
         self.lease.has_waited = false;
         let Some(clocks) = self.clocks_of(tid) else {
@@ -376,8 +379,8 @@ impl Supervisor {
         }
     }
 
-    /// Rig and ports do what has come of what was lent. The times of last arrivals are those from
-    /// which VTIME counts.
+    /// Lets the rig and the ports follow the use of a loan. VTIME counts from the times of the last
+    /// arrivals.
     fn follow(&mut self, ports: &[LentPort], taken: &Taken) {
         let now = Instant::from_nanos(taken.now);
         let mut arrivals = self.stage.last_arrivals(now);
@@ -413,8 +416,9 @@ impl Supervisor {
     }
 }
 
-/// When a program that has come to `now` by looks and calls of this cost saw what came at `at`, and
-/// nothing came after that: with the first of them behind it, or while it waited.
+/// The time at which a program saw the last event, which came at `at`. The program has reached
+/// `now` by looks and calls of this cost. It saw the event with the first look or call after it, or
+/// while it waited.
 fn seen_at(at: Instant, now: Instant, cost: Duration) -> Instant {
     let cost = u64::try_from(cost.as_nanos()).unwrap_or(u64::MAX);
     let since = now.as_nanos().saturating_sub(at.as_nanos());
@@ -425,7 +429,7 @@ fn seen_at(at: Instant, now: Instant, cost: Duration) -> Instant {
     }
 }
 
-/// Whether a thread besides `tid` may run or read before the next stop.
+/// Whether another thread than `tid` may run or read before the next stop.
 fn meddles(thread: &Thread, tid: i32) -> bool {
     if thread.tid.as_raw() == tid {
         return false;

@@ -11,7 +11,7 @@ use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
 impl Supervisor {
-    /// fcntl(F_SETLKW) and flock: the kernel does it once it would not have to wait.
+    /// Handles fcntl(F_SETLKW) and flock: the kernel executes the call when it would not wait.
     pub(super) fn lock_file(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let fd = low_i32(call.args[0]);
         let is_taken = match call.number {
@@ -34,7 +34,8 @@ impl Supervisor {
             _ => return false,
         };
         let process = self.threads.get(&tid).map_or(tid, |thread| thread.process);
-        // A file opened once more is another owner; what it takes it gives back when it is closed.
+        // A newly opened file is a separate owner of locks, and its lock is released when the file
+        // is closed.
         let Ok(again) = std::fs::File::open(format!("/proc/{process}/fd/{fd}")) else {
             return false;
         };
@@ -42,7 +43,7 @@ impl Supervisor {
             && !self.is_its_own(process, fd, &again)
     }
 
-    /// Whether the lock that is in the way is that of `fd` itself, which may change it.
+    /// Whether the blocking lock belongs to `fd` itself, which may change it.
     fn is_its_own(&self, process: i32, fd: i32, file: &std::fs::File) -> bool {
         use std::os::unix::fs::MetadataExt as _;
 

@@ -1,8 +1,8 @@
 //! Threads that wait in a loop without a call, such as `while (!flag);`.
 //!
-//! A thread whose registers and memory come back to what they were goes on like that until another
-//! thread changes memory. Where in the loop it stands does not matter then: it is put to the same
-//! instruction each time, so that the processor's speed decides nothing.
+//! If the registers and the memory of a thread return to an earlier state, the thread repeats this
+//! until another thread changes memory. Its position in the loop does not matter then: it is always
+//! moved to the same instruction, so that the processor's speed has no effect.
 
 use core::time::Duration;
 
@@ -14,38 +14,39 @@ use rustix::process::WaitOptions;
 
 use super::{Flow, Memory, Next, State, Supervisor, wait};
 
-/// Longest loop, instructions.
+/// Maximum length of a loop, instructions.
 const LOOP_MAX: u32 = 20_000;
-/// Most memory that is compared.
+/// Maximum size of the compared memory, bytes.
 const MEMORY_MAX: u64 = 256 << 20;
-/// Bytes that are read at once.
+/// Number of bytes in one read.
 const PIECE: usize = 1 << 20;
-/// What the kernel tells of the end of a single instruction (`TRAP_TRACE`).
+/// Signal code of a single step (`TRAP_TRACE`).
 const BY_STEP: i32 = 2;
-/// Most leaps before the loop is looked at again.
+/// Maximum number of time steps before the loop is checked again.
 const LEAPS_MAX: u32 = 100;
 
-/// Factor of fingerprints: 2 to the power of 64 by the golden ratio, odd.
+/// Factor of fingerprints: 2^64 divided by the golden ratio, as an odd number.
 const FACTOR: u64 = 0x9E37_79B9_7F4A_7C15;
 
-/// Most instructions for a look at a known loop: so many times its length, and some more.
+/// Maximum number of instructions for the check of a known loop: this multiple of its length, and
+/// some more.
 const KNOWN_TIMES: u32 = 4;
 const KNOWN_MORE: u32 = 64;
 
-/// What a thread does that makes no call.
+/// Activity of a thread without calls.
 enum Spin {
-    /// It waits for another thread, and stands at the first instruction of its loop; a fingerprint
-    /// of its state there, and the loop's length.
+    /// It waits for another thread, and has stopped at the first instruction of its loop; with a
+    /// fingerprint of its state there, and the loop's length.
     Waits(u64, u32),
     Computes,
     /// It has stopped for another reason: the system's status.
     Stopped(i32),
 }
 
-/// Registers that a program sees.
+/// The registers that a program can see.
 type Registers = [u64; 18];
 
-/// Those of a thread, the instruction first.
+/// The registers of a thread, the instruction pointer first.
 fn registers(pid: Pid) -> Option<Registers> {
     let it = ptrace::getregs(pid).ok()?;
     Some([
@@ -55,7 +56,7 @@ fn registers(pid: Pid) -> Option<Registers> {
 }
 
 /// A fingerprint of all memory that the program can write, and of its floating-point registers;
-/// `None` if that is too much to look at.
+/// `None` if the memory is too large.
 fn fingerprint(pid: Pid) -> Option<u64> {
     let float = ptrace::getregset::<NT_PRFPREG>(pid).ok()?;
     let text = std::fs::read_to_string(format!("/proc/{pid}/maps")).ok()?;
@@ -87,7 +88,8 @@ fn fingerprint(pid: Pid) -> Option<u64> {
 }
 
 impl Supervisor {
-    /// A thread has computed for a while without a call: others go first if it waits for them.
+    /// Handles a thread that has computed for a while without a call: if it waits for other
+    /// threads, these run first.
     pub(super) fn spins(&mut self, tid: i32) -> Flow {
         if self.keeps_loan || self.is_stepped(tid) {
             return self.go_on_later(tid);
@@ -99,15 +101,15 @@ impl Supervisor {
         }
     }
 
-    /// Whether a debugger lets this thread go by single instructions.
+    /// Whether a debugger lets this thread run in single steps.
     fn is_stepped(&self, tid: i32) -> bool {
         let debugging = self.debugging.as_ref();
         let step = debugging.and_then(|it| it.step.as_ref());
         step.is_some_and(|step| step.tid == tid)
     }
 
-    /// A thread that was found in a loop is to go on: whether it is still there is seen at once,
-    /// without the processor time by which loops are found.
+    /// Lets a thread continue that was found in a loop. A short check shows whether it is still in
+    /// the loop, without the processor time that finding a loop takes.
     pub(super) fn go_on_in_loop(&mut self, tid: i32) -> Flow {
         let thread = self.threads.get_mut(&tid);
         let length = thread.and_then(|thread| thread.loop_length.take());
@@ -125,7 +127,7 @@ impl Supervisor {
         }
     }
 
-    /// A thread stands at the first instruction of its loop.
+    /// Handles a thread that has stopped at the first instruction of its loop.
     fn waits_in_loop(&mut self, tid: i32, state: u64, length: u32) -> Flow {
         self.note_loop(tid, state, length);
         self.forgive_computing(tid);
@@ -135,7 +137,8 @@ impl Supervisor {
         };
         let is_alone = self.queue.iter().all(is_in_loop);
         if is_alone && self.schedule.is_none() && self.late.is_empty() {
-            // Only time can end the loop, and time stands while a thread can run: it computes.
+            // Only time can end the loop, but time stands while a thread can run: the thread counts
+            // as computing.
             if let Some(thread) = self.threads.get_mut(&tid) {
                 thread.loop_length = None;
             }
@@ -148,12 +151,13 @@ impl Supervisor {
         Flow::Stays
     }
 
-    /// A thread is in a loop. If it has come there in another state than before, it has changed
-    /// memory on its way, and others may leave their loops.
+    /// Records that a thread is in a loop. If its state there differs from before, it has changed
+    /// memory meanwhile, and other threads may leave their loops.
     fn note_loop(&mut self, tid: i32, state: u64, length: u32) {
         if let Some(thread) = self.threads.get_mut(&tid) {
             thread.loop_length = Some(length);
-            // Others went on since it was here: only a loop beside nothing counts as computing.
+            // Other threads have run since then. A loop counts as computing only if no other thread
+            // runs.
             if thread.in_loop_at != Some(self.progress) {
                 thread.computed = Duration::ZERO;
             }
@@ -163,15 +167,15 @@ impl Supervisor {
         }
     }
 
-    /// Time passes up to where a thread can run that waits in no loop.
+    /// Lets time pass until a thread can run that does not wait in a loop.
     fn pass_for_loop(&mut self, tid: i32) {
         let can_run = self.queue.len();
         for _ in 0..LEAPS_MAX {
-            // What has changed may be news to threads that wait for files.
+            // The changes may make files ready for threads that wait for them.
             self.is_changed = false;
             self.retry_files(None);
             if self.queue.len() > can_run || self.is_signalled {
-                // The loop may end by that.
+                // This may end the loop.
                 if let Some(thread) = self.threads.get_mut(&tid) {
                     thread.computed = Duration::ZERO;
                 }
@@ -187,7 +191,7 @@ impl Supervisor {
         }
     }
 
-    /// The turn ends, and the next one goes on with the same thread.
+    /// Ends the turn; the next turn continues with the same thread.
     fn go_on_later(&mut self, tid: i32) -> Flow {
         self.stop_for_schedule(tid);
         let next = Some((tid, Next::Go(None)));
@@ -201,12 +205,12 @@ impl Supervisor {
 
     fn look_for_loop(&mut self, tid: i32, most: u32) -> Spin {
         let pid = Pid::from_raw(tid);
-        // A look at a clock is a call, and ends the loop.
+        // A look at a clock must be a call, which ends the loop.
         self.keep_time(tid);
         let Some(mut kept) = registers(pid) else {
             return Spin::Computes;
         };
-        // The state is kept at each power of two (Brent's way to find a cycle).
+        // The state is stored at each power of two (Brent's cycle detection).
         let (mut length, mut limit) = (0, 1);
         for _ in 0..most {
             let now = match self.one_instruction(pid) {
@@ -224,8 +228,8 @@ impl Supervisor {
         Spin::Computes
     }
 
-    /// Whether `length` instructions from here lead to the same state; if they do, up to the first
-    /// one of the loop.
+    /// Checks whether `length` instructions from here lead to the same state. If so, runs to the
+    /// first instruction of the loop.
     fn prove_loop(&self, pid: Pid, start: Registers, length: u32) -> Spin {
         let before = fingerprint(pid);
         let (mut first, mut now) = (start, start);

@@ -1,5 +1,5 @@
-//! Signals about files (O_ASYNC): a port whose bytes the supervisor holds sends them from here,
-//! other files by the kernel.
+//! Signals about files (O_ASYNC): the supervisor sends those of ports whose bytes it holds, the
+//! kernel those of other files.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -21,25 +21,25 @@ use crate::guest::launch::{F_SETOWN_EX, F_SETSIG};
 const FIOASYNC: u64 = 0x5452;
 /// Kind of owner of `F_SETOWN_EX`: a process group (fcntl(2)).
 const OWNER_GROUP: u32 = 2;
-/// The first signal that a program may use of those beyond 31; the C library has the two before.
+/// The lowest signal above 31 that a program may use; the C library uses the two below.
 const HIGH_MIN: i32 = 34;
-/// What such a signal says: there are bytes (POLLIN | POLLRDNORM).
+/// The event that such a signal reports: there are bytes (POLLIN | POLLRDNORM).
 const POLL_IN: i32 = 1;
 const BAND_IN: i64 = 0x41;
-/// Most signals that wait with what they say.
+/// Maximum number of stored signals with their data.
 const SENT_MAX: usize = 1024;
 
-/// The signal about a file, and where it goes.
+/// The signal about a file, and its receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Notice {
     /// A process, or a process group as a negative number.
     owner: i32,
-    /// 0: SIGIO.
+    /// Number of the signal; 0 stands for SIGIO.
     signal: i32,
 }
 
 impl Supervisor {
-    /// fcntl with one of the requests above; the kernel does it as well.
+    /// Follows fcntl with one of the requests above; the kernel executes it, too.
     pub(super) fn sets_notice(&mut self, tid: i32, call: &Call) {
         let [fd, request, argument, ..] = call.args;
         let (fd, argument) = (low_i32(fd), low_i32(argument));
@@ -53,7 +53,7 @@ impl Supervisor {
                 let id = low_i32(id);
                 let owner = match u32::try_from(kind) {
                     Ok(OWNER_GROUP) => id.checked_neg().unwrap_or(0),
-                    // A thread stands for its process.
+                    // A thread represents its process.
                     _ => self.threads.get(&id).map_or(id, |thread| thread.process),
                 };
                 self.change_notice(tid, fd, |notice| notice.owner = owner);
@@ -62,7 +62,7 @@ impl Supervisor {
         }
     }
 
-    /// The same by ioctl.
+    /// Follows such a request by ioctl.
     pub(super) fn sets_notice_by_ioctl(&mut self, tid: i32, call: &Call) {
         let [fd, request, argument, ..] = call.args;
         let is_on = || Memory(Pid::from_raw(tid)).u32(argument);
@@ -77,7 +77,7 @@ impl Supervisor {
         self.change_notice(tid, fd, |_| {});
     }
 
-    /// Changes the notice of a file of the process of `tid`. The owner is that process at first.
+    /// Changes the notice of a file in the process of `tid`. Initially this process is the owner.
     fn change_notice(&mut self, tid: i32, fd: i32, change: impl FnOnce(&mut Notice)) {
         let Some(process) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
@@ -89,12 +89,12 @@ impl Supervisor {
         change(self.notices.entry((process, fd)).or_insert(new));
     }
 
-    /// Sends the signals of ports to which bytes came.
+    /// Sends the signals of ports at which bytes have arrived.
     pub(super) fn tell_arrivals(&mut self) {
         if !self.hears_by_signal {
             return;
         }
-        // The kernel sends those of other files.
+        // The kernel sends the signals of other files.
         self.is_signalled = true;
         let arrived = self.stage.take_arrived();
         if arrived.is_empty() {
@@ -121,7 +121,8 @@ impl Supervisor {
         }
     }
 
-    /// The process of `tid` is about to close `fd`: its signals go on at a copy of that file.
+    /// Handles `fd`, which the process of `tid` is about to close: its signals continue with a copy
+    /// of the file.
     pub(super) fn forget_notice(&mut self, tid: i32, fd: i32) {
         let Some(pid) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
@@ -139,7 +140,7 @@ impl Supervisor {
         }
     }
 
-    /// What a handler is told of this signal, if it is about a file (sigaction(2)).
+    /// The data for the handler of this signal, if the signal is about a file (sigaction(2)).
     pub(super) fn told_by_notice(&mut self, process: i32, signal: i32) -> Option<[u8; SIGINFO]> {
         let mut sent = self.sent_notices.iter();
         let index = sent.position(|&(to, number, _)| (to, number) == (process, signal))?;
@@ -152,7 +153,7 @@ impl Supervisor {
         Some(info)
     }
 
-    /// Sends one about file `fd` to processes of the program, never to others.
+    /// Sends a signal about file `fd`, only to processes of the program.
     fn send_notice(&mut self, notice: Notice, fd: i32) {
         let is_high = notice.signal >= HIGH_MIN;
         let signal = match notice.signal {
@@ -183,7 +184,7 @@ impl Supervisor {
     }
 }
 
-/// What a file and its copies have in common: their name and how they were opened.
+/// The common properties of a file and its copies: the name and the flags of the opening.
 fn look_of(pid: i32, fd: i32) -> Option<(PathBuf, u32)> {
     let name = std::fs::read_link(format!("/proc/{pid}/fd/{fd}")).ok()?;
     let flags = u32::from_str_radix(&told_of(pid, fd, "flags")?, 8).ok()?;

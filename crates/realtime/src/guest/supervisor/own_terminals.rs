@@ -1,5 +1,5 @@
-//! Terminals that the program makes for its own children: a worker of the kernel hands on what is
-//! typed there, at any time.
+//! Terminals that the program creates for its own children: a kernel thread transfers the typed
+//! bytes, at any time.
 
 use std::os::unix::ffi::OsStrExt as _;
 use std::path::Path;
@@ -12,11 +12,11 @@ use rustix::pty::ptsname;
 use super::Supervisor;
 use super::files::{File, numbers};
 
-/// Most terminals that are settled after a turn.
+/// Maximum number of terminals that are settled after a turn.
 const TYPED_MAX: usize = 64;
 
 impl Supervisor {
-    /// The program is about to write to a terminal of its own: Ctrl-C is a signal.
+    /// Records that the program is about to write to one of its own terminals: Ctrl-C is a signal.
     pub(super) fn types(&mut self, file: &File) {
         self.is_signalled = true;
         let is_master = file
@@ -33,11 +33,11 @@ impl Supervisor {
         }
     }
 
-    /// Lets what was typed arrive before anything else happens, with its echo and its signals: a
-    /// look at the terminal waits for the kernel's worker.
+    /// Waits until all typed bytes have arrived, with their echo and their signals, before anything
+    /// else happens. A query of the terminal waits for the kernel thread.
     pub(super) fn settle_typed(&mut self) {
         for path in core::mem::take(&mut self.typed) {
-            // A terminal that is open nowhere would hang up when it is closed here.
+            // A terminal without another open file would hang up when it is closed here.
             let is_open = self.processes.keys().any(|&pid| {
                 let links = numbers(pid).map(|fd| read_link(format!("/proc/{pid}/fd/{fd}")));
                 links.into_iter().flatten().any(|it| it == path)

@@ -1,6 +1,6 @@
-//! Locks that hand their priority on (PTHREAD_PRIO_INHERIT): the word in memory names the owner,
-//! and
-//! the supervisor hands it on, oldest waiter first; all threads have the same priority here.
+//! Locks with priority inheritance (PTHREAD_PRIO_INHERIT). The word in memory names the owner. The
+//! supervisor passes the lock to the oldest waiter, because all threads have the same priority
+//! here.
 
 use nix::errno::Errno;
 use nix::libc;
@@ -12,13 +12,13 @@ use super::{Memory, On, Outcome, State, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::guest::task::FutexKey;
 
-/// Bits of the word: a thread waits; the owner has ended; the owner's number.
+/// Bits of the word: a thread waits; the owner has ended; the number of the owner.
 const WAITERS: u32 = 0x8000_0000;
 const OWNER_DIED: u32 = 0x4000_0000;
 const OWNER: u32 = 0x3FFF_FFFF;
 
 impl Supervisor {
-    /// FUTEX_LOCK_PI, FUTEX_LOCK_PI2, FUTEX_TRYLOCK_PI.
+    /// Handles FUTEX_LOCK_PI, FUTEX_LOCK_PI2 and FUTEX_TRYLOCK_PI.
     pub(super) fn pi_lock(
         &mut self,
         tid: i32,
@@ -67,7 +67,7 @@ impl Supervisor {
         }))
     }
 
-    /// FUTEX_UNLOCK_PI.
+    /// Handles FUTEX_UNLOCK_PI.
     pub(super) fn pi_unlock(
         &mut self,
         tid: i32,
@@ -86,7 +86,7 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// The lock is that of `tid` from now on.
+    /// Gives the lock to `tid`.
     fn pi_give(&self, key: FutexKey, tid: i32, address: u64, more: u32) -> Result<(), Errno> {
         let waiters = self.futex_waiters(key, ALL);
         let others = waiters.iter().any(|&waiter| waiter != tid);
@@ -94,7 +94,7 @@ impl Supervisor {
         Memory(Pid::from_raw(tid)).write(address, &word.to_ne_bytes())
     }
 
-    /// The lock is that of `next`, which waited for it.
+    /// Gives the lock to `next`, which has waited for it.
     fn pi_hand_on(&mut self, key: FutexKey, next: i32, more: u32) -> Result<(), Errno> {
         let call = self.threads.get(&next).and_then(|thread| thread.call);
         let address = call.ok_or(Errno::ESRCH)?.args[0];
@@ -103,7 +103,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// A thread has ended: its locks go to the oldest of the threads that wait for them.
+    /// Gives the locks of an ended thread to the oldest threads that wait for them.
     pub(super) fn pi_after_death(&mut self) {
         let mut waiters: Vec<(u64, i32, FutexKey)> = Vec::new();
         for thread in self.threads.values() {

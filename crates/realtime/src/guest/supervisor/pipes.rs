@@ -12,10 +12,10 @@ use super::streams::{buffers, gather, lens, waits_by_flag};
 use super::{On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
-/// What a pipe that has room at all takes at once.
+/// Number of bytes that a pipe with any room takes at once.
 const PIPE_PAGE: usize = 4096;
 
-/// What takes bytes without messages.
+/// A file that takes bytes without message boundaries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Sink {
     Pipe,
@@ -30,7 +30,8 @@ impl Supervisor {
         file: &File,
     ) -> Result<Outcome, Errno> {
         let waits = waits_by_flag(call);
-        // A little fits where there is room at all; messages with an address or rights are whole.
+        // A small write fits wherever there is any room. Messages with an address or with rights
+        // must stay whole.
         let is_plain = match call.number {
             libc::SYS_write | libc::SYS_writev => true,
             libc::SYS_sendto => call.args[4] == 0,
@@ -51,7 +52,7 @@ impl Supervisor {
             match put(file, sink, &bytes) {
                 Ok(len) => done += len,
                 Err(Errno::EAGAIN) => break,
-                // The kernel tells the program, by a signal as well.
+                // The kernel reports the error to the program, also by a signal.
                 Err(_) if done == 0 => return Ok(Outcome::Kernel),
                 Err(_) => return Ok(Outcome::Answer(i64::try_from(done).unwrap_or(0))),
             }

@@ -14,17 +14,17 @@ use super::files::{File, Kind};
 use super::{Memory, On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 
-/// Most files that are waited for at once, and most of those of a `select`.
+/// Maximum number of files in one wait, and of files of a `select`.
 const FILES_MAX: u64 = 4096;
 const SELECTED_MAX: i32 = 1024;
-/// Bytes of a `pollfd`, and of an `epoll_event` on this processor.
+/// Length of a `pollfd`, and of an `epoll_event` on this processor, bytes.
 pub(super) const POLLFD: usize = 8;
-/// What of a `pollfd` its thread asks for: all but the answer.
+/// Length of the request in a `pollfd`: all fields except the answer.
 const WANTED: usize = 6;
 const EPOLL_EVENT: usize = 12;
-/// Most pipes of a thread's selects that are remembered.
+/// Maximum number of stored pipes of a thread's selects.
 const QUIET_MAX: usize = 16;
-/// Most pieces of memory that the kernel writes in one call (UIO_MAXIOV).
+/// Maximum number of pieces of memory that the kernel writes in one call (UIO_MAXIOV).
 const PIECES_MAX: usize = 1024;
 
 impl Supervisor {
@@ -47,7 +47,7 @@ impl Supervisor {
         if ready == 0 && !is_time_up {
             return Ok(wait_until(deadline));
         }
-        // The answers alone: another thread may change what is asked for meanwhile.
+        // Write only the answers, because another thread may change the requests meanwhile.
         let answers: Vec<[u8; 2]> = found.iter().map(|flags| flags.to_ne_bytes()).collect();
         let places = (WANTED as u64..).step_by(POLLFD);
         let places = places.map(|at| address.wrapping_add(at));
@@ -63,7 +63,7 @@ impl Supervisor {
         Ok(Outcome::Answer(i64::try_from(ready).unwrap_or(0)))
     }
 
-    /// The entries of a `poll`, read once: what its thread waits for does not change meanwhile.
+    /// The entries of a `poll`, read once: the awaited events do not change during the wait.
     fn noted_entries(&mut self, tid: i32, call: &Call) -> Result<Vec<u8>, Errno> {
         let thread = self.threads.get_mut(&tid).ok_or(Errno::ESRCH)?;
         if !thread.watched.is_empty() {
@@ -78,7 +78,7 @@ impl Supervisor {
         Ok(entries)
     }
 
-    /// The same of a `select`: its sets and its time.
+    /// The sets and the time of a `select`, read once.
     fn noted_sets(&mut self, tid: i32, call: &Call) -> Result<([Vec<u8>; 3], [u8; 16]), Errno> {
         let thread = self.threads.get_mut(&tid).ok_or(Errno::ESRCH)?;
         let (_, len) = size_of_sets(call.args[0]);
@@ -91,7 +91,7 @@ impl Supervisor {
         Ok((sets, time))
     }
 
-    /// What is ready of each file, as the kernel's flags.
+    /// The readiness of each file, as the kernel's flags.
     fn look_at(&mut self, tid: i32, wanted: &[(i32, u16)]) -> Vec<u16> {
         let files: Vec<Option<Arc<File>>> = wanted
             .iter()
@@ -106,7 +106,7 @@ impl Supervisor {
             thread.waits_for_ports = are_held;
             thread.asks_port = is_any_held;
             for fd in pipes {
-                // The latest ones: pyserial has two for each port.
+                // Keep the latest ones: pyserial has two for each port.
                 thread.quiet.retain(|&other| other != fd);
                 thread.quiet.push(fd);
             }
@@ -141,7 +141,7 @@ impl Supervisor {
                         false => 0,
                     }
                 }
-                // The supervisor reads this file all the time, at the pace of the wall clock.
+                // The supervisor reads this file all the time, in wall time.
                 Some(file) if file.kind == Kind::Mouth => {
                     found.next();
                     flags & PollFlags::OUT.bits()
@@ -169,7 +169,7 @@ impl Supervisor {
             .collect()
     }
 
-    /// Whether the terminal of a port, not the kernel, knows what is ready.
+    /// Whether the port's terminal, and not the kernel, knows the readiness.
     fn holds(&mut self, file: &File) -> bool {
         let Kind::Port(port) = file.kind else {
             return false;
@@ -192,7 +192,7 @@ impl Supervisor {
         wanted & found.bits()
     }
 
-    /// What is ready of a port of which the kernel says `found`.
+    /// The readiness of a port for which the kernel reports `found`.
     fn port_readiness(&mut self, port: usize, wanted: u16, found: u16) -> u16 {
         let Some(terminal) = self.stage.terminal(port) else {
             return found;
@@ -250,7 +250,7 @@ impl Supervisor {
         Ok(Outcome::Answer(ready))
     }
 
-    /// The files of three sets with what is ready of each; `None` for one that is not open.
+    /// The files of three sets with the readiness of each; `None` if a file is not open.
     fn select_from(
         &mut self,
         tid: i32,
@@ -287,7 +287,7 @@ impl Supervisor {
             _ => self.millis_from(tid, low_i32(timeout)),
         };
         let most = usize::try_from(low_i32(most)).map_err(|_| Errno::EINVAL)?;
-        // Readiness of a port reaches such a set only with the bytes themselves.
+        // Such a set sees the readiness of a port only with the bytes themselves.
         self.stage.settle_all();
         let file = self.file(tid, low_i32(fd)).ok_or(Errno::EBADF)?;
         let mut events = Vec::with_capacity(most.clamp(1, 4096));
@@ -304,7 +304,7 @@ impl Supervisor {
         }
         let mut bytes = Vec::with_capacity(events.len() * EPOLL_EVENT);
         for event in &events {
-            // Copied out first: the event is packed.
+            // These fields are copied first, because the event is a packed structure.
             let (flags, data) = (event.flags, event.data);
             bytes.extend(flags.bits().to_ne_bytes());
             bytes.extend(data.u64().to_ne_bytes());
@@ -318,14 +318,14 @@ impl Supervisor {
         Ok(Outcome::Answer(i64::try_from(count).unwrap_or(0)))
     }
 
-    /// The end of a wait of so many milliseconds; negative: none.
+    /// The deadline of a wait of this many milliseconds; negative: none.
     fn millis_from(&self, tid: i32, millis: i32) -> Option<Instant> {
         let millis = u64::try_from(millis).ok()?;
         Some(self.entered(tid) + Duration::from_millis(millis))
     }
 
-    /// The end of a wait as long as two numbers at `address` say, the second in `unit` ns; none at
-    /// 0.
+    /// The deadline of a wait whose length is two numbers at `address`, seconds and multiples of
+    /// `unit` ns; `None` at address 0.
     pub(super) fn timespec_from(
         &self,
         tid: i32,
@@ -340,14 +340,14 @@ impl Supervisor {
         self.deadline_after(tid, time, unit).map(Some)
     }
 
-    /// The end of a wait as long as two numbers say, the second in `unit` ns.
+    /// The deadline of a wait whose length is two numbers: seconds and multiples of `unit` ns.
     fn deadline_after(&self, tid: i32, time: [u8; 16], unit: i64) -> Result<Instant, Errno> {
         let [seconds, parts] = [0, 8].map(|at| {
             let mut number = [0; 8];
             number.copy_from_slice(&time[at..at + 8]);
             i64::from_ne_bytes(number)
         });
-        // A time of more than a second in microseconds is allowed.
+        // Microseconds may exceed a second.
         let carry = parts / (1_000_000_000 / unit);
         let parts = parts % (1_000_000_000 / unit) * unit;
         let nanos = nanos([seconds.saturating_add(carry), parts])?;
@@ -355,7 +355,7 @@ impl Supervisor {
         Ok(self.entered(tid) + length)
     }
 
-    /// The kernel says how much of the time was left.
+    /// Writes the remaining time to memory, as the kernel does.
     fn tell_rest(
         &self,
         memory: Memory,
@@ -369,7 +369,7 @@ impl Supervisor {
         memory.write(address, &self.rest_until(deadline, unit))
     }
 
-    /// How much of the time until `deadline` is left: two numbers, the second in `unit` ns.
+    /// The remaining time until `deadline` as two numbers: seconds and multiples of `unit` ns.
     fn rest_until(&self, deadline: Instant, unit: i64) -> [u8; 16] {
         let left = deadline - self.stage.now();
         let [seconds, nanos] = timespec(i64::try_from(left.as_nanos()).unwrap_or(i64::MAX));
@@ -391,13 +391,13 @@ pub(super) fn entries(tid: i32, call: &Call) -> Result<Vec<u8>, Errno> {
     Ok(entries)
 }
 
-/// What entries of a `poll` ask for: all but the answers.
+/// The requests in the entries of a `poll`, without the answers.
 fn wanted_of(entries: &[u8]) -> Vec<u8> {
     let wanted = entries.chunks_exact(POLLFD).map(|entry| &entry[..WANTED]);
     wanted.collect::<Vec<_>>().concat()
 }
 
-/// How many files the sets of a `select` are about, and the length of each set.
+/// Number of files in the sets of a `select`, and the length of each set.
 fn size_of_sets(count: u64) -> (usize, usize) {
     let count = low_i32(count).clamp(0, SELECTED_MAX);
     let count = usize::try_from(count).unwrap_or_default();
@@ -417,7 +417,7 @@ fn sets(tid: i32, call: &Call) -> Result<([Vec<u8>; 3], [u8; 16]), Errno> {
     Ok((sets, time))
 }
 
-/// The files that a `poll` or `select` is about, as they are named in memory; none of other calls.
+/// The files of a `poll` or `select` in the format of the program's memory; empty for other calls.
 pub(super) fn watched(tid: i32, call: &Call) -> Vec<u8> {
     let watched = match call.number {
         libc::SYS_poll | libc::SYS_ppoll => entries(tid, call).map(|it| wanted_of(&it)),
@@ -434,7 +434,7 @@ const fn wait_until(deadline: Option<Instant>) -> Outcome {
     })
 }
 
-/// Which readiness counts for which of select's sets, as the kernel has it.
+/// Whether a readiness counts for one of select's sets, by the kernel's rules.
 fn is_selected(kind: PollFlags, found: PollFlags) -> bool {
     let counts = match kind {
         PollFlags::IN => PollFlags::IN | PollFlags::RDNORM | PollFlags::HUP | PollFlags::ERR,

@@ -1,4 +1,5 @@
-//! The rig's ports: what the line has brought can be read, what is written goes to the line now.
+//! Reads and writes of the rig's ports: arrived bytes can be read, written bytes go to the line
+//! immediately.
 
 use core::time::Duration;
 
@@ -10,9 +11,9 @@ use super::{On, Outcome, Supervisor, Wait};
 use crate::guest::call::Call;
 use crate::transport::{Code, Settings};
 
-/// Bytes that are read at once.
+/// Maximum number of bytes in one read.
 const READ_MAX: usize = 64 << 10;
-/// Bytes that are put into a port at once; the kernel has room for more.
+/// Maximum number of bytes that are put into a port at once; the kernel has room for more.
 const PIECE: usize = 1024;
 
 impl Supervisor {
@@ -63,7 +64,8 @@ impl Supervisor {
         Ok(Outcome::Answer(i64::try_from(bytes.len()).unwrap_or(0)))
     }
 
-    /// Why a read does not return bytes now: by the rules of VMIN and VTIME, see termios(3).
+    /// The reason why a read does not return bytes yet, by the rules of VMIN and VTIME, see
+    /// termios(3).
     fn not_yet(
         &self,
         tid: i32,
@@ -100,7 +102,7 @@ impl Supervisor {
         if file.never_waits() {
             return (there == 0).then_some(Err(Errno::EAGAIN));
         }
-        // Between bytes the timer begins anew with each.
+        // Between bytes, the timer starts again with each byte.
         let deadline = (there > 0 && time > 0).then(|| self.stage.heard(port) + tenths(time));
         match deadline {
             Some(at) if now >= at => None,

@@ -1,9 +1,8 @@
-//! timer_create and its like: timers of a process that send a signal when their virtual time has
-//! come.
+//! Timers of `timer_create`: they belong to a process, and send a signal at a virtual time.
 //!
-//! The supervisor delivers the signal to threads that wait for it (sigwaitinfo). The C library runs
-//! its timers with a callback this way, in a thread of its own. Other threads get it from the
-//! kernel.
+//! The supervisor delivers the signal to threads that wait for it (sigwaitinfo). The C library
+//! implements timers with a callback in this way, in a thread of its own. For other threads, the
+//! kernel delivers the signal.
 
 use nix::errno::Errno;
 use nix::libc;
@@ -19,18 +18,18 @@ use crate::guest::call::Call;
 use crate::guest::pending::Pending;
 use crate::guest::task::{PosixTimer, Timer};
 
-/// Most timers of a process.
+/// Maximum number of timers of a process.
 const TIMERS_MAX: usize = 1024;
 /// The highest signal.
 const SIGNAL_MAX: i32 = 64;
-/// Kinds of notice: a signal, nothing, a signal for a callback, a signal to one thread.
+/// Kinds of notification: a signal, none, a signal for a callback, a signal to one thread.
 const SIGEV_SIGNAL: i32 = 0;
 const SIGEV_NONE: i32 = 1;
 const SIGEV_THREAD: i32 = 2;
 const SIGEV_THREAD_ID: i32 = 4;
-/// What a signal of a timer says of its origin.
+/// Code of the origin in a timer's signal.
 const SI_TIMER: i32 = -2;
-/// Bytes of what tells of a signal.
+/// Length of the data of a signal.
 pub(super) const SIGINFO: usize = 128;
 
 impl Supervisor {
@@ -119,7 +118,7 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// Lets those expire whose time has come by `now`.
+    /// Lets timers expire whose time has come by `now`.
     pub(super) fn fire_posix_timers(&mut self) {
         let now = self.stage.now();
         let (mut sent, mut waited) = (false, false);
@@ -133,7 +132,7 @@ impl Supervisor {
                 let bit = bit_of(timer.signal);
                 let is_held = || Pending::of(pid, pid).common & bit != 0;
                 if timer.is_due || timer.is_sent && is_held() {
-                    // Its signal is pending: there is no second one.
+                    // Its signal is already pending, so no second one is sent.
                     let count = i64::try_from(count).unwrap_or(i64::MAX);
                     timer.overrun = timer.overrun.saturating_add(count);
                     continue;
@@ -141,7 +140,7 @@ impl Supervisor {
                 timer.overrun = i64::try_from(count - 1).unwrap_or(i64::MAX);
                 let is_low =
                     Signal::from_named_raw(timer.signal).is_some() && timer.thread.is_none();
-                // None of the C library's own, which it waits for.
+                // The C library waits for its own signal, so that one is not sent.
                 let signal = Signal::from_raw(timer.signal);
                 let signal = signal.filter(|_| is_low || Pending::of(pid, pid).are_handled(bit));
                 match (signal, rustix_pid) {
@@ -177,7 +176,7 @@ impl Supervisor {
         }
     }
 
-    /// The signal of a timer for which `tid` waits in `call`, told as the kernel does.
+    /// The signal of a timer for which `tid` waits in `call`, with data in the kernel's format.
     pub(super) fn take_timer_signal(
         &mut self,
         tid: i32,
@@ -204,8 +203,8 @@ impl Supervisor {
         Ok(Some(Outcome::Answer(signal.into())))
     }
 
-    /// A thread takes a signal that the kernel has for it: what is told of it, if a timer has sent
-    /// it.
+    /// The data of a signal that the kernel has for a thread and the thread takes now, if a timer
+    /// has sent the signal.
     pub(super) fn take_sent_signal(&mut self, tid: i32, call: &Call, pending: u64) -> Option<()> {
         let pid = self.threads.get(&tid)?.process;
         let mut timers = self.processes.get(&pid)?.posix_timers.values();
@@ -226,7 +225,7 @@ impl Supervisor {
         Some(())
     }
 
-    /// What a handler is told of this signal, if a timer has sent it.
+    /// The data for the handler of this signal, if a timer has sent the signal.
     pub(super) fn told_by_timer(&mut self, pid: i32, signal: i32) -> Option<[u8; SIGINFO]> {
         let process = self.processes.get_mut(&pid)?;
         let mut timers = process.posix_timers.iter_mut();
@@ -242,7 +241,7 @@ fn bit_of(signal: i32) -> u64 {
     bit.and_then(|bit| 1_u64.checked_shl(bit)).unwrap_or(0)
 }
 
-/// What is told of a timer's signal, as the kernel does.
+/// The data of a timer's signal, in the kernel's format.
 fn told_by(id: i32, timer: &PosixTimer) -> [u8; SIGINFO] {
     let mut info = [0; SIGINFO];
     let overrun = i32::try_from(timer.overrun).unwrap_or(i32::MAX);

@@ -1,5 +1,5 @@
-//! The price of computing: what a thread has computed passes before its next call, for that thread.
-//! Others run meanwhile, as on processors of their own.
+//! The price of computing: a thread's computing time passes before its next call, for this thread
+//! only. Other threads run meanwhile, as on other processors.
 
 use core::time::Duration;
 
@@ -10,13 +10,14 @@ use crate::guest::programs::files_of;
 
 impl Supervisor {
     /// Processor time of the process of `tid`, if computing is measured. One thread runs at a time,
-    /// so what is added is that thread's.
+    /// so an increase belongs to that thread.
     pub(super) fn processor_time_of(&self, tid: i32) -> Option<Duration> {
         self.computing.as_ref().filter(|it| it.measures())?;
         processor_time(self.threads.get(&tid)?.process)
     }
 
-    /// The thread has stopped, which ran since its process had used `before`.
+    /// Records the computing of a thread that has stopped. `before` is the processor time of its
+    /// process when the thread continued.
     pub(super) fn has_computed(&mut self, tid: i32, before: Option<Duration>) {
         let Some((before, now)) = before.zip(self.processor_time_of(tid)) else {
             return;
@@ -27,7 +28,8 @@ impl Supervisor {
         }
     }
 
-    /// A thread has waited for another one in a loop without a call, which is no computing.
+    /// Makes the last computing free, because the thread only waited for another one in a loop
+    /// without a call.
     pub(super) fn forgive_computing(&mut self, tid: i32) {
         let index = self.threads.get(&tid).map(|thread| thread.index);
         if let (Some(index), Some(computing)) = (index, &mut self.computing) {
@@ -35,14 +37,14 @@ impl Supervisor {
         }
     }
 
-    /// The process has become another program.
+    /// Records the program of a process that has executed another program.
     pub(super) fn note_program(&mut self, process: i32) {
         if let Some(computing) = &mut self.computing {
             computing.runs(files_of(process));
         }
     }
 
-    /// A thread begins a call: it waits while its computing before that passes.
+    /// Lets a thread that begins a call wait until its computing before the call has passed.
     pub(super) fn charge_computing(&mut self, tid: i32) -> Option<Flow> {
         if self.stage.is_frozen {
             return None;
@@ -57,12 +59,12 @@ impl Supervisor {
         Some(Flow::Stays)
     }
 
-    /// The charges of the run so far.
+    /// All charges of the run so far.
     pub(in crate::guest) const fn computing(&self) -> Option<&Computing> {
         self.computing.as_ref()
     }
 
-    /// The charges of an earlier run of the same program, up to where that came.
+    /// Uses the charges of an earlier run of the same program, up to its end.
     pub(in crate::guest) fn charge_again(&mut self, earlier: Computing) {
         self.computing = Some(earlier.again());
     }

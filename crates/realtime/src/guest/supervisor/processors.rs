@@ -1,5 +1,5 @@
-//! The processor on which a program runs: all threads share the one on which hilrig was started, so
-//! its number differs from run to run. The program sees the first one.
+//! The program's view of its processor. All threads share the processor on which hilrig was
+//! started, so its number differs from run to run. The program always sees the first processor.
 
 use nix::errno::Errno;
 use nix::libc;
@@ -11,21 +11,22 @@ use crate::guest::call::Call;
 
 /// The first processor, as a bit.
 pub(super) const FIRST: u64 = 1;
-/// Bytes of a set of up to 64 processors.
+/// Length of a set of up to 64 processors, bytes.
 const SET: usize = 8;
 
 impl Supervisor {
-    /// getcpu, rseq, sched_getaffinity, sched_setaffinity.
+    /// Handles getcpu, rseq, sched_getaffinity and sched_setaffinity.
     pub(super) fn sees_processor(&mut self, tid: i32, call: &Call) {
         let done = match call.number {
             libc::SYS_getcpu => processor_number(tid, call),
             libc::SYS_sched_getaffinity => self.tell_processors(tid, call),
             libc::SYS_sched_setaffinity => self.wants_processors(tid, call),
-            // Through that the kernel would write the number into the program's memory.
+            // With this registration, the kernel would write the processor's number into the
+            // program's memory.
             _ => Err(Errno::ENOSYS),
         };
         let answer = match done {
-            // A process that is not the program's.
+            // The process does not belong to the program.
             Err(Errno::ESRCH) => return,
             Err(errno) => -i64::from(errno as i32),
             Ok(answer) => answer,
@@ -45,7 +46,7 @@ impl Supervisor {
         Ok(i64::try_from(SET).unwrap_or(0))
     }
 
-    /// It gets the set that it wants, and stays where it is.
+    /// Stores the requested set of processors; the thread stays on its processor.
     fn wants_processors(&mut self, tid: i32, call: &Call) -> Result<i64, Errno> {
         let [of, len, place, ..] = call.args;
         let thread = self.threads.get_mut(&aim(tid, of)).ok_or(Errno::ESRCH)?;
@@ -60,7 +61,7 @@ impl Supervisor {
         Ok(0)
     }
 
-    /// A new thread or process may run where its maker may.
+    /// Gives a new thread or process the set of its creator.
     pub(super) fn inherit_processors(&mut self, from: i32, to: i32) {
         let processors = self.threads.get(&from).map(|thread| thread.processors);
         if let (Some(processors), Some(thread)) = (processors, self.threads.get_mut(&to)) {
@@ -69,7 +70,7 @@ impl Supervisor {
     }
 }
 
-/// The thread that a call is about; 0 is the caller.
+/// The thread to which a call refers; 0 is the caller.
 fn aim(tid: i32, of: u64) -> i32 {
     match low_i32(of) {
         0 => tid,
@@ -85,7 +86,7 @@ fn processor_number(tid: i32, call: &Call) -> Result<i64, Errno> {
     Ok(0)
 }
 
-/// The processors of this machine, as bits; all of them if the system does not tell.
+/// The processors of this machine, as bits; all bits if the system does not report them.
 fn possible() -> u64 {
     let text = std::fs::read_to_string("/sys/devices/system/cpu/possible").unwrap_or_default();
     let last = text.trim().rsplit(['-', ',']).next();

@@ -1,6 +1,6 @@
-//! Queues and semaphores of POSIX and System V. Those of POSIX are files; the kernel is asked for
-//! the
-//! others without waiting, and again when one of them may have changed.
+//! Queues and semaphores of POSIX and System V. Those of POSIX are files. For those of System V,
+//! the supervisor makes the kernel's call without waiting, and again when one of them may have
+//! changed.
 
 use nix::errno::Errno;
 use nix::libc;
@@ -12,20 +12,21 @@ use super::clocks::{low_i32, nanos};
 use super::{Memory, On, Outcome, Supervisor, Wait, is_death};
 use crate::guest::call::Call;
 
-/// Bytes of an operation on a semaphore, where its flags are in it, and most of them at once.
+/// Length of an operation on a semaphore, offset of its flags, and maximum number of operations in
+/// a call.
 const OPERATION: usize = 6;
 const FLAGS: usize = 4;
 const OPERATIONS_MAX: u64 = 500;
 const NO_WAIT: u16 = 0o4000;
 
-/// How a call is asked not to wait: an argument that is changed, or operations in memory.
+/// The change that makes a call return without waiting: of an argument, or of operations in memory.
 enum Asked {
     Argument(usize, u64),
     Operations(u64, Vec<u8>),
 }
 
 impl Supervisor {
-    /// mq_timedsend, mq_timedreceive.
+    /// Handles mq_timedsend and mq_timedreceive.
     pub(super) fn message(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let [fd, _, _, _, timeout, _] = call.args;
         let Some(file) = self.file(tid, low_i32(fd)) else {
@@ -36,7 +37,7 @@ impl Supervisor {
             _ => PollFlags::IN,
         };
         if file.never_waits() || !file.readiness(wanted).is_empty() {
-            // A process may have asked for a signal (mq_notify).
+            // A process may have requested a signal (mq_notify).
             self.is_signalled |= call.number == libc::SYS_mq_timedsend;
             return Ok(Outcome::Kernel);
         }
@@ -56,7 +57,7 @@ impl Supervisor {
         }))
     }
 
-    /// msgsnd, msgrcv, semop, semtimedop.
+    /// Handles msgsnd, msgrcv, semop and semtimedop.
     pub(super) fn queue(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let deadline = match call.number {
             libc::SYS_semtimedop => self.timespec_from(tid, call.args[3], 1)?,
@@ -97,12 +98,12 @@ impl Supervisor {
         if !waits || is_time_up {
             self.set_at_end(tid, false);
             self.has_queues_changed = true;
-            // Gone while it waited for it.
+            // The queue was removed while the thread waited for it.
             let result = match end.result() == -i64::from(Errno::EINVAL as i32) && has_waited {
                 true => -i64::from(Errno::EIDRM as i32),
                 false => end.result(),
             };
-            // The rest of the way is the program's; what it asked for is given back.
+            // The program's thread continues from here; its changed arguments are restored.
             end.with_result(pid, index, value, result)?;
             return Ok(Outcome::Kernel);
         }
@@ -114,9 +115,8 @@ impl Supervisor {
         }))
     }
 
-    /// The thread stands at its call, which is not to wait; how it was before. `None` if it does
-    /// not
-    /// anyway.
+    /// Changes the call of a thread so that it does not wait; returns the original. `None` if the
+    /// call does not wait anyway.
     fn ask_not_to_wait(&mut self, tid: i32, call: &Call) -> Result<Option<Asked>, Errno> {
         let pid = Pid::from_raw(tid);
         if self
@@ -125,8 +125,8 @@ impl Supervisor {
             .is_some_and(|thread| thread.is_at_end)
         {
             self.set_at_end(tid, false);
-            // It makes the call once more, up to where the filter stops it; of the signals that
-            // come before that none is for a handler.
+            // The thread makes the call again, up to its stop by the filter. No signal that comes
+            // before this has a handler.
             loop {
                 ptrace::cont(pid, None)?;
                 match self.wait_for(tid) {

@@ -1,9 +1,9 @@
-//! A program put back to an earlier moment: each case of a search then begins where the program
-//! first waits for its port, without a start.
+//! Puts a program back to an earlier moment: each case of a search then begins where the program
+//! first waits for its port, without a new start of the program.
 //!
 //! The process stays. Its writable memory and registers are written back, its clocks are set back,
-//! and the rig continues. That is the whole state of a program of one thread that waits in a call
-//! and has no files but its ports and its output. For any other program there is no such moment.
+//! and the rig continues. This is the whole state of a program with one thread that waits in a
+//! call, and with no files except its ports and its output. No other program can be put back.
 //! Mappings, open files and handlers of signals are compared: if one has changed, the program
 //! cannot be put back and is started again.
 
@@ -19,7 +19,7 @@ use crate::guest::stage::StageMoment;
 use crate::guest::task::Thread;
 use emulators::rng::Rng;
 
-/// Maximum number of bytes of writable memory: a start is as fast as writing more.
+/// Maximum number of bytes of writable memory: writing more takes as long as a new start.
 const MEMORY_MAX: usize = 8 << 20;
 /// Lines of `/proc/PID/status` that only the program itself changes.
 const OWN_LINES: [&str; 6] = ["Umask", "Threads", "SigBlk", "SigIgn", "SigCgt", "Seccomp"];
@@ -68,7 +68,7 @@ impl Fixed {
         for line in self.maps.lines() {
             let mut words = line.split(' ');
             let (range, rights) = (words.next()?, words.next()?);
-            // The clock page can be executed as well: its detours stay, and its data are lent anew.
+            // The clock page is also executable: its detours stay, and its data are lent again.
             if !rights.starts_with("rw-") {
                 continue;
             }
@@ -85,7 +85,7 @@ impl Fixed {
 }
 
 impl Supervisor {
-    /// The program now, if it can be put back to this moment.
+    /// The current moment, if the program can be put back to it.
     pub(in crate::guest) fn moment(&mut self) -> Option<Moment> {
         let tid = self.waiting_thread()?;
         let stage = self.stage.moment()?;
@@ -118,8 +118,8 @@ impl Supervisor {
         })
     }
 
-    /// Puts the program back to `moment`; whether it was possible. If not, the program is in no
-    /// usable state.
+    /// Puts the program back to `moment`; returns whether this was possible. If not, the program is
+    /// in an unusable state.
     pub(in crate::guest) fn put_back(&mut self, moment: &Moment) -> bool {
         let Some(tid) = self.waiting_thread() else {
             return false;
@@ -145,8 +145,8 @@ impl Supervisor {
         is_written
     }
 
-    /// The only thread of the program, if it waits at the beginning of a call and nothing else is
-    /// under way.
+    /// The only thread of the program, if it waits at the start of a call and no other event is
+    /// pending.
     fn waiting_thread(&self) -> Option<i32> {
         let mut threads = self.threads.values();
         let (Some(thread), None) = (threads.next(), threads.next()) else {

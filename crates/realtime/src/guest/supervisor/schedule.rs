@@ -1,9 +1,9 @@
-//! Other orders of threads: where threads could run in any order, chance decides, the same for one
-//! seed each time.
+//! Other orders of threads: where threads could run in any order, random numbers decide, and each
+//! seed always gives the same decisions.
 //!
 //! A thread that begins a call may let others go first, or be late, as on a busy machine. A thread
-//! that computes may lose the processor after some instructions. So a program with a race shows it
-//! for some seeds, and each of them repeats it.
+//! that computes may lose the processor after some instructions. So a program with a race condition
+//! shows it for some seeds, and each of these seeds repeats it.
 
 use core::time::Duration;
 
@@ -14,24 +14,24 @@ use nix::unistd::Pid;
 
 use super::{Flow, Next, Supervisor};
 
-/// One call of so many lets others go first, or comes later.
+/// One in this number of calls lets other threads run first, or is delayed.
 const YIELDS: u64 = 6;
 const DELAYS: u64 = 24;
-/// The same for a thread that goes on: it loses the processor while it computes.
+/// One in this number of threads that continue loses the processor while it computes.
 const PREEMPTS: u64 = 12;
-/// Shortest delay, and how often it doubles at most.
+/// Minimum delay, and maximum number of its doublings.
 const DELAY_MIN: Duration = Duration::from_micros(10);
 const DOUBLINGS: u64 = 9;
-/// Most instructions before a thread loses the processor: 2 to the power of one less than this.
+/// A thread loses the processor after at most 2^(`INSTRUCTIONS` - 1) instructions.
 const INSTRUCTIONS: u64 = 11;
 
-/// The chance, and what it has decided.
+/// The random numbers and their current decisions.
 #[derive(Debug)]
 pub(super) struct Schedule {
     chance: Rng,
-    /// The thread that loses the processor after so many instructions.
+    /// The thread that will lose the processor, and its remaining instructions.
     fuel: Option<(i32, u64)>,
-    /// The thread for which chance has decided already: its stop is none without a debugger.
+    /// The thread whose decision was already made: only a debugger causes its stop.
     drawn: Option<i32>,
 }
 
@@ -69,7 +69,8 @@ impl Supervisor {
         self.queue.pop_front()
     }
 
-    /// A thread begins a call: whether it goes on with it now.
+    /// Whether a thread that begins a call must wait for others; `None` if it continues with the
+    /// call now.
     pub(super) fn call_by_schedule(&mut self, tid: i32) -> Option<Flow> {
         let has_others = !self.queue.is_empty();
         let schedule = self.schedule.as_mut()?;
@@ -92,7 +93,7 @@ impl Supervisor {
         }
     }
 
-    /// Whether a thread that continues goes by single instructions.
+    /// Whether a thread that continues must run in single steps.
     pub(super) fn steps_by_schedule(&mut self, tid: i32) -> bool {
         let Some(schedule) = &mut self.schedule else {
             return false;
@@ -112,10 +113,10 @@ impl Supervisor {
         true
     }
 
-    /// A thread has stopped at SIGTRAP: whether that is the end of an instruction before it loses
-    /// the processor.
+    /// Handles a thread that has stopped at SIGTRAP; `None` if this is not a single step before it
+    /// loses the processor.
     pub(super) fn stepped_by_schedule(&mut self, tid: i32) -> Option<Flow> {
-        /// What the kernel tells of an `int3` of the program's own.
+        /// Signal code of an `int3` of the program itself.
         const BY_INSTRUCTION: i32 = 0x80;
         let info = ptrace::getsiginfo(Pid::from_raw(tid)).ok()?;
         let schedule = self.schedule.as_ref()?;
@@ -129,7 +130,8 @@ impl Supervisor {
         })
     }
 
-    /// A thread has done an instruction, also by order of a debugger: how it goes on.
+    /// Handles an executed instruction of a thread, also one that a debugger ordered; returns how
+    /// the thread continues.
     pub(super) fn step_for_schedule(&mut self, tid: i32) -> Next {
         let keeps_loan = self.keeps_loan;
         let Some(schedule) = &mut self.schedule else {
@@ -146,14 +148,14 @@ impl Supervisor {
         Next::Go(None)
     }
 
-    /// A thread goes on after a stop that no other run has: chance does not decide again.
+    /// Lets a thread continue without a new decision, because no other run has this stop.
     pub(super) fn stop_for_schedule(&mut self, tid: i32) {
         if let Some(schedule) = &mut self.schedule {
             schedule.drawn = Some(tid);
         }
     }
 
-    /// A thread that computes lets others go first, or is late.
+    /// Lets other threads run before a thread that computes, or delays this thread.
     pub(super) fn lose_processor(&mut self, tid: i32) -> Flow {
         let has_others = !self.queue.is_empty();
         let yields = self

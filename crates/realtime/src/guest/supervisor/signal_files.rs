@@ -30,7 +30,7 @@ impl Supervisor {
         }
     }
 
-    /// What an epoll set says of such files in it: flags and the program's own data.
+    /// The report of an epoll set about such files in it: flags and the program's own data.
     pub(super) fn epoll_signals(&mut self, tid: i32, set: u64) -> Result<Vec<(u32, u64)>, Errno> {
         if !self.has_signal_files {
             return Ok(Vec::new());
@@ -39,7 +39,8 @@ impl Supervisor {
         let info = read_to_string(format!("/proc/{process}/fdinfo/{}", low_i32(set)));
         let info = info.map_err(|_| Errno::EBADF)?;
         let mut found = Vec::new();
-        // "tfd:        5 events:       19 data:                5 ..": all but the first in hex.
+        // Format: "tfd:        5 events:       19 data:                5 ..", all numbers but the
+        // first in hex.
         for line in info.lines() {
             let mut words = line.split_ascii_whitespace();
             if words.next() != Some("tfd:") {
@@ -63,7 +64,7 @@ impl Supervisor {
     }
 }
 
-/// The signals of a file, as bits, if it is of this kind.
+/// The signals of a signalfd, as bits; `None` for another file.
 fn signals_of(file: &File) -> Option<u64> {
     let info = read_to_string(format!("/proc/self/fdinfo/{}", file.fd.as_raw_fd())).ok()?;
     let mask = info

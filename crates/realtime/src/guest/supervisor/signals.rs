@@ -1,5 +1,5 @@
-//! Signals to threads that wait: the kernel holds them back until the thread goes on, so the
-//! supervisor looks for them.
+//! Signals to threads that wait. The kernel does not deliver them until the thread continues, so
+//! the supervisor searches for them.
 
 use core::time::Duration;
 
@@ -15,11 +15,11 @@ use super::{Memory, Next, On, Outcome, State, Supervisor, Wait, is_death, wait};
 use crate::guest::call::Call;
 use crate::guest::pending::Pending;
 
-/// Bit of a handler that wants interrupted calls to be made again.
+/// Flag of a handler that requests a restart of interrupted calls.
 const SA_RESTART: u64 = 0x1000_0000;
 
 impl Supervisor {
-    /// A process outside the supervision sent a signal.
+    /// Records that a process outside the supervision has sent a signal.
     pub(in crate::guest) const fn expect_signals(&mut self) {
         self.is_signalled = true;
     }
@@ -31,12 +31,12 @@ impl Supervisor {
             .threads
             .values()
             .filter(|thread| matches!(thread.state, State::Blocked(_)));
-        // By age: numbers begin anew when the system has used them up.
+        // Sort by age, because thread numbers start again after the highest one.
         let mut blocked: Vec<(u32, i32, i32)> = blocked
             .map(|thread| (thread.index, thread.process, thread.tid.as_raw()))
             .collect();
         blocked.sort_unstable();
-        // One thread of a process takes a signal that is for all of it.
+        // One thread of a process takes a signal for the whole process.
         let mut served = None;
         for (_, process, tid) in blocked {
             let pending = Pending::of(process, tid);
@@ -63,7 +63,8 @@ impl Supervisor {
         self.deliverable_beside(held, process, tid)
     }
 
-    /// The same while the signals in `held` are held back, or those that the thread holds back.
+    /// These signals while those in `held` are blocked, or, without `held`, those that the thread
+    /// blocks.
     fn deliverable_beside(&self, held: Option<u64>, process: i32, tid: i32) -> [u64; 2] {
         self.deliverable_of(&Pending::of(process, tid), held, tid)
     }
@@ -75,7 +76,7 @@ impl Supervisor {
         [pending.own, pending.common].map(|signals| signals & (!quiet | wanted))
     }
 
-    /// rt_sigsuspend, rt_sigtimedwait.
+    /// Handles rt_sigsuspend and rt_sigtimedwait.
     pub(super) fn wait_for_signal(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let signals = wanted(tid, call);
         if let Some(outcome) = self.take_timer_signal(tid, call, signals)? {
@@ -102,7 +103,7 @@ impl Supervisor {
         }))
     }
 
-    /// Whether a call that lets through other signals than its thread does has to hear of one now.
+    /// Whether a call with its own signal mask is interrupted at once by a pending signal.
     pub(super) fn is_interrupted_at_once(&self, tid: i32, call: &Call) -> bool {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         let held = mask_of(tid, call);
@@ -110,7 +111,7 @@ impl Supervisor {
             && process.is_some_and(|process| self.deliverable_beside(held, process, tid) != [0, 0])
     }
 
-    /// kill and its like. A process that is killed is gone before its killer goes on.
+    /// Handles kill and similar calls. A killed process has ended before its killer continues.
     pub(super) fn kill(&mut self, tid: i32, call: &Call) -> Outcome {
         self.is_signalled = true;
         let [target, signal, ..] = call.args;
@@ -162,7 +163,7 @@ impl Supervisor {
         }
     }
 
-    /// A process has got SIGKILL: it is gone before anything else happens.
+    /// Waits until a process with SIGKILL has ended, before anything else happens.
     fn await_death(&mut self, victim: i32) {
         while self.processes.contains_key(&victim) {
             let Some((pid, status)) = wait(None, WaitOptions::empty()) else {
@@ -171,7 +172,7 @@ impl Supervisor {
             let is_victim = self.threads.get(&pid).map(|thread| thread.process) == Some(victim);
             match is_death(status) && is_victim {
                 true => self.buried(pid, status),
-                // What it did last does not count any more.
+                // The last action of the victim does not count any more.
                 false if is_victim => {}
                 false => self.note_other(pid, status),
             }
@@ -186,7 +187,7 @@ impl Supervisor {
         };
         let Some(call) = thread.call else { return };
         if mask_of(tid, &call).is_some() || wanted(tid, &call) & signals != 0 {
-            // The kernel does the call after all: it takes the signal, or lets it through.
+            // The kernel executes the call after all: it takes the signal, or lets it through.
             let next = match call.number {
                 libc::SYS_rt_sigtimedwait => Next::Attempt,
                 _ => Next::Go(None),
@@ -204,7 +205,7 @@ impl Supervisor {
         tell_rest_of_sleep(Memory(pid), &call, left);
         let is_at_end = thread.is_at_end;
         if thread.progress > 0 {
-            // Part of it is written.
+            // A part of the bytes was written.
             let done = i64::try_from(thread.progress).unwrap_or(i64::MAX);
             let _ = call.answer(pid, done);
             return self.ready(tid, Next::Go(None));
@@ -219,7 +220,7 @@ impl Supervisor {
         self.ready(tid, Next::Go(None));
     }
 
-    /// Takes note of whether a handler wants calls to be made again.
+    /// Stores whether a handler requests a restart of interrupted calls.
     pub(super) fn sets_handler(&mut self, tid: i32, call: &Call) {
         let [signal, action, ..] = call.args;
         let Some(bit) = u32::try_from(low_i32(signal))
@@ -240,7 +241,7 @@ impl Supervisor {
         }
     }
 
-    /// The thread itself ends; the first one of a process stays until all others have.
+    /// Ends the thread; the first thread of a process stays until all others have ended.
     pub(super) fn exits(&self, tid: i32) -> Outcome {
         let Some(thread) = self.threads.get(&tid) else {
             return Outcome::Kernel;
@@ -258,7 +259,7 @@ impl Supervisor {
     }
 }
 
-/// A sleep that is cut short says how long it would have gone on, where its caller asks.
+/// Writes the remaining time of an interrupted sleep to memory, if the caller requests it.
 fn tell_rest_of_sleep(memory: Memory, call: &Call, left: Duration) {
     let place = match call.number {
         libc::SYS_nanosleep => call.args[1],
@@ -271,8 +272,8 @@ fn tell_rest_of_sleep(memory: Memory, call: &Call, left: Duration) {
     }
 }
 
-/// Whether an interrupted call of this kind is made again where the handler wants that: those that
-/// are limited in time are not, see signal(7).
+/// Whether an interrupted call of this kind is restarted if the handler requests it. Calls with a
+/// timeout are not, see signal(7).
 const fn is_restarted(call: &Call) -> bool {
     match call.number {
         libc::SYS_read
@@ -291,7 +292,7 @@ const fn is_restarted(call: &Call) -> bool {
     }
 }
 
-/// The signals that a call holds back while it waits, if it says so itself.
+/// The signals that a call blocks while it waits, if it has its own mask.
 fn mask_of(tid: i32, call: &Call) -> Option<u64> {
     let memory = Memory(Pid::from_raw(tid));
     let place = match call.number {

@@ -6,14 +6,14 @@ use super::Supervisor;
 use crate::exec::Cpu;
 use crate::guest::call;
 
-/// Most kinds of calls that are named.
+/// Maximum number of kinds of calls in the summary.
 const NAMED: usize = 3;
-/// Stopped calls a simulated second above which a hint is given: a second of a processor stops a
-/// program some 30,000 times.
+/// Number of stopped calls per simulated second above which a hint is given: a processor handles
+/// some 30,000 stops per second.
 const MANY: u64 = 3_000;
 
 impl Supervisor {
-    /// Calls, looks at clocks, and time that passed while the program asked over and over.
+    /// Summary of calls, looks at clocks, and time of busy waiting.
     pub(in crate::guest) fn spent_on(&self) -> String {
         let stops: u64 = self.spent.values().sum();
         let mut kinds: Vec<(u64, i64)> = self

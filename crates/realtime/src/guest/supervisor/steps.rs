@@ -1,4 +1,5 @@
-//! One thread at a time: it runs up to its next stop, which is looked at, and goes on or waits.
+//! Runs one thread at a time, up to its next stop. After the stop was handled, the thread continues
+//! or waits.
 
 use core::time::Duration;
 
@@ -26,7 +27,7 @@ impl Supervisor {
         self.run_on(tid, next);
     }
 
-    /// The thread whose turn it is runs up to the end of that turn.
+    /// Runs the thread whose turn it is, up to the end of that turn.
     pub(super) fn run_on(&mut self, tid: i32, next: Next) {
         let Some(thread) = self.threads.get(&tid) else {
             return;
@@ -48,7 +49,8 @@ impl Supervisor {
             Next::Lose => self.lose_processor(tid),
             Next::Stopped(status) => self.handle(tid, status),
         };
-        // A signal that came since it was ready has interrupted no wait: the next turn looks again.
+        // A signal that arrived since the thread became ready has interrupted no wait; the next
+        // turn checks again.
         self.is_signalled |= may_have_signal && matches!(flow, Flow::Stays);
         let hides_counter = self.hides_counter && matches!(flow, Flow::Goes(_));
         let _hidden = hides_counter.then(Hidden::begin);
@@ -59,7 +61,7 @@ impl Supervisor {
             }
             let computed = self.processor_time_of(current);
             if self.resume(current, signal).is_err() {
-                // It was killed meanwhile: the news of it come now.
+                // The thread was killed meanwhile, and this event is reported now.
                 self.watchdog.count();
             }
             let Some((pid, status)) = self.wait_for(current) else {
@@ -78,7 +80,7 @@ impl Supervisor {
             if let Flow::Goes(signal) = flow
                 && self.lease.take_has_waited()
             {
-                // It has waited without a stop: here its turn would have been over.
+                // The thread has waited without a stop; its turn would have ended there.
                 self.held_over = Some((current, Next::Go(signal)));
                 break;
             }
@@ -86,7 +88,8 @@ impl Supervisor {
         self.watchdog.rest();
     }
 
-    /// The next news of `tid`; of others it is noted. `None` if there is no such thread.
+    /// The next event of `tid`; events of other threads are recorded. `None` if there is no such
+    /// thread.
     pub(super) fn wait_for(&mut self, tid: i32) -> Option<(i32, i32)> {
         loop {
             let (pid, status) = wait(None, WaitOptions::empty())?;
@@ -95,7 +98,7 @@ impl Supervisor {
                 return Some((pid, status));
             }
             self.note_other(pid, status);
-            // The end of another thread of its process may have been its own.
+            // The end of another thread may have ended this whole process.
             self.threads.get(&tid)?;
         }
     }
@@ -116,7 +119,7 @@ impl Supervisor {
         if is_death(status) {
             self.died(pid, status);
         } else if matches!(thread.state, State::Outside) {
-            // A stop of ours has cut its call short, and the kernel makes it once more.
+            // Our own stop has cut its call short, and the kernel makes the call again.
             let is_same = |one: &Call| Call::of(Pid::from_raw(pid)).is_ok_and(|it| it.is_like(one));
             if status >> 16 == libc::PTRACE_EVENT_SECCOMP
                 && thread.outside.is_some_and(|it| is_same(&it))
@@ -128,7 +131,7 @@ impl Supervisor {
         }
     }
 
-    /// Takes note of threads that come back into virtual time, without waiting.
+    /// Records threads that return to virtual time, without waiting.
     pub(super) fn hear_outside(&mut self) {
         let is_out =
             |thread: &Thread| matches!(thread.state, State::Outside | State::Ended | State::Halted);
@@ -244,7 +247,8 @@ impl Supervisor {
         }
     }
 
-    /// A thread that has begun a call goes on with it, unless others are first.
+    /// Handles a thread that has begun a call: it continues with the call, unless other threads run
+    /// first.
     fn begin_call(&mut self, tid: i32) -> Flow {
         let flow = self.charge_computing(tid);
         match flow.or_else(|| self.call_by_schedule(tid)) {
@@ -253,7 +257,7 @@ impl Supervisor {
         }
     }
 
-    /// The same after its computing before that call has passed.
+    /// Continues this after the thread's computing before the call has passed.
     fn begin_late(&mut self, tid: i32) -> Flow {
         let now = self.stage.now();
         if let Some(thread) = self.threads.get_mut(&tid) {
@@ -265,7 +269,7 @@ impl Supervisor {
         }
     }
 
-    /// The rest of a call that a thread has begun.
+    /// Executes the rest of a call that a thread has begun.
     fn make_call(&mut self, tid: i32) -> Flow {
         let Some(thread) = self.threads.get(&tid) else {
             return Flow::Stays;
@@ -284,7 +288,7 @@ impl Supervisor {
         self.breathe(tid)
     }
 
-    /// Whether `tid` was seen to make a 64-bit call at this instruction.
+    /// Whether `tid` has already made a 64-bit call at this instruction.
     fn is_known_site(&self, tid: i32, call: &Call) -> bool {
         let process = self.threads.get(&tid).map(|thread| thread.process);
         let process = process.and_then(|pid| self.processes.get(&pid));
@@ -298,12 +302,12 @@ impl Supervisor {
         }
     }
 
-    /// A thread that calls and calls lets others run now and then.
+    /// Lets other threads run from time to time if a thread makes many calls in a row.
     pub(super) fn breathe(&mut self, tid: i32) -> Flow {
         if let Err(error) = self.stage.carry() {
             self.trouble = Some(error.into());
         }
-        // The kernel makes the call after this.
+        // The kernel executes the call after this.
         self.stage.stir();
         self.expire();
         self.retry_files(None);
@@ -311,7 +315,7 @@ impl Supervisor {
         Flow::Stays
     }
 
-    /// Tries to do the call at which `tid` stands.
+    /// Tries to execute the current call of `tid`.
     pub(super) fn attempt(&mut self, tid: i32) -> Flow {
         let Some(call) = self.threads.get(&tid).and_then(|thread| thread.call) else {
             return Flow::Goes(None);
@@ -350,12 +354,12 @@ impl Supervisor {
     }
 }
 
-/// Whether a signal comes of memory that is not there.
+/// Whether a signal reports an access to invalid memory.
 const fn is_fault(signal: i32) -> bool {
     matches!(signal, libc::SIGSEGV | libc::SIGBUS)
 }
 
-/// Whether a call changes no port; it may take received bytes.
+/// Whether a call changes no port, except that it may take received bytes.
 const fn leaves_ports_alone(call: &Call) -> bool {
     matches!(
         call.number,

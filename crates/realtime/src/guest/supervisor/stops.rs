@@ -1,4 +1,4 @@
-//! Stops that are no call: by the watch over wall time, or by a signal of the program's own.
+//! Stops that are not calls: by the watchdog in wall time, or by a signal of the program.
 
 use nix::libc;
 use nix::sys::ptrace;
@@ -12,7 +12,7 @@ use crate::guest::pending::Pending;
 use crate::guest::watchdog::Kick;
 
 impl Supervisor {
-    /// The watch over wall time has stopped the thread, or its program has.
+    /// Handles a SIGSTOP of the watchdog, or of the program.
     pub(super) fn kicked(&mut self, tid: i32) -> Flow {
         let pid = Pid::from_raw(tid);
         let Some(kick) = self.watchdog.take_kick() else {
@@ -20,7 +20,7 @@ impl Supervisor {
         };
         let call = Call::of(pid).ok().filter(|call| call.number >= 0);
         match (kick, call) {
-            // It was found asleep, and has gone on before the stop reached it.
+            // The thread was found asleep, and has continued before the stop reached it.
             (Kick::Sleeps, None) => {
                 self.stop_for_schedule(tid);
                 Flow::Goes(None)
@@ -56,9 +56,9 @@ impl Supervisor {
         }
     }
 
-    /// The thread stands at a signal that stops, or has been stopped by one.
+    /// Handles a thread that has stopped at a stop signal, or was stopped by one.
     pub(super) fn stopped(&mut self, tid: i32, signal: i32) -> Flow {
-        // Of a process that stands the kernel has nothing to say.
+        // The kernel has no signal data for a process that is already stopped.
         if ptrace::getsiginfo(Pid::from_raw(tid)).is_ok() {
             return Flow::Goes(Signal::try_from(signal).ok());
         }
@@ -67,7 +67,7 @@ impl Supervisor {
         Flow::Stays
     }
 
-    /// Lets those go on that were stopped, and have a signal for that.
+    /// Lets stopped processes continue for which a continuing signal is pending.
     pub(super) fn look_for_continuation(&mut self) {
         let halted = self.threads.values();
         let halted = halted.filter(|thread| matches!(thread.state, State::Halted));
@@ -83,7 +83,7 @@ impl Supervisor {
         }
     }
 
-    /// Says which processes have stopped themselves, or were, for good.
+    /// Adds notes about the processes that a signal has stopped for good.
     pub(in crate::guest) fn note_halted(&mut self) {
         let halted = self.threads.values();
         let halted = halted.filter(|thread| matches!(thread.state, State::Halted));

@@ -1,4 +1,4 @@
-//! Reading and writing: what may wait is done when it can be done.
+//! Reads and writes: a call that may wait is executed when it can be executed.
 
 use nix::errno::Errno;
 use nix::libc;
@@ -15,7 +15,8 @@ impl Supervisor {
     pub(super) fn read(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let fd = low_i32(call.args[0]);
         let Some(file) = self.file(tid, fd) else {
-            // Asked over and over, it is to be seen that it is of no use.
+            // For the detection of busy waiting, the supervisor must see that this call has no
+            // success.
             return match fd < 0 {
                 true => Err(Errno::EBADF),
                 false => Ok(Outcome::Kernel),
@@ -43,7 +44,8 @@ impl Supervisor {
                     return outcome;
                 }
                 let waits = waits_by_flag(call) && !file.never_waits();
-                // Asked over and over, it is to be seen that it is of no use.
+                // For the detection of busy waiting, the supervisor must see that this call has no
+                // success.
                 if !waits && is_plain_receive(call) && file.readiness(PollFlags::IN).is_empty() {
                     return Err(Errno::EAGAIN);
                 }
@@ -61,7 +63,7 @@ impl Supervisor {
         if let Some(outcome) = unsupported(tid, call, &file, file.is_writable())? {
             return Ok(outcome);
         }
-        // A terminal of its own may send signals: Ctrl-C.
+        // A terminal of the program itself may send signals: Ctrl-C.
         if file.kind == Kind::Stream && file.device.is_some() {
             self.types(&file);
         }
@@ -69,7 +71,7 @@ impl Supervisor {
             Kind::Prompt | Kind::Told(_) | Kind::Mouth | Kind::Chance | Kind::Signals => {
                 Ok(Outcome::Kernel)
             }
-            // Of these only a counter takes anything.
+            // Among these files, only a counter takes bytes.
             Kind::Stream if file.form == Form::Events => Ok(Outcome::Kernel),
             Kind::Port(port) => self.write_port(tid, call, &file, port),
             Kind::Gone => {
@@ -80,8 +82,8 @@ impl Supervisor {
         }
     }
 
-    /// recvmmsg: the first message is waited for; the kernel waits for more if the program wants
-    /// more.
+    /// Handles recvmmsg: it waits for the first message here; the kernel waits if the program wants
+    /// more messages.
     pub(super) fn receive_many(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let [fd, _, count, flags, ..] = call.args.map(low_i32);
         let file = self.file(tid, fd).ok_or(Errno::EBADF)?;
@@ -95,8 +97,8 @@ impl Supervisor {
         self.when_ready(tid, &file, PollFlags::IN, waits)
     }
 
-    /// The kernel does it once it does not have to wait; sockets may have a longest wait of their
-    /// own.
+    /// Lets the kernel execute the call when it does not have to wait; sockets may have a timeout
+    /// of their own.
     pub(super) fn when_ready(
         &self,
         tid: i32,
@@ -123,8 +125,8 @@ impl Supervisor {
     }
 }
 
-/// A call that fails, or does nothing, at once: because of how the file was opened or what it is,
-/// or because there is nothing to do.
+/// A call that fails or has no effect at once: because of the file's type or its flags, or because
+/// there is nothing to do.
 fn unsupported(
     tid: i32,
     call: &Call,
@@ -153,7 +155,7 @@ fn unsupported(
     Ok(is_short.then_some(Outcome::Kernel))
 }
 
-/// Whether a call's own flags let it wait.
+/// Whether the call's own flags permit it to wait.
 pub(super) fn waits_by_flag(call: &Call) -> bool {
     let flags = match call.number {
         libc::SYS_recvfrom | libc::SYS_sendto => call.args[3],
@@ -163,7 +165,7 @@ pub(super) fn waits_by_flag(call: &Call) -> bool {
     low_i32(flags) & libc::MSG_DONTWAIT == 0
 }
 
-/// Whether a call takes a connection, or what has come at a socket, and nothing else.
+/// Whether a call only accepts a connection, or receives arrived data of a socket.
 fn is_plain_receive(call: &Call) -> bool {
     let flags = match call.number {
         libc::SYS_accept | libc::SYS_accept4 => return true,
@@ -183,13 +185,13 @@ pub(super) fn buffers(tid: i32, call: &Call) -> Result<Vec<(u64, usize)>, Errno>
     }
 }
 
-/// Bytes of all of them.
+/// Total length of all buffers.
 pub(super) fn lens(buffers: &[(u64, usize)]) -> usize {
     let lens = buffers.iter().map(|&(_, len)| len);
     lens.fold(0, usize::saturating_add)
 }
 
-/// Fills them with `bytes`.
+/// Fills the buffers with `bytes`.
 pub(super) fn scatter(tid: i32, buffers: &[(u64, usize)], bytes: &[u8]) -> Result<(), Errno> {
     let mut rest = bytes;
     for &(address, len) in buffers {
@@ -200,7 +202,7 @@ pub(super) fn scatter(tid: i32, buffers: &[(u64, usize)], bytes: &[u8]) -> Resul
     Ok(())
 }
 
-/// At most `most` bytes of them, `skip` left out.
+/// At most `most` bytes of the buffers, after the first `skip` bytes.
 pub(super) fn gather(
     tid: i32,
     buffers: &[(u64, usize)],

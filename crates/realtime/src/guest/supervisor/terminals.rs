@@ -1,4 +1,4 @@
-//! What a program asks of a port besides bytes: settings, queues, modem lines, breaks.
+//! Requests of a program to a port other than bytes: settings, queues, modem lines, breaks.
 
 use std::os::unix::fs::MetadataExt as _;
 
@@ -20,19 +20,20 @@ use crate::inputs::INPUTS;
 
 /// A request that `libc` does not know for this system.
 const TIOCGEXCL: u64 = 0x8004_5440;
-/// The right of a process without which it does not get past TIOCEXCL.
+/// The capability that lets a process open a port despite TIOCEXCL.
 const CAP_SYS_ADMIN: u32 = 21;
 
-/// Bytes of what the latter fills: twenty numbers, the first four of them changes of lines.
+/// Length of the result of TIOCGICOUNT: twenty numbers, of which the first four count changes of
+/// lines.
 const ICOUNT_LEN: usize = 80;
 
 impl Supervisor {
     pub(super) fn ioctl(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let [fd, request, argument, ..] = call.args;
-        // Most are about other terminals and sockets.
+        // Most requests are about other terminals and sockets.
         if !is_of_ports(request) {
             self.sets_notice_by_ioctl(tid, call);
-            // The size of one is told by a signal.
+            // A signal reports a new size of a terminal.
             self.is_signalled |= self.has_terminals;
             return Ok(Outcome::Kernel);
         }
@@ -77,7 +78,7 @@ impl Supervisor {
         }
     }
 
-    /// Until one of the lines in `wanted` has changed since the call began.
+    /// Waits until one of the lines in `wanted` has changed since the call began.
     fn wait_for_line(&mut self, tid: i32, port: usize, wanted: u64) -> Outcome {
         let now = self.stage.line_changes(port);
         let Some(thread) = self.threads.get_mut(&tid) else {
@@ -96,7 +97,7 @@ impl Supervisor {
         }
     }
 
-    /// The client reads or changes the settings of its terminal.
+    /// Reads or changes the settings of the client's terminal.
     fn settings(
         &mut self,
         memory: Memory,
@@ -122,7 +123,7 @@ impl Supervisor {
             self.flush(port, file, libc::TCIFLUSH)?;
         }
         self.stage.set_terminal(port, wanted, &file.fd);
-        // The kernel's terminal stays raw, but polls by these.
+        // The kernel's terminal stays raw, but its polling uses these values.
         let mut termios = tcgetattr(&file.fd).map_err(errno_of)?;
         wanted.waits_into(&mut termios);
         tcsetattr(&file.fd, OptionalActions::Now, &termios).map_err(errno_of)?;
@@ -134,7 +135,7 @@ impl Supervisor {
             return Err(Errno::EINVAL);
         }
         if which != libc::TCOFLUSH {
-            // What is still on its way the kernel would bring later.
+            // Otherwise the kernel would deliver the bytes in flight later.
             self.stage.settle(port, &file.fd);
             tcflush(&file.fd, QueueSelector::IFlush).map_err(errno_of)?;
             self.stage.forget_unread(port);
@@ -145,7 +146,7 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// The client stops or goes on sending, or wants its far end to.
+    /// Stops or continues sending of the client, or requests this of the far end.
     fn flow(&mut self, port: usize, what: i32) -> Result<Outcome, Errno> {
         let Some(terminal) = self.stage.terminal(port) else {
             return Ok(Outcome::Kernel);
@@ -158,8 +159,8 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// Whether opening `path` is refused: another program has that port to itself, and this one may
-    /// not do everything.
+    /// Whether opening `path` is refused: another program uses the port exclusively, and this one
+    /// lacks the capability.
     pub(super) fn is_refused(&mut self, tid: i32, call: &Call, path: &str) -> bool {
         if !self.stage.has_exclusive() {
             return false;
@@ -173,7 +174,7 @@ impl Supervisor {
         port.is_some_and(|port| self.stage.slot(port).is_exclusive) && !may_do_everything(tid)
     }
 
-    /// Waits until all that was written has left; `None`: it has.
+    /// Waits until all written bytes have left; `None` if they have.
     fn once_sent(&self, port: usize) -> Option<Outcome> {
         (self.stage.backlog(port) > 0).then_some(Outcome::Block(Wait {
             on: On::Line,
@@ -206,7 +207,8 @@ impl Supervisor {
                 let damaged = self.stage.terminal(port).map(|it| it.damaged_count());
                 let [framing, parity, breaks] = damaged.unwrap_or_default();
                 let low = |count: u64| u32::try_from(count & 0xFFFF_FFFF).unwrap_or_default();
-                // Received, sent, framing errors, overruns, parity errors, breaks.
+                // The next numbers: received, sent, framing errors, overruns, parity errors,
+                // breaks.
                 let more = [low(to_client), low(from_client), framing, 0, parity, breaks];
                 let more = more.map(u32::to_ne_bytes).concat();
                 counters[counts.len()..counts.len() + more.len()].copy_from_slice(&more);
@@ -232,7 +234,7 @@ fn put_number(memory: Memory, address: u64, number: usize) -> Result<Outcome, Er
     Ok(Outcome::Answer(0))
 }
 
-/// Whether the process of `tid` has all rights of the system's.
+/// Whether the process of `tid` has this capability.
 fn may_do_everything(tid: i32) -> bool {
     let status = std::fs::read_to_string(format!("/proc/{tid}/status")).unwrap_or_default();
     let rights = status.lines().find_map(|line| line.strip_prefix("CapEff:"));

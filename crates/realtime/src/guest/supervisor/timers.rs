@@ -17,11 +17,11 @@ use crate::guest::call::Call;
 use crate::guest::task::{Timer, TimerFile};
 
 const SECOND_NS: u64 = 1_000_000_000;
-/// To what the kernel's timer is set while copies of its file are looked for: about a year.
+/// Time to which the kernel's timer is set while copies of its file are searched for: about a year.
 const MARK_S: i64 = 30_000_000;
 
 impl Supervisor {
-    /// alarm, setitimer, getitimer.
+    /// Handles alarm, setitimer and getitimer.
     pub(super) fn interval_timer(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let now = self.stage.now();
         let memory = Memory(Pid::from_raw(tid));
@@ -67,7 +67,7 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// timerfd_create, timerfd_settime, timerfd_gettime.
+    /// Handles timerfd_create, timerfd_settime and timerfd_gettime.
     pub(super) fn timer_file(&mut self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let [fd, flags, new, old, ..] = call.args;
         let fd = low_i32(fd);
@@ -99,8 +99,8 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// Forgets timers whose files are closed. Not every closing is seen: an exec closes files, and
-    /// files with large numbers are closed without a stop.
+    /// Drops timers whose files are closed. Not every closing causes a stop: an exec closes files,
+    /// and files with high numbers are closed without a stop.
     pub(super) fn keep_open_timers(&mut self, pid: i32) {
         let Some(process) = self.processes.get_mut(&pid) else {
             return;
@@ -114,7 +114,8 @@ impl Supervisor {
         }
     }
 
-    /// The process of `tid` is about to close `fd`. A timer goes on at a copy of its file.
+    /// Handles `fd`, which the process of `tid` is about to close: its timer continues with a copy
+    /// of the file.
     pub(super) fn forget_timer(&mut self, tid: i32, fd: i32) {
         let Some(pid) = self.threads.get(&tid).map(|thread| thread.process) else {
             return;
@@ -125,12 +126,12 @@ impl Supervisor {
         }
     }
 
-    /// A timer whose file is closed at one place goes on at a copy, in any process.
+    /// Moves a timer to a copy of its file in any process, if its file was closed at one place.
     pub(super) fn hand_on(&mut self, timer: TimerFile, closed: (i32, i32)) {
         if timer.timer.at.is_none() && timer.expired == 0 {
             return;
         }
-        // By this its copies are known.
+        // This time identifies the copies.
         set_kernels(&timer, MARK_S, 0);
         let (own, _) = closed;
         let others = self.processes.keys().copied().filter(|&pid| pid != own);
@@ -149,7 +150,7 @@ impl Supervisor {
         }
     }
 
-    /// Begins to stand in for the kernel's timer behind `fd`.
+    /// Replaces the kernel's timer behind `fd` by one in virtual time.
     fn know_timer(&mut self, tid: i32, pid: i32, fd: i32) -> Result<(), Errno> {
         if !self
             .processes
@@ -170,7 +171,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// A read of `file`, if it is a timer's.
+    /// Reads `file`, if it is a timer's file.
     pub(super) fn read_timer(
         &mut self,
         tid: i32,
@@ -181,7 +182,7 @@ impl Supervisor {
         let fd = low_i32(call.args[0]);
         let timer = self.processes.get_mut(&pid)?.timers.get_mut(&fd)?;
         if timer.expired > 0 && file.readiness(PollFlags::IN).is_empty() {
-            // A read at a copy of this file has taken them.
+            // A read of a copy of this file has taken the expirations.
             timer.expired = 0;
         }
         if timer.expired == 0 {
@@ -222,8 +223,8 @@ impl Supervisor {
 }
 
 impl Timer {
-    /// What the program asks for by the two times at `place`; the first is one of `clock` if that
-    /// is given, or else counts from `now`.
+    /// The timer that the program requests with the two times at `place`. With `clock`, the first
+    /// time is a reading of this clock; otherwise it counts from `now`.
     pub(super) fn asked_for(
         memory: Memory,
         place: u64,
@@ -242,7 +243,7 @@ impl Timer {
         })
     }
 
-    /// Writes interval and time left to `place`, as the program asks for them.
+    /// Writes the interval and the remaining time to `place`, in the program's format.
     pub(super) fn tell(self, memory: Memory, place: u64, now: Instant) -> Result<(), Errno> {
         let left = self.at.map_or(Duration::ZERO, |at| at - now);
         let left = i64::try_from(left.as_nanos()).unwrap_or(0);
@@ -251,7 +252,7 @@ impl Timer {
     }
 }
 
-/// How often a timer expires until `now`.
+/// Number of expirations of a timer until `now`.
 pub(super) fn expirations(timer: &mut Timer, now: Instant) -> u64 {
     let Some(at) = timer.at.filter(|&at| at <= now) else {
         return 0;
@@ -266,7 +267,8 @@ pub(super) fn expirations(timer: &mut Timer, now: Instant) -> u64 {
     count
 }
 
-/// Sets the kernel's timer to so many nanoseconds, 0: to nothing, and waits until it shows.
+/// Sets the kernel's timer to this many nanoseconds, or stops it if 0. Waits until the file shows
+/// the change.
 fn set_real(timer: &TimerFile, nanos: i64) {
     set_kernels(timer, 0, nanos);
     if nanos > 0 {
@@ -302,7 +304,7 @@ fn is_marked(pid: i32, fd: i32) -> bool {
     seconds.is_some_and(|seconds: i64| seconds > MARK_S / 2)
 }
 
-/// The clock of a timer's file; `None` if it is none.
+/// The clock of a timer's file; `None` for another file.
 fn clock_of(pid: i32, fd: i32) -> Option<i64> {
     told_of(pid, fd, "clockid")?.parse().ok()
 }

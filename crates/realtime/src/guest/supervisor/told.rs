@@ -1,6 +1,5 @@
-//! What the system tells of time, of processor time and of chance besides its clocks: told in
-//! virtual
-//! time and from the run's seed, or named.
+//! Other sources of time, processor time and random values in the system than its clocks: the
+//! supervisor answers from virtual time and the run's seed, or adds a note.
 
 use emulators::rng::Rng;
 use nix::errno::Errno;
@@ -17,13 +16,13 @@ use crate::guest::call::Call;
 use crate::guest::links::Link;
 
 const SECOND: i64 = 1_000_000_000;
-/// Lengths of what calls fill, and where the times are in it.
+/// Lengths of results, and the offsets of times in them.
 const TIMEX: usize = 208;
 const TIMEX_TIME: usize = 72;
 const TIMEX_TICK: usize = 88;
 const RUSAGE: usize = 144;
 const SYSINFO: usize = 112;
-/// Memory of the machine as it is told: 8 GiB, half of it free.
+/// Memory of the machine that the program sees: 8 GiB, half of it free.
 const MEMORY: u64 = 8 << 30;
 
 /// Files that are answered by the supervisor.
@@ -34,7 +33,7 @@ const TOLD: [&str; 5] = [
     "/proc/sys/kernel/random/boot_id",
     "/proc/sys/kernel/random/entropy_avail",
 ];
-/// Files that tell of the world outside, by their beginnings.
+/// Beginnings of files with data about the outside world.
 const OUTSIDE: [&str; 17] = [
     "/proc/stat",
     "/proc/meminfo",
@@ -54,7 +53,7 @@ const OUTSIDE: [&str; 17] = [
     "/sys/class/thermal",
     "/sys/class/hwmon",
 ];
-/// The same in the folder of a process.
+/// Such files in the folder of a process.
 const OUTSIDE_OF_PROCESS: [&str; 7] = [
     "stat",
     "status",
@@ -65,7 +64,7 @@ const OUTSIDE_OF_PROCESS: [&str; 7] = [
     "timers",
 ];
 
-/// Whether a file tells of the world outside.
+/// Whether a file has data about the outside world.
 fn is_outside(path: &str) -> bool {
     let of_process = path
         .strip_prefix("/proc/")
@@ -81,7 +80,7 @@ fn is_outside(path: &str) -> bool {
 }
 
 impl Supervisor {
-    /// adjtimex, clock_adjtime, settimeofday, getrusage, sysinfo.
+    /// Handles adjtimex, clock_adjtime, settimeofday, getrusage and sysinfo.
     pub(super) fn tell(&self, tid: i32, call: &Call) -> Result<Outcome, Errno> {
         let memory = Memory(Pid::from_raw(tid));
         let [first, second, ..] = call.args;
@@ -109,7 +108,7 @@ impl Supervisor {
             }
             libc::SYS_getrusage => {
                 let mut usage = [0; RUSAGE];
-                // As `wait4` tells of each child.
+                // These are the values that `wait4` reports for each child.
                 if low_i32(first) == libc::RUSAGE_CHILDREN {
                     memory.write(second, &usage)?;
                     return Ok(Outcome::Answer(0));
@@ -134,7 +133,8 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// The program opens a file: one that tells of the world outside is answered, or named.
+    /// Handles the opening of a file with data about the outside world: it is answered, or a note
+    /// is added.
     pub(super) fn looks_into(&mut self, path: &str) {
         if TOLD.contains(&path) {
             self.has_told_files = true;
@@ -143,7 +143,7 @@ impl Supervisor {
         }
     }
 
-    /// Which of the files that are answered this is.
+    /// Index of a file that the supervisor answers.
     pub(super) fn told_file(&self, fd: &impl std::os::fd::AsRawFd) -> Option<usize> {
         if !self.has_told_files {
             return None;
@@ -153,7 +153,7 @@ impl Supervisor {
             .position(|told| path == std::path::Path::new(told))
     }
 
-    /// A read of such a file.
+    /// Reads such a file.
     pub(super) fn read_told(
         &mut self,
         tid: i32,
@@ -186,8 +186,8 @@ impl Supervisor {
         Ok(Outcome::Answer(i64::try_from(len).unwrap_or(0)))
     }
 
-    /// readlink of what is behind a file descriptor: a port is the one that the program was given.
-    /// The number of its terminal is the system's.
+    /// Handles readlink of a file descriptor: for a port, the result is the name that the program
+    /// was given, because the number of its terminal is the system's choice.
     pub(super) fn read_link(&mut self, tid: i32, call: &Call) {
         let pid = Pid::from_raw(tid);
         let link = Link::of(pid, call);
@@ -213,7 +213,7 @@ impl Supervisor {
         }
     }
 
-    /// bind, getsockname: a port that the system chooses is chance.
+    /// Handles bind and getsockname: a network port that the system chooses is random.
     pub(super) fn names_socket(&mut self, tid: i32, call: &Call) {
         let Some(file) = self.file(tid, low_i32(call.args[0])) else {
             return;
@@ -238,7 +238,7 @@ impl Supervisor {
     }
 }
 
-/// Sixteen bytes of chance as the kernel writes them.
+/// Sixteen random bytes in the kernel's text format.
 fn uuid(bytes: &[u8]) -> String {
     let mut hex = String::new();
     for (index, &byte) in bytes.iter().take(16).enumerate() {

@@ -1,4 +1,5 @@
-//! Waiting for children: the kernel is asked without waiting, and again when a child has ended.
+//! Waits for children: the supervisor makes the kernel's call without waiting, and again when a
+//! child has ended.
 
 use nix::libc;
 use nix::sys::ptrace;
@@ -7,9 +8,9 @@ use nix::unistd::Pid;
 use super::{Memory, On, Outcome, Supervisor, Wait, is_death};
 use crate::guest::call::Call;
 
-/// Bytes of what is told of a child's use of the processor.
+/// Length of the data about a child's use of the processor, bytes.
 const RUSAGE: usize = 144;
-/// Where `waitid` tells of it, and its length: `si_utime` and `si_stime`.
+/// Offset and length of these data in the result of `waitid`: `si_utime` and `si_stime`.
 const INFO_TIMES: u64 = 32;
 const INFO_TIMES_LEN: usize = 16;
 
@@ -53,7 +54,7 @@ impl Supervisor {
             _ => end.result() == 0 && Memory(pid).u32(place).is_ok_and(|signal| signal == 0),
         };
         if !has_found_none && usage != 0 {
-            // Processor time of the system's.
+            // The system's processor time is hidden.
             let _ = Memory(pid).write(usage, &[0; RUSAGE]);
         }
         if !has_found_none && end.result() == 0 && tells_times {
@@ -67,11 +68,11 @@ impl Supervisor {
             let _ = Memory(pid).write(place, &signal.to_ne_bytes());
         }
         if !has_found_none || is_hasty {
-            // The rest of the way is the program's; its option is given back.
+            // The program's thread continues from here; its option is restored.
             let _ = end.with_result(pid, index, options, end.result());
             return Outcome::Kernel;
         }
-        // It makes the call again when it goes on.
+        // The thread makes the call again when it continues.
         let _ = end.with_result_again(pid, index, options, call.number);
         self.set_at_end(tid, true);
         Outcome::Block(Wait {

@@ -40,7 +40,7 @@ impl Trial {
         });
         checks.retain(|check| check.name != OF_THE_END);
         checks.extend(spins.map(|spins| Check::new("program-yields", false, spins)));
-        // The run itself has seen no program in this process.
+        // The checks of the run itself observed no program in this process.
         let own: Vec<_> = checks.iter().map(|check| check.name.clone()).collect();
         checks.extend(
             so_far

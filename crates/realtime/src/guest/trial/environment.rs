@@ -28,8 +28,9 @@ pub(super) fn environment_of(
     env
 }
 
-/// The path of a terminal with so many slashes that its length does not depend on the number that
-/// the system has given it: the program's memory is laid out behind its variables.
+/// The path of a terminal, extended by slashes to a fixed length. Otherwise the number that the
+/// system has given to the terminal would change its length, and with it the layout of the
+/// program's memory behind its variables.
 fn of_fixed_length(path: &OsStr) -> String {
     let path = path.to_string_lossy();
     let (folder, number) = path.rsplit_once('/').unwrap_or_default();

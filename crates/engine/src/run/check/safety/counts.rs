@@ -36,7 +36,8 @@ const REJECTED: u64 = 40;
 const RESTART: Duration = Duration::from_secs(2);
 /// The program may miss one of this number of frames while it starts a device again.
 const SHARE: u64 = 8;
-/// Number of frames from which this share applies: a fast stream. Each order counts.
+/// Number of frames from which this share applies: a fast stream. Of a slower one, such as orders,
+/// the program may miss only one of 50 frames.
 const FAST: u64 = 1_000;
 
 /// The program accepts each valid frame that arrives on its lines, and no other.

@@ -22,7 +22,8 @@ struct Reader {
     cutter: Cutter,
     from: From,
     last: Option<Frame>,
-    /// Decodes the requests of the other direction, of which replies need the last one.
+    /// Decodes the requests of the other direction, because a reply is decoded with the last
+    /// request.
     requests: Option<Cutter>,
     asked: Option<Asked>,
     /// The request to which the last frame is the reply.

@@ -55,7 +55,7 @@ impl UnitSpec {
         self.name.is_none() && self.address.is_none() && self.text.is_none()
     }
 
-    /// Its description; the path of a file is relative to the folder `base`.
+    /// The description of the device; the path of a file is relative to the folder `base`.
     ///
     /// # Errors
     /// If the description does not exist or is wrong.

@@ -1,4 +1,4 @@
-//! What the debugger asks for, and what it is told.
+//! Requests of the debugger, and the answers.
 
 use super::watch::WATCHES;
 use super::{Debugging, Goal, PortWrite, Step, Watchpoint};
@@ -19,7 +19,7 @@ impl Debugging {
         has_come
     }
 
-    /// The thread of the last stop, if it can be told.
+    /// The thread of the last stop, if there is one.
     pub(in crate::guest) const fn held_thread(&self) -> Option<i32> {
         match self.held {
             Some((tid, _)) => Some(tid),
@@ -35,12 +35,12 @@ impl Debugging {
         self.step = step;
     }
 
-    /// A thread stands after so many single instructions, wherever it is.
+    /// Limits the number of single steps after which a thread stops at any place.
     pub(in crate::guest) const fn limit_steps(&mut self, count: u64) {
         self.steps_left = count;
     }
 
-    /// Where the last single instruction of a thread ended.
+    /// The end of the last single step of a thread.
     pub(in crate::guest) fn last_step_of(&self, thread: u32) -> Option<&Place> {
         let (of, place) = self.last_step.as_ref()?;
         (*of == thread).then_some(place)
@@ -60,17 +60,17 @@ impl Debugging {
         &self.started
     }
 
-    /// What is watched.
+    /// The watched memory.
     pub(in crate::guest) fn watches(&self) -> &[Watchpoint] {
         &self.watches
     }
 
-    /// Where breakpoints are.
+    /// The addresses of the breakpoints.
     pub(in crate::guest) fn break_addresses(&self) -> Vec<u64> {
         self.breaks.keys().chain(&self.pending).copied().collect()
     }
 
-    /// Watches this memory and no other.
+    /// Replaces all watchpoints.
     pub(in crate::guest) fn set_watches(&mut self, watches: Vec<Watchpoint>) {
         if self.watches != watches {
             self.watches = watches;
@@ -78,12 +78,12 @@ impl Debugging {
         }
     }
 
-    /// The writes to ports, and where the debugged process began its last call.
+    /// The writes to ports, and the moment at which the last call of the debugged process began.
     pub(in crate::guest) fn take_log(&mut self) -> (Vec<PortWrite>, Moment) {
         (core::mem::take(&mut self.writes), self.last_call)
     }
 
-    /// Watches memory; false if the processor has no register left for it.
+    /// Adds a watchpoint; returns `false` if the processor has no register left for it.
     pub(in crate::guest) fn add_watch(&mut self, watch: Watchpoint) -> bool {
         let is_whole =
             matches!(watch.len, 1 | 2 | 4 | 8) && watch.address.is_multiple_of(watch.len);

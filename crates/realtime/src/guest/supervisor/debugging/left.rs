@@ -1,5 +1,5 @@
-//! What a debugger that has left may still stop: threads that were outside of virtual time then, or
-//! whose stop was not handled yet.
+//! Stops that may still come for a debugger that has left: of threads that were outside of virtual
+//! time then, or whose stop was not handled yet.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,12 +11,11 @@ use super::watch::write_watches;
 use super::{BY_INSTRUCTION, Debugging};
 use crate::guest::supervisor::{Flow, Next, State, Supervisor};
 
-/// What the kernel tells of a single instruction, and of a hit of a debug register (`TRAP_TRACE`,
-/// `TRAP_HWBKPT`).
+/// Signal codes of a single step and of a hit of a debug register (`TRAP_TRACE`, `TRAP_HWBKPT`).
 const BY_STEP: i32 = 2;
 const BY_WATCH: i32 = 4;
 
-/// Breakpoints that were set once, and the threads that have not stopped since.
+/// Former breakpoints, and the threads that have not stopped since.
 #[derive(Debug)]
 pub(in crate::guest::supervisor) struct Left {
     under: BTreeMap<u64, u8>,
@@ -24,7 +23,7 @@ pub(in crate::guest::supervisor) struct Left {
 }
 
 impl Supervisor {
-    /// Notes the threads that have not stopped since the debugger left.
+    /// Stores the threads that have not stopped since the debugger left.
     pub(super) fn note_left(&mut self, debugging: &Debugging) {
         let is_out =
             |state: State| matches!(state, State::Outside | State::Ready(Next::Stopped(_)));
@@ -37,8 +36,8 @@ impl Supervisor {
         });
     }
 
-    /// A thread has stopped for the first time since the debugger left: whether that is a stop of
-    /// the debugger's, which the program does not get.
+    /// Whether the first stop of a thread since the debugger left belongs to the debugger: then the
+    /// program does not get it.
     pub(in crate::guest::supervisor) fn stops_for_left(&mut self, tid: i32) -> Option<Flow> {
         let left = self.left.as_mut()?;
         if !left.threads.remove(&tid) {

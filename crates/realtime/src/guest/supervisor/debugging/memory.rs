@@ -1,4 +1,4 @@
-//! Breakpoints, and the debugged process's memory as if there were none.
+//! Breakpoints, and access to the memory of the debugged process as if it had no breakpoints.
 
 use nix::unistd::Pid;
 use rustix::fs::{Mode, OFlags, open};
@@ -12,7 +12,8 @@ use crate::guest::task::Thread;
 /// The instruction of a breakpoint.
 pub(super) const TRAP: u8 = 0xCC;
 impl Supervisor {
-    /// A thread by which the debugged process's memory can be had; it need not have stopped.
+    /// A thread through which the memory of the debugged process can be accessed; it need not have
+    /// stopped.
     fn any_debugged(&self) -> Option<Pid> {
         let process = self.debugging.as_ref()?.process?;
         let mut threads = self.threads.values();
@@ -34,7 +35,7 @@ impl Supervisor {
             return false;
         }
         if let Some(debugging) = &mut self.debugging {
-            // A breakpoint that could not be taken away is no byte of the program's.
+            // A breakpoint that could not be removed is not a byte of the program.
             let known = debugging.under.get(&address).copied();
             let byte = known.filter(|_| byte[0] == TRAP).unwrap_or(byte[0]);
             debugging.breaks.insert(address, byte);
@@ -43,7 +44,7 @@ impl Supervisor {
         true
     }
 
-    /// Sets a breakpoint as soon as there is code.
+    /// Sets a breakpoint, or stores it until its code is loaded.
     pub(in crate::guest) fn add_break_when_possible(&mut self, address: u64) {
         if !self.add_break(address)
             && let Some(debugging) = &mut self.debugging
@@ -52,7 +53,7 @@ impl Supervisor {
         }
     }
 
-    /// Libraries come with calls.
+    /// Sets the stored breakpoints, if their libraries were loaded by a call.
     pub(super) fn add_pending_breaks(&mut self) {
         let pending = self.debugging.as_ref().map(|it| it.pending.clone());
         for address in pending.unwrap_or_default() {
@@ -69,7 +70,7 @@ impl Supervisor {
         debugging.is_some_and(|it| it.breaks.contains_key(&address))
     }
 
-    /// Takes a breakpoint away.
+    /// Removes a breakpoint.
     pub(in crate::guest) fn remove_break(&mut self, address: u64) -> bool {
         let pid = self.any_debugged();
         let Some(debugging) = &mut self.debugging else {
@@ -82,7 +83,7 @@ impl Supervisor {
         pid.is_some_and(|pid| poke(pid, address, &[byte]).is_ok())
     }
 
-    /// Takes all breakpoints away.
+    /// Removes all breakpoints.
     pub(in crate::guest) fn clear_breaks(&mut self) {
         let all = self.debugging.as_ref().map(|it| it.break_addresses());
         for address in all.unwrap_or_default() {
@@ -90,9 +91,10 @@ impl Supervisor {
         }
     }
 
-    /// Reads the debugged process's memory as if there were no breakpoints; how much of it.
+    /// Reads the memory of the debugged process as if it had no breakpoints; returns the number of
+    /// bytes read.
     pub(in crate::guest) fn read_debugged(&self, address: u64, buf: &mut [u8]) -> usize {
-        /// Memory ends at a multiple of this.
+        /// Readable memory ends at a multiple of this.
         const PAGE: u64 = 4096;
         let Some(pid) = self.any_debugged() else {
             return 0;
@@ -141,7 +143,8 @@ impl Supervisor {
     }
 }
 
-/// Writes memory of a process, also where it must not itself; its threads need not have stopped.
+/// Writes memory of a process, also if the process itself must not write it; its threads need not
+/// have stopped.
 pub(in crate::guest) fn poke(pid: Pid, address: u64, bytes: &[u8]) -> Result<(), Errno> {
     let file = open(
         format!("/proc/{pid}/mem"),

@@ -1,4 +1,4 @@
-//! Threads of the debugged process: their registers, their signals, what they do.
+//! Threads of the debugged process: their registers, their signals, their activity.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ use crate::guest::supervisor::stops::thread_name;
 use crate::guest::supervisor::{Next, State, Supervisor};
 
 impl Supervisor {
-    /// The threads of the debugged process: the order of their birth, and their numbers.
+    /// The threads of the debugged process in the order of birth, with their numbers.
     pub(in crate::guest) fn debugged_threads(&self) -> impl Iterator<Item = (u32, i32)> {
         let process = self.debugging.as_ref().and_then(|it| it.process);
         let own = self.threads.values().filter(move |thread| {
@@ -22,7 +22,7 @@ impl Supervisor {
         own.map(|thread| (thread.index, thread.tid.as_raw()))
     }
 
-    /// How many threads were born before this one.
+    /// Number of threads that were born before this one.
     pub(in crate::guest) fn index_of(&self, tid: i32) -> Option<u32> {
         self.threads.get(&tid).map(|thread| thread.index)
     }
@@ -37,7 +37,7 @@ impl Supervisor {
         if let Ok(mut own) = ptrace::getregs(pid) {
             let held = self.debugging.as_ref().and_then(|it| it.held);
             if matches!(held, Some((held, Next::Begin)) if held == tid) {
-                // To people it stands before the call that it has begun.
+                // For the user, the thread stands before the call that it has begun.
                 own.rip -= INSTRUCTION;
                 own.rax = own.orig_rax;
             }
@@ -48,7 +48,7 @@ impl Supervisor {
         Some((call.registers(), None))
     }
 
-    /// Sets them; false for a thread that is in a call, whose end is not known yet.
+    /// Sets the registers; returns `false` for a thread in a call whose end is not known yet.
     pub(in crate::guest) fn set_registers_of(
         &self,
         tid: i32,
@@ -67,7 +67,7 @@ impl Supervisor {
         is_free && float != Some(false) && ptrace::setregs(pid, own).is_ok()
     }
 
-    /// What a thread does, for people.
+    /// Activity of a thread, as text for the user.
     pub(in crate::guest) fn doing_of(&self, tid: i32) -> String {
         let name = thread_name(tid);
         let held = self.debugging.as_ref().and_then(|it| it.held);
@@ -106,7 +106,7 @@ impl Supervisor {
         std::fs::read_link(format!("/proc/{process}/exe")).ok()
     }
 
-    /// What the kernel has told the program at its start.
+    /// The auxiliary vector that the kernel passed to the program at its start.
     pub(in crate::guest) fn auxiliary_vector(&self) -> Option<Vec<u8>> {
         let process = self.debugging.as_ref()?.process?;
         std::fs::read(format!("/proc/{process}/auxv")).ok()

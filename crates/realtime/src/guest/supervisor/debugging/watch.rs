@@ -7,23 +7,24 @@ use nix::libc;
 use nix::sys::ptrace;
 use nix::unistd::Pid;
 
-/// Debug registers that hold addresses.
+/// Number of debug registers with addresses.
 pub(super) const WATCHES: usize = 4;
-/// The debug registers that say which watchpoint was hit, and which there are.
+/// Numbers of the debug registers for the hit watchpoint, and for the enabled ones.
 const STATUS: usize = 6;
 const CONTROL: usize = 7;
 /// Memory that is watched by the processor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::guest) struct Watchpoint {
     pub(in crate::guest) address: u64,
-    /// 1, 2, 4 or 8; the address is a multiple of it.
+    /// Length, 1, 2, 4 or 8; the address is a multiple of it.
     pub(in crate::guest) len: u64,
-    /// Reading counts as well.
+    /// Whether reads also cause a stop.
     pub(in crate::guest) reads: bool,
 }
 
 impl Watchpoint {
-    /// Its bits in the control register, as register `index` (Intel's manual, volume 3, 17.2.4).
+    /// Its bits in the control register, for the debug register `index` (Intel's manual, volume 3,
+    /// 17.2.4).
     const fn control(self, index: usize) -> u64 {
         let kind: u64 = if self.reads { 0b11 } else { 0b01 };
         let len: u64 = match self.len {
@@ -36,13 +37,13 @@ impl Watchpoint {
     }
 }
 
-/// Where a debug register is in what the kernel keeps of a thread.
+/// Position of a debug register in the kernel's data of a thread.
 fn debug_register(index: usize) -> *mut libc::c_void {
     ptr::without_provenance_mut(offset_of!(libc::user, u_debugreg) + 8 * index)
 }
 
 pub(super) fn write_watches(pid: Pid, watches: &[Watchpoint]) -> nix::Result<()> {
-    // An address must not change while its watchpoint is on.
+    // An address must not change while its watchpoint is enabled.
     ptrace::write_user(pid, debug_register(CONTROL), 0)?;
     ptrace::write_user(pid, debug_register(STATUS), 0)?;
     let mut control = 0;
@@ -56,7 +57,7 @@ pub(super) fn write_watches(pid: Pid, watches: &[Watchpoint]) -> nix::Result<()>
     }
 }
 
-/// Which of `count` watchpoints a thread has hit.
+/// Index of the watchpoint that a thread has hit, among `count`.
 pub(super) fn hit_watch(pid: Pid, count: usize) -> Option<usize> {
     if count == 0 {
         return None;
