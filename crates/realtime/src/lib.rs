@@ -307,9 +307,9 @@ impl<C: Clock> Realtime<C> {
         adapters.map(Adapter::expires_at).min()
     }
 
-    /// Whether bytes from the rig reach each client as they arrive, nothing is on its way from one,
-    /// no CTS line holds back what it has sent, no device changes a modem line meanwhile, and all
-    /// ports are those of the first robot.
+    /// Whether only the rig affects the ports: bytes reach each client when they arrive, no byte of
+    /// a client is in flight, no CTS line holds back a client's bytes, no device changes a modem
+    /// line meanwhile, and all ports belong to the first robot.
     pub(crate) fn is_plain(&self) -> bool {
         self.ports.iter().all(|port| {
             port.end.robot == 0

@@ -78,8 +78,8 @@ impl Ended {
         }
     }
 
-    /// The end of a program that got SIGTERM, for the system's status of its first process and
-    /// those of all its processes. A shell that started the program ends by the signal: a crash of
+    /// The end of a program that got SIGTERM, from the system's statuses of its first process and
+    /// of all its processes. A shell that started the program ends by the signal, so a crash of
     /// another process counts then.
     pub(crate) fn when_asked(first: i32, all: &[i32]) -> Self {
         let of = |status: &i32| Self::of(ExitStatus::from_raw(*status));

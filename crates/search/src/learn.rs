@@ -68,7 +68,7 @@ pub(crate) fn without_echo(mut spoken: Vec<Spoken>) -> Vec<Spoken> {
         let len = pairs.take_while(|(heard, said)| heard == said).count();
         echo.drain(..len);
         one.bytes.drain(..len);
-        // Bytes of the device that are no echo end it: a part was lost.
+        // Bytes of the device that are not the echo end it, because a part of the echo was lost.
         if !one.bytes.is_empty() {
             echo.clear();
         }

@@ -150,9 +150,9 @@ impl Terminal {
         }
     }
 
-    /// Whether each character that arrives can be read as it is, as soon as it is there.
+    /// Whether each arriving character becomes readable at once and unchanged.
     pub(crate) fn is_transparent(&self) -> bool {
-        // With BRKINT a break throws away what was not read.
+        // With BRKINT a break discards unread bytes.
         const CHANGES: u32 = bits::BRKINT
             | bits::ISTRIP
             | bits::IUCLC
@@ -179,7 +179,7 @@ impl Terminal {
         held.copied().take(most)
     }
 
-    /// Whether what waits is enough for a read to return.
+    /// Whether enough bytes have arrived for a read to return.
     pub fn is_readable(&self) -> bool {
         match self.is_canonical() {
             true => !self.lines.is_empty(),

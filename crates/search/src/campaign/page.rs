@@ -172,7 +172,7 @@ const fn no_picture(plan: &CampaignPlan, case: Option<&String>) -> &'static str 
     }
 }
 
-/// Name of a failed check, and what the check requires.
+/// Name of a failed check, and its requirement.
 fn named(cause: &str) -> String {
     match meaning(cause) {
         Some(meaning) => format!("check {cause}. {meaning}"),

@@ -104,7 +104,7 @@ impl CampaignPlan {
             })
     }
 
-    /// Why runs of `other` are not runs of this plan: in words; `None` if they are. A file that is
+    /// The reason why runs of `other` do not belong to this plan; `None` if they do. A file that is
     /// new since this plan was made does not count: the program may have written it.
     pub(super) fn difference(&self, other: &Self) -> Option<String> {
         let programs = self.programs.clone();

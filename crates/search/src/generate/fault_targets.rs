@@ -29,7 +29,7 @@ pub(super) struct FaultTargets {
     hasty: Option<&'static str>,
     /// Links of the drive.
     drive: Vec<String>,
-    /// Those whose device keeps its set-points when its master is silent.
+    /// Links of the drive whose device keeps its set-points when its master is silent.
     runs_on: Vec<String>,
     /// Whether there is a robot with a mission; otherwise there are only devices.
     has_body: bool,
@@ -176,8 +176,8 @@ impl FaultTargets {
 
     fn with(scenario: &Scenario, profile: &Profile, wired: &Wired) -> Self {
         let (rig, instruments) = (&wired.rig, &*wired.instruments);
-        // Beside a built-in program, a device that the scenario adds has no client. Without one,
-        // the open ends are those of the program under test.
+        // Beside a built-in program, a device that the scenario adds has no client. Without a
+        // built-in program, the open ends are those of the program under test.
         let ends = wired.open_ends.iter().filter(|_| rig.program().is_some());
         let open: Vec<&str> = ends.map(|end| end.link.as_str()).collect();
         // The links that the scenario names replace those of its robot.

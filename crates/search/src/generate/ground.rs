@@ -269,7 +269,7 @@ mod tests {
             ground.reach_from([1.0, 1.0]).way_m([3.0, 1.0])
         };
         assert_eq!(way(0.45), None);
-        // 2 m across, and up to the door and down again at least from 1.0 to 1.7.
+        // The path is 2 m across, and at least from 1.0 m up to the door at 1.7 m and down again.
         let way = way(0.6).expect("a way");
         assert!((3.3..4.0).contains(&way), "{way}");
     }

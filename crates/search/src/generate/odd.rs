@@ -142,7 +142,7 @@ fn frame(codec: &Codec, dice: &mut Draw) -> Option<Vec<u8>> {
 }
 
 /// A long run: the operator orders lists for a long time before the mission, so that counters and
-/// clocks of the program overflow. The robot must end the mission where it should.
+/// clocks of the program overflow. The robot must still end the mission at the right place.
 pub(super) fn last_long(profile: &Profile, made: &mut Scenario, dice: &mut Draw) {
     let places = made.mission.waypoints_m.clone();
     let Some(long) = profile.mission.long.filter(|_| !places.is_empty()) else {

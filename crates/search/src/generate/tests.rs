@@ -178,8 +178,8 @@ fn a_mission_by_hand_may_be_a_second_late() {
     assert_eq!(made(&base), [Some(400.0), Some(800.0)]);
 }
 
-/// "explore", "gates": with waypoints in their place the mission would be another one. Objects at
-/// fixed positions of the scenario's world stay there.
+/// Steps such as "explore" and "gates" lead these missions: with waypoints instead, they would be
+/// other missions. Objects at fixed positions of the scenario's world stay there.
 #[test]
 fn a_mission_that_its_steps_lead_stays_as_it_is() {
     let vary = Vary {

@@ -126,7 +126,8 @@ impl Proposal {
         Ok(Self::of_bytes(&spoken, baud, is_known))
     }
 
-    /// `is_known`: the rate is that of the capture, so a byte is as long as it says.
+    /// The proposal for these bytes. `is_known`: the rate comes from the capture, so the duration
+    /// of a byte is certain.
     fn of_bytes(spoken: &[Spoken], baud: u32, is_known: bool) -> Self {
         let character = Duration::from_secs(10) / baud.max(300);
         let gap = (character * GAP_CHARACTERS).max(GAP_MIN);
@@ -213,9 +214,9 @@ fn whole_nanos(time: Duration) -> u64 {
     u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Joins bytes that were sent at once, in order of time. A record has the time of its end: the time
-/// of its own characters before it is no silence. At an unknown rate, the time is also that of its
-/// begin.
+/// Joins bytes that were sent at once, in order of time. A record has the time of its end, so the
+/// time of its own characters before it is not silence. At an unknown rate, this time also counts
+/// as its start.
 fn chunks(spoken: &[Spoken], [character, gap]: [u64; 2], is_known: bool) -> Vec<Chunk> {
     let mut chunks: Vec<Chunk> = Vec::new();
     let mut last_at = 0;

@@ -48,7 +48,7 @@ const FRAME_MAX: usize = 1_024;
 const SHARE_MIN: usize = 10;
 /// Minimum share of the bytes of chunks with the sync bytes, per cent.
 const CLEAN_MIN: usize = 97;
-/// One frame in this many may be a beginning without a frame.
+/// For this number of frames, one beginning may have no frame.
 const STRAYS_SHARE: usize = 200;
 /// Minimum number of frames.
 const FRAMES_MIN: usize = 6;

@@ -11,9 +11,11 @@ use engine::rig::trace::fingerprint;
 use engine::run::{Checkpoint, LOOK_EVERY, Outcome, Run};
 use engine::scenario::{Scenario, ScenarioError, Source};
 
-/// Number of checkpoints, distributed evenly over a run; as many again at most before faults.
+/// Number of checkpoints that are distributed evenly over a run. At most the same number is added
+/// before faults.
 const POINTS: u32 = 24;
-/// The same for a case with more than [`MANY`] faults: each checkpoint has them all.
+/// This number for a case with more than [`MANY`] faults, because each checkpoint contains all of
+/// them.
 const FEW_POINTS: u32 = 4;
 const MANY: usize = 5_000;
 /// Minimum time between two checkpoints.

@@ -197,8 +197,9 @@ impl Settings {
         }
     }
 
-    /// These settings, merged with those that the kernel of a pseudo-terminal stores, `kernel`:
-    /// with the modes that it drops, and with those that this process took from it.
+    /// The complete settings of a terminal: those that the kernel of a pseudo-terminal stores,
+    /// `kernel`, except for two kinds of modes, which come from these settings: modes that the
+    /// kernel drops, and modes that are processed here.
     #[must_use]
     pub(crate) const fn merged(mut self, kernel: &Self) -> Self {
         let own = bits::CSIZE | bits::PARENB | bits::PARODD | bits::CMSPAR | bits::CREAD;

@@ -71,7 +71,7 @@ impl Harness<'_> {
     }
 
     /// The answers of the program to some of `chunks`, which come from different sources; empty if
-    /// it does not answer, or if a second answer is another one.
+    /// it does not answer, or if its second answer differs from the first.
     fn answers_to(
         &self,
         scenario: &Scenario,

@@ -23,7 +23,7 @@ const OTHERS_MAX: usize = 32;
 /// Two times count as the same up to this difference, or up to a fifth.
 const SAME: Duration = Duration::from_millis(5);
 
-/// What the program gets in a phase.
+/// Kind of reply that the program gets in a phase.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     Intact,

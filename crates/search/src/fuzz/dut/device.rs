@@ -49,7 +49,7 @@ const PIECE_GAP: Duration = Duration::from_millis(2);
 const TRIES: usize = 3;
 /// Maximum number of extra reply times after an input: a long one gets many replies.
 const REPLY_TIMES_MAX: usize = 64;
-/// Maximum number of those with messages of timers alone.
+/// Maximum number of these reply times in which only messages of timers arrive.
 const STREAMED_MAX: usize = 2;
 /// File name of the inputs of a finding.
 const INPUTS: &str = "inputs.txt";

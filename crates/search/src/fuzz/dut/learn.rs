@@ -309,8 +309,8 @@ impl Lesson {
         }
     }
 
-    /// The reply to `request` made of the reply to a known one, if both requests differ only where
-    /// replies repeat them, as in a counter.
+    /// The reply to `request`, made from the reply to a known request, if both requests differ only
+    /// in bytes that replies repeat, as in a counter.
     pub(super) fn fitted(&self, request: &[u8]) -> Option<Vec<u8>> {
         let content = content_of(&*self.seeds.format, request);
         let made = self.contents.iter().find_map(|known| {
@@ -367,7 +367,8 @@ impl Lesson {
         self.places(&known, &request).is_some()
     }
 
-    /// Where two contents of requests differ, each with a place of the reply that repeats it.
+    /// The positions at which two contents of requests differ, each with the position in the reply
+    /// that repeats it.
     fn places(&self, known: &[u8], content: &[u8]) -> Option<Vec<(usize, usize)>> {
         if known.len() != content.len() {
             return None;
@@ -404,8 +405,8 @@ impl Lesson {
         }
     }
 
-    /// The number of different values of byte `from` of the requests if byte `to` of the replies is
-    /// always the same, else 0; only in contents of these sizes if those have several values.
+    /// The number of different values of byte `from` of the requests, if byte `to` of the replies
+    /// always equals it, else 0. Only contents of these sizes count, if they have several values.
     fn repeated(&self, from: usize, to: usize, sizes: (usize, usize)) -> usize {
         let count = |is_of: &dyn Fn(&[u8], &[u8]) -> bool| {
             let mut values = BTreeSet::new();

@@ -140,7 +140,7 @@ impl Player {
         }
     }
 
-    /// The program now, if it can be put back to this moment.
+    /// The current moment of the program, if it can be put back to it.
     pub(super) fn moment(&mut self) -> Option<TrialMoment> {
         match self {
             Self::Live(_) => None,
@@ -148,7 +148,7 @@ impl Player {
         }
     }
 
-    /// Puts the program back to `moment`; whether it was possible.
+    /// Puts the program back to `moment`; returns whether this was possible.
     pub(super) fn put_back(&mut self, moment: &TrialMoment) -> bool {
         match self {
             Self::Live(_) => false,

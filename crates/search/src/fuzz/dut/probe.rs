@@ -175,7 +175,7 @@ impl Probed {
             let Some(frame) = speech.frame(rng).filter(|_| self.answered.len() < ANSWERED) else {
                 break;
             };
-            // Neither the drawing of frames nor that of noise takes a turn of the rig.
+            // Drawing frames and noise takes no turn of the rig, so check for an interrupt here.
             live.go_on()?;
             let Some(noise) = speech.noise(&frame, rng) else {
                 without_noise += 1;

@@ -25,10 +25,10 @@ use realtime::clock::{Clock as _, WallClock};
 
 /// Maximum virtual time until the program waits for its port and all its bytes have come.
 const WAIT_MAX: Duration = Duration::from_millis(500);
-/// Interval of the checks of that.
+/// Interval of the checks whether the program waits.
 const LOOK_EVERY: Duration = Duration::from_millis(10);
-/// A program that cannot be put back after half of this many cases is started for each: the others
-/// would cost two runs.
+/// If the program could not be put back after half of this number of cases, it is started for each
+/// case, because each other case would cost two runs.
 const LOOKED_AT: u32 = 16;
 
 /// A program at its first wait.
@@ -41,7 +41,7 @@ struct Kept<'a> {
 /// The program of a search on one link.
 pub(super) struct Restarts<'a> {
     link: String,
-    /// The program at its first wait; `None`: it is to be started.
+    /// The program at its first wait; `None` if it must be started.
     kept: Option<Kept<'a>>,
     is_possible: bool,
     cases: u32,
@@ -67,7 +67,7 @@ impl<'a> Restarts<'a> {
         self.is_possible && self.link == link
     }
 
-    /// Runs `case`, without a start if the program was put back; `None`: the case is to be run from
+    /// Runs `case`, without a start if the program was put back; `None`: the case must be run from
     /// a start, because it fails without one, or because the program cannot be put back.
     pub(super) fn run(
         &mut self,
@@ -135,7 +135,7 @@ impl<'a> Restarts<'a> {
         }))
     }
 
-    /// Takes note of whether the program could be put back after a case.
+    /// Records whether the program could be put back after a case.
     fn note(&mut self, is_back: bool) {
         self.cases += 1;
         self.ends += u32::from(!is_back);

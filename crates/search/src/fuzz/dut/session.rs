@@ -356,7 +356,7 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Puts the program back to `moment`; whether it was possible. The rig continues.
+    /// Puts the program back to `moment`; returns whether this was possible. The rig continues.
     pub(super) fn put_back(&mut self, moment: &SessionMoment) -> bool {
         self.heard.clone_from(&moment.heard);
         self.played.clear();

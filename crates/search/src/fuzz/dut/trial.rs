@@ -465,7 +465,8 @@ mod tests {
         rules_of(Scenario::read(&path).expect("sound"), opens, 30, b"")
     }
 
-    /// The same for 1 s of these devices; `sent` are the bytes of a program at their first port.
+    /// Broken rules in a run of 1 s with these devices; `sent` are the bytes of a program at their
+    /// first port.
     fn rules_of_devices(devices: &str, opens: &[&str], sent: &[u8]) -> Vec<String> {
         let head = "schema = 1\nname = \"t\"\nrobot = \"none\"\nduration = \"1s\"\n";
         let read = Scenario::from_text(&format!("{head}{devices}"));

@@ -276,7 +276,7 @@ struct Expected {
     heard: Vec<u8>,
     /// Received rows without their last column, which the fielded code ignores.
     rows: std::collections::BTreeMap<usize, [u8; WIDTH - 1]>,
-    /// The robot has reported a map of another size: no row of it is known.
+    /// Whether the robot has reported a map of another size; then no row of its map is known.
     is_another: bool,
 }
 

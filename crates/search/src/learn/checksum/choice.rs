@@ -7,8 +7,9 @@ use super::super::sums::{self, ALL, Sum, UNNAMED};
 use super::{CLAIMED_BITS, Checksum, FRAMES_MAX, GUESSED_BITS, HEAD_MAX, Place, candidates};
 
 impl Checksum {
-    /// Whether the position is unambiguous. If an exclusive or or a negative sum covers the whole
-    /// frame, each byte is that of the others; the byte that changes most is then the likeliest.
+    /// Whether the position is unambiguous. If an exclusive-or sum or a negative sum covers the
+    /// whole frame, each byte is the checksum of all others. The byte that changes most is then
+    /// most likely the checksum.
     fn has_certain_place(&self, bodies: &[&[u8]]) -> bool {
         if !self.sum.is_symmetric() {
             return true;

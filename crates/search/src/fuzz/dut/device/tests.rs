@@ -486,8 +486,9 @@ fn sound_lens(bytes: &[u8]) -> Vec<usize> {
     lens
 }
 
-/// The offset of a frame that a device without a check of the CRC, with one, or with frames of
-/// eight bytes could take for another function than 1 to 4. A plain read is none.
+/// The offset of a frame that could be taken for another function than 1 to 4: by a device that
+/// does not verify the CRC, by one that does, or by one with frames of eight bytes. `None` for a
+/// plain read.
 fn other_function(bytes: &[u8]) -> Option<usize> {
     let is_sound = |frame: &[u8]| sound_lens(frame).contains(&frame.len());
     if bytes.len() == 8 && (1..=4).contains(&bytes[1]) && is_sound(bytes) {

@@ -204,7 +204,7 @@ struct Count {
     rest: usize,
 }
 
-/// The bytes that may be counts: the number of parts behind them is theirs.
+/// The bytes that may be counts, because they equal the number of parts behind them.
 fn counts(content: &[u8]) -> Vec<Count> {
     let mut counts = Vec::new();
     for (at, &count) in content.iter().enumerate().filter(|(_, count)| **count > 0) {
@@ -220,7 +220,7 @@ fn counts(content: &[u8]) -> Vec<Count> {
 }
 
 impl Count {
-    /// Changes the count; in half of the cases as many parts follow.
+    /// Changes the count; in half of the cases also the number of parts.
     fn change(&self, content: &mut Vec<u8>, rng: &mut Rng) {
         let (old, new) = self.lie(content, rng);
         if rng.below(2) == 0 {
