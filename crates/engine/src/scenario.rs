@@ -362,8 +362,8 @@ impl Scenario {
         Ok((scenario, source))
     }
 
-    /// Devices are read apart from the rest, because their settings have a type of their own and
-    /// are to remember their places in the file.
+    /// Devices are read separately, because their settings have their own types and must keep their
+    /// positions in the file.
     fn deserialized(mut document: Document<'_>) -> Result<Self, toml::de::Error> {
         let device = device::read_devices(document.get_mut());
         let team = team::read_devices(&mut document);

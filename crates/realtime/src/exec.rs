@@ -85,7 +85,7 @@ pub struct Foreign {
     pub robot: usize,
     /// Further programs of the same run, in virtual time only.
     pub others: Vec<Companion>,
-    /// Wall time within which it must open what it needs.
+    /// Wall time within which the program must open its required ports.
     pub wait: Duration,
     /// Whether it may end with exit code 0 before the run is over.
     pub may_end: bool,

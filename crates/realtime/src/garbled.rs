@@ -3,7 +3,7 @@
 use protocols::Instant;
 
 /// Number of bytes of a device at a wrong rate that a client may leave behind: a device that sends
-/// by itself goes on while the client changes its rate or closes the port.
+/// by itself continues while the client changes its rate or closes the port.
 const STRAY: u64 = 64;
 
 /// Rates of a client and of its device, bit/s.

@@ -32,7 +32,7 @@ pub struct Mutant {
     /// Number of runs with the defect.
     pub runs: u64,
     /// Number of these runs whose bytes differ from those of the run without the defect. If it is
-    /// 0, the defect never came into play; otherwise no check noticed what it does.
+    /// 0, the defect never came into play; otherwise no check noticed its effect.
     pub differs: u64,
     /// The check that detected it, with scenario and seed of the run.
     pub found: Option<(String, String, u64)>,

@@ -109,7 +109,7 @@ impl<'a> Damage<'a> {
         strikes.sort_unstable();
         let acts = |fault: &&FaultSpec| {
             let is_towards = fault.direction != Some(DirectionSpec::ToMaster);
-            // An echo lets a device hear what it has sent itself.
+            // An echo lets a device receive its own bytes.
             let is_both = matches!(fault.kind, FaultKind::Unplugged | FaultKind::Echo);
             fault.is_at(device) && (is_towards || is_both) && !fault.kind.is_strike()
         };

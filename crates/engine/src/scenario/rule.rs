@@ -134,7 +134,7 @@ impl JsonSchema for UntilSpec {
     }
 }
 
-/// What a rule demands of its condition.
+/// The demand of a rule on its condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Demand {
     /// It holds at each moment.

@@ -57,7 +57,7 @@ pub enum Request {
     },
     /// Returns the checks as if the run ended now.
     Verdict {},
-    /// Ends the run, and judges it if it is to be judged.
+    /// Ends the run, and judges it if a verdict was requested.
     Quit {},
     /// Adds a fault, which begins now or at its own time.
     Add {

@@ -2,8 +2,8 @@
 
 use engine::scenario::{Condition, Quantity, Scenario};
 
-/// Removes the rules whose conditions name what was generated anew: waypoints beyond the number of
-/// the mission, and, in a generated world, places.
+/// Removes the rules whose conditions name replaced items: waypoints beyond the number of the
+/// mission, and, in a generated world, places.
 pub(super) fn keep_fitting(made: &mut Scenario, has_new_world: bool) {
     let waypoints = made.mission.waypoints_m.len();
     let is_gone = |condition: &Condition| match condition {

@@ -449,7 +449,7 @@ fn gentle_draws_what_was_drawn_before() {
             &gentle,
             &mut Dice::of_seed(seed, "base"),
         );
-        // Nothing is drawn for the judgement of violations, which there was not.
+        // The judgement of violations is newer than this value, and draws no random number.
         if made.expect.violations_from.take().is_some() {
             made.expect.violations_max = None;
         }

@@ -164,7 +164,8 @@ impl Place {
         waypoints
     }
 
-    /// Time that the robot needs for `waypoints` from any pose, and once more in order.
+    /// Time that the robot needs for `waypoints` in order, including the path from the last one to
+    /// the first one, and for half of this path again.
     pub(super) fn time_for(&self, waypoints: &[[f64; 2]]) -> Span {
         let froms = waypoints.last().into_iter().chain(waypoints);
         let ways = froms.zip(waypoints).map(|(&from, &to)| {

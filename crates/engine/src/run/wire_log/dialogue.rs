@@ -156,7 +156,7 @@ impl WireLog {
         marks.add(mark, lanes);
     }
 
-    /// Removes what was counted after `until`.
+    /// Removes the counts after `until`.
     pub(super) fn cut_marks(&mut self, until: Instant) {
         for (marks, lanes) in self.marks.iter_mut().zip(self.lanes.as_chunks::<2>().0) {
             marks.all.retain(|mark| mark.at <= until);

@@ -130,7 +130,7 @@ fn in_words(name: Option<&str>) -> String {
     })
 }
 
-/// Firmware or a node program that does not go on: its check tells why.
+/// Firmware or a node program that does not continue: its check has the reason.
 pub(super) fn stopped(outcome: &Outcome) -> Option<Cause> {
     let mut checks = outcome.checks.iter();
     let failed = |check: &&Check| check.name == GOES_ON && check.status == Status::Fail;

@@ -50,7 +50,7 @@ pub(super) fn causes(evidence: &Evidence<'_>) -> Vec<Cause> {
     if !failed.any(|check| check.status == Status::Fail && is_about(&check.name)) {
         return Vec::new();
     }
-    // What comes after a collision does not explain it.
+    // An event after a collision does not explain it.
     let is_first = |error: &Error| outcome.collided_at.is_none_or(|at| error.time[0] < at);
     let mut causes = Vec::new();
     let cause = |weight| {

@@ -290,7 +290,7 @@ mod tests {
         let words = LastWords::of(&python(&[own], "BadFrame: x"));
         assert_eq!((&*words.key, words.is_failure), ("BadFrame", false));
 
-        // The condition failed, not what stands behind it.
+        // The condition failed, not the statement behind it.
         let words = LastWords::of(&python(&[own], "IndexError: index out of range"));
         let expected = ("IndexError at meter.py:8", true);
         assert_eq!((&*words.key, words.is_failure), expected);

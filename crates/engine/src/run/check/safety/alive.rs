@@ -46,7 +46,7 @@ struct Watched {
 }
 
 impl AliveAtTheEnd {
-    /// Judges the time after `from`, which is to last for `last`; links in `exempt` may be silent.
+    /// Judges the time after `from`, which must last for `last`; links in `exempt` may be silent.
     pub fn new(from: Instant, last: Duration, exempt: Vec<String>, asks_for_pose: bool) -> Self {
         Self {
             from,

@@ -171,7 +171,7 @@ mod tests {
         }
     }
 
-    /// Sends so many bytes each 100 ms between these tenths of a second.
+    /// Sends this number of bytes each 100 ms between these tenths of a second.
     fn sends(one: &mut Watched, tenths: core::ops::Range<u64>, bytes: u64) {
         for tenth in tenths {
             let sent = one.sent + bytes;

@@ -182,8 +182,8 @@ mod tests {
         assert_eq!([9.49, 9.5, 11.0, 12.5, 12.51].map(told), [1, 0, 0, 0, 1]);
     }
 
-    /// Three wrong reports in a row; the same report counts once, and a right one in between or a
-    /// fault begins anew. A steady value fails at once.
+    /// Three wrong reports in a row; the same report counts once, and a right report in between, or
+    /// a fault, restarts the count. A steady value fails at once.
     #[test]
     fn wrong_reports_in_a_row_fail() {
         let mut one = watched();

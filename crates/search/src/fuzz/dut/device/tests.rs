@@ -49,7 +49,7 @@ fn shipped_devices_keep_the_laws() {
 /// Alters a delivery; the first argument is all bytes received before.
 type Alter = fn(&[u8], Vec<u8>) -> Vec<u8>;
 
-/// A device with a defect in what it receives or sends.
+/// A device with a defect in its receiver or its transmitter.
 struct Defective {
     device: Described,
     alter: Alter,

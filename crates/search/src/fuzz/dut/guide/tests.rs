@@ -27,7 +27,7 @@ fn reached(marks: &[u32]) -> Reached {
 }
 
 /// The second part is the first to reach mark 2; the third reaches nothing new, the fourth was not
-/// sent. The part before the second is kept with it; whether it was needed is still to be tried.
+/// sent. The part before the second is kept with it; a later try shows whether it was needed.
 #[test]
 fn what_reached_something_new_is_kept_with_what_was_told_before() {
     let mut guide = Guide::default();

@@ -1,4 +1,4 @@
-//! What a search has found and counted so far.
+//! Findings and counts of a search so far.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! What a search learns about a link before its cases.
+//! Learning about a link, before the cases of a search.
 
 use core::time::Duration;
 use std::collections::BTreeSet;
