@@ -229,7 +229,7 @@ fn settings_that_do_not_reach_a_board_are_refused() {
     let said = text(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(
-        said.contains("has no words for settings on a simulated board"),
+        said.contains("cannot receive settings on a simulated board"),
         "{said}"
     );
 }

@@ -360,7 +360,7 @@ fn a_call_that_is_not_handled_is_named_once() {
     let ended = run("unhandled", "exec python3 program.py", &files, &[]);
     let named = ended
         .said
-        .matches("leaves virtual time: io_uring is not there");
+        .matches("leaves virtual time: io_uring is not available");
     assert_eq!(named.count(), 1, "{}", ended.said);
 }
 

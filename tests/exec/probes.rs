@@ -149,7 +149,7 @@ fn more_probes_are_answered_right_and_the_same_twice() {
     let ended = run("more-probes", &program.display().to_string(), &files, &more);
     assert_said(&ended, &MORE);
     assert_eq!(ended.check("deterministic").0, "pass", "{}", ended.said);
-    let refused = "leaves virtual time: futex_waitv is not there";
+    let refused = "leaves virtual time: futex_waitv is not available";
     assert!(ended.said.contains(refused), "{}", ended.said);
 }
 

@@ -45,7 +45,7 @@ fn a_robot_that_drives_blind_is_caught_at_the_wall() {
         "[[fault]]\nkind = \"device\"\ndevice = \"lidar\"\nfault = \"dark\"\nfrom = \"5s\"\n";
     let (status, said) = verdict("no-collision-at-speed", "\"XV-11\"", dark);
     assert_eq!(status, Status::Fail, "{said}");
-    assert!(said.contains("the first in earnest at"), "{said}");
+    assert!(said.contains("the first harmful one at"), "{said}");
     let (status, said) = verdict("no-collision-at-speed", "", dark);
     assert_eq!(status, Status::Pass, "{said}");
 }

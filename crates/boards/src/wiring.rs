@@ -131,8 +131,8 @@ impl Board {
             };
             if unit != Unit::Twi && !taken.insert((name, number)) {
                 return Err(WiringError(format!(
-                    "port \"{port}\": its {name} of the board is taken by another port of the rig; \
-                     connect it elsewhere by wires"
+                    "port \"{port}\": another port of the rig uses the board's {name}; connect \
+                     this one elsewhere by a wire"
                 )));
             }
             told.insert(port.to_owned(), json!({ "unit": name, "number": number }));
@@ -171,8 +171,8 @@ impl Board {
                         false => format!("free are {}", free.join(", ")),
                     };
                     return Err(WiringError(format!(
-                        "port \"{port}\" of the rig: which port of the board {} it is connected to \
-                         is not clear ({free}); say it by a wire, e.g. {port}={}",
+                        "port \"{port}\" of the rig: its port of the board {} is not clear \
+                         ({free}); add a wire, e.g. {port}={}",
                         self.name,
                         self.port_names().first().unwrap_or(&"serial")
                     )));
@@ -227,8 +227,8 @@ mod tests {
         let two = [("gps", Uart), ("servo", Uart)];
         assert_eq!(
             wired("arduino-mega", &two, &[("gps", "serial1")]),
-            "port \"servo\" of the rig: which port of the board arduino-mega it is connected to is \
-             not clear (free are serial, serial2, serial3); say it by a wire, e.g. servo=serial"
+            "port \"servo\" of the rig: its port of the board arduino-mega is not clear (free \
+             are serial, serial2, serial3); add a wire, e.g. servo=serial"
         );
         assert_eq!(
             wired("arduino-mega", &two, &[("gps", "com1")]),
@@ -262,8 +262,8 @@ mod tests {
                 &two,
                 &[("gps", "serial1"), ("servo", "serial1")]
             ),
-            "port \"servo\": its uart of the board is taken by another port of the rig; connect it \
-             elsewhere by wires"
+            "port \"servo\": another port of the rig uses the board's uart; connect this one \
+             elsewhere by a wire"
         );
     }
 }

@@ -112,8 +112,8 @@ pub trait Robot: Sync {
         if !scenario.program.has_settings() {
             return Ok(Vec::new());
         }
-        let message = "this robot's program has no words for settings on a simulated board, \
-                       expected none but \"cpu\"; leave the others out";
+        let message = "this robot's program cannot receive settings on a simulated board, expected \
+                       only \"cpu\"; remove the others";
         Err(source.invalid(source.find("program"), "program", message))
     }
 

@@ -199,7 +199,7 @@ fn keys_that_mean_nothing_together_are_refused() {
     );
     said(
         "count = 3",
-        "9: fault[0].count: expected a rate or every, of which something can be counted",
+        "9: fault[0].count: expected a rate or every: it limits their damaged bytes or repetitions",
     );
     said(
         "when = { register = 3 }",

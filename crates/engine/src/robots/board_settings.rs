@@ -34,7 +34,7 @@ pub(super) fn words<C: PartialEq>(
 
 /// Error of a scenario with settings that have no words.
 pub(super) fn untold(source: &Source) -> ScenarioError {
-    let message = "firmware on a simulated board has no words for it, expected none; build the \
+    let message = "cannot be passed to firmware on a simulated board, expected none; build the \
                    firmware with these settings in Config::DEFAULT";
     source.invalid(source.find("tuning"), "program.tuning", message)
 }

@@ -28,7 +28,7 @@ impl Robot for CustomRobot {
     }
 
     fn about(&self) -> &'static str {
-        "chassis, devices and slaves as the scenario describes them; driven by a program of one's own"
+        "chassis, devices and slaves as the scenario describes them; driven by your own program"
     }
 
     fn chassis(

@@ -17,9 +17,9 @@ pub fn wire(
     pc: PcEnd,
 ) -> Result<Wired, ScenarioError> {
     if !scenario.team.is_empty() {
-        let message = "expected none here: \"hilrig run\", \"debug\", and \"ui\", \"campaign\", \
-                       \"fuzz\" and \"shrink\" without a program of your own run several \
-                       robots; others run one robot";
+        let message = "expected none here: several robots run with \"hilrig run\" and \"debug\", \
+                       and without a program of your own also with \"ui\", \"campaign\", \"fuzz\" \
+                       and \"shrink\"";
         return Err(source.invalid(source.find("team"), "team", message));
     }
     wire_first(scenario, source, dut, pc)

@@ -140,7 +140,7 @@ impl Warnings<'_> {
 
     fn of_values(&mut self, key: &str, values: Vec<Value<'_>>, has_watchdog: bool) {
         if has_watchdog && !values.iter().any(|value| value.safe) {
-            let message = "has no effect: no value has a safe value";
+            let message = "has no effect: no value of the device sets \"safe\"";
             self.add("watchdog", format!("{key}.watchdog"), message);
         }
         for value in values {
@@ -415,8 +415,8 @@ mod tests {
             .replace(", limits = [0, 9]", "");
         assert_eq!(warnings(&sound), [""; 0]);
         let unsafe_ = sound.replace(", safe = 0", "");
-        let told = "t.toml:7: device.base.registers.watchdog: has no effect: no value has a safe \
-                    value";
+        let told = "t.toml:7: device.base.registers.watchdog: has no effect: no value of the \
+                    device sets \"safe\"";
         assert_eq!(warnings(&unsafe_), [told]);
     }
 

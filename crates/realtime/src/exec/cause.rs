@@ -133,7 +133,7 @@ fn undecided(evidence: &Evidence<'_>) -> Option<String> {
     Some(match &evidence.ended {
         Some((ended, at)) => format!(
             "the program ended with {ended} at {at} s, before a rule of the scenario was decided \
-             ({open}): it left out what the rule waits for, or the rule names something else"
+             ({open}): it did not do what the rule waits for, or the rule names something else"
         ),
         None => format!(
             "a rule of the scenario was not decided to the end ({open}): the program did not do \

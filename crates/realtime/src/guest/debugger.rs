@@ -371,13 +371,14 @@ impl Session<'_> {
             let Some(reason) = self.go_back(back)? else {
                 // If the debugger is gone, the next read reports it.
                 let _ = wire.take_interrupt();
-                let _ =
-                    wire.say("[hilrig] the way back is broken off; the program is at its start");
+                let _ = wire.say(
+                    "[hilrig] the backward motion is interrupted; the program is at its start",
+                );
                 return Ok(Some(self.reason(GdbSignal::SIGINT)));
             };
             if core::mem::take(&mut self.has_missed) {
-                let text = "the program does not repeat, so the way back missed its place; check it \
-                            with hilrig run --virtual --check";
+                let text = "the program does not repeat, so the backward motion missed its place; \
+                            check it with hilrig run --virtual --check";
                 (self.say)(text);
                 // If the debugger is gone, the next read reports it.
                 let _ = wire.say(&format!("[hilrig] {text}"));

@@ -303,7 +303,7 @@ pub fn in_words(case: &Scenario) -> String {
     };
     let solid = case.world.wall.len() + case.world.polygon.len() + case.world.pillar.len();
     format!(
-        "Enough is: {faults}; {} waypoints, {} orders, {solid} things in the world, {}.",
+        "This is enough: {faults}; {} waypoints, {} orders, {solid} objects in the world, {}.",
         case.mission.waypoints_m.len(),
         case.mission.step.len(),
         case.duration

@@ -186,12 +186,12 @@ impl Checker for NoCollisionAtSpeed {
         let contacts = self.contacts;
         let detail = match self.first {
             None if self.worst_m_s > HARMLESS_M_S => format!(
-                "{contacts} contacts, in earnest only while a sensor deceives the robot or its \
-                 drive does not follow"
+                "{contacts} contacts, harmful only while a sensor deceives the robot or its drive \
+                 does not follow"
             ),
-            None => format!("{contacts} contacts, none driven into faster than {HARMLESS_M_S} m/s"),
+            None => format!("{contacts} contacts, none at more than {HARMLESS_M_S} m/s"),
             Some(at) => format!(
-                "{contacts} contacts, the first in earnest at {at} s, worst driven into at {:.3} m/s",
+                "{contacts} contacts, the first harmful one at {at} s, the fastest at {:.3} m/s",
                 self.worst_m_s
             ),
         };

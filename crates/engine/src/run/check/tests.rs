@@ -113,7 +113,7 @@ fn a_touch_of_five_centimetres_a_second_does_no_harm() {
     look(&mut checker, &mut rig, 1, &[], &[]);
     assert_eq!(verdict(&checker).0, Status::NotObserved);
     look(&mut checker, &mut rig, 2, &[], &[contact(2, 0.05)]);
-    let harmless = "1 contacts, none driven into faster than 0.05 m/s".to_owned();
+    let harmless = "1 contacts, none at more than 0.05 m/s".to_owned();
     assert_eq!(verdict(&checker), (Status::Pass, harmless));
     look(
         &mut checker,
@@ -124,7 +124,7 @@ fn a_touch_of_five_centimetres_a_second_does_no_harm() {
     );
     look(&mut checker, &mut rig, 10, &[], &[contact(10, 0.4)]);
     let first =
-        "4 contacts, the first in earnest at 0.007000 s, worst driven into at 0.400 m/s".to_owned();
+        "4 contacts, the first harmful one at 0.007000 s, the fastest at 0.400 m/s".to_owned();
     assert_eq!(verdict(&checker), (Status::Fail, first));
 }
 

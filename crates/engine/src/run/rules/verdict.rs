@@ -162,7 +162,8 @@ impl Rule {
         match met {
             Some((at, words)) => Check::new(name, true, format!("at {at} s {words}: {spec}")),
             None => {
-                let detail = format!("not reached in this run, as a single run may: {spec}");
+                let detail =
+                    format!("not reached in this run, which can happen in a single run: {spec}");
                 Check::not_observed(name, detail)
             }
         }

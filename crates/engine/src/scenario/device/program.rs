@@ -229,7 +229,7 @@ impl DeviceKind for ProgramKind {
     }
 
     fn about(&self) -> &'static str {
-        "Device that a program of one's own plays, in any language"
+        "Device that your own program plays, in any language"
     }
 
     fn example(&self) -> &'static str {

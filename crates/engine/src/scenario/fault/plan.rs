@@ -154,7 +154,8 @@ impl FaultSpec {
                 return Err(Flaw::new("every", format!("is missing, {name} needs it")));
             }
             (None, _) if self.count.is_some() && self.rate.is_none() => {
-                let message = "expected a rate or every, of which something can be counted";
+                let message =
+                    "expected a rate or every: it limits their damaged bytes or repetitions";
                 return Err(Flaw::new("count", message));
             }
             _ => {}

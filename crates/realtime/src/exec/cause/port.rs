@@ -44,7 +44,7 @@ fn rate(port: &Port, evidence: &Evidence<'_>) -> Option<Cause> {
             weight::RATE,
             format!(
                 "wrong baud rate: bytes pass port {name} at {at} s while its client is at {own} \
-                 baud and its device at {far}, after others at the right rate; one of them has \
+                 baud and its device at {far}, after bytes at the right rate; one of them has \
                  changed its rate: change the client's together with the device's"
             ),
         ));

@@ -484,7 +484,7 @@ mod tests {
                 true,
             ),
             (
-                "3 contacts, the first in earnest at 12.333 s, worst at 0.3 m/s",
+                "3 contacts, the first harmful one at 12.333 s, the fastest at 0.3 m/s",
                 false,
             ),
             ("still moving at 4.2 s", false),

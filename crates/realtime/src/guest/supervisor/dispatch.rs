@@ -164,15 +164,13 @@ impl Supervisor {
                 Outcome::Kernel
             }
             libc::SYS_io_uring_setup => {
-                self.note("io_uring is not there: the program has to do without".to_owned());
+                self.note("io_uring is not available to the program".to_owned());
                 nix::errno::Errno::ENOSYS.into()
             }
             // The supervisor wakes threads itself, and the kernel does not know these wake-ups.
             libc::SYS_futex_waitv | FUTEX_WAKE | FUTEX_WAIT | FUTEX_REQUEUE => {
                 let name = call::name(call.number);
-                self.note(format!(
-                    "{name} is not there: the program has to do without"
-                ));
+                self.note(format!("{name} is not available to the program"));
                 nix::errno::Errno::ENOSYS.into()
             }
             number => {
