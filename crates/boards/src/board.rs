@@ -372,7 +372,7 @@ impl BoardText {
                 .as_ref()
                 .filter(|bus| self.uarts.contains_key(bus.get_ref()));
             if let Some(bus) = twice {
-                let message = format!("is \"{}\", the name of a UART", bus.get_ref());
+                let message = format!("is \"{}\", which is the name of a UART", bus.get_ref());
                 return Err(source.wrong(bus, key, message));
             }
         }
@@ -455,7 +455,7 @@ mod tests {
             ),
             (
                 "i2c = \"a\"\n[uarts]\na = 0",
-                "b.toml:4: i2c: is \"a\", the name of a UART",
+                "b.toml:4: i2c: is \"a\", which is the name of a UART",
             ),
             (
                 "[pins]\nd1 = { at = \"M9\" }",

@@ -396,5 +396,7 @@ fn json(spec: &NodeSpec, script: &[Step], expected: &Answers) -> Tried {
     let found = play(&mut host, script);
     let found = found.map_err(|error| told(&error, &host.last_words()))?;
     alike(expected, &found, "the two forms")?;
-    Ok(Ok("the form for people has the same answers".to_owned()))
+    Ok(Ok(
+        "the readable form (JSON) has the same answers".to_owned()
+    ))
 }

@@ -181,7 +181,8 @@ fn pixels_mean_themselves<'a>(
     if found.map(|found| &again[..found]) == Some(&pixels[..len]) {
         return Ok(());
     }
-    let detail = format!("{len} pixels said and heard are {found:?}, or others");
+    let detail =
+        format!("{len} pixels, written and read again, give {found:?} pixels or other values");
     Err(Broken::new("pixels-mean-themselves", detail))
 }
 

@@ -189,7 +189,7 @@ fn row_means_itself(row: &MapRow<'_>, pixels: &[u8]) -> Result<(), Broken> {
     if shown == Some(pixels) {
         return Ok(());
     }
-    let detail = format!("row {} of {pixels:?} said again shows {shown:?}", row.y);
+    let detail = format!("row {} of {pixels:?} encoded again shows {shown:?}", row.y);
     Err(Broken::new("rows-mean-themselves", detail))
 }
 

@@ -204,7 +204,7 @@ pub(super) fn made_again(found: &[u8], made: &[u8]) -> Result<(), Broken> {
     if found == made {
         return Ok(());
     }
-    let detail = format!("{found:02X?} made again of its parts is {made:02X?}");
+    let detail = format!("{found:02X?} built again from its parts is {made:02X?}");
     Err(Broken::new("frame-means-itself", detail))
 }
 

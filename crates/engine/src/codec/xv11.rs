@@ -118,7 +118,7 @@ impl Wire for Xv11 {
             let reading = Reading::from(raw);
             let again = Reading::from(RawReading::from(reading));
             if again != reading {
-                let detail = format!("{reading:?} said and heard is {again:?}");
+                let detail = format!("{reading:?} written and read is {again:?}");
                 return Err(Broken::new("reading-means-itself", detail));
             }
         }

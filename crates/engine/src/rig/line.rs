@@ -293,8 +293,8 @@ impl Line {
         ends
     }
 
-    /// Counts the lost and added bytes of `given` bytes, which include those held back earlier.
-    /// `passed` bytes, and the bytes held back now, are left of them.
+    /// Counts the lost and added bytes. `given` bytes came in, which include those held back
+    /// earlier; `passed` bytes go on, and others may be held back now.
     fn count(&mut self, given: u64, passed: u64) {
         let left = passed + self.faults.held();
         self.traffic.added += left.saturating_sub(given);

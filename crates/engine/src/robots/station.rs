@@ -105,7 +105,8 @@ pub struct StationView {
     pub pose: Option<[i16; 3]>,
     /// Size of its map, millimetres.
     pub size_mm: Option<[u16; 2]>,
-    /// The waypoints, millimetres of the robot's map: the last sent ones until they are confirmed.
+    /// The waypoints, millimetres of the robot's map: those last sent, until the robot confirms
+    /// them.
     pub waypoints: Vec<[i16; 2]>,
     /// Whether the robot has received all waypoints.
     pub confirmed: bool,

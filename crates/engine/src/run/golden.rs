@@ -34,7 +34,7 @@ pub(super) fn path_check(golden: &[Point], path: &[Point], within_mm: f64) -> Ch
         (Some(point), _) => Err(words(point, "the robot's path", golden, "the golden path")),
         (None, Some(point)) => Err(words(point, "the golden path", path, "the robot's path")),
         (None, None) => Ok(format!(
-            "within {within_mm} mm of the golden path, and that of it"
+            "this path and the golden path are within {within_mm} mm of each other"
         )),
     };
     let is_kept = detail.is_ok();

@@ -187,8 +187,8 @@ impl Run {
         }
     }
 
-    /// Whether each further robot has done its task. One without waypoints has none, but it may
-    /// wait for an event.
+    /// Whether each further robot has done its task. A robot without waypoints has no task, but it
+    /// may wait for an event.
     pub(super) fn is_team_done(&self) -> bool {
         self.team.iter().all(|Member { run, .. }| {
             let Scenario {

@@ -276,7 +276,7 @@ impl RuleSpec {
                 Err(Flaw::new("lasting", message))
             }
             (Some(_), _) if !has_after && holds_throughout => {
-                let message = format!("expected only with after; {key} alone takes from");
+                let message = format!("expected only with after; without it, {key} takes from");
                 Err(Flaw::new("within", message))
             }
             (Some(_), _) if !has_after && self.until.is_some() => Err(Flaw::new(

@@ -457,7 +457,7 @@ impl WorldSpec {
     }
 }
 
-/// The value of `result`; without one its error goes to `wrong`.
+/// The value of `result`. If it is an error, the default; the error is added to `wrong`.
 fn kept<T: Default>(result: Result<T, ScenarioError>, wrong: &mut Vec<ScenarioError>) -> T {
     result.unwrap_or_else(|error| {
         wrong.push(error);

@@ -235,7 +235,8 @@ impl Office<'_> {
     fn speed(&self, x: f64) -> Result<Answer, Refusal> {
         let [least, most] = SPEEDS;
         if !(least..=most).contains(&x) {
-            let message = format!("is {x}, expected {least} to {most}: ports are open to others");
+            let message =
+                format!("is {x}, expected {least} to {most}: other programs can open the ports");
             return Err(Refusal::new("x", message));
         }
         self.pace(|tempo| tempo.set_speed(x))

@@ -60,7 +60,7 @@ impl Ports {
     pub(crate) fn go_on(&self, rest: &Rest<'_>) -> Check {
         let seen: Vec<&Port> = self.all.iter().filter(|port| port.was_opened).collect();
         if seen.iter().all(|port| port.reads.is_none()) {
-            return Check::not_observed(GOES_ON, "no port was opened at which it can be seen");
+            return Check::not_observed(GOES_ON, "no port was opened at which reads can be seen");
         }
         if rest.is_cut {
             return Check::not_observed(GOES_ON, "the run was ended before its time");
@@ -320,7 +320,7 @@ fn effect(setting: Setting, to: Special, from: Special) -> Option<String> {
         ),
         Setting::CrToLf => some(to.cr, format!("makes 0x0A of 0x0D: {} times", to.cr)),
         Setting::LfToCr => some(to.lf, format!("makes 0x0D of 0x0A: {} times", to.lf)),
-        Setting::IgnoreCr => some(to.cr, format!("takes 0x0D away: {} times", to.cr)),
+        Setting::IgnoreCr => some(to.cr, format!("removes 0x0D: {} times", to.cr)),
         Setting::Signals => some(
             to.signals,
             format!(

@@ -203,8 +203,8 @@ impl Computing {
             match own.calls == *calls && own.fingerprint == recorded.fingerprint {
                 true => Ok(format!("{calls} calls as in the case")),
                 false => Err(format!(
-                    "{} calls, the case has {calls} or others: the program or its options differ from \
-                 the recorded run; {again}",
+                    "{} calls, the case has {calls}, perhaps other ones: the program or its \
+                     options differ from the recorded run; {again}",
                     own.calls
                 )),
             },

@@ -102,7 +102,7 @@ impl Trial {
     /// written to `log`, the decisions call by call to `trace`.
     ///
     /// # Errors
-    /// If it cannot be started or supervised, or needs a port that there is not.
+    /// If it cannot be started or supervised, or needs a port that does not exist.
     pub fn start(
         mut run: Run,
         seats: Vec<Seat>,

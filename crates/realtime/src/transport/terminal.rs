@@ -263,8 +263,8 @@ impl Terminal {
         self.settings.is_canonical()
     }
 
-    /// Number of bytes that a read returns now, at most `wanted`; `None` without a line in
-    /// canonical mode.
+    /// Number of bytes that a read returns now, at most `wanted`. `None` in canonical mode if no
+    /// complete line has arrived.
     pub fn readable(&self, wanted: usize) -> Option<usize> {
         match self.is_canonical() {
             true => self.lines.front().map(|(len, _)| (*len).min(wanted)),

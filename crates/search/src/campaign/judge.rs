@@ -200,7 +200,8 @@ pub(super) struct CountedRule {
 }
 
 impl CountedRule {
-    /// Name under which runs count that they have the rule: generated missions may have lost it.
+    /// Name for the count of runs whose scenario has the rule: a generated mission may have lost
+    /// it.
     pub(super) fn asked(&self) -> String {
         format!("asked: {}", self.name)
     }

@@ -133,7 +133,7 @@ impl Merged {
         self.missed(Counted::Rule)
     }
 
-    /// Rules and goals that no run has judged, as their missions and worlds were generated.
+    /// Rules and goals that no run has judged, because no generated mission or world has them.
     pub fn lost_rules(&self) -> impl Iterator<Item = &str> {
         self.missed(Counted::LostRule)
     }

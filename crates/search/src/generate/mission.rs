@@ -105,7 +105,7 @@ pub(super) fn sort(steps: &mut Vec<Step>) {
     steps.extend(keyed.into_iter().map(|(_, step)| step));
 }
 
-/// Earliest such turn, milliseconds: the robot has its first scans then.
+/// Earliest turn by hand, milliseconds: the robot has its first scans then.
 const BY_HAND_FROM_MS: u64 = 6_000;
 /// Duration for which the operator turns the robot by hand.
 const BY_HAND_MS: [u64; 2] = [3_000, 9_000];

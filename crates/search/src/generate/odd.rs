@@ -24,8 +24,8 @@ const STOPS_MS: [u64; 2] = [2_000, 6_000];
 
 /// Time between two orders of a long run, milliseconds: the robot has rested between some of them.
 const AGAIN_MS: u64 = 45_000;
-/// Distance from the last waypoint within which the robot rests, beyond that of a visit,
-/// millimetres.
+/// Maximum distance from the last waypoint at which the robot rests, in addition to that of a
+/// visit, millimetres.
 const BESIDE_MM: f64 = 100.0;
 
 pub(super) fn is_drawn(percent: u64, dice: &mut Draw) -> bool {

@@ -11,8 +11,8 @@ pub(crate) struct Sum {
     pub(crate) name: &'static str,
     /// Number of bytes of the value.
     pub(crate) bytes: usize,
-    /// Whether a constant may be added (for an exclusive or: combined). It covers initial values
-    /// and complements.
+    /// Whether a constant may be added to the value, or combined with it in an exclusive or. Such a
+    /// constant covers initial values and complements.
     pub(crate) is_free: bool,
     how: How,
 }

@@ -14,7 +14,7 @@ pub(crate) fn chance(rng: &mut Rng, len: u64) -> Vec<u8> {
 }
 
 /// Frames of a fictional sensor: a number, 8 bytes of values, a 16-bit count with as many bytes,
-/// then the checksum of that name in the catalogue, low byte first, COBS.
+/// then CRC-16/IBM-3740, low byte first; coded with COBS.
 pub(crate) fn sensor_frames(count: u8) -> Vec<Vec<u8>> {
     let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740);
     let stuffed = Format {

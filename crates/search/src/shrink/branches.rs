@@ -14,7 +14,7 @@ use engine::scenario::{Scenario, ScenarioError, Source};
 /// Number of checkpoints that are distributed evenly over a run. At most the same number is added
 /// before faults.
 const POINTS: u32 = 24;
-/// This number for a case with more than [`MANY`] faults, because each checkpoint contains all of
+/// `POINTS` for a case with more than [`MANY`] faults, because each checkpoint contains all of
 /// them.
 const FEW_POINTS: u32 = 4;
 const MANY: usize = 5_000;

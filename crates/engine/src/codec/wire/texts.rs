@@ -41,7 +41,10 @@ pub(super) fn commands_are_said_as_heard(stream: &Stream) -> Result<(), Broken> 
     if let Some(command) = Command::parse(bytes) {
         let len = command.encode(&mut said).unwrap_or(0);
         if &said[..len] != bytes {
-            let detail = format!("{command:?} is said as \"{}\"", said[..len].escape_ascii());
+            let detail = format!(
+                "{command:?} is encoded as \"{}\"",
+                said[..len].escape_ascii()
+            );
             return Err(Broken::new("commands-are-said-as-heard", detail));
         }
     }
@@ -49,7 +52,7 @@ pub(super) fn commands_are_said_as_heard(stream: &Stream) -> Result<(), Broken> 
         let len = command.encode(&mut said).unwrap_or(0);
         let line = said[..len].strip_suffix(b"\r\n").unwrap_or_default();
         if LineCommand::parse(line) != Some(command) {
-            let detail = format!("{command:?} is said as \"{}\"", line.escape_ascii());
+            let detail = format!("{command:?} is encoded as \"{}\"", line.escape_ascii());
             return Err(Broken::new("commands-are-said-as-heard", detail));
         }
     }

@@ -8,7 +8,7 @@ use protocols::{Candidate, Format as _};
 
 use crate::robots::{Command, Dialect};
 
-/// Arbitrary outputs that detect boards with other motors, which give other speeds.
+/// Arbitrary outputs: if a board has other motors, these outputs give other speeds.
 const PROBE: Outputs = Outputs {
     duty: [6_000, 7_000],
     channel: 0,

@@ -46,7 +46,7 @@ pub const NOT_UNDERSTOOD: [&str; 17] = [
     "missing-pause",
 ];
 
-/// Rules that mean: the device understands the request, and has nothing to answer with.
+/// Rules that mean: the device understands the request, but has no answer to it.
 const UNANSWERABLE: [&str; 5] = [
     "wrong-address",
     "unknown-register",

@@ -9,7 +9,7 @@ use crate::scenario::{FaultSpec, Scenario};
 /// Name of the check.
 pub const REQUESTS_ANSWERED: &str = "requests-answered";
 
-/// Whether each master of `rig` got a reply to one of its requests at least; `None` without
+/// Whether each master of `rig` got a reply to at least one of its requests; `None` without
 /// masters. A device of `scenario` without a fault has to answer. Any other master without a reply
 /// has observed nothing, unless a program should have answered; see [`must_answer`].
 pub(crate) fn requests_answered(rig: &Rig, scenario: &Scenario) -> Option<Check> {

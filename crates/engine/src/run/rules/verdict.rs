@@ -87,7 +87,7 @@ impl Rule {
             return None;
         }
         let silence = self.probes.subject.silence();
-        Some(silence.unwrap_or_else(|| "nothing of it appeared".to_owned()))
+        Some(silence.unwrap_or_else(|| "nothing that the rule names appeared".to_owned()))
     }
 
     fn no_trigger(&self) -> String {

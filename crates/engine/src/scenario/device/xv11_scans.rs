@@ -39,7 +39,7 @@ impl Xv11Scans {
         Self { place_m, ..self }
     }
 
-    /// Ends the turn.
+    /// Ends the turn and returns its beams.
     fn end(&mut self) -> Vec<Beam> {
         let beams = self.beams();
         self.ranges_mm = [0; 360];

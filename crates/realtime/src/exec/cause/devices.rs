@@ -176,8 +176,8 @@ fn other(evidence: &Evidence<'_>, device: &str, rules: &[&OwnBreaks]) -> Option<
     Some(Cause::new(weight, text + &after.unwrap_or_default()))
 }
 
-/// Frames that a fault damaged on their way to the device, and rules that are broken by nothing
-/// else: the cause if there is no other.
+/// The rules of `device` that are broken only because a fault damaged or delayed its frames. This
+/// is the cause if there is no other.
 fn damaged(evidence: &Evidence<'_>, device: &str) -> Option<Cause> {
     let broken = evidence.outcome.own_breaks.iter();
     let broken = broken.filter(|broken| broken.device == device && broken.explained > 0);

@@ -54,7 +54,7 @@ impl Session<'_> {
         Ok(is_there)
     }
 
-    /// Stores the message that the program to debug was not started, with the started ones.
+    /// Stores the error that no program to debug was started, and lists the programs that were.
     fn miss_program(&mut self) {
         let debugging = self.supervisor().debugging();
         let started = debugging.map_or_else(String::new, |it| it.started().join(", "));
@@ -64,7 +64,7 @@ impl Session<'_> {
         };
         self.missed = Some(match &self.settings.program {
             Some(name) => format!(
-                "--program {name}: no program of that name was started that could be debugged; \
+                "--program {name}: no program of that name that can be debugged was started; \
                  {started}: expected the name of one of these"
             ),
             None => format!(

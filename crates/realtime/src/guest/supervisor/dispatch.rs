@@ -96,7 +96,7 @@ impl Supervisor {
             | libc::SYS_sched_getaffinity
             | libc::SYS_sched_setaffinity => self.sees_processor(tid, call),
             libc::SYS_setsockopt => {
-                self.note("is told the system's time of messages (SO_TIMESTAMP)".to_owned());
+                self.note("gets the system's time of messages (SO_TIMESTAMP)".to_owned());
             }
             libc::SYS_clone | libc::SYS_clone3 => show_child(Pid::from_raw(tid), call),
             libc::SYS_readlink | libc::SYS_readlinkat => self.read_link(tid, call),

@@ -63,8 +63,8 @@ impl Supervisor {
         self.deliverable_beside(held, process, tid)
     }
 
-    /// These signals while those in `held` are blocked, or, without `held`, those that the thread
-    /// blocks.
+    /// As [`deliverable`](Self::deliverable), while the signals in `held` are blocked; without
+    /// `held`, those that the thread blocks.
     fn deliverable_beside(&self, held: Option<u64>, process: i32, tid: i32) -> [u64; 2] {
         self.deliverable_of(&Pending::of(process, tid), held, tid)
     }

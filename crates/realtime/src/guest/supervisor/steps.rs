@@ -80,7 +80,7 @@ impl Supervisor {
             if let Flow::Goes(signal) = flow
                 && self.lease.take_has_waited()
             {
-                // The thread has waited without a stop; its turn would have ended there.
+                // The thread waited without a stop. With a stop, its turn would have ended here.
                 self.held_over = Some((current, Next::Go(signal)));
                 break;
             }

@@ -53,7 +53,8 @@ impl Harness<'_> {
                 (given.clone().filter(is_recorded).count(), given.count())
             };
             let (to_device, to_master) = (score(0), score(1));
-            // The bytes to the device are questions: the program sends those to the master.
+            // Swapped: the program answers the bytes to the device, so its own bytes are those to
+            // the master.
             let is_swapped =
                 to_device > to_master || to_device == to_master && both[1][at].is_empty();
             let side = usize::from(!is_swapped);

@@ -116,7 +116,8 @@ impl Constants {
         for at in 0..code.len() {
             if let Some((number, bytes)) = compared(&code[at..]) {
                 self.add_number(number);
-                // A comparison of a short text with a constant one is often one of numbers.
+                // A comparison with a short constant text is often compiled as a comparison of
+                // numbers.
                 if bytes >= 2 {
                     self.add_word(&number.to_le_bytes()[..bytes]);
                 }
@@ -197,7 +198,8 @@ fn programs_of(of: &Path) -> Vec<PathBuf> {
     paths.filter(is_own).collect()
 }
 
-/// The machine code and the read-only data of an ELF file for x86-64, with whether it is code.
+/// The machine code and the read-only data of an ELF file for x86-64; each part has a flag, true
+/// for machine code.
 fn sections(file: &[u8]) -> Vec<(bool, &[u8])> {
     let number = |at: usize, bytes: usize| {
         let mut value = [0; 8];

@@ -211,8 +211,8 @@ pub struct Held {
 }
 
 impl Held {
-    /// `raw` with the turns and replies of this conversation. If it had no turn, those of `raw`
-    /// stay: without any, nothing waits for the program.
+    /// `raw` with the turns and replies of this conversation. If it had no turn, the turns of `raw`
+    /// stay: a case without turns would not wait for requests of the program.
     pub(super) fn of(&self, raw: &Raw) -> Raw {
         let is_made =
             |one: &&Exchange| !self.exchanges.iter().any(|new| new.request == one.request);

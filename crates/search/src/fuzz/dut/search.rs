@@ -38,8 +38,8 @@ const SLOW_GAP: Duration = Duration::from_millis(700);
 const SLOW_ONE_IN: u64 = 3;
 /// One conversation in this many begins with damaged replies.
 const DAMAGE_ONE_IN: u64 = 2;
-/// Number of the first cases of which two of three conversations begin with texts at their limits,
-/// and the share of later ones.
+/// Number of first cases in which two of three conversations begin with texts at their limits; in
+/// later cases, one conversation in `TEXTS_ONE_IN` does.
 const TEXTS_FIRST: u64 = 24;
 const TEXTS_ONE_IN: u64 = 8;
 /// Maximum number of pairs of an intact and a damaged request of a learned format in a case.

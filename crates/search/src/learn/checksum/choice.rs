@@ -75,18 +75,18 @@ impl Checksum {
 const UNNAMED_MIN: usize = 12;
 
 /// Different `bodies`, at most [`FRAMES_MAX`], in an order that spreads similar ones: damaged
-/// frames are often alike, and must not be all of the first.
+/// frames are often alike, and the first ones must not all be damaged.
 fn spread(bodies: &[Vec<u8>]) -> Vec<&[u8]> {
     let distinct: BTreeSet<&[u8]> = bodies.iter().map(Vec::as_slice).collect();
     let few: Vec<&[u8]> = distinct.into_iter().take(FRAMES_MAX).collect();
-    // A prime that no number of bodies is a multiple of: each body comes once.
+    // The step is a prime that does not divide the number of bodies, so each body comes once.
     let from = few.len() / 2;
     (0..few.len())
         .map(|at| few[(from + at * STEP) % few.len()])
         .collect()
 }
 
-/// Distance of two bodies in a row, a prime beyond [`FRAMES_MAX`].
+/// Distance of two bodies that follow each other in this order: a prime above [`FRAMES_MAX`].
 const STEP: usize = 67;
 
 /// The checksum of `bodies`, which are frames without their ends, if one is found.

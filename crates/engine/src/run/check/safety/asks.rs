@@ -19,11 +19,11 @@ const ENOUGH: u64 = 12;
 const SHARE: u64 = 50;
 /// Interval between two comparisons of the counts.
 const EVERY: Duration = Duration::from_millis(500);
-/// Number of replies that the program may count in excess of the rig; and one more for each of this
-/// number of replies.
+/// The program may count `AHEAD` replies more than the rig, and one more for each `AHEAD_SHARE`
+/// replies.
 const AHEAD: u64 = 4;
 const AHEAD_SHARE: u64 = 50;
-/// One more reply for each of this number of damaged deliveries.
+/// The program may also count one more reply for each of this number of damaged deliveries.
 const DAMAGED_SHARE: u64 = 5;
 
 /// The program repeats a request that was not answered, or whose answer reports an error, and

@@ -21,12 +21,12 @@ const EVERY: Duration = Duration::from_millis(500);
 /// Number of comparisons until a frame that arrived must be counted: 1 s. The program may compute
 /// before it reads its queue.
 const LATE: usize = 2;
-/// Number of frames that the program may count in excess of the rig.
+/// The program may count this number of frames more than the rig.
 const AHEAD: u64 = 2;
 /// The same number after a fault.
 const SLACK: u64 = 12;
-/// One more such frame for each of this number of valid frames: late bytes may split a frame in the
-/// rig's decoder only.
+/// The program may also count one more frame for each of this number of valid frames: late bytes
+/// may split a frame in the rig's decoder only.
 const DISTURBED: u64 = 40;
 /// Number of frames that the program may reject without damage: candidates inside of valid frames,
 /// and bytes before its port is ready.

@@ -23,8 +23,9 @@ const NEAR_MM: f64 = 75.0;
 const BENT: f64 = 0.05;
 /// Minimum number of points of a line.
 const POINTS_MIN: usize = 3;
-/// Minimum distance between the points of two walls in one run, and maximum distance of a line's
-/// end from its point where no other line moves the end, millimetres.
+/// Minimum distance between the points of two walls in one sequence of points. It is also the
+/// maximum distance of a line's end from its point if another line may move the end; otherwise that
+/// is `AT_POINT_MM`. Both in millimetres.
 const JUMP_MM: f64 = 60.0;
 const AT_POINT_MM: f64 = 8.0;
 /// Maximum number of points of a corner that a line cuts off.
@@ -42,8 +43,8 @@ const GOES_ON_RAD: f64 = 0.07;
 /// from the chord, millimetres.
 const WALL: usize = 12;
 const STRAIGHT_MM: f64 = 10.0;
-/// Number of points at the end of a run that a line must cover up to the last one, and the maximum
-/// distance from that point, millimetres.
+/// Number of points at each end of a wall that one line must cover, and the maximum distance of the
+/// line from the outermost of these points, millimetres.
 const END: usize = 6;
 const END_MM: f64 = 5.0;
 /// Maximum number of lines that the robot reports; it omits further ones.

@@ -443,8 +443,8 @@ fn a_pose_is_wrong_if_it_is_so_for_three_seconds() {
     assert_eq!(judged(0.31, 0.0, 9_000, Some(1_000)).0, Status::NotObserved);
 }
 
-/// A lidar sends until 2 s. The robot may drive for a second and half of one to brake, and 0.3 s
-/// until commands could have stopped it.
+/// A lidar sends until 2 s. The robot may drive for one more second, the limit. Then it has half a
+/// second to brake, and 0.3 s until commands could have stopped it.
 #[test]
 fn a_robot_rests_after_a_silence() {
     use emulators::world::Command;

@@ -474,7 +474,8 @@ fn holds_other(bytes: &[u8]) -> bool {
     request_len(bytes).is_some_and(|len| bytes.len() >= len)
 }
 
-/// The lengths from 4 of the beginnings of `bytes` that end with their CRC: over them all it is 0.
+/// The lengths, from 4 on, of the beginnings of `bytes` that end with their own CRC: the CRC over
+/// such a beginning is 0.
 fn sound_lens(bytes: &[u8]) -> Vec<usize> {
     let (mut sum, mut lens) = (0xFFFF_u16, Vec::new());
     for (len, byte) in (1..).zip(bytes) {

@@ -39,8 +39,8 @@ pub(super) struct Material<'a> {
     pub(super) constants: &'a Constants,
 }
 
-/// Numbers of changes of one content, each as often as it is listed: many defects need two or three
-/// unusual fields at once.
+/// Numbers of changes of one content; a number that is listed more often is drawn more often. Many
+/// defects need two or three unusual fields at once.
 const STACKED: [usize; 8] = [1, 1, 1, 1, 2, 2, 3, 5];
 
 /// A kind of damage and its function.
