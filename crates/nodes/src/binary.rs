@@ -456,7 +456,8 @@ fn note_of(is_violation: bool, from: &[u8]) -> Result<Note, String> {
             .map(|part| String::from_utf8_lossy(part).into_owned())
     };
     let rule = text().unwrap_or_default();
-    let detail = text().ok_or("is a note without a sentence, expected rule, 0, sentence")?;
+    let detail = text()
+        .ok_or("is a note without a sentence, expected the rule, a zero byte and the sentence")?;
     if rule.is_empty() {
         return Err("is a note without the name of a rule".to_owned());
     }

@@ -31,7 +31,7 @@ pub struct Codec {
 /// The functions for the bytes of a row.
 #[derive(Clone, Copy)]
 enum Format {
-    /// A type.
+    /// A format that is a type.
     Typed {
         decoder: fn() -> Box<dyn AnyDecoder>,
         repair: fn(&mut [u8]),

@@ -12,7 +12,7 @@ use super::xv11;
 
 /// Turns of an XV-11 lidar's old firmware.
 pub static XV11_TURN: Codec =
-    Codec::of::<Xv11Turns>("XV-11 lidar with the old firmware, a turn a frame")
+    Codec::of::<Xv11Turns>("XV-11 lidar with the old firmware, one turn per frame")
         .fuzzed_as("xv11-turns")
         // 64 frames are 92 kB.
         .with_round(256)

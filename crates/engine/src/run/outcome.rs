@@ -44,7 +44,7 @@ pub struct Outcome {
     pub has_body: bool,
     /// The robot's outline in its own axes.
     pub footprint: scene::Outline,
-    /// Maps other than the program's by name, at the end.
+    /// Maps at the end, by name, without the program's own map.
     pub layers: Vec<(&'static str, KeptMap)>,
     /// The course of the run over time.
     pub history: History,

@@ -37,7 +37,7 @@ impl Mission {
         [Span::default(), default_connect()].contains(&self.connect)
     }
 
-    /// Whether the robot needs orders.
+    /// Whether the mission orders anything: it has waypoints or steps.
     pub fn gives_orders(&self) -> bool {
         !self.waypoints_m.is_empty() || !self.step.is_empty()
     }

@@ -43,7 +43,7 @@ pub(super) fn shown<T>(read: impl FnOnce() -> T) -> T {
 pub(crate) struct Hidden {
     /// Whether another `Hidden` already hides the counter, or the system cannot hide it.
     is_idle: bool,
-    /// The state is that of a thread.
+    /// The state belongs to one thread.
     not_send: PhantomData<*const ()>,
 }
 

@@ -23,7 +23,7 @@ const EVERY: Duration = Duration::from_millis(50);
 /// Number of checks without a call after which a sleeping thread counts as waiting for the outside
 /// world.
 const SLEEPS: u32 = 2;
-/// This number for a thread that waits for a disk.
+/// `SLEEPS` for a thread that waits for a disk.
 const FETCHES: u32 = 200;
 /// Processor time without a call after which a thread is stopped so that others can run; the second
 /// value is for `--schedule`, where loops that wait for others are common.

@@ -29,7 +29,7 @@ const ENDS: [(&[u8], &[u8], Coding); 10] = [
     (&[0x10, 0x03], &[0x10], Coding::Dle),
     (&[0x00], b"", Coding::Raw),
 ];
-/// Evidence for one way to split above which start markers are not tried, bits.
+/// If one way to split has more evidence than this, start markers are not tried; bits.
 const ENOUGH_BITS: f64 = 20.0;
 /// Maximum number of start markers that are tried if no end marker is found.
 const STARTS_MAX: usize = 6;

@@ -70,9 +70,9 @@ pub enum DetailSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum TurnSpec {
-    /// Direction of all reports except one.
+    /// Counter-clockwise, as in all sources except one.
     CounterClockwise,
-    /// Direction of that one report.
+    /// Clockwise, as in that one source.
     Clockwise,
 }
 

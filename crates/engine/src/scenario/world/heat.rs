@@ -19,7 +19,7 @@ pub struct HeatSpec {
     pub temperature_c: f64,
 }
 
-/// A warm body, degrees Celsius.
+/// Temperature of a warm body, degrees Celsius.
 pub(super) const fn body() -> f64 {
     37.0
 }

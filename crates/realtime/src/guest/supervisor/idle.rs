@@ -20,7 +20,7 @@ use crate::guest::task::{Fruitless, Idle};
 
 /// Number of consecutive calls without success that take the usual time.
 const FREE: u32 = 8;
-/// This number for writes to a full buffer.
+/// `FREE` for writes to a full buffer.
 const FREE_FULL: u32 = 2;
 /// Each further call takes this part of the time since the first call, at most `LONGEST`.
 const PART: u32 = 4;

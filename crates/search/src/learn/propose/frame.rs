@@ -15,7 +15,8 @@ use super::written::{Cut, Found, LINES_SURE, Proposed, proposed};
 const FORMATS_MAX: usize = 4;
 /// Share of bytes outside frames below which no further formats are searched, per cent.
 const LEFT_MIN: usize = 3;
-/// Minimum share of the bytes of its ends that a format covers, per cent.
+/// Minimum share of the bytes of the other end that a format covers, per cent; then both ends use
+/// the format.
 const COVERED_MIN: usize = 10;
 /// Maximum number of bytes from which a format is learned.
 const BYTES_MAX: usize = 24 << 10;

@@ -23,7 +23,7 @@ const EVERY: Duration = Duration::from_millis(500);
 const LATE: usize = 2;
 /// The program may count this number of frames more than the rig.
 const AHEAD: u64 = 2;
-/// The same number after a fault.
+/// The same after a fault.
 const SLACK: u64 = 12;
 /// The program may also count one more frame for each of this number of valid frames: late bytes
 /// may split a frame in the rig's decoder only.
