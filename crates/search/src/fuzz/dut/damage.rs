@@ -116,9 +116,9 @@ impl Trial<'_, '_, '_> {
             }
         }
         for _ in 0..2 {
-            // A driver that reports a wrong checksum and continues with its next request does the
-            // same after an intact reply, and may end or wait because of a missing one. Only the
-            // same request after a missing reply shows that the driver repeats what failed.
+            // Only the same request after a missing reply shows that the driver repeats failed
+            // requests. A driver that only reports a wrong checksum sends its next request, as
+            // after an intact reply; it may end or wait after a missing one.
             let seen = self.phase(Phase::Missing, pair)?;
             let is_repeated = seen.is_some_and(|seen| is_repeated(&self.damage.to, &seen, &usual));
             if !is_repeated || !self.is_as(Phase::Intact, &usual, pair)? {
