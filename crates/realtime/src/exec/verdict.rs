@@ -14,7 +14,7 @@ const EARLY_MAX: Duration = Duration::from_millis(500);
 /// Words of a crash in the program's own end.
 pub(super) const CRASHED: &str = "crashed after SIGTERM:";
 
-/// The verdict on a program's end and its time; `over`: the end of the run, if the run came to it;
+/// The verdict on a program's end and its time; `over`: the end of the run, if the run reached it;
 /// `last`: its end after SIGTERM, if it still ran then. A crash after SIGTERM is an error of the
 /// program; an exit code is its own choice.
 pub fn alive(

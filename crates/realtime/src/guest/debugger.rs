@@ -111,7 +111,7 @@ struct Session<'a> {
     first: Option<Box<Played>>,
     /// The program that is debugged, once it is known.
     wanted: Option<Wanted>,
-    /// Whether the debugger was told the signal of the held thread.
+    /// Whether the signal of the held thread was reported to the debugger.
     is_signal_told: bool,
     /// Whether a backward motion did not reach its place.
     has_missed: bool,

@@ -67,7 +67,7 @@ pub(super) fn is_served(number: i64) -> bool {
 }
 
 /// Makes the program ask `page` before the call `number`, behind which `tid` stands, at `place`.
-/// Returns whether the program does so from now on.
+/// Returns whether the program asks the page from now on.
 pub(super) fn make(tid: Pid, page: &mut ClockPage, number: i64, place: u64) -> bool {
     made(tid, page, number, place).is_some()
 }

@@ -41,8 +41,7 @@ use environment::environment_of;
 use processor::stay_here;
 pub use rewind::TrialMoment;
 
-/// Virtual time within which a program must end after it was asked to, and then its child
-/// processes.
+/// Virtual time within which a program must end after a request, and then its child processes.
 const PATIENCE: Duration = Duration::from_secs(2);
 const TOGETHER: Duration = Duration::from_millis(100);
 const PATIENCE_CHILDREN: Duration = Duration::from_secs(1);
@@ -335,8 +334,7 @@ impl Trial {
         self.supervisor.note_halted();
         let computing = self.supervisor.computing();
         let repeats = computing.and_then(Computing::check);
-        // A case keeps its own record of charges: after a change of the program, a new record would
-        // differ each time.
+        // A case keeps its own record: a changed program would give another record each time.
         let spec = computing.filter(|it| it.measures()).map(Computing::spec);
         let waits = self.waits();
         let ended = self.first_end();

@@ -147,7 +147,7 @@ fn held_up(evidence: &Evidence<'_>) -> Option<Cause> {
     ))
 }
 
-/// Whether a read of the port waits for ever.
+/// Whether a read of the port waits forever.
 fn has_no_timeout(port: &Port) -> bool {
     !port.settings_now.has(Setting::MayReadNothing)
 }

@@ -118,7 +118,7 @@ impl Log {
     }
 }
 
-/// A first run that came to its end.
+/// A first run that reached its end.
 pub(super) enum First {
     Passed,
     Failed(Failure),

@@ -146,7 +146,7 @@ impl Supervisor {
         Ok(Outcome::Answer(0))
     }
 
-    /// Stops or continues sending of the client, or requests this of the far end.
+    /// Stops or continues sending of the client, or requests this of the other end.
     fn flow(&mut self, port: usize, what: i32) -> Result<Outcome, Errno> {
         let Some(terminal) = self.stage.terminal(port) else {
             return Ok(Outcome::Kernel);
