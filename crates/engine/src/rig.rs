@@ -474,3 +474,6 @@ impl Rig {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

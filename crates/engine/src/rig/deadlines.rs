@@ -226,4 +226,21 @@ mod tests {
         let taken = [70, 70, 0].map(|from| set.take_from(from));
         assert_eq!(taken, [Some(134), None, Some(69)]);
     }
+
+    /// The lines of another set come in, in each word; those that were in stay.
+    #[test]
+    fn the_lines_of_another_set_are_added() {
+        let mut set = LineSet::with_room(200);
+        let mut other = LineSet::with_room(200);
+        [1, 70, 135].map(|number| set.insert(number));
+        [2, 70, 136].map(|number| other.insert(number));
+        set.insert_all(&other);
+        let mut from = 0;
+        let all = core::iter::from_fn(|| {
+            let number = set.take_from(from)?;
+            from = number + 1;
+            Some(number)
+        });
+        assert_eq!(all.collect::<Vec<_>>(), [1, 2, 70, 135, 136]);
+    }
 }

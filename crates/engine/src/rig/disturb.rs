@@ -344,4 +344,265 @@ mod tests {
         assert_eq!(rig.faults_without_start("board"), ["restart"]);
         assert!(rig.faults_without_start("missing").is_empty());
     }
+
+    use crate::rig::fault::{Activity, Effect};
+    use crate::rig::tests::probe::Probe;
+    use crate::rig::tests::{pair, watched};
+
+    /// Node 0 is the device "board", node 1 the program "robot", joined by "line". Then come the
+    /// device "other", and an outside end with the name of the first device.
+    fn rig_of_four() -> Rig {
+        let mut rig = pair(Probe::default(), Probe::default());
+        rig.add_device("other", Probe::default());
+        rig.add_outside("board", LineConfig::new_8n1(9600));
+        rig
+    }
+
+    const fn at(us: u64) -> Instant {
+        Instant::from_micros(us)
+    }
+
+    fn fault(name: &str, fault: &str, figure: Option<f64>) -> Disturbance {
+        Disturbance::Device {
+            name: name.to_owned(),
+            fault: fault.to_owned(),
+            figure,
+        }
+    }
+
+    /// Only devices have faults and registers, and each is known by its name.
+    #[test]
+    fn devices_are_told_from_other_nodes() {
+        let rig = rig_of_four();
+        let known = ["off", "slow"];
+        let devices: Vec<_> = rig.devices().collect();
+        assert_eq!(devices, [("board", &known[..]), ("other", &known[..])]);
+        assert!(rig.device_names().eq(["board", "other"]));
+        let is_board = [0, 1, 2, 3].map(|node| rig.is_device(node, "board"));
+        assert_eq!(is_board, [true, false, false, false]);
+        assert!(!rig.is_device(1, "robot") && rig.is_device(2, "other"));
+
+        let registers = [("board", 3), ("board", 4), ("robot", 3), ("none", 3)];
+        let values = registers.map(|(name, address)| rig.register(name, address));
+        assert_eq!(values, [Some(33), None, None, None]);
+
+        let figures = [
+            ("board", "slow"),
+            ("board", "off"),
+            ("robot", "slow"),
+            ("none", "slow"),
+        ];
+        let takes = figures.map(|(name, fault)| rig.takes_figure(name, fault));
+        assert_eq!(takes, [true, false, false, false]);
+        assert_eq!(rig.faults_without_start("board"), known);
+        assert!(rig.faults_without_start("robot").is_empty());
+    }
+
+    /// Of two faults of one kind the later one decides. When it ends, the other one holds again
+    /// with its own figure, and the kind ends with the last of them. Faults of other kinds and
+    /// devices change nothing.
+    #[test]
+    fn a_fault_of_a_device_ends_with_the_last_of_its_kind() {
+        let mut rig = rig_of_four();
+        let (one, two) = (
+            fault("board", "slow", Some(1.0)),
+            fault("board", "slow", Some(2.0)),
+        );
+        let steps = [
+            (10, &one, true),
+            (20, &fault("other", "slow", Some(7.0)), true),
+            (30, &two, true),
+            (40, &fault("board", "off", None), true),
+            (50, &two, false),
+            (60, &two, true),
+            (70, &one, false),
+            (80, &two, false),
+            (90, &two, false),
+        ];
+        for (us, what, begins) in steps {
+            rig.run_until(at(us));
+            rig.disturb(what, begins);
+        }
+        rig.run_until(at(100));
+        let slow = |us, figure, begins| (us, "slow".to_owned(), Some(figure), begins);
+        let board = rig.device::<Probe>("board").expect("it is there");
+        let expected = [
+            slow(10, 1.0, true),
+            slow(30, 2.0, true),
+            (40, "off".to_owned(), None, true),
+            slow(50, 1.0, true),
+            slow(60, 2.0, true),
+            slow(70, 2.0, true),
+            slow(80, 2.0, false),
+            slow(90, 2.0, false),
+        ];
+        assert_eq!(board.faults, expected);
+        assert_eq!(board.polls, [0, 10, 30, 40, 50, 60, 70, 80, 90]);
+        let other = rig.device::<Probe>("other").expect("it is there");
+        assert_eq!(other.faults, [slow(20, 7.0, true)]);
+    }
+
+    /// A device without supply hears nothing: neither another fault of it nor the same fault of
+    /// another device has this effect.
+    #[test]
+    fn a_device_that_is_off_has_heard_nothing() {
+        let was_heard = |what: Disturbance| {
+            let mut rig = rig_of_four();
+            rig.disturb(&what, true);
+            let robot = rig.program_as_mut::<Probe>().expect("it is there");
+            robot.to_send.push_back(7);
+            rig.run_until(at(10));
+            rig.was_heard()
+        };
+        assert!(!was_heard(fault("board", "off", None)));
+        assert!(was_heard(fault("board", "slow", None)));
+        assert!(was_heard(fault("other", "off", None)));
+    }
+
+    fn tell(direction: Direction, end: Option<LineEvent>) -> Disturbance {
+        Disturbance::Tell {
+            link: "line".to_owned(),
+            direction,
+            begin: LineEvent::Break,
+            end,
+        }
+    }
+
+    /// The receiver of the line gets the events, its sender none, and observers see them.
+    #[test]
+    fn the_receiver_of_a_line_gets_its_events() {
+        let mut rig = rig_of_four();
+        let notes = watched(&mut rig);
+        let breaks = tell(Direction::ToMaster, None);
+        let opens = tell(Direction::ToDevice, Some(LineEvent::Overrun));
+        let unplug = Disturbance::Unplug {
+            link: "line".to_owned(),
+            direction: Direction::ToDevice,
+            back_as: None,
+        };
+        let elsewhere = Disturbance::Unplug {
+            link: "none".to_owned(),
+            direction: Direction::ToDevice,
+            back_as: None,
+        };
+        for what in [&breaks, &opens, &unplug, &elsewhere] {
+            rig.disturb(what, true);
+            rig.disturb(what, false);
+        }
+        let expected = [
+            "0 to-master Break 0",
+            "0 to-device Break 0",
+            "0 to-device Overrun 0",
+            "0 to-device Closed 0",
+            "0 to-device Opened 0",
+        ];
+        assert_eq!(notes.take(), expected);
+        let board = rig.device::<Probe>("board").expect("it is there");
+        let events = board
+            .line_events
+            .iter()
+            .map(|(port, _, event)| (*port, *event));
+        assert!(events.eq([
+            (2, LineEvent::Break),
+            (2, LineEvent::Overrun),
+            (2, LineEvent::Closed),
+            (2, LineEvent::Opened),
+        ]));
+        let robot = rig.program_as::<Probe>().expect("it is there");
+        assert_eq!(robot.line_events, [(5, 0, LineEvent::Break)]);
+        rig.run_until(at(1));
+        let board = rig.device::<Probe>("board").expect("it is there");
+        assert_eq!(board.polls, [0]);
+    }
+
+    /// An outside end learns of a break as a damaged character. Other events leave none, and a
+    /// fault of one link does not pull the plug of another.
+    #[test]
+    fn only_a_break_leaves_a_character_at_an_outside_end() {
+        let (mut rig, [[_, other], [_, master]]) = bare::linked(["other", "line"], 9600);
+        let unplug = Disturbance::Unplug {
+            link: "line".to_owned(),
+            direction: Direction::ToMaster,
+            back_as: None,
+        };
+        rig.disturb(&unplug, true);
+        assert_eq!([other, master].map(|end| rig.output_len(end.node)), [0, 0]);
+        assert_eq!(
+            [other, master].map(|end| rig.is_unplugged(end.node)),
+            [false, true]
+        );
+        rig.disturb(&tell(Direction::ToMaster, None), true);
+        assert_eq!([other, master].map(|end| rig.output_len(end.node)), [0, 1]);
+    }
+
+    /// a and b change receivers, then b and c, so a leads to B, b to C and c to A. When the first
+    /// change ends, only the second one is left: b leads to C and c to B.
+    #[test]
+    fn a_later_exchange_of_receivers_outlives_an_earlier_one() {
+        let (mut rig, ends) = bare::linked(["a", "b", "c"], 9600);
+        let masters = ends.map(|[_, master]| master.node);
+        let cross = |one: &str, two: &str| Disturbance::Cross {
+            links: [one, two].map(str::to_owned),
+            direction: Direction::ToMaster,
+        };
+        let receivers = |rig: &Rig| {
+            let lines = rig
+                .links()
+                .iter()
+                .map(|link| link.line(Direction::ToMaster));
+            let to = lines.map(|line| masters.iter().position(|node| *node == line.to.node));
+            to.flatten().collect::<Vec<_>>()
+        };
+        let (first, second) = (cross("a", "b"), cross("b", "c"));
+        let steps = [
+            (&first, true, [1, 0, 2]),
+            (&second, true, [1, 2, 0]),
+            (&first, false, [0, 2, 1]),
+            (&first, false, [0, 2, 1]),
+            (&second, false, [0, 1, 2]),
+            (&cross("a", "d"), true, [0, 1, 2]),
+        ];
+        for (what, begins, expected) in steps {
+            rig.disturb(what, begins);
+            assert_eq!(receivers(&rig), expected, "{what:?} {begins}");
+        }
+    }
+
+    /// A stall until 1 ms withholds a byte that arrives at 10 us. At 20 us it is changed.
+    #[test]
+    fn a_fault_of_a_line_is_changed_while_it_lasts() {
+        let arrives = |change: &dyn Fn(&mut Rig)| {
+            let (mut rig, [[device, master]]) = bare::linked(["line"], 1_000_000);
+            let window = Window {
+                from: at(5),
+                until: at(1_000),
+            };
+            let faults = &mut rig.line_mut(0, Direction::ToMaster).faults;
+            faults.add(FaultId(3), Activity::from(window), Effect::Stall);
+            rig.inject(device.node, &[7]);
+            rig.run_until(at(20));
+            change(&mut rig);
+            (20..=1_000).find(|&us| {
+                rig.run_until(at(us));
+                rig.output_len(master.node) > 0
+            })
+        };
+        let window = Window {
+            from: at(5),
+            until: at(60),
+        };
+        assert_eq!(arrives(&|_| {}), Some(1_000));
+        assert_eq!(arrives(&|rig| rig.end_fault(FaultId(3), at(40))), Some(40));
+        assert_eq!(
+            arrives(&|rig| rig.end_fault(FaultId(2), at(40))),
+            Some(1_000)
+        );
+        assert_eq!(arrives(&|rig| rig.move_fault(FaultId(3), window)), Some(60));
+        assert_eq!(arrives(&|rig| rig.leave_out_fault(FaultId(3))), Some(20));
+        let renumber = |rig: &mut Rig| {
+            rig.renumber_faults(|id| FaultId(id.0 + 1));
+            rig.end_fault(FaultId(4), at(50));
+        };
+        assert_eq!(arrives(&renumber), Some(50));
+    }
 }

@@ -41,3 +41,13 @@ impl core::fmt::Display for FaultId {
         self.0.fmt(f)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_reads_as_its_number() {
+        assert_eq!(format!("fault {:>3}", FaultId(12)), "fault  12");
+    }
+}

@@ -56,3 +56,16 @@ impl fmt::Display for LinkKind {
         f.write_str(self.name())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_of_link_has_its_name_and_its_unit() {
+        let names = LinkKind::ALL.map(|kind| kind.to_string());
+        assert_eq!(names, ["uart", "pin", "i2c", "datagram"]);
+        let messages = LinkKind::ALL.map(LinkKind::carries_messages);
+        assert_eq!(messages, [false, false, true, true]);
+    }
+}

@@ -91,3 +91,94 @@ impl core::fmt::Display for Logged {
         write!(f, "{at} {} {rule}: {detail}", self.source)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::bare;
+    use crate::rig::tests::probe::Probe;
+
+    const fn at(us: u64) -> Instant {
+        Instant::from_micros(us)
+    }
+
+    fn entry(kind: EventKind, us: u64) -> Event {
+        Event {
+            at: at(us),
+            kind,
+            rule: "entry",
+            detail: "3 of 4".to_owned(),
+            bytes: Vec::new(),
+        }
+    }
+
+    /// Two devices keep their moments. After the point, the first one noted two more and the second
+    /// one as many as its log keeps, 1,024, and 6 before them. An entry of a source that keeps its
+    /// moments gives none.
+    #[test]
+    fn the_log_goes_on_from_its_point() {
+        let kept = |moments: &[u64]| {
+            let mut broken = BrokenRules::default();
+            moments.iter().for_each(|us| broken.note(at(*us), "kept"));
+            Probe {
+                broken: Some(broken),
+                ..Probe::default()
+            }
+        };
+        let mut rig = bare::rig();
+        rig.add_device("one", kept(&[1, 2, 3]));
+        rig.add_device("none", Probe::default());
+        rig.add_device("two", kept(&[4]));
+        rig.log("line", entry(EventKind::Note, 5));
+        let point = rig.log_end();
+        assert_eq!(rig.log_since(&point), (vec![], 0));
+        let all = rig.log_since(&LogPoint::default());
+        let moments = |(moments, lost): (Vec<LogMoment<'_>>, u64)| {
+            let moments = moments.iter();
+            let moments = moments.map(|one| {
+                let source = one.source.to_owned();
+                (one.at.as_micros(), source, one.rule.to_owned())
+            });
+            (moments.collect::<Vec<_>>(), lost)
+        };
+        let expect = |us: u64, source: &str, rule: &str| (us, source.to_owned(), rule.to_owned());
+        let expected = vec![
+            expect(1, "one", "kept"),
+            expect(2, "one", "kept"),
+            expect(3, "one", "kept"),
+            expect(4, "two", "kept"),
+            expect(5, "line", "entry"),
+        ];
+        assert_eq!(moments(all), (expected, 0));
+
+        rig.log("line", entry(EventKind::Note, 9));
+        rig.log_from("one", entry(EventKind::Violation, 10), false, true);
+        for (name, from, count) in [("one", 7, 2), ("two", 100, 1_030)] {
+            let device = rig.device_mut::<Probe>(name).expect("it is there");
+            let broken = device.broken.as_mut().expect("it counts");
+            (from..from + count).for_each(|us| broken.note(at(us), "kept"));
+        }
+        let (later, lost) = moments(rig.log_since(&point));
+        assert_eq!((later.len(), lost), (3 + 1_024, 6));
+        let expected = [
+            expect(7, "one", "kept"),
+            expect(8, "one", "kept"),
+            expect(9, "line", "entry"),
+            expect(106, "two", "kept"),
+        ];
+        assert_eq!(later[..4], expected);
+        assert_eq!(later.last(), Some(&expect(1_129, "two", "kept")));
+    }
+
+    #[test]
+    fn an_entry_reads_as_its_time_source_rule_and_sentence() {
+        let logged = |kind| Logged {
+            source: "board".to_owned(),
+            event: entry(kind, 12_000_034),
+            is_kept: false,
+        };
+        let note = logged(EventKind::Note);
+        assert_eq!(note.to_string(), "12.000034 board entry: 3 of 4");
+        assert!(!note.is_violation() && logged(EventKind::Violation).is_violation());
+    }
+}

@@ -212,4 +212,16 @@ mod tests {
         rig.run_until(Instant::from_millis(6));
         assert_eq!((rig.level(1), rig.backlog(0)), (Some(true), 0));
     }
+
+    #[test]
+    fn the_modes_of_a_terminal_are_those_that_were_set() {
+        let mut rig = rig();
+        rig.set_terminal_modes(1, Some([2, 5]));
+        assert_eq!(
+            [0, 1].map(|node| rig.terminal_modes(node)),
+            [None, Some([2, 5])]
+        );
+        rig.set_terminal_modes(1, None);
+        assert_eq!(rig.terminal_modes(1), None);
+    }
 }

@@ -391,6 +391,7 @@ mod tests {
 
     use super::*;
     use crate::rig::bare;
+    use crate::rig::tests::probe::Probe;
 
     fn outside() -> Outside {
         Outside::new(LineConfig::new_8n1(9600))
@@ -542,5 +543,162 @@ mod tests {
         rig.run_until(Instant::from_millis(10));
         let polls = rig.program_as::<Busy>().map_or(0, |busy| busy.0);
         assert_eq!(polls, 1_020);
+    }
+
+    const fn mark(before: usize) -> Mark {
+        Mark {
+            before,
+            value: 9,
+            damage: MarkDamage::Parity,
+        }
+    }
+
+    /// Three bytes wait already. Of the characters that come then, the first lies before the next
+    /// byte and the second two bytes later. There is room for 4,096 marks.
+    #[test]
+    fn marks_are_counted_from_the_first_byte_that_waits() {
+        let mut end = outside();
+        end.receive(&[1, 2, 3]);
+        end.mark(&[mark(0), mark(2)]);
+        assert_eq!(end.marks, [mark(3), mark(5)]);
+        end.mark(&[mark(0); 5_000]);
+        assert_eq!(end.marks.len(), 4_096);
+        end.mark(&[mark(0)]);
+        assert_eq!(end.marks.len(), 4_096);
+    }
+
+    /// What the owner wrote before is lost with the plug, and with nothing else.
+    #[test]
+    fn a_pulled_plug_takes_the_bytes_of_the_owner_along() {
+        for carries_messages in [false, true] {
+            let mut end = outside();
+            if carries_messages {
+                end.carry_messages();
+            }
+            end.put(b"old");
+            end.plug(true, Some("new"));
+            assert_eq!(end.unplugged, (1, Some("new".to_owned())));
+            end.plug(true, None);
+            assert_eq!(end.unplugged, (2, None));
+            end.put(b"ab");
+            assert_eq!(taken(&mut end, 9), b"ab");
+            for depth in [1, 0, 0] {
+                end.plug(false, None);
+                assert_eq!(end.unplugged, (depth, None));
+            }
+            assert_eq!(taken(&mut end, 9), b"");
+        }
+    }
+
+    /// A device, a program and an open end; the first two with this probe.
+    fn three(probe: Probe) -> [Node; 3] {
+        let bodies = [
+            Body::Device(Box::new(probe.clone())),
+            Body::Program {
+                program: Box::new(probe),
+                busy_until: Instant::ZERO,
+                last_cost: Duration::ZERO,
+                hasty: 0,
+            },
+            Body::Outside(outside()),
+        ];
+        bodies.map(|body| Node {
+            name: "node".to_owned(),
+            body,
+            polled_at: NEVER,
+            excused_from: 0,
+        })
+    }
+
+    #[test]
+    fn each_kind_of_node_has_its_own_coding() {
+        let probe = Probe {
+            line: LineConfig::new_8n1(4_800),
+            ..Probe::default()
+        };
+        let bauds = three(probe).map(|node| node.line_config(Port(0)).baud);
+        assert_eq!(bauds, [4_800, 4_800, 9_600]);
+    }
+
+    /// A node is silent that has neither bytes nor a change of its line. An open end is always
+    /// asked.
+    #[test]
+    fn a_node_is_silent_without_bytes_and_changes() {
+        let change = || Probe {
+            change: Some(LineEvent::Closed),
+            may_send: false,
+            ..Probe::default()
+        };
+        let bytes = || Probe {
+            to_send: [7].into(),
+            ..Probe::default()
+        };
+        let silent = |probe| three(probe).map(|mut node| node.is_silent(Port(0)));
+        assert_eq!(silent(Probe::default()), [true; 3]);
+        assert_eq!(silent(change()), [false, false, true]);
+        assert_eq!(silent(bytes()), [false, false, true]);
+        let asked = |probe| three(probe).map(|node| node.may_send(Port(0)));
+        assert_eq!(asked(change()), [false, false, true]);
+        assert_eq!(asked(bytes()), [true; 3]);
+    }
+
+    /// Bytes and events wake any node; damaged characters only an open end, and only if there are
+    /// some.
+    #[test]
+    fn an_event_wakes_its_node() {
+        let woken = |event: &dyn Fn(&mut Node)| {
+            three(Probe::default()).map(|mut node| {
+                event(&mut node);
+                node.polled_at == AT_ONCE
+            })
+        };
+        let now = Instant::from_micros(5);
+        assert_eq!(woken(&|_| {}), [false; 3]);
+        assert_eq!(woken(&|node| node.receive(Port(0), now, b"x")), [true; 3]);
+        let closed = |node: &mut Node| node.line_event(Port(0), now, LineEvent::Closed);
+        assert_eq!(woken(&closed), [true; 3]);
+        assert_eq!(woken(&|node| node.mark(&[])), [false; 3]);
+        assert_eq!(woken(&|node| node.mark(&[mark(0)])), [false, false, true]);
+    }
+
+    /// At 20 us, a device that is asked again wants to be polled at 50 us. One that received
+    /// something stays due at once; a program is not asked.
+    #[test]
+    fn only_a_device_is_asked_again_for_its_next_poll() {
+        let probe = Probe {
+            wakes_at: Some(Instant::from_micros(50)),
+            ..Probe::default()
+        };
+        let replanned = |at| {
+            three(probe.clone()).map(|mut node| {
+                node.polled_at = at;
+                node.replan(Instant::from_micros(20));
+                node.polled_at
+            })
+        };
+        let soon = Instant::from_nanos(1);
+        assert_eq!(replanned(soon), [Instant::from_micros(50), soon, soon]);
+        assert_eq!(replanned(AT_ONCE), [AT_ONCE; 3]);
+    }
+
+    /// Only a device counts broken rules: two of them, from which the excused ones are counted.
+    #[test]
+    fn only_a_device_counts_broken_rules() {
+        let mut broken = BrokenRules::default();
+        broken.count(Instant::ZERO, "too-soon");
+        broken.count(Instant::ZERO, "too-late");
+        let probe = Probe {
+            broken: Some(broken),
+            ..Probe::default()
+        };
+        let counts = three(probe).map(|mut node| {
+            node.note_breaks();
+            let total = node.broken_rules().map(BrokenRules::total);
+            (total, node.logs().len(), node.excused_from, node.unframed())
+        });
+        assert_eq!(
+            counts,
+            [(Some(2), 1, 2, 0), (None, 0, 0, 0), (None, 0, 0, 0)]
+        );
     }
 }

@@ -39,3 +39,20 @@ impl Paced for Rig {
         Self::run_until(self, deadline);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::bare;
+
+    /// A rig has one robot: whatever its number, it is the rig itself.
+    #[test]
+    fn a_rig_is_paced_by_itself() {
+        let (mut rig, _) = bare::linked(["line"], 9600);
+        Paced::run_until(&mut rig, Instant::from_millis(3));
+        let seen = [0, 1].map(|robot| rig.rig_of(robot).now().as_millis());
+        assert_eq!(seen, [3, 3]);
+        assert_eq!(rig.rig_of_mut(1).links().len(), 1);
+        assert_eq!(Paced::rig(&mut rig).now().as_millis(), 3);
+    }
+}

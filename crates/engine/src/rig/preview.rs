@@ -84,6 +84,8 @@ mod tests {
 
     use super::*;
     use crate::rig::bare;
+    use crate::rig::fault::{Damage, Strike};
+    use crate::rig::line::Direction;
 
     /// At 9600 baud a byte takes 1.0417 ms: two of three bytes arrive within 3 ms. The preview does
     /// not advance the rig; the rig later does the same, to the nanosecond.
@@ -106,5 +108,54 @@ mod tests {
             rig.run_for(Duration::from_nanos(1));
             assert_eq!(rig.take_output(node), arrival.bytes);
         }
+    }
+
+    /// A byte of 10 us with a wrong parity bit, then two bytes. The first arrives as a damaged
+    /// character without a byte; the last one arrives when the preview ends.
+    #[test]
+    fn a_preview_covers_damaged_characters_and_its_last_instant() {
+        let (mut rig, [[device, master]]) = bare::linked(["line"], 1_000_000);
+        let damage = Damage::ParityError;
+        let strike = Strike { byte: 0, damage };
+        rig.line_mut(0, Direction::ToMaster)
+            .faults
+            .add_strike(strike);
+        rig.inject(device.node, b"abc");
+        rig.run_until(Instant::from_micros(3));
+        let found = |until| {
+            let arrivals = rig
+                .preview(Instant::from_micros(until))
+                .expect("no programs");
+            let arrivals = arrivals.into_iter();
+            let arrivals = arrivals.map(|it| {
+                assert_eq!(it.node, master.node);
+                (it.at.as_micros(), it.bytes.to_vec(), it.is_damaged)
+            });
+            arrivals.collect::<Vec<_>>()
+        };
+        let expected = [
+            (10, vec![], true),
+            (20, b"b".to_vec(), false),
+            (30, b"c".to_vec(), false),
+        ];
+        assert_eq!(found(30), expected);
+        assert_eq!(found(29), expected[..2]);
+        assert_eq!(found(9), []);
+    }
+
+    /// What waits at an end already is part of the preview.
+    #[test]
+    fn a_preview_begins_with_what_has_arrived() {
+        let (mut rig, [[device, master]]) = bare::linked(["line"], 1_000_000);
+        rig.inject(device.node, b"a");
+        rig.run_until(Instant::from_micros(15));
+        let arrivals = rig.preview(Instant::from_micros(15)).expect("no programs");
+        let expected = Arrival {
+            node: master.node,
+            at: Instant::from_micros(15),
+            bytes: Bytes::from_static(b"a"),
+            is_damaged: false,
+        };
+        assert_eq!(arrivals, [expected]);
     }
 }

@@ -516,4 +516,87 @@ mod tests {
             .collect();
         assert_eq!(damages, [MarkDamage::Parity]);
     }
+
+    /// Each coding reads its own characters, whatever their bits: 256 bytes, of which the line
+    /// carries the low ones.
+    #[test]
+    fn each_coding_reads_its_own_characters() {
+        for (data_bits, mask) in [(5, 0x1F_u8), (6, 0x3F), (7, 0x7F), (8, 0xFF)] {
+            for parity in [Parity::None, Parity::Even, Parity::Odd] {
+                for stop_bits in [1, 2] {
+                    let line = coding(data_bits, parity, stop_bits);
+                    let all: Vec<u8> = (0..=255).collect();
+                    let low: Vec<u8> = all.iter().map(|byte| byte & mask).collect();
+                    assert_eq!(through(&all, line, line), (low, 0), "{line:?}");
+                }
+            }
+        }
+    }
+
+    /// With even parity 0x80, one one, has a parity bit of 1, and 0xC1, three ones, as well. Only
+    /// with seven data bits the highest one is no part of it: 0xC1 is 0x41 with two ones.
+    #[test]
+    fn the_highest_data_bit_counts_for_its_parity() {
+        let parity_bit = |byte: u8, data_bits| {
+            let mut bits = Vec::new();
+            push_character(&mut bits, byte, coding(data_bits, Parity::Even, 1));
+            bits[usize::from(data_bits) + 1]
+        };
+        let parity = [0x80, 0xC1, 0x81].map(|byte| parity_bit(byte, 8));
+        assert_eq!(parity, [true, true, false]);
+        let parity = [0x80, 0xC1, 0x81].map(|byte| parity_bit(byte, 7));
+        assert_eq!(parity, [false, false, true]);
+    }
+
+    /// By hand, a receiver at two thirds of the rate: from the edge at 0 it looks for data at 2.25,
+    /// 3.75, 5.25, 6.75, 8.25, 9.75, 11.25 and 12.75 and for its stop bit at 14.25. Behind the low
+    /// bits 1 to 8 of 00 only the stop bit 9 is high, so the value is 0010 0000. Of 04 only bit 13
+    /// is high: bit 14 is low, and began before the receiver looked. It has no edge to begin with.
+    #[test]
+    fn a_low_bit_that_began_before_is_no_edge() {
+        let [sender, receiver] = [90_000, 60_000].map(LineConfig::new_8n1);
+        let mut resampler = Resampler::default();
+        let mut bytes = vec![0x00, 0x04];
+        let mut errors = resampler.feed(&mut bytes, Instant::ZERO, sender, receiver);
+        errors += resampler.idle(&mut bytes);
+        assert_eq!((bytes, errors), (vec![], 1));
+        let framing = Mark {
+            before: 0,
+            value: 0b0010_0000,
+            damage: MarkDamage::Framing,
+        };
+        assert_eq!(resampler.take_marks(), [framing]);
+    }
+
+    /// By hand, a receiver at an eighth of the rate looks at 4 for its start bit, at 12, 20 .. 68
+    /// for data, and at 76 for its stop bit: all are low, a break. Of 02, from bit 70 on, only bit
+    /// 72 is high. The fall at 73 lies before 76 and begins no character, although bits 73 to 78
+    /// are low.
+    #[test]
+    fn an_edge_before_the_middle_of_the_stop_bit_begins_nothing() {
+        let [sender, receiver] = [80_000, 10_000].map(LineConfig::new_8n1);
+        let mut resampler = Resampler::default();
+        let mut bytes = vec![0, 0, 0, 0, 0, 0, 0, 2];
+        let mut errors = resampler.feed(&mut bytes, Instant::ZERO, sender, receiver);
+        errors += resampler.idle(&mut bytes);
+        assert_eq!((bytes, errors), (vec![], 1));
+        let low = Mark {
+            before: 0,
+            value: 0,
+            damage: MarkDamage::Break,
+        };
+        assert_eq!(resampler.take_marks(), [low]);
+    }
+
+    /// Marks are taken once.
+    #[test]
+    fn marks_are_taken_once() {
+        let (none, even) = (coding(8, Parity::None, 1), coding(8, Parity::Even, 1));
+        let mut resampler = Resampler::default();
+        let mut bytes = vec![0x03];
+        resampler.feed(&mut bytes, Instant::ZERO, none, even);
+        resampler.idle(&mut bytes);
+        let marks = resampler.take_marks();
+        assert_eq!((marks.len(), resampler.take_marks().len()), (1, 0));
+    }
 }

@@ -247,7 +247,9 @@ mod tests {
 
     use super::*;
     use crate::rig::bare;
-    use crate::rig::fault::{Effect, FaultId, Window};
+    use crate::rig::fault::{Damage, Effect, FaultId, Strike, Window};
+    use crate::rig::tests::probe::Probe;
+    use crate::rig::tests::watched;
 
     /// A device with one poll, which stores its time.
     #[derive(Clone, Default)]
@@ -378,6 +380,170 @@ mod tests {
         assert_eq!(
             [heard(device), heard(master), heard(device)],
             [false, true, true]
+        );
+    }
+
+    const fn at(us: u64) -> Instant {
+        Instant::from_micros(us)
+    }
+
+    /// A device and an open end at 1 Mbaud, where a byte takes 10 us, joined by a link of `kind`.
+    fn board(kind: LinkKind, piece: usize, probe: Probe) -> (Rig, usize) {
+        let mut rig = bare::rig();
+        let [board, port] = [
+            rig.add_device("board", probe),
+            rig.add_outside("port", LineConfig::new_8n1(1_000_000)),
+        ]
+        .map(|node| End {
+            node,
+            port: Port(0),
+        });
+        rig.connect_by(kind, "line", board, port, piece);
+        (rig, port.node)
+    }
+
+    fn events(rig: &Rig) -> Vec<(u8, u64, LineEvent)> {
+        let board = rig.device::<Probe>("board").expect("it is there");
+        board.line_events.clone()
+    }
+
+    /// A character with a wrong parity bit is seen by observers and by its receiver.
+    #[test]
+    fn observers_see_a_parity_error() {
+        let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
+        let notes = watched(&mut rig);
+        let damage = Damage::ParityError;
+        let strike = Strike { byte: 0, damage };
+        rig.line_mut(0, Direction::ToDevice)
+            .faults
+            .add_strike(strike);
+        rig.inject(port, &[7]);
+        rig.run_until(at(10));
+        let expected = [
+            "0 to-device Sent 10 [7]",
+            "0 to-device arrived 10 []",
+            "0 to-device ParityError 10",
+            "reached 10",
+        ];
+        assert_eq!(notes.take(), expected);
+        assert_eq!(events(&rig), [(0, 10, LineEvent::ParityError)]);
+        let board = rig.device::<Probe>("board").expect("it is there");
+        assert_eq!(
+            (board.polls.as_slice(), rig.was_heard()),
+            (&[0, 10][..], false)
+        );
+    }
+
+    /// Zero at 100 kbaud is low for 90 us, longer than a character at 1 Mbaud. The receiver gets the
+    /// error; observers, which know the rates, get none.
+    #[test]
+    fn observers_see_no_framing_error() {
+        let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
+        let notes = watched(&mut rig);
+        rig.set_line_config(port, LineConfig::new_8n1(100_000));
+        rig.inject(port, &[0]);
+        rig.run_until(Instant::from_millis(1));
+        let seen = events(&rig);
+        assert!(!seen.is_empty());
+        assert!(seen.iter().all(|event| event.2 == LineEvent::FramingError));
+        let notes = notes.take();
+        assert!(
+            notes.iter().all(|line| !line.contains("FramingError")),
+            "{notes:?}"
+        );
+    }
+
+    /// A pin has a level and no rate: its value arrives at any rate of the receiver.
+    #[test]
+    fn a_pin_is_read_without_a_rate() {
+        let received = |kind| {
+            let (mut rig, port) = board(kind, 1, Probe::default());
+            rig.set_line_config(port, LineConfig::new_8n1(300_000));
+            rig.inject(port, &[0x55]);
+            rig.run_until(Instant::from_millis(1));
+            let board = rig.device::<Probe>("board").expect("it is there");
+            let bytes = board.received.iter().flat_map(|(.., bytes)| bytes.clone());
+            bytes.collect::<Vec<u8>>()
+        };
+        assert_eq!(received(LinkKind::Pin), [0x55]);
+        assert_ne!(received(LinkKind::Uart), [0x55]);
+    }
+
+    /// A capture takes the place of the sender: the change of the sender's end is no part of it.
+    #[test]
+    fn a_played_line_carries_no_change_of_its_sender() {
+        let seen = |is_played| {
+            let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
+            let notes = watched(&mut rig);
+            rig.line_mut(0, Direction::ToDevice).is_played = is_played;
+            rig.change_line(port, LineEvent::Opened);
+            rig.run_until(at(0));
+            (notes.take().len(), events(&rig).len())
+        };
+        assert_eq!(seen(true), (1, 0));
+        assert_eq!(seen(false), (2, 1));
+    }
+
+    /// A piece has as many bytes as the link says, but at most 64. Then the line is free for the
+    /// next one.
+    #[test]
+    fn a_sender_is_asked_for_pieces_of_64_bytes_at_most() {
+        let sent = |piece| {
+            let probe = Probe {
+                to_send: [7; 100].into(),
+                ..Probe::default()
+            };
+            let (mut rig, port) = board(LinkKind::Uart, piece, probe);
+            let times = [at(30), at(640), at(1_000)];
+            times.map(|time| {
+                rig.run_until(time);
+                rig.output_len(port)
+            })
+        };
+        assert_eq!(sent(3), [3, 63, 100]);
+        assert_eq!(sent(64), [0, 64, 100]);
+        assert_eq!(sent(65), [0, 64, 100]);
+    }
+
+    /// From 5 to 100 us the device does not read; two bytes then reach it at once.
+    #[test]
+    fn bytes_that_arrive_together_are_heard() {
+        let (mut rig, port) = board(LinkKind::Uart, 1, Probe::default());
+        let window = Window {
+            from: at(5),
+            until: at(100),
+        };
+        let faults = &mut rig.line_mut(0, Direction::ToDevice).faults;
+        faults.add(FaultId(0), window.into(), Effect::Stall);
+        rig.inject(port, &[1, 2]);
+        rig.run_until(at(99));
+        assert!(!rig.was_heard());
+        rig.run_until(at(100));
+        assert!(rig.was_heard());
+        let board = rig.device::<Probe>("board").expect("it is there");
+        assert_eq!(board.received, [(0, 100, vec![1]), (0, 100, vec![2])]);
+        assert_eq!(board.polls, [0, 100]);
+    }
+
+    /// The line is free again at 10 us and asks for more; the byte arrives 5 us later. Then nothing
+    /// comes.
+    #[test]
+    fn the_next_event_is_the_earliest_of_lines_and_nodes() {
+        let probe = Probe {
+            wakes_at: Some(at(12)),
+            ..Probe::default()
+        };
+        let (mut rig, port) = board(LinkKind::Uart, 1, probe);
+        rig.line_mut(0, Direction::ToDevice).latency = core::time::Duration::from_micros(5);
+        rig.inject(port, &[1]);
+        let mut seen = vec![rig.next_event()];
+        for us in [0, 10, 12, 15] {
+            rig.run_until(at(us));
+            seen.push(rig.next_event());
+        }
+        assert_eq!(
+            seen,
+            [Some(at(0)), Some(at(10)), Some(at(12)), Some(at(15)), None]
         );
     }
 }

@@ -85,3 +85,107 @@ impl Rig {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use core::time::Duration;
+
+    use protocols::{Instant, Port};
+
+    use super::*;
+    use crate::rig::bare;
+    use crate::rig::tests::pair;
+    use crate::rig::tests::probe::Probe;
+
+    const fn end(node: usize, port: u8) -> End {
+        let port = Port(port);
+        End { node, port }
+    }
+
+    fn line(baud: u32) -> LineConfig {
+        LineConfig::new_8n1(baud)
+    }
+
+    /// Links 0 and 3 end at the program, link 1 at an open end, link 2 at a device. A link of the
+    /// station with an open end leads to the operator.
+    #[test]
+    fn links_are_under_test_whose_master_is_a_program() {
+        let mut rig = pair(Probe::default(), Probe::default());
+        let port = rig.add_outside("port", line(9600));
+        let board = rig.add_device("second", Probe::default());
+        rig.connect("radio", end(board, 0), end(port, 0), 1);
+        rig.connect("inside", end(board, 1), end(0, 1), 1);
+        rig.connect("other", end(board, 2), end(1, 2), 1);
+        assert_eq!(rig.program_links(), [0, 3]);
+        assert_eq!(rig.links_under_test(&["inside"]), [0, 1, 3]);
+        assert_eq!(rig.links_under_test(&["radio", "line"]), [0, 3]);
+        let latency = Duration::from_millis(3);
+        let lines = rig.lines_mut(1).expect("it is connected");
+        lines[1].latency = latency;
+        let found = rig.link("radio").expect("it is connected");
+        assert_eq!(found.line(Direction::ToDevice).latency, latency);
+        assert!(rig.lines_mut(4).is_none());
+    }
+
+    /// The open end has the coding and the port of the device, and the link leads there in both
+    /// directions. The other link of the device is dead, and the device is gone.
+    #[test]
+    fn an_open_end_takes_the_place_of_a_device() {
+        let board = Probe {
+            line: line(500_000),
+            ..Probe::default()
+        };
+        let mut rig = pair(board.clone(), board);
+        let port = rig.add_outside("port", line(9600));
+        rig.connect("spare", end(0, 3), end(port, 0), 1);
+        assert_eq!(rig.replace_device("missing"), None);
+        assert_eq!(rig.replace_device("line"), Some(3));
+        assert_eq!(rig.node_name(3), "board");
+        assert!(rig.device::<Probe>("board").is_none());
+        let lines = rig.links()[0].lines.each_ref();
+        let ends = lines.map(|line| (line.from, line.to));
+        assert_eq!(ends, [(end(3, 2), end(1, 5)), (end(1, 5), end(3, 2))]);
+        assert_eq!(rig.line_configs(&rig.links()[0].lines[0])[0], line(500_000));
+        assert_eq!(rig.links()[1].lines[0].from, end(0, 3));
+        assert_eq!(
+            (rig.replace_device("spare"), rig.replace_device("line")),
+            (None, None)
+        );
+        rig.inject(3, &[7]);
+        rig.run_until(Instant::from_millis(1));
+        let robot = rig.program_as::<Probe>().expect("it is there");
+        assert_eq!(robot.received.len(), 1);
+    }
+
+    /// The new program is polled at once, and knows what the old one was. Its processor was not
+    /// busy, and has the cost of the last work.
+    #[test]
+    fn another_program_takes_the_place_of_the_old_one() {
+        let robot = Probe {
+            line: line(9_600),
+            work: firmware_core::Work {
+                scans: 1,
+                ..firmware_core::Work::NONE
+            },
+            ..Probe::default()
+        };
+        let mut rig = pair(Probe::default(), robot);
+        rig.cpu.per_scan = Duration::from_millis(1);
+        rig.run_until(Instant::from_millis(5));
+        let mut old = None;
+        rig.replace_program(|program| {
+            old = Some(program.line_config(Port(0)).baud);
+            Box::new(Probe::default())
+        });
+        assert_eq!(old, Some(9_600));
+        assert_eq!(rig.last_cost(), Some(Duration::from_millis(1)));
+        rig.run_until(Instant::from_millis(6));
+        let robot = rig.program_as::<Probe>().expect("it is there");
+        assert_eq!(robot.polls, [5_000]);
+
+        let mut rig = bare::rig();
+        rig.add_device("board", Probe::default());
+        rig.replace_program(|program| program);
+        assert!(rig.program().is_none() && rig.device::<Probe>("board").is_some());
+    }
+}

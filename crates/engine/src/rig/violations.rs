@@ -233,4 +233,77 @@ mod tests {
         assert_eq!(mistakes[..2], two);
         assert_eq!(mistakes[2..], [("lost".to_owned(), NO_FRAME, 2)]);
     }
+
+    /// Two breaks came before the rig was late for the first time, at its start; only the third one
+    /// is excused. A shorter excuse does not end a longer one.
+    #[test]
+    fn breaks_from_before_an_excuse_count() {
+        let mut board = counting();
+        let counts = board.counts.as_mut().expect("it counts");
+        counts.count(Instant::ZERO, "too-soon");
+        counts.count(Instant::ZERO, "too-soon");
+        let (mut rig, [master]) = strict([("board", board)]);
+        rig.excuse_until(Instant::from_millis(20));
+        rig.excuse_until(Instant::from_millis(5));
+        send(&mut rig, master, 1);
+        assert_eq!((rig.violations(), rig.excused()), (2, 1));
+    }
+
+    /// Bytes 1 to 16 without a frame are one mistake, byte 17 begins another one.
+    #[test]
+    fn each_16_bytes_without_a_frame_are_a_mistake() {
+        let mistakes = |stray| {
+            let lost = Strict {
+                stray,
+                ..Strict::default()
+            };
+            let (rig, _) = strict([("lost", lost)]);
+            rig.mistakes().iter().map(|(.., count)| *count).sum::<u64>()
+        };
+        assert_eq!([0, 1, 16, 17, 32, 33].map(mistakes), [0, 1, 1, 2, 2, 3]);
+    }
+
+    /// A program in the rig may break a rule before a device has heard anything.
+    #[test]
+    fn a_rig_with_a_program_was_asked() {
+        use crate::rig::tests::pair;
+        use crate::rig::tests::probe::Probe;
+        let rig = pair(Probe::default(), Probe::default());
+        assert!(rig.was_asked() && !rig.was_heard());
+        assert!(!strict([("board", counting())]).0.was_asked());
+    }
+
+    /// A device logs three breaks of two rules, and does not count them.
+    #[test]
+    fn breaks_of_one_rule_are_added_up() {
+        let event = |rule| Event {
+            at: Instant::ZERO,
+            kind: EventKind::Violation,
+            rule,
+            detail: String::new(),
+            bytes: Vec::new(),
+        };
+        let board = Strict {
+            events: ["late", "early", "late"].map(event).into(),
+            ..Strict::default()
+        };
+        let (mut rig, _) = strict([("board", board)]);
+        rig.run_for(Duration::from_millis(1));
+        let expected = [("late", 2), ("early", 1)];
+        let expected = expected.map(|(rule, count)| ("board".to_owned(), rule, count));
+        assert_eq!(rig.all_broken_rules(), expected);
+    }
+
+    /// A byte of 9600 baud ends after 1,041,666 ns. It is excused if the excuse lasts longer.
+    #[test]
+    fn an_excuse_ends_before_its_last_instant() {
+        for device in [counting(), Strict::default()] {
+            for (nanos, expected) in [(1_041_666, (1, 0)), (1_041_667, (0, 1))] {
+                let (mut rig, [master]) = strict([("board", device.clone())]);
+                rig.excuse_until(Instant::from_nanos(nanos));
+                send(&mut rig, master, 1);
+                assert_eq!((rig.violations(), rig.excused()), expected, "{nanos}");
+            }
+        }
+    }
 }

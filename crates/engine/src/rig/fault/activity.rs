@@ -300,4 +300,101 @@ mod tests {
         let lengths: std::collections::BTreeSet<u128> = (0..100).map(length).collect();
         assert_eq!(lengths.into_iter().collect::<Vec<_>>(), [0, 1, 2]);
     }
+
+    /// By hand: 10, 13, 16 and 19 s, and no begin is after the end of the window.
+    #[test]
+    fn the_next_begin_is_the_first_one_that_comes() {
+        let next = |activity: &Activity, at_ms: u64| {
+            let begin = activity.next_begin(Instant::from_millis(at_ms))?;
+            Some(begin.as_millis() / 1_000)
+        };
+        let all = spells(None, None);
+        let times = [0, 9_999, 10_000, 12_999, 13_000, 18_999, 19_000, 20_000];
+        let expected = [
+            Some(10),
+            Some(10),
+            Some(13),
+            Some(13),
+            Some(16),
+            Some(19),
+            None,
+            None,
+        ];
+        assert_eq!(times.map(|at| next(&all, at)), expected);
+        let two = spells(Some(2), None);
+        let expected = [Some(10), Some(13), None];
+        assert_eq!([0, 10_000, 13_000].map(|at| next(&two, at)), expected);
+        let whole = Activity::from(all.window);
+        let expected = [Some(10), None, None];
+        assert_eq!([9_999, 10_000, 30_000].map(|at| next(&whole, at)), expected);
+        let mut waiting = spells(None, None);
+        waiting.trigger = Some(Trigger::Byte(0));
+        assert_eq!(next(&waiting, 0), None);
+    }
+
+    /// From 1 to 3 s, two seconds: at 5 s it lasts until 7 s.
+    #[test]
+    fn a_window_keeps_its_length_when_its_event_comes() {
+        let mut activity = Activity::from(Window {
+            from: Instant::from_secs(1),
+            until: Instant::from_secs(3),
+        });
+        activity.trigger = Some(Trigger::Frame(1));
+        assert!(!activity.is_over(Instant::from_secs(9)));
+        activity.fire(Instant::from_secs(5));
+        let window = Window {
+            from: Instant::from_secs(5),
+            until: Instant::from_secs(7),
+        };
+        assert_eq!((activity.window, activity.trigger), (window, None));
+        let is_over = [6_999, 7_000, 7_001].map(|ms| activity.is_over(Instant::from_millis(ms)));
+        assert_eq!(is_over, [false, true, true]);
+    }
+
+    /// A window of 9 s has room for three spells of 3 s: the fourth would begin at its end. The
+    /// last one is cut if the window is shorter.
+    #[test]
+    fn no_spell_begins_at_the_end_of_the_window() {
+        let ends = |until_ms: u64| {
+            let mut activity = spells(None, None);
+            activity.window.until = Instant::from_millis(until_ms);
+            let spells = (0..5).map_while(|number| activity.spell(number));
+            spells
+                .map(|spell| spell.until.as_millis())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(ends(19_000), [11_000, 14_000, 17_000]);
+        assert_eq!(ends(19_001), [11_000, 14_000, 17_000, 19_001]);
+        assert_eq!(ends(16_500), [11_000, 14_000, 16_500]);
+    }
+
+    /// Without spells there is one, the window, unless it is empty.
+    #[test]
+    fn a_window_without_spells_is_one_spell() {
+        let window = |from, until| Window {
+            from: Instant::from_secs(from),
+            until: Instant::from_secs(until),
+        };
+        let activity = Activity::from(window(1, 3));
+        assert_eq!(activity.spell(0), Some(window(1, 3)));
+        assert_eq!(activity.spell(1), None);
+        assert_eq!(Activity::from(window(3, 3)).spell(0), None);
+        let empty = [(3, 4), (3, 3), (4, 3)].map(|(from, until)| window(from, until).is_empty());
+        assert_eq!(empty, [false, true, true]);
+    }
+
+    /// A fault that ends later than it would have ends as before.
+    #[test]
+    fn an_end_never_makes_a_fault_longer() {
+        let until = |at: u64| {
+            let mut activity = spells(None, None);
+            activity.end(Instant::from_secs(at));
+            (
+                activity.window.from.as_millis(),
+                activity.window.until.as_millis(),
+            )
+        };
+        assert_eq!(until(15), (10_000, 15_000));
+        assert_eq!(until(25), (10_000, 20_000));
+    }
 }

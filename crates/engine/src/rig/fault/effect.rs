@@ -143,4 +143,63 @@ mod tests {
         };
         assert_eq!(fixed.of(line, Duration::from_secs(9)).baud, 57_600);
     }
+
+    /// A drift of 1,000,000 ppm in a second changes the rate each 10 ms, by 1 %: at 19.999 ms there
+    /// was one step. A rate has its limits at 50 and 50,000,000 baud.
+    #[test]
+    fn a_rate_drifts_in_steps_of_10_ms_within_its_limits() {
+        let line = LineConfig::new_8n1(100_000);
+        let rate = |ppm, ppm_per_s, baud| Rate {
+            baud,
+            ppm,
+            ppm_per_s,
+        };
+        let drift = |us| {
+            let drifting = rate(0.0, 1_000_000.0, None);
+            drifting.of(line, Duration::from_micros(us)).baud
+        };
+        let bauds = [0, 9_999, 10_000, 19_999, 20_000, 1_000_000].map(drift);
+        assert_eq!(
+            bauds,
+            [100_000, 100_000, 101_000, 101_000, 102_000, 200_000]
+        );
+        let fast = rate(0.0, 0.0, Some(60_000_000));
+        assert_eq!(fast.of(line, Duration::ZERO).baud, 50_000_000);
+        let slow = rate(-999_999.0, 0.0, None);
+        assert_eq!(slow.of(line, Duration::ZERO).baud, 50);
+        let even = LineConfig {
+            parity: protocols::Parity::Even,
+            ..line
+        };
+        let changed = rate(0.0, 0.0, Some(300)).of(even, Duration::ZERO);
+        assert_eq!((changed.baud, changed.parity), (300, even.parity));
+    }
+
+    #[test]
+    fn each_effect_has_its_name() {
+        let rng = || Box::new(Rng::stream(1, "test"));
+        let by = Duration::ZERO;
+        let rate = Rate {
+            baud: None,
+            ppm: 0.0,
+            ppm_per_s: 0.0,
+        };
+        let effects = [
+            (Effect::Echo, "echo"),
+            (Effect::Cut, "line cut"),
+            (Effect::Stall, "stall"),
+            (Effect::Overrun { fifo: 1 }, "overrun"),
+            (Effect::ShortRead { len: 1 }, "short read"),
+            (Effect::Latency { by }, "latency"),
+            (Effect::Jitter { by, rng: rng() }, "jitter"),
+            (Effect::WrongBaud(rate), "wrong baud rate"),
+            (Effect::Host(HostDamage::StripNul), "strip NUL"),
+            (Effect::Host(HostDamage::CrToLf), "CR to LF"),
+            (Effect::Host(HostDamage::EatXonXoff), "eat XON and XOFF"),
+            (Effect::Host(HostDamage::ClearBit7), "clear bit 7"),
+        ];
+        for (effect, name) in effects {
+            assert_eq!(effect.words(), name);
+        }
+    }
 }

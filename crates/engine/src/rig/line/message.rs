@@ -350,4 +350,66 @@ mod tests {
             (144, 144, 0)
         );
     }
+
+    /// The time of a fault without a delay is told with its message. The latencies of the line, 5
+    /// us, and of a fault, 20 us, add up; a later message has that of the line only.
+    #[test]
+    fn a_message_tells_the_faults_that_were_at_work() {
+        let mut line = alone();
+        let during = |line: &mut Line, from: u64, by: u64| {
+            let window = Window {
+                from: Instant::from_micros(from),
+                until: Instant::from_micros(from + 10),
+            };
+            let by = Duration::from_micros(by);
+            line.faults
+                .add(FaultId(0), Activity::from(window), Effect::Latency { by });
+        };
+        during(&mut line, 0, 0);
+        during(&mut line, 1_000, 20);
+        take(&mut line, 0);
+        line.latency = Duration::from_micros(5);
+        take(&mut line, 1_000);
+        take(&mut line, 2_000);
+        let arrived = core::iter::from_fn(|| line.deliver(Instant::from_millis(9)));
+        let told = arrived.map(|one| {
+            let original = one.original.expect("a fault, or late");
+            (
+                one.at.as_micros(),
+                original.at.as_micros(),
+                original.effects.len(),
+            )
+        });
+        let expected = [(800, 800, 1), (1_825, 1_800, 1), (2_805, 2_800, 0)];
+        assert_eq!(told.collect::<Vec<_>>(), expected);
+    }
+
+    /// The second message is lost, the third one comes twice: in flight are three of 72 bytes.
+    #[test]
+    fn messages_in_flight_are_counted_with_their_copies() {
+        let mut line = alone();
+        for (byte, damage) in [(1, Damage::Drop), (2, Damage::Duplicate)] {
+            line.faults.add_strike(Strike { byte, damage });
+        }
+        let in_flight = [0, 1_000, 2_000].map(|us| {
+            take(&mut line, us);
+            assert!(line.conserves_bytes());
+            line.in_flight()
+        });
+        assert_eq!(in_flight, [72, 72, 216]);
+        let traffic = line.traffic();
+        assert_eq!((traffic.sent, traffic.lost, traffic.added), (216, 72, 72));
+    }
+
+    /// An I2C bus sends 9 bits a byte and 2 more, a network 8 bits for each byte and 28 of headers.
+    /// The others have characters of 10 bits.
+    #[test]
+    fn each_kind_of_link_has_its_own_time() {
+        let rate = LineConfig::new_8n1(1_000_000);
+        let micros = |kind, len| message_time(kind, rate, len).as_micros();
+        let times = LinkKind::ALL.map(|kind| [0, 1, 10].map(|len| micros(kind, len)));
+        let characters = [0, 10, 100];
+        let expected = [characters, characters, [2, 11, 92], [224, 232, 304]];
+        assert_eq!(times, expected);
+    }
 }

@@ -478,3 +478,144 @@ fn marks_are_counted_from_the_piece_they_arrive_with() {
     assert_eq!(Mark::split(&mut marks, 2, 6), [mark(0), mark(2)]);
     assert_eq!(marks, [mark(6)]);
 }
+
+/// A pause damages no byte: the bytes come with its report all the same.
+#[test]
+fn a_pause_is_told_with_the_bytes_that_it_delays() {
+    let mut line = line();
+    strike(&mut line, 1, Damage::Idle { by: micros(5) });
+    take(&mut line, 0, &[1]);
+    take(&mut line, 10, &[2]);
+    let all = deliveries(&mut line);
+    let times: Vec<u64> = all.iter().map(|one| one.at.as_micros()).collect();
+    assert_eq!(times, [10, 25]);
+    let strikes = all.iter().map(|one| {
+        let original = one.original.as_ref();
+        original.map(|original| original.strikes.len())
+    });
+    assert_eq!(strikes.collect::<Vec<_>>(), [None, Some(1)]);
+}
+
+/// The latency of the line and that of a fault add up: 10 + 7 + 20 us.
+#[test]
+fn latencies_of_line_and_fault_add_up() {
+    let mut line = line();
+    line.latency = micros(7);
+    during(&mut line, 0, 5, Effect::Latency { by: micros(20) });
+    take(&mut line, 0, &[1]);
+    take(&mut line, 10, &[2]);
+    // The second byte is not delayed by the fault, but does not overtake the first one.
+    assert_eq!(arrivals(&mut line), [(37, vec![1]), (37, vec![2])]);
+}
+
+/// A pause before a byte that is lost: nothing is left behind it but an empty piece, 100 us later.
+#[test]
+fn a_pause_before_a_lost_byte_is_kept() {
+    let mut line = line();
+    strike(&mut line, 2, Damage::Idle { by: micros(100) });
+    strike(&mut line, 2, Damage::Drop);
+    take(&mut line, 0, &[1, 2, 3]);
+    assert_eq!(line.free_at(), Instant::from_micros(130));
+    assert_eq!(arrivals(&mut line), [(20, vec![1, 2]), (130, vec![])]);
+}
+
+/// By hand, see the resampler: 48 69 read at half the rate are 9C, which is whole only in the
+/// silence behind it. None of it is read when the pause ends, at 20 + 100 us, and nothing arrives
+/// before that.
+#[test]
+fn a_pause_of_bytes_that_are_read_later_is_kept() {
+    let mut line = line();
+    let slow = LineConfig::new_8n1(500_000);
+    strike(&mut line, 1, Damage::Idle { by: micros(100) });
+    let budget = &mut Budget::default();
+    let ends = line.take(Instant::ZERO, LINE, slow, budget, &[0x48, 0x69]);
+    assert_eq!((ends.as_micros(), line.free_at().as_micros()), (20, 120));
+    assert_eq!(arrivals(&mut line), [(120, vec![]), (120, vec![0x9C])]);
+}
+
+/// A character without a parity bit, read with one: 03 is left out, and its error is told when the
+/// line has been quiet for two characters of 11 bits, 22 us.
+#[test]
+fn a_character_that_ends_in_silence_is_counted() {
+    let mut line = line();
+    let even = LineConfig {
+        parity: protocols::Parity::Even,
+        ..LINE
+    };
+    let budget = &mut Budget::default();
+    line.take(Instant::ZERO, LINE, even, budget, &[0x03]);
+    assert_eq!(line.traffic().resampled, -1);
+    let all = deliveries(&mut line).into_iter();
+    let all: Vec<_> = all
+        .map(|one| {
+            (
+                one.at.as_micros(),
+                one.bytes.len(),
+                one.framing_errors,
+                one.marks.len(),
+            )
+        })
+        .collect();
+    assert_eq!(all, [(10, 0, 0, 0), (32, 0, 1, 1)]);
+    let traffic = line.traffic();
+    assert_eq!((traffic.resampled, traffic.framing_errors), (0, 1));
+}
+
+/// 61 62 00 read at half the rate are one character without a stop bit, see the resampler: three
+/// bytes become none and one error, and the sums are equal all the time.
+#[test]
+fn a_character_without_a_stop_bit_is_counted() {
+    let mut line = line();
+    let slow = LineConfig::new_8n1(500_000);
+    let budget = &mut Budget::default();
+    line.take(Instant::ZERO, LINE, slow, budget, &[0x61, 0x62, 0x00]);
+    assert_eq!((line.traffic().resampled, line.in_flight()), (-2, 1));
+    assert!(line.conserves_bytes());
+    let first = line.deliver(Instant::from_micros(30)).expect("it is time");
+    assert_eq!(
+        (first.framing_errors, first.event),
+        (1, Some(LineEvent::FramingError))
+    );
+    assert!(line.conserves_bytes());
+    assert_eq!((line.traffic().framing_errors, line.in_flight()), (1, 0));
+}
+
+/// A used buffer carries the bytes of a line with latency, too, and of one that was silent.
+#[test]
+fn late_bytes_use_a_buffer_again() {
+    let mut line = line();
+    line.latency = micros(1);
+    line.recycle(vec![1, 2, 3]);
+    line.recycle(vec![1, 2, 3]);
+    take(&mut line, 0, &[9]);
+    assert_eq!(line.spare.len(), 1);
+    assert_eq!(arrivals(&mut line), [(11, vec![9])]);
+}
+
+/// Without a fault at work the line is as fast as one without faults: a stall that is over and one
+/// that comes later withhold nothing.
+#[test]
+fn a_stall_withholds_nothing_outside_its_time() {
+    let mut line = line();
+    during(&mut line, 0, 5, Effect::Stall);
+    during(&mut line, 45, 70, Effect::Stall);
+    for (at_us, byte) in [(0, 1), (10, 2), (20, 3), (30, 4), (40, 5), (70, 6)] {
+        take(&mut line, at_us, &[byte]);
+    }
+    let times: Vec<u64> = arrivals(&mut line).iter().map(|(at, _)| *at).collect();
+    assert_eq!(times, [10, 20, 30, 40, 70, 80]);
+}
+
+/// Stalls without a gap between them withhold a byte until the last one ends, at 100 us.
+#[test]
+fn many_stalls_in_a_row_withhold_a_byte_until_the_last_one() {
+    let mut line = line();
+    for us in 0..99 {
+        during(&mut line, us, us + 2, Effect::Stall);
+    }
+    take(&mut line, 0, &[1]);
+    assert_eq!(
+        line.poll_at(Instant::from_micros(10)),
+        Some(Instant::from_micros(100))
+    );
+}

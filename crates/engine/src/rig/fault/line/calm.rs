@@ -96,4 +96,65 @@ mod tests {
         assert_eq!(spared, calm.collect::<Vec<_>>());
         assert_eq!(faults.counted, sparing_none.counted);
     }
+
+    /// Damage is planned for byte 4. The bytes before and behind it are spared, in pieces that do
+    /// not contain it.
+    #[test]
+    fn bytes_beside_planned_damage_are_spared() {
+        use crate::rig::fault::{Damage, Strike};
+        let line = LineConfig::new_8n1(1_000_000);
+        let at = Instant::from_micros;
+        let budget = &mut Budget::default();
+        let faults = || {
+            let mut faults = LineFaults::default();
+            let damage = Damage::Drop;
+            faults.add_strike(Strike { byte: 4, damage });
+            faults
+        };
+        // The first byte shows that no fault is active.
+        let calm = |faults: &mut LineFaults, budget: &mut Budget| {
+            let mut passed = Passed::default();
+            faults.pass(0, &[7], at(0), line, budget, &mut passed);
+        };
+        for (len, is_spared) in [(1, true), (3, true), (4, false), (9, false)] {
+            let mut faults = faults();
+            assert!(!faults.spare(0, 1, at(0), line));
+            calm(&mut faults, budget);
+            assert_eq!(faults.spare(1, len, at(10), line), is_spared, "{len}");
+            assert_eq!(faults.counted, if is_spared { 1 + len } else { 1 });
+        }
+        let mut struck = faults();
+        calm(&mut struck, budget);
+        let mut passed = Passed::default();
+        struck.pass(1, &[1, 2, 3, 4, 5], at(10), line, budget, &mut passed);
+        assert_eq!(passed.bytes, [1, 2, 3, 5]);
+        assert!(struck.is_clean() && struck.spare(6, 100, at(60), line));
+    }
+
+    /// While a fault waits for its byte, no byte is spared.
+    #[test]
+    fn no_byte_is_spared_while_a_fault_waits() {
+        use crate::rig::fault::Trigger;
+        let line = LineConfig::new_8n1(1_000_000);
+        let mut activity = Activity::from(Window {
+            from: Instant::ZERO,
+            until: Instant::from_micros(15),
+        });
+        activity.trigger = Some(Trigger::Byte(3));
+        let mut faults = LineFaults::default();
+        faults.add(FaultId(0), activity, Effect::Cut);
+        let spared = (0..8).filter(|&number| {
+            let start = Instant::from_micros(10 * number);
+            let is_spared = faults.spare(number, 1, start, line);
+            if !is_spared {
+                let (mut budget, mut passed) = (Budget::default(), Passed::default());
+                faults.pass(number, &[7], start, line, &mut budget, &mut passed);
+                let is_cut = (3..5).contains(&number);
+                assert_eq!(passed.bytes.is_empty(), is_cut, "{number}");
+            }
+            is_spared
+        });
+        // Byte 5 shows that the fault is over.
+        assert_eq!(spared.collect::<Vec<_>>(), [6, 7]);
+    }
 }

@@ -536,3 +536,208 @@ fn a_jitter_reaches_its_greatest_delay() {
         assert_eq!(delays.into_iter().collect::<Vec<_>>(), [0, 1]);
     }
 }
+
+/// Bytes 5, 6 and 7 begin at 50 us. Byte 6 ends at 70 us, with both of its damages, and byte 7 at
+/// 80 us.
+#[test]
+fn damage_is_kept_with_the_end_of_its_byte() {
+    let mut faults = LineFaults::default();
+    let strikes = [
+        (6, Damage::Flip { bit: 0 }),
+        (6, Damage::Duplicate),
+        (7, Damage::Drop),
+    ];
+    let strikes = strikes.map(|(byte, damage)| Strike { byte, damage });
+    strikes
+        .into_iter()
+        .for_each(|strike| faults.add_strike(strike));
+    let (start, budget) = (Instant::from_micros(50), &mut Budget::default());
+    let mut passed = Passed::default();
+    faults.pass(5, &[1, 2, 3], start, LINE, budget, &mut passed);
+    assert_eq!(passed.bytes, [1, 3, 3]);
+    let times = faults
+        .struck_times()
+        .map(|(strike, at)| (strike, at.as_micros()));
+    let expected = strikes.into_iter().zip([70, 70, 80]);
+    assert!(times.eq(expected));
+}
+
+/// The list of damaged bytes has room for 1,048,576; the next ones are damaged all the same.
+#[test]
+fn a_full_list_of_damage_grows_no_more() {
+    let mut faults = LineFaults::default();
+    let strike = |byte| Strike {
+        byte,
+        damage: Damage::Drop,
+    };
+    faults.struck = vec![strike(0); STRIKES_MAX - 1].into();
+    faults.struck_at = vec![Instant::ZERO; STRIKES_MAX - 1].into();
+    faults.add_strike(strike(0));
+    faults.add_strike(strike(1));
+    assert_eq!(through(&mut faults, &[1, 2, 3]), [3]);
+    assert_eq!(faults.struck_len(), STRIKES_MAX);
+}
+
+/// A budget of two strikes: five bytes lose the first two. One that is spent at a time when the
+/// fault is not at work would lose fewer.
+#[test]
+fn a_strike_outside_its_spell_costs_nothing() {
+    let spells = crate::rig::fault::Spells {
+        every: Duration::from_micros(30),
+        lasting: Duration::from_micros(10),
+        count: None,
+        dice: None,
+    };
+    let lost = |left| {
+        let mut faults = LineFaults::default();
+        let effect = Effect::Strikes {
+            kind: DamageKind::Drop,
+            chance: 1.0,
+            left,
+            rng: Box::new(Rng::stream(1, "test")),
+        };
+        let activity = Activity {
+            spells: Some(spells.clone()),
+            ..Activity::from(Window::ALWAYS)
+        };
+        faults.add(FaultId(0), activity, effect);
+        let mut budget = Budget::new(Some(3), None);
+        (0..12)
+            .filter(|&number| {
+                let mut passed = Passed::default();
+                let start = Instant::from_micros(10 * number);
+                faults.pass(number, &[7], start, LINE, &mut budget, &mut passed);
+                passed.bytes.is_empty()
+            })
+            .collect::<Vec<u64>>()
+    };
+    // Byte 9 would be the fourth.
+    assert_eq!(lost(None), [0, 3, 6]);
+    assert_eq!(lost(Some(2)), [0, 3]);
+}
+
+/// A host in text mode treats bytes that no other fault touches. 8D is no CR for the first fault.
+#[test]
+fn a_host_treats_all_bytes_of_its_time() {
+    let mut faults = LineFaults::default();
+    faults.add(FaultId(0), window(10, 30), Effect::Host(HostDamage::CrToLf));
+    faults.add(
+        FaultId(1),
+        window(20, 30),
+        Effect::Host(HostDamage::ClearBit7),
+    );
+    assert_eq!(through(&mut faults, &[13, 13, 0x8D, 13]), [13, 10, 13, 13]);
+    // In the other order it has become one.
+    let mut faults = LineFaults::default();
+    faults.add(
+        FaultId(0),
+        window(0, 30),
+        Effect::Host(HostDamage::ClearBit7),
+    );
+    faults.add(FaultId(1), window(0, 30), Effect::Host(HostDamage::CrToLf));
+    assert_eq!(at_once(&mut faults, &[0x8D, 13, 65]).bytes, [10, 10, 65]);
+}
+
+/// The first byte after the faults were added is number 1 and begins 10 us after the start of the
+/// run: it begins frame 0, although the pause before it was short.
+#[test]
+fn the_first_byte_that_is_seen_begins_a_frame() {
+    let mut faults = LineFaults::default();
+    let mut activity = window(0, 5);
+    activity.trigger = Some(Trigger::Frame(0));
+    faults.add(FaultId(0), activity, Effect::Cut);
+    let mut passed = Passed::default();
+    let budget = &mut Budget::default();
+    for (number, at_us) in [(1, 10), (2, 20)] {
+        let start = Instant::from_micros(at_us);
+        faults.pass(number, &[9], start, LINE, budget, &mut passed);
+    }
+    assert_eq!(passed.bytes, [9]);
+    let activity = faults.activity(FaultId(0)).expect("planned");
+    assert_eq!(activity.window.from, Instant::from_micros(10));
+}
+
+/// Bytes 3, 4 and 5 come in one piece: a fault that waits for byte 5 begins with the piece, one
+/// that waits for byte 6 does not begin.
+#[test]
+fn a_trigger_in_a_piece_begins_with_the_piece() {
+    let begins = |byte| {
+        let mut faults = LineFaults::default();
+        let mut activity = window(0, 100);
+        activity.trigger = Some(Trigger::Byte(byte));
+        faults.add(FaultId(0), activity, Effect::Echo);
+        let (start, budget) = (Instant::from_micros(70), &mut Budget::default());
+        let mut passed = Passed::default();
+        faults.pass(3, &[1, 2, 3], start, LINE, budget, &mut passed);
+        passed.echo
+    };
+    assert_eq!([3, 5, 6].map(begins), [true, true, false]);
+}
+
+/// Seven bits are inverted one by one: a bit beyond 7 wraps, so bit 9 is bit 1.
+#[test]
+fn a_flip_inverts_one_bit() {
+    let flipped = |bit| at_once(&mut struck(Damage::Flip { bit }), &[0, 0xFF]).bytes[1];
+    let expected = [0xFE, 0xFD, 0xFB, 0xF7, 0xEF, 0xDF, 0xBF, 0x7F];
+    assert_eq!([0, 1, 2, 3, 4, 5, 6, 7].map(flipped), expected);
+    assert_eq!([8, 9, 15].map(flipped), [0xFE, 0xFD, 0x7F]);
+}
+
+/// A message counts as one: of three, the one with number 1 is lost, number 2 comes three times
+/// doubled, and number 3 late.
+#[test]
+fn whole_messages_have_their_own_fate() {
+    let mut faults = LineFaults::default();
+    faults.add_strike(Strike {
+        byte: 1,
+        damage: Damage::Drop,
+    });
+    for _ in 0..3 {
+        faults.add_strike(Strike {
+            byte: 2,
+            damage: Damage::Duplicate,
+        });
+    }
+    faults.add_strike(Strike {
+        byte: 3,
+        damage: Damage::Swap,
+    });
+    let by = |us| Effect::Latency {
+        by: Duration::from_micros(us),
+    };
+    faults.add(FaultId(0), window(30, 50), by(3));
+    faults.add(FaultId(1), window(30, 50), by(4));
+    faults.add(FaultId(2), window(40, 50), Effect::Cut);
+    faults.add(FaultId(3), window(30, 50), Effect::Echo);
+    let fate = |faults: &mut LineFaults, number| {
+        let start = Instant::from_micros(10 * number);
+        let passed = faults.pass_message(number, start, &mut Budget::default());
+        let late = passed.late.as_micros();
+        (passed.copies, passed.is_overtaken, late, passed.effects)
+    };
+    assert_eq!(fate(&mut faults, 0), (1, false, 0, vec![]));
+    assert_eq!(fate(&mut faults, 1), (0, false, 0, vec![]));
+    assert_eq!(fate(&mut faults, 2), (8, false, 0, vec![]));
+    let late = vec!["latency", "latency"];
+    assert_eq!(fate(&mut faults, 3), (1, true, 7, late));
+    let cut = vec!["latency", "latency", "line cut"];
+    assert_eq!(fate(&mut faults, 4), (0, false, 7, cut));
+    assert_eq!(fate(&mut faults, 5), (1, false, 0, vec![]));
+}
+
+/// Message 2 is the third one: a fault that waits for it, as a byte or as a frame, begins then.
+#[test]
+fn a_trigger_counts_messages() {
+    for trigger in [Trigger::Byte(2), Trigger::Frame(2)] {
+        let mut faults = LineFaults::default();
+        let mut activity = window(0, 15);
+        activity.trigger = Some(trigger);
+        faults.add(FaultId(0), activity, Effect::Cut);
+        let copies = [0, 1, 2, 3, 4].map(|number| {
+            let start = Instant::from_micros(10 * number);
+            let passed = faults.pass_message(number, start, &mut Budget::default());
+            passed.copies
+        });
+        assert_eq!(copies, [1, 1, 0, 0, 1], "{trigger:?}");
+    }
+}
