@@ -68,6 +68,10 @@ mod watchdog;
 #[cfg(not(all(target_os = "linux", target_arch = "x86_64")))]
 mod elsewhere;
 
+#[cfg(test)]
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod tests;
+
 use std::path::PathBuf;
 
 use crate::exec::{self, ExecError, Foreign};

@@ -306,6 +306,151 @@ pub(super) fn name(number: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::guest::tests::{Stopped, no_registers};
+
+    impl Call {
+        /// A call with these arguments, and zeros after them.
+        pub(in crate::guest) fn made(number: i64, given: &[u64]) -> Self {
+            let mut args = [0; 6];
+            args[..given.len()].copy_from_slice(given);
+            Self {
+                number,
+                args,
+                registers: no_registers(),
+            }
+        }
+    }
+
+    /// A thread at a call as the kernel shows it (ptrace(2), syscall(2)).
+    fn at_call() -> Stopped {
+        let stopped = Stopped::new();
+        stopped.change(|registers| {
+            registers.orig_rax = 7;
+            registers.rax = (-38_i64).cast_unsigned();
+            [registers.rdi, registers.rsi, registers.rdx] = [1, 2, 3];
+            [registers.r10, registers.r8, registers.r9] = [4, 5, 6];
+            registers.rip = 0x1000;
+        });
+        stopped
+    }
+
+    /// What the kernel would do: number, arguments, answer, and where the thread goes on.
+    fn seen(stopped: &Stopped) -> (i64, [u64; 6], i64, u64) {
+        let it = stopped.registers();
+        let args = [it.rdi, it.rsi, it.rdx, it.r10, it.r8, it.r9];
+        let [number, result] = [it.orig_rax, it.rax].map(u64::cast_signed);
+        (number, args, result, it.rip)
+    }
+
+    #[test]
+    fn a_call_is_read_from_the_registers_and_changed_in_them() {
+        let own = [1, 2, 3, 4, 5, 6];
+        let stopped = at_call();
+        let pid = stopped.pid;
+        let call = Call::of(pid).expect("it stands");
+        assert_eq!((call.number, call.args), (7, own));
+        assert_eq!((call.result(), call.instruction()), (-38, 0x1000));
+        assert_eq!(call.stack(), stopped.registers().rsp);
+        assert_eq!(call.registers().r9, 6);
+        type Change<'a> = &'a dyn Fn(&Call) -> nix::Result<()>;
+        let cases: [(Change<'_>, (i64, [u64; 6], i64, u64)); 9] = [
+            (&|it| it.answer(pid, -5), (-1, own, -5, 0x1000)),
+            (
+                &|it| it.with(pid, 0, 9),
+                (7, [9, 2, 3, 4, 5, 6], -38, 0x1000),
+            ),
+            (
+                &|it| it.with(pid, 1, 9),
+                (7, [1, 9, 3, 4, 5, 6], -38, 0x1000),
+            ),
+            (
+                &|it| it.with(pid, 2, 9),
+                (7, [1, 2, 9, 4, 5, 6], -38, 0x1000),
+            ),
+            (
+                &|it| it.with(pid, 3, 9),
+                (7, [1, 2, 3, 9, 5, 6], -38, 0x1000),
+            ),
+            (
+                &|it| it.with(pid, 4, 9),
+                (7, [1, 2, 3, 4, 9, 6], -38, 0x1000),
+            ),
+            // The instruction of a call has two bytes.
+            (&|it| it.again(pid), (-1, own, 7, 0xFFE)),
+            (
+                &|it| it.with_result_again(pid, 1, 9, 11),
+                (7, [1, 9, 3, 4, 5, 6], 11, 0xFFE),
+            ),
+            (&|it| it.interrupted_at_end(pid), (7, own, -4, 0x1002)),
+        ];
+        for (index, (change, expected)) in cases.into_iter().enumerate() {
+            change(&call).expect("it stands");
+            assert_eq!(seen(&stopped), expected, "case {index}");
+        }
+        call.with_result(pid, 0, 8, 3).expect("it stands");
+        assert_eq!(seen(&stopped), (7, [8, 2, 3, 4, 5, 6], 3, 0x1000));
+    }
+
+    /// Only a call that a signal has cut short (EINTR, 4), and that is one, is made again.
+    #[test]
+    fn a_call_that_was_cut_short_is_made_again() {
+        let stopped = at_call();
+        let pid = stopped.pid;
+        for (number, result, expected) in [(7, -4, 0xFFE), (7, -11, 0x1000), (-1, -4, 0x1000)] {
+            stopped.change(|registers| {
+                registers.orig_rax = i64::cast_unsigned(number);
+                registers.rax = i64::cast_unsigned(result);
+                registers.rip = 0x1000;
+            });
+            Call::of(pid).expect("it stands").again_if_cut_short(pid);
+            assert_eq!(stopped.registers().rip, expected, "{number} {result}");
+        }
+    }
+
+    #[test]
+    fn calls_are_alike_with_the_same_number_and_arguments() {
+        let call = Call::made(7, &[1, 2]);
+        assert!(call.is_like(&Call::made(7, &[1, 2])));
+        assert!(!call.is_like(&Call::made(7, &[1, 3])));
+        assert!(!call.is_like(&Call::made(8, &[1, 2])));
+    }
+
+    /// Intel's manual, volume 2: RDTSC puts the lower half into EAX and the upper one into EDX;
+    /// RDTSCP puts the processor's number into ECX as well.
+    #[test]
+    fn the_processors_counter_is_in_two_registers() {
+        let stopped = at_call();
+        for (len, rcx) in [(2, 77), (3, 0)] {
+            stopped.change(|registers| {
+                registers.rcx = 77;
+                registers.rip = 0x1000;
+            });
+            let call = Call::of(stopped.pid).expect("it stands");
+            let count = 0x1234_5678_9ABC_DEF0;
+            call.has_read_counter(stopped.pid, len, count)
+                .expect("it stands");
+            let it = stopped.registers();
+            assert_eq!([it.rax, it.rdx, it.rcx], [0x9ABC_DEF0, 0x1234_5678, rcx]);
+            assert_eq!(it.rip, 0x1000 + len);
+        }
+    }
+
+    /// Bit 8 of the flags is the trap flag (Intel's manual, volume 1, 3.4.3).
+    #[test]
+    fn the_trap_flag_of_a_step_is_hidden() {
+        let mut registers = no_registers();
+        for (flags, hidden, had_it) in [(0x346, 0x246, true), (0x246, 0x246, false)] {
+            registers.r11 = flags;
+            assert_eq!(hide_trap_flag(&mut registers), had_it);
+            assert_eq!(registers.r11, hidden);
+        }
+        let stopped = at_call();
+        stopped.change(|registers| registers.r11 = 0x346);
+        Call::of(stopped.pid)
+            .expect("it stands")
+            .hide_step(stopped.pid);
+        assert_eq!(stopped.registers().r11, 0x246);
+    }
 
     #[test]
     fn a_call_has_a_name_or_a_number() {

@@ -372,6 +372,8 @@ fn lead(image: &[u8], len: u64) -> Option<Vec<(usize, [u8; 5])>> {
 
 #[cfg(test)]
 mod tests {
+    use crate::guest::tests::Room;
+    use protocols::Instant;
     use std::process::Command;
 
     use super::*;
@@ -439,5 +441,291 @@ mod tests {
         let mut cut = b"\x7FELF\x02".to_vec();
         cut.resize(64, 0xFF);
         assert_eq!(lead(&cut, 64), None);
+    }
+
+    impl ClockPage {
+        /// A page whose data are at `place`.
+        pub(in crate::guest) const fn at(data: u64) -> Self {
+            Self {
+                place: data - DATA - 4_096,
+                data,
+                next_detour: data - DATA + DETOURS.start,
+            }
+        }
+    }
+
+    const PAGE: ClockPage = ClockPage {
+        place: 0x1_0000,
+        data: 0x2_1000,
+        next_detour: 0x2_0800,
+    };
+
+    #[test]
+    fn a_page_has_room_for_detours() {
+        let mut page = PAGE;
+        assert_eq!(page.code(), 0x2_0000);
+        assert_eq!(page.serve(), 0x2_00EF);
+        assert_eq!(page.detour(56), Some(0x2_0800));
+        assert_eq!(page.detour(0x7C8 - 1), Some(0x2_0838));
+        assert_eq!(page.detour(2), None);
+        assert_eq!(page.detour(1), Some(0x2_0FFF));
+        assert_eq!(page.detour(1), None);
+        for (address, expected) in [
+            (0xFFFF, false),
+            (0x1_0000, true),
+            (0x2_0FFF, true),
+            (0x2_1000, false),
+        ] {
+            assert_eq!(PAGE.has_code_at(address), expected, "{address:x}");
+        }
+    }
+
+    fn lent(fd: i32, takes: bool, bytes: &[(u64, u8)]) -> LentPort {
+        let bytes = bytes
+            .iter()
+            .map(|&(at, byte)| (Instant::from_nanos(at), byte));
+        LentPort {
+            port: 0,
+            fd,
+            waits: true,
+            takes,
+            known_until: Instant::from_nanos(99),
+            bytes: bytes.collect(),
+        }
+    }
+
+    /// The words of `clock_page.s`: now, limit, cost, looks, left, turn, known, number of ports,
+    /// reads, selects, counts that are left, all counts. Ports are at 96 and each 552 bytes behind,
+    /// what takes bytes is at 2,928.
+    #[test]
+    fn what_is_lent_is_put_where_the_code_looks_for_it() {
+        let room = Room::of(&[0xA5; 4_096]);
+        let page = ClockPage::at(room.at(0));
+        let own = crate::guest::tests::own();
+        let loan = Loan {
+            now: 1,
+            limit: 2,
+            cost: 3,
+            looks: 4,
+            turn: 5,
+            known: 6,
+            counts: true,
+        };
+        let untouched = u64::from_ne_bytes([0xA5; 8]);
+        page.lend(own, loan, &[]).expect("own");
+        let words = room.words();
+        assert_eq!(words[..12], [1, 2, 3, 0, 4, 5, 0, 0, 0, 0, 0, 0]);
+        assert!(words[12..].iter().all(|&word| word == untouched));
+        let ports = [
+            lent(3, true, &[(7, 0x41), (8, 0x42)]),
+            lent(5, false, &[]),
+            lent(4, true, &[]),
+        ];
+        let loan = Loan {
+            counts: false,
+            ..loan
+        };
+        page.lend(own, loan, &ports).expect("own");
+        let words = room.words();
+        assert_eq!(words[..12], [1, 2, 3, 0, 4, 5, 6, 3, 0, 0, 7, 0]);
+        assert_eq!(words[12..19], [3, 1, 99, 2, 0, 0x741, 0x842]);
+        assert_eq!(words[81..86], [5, 1, 99, 0, 0]);
+        assert_eq!(words[150..155], [4, 1, 99, 0, 0]);
+        assert_eq!((words[366], words[365]), (0b1_1000, untouched));
+        let many: Vec<LentPort> = (0..5).map(|fd| lent(fd, true, &[])).collect();
+        page.lend(own, loan, &many).expect("own");
+        let words = room.words();
+        assert_eq!((words[7], words[366]), (4, 0b1111), "four at most");
+        assert_eq!(
+            ClockPage::at(1 << 20).lend(own, loan, &[]),
+            Err(Errno::EFAULT)
+        );
+    }
+
+    /// Reads are at 2,304, counts of bytes at 2,816: a word has the time from bit 10 on, the port in
+    /// bits 8 and 9, the length below.
+    #[test]
+    fn what_was_counted_is_taken() {
+        let room = Room::new(4_096);
+        let page = ClockPage::at(room.at(0));
+        let own = crate::guest::tests::own();
+        let put = |at: usize, words: &[u64]| {
+            room.put(
+                at,
+                &words
+                    .iter()
+                    .map(|it| it.to_ne_bytes())
+                    .collect::<Vec<_>>()
+                    .concat(),
+            );
+        };
+        put(0, &[100, 0, 0, 3, 7, 0, 0, 0, 2, 4, 1, 5]);
+        put(2_304, &[50 << 10 | 1 << 8 | 9, 60 << 10 | 2, 77]);
+        put(2_816, &[70 << 10 | 2 << 8 | 8, 0xABC, 1]);
+        let at = Instant::from_nanos;
+        let expected = Taken {
+            now: 100,
+            looks: 3,
+            left: 7,
+            selects: 4,
+            counts: 5,
+            reads: vec![
+                LentRead {
+                    at: at(50),
+                    index: 1,
+                    len: 9,
+                },
+                LentRead {
+                    at: at(60),
+                    index: 0,
+                    len: 2,
+                },
+            ],
+            last_counts: vec![LentCount {
+                at: at(70),
+                index: 2,
+                len: 8,
+                address: 0xABC,
+            }],
+        };
+        assert_eq!(page.take(own, true), Some(expected.clone()));
+        let alone = Taken {
+            reads: Vec::new(),
+            last_counts: Vec::new(),
+            ..expected.clone()
+        };
+        assert_eq!(page.take(own, false), Some(alone));
+        // Without a count there is none to be told, and less than nothing is left of a turn.
+        put(32, &[u64::MAX]);
+        put(88, &[0]);
+        let taken = page.take(own, true).expect("own");
+        assert_eq!((taken.left, taken.last_counts), (0, Vec::new()));
+        // A page that was written to says no more than there is room for.
+        put(64, &[u64::MAX, 0, u64::MAX, 1]);
+        let taken = page.take(own, true).expect("own");
+        assert_eq!((taken.reads.len(), taken.last_counts.len()), (64, 7));
+        put(64, &[65, 0, 8, 1]);
+        let taken = page.take(own, true).expect("own");
+        assert_eq!((taken.reads.len(), taken.last_counts.len()), (64, 7));
+        assert_eq!(ClockPage::at(1 << 20).take(own, true), None);
+    }
+
+    /// A fault between pushes and pops leads to where the code gives up; one at a push or at the
+    /// call of a detour leads back behind that call, with the carry flag, which says so.
+    #[test]
+    fn a_thread_is_led_out_of_the_code_that_answers() {
+        let own = crate::guest::tests::own();
+        let code = Room::new(8_192);
+        let page = ClockPage::at(code.at(4_096));
+        let base = code.at(0);
+        let stack = Room::of_words(&[11, 12, 13, 0xABCD, 15]);
+        let led = |inside: u64| {
+            let mut registers = crate::guest::tests::no_registers();
+            (registers.rip, registers.rsp) = (base + inside, stack.at(0));
+            registers.eflags = 0x202;
+            let done = page.gives_up(own, &mut registers);
+            done.map(|()| (registers.rip, registers.rsp, registers.eflags))
+        };
+        let top = stack.at(0);
+        assert_eq!(led(0x102), Some((base + 0x137, top, 0x202)));
+        assert_eq!(led(0x43D), Some((base + 0x137, top, 0x202)));
+        assert_eq!(led(0x43E), None);
+        assert_eq!(led(0x100), None, "no push begins there");
+        // The first push is at 0xEF, the fourth at 0xF2.
+        assert_eq!(led(0xEF), Some((11, top + 8, 0x203)));
+        assert_eq!(led(0xF2), Some((0xABCD, top + 32, 0x203)));
+        assert_eq!(led(0xEE), None);
+        code.put(2_048, &[0xE8]);
+        assert_eq!(led(2_048), Some((base + 2_053, top, 0x203)));
+        assert_eq!(led(2_049), None, "another instruction");
+        code.put(4_095, &[0xE8]);
+        assert_eq!(led(4_095), Some((base + 4_100, top, 0x203)));
+        assert_eq!(led(4_096), None);
+        assert_eq!(led(2_047), None);
+    }
+
+    /// A file of the program format by hand (elf(5)): program headers at 64, of 56 bytes; the
+    /// second one, of kind 2, leads to the table of the dynamic section.
+    fn image() -> Vec<u8> {
+        let mut image = vec![0; 2_048];
+        let mut put = |at: usize, bytes: &[u8]| image[at..at + bytes.len()].copy_from_slice(bytes);
+        put(0, b"\x7FELF\x02");
+        put(32, &64_u64.to_le_bytes());
+        put(54, &56_u16.to_le_bytes());
+        put(56, &2_u16.to_le_bytes());
+        put(64, &1_u32.to_le_bytes());
+        put(120, &2_u32.to_le_bytes());
+        put(136, &256_u64.to_le_bytes());
+        for (index, [kind, value]) in [[4, 400], [5, 500], [6, 600], [0, 0]]
+            .into_iter()
+            .enumerate()
+        {
+            put(256 + 16 * index, &u64::to_le_bytes(kind));
+            put(264 + 16 * index, &u64::to_le_bytes(value));
+        }
+        put(404, &5_u32.to_le_bytes());
+        put(501, b"__vdso_time\0getcpu\0other\0time\0");
+        // Name, kind of symbol, place: time, getcpu, another function, time as an object, time.
+        let symbols = [
+            (1, 0x12, 1_000),
+            (13, 0x22, 1_100),
+            (20, 0x12, 1_200),
+            (26, 0x11, 1_300),
+            (26, 0x12, 1_400),
+        ];
+        for (index, (name, info, place)) in symbols.into_iter().enumerate() {
+            put(600 + 24 * index, &u32::to_le_bytes(name));
+            put(604 + 24 * index, &[info]);
+            put(608 + 24 * index, &u64::to_le_bytes(place));
+        }
+        image
+    }
+
+    /// By hand: from behind a jump of 5 bytes at 1,000 to `time` at 0x82 behind 2,048 bytes are
+    /// 2,048 + 130 - 1,005 = 1,173 bytes; from 1,100 to `getcpu` at 0xAC 2,048 + 172 - 1,105.
+    #[test]
+    fn functions_of_an_image_are_led_to_ours() {
+        let jump = |distance: i32| {
+            let [a, b, c, d] = distance.to_le_bytes();
+            [0xE9, a, b, c, d]
+        };
+        let expected = vec![
+            (1_000, jump(1_173)),
+            (1_100, jump(1_115)),
+            (1_400, jump(773)),
+        ];
+        assert_eq!(lead(&image(), 2_048), Some(expected));
+        let with = |at: usize, bytes: &[u8]| {
+            let mut image = image();
+            image[at..at + bytes.len()].copy_from_slice(bytes);
+            lead(&image, 2_048).map(|jumps| jumps.len())
+        };
+        assert_eq!(with(4, &[1]), None, "of 32 bits");
+        assert_eq!(with(56, &[1]), None, "without a dynamic section");
+        assert_eq!(with(32, &2_048_u64.to_le_bytes()), None, "outside");
+        assert_eq!(with(136, &2_048_u64.to_le_bytes()), None, "outside");
+        for entry in [256, 272, 288] {
+            assert_eq!(with(entry, &[9]), None, "without a table");
+            assert_eq!(with(entry + 8, &2_048_u64.to_le_bytes()), None, "outside");
+        }
+        assert_eq!(with(404, &[4]), Some(2), "of four symbols");
+        assert_eq!(with(404, &[1]), None, "with one function only");
+        assert_eq!(
+            with(608, &2_048_u64.to_le_bytes()),
+            None,
+            "a function outside"
+        );
+        // The end of the dynamic section ends the search.
+        assert_eq!(
+            with(
+                256,
+                &[[9_u64, 0], [0, 0], [4, 400], [5, 500]]
+                    .as_flattened()
+                    .iter()
+                    .flat_map(|it| it.to_le_bytes())
+                    .collect::<Vec<u8>>()
+            ),
+            None
+        );
     }
 }

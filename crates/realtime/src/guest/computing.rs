@@ -343,4 +343,122 @@ mod tests {
         spec.programs.clear();
         assert!(difference(&spec, "2").is_ok());
     }
+
+    /// At 1 the first 10 us are free; a unit is 100 us, and 36,000,000 of them, an hour, are the
+    /// most. By hand: 250 us less 10 us at half speed are 120 us, of which 20 us wait.
+    #[test]
+    fn a_charge_has_whole_units() {
+        let mut run = Computing::new(Cpu::Scale(500), None).expect("measures");
+        assert!(run.measures());
+        let us = Duration::from_micros;
+        run.used(0, us(250));
+        assert_eq!((run.charge(0, 1), run.charged), (us(100), us(100)));
+        run.used(0, us(170));
+        assert_eq!((run.charge(0, 1), run.charged), (us(100), us(200)));
+        assert_eq!(run.used, us(400));
+        run.used(0, us(9));
+        run.used(0, us(10));
+        assert_eq!((run.used, run.charge(0, 1)), (us(400), NONE));
+        run.used(0, Duration::from_secs(1 << 40));
+        assert_eq!(run.charge(0, 1), Duration::from_secs(3_600));
+        assert_eq!(run.spec().charges[0].to_string(), "1:1 1:1 2:36000000");
+        assert_eq!(run.spec().scale, 0.5);
+    }
+
+    /// FNV-1a: each word changes the sum and is multiplied by 0x100000001B3.
+    #[test]
+    fn calls_have_a_fingerprint() {
+        let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        assert_eq!(run.spec().fingerprint, "cbf29ce484222325");
+        run.charge(1, 2);
+        let prime = 0x100_0000_01B3_u64;
+        let first = (0xCBF2_9CE4_8422_2325_u64 ^ 1).wrapping_mul(prime);
+        let expected = format!("{:016x}", (first ^ 2).wrapping_mul(prime));
+        let spec = run.spec();
+        assert_eq!(
+            (spec.fingerprint, spec.calls, spec.scale),
+            (expected, 1, 1.0)
+        );
+        let recorded = ComputingSpec {
+            scale: 2.5,
+            ..run.spec()
+        };
+        let again = Computing::new(Cpu::OfCase, Some(&recorded)).expect("recorded");
+        assert_eq!(again.spec().scale, 2.5);
+    }
+
+    /// A run that has come less far has made only the charges up to there.
+    #[test]
+    fn the_charges_of_a_run_are_those_that_it_made() {
+        let mut run = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        for _ in 0..3 {
+            run.used(2, MS + FREE);
+            run.charge(2, 1);
+        }
+        let spec = run.spec();
+        let texts: Vec<String> = spec.charges.iter().map(ToString::to_string).collect();
+        assert_eq!(texts, ["", "", "1:10 1:10 1:10"]);
+        let mut again = Computing::new(Cpu::OfCase, Some(&spec)).expect("recorded");
+        again.charge(2, 1);
+        again.charge(2, 1);
+        assert_eq!(again.spec().charges[2].to_string(), "1:10 1:10");
+        let mut again = run.again();
+        assert_eq!(
+            (again.used, again.charged, again.spec().calls),
+            (NONE, NONE, 0)
+        );
+        assert_eq!(again.spec().fingerprint, "cbf29ce484222325");
+        assert_eq!(
+            (again.charge(2, 1), again.charge(2, 1), again.charge(2, 1)),
+            (MS, MS, MS)
+        );
+        assert_eq!((again.charge(2, 1), again.charged), (NONE, 3 * MS));
+        // Twice again: what is known stays known.
+        let mut third = again.again().again();
+        third.used(2, 9 * MS + FREE);
+        assert_eq!(third.charge(2, 1), MS);
+    }
+
+    #[test]
+    fn a_run_with_a_record_is_checked() {
+        let mut first = Computing::new(Cpu::Scale(1_000), None).expect("measures");
+        assert!(first.check().is_none() && first.difference().is_none());
+        first.charge(0, 1);
+        let spec = first.spec();
+        let mut second = Computing::new(Cpu::OfCase, Some(&spec)).expect("recorded");
+        let check = second.check().expect("recorded");
+        assert_eq!(check.name, "computes-as-recorded");
+        assert_eq!(check.status, engine::run::check::Status::Fail);
+        assert!(
+            check
+                .detail
+                .starts_with("0 calls, the case has 1 or others"),
+            "{}",
+            check.detail
+        );
+        second.charge(0, 1);
+        let check = second.check().expect("recorded");
+        assert_eq!(check.status, engine::run::check::Status::Pass);
+        assert_eq!(check.detail, "1 calls as in the case");
+    }
+
+    #[test]
+    fn a_scenario_without_a_record_has_no_price_of_its_own() {
+        let (scenario, _) = Scenario::from_text(
+            "schema = 1\nname = \"x\"\nrobot = \"none\"\nduration = \"1s\"\n\
+             device.x.text = { baud = 9600 }\n",
+        )
+        .expect("valid");
+        assert!(Computing::of(None, &scenario).expect("no price").is_none());
+        let measured = Computing::of(Some(Cpu::Scale(1_000)), &scenario).expect("measured");
+        assert!(measured.expect("has one").measures());
+        assert!(matches!(
+            Computing::of(Some(Cpu::OfCase), &scenario),
+            Err(GuestError::NoComputing)
+        ));
+        assert_eq!(
+            (name_of("my planner 12ab"), name_of("sh")),
+            ("my planner", "sh")
+        );
+    }
 }

@@ -188,4 +188,179 @@ mod tests {
         );
         assert_eq!(taken.reads, [read(150, 0, 1), read(150, 0, 1)]);
     }
+
+    /// By hand: 10 bits of port and length, the time above them.
+    #[test]
+    fn a_read_is_one_word() {
+        let read = |word: u64| LentRead::of(word.to_ne_bytes());
+        let expected = |nanos, index, len| LentRead {
+            at: at(nanos),
+            index,
+            len,
+        };
+        assert_eq!(read(0), expected(0, 0, 0));
+        assert_eq!(read(5 << 10 | 3 << 8 | 64), expected(5, 3, 64));
+        assert_eq!(read(u64::MAX), expected((1 << 54) - 1, 3, 255));
+    }
+
+    #[test]
+    fn a_port_is_words_and_then_its_bytes() {
+        let port = |waits, bytes| LentPort {
+            port: 9,
+            fd: 3,
+            waits,
+            takes: false,
+            known_until: at(201),
+            bytes,
+        };
+        let words = |port: LentPort| -> Vec<u64> {
+            let image = port.image();
+            let words = image.chunks_exact(8);
+            words
+                .map(|word| u64::from_ne_bytes(word.try_into().expect("eight")))
+                .collect()
+        };
+        let some = port(true, vec![(at(0), 0x41), (at(150), 0xFF)]);
+        assert_eq!(words(some), [3, 1, 201, 2, 0, 0x41, 150 << 8 | 0xFF]);
+        assert_eq!(words(port(false, vec![])), [3, 0, 201, 0, 0]);
+        let many = words(port(true, vec![(at(1), 2); 65]));
+        assert_eq!((many.len(), many[3]), (5 + 64, 64));
+    }
+
+    #[test]
+    fn each_sign_of_use_counts() {
+        assert!(Taken::default().is_nothing());
+        let reads = vec![LentRead {
+            at: at(0),
+            index: 0,
+            len: 0,
+        }];
+        for taken in [
+            Taken {
+                looks: 1,
+                ..Taken::default()
+            },
+            Taken {
+                selects: 1,
+                ..Taken::default()
+            },
+            Taken {
+                counts: 1,
+                ..Taken::default()
+            },
+            Taken {
+                reads,
+                ..Taken::default()
+            },
+        ] {
+            assert!(!taken.is_nothing(), "{taken:?}");
+        }
+        let left = Taken {
+            now: 5,
+            left: 6,
+            ..Taken::default()
+        };
+        assert!(left.is_nothing());
+    }
+
+    /// Each word beyond what was lent is one of a page that was written to.
+    #[test]
+    fn each_limit_of_a_lease_holds_by_itself() {
+        let port = |count| LentPort {
+            port: 0,
+            fd: 3,
+            waits: true,
+            takes: true,
+            known_until: at(201),
+            bytes: vec![(at(0), 1); count],
+        };
+        let ports = [port(2), port(100)];
+        let base = Taken {
+            now: 150,
+            ..Taken::default()
+        };
+        let read = |nanos, index, len| LentRead {
+            at: at(nanos),
+            index,
+            len,
+        };
+        let count = |nanos| LentCount {
+            at: at(nanos),
+            index: 0,
+            len: 0,
+            address: 8,
+        };
+        let is_within = |taken: Taken| taken.clone().bound([at(100), at(200)], 10, &ports);
+        assert!(is_within(base.clone()));
+        for (now, expected) in [(99, false), (100, true), (200, true), (201, false)] {
+            assert_eq!(
+                is_within(Taken {
+                    now,
+                    ..base.clone()
+                }),
+                expected,
+                "{now}"
+            );
+        }
+        // Of the second port 64 bytes can be lent: 1 + 2 + 64 turns of ten calls.
+        for (number, expected) in [(670, true), (671, false)] {
+            assert_eq!(
+                is_within(Taken {
+                    looks: number,
+                    ..base.clone()
+                }),
+                expected
+            );
+            assert_eq!(
+                is_within(Taken {
+                    selects: number,
+                    ..base.clone()
+                }),
+                expected
+            );
+            assert_eq!(
+                is_within(Taken {
+                    counts: number,
+                    ..base.clone()
+                }),
+                expected
+            );
+        }
+        for (reads, expected) in [
+            (vec![read(100, 0, 1), read(150, 0, 1)], true),
+            (vec![read(100, 0, 1), read(150, 0, 2)], false),
+            (vec![read(100, 0, 2), read(100, 1, 64)], true),
+            (vec![read(100, 1, 65)], false),
+            (vec![read(99, 0, 1)], false),
+            (vec![read(151, 0, 1)], false),
+            (vec![read(140, 0, 1), read(139, 0, 1)], false),
+            (vec![read(120, 2, 0)], false),
+        ] {
+            let taken = Taken {
+                reads: reads.clone(),
+                ..base.clone()
+            };
+            assert_eq!(is_within(taken), expected, "{reads:?}");
+        }
+        for (nanos, expected) in [(99, false), (100, true), (150, true), (151, false)] {
+            let taken = Taken {
+                last_counts: vec![count(nanos)],
+                ..base.clone()
+            };
+            assert_eq!(is_within(taken), expected, "{nanos}");
+        }
+        // A limit before the beginning is no limit at all.
+        let none = Taken {
+            now: 100,
+            ..Taken::default()
+        };
+        assert!(none.clone().bound([at(100), at(50)], 10, &[]));
+        let mut many = Taken {
+            now: 100,
+            looks: 11,
+            ..Taken::default()
+        };
+        assert!(!many.bound([at(100), at(200)], 10, &[]));
+        assert_eq!(many.looks, 10);
+    }
 }

@@ -42,3 +42,44 @@ pub(super) fn group_of(tid: i32) -> Option<i32> {
     let line = status.lines().find_map(|line| line.strip_prefix("Tgid:"))?;
     line.trim().parse().ok()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::guest::tests::Stopped;
+
+    /// wait(2): the low byte of a stop is 0x7F, and the signal is above it.
+    #[test]
+    fn a_stop_is_told_from_a_death() {
+        for (status, expected) in [
+            (0x137F, false),
+            (0x6_057F, false),
+            (0, true),
+            (9, true),
+            (0x300, true),
+            (0x8B, true),
+        ] {
+            assert_eq!(is_death(status), expected, "{status:x}");
+        }
+        for signal in 1..32 {
+            assert_eq!(is_stop(signal), (19..=22).contains(&signal), "{signal}");
+        }
+    }
+
+    #[test]
+    fn news_are_those_of_traced_processes() {
+        let stopped = Stopped::new();
+        let pid = stopped.pid.as_raw();
+        assert_eq!(group_of(pid), Some(pid));
+        assert_eq!(group_of(-1), None);
+        let own = nix::unistd::gettid().as_raw();
+        assert_eq!(group_of(own), Some(std::process::id().cast_signed()));
+        let nothing = WaitOptions::NOHANG;
+        assert_eq!(wait(Some(stopped.pid), nothing), None);
+        assert_eq!(wait(None, nothing), None);
+        assert_eq!(wait(Some(Pid::from_raw(1)), nothing), None, "no child");
+        nix::sys::signal::kill(stopped.pid, nix::sys::signal::Signal::SIGKILL).expect("ours");
+        assert_eq!(wait(None, WaitOptions::empty()), Some((pid, 9)));
+    }
+}

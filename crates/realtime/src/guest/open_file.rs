@@ -155,4 +155,46 @@ mod tests {
             assert_eq!(Form::of_nameless(entry), form, "{entry}");
         }
     }
+
+    #[test]
+    fn each_kind_of_nameless_file_has_its_form() {
+        for name in [
+            "timerfd",
+            "signalfd",
+            "inotify",
+            "fanotify",
+            "userfaultfd",
+            "perf_event",
+        ] {
+            let entry = format!("anon_inode:[{name}]");
+            assert_eq!(Form::of_nameless(&entry), Form::Events, "{entry}");
+        }
+        assert_eq!(Form::of_nameless("eventfd"), Form::Counter);
+    }
+
+    /// Only what is written by stopped calls: pipes and counters.
+    #[test]
+    fn a_pipe_or_a_counter_is_filled_by_calls_alone() {
+        let inner = |kind, form| {
+            let null = Opened::open("/dev/null").expect("there");
+            File::new(null.into(), (kind, form, None)).is_inner()
+        };
+        assert!(inner(Kind::Stream, Form::Pipe) && inner(Kind::Stream, Form::Counter));
+        assert!(!inner(Kind::Stream, Form::Socket) && !inner(Kind::Stream, Form::Events));
+        assert!(!inner(Kind::Mouth, Form::Pipe) && !inner(Kind::Prompt, Form::Other));
+    }
+
+    #[test]
+    fn a_file_may_be_opened_without_waiting() {
+        let (ears, mouth) = std::io::pipe().expect("pipes");
+        let of = |fd: OwnedFd| File::new(fd, (Kind::Stream, Form::Pipe, None));
+        let file = of(ears.into());
+        assert!(!file.never_waits());
+        assert_eq!(file.readiness(PollFlags::IN), PollFlags::empty());
+        std::io::Write::write_all(&mut &mouth, b"x").expect("room");
+        assert_eq!(file.readiness(PollFlags::IN), PollFlags::IN);
+        assert_eq!(file.readiness(PollFlags::OUT), PollFlags::empty());
+        rustix::io::ioctl_fionbio(&file.fd, true).expect("ours");
+        assert!(file.never_waits(), "it is asked each time");
+    }
 }

@@ -196,4 +196,42 @@ mod tests {
         assert!(own.is_killed && own.own == 0);
         assert!(!Pending::of(process, -1).is_killed);
     }
+
+    /// proc(5): signals that wait for a stopped process, and those that it holds back.
+    #[test]
+    fn signals_of_a_stopped_process_are_listed() {
+        let stopped = crate::guest::tests::Stopped::new();
+        let pid = stopped.pid.as_raw();
+        let before = Pending::of(pid, pid);
+        assert!(!before.is_killed && before.own == 0 && before.common == 0);
+        nix::sys::signal::kill(stopped.pid, nix::sys::signal::Signal::SIGUSR1).expect("ours");
+        let after = Pending::of(pid, pid);
+        assert_eq!((after.own, after.common), (0, USR1));
+        assert!(after.interrupts() && !after.continues());
+        nix::sys::signal::kill(stopped.pid, nix::sys::signal::Signal::SIGCONT).expect("ours");
+        assert!(Pending::of(pid, pid).continues());
+    }
+
+    /// SIGCHLD is 17, SIGCONT 18, SIGURG 23, SIGWINCH 28; SIGKILL is 9 (signal(7)).
+    #[test]
+    fn mild_signals_are_those_of_the_manual() {
+        let bits = |signals: &[u32]| signals.iter().fold(0, |all, it| all | 1_u64 << (it - 1));
+        assert_eq!(MILD, bits(&[17, 18, 23, 28]));
+        assert_eq!(CONTINUES, bits(&[9, 18]));
+        for signal in 1..=64 {
+            let own = bits(&[signal]);
+            let mild = [17, 18, 23, 28].contains(&signal);
+            assert_eq!(Pending { own, ..none() }.interrupts(), !mild, "{signal}");
+            let continues = [9, 18].contains(&signal);
+            assert_eq!(
+                Pending {
+                    common: own,
+                    ..none()
+                }
+                .continues(),
+                continues,
+                "{signal}"
+            );
+        }
+    }
 }

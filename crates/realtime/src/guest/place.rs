@@ -174,4 +174,95 @@ mod tests {
         place.called();
         assert_eq!(place.to_string(), "call 3.1");
     }
+
+    const WATCH: Watchpoint = Watchpoint {
+        address: 8,
+        len: 4,
+        reads: false,
+    };
+
+    fn hits(breaks: &[u64], watches: &[Watchpoint], count: u64) -> Leg {
+        Leg::Hits {
+            breaks: breaks.to_vec(),
+            watches: watches.to_vec(),
+            count,
+        }
+    }
+
+    /// Hits of the same marks, and steps of the same thread, are counted together.
+    #[test]
+    fn legs_of_a_kind_are_counted_together() {
+        let mut place = Place::default();
+        place.touched(&[WATCH]);
+        place.touched(&[WATCH]);
+        assert!(place.is_at_watch());
+        assert_eq!(place.legs, [hits(&[], &[WATCH], 2)]);
+        place.hit(16);
+        assert!(!place.is_at_watch());
+        place.hit(17);
+        place.hit(17);
+        let three = [
+            hits(&[], &[WATCH], 2),
+            hits(&[16], &[], 1),
+            hits(&[17], &[], 2),
+        ];
+        assert_eq!(place.legs, three);
+        place.stepped(3);
+        place.stepped(3);
+        place.stepped(4);
+        let steps = |thread, count| Leg::Steps { thread, count };
+        assert_eq!(place.legs[3..], [steps(3, 2), steps(4, 1)]);
+        place.signalled();
+        place.signalled();
+        place.stepped(4);
+        place.signalled();
+        assert_eq!(
+            place.legs[5..],
+            [Leg::Signals(2), steps(4, 1), Leg::Signals(1)]
+        );
+        assert_eq!(place.one_step_less(4), None);
+        let moment = |place: &Place| (place.moment.calls, place.moment.leaps);
+        assert_eq!(moment(&place), (0, 0));
+        place.leapt();
+        assert_eq!((moment(&place), place.legs.len()), ((0, 1), 0));
+        place.signalled();
+        place.called();
+        assert_eq!((moment(&place), place.legs.len()), ((1, 1), 0));
+        assert!(!place.is_at_watch());
+    }
+
+    /// Only one step, over the same breakpoint, belongs to its next hit.
+    #[test]
+    fn a_step_over_a_breakpoint_is_a_part_of_the_next_hit() {
+        let steps = |count| Leg::Steps { thread: 0, count };
+        let after = |first: Leg, count| {
+            let mut place = Place::default();
+            place.legs = vec![first, steps(count)];
+            place.hit(16);
+            place.legs
+        };
+        assert_eq!(after(hits(&[16], &[], 1), 1), [hits(&[16], &[], 2)]);
+        let other = [hits(&[17], &[], 1), steps(1), hits(&[16], &[], 1)];
+        assert_eq!(after(hits(&[17], &[], 1), 1), other);
+        let two = [hits(&[16], &[], 1), steps(2), hits(&[16], &[], 1)];
+        assert_eq!(after(hits(&[16], &[], 1), 2), two);
+        let watched = [hits(&[16], &[WATCH], 1), steps(1), hits(&[16], &[], 1)];
+        assert_eq!(after(hits(&[16], &[WATCH], 1), 1), watched);
+    }
+
+    #[test]
+    fn one_step_less_is_the_place_before() {
+        let place = |count| Place {
+            moment: Moment::default(),
+            legs: vec![Leg::Signals(1), Leg::Steps { thread: 2, count }],
+        };
+        assert_eq!(place(3).one_step_less(2), Some(place(2)));
+        let first = Place {
+            legs: vec![Leg::Signals(1)],
+            ..Place::default()
+        };
+        assert_eq!(place(1).one_step_less(2), Some(first));
+        assert_eq!(place(3).one_step_less(1), None);
+        assert_eq!(place(3).to_string(), "call 0.0, signal 1, instruction 3");
+    }
 }

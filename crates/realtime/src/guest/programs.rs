@@ -208,4 +208,82 @@ mod tests {
         }
         fs::remove_dir_all(&folder).expect("ours");
     }
+
+    /// A shell that runs a script shows it among its arguments.
+    #[test]
+    fn a_process_runs_its_script() {
+        let folder = env::temp_dir().join(format!("hilrig-runs-{}", std::process::id()));
+        fs::create_dir_all(&folder).expect("a free name");
+        fs::write(folder.join("wait.sh"), "echo; read line").expect("ours");
+        fs::write(folder.join("words"), "no script").expect("ours");
+        let files = |words: &[&str]| {
+            let mut child = std::process::Command::new("sh")
+                .args(words)
+                .current_dir(&folder)
+                .stdin(std::process::Stdio::piped())
+                .stdout(std::process::Stdio::piped())
+                .spawn()
+                .expect("each system has it");
+            // By then it has its arguments.
+            let mut word = [0; 1];
+            let said = child.stdout.as_mut().map(|out| out.read_exact(&mut word));
+            said.expect("a pipe").expect("a line");
+            let files = files_of(child.id().cast_signed());
+            drop(child.stdin.take());
+            child.wait().expect("it ends");
+            let names: Vec<String> = files
+                .iter()
+                .map(|line| line.rsplit_once(' ').expect("two").0.to_owned())
+                .collect();
+            assert!(
+                files
+                    .iter()
+                    .all(|line| line.len() > 17 && line.as_bytes()[line.len() - 17] == b' ')
+            );
+            names
+        };
+        let shell = files(&["-c", "echo; read line"]);
+        assert_eq!(shell.len(), 1);
+        assert_eq!(files(&["wait.sh", "words"]), [&shell[0], "wait.sh"]);
+        assert_eq!(files(&["-e", "wait.sh"]), [&shell[0], "wait.sh"]);
+        assert_eq!(
+            files(&["-c", "echo; read line", "words", "wait.sh"]),
+            [&*shell[0]],
+            "the first file is none"
+        );
+        fs::remove_dir_all(&folder).expect("ours");
+    }
+
+    /// By hand: the product by 0x9E3779B97F4A7C15, rotated by 29 bits, for each eight bytes; then
+    /// the length.
+    #[test]
+    fn a_fingerprint_is_that_of_its_rule() {
+        let path = env::temp_dir().join(format!("hilrig-rule-{}", std::process::id()));
+        let expected = |words: &[u64], len: u64| {
+            let all = words.iter().fold(FACTOR, |print, word| {
+                (print ^ word).wrapping_mul(FACTOR).rotate_left(29)
+            });
+            (all ^ len).wrapping_mul(FACTOR)
+        };
+        for (bytes, words) in [
+            (&b""[..], &[][..]),
+            (b"\x01", &[1]),
+            (b"\x01\0\0\0\0\0\0\0", &[1]),
+            (b"\x01\0\0\0\0\0\0\0\x02\x03", &[1, 0x302]),
+        ] {
+            fs::write(&path, bytes).expect("ours");
+            assert_eq!(
+                fingerprint(&path).expect("there"),
+                expected(words, bytes.len() as u64)
+            );
+        }
+        let whole = vec![0; PIECE];
+        fs::write(&path, &whole).expect("ours");
+        let words = vec![0; PIECE / 8];
+        assert_eq!(
+            fingerprint(&path).expect("there"),
+            expected(&words, PIECE as u64)
+        );
+        fs::remove_file(&path).expect("ours");
+    }
 }

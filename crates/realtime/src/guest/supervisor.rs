@@ -485,3 +485,6 @@ impl Supervisor {
         }
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

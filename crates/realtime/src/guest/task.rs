@@ -294,3 +294,85 @@ impl Process {
         files.chain(posix).chain(self.alarm.deadline()).min()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::guest::supervisor::tests::Bench;
+
+    #[test]
+    fn a_thread_waits_for_one_thing() {
+        let mut bench = Bench::new();
+        let key = FutexKey::Own(1, 8);
+        let at = Some(Instant::from_millis(5));
+        for (on, files, queue, lines) in [
+            (On::Others, false, false, false),
+            (On::Futex(key, 1), false, false, false),
+            (On::Files, true, false, false),
+            (On::Line, true, false, true),
+            (On::Queue, false, true, false),
+            (On::Child, false, false, false),
+        ] {
+            let thread = bench.thread();
+            thread.state = State::Blocked(Wait { on, deadline: at });
+            assert!(thread.is_blocked() && thread.deadline() == at);
+            assert_eq!(thread.waits_for_files(), files, "{on:?}");
+            assert_eq!(thread.waits_for_queue(), queue, "{on:?}");
+            assert_eq!(thread.watches_lines(), lines, "{on:?}");
+        }
+        let thread = bench.thread();
+        thread.state = State::Running;
+        assert!(!thread.is_blocked() && thread.deadline().is_none());
+        assert!(!thread.waits_for_files() && !thread.waits_for_queue() && !thread.watches_lines());
+        let wait = Wait::for_ever();
+        assert_eq!((wait.on, wait.deadline), (On::Others, None));
+    }
+
+    /// By hand: a timer each 20 us is looked at 30 us after its time, so not more than each 50 us.
+    #[test]
+    fn fast_timers_are_looked_at_less_often() {
+        let deadline = |at: Option<u64>, interval| {
+            let at = at.map(Instant::from_micros);
+            Timer { at, interval }.deadline().map(Instant::as_nanos)
+        };
+        assert_eq!(deadline(None, 20_000), None);
+        assert_eq!(deadline(Some(100), 0), Some(100_000));
+        assert_eq!(deadline(Some(100), 20_000), Some(130_000));
+        assert_eq!(deadline(Some(100), 50_000), Some(100_000));
+        assert_eq!(deadline(Some(100), 90_000), Some(100_000));
+    }
+
+    #[test]
+    fn the_next_timer_is_the_earliest_of_all_kinds() {
+        let mut bench = Bench::new();
+        let at = |ms| Timer {
+            at: Some(Instant::from_millis(ms)),
+            interval: 0,
+        };
+        assert_eq!(bench.process().next_timer(), None);
+        bench.process().alarm = at(30);
+        assert_eq!(bench.process().next_timer(), Some(Instant::from_millis(30)));
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        let file = TimerFile {
+            file: null.into(),
+            clock: 1,
+            timer: at(20),
+            expired: 0,
+        };
+        bench.process().timers.insert(3, file);
+        assert_eq!(bench.process().next_timer(), Some(Instant::from_millis(20)));
+        let posix = PosixTimer {
+            clock: 1,
+            signal: 0,
+            value: 0,
+            thread: None,
+            timer: at(10),
+            is_due: false,
+            is_sent: false,
+            overrun: 0,
+        };
+        bench.process().posix_timers.insert(0, posix);
+        assert_eq!(bench.process().next_timer(), Some(Instant::from_millis(10)));
+    }
+}

@@ -145,4 +145,55 @@ mod tests {
             Some("at call 2: 0.000002 thread 0 read = 3, then nothing more")
         );
     }
+
+    /// A line says the time, the thread, the call and what was answered.
+    #[test]
+    fn a_record_is_one_line() {
+        let record = |number, looks, result| Record {
+            at: Instant::from_micros(1_500_000),
+            thread: 2,
+            number,
+            looks,
+            result,
+        };
+        let read = nix::libc::SYS_read;
+        let clock = nix::libc::SYS_clock_gettime;
+        for (record, expected) in [
+            (record(read, 0, Some(-11)), "1.500000 thread 2 read = -11"),
+            (
+                record(read, 0, None),
+                "1.500000 thread 2 read by the kernel",
+            ),
+            (
+                record(clock, 0, Some(0)),
+                "1.500000 thread 2 clock_gettime = 0",
+            ),
+            (
+                record(clock, 7, Some(0)),
+                "1.500000 thread 2 7 looks at a clock",
+            ),
+            (
+                record(read, 1, Some(0)),
+                "1.500000 thread 2 1 reads and selects without a stop",
+            ),
+        ] {
+            assert_eq!(record.to_string(), expected);
+        }
+    }
+
+    #[test]
+    fn calls_are_written_to_a_file() {
+        let path = std::env::temp_dir().join(format!("hilrig-trace-{}", std::process::id()));
+        let mut calls = Calls::new(Some(&path)).expect("a free name");
+        assert!(calls.is_written() && !Calls::new(None).expect("no file").is_written());
+        calls.add(self::calls(&[5]).kept[0]);
+        calls.count = 9;
+        assert_eq!(calls.count(), 9);
+        drop(calls);
+        let text = std::fs::read_to_string(&path).expect("written");
+        assert_eq!(text, "0.000000 thread 0 read = 5\n");
+        std::fs::remove_file(&path).expect("ours");
+        let folder = Calls::new(Some(&std::env::temp_dir()));
+        assert!(matches!(folder, Err(GuestError::Trace { .. })));
+    }
 }

@@ -297,4 +297,100 @@ mod tests {
         assert_eq!(ticks(stat), Some(Duration::from_millis(1_680)));
         assert_eq!(ticks("7 (a) R 1"), None);
     }
+
+    /// A watch that no thread looks at.
+    fn still() -> Watchdog {
+        Watchdog {
+            shared: Arc::default(),
+            clock: WallClock::start(),
+        }
+    }
+
+    #[test]
+    fn the_watch_hears_what_the_supervisor_does() {
+        let dog = still();
+        let relaxed = Ordering::Relaxed;
+        dog.watch(7, 5);
+        let shared = &dog.shared;
+        assert_eq!(
+            (shared.tid.load(relaxed), shared.process.load(relaxed)),
+            (7, 5)
+        );
+        assert_eq!(shared.steps.load(relaxed), 1);
+        dog.count();
+        assert_eq!(
+            (shared.steps.load(relaxed), shared.stepped.load(relaxed)),
+            (2, 0)
+        );
+        dog.count_step();
+        assert_eq!(
+            (shared.steps.load(relaxed), shared.stepped.load(relaxed)),
+            (2, 1)
+        );
+        dog.rest();
+        assert_eq!(
+            (shared.tid.load(relaxed), shared.process.load(relaxed)),
+            (0, 5)
+        );
+        dog.begin_turn(Instant::from_nanos(9));
+        let turn = |dog: &Watchdog| {
+            let shared = &dog.shared;
+            (
+                shared.turns.load(relaxed),
+                shared.is_at_work.load(relaxed),
+                shared.now.load(relaxed),
+            )
+        };
+        assert_eq!(turn(&dog), (1, true, 9));
+        dog.end_turn();
+        assert_eq!(turn(&dog), (1, false, 9));
+        shared.beats.store(3, relaxed);
+        assert_eq!(dog.beats(), 3);
+        assert_eq!(dog.stood(), None);
+        shared.stood.store(31, relaxed);
+        assert_eq!(dog.stood(), Some(Duration::from_secs(31)));
+        let shared = Arc::clone(&dog.shared);
+        drop(dog);
+        assert!(shared.is_over.load(relaxed), "its thread ends");
+    }
+
+    /// The milliseconds are one more than they were, so that 0 is no kick; it is told once.
+    #[test]
+    fn a_kick_is_told_once() {
+        let dog = still();
+        assert_eq!(dog.take_kick(), None);
+        let kick = |millis, sleeps| {
+            dog.shared.kicked.store(millis, Ordering::Relaxed);
+            dog.shared.sleeps.store(sleeps, Ordering::Relaxed);
+            let kick = dog.take_kick();
+            assert_eq!(dog.take_kick(), None);
+            kick
+        };
+        assert_eq!(kick(1, true), Some(Kick::Sleeps));
+        assert_eq!(kick(1, false), Some(Kick::Computes(Duration::ZERO)));
+        assert_eq!(
+            kick(1_001, false),
+            Some(Kick::Computes(Duration::from_secs(1)))
+        );
+        assert_eq!(kick(0, true), None);
+    }
+
+    /// proc(5): the third field of `stat` is S for a sleep, R for a thread that runs, T for one
+    /// that was stopped, t for one that a tracer stopped.
+    #[test]
+    fn the_state_of_a_thread_is_a_letter() {
+        let stopped = crate::guest::tests::Stopped::new();
+        let pid = stopped.pid.as_raw();
+        assert_eq!(state(pid, pid), Some('t'));
+        assert_eq!((state(-1, -1), used(-1, -1)), (None, None));
+        let own = nix::unistd::gettid().as_raw();
+        let process = std::process::id().cast_signed();
+        assert_eq!(state(process, own), Some('R'));
+        assert!(used(process, own).is_some());
+        // Fields behind the name: the twelfth and the thirteenth of them.
+        let stat = "7 (a) R 1 7 7 0 -1 4194304 90 0 0 0 1 0 6 7 20 0 1 0 99 100 1";
+        assert_eq!(ticks(stat), Some(Duration::from_millis(10)));
+        let most = format!("7 (a) R 1 7 7 0 -1 4194304 90 0 0 0 {} 1 6", u64::MAX);
+        assert_eq!(ticks(&most), Some(Duration::from_millis(u64::MAX)));
+    }
 }

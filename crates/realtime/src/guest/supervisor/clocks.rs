@@ -180,6 +180,8 @@ pub(super) fn low_i32(value: u64) -> i32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::guest::supervisor::tests::{Bench, MS, Told, error};
+    use crate::guest::tests::{Room, Stopped};
 
     /// The calendar begins with 2026 (`date -u -d 2026-01-01 +%s`), the time since the start of the
     /// machine with 1,000 s, and a processor's time with 0.
@@ -224,5 +226,169 @@ mod tests {
         }
         assert_eq!((timespec(2_000_000_005), timespec(0)), ([2, 5], [0, 0]));
         assert_eq!((low_i32(0x1_FFFF_FFFF), low_i32(0xFF_0000_0007)), (-1, 7));
+    }
+
+    /// 1.5 s after the start: the calendar shows 1,767,225,601.5 s, the clock since the machine's
+    /// start 1,001.5 s, which are 100,150 ticks of 10 ms.
+    #[test]
+    fn each_call_about_clocks_tells_virtual_time() {
+        let mut bench = Bench::new();
+        bench.passes(1_500);
+        let room = Room::of(&[0xA5; 40]);
+        let [here, behind] = [room.at(0), room.at(16)];
+        let untouched = u64::from_ne_bytes([0xA5; 8]);
+        let half = 500_000_000;
+        let day = 1_767_225_601;
+        let real = libc::CLOCK_REALTIME as u64;
+        let cases: [(i64, &[u64], i64, [u64; 3]); 11] = [
+            (
+                libc::SYS_clock_gettime,
+                &[1, here],
+                0,
+                [1_001, half, untouched],
+            ),
+            (
+                libc::SYS_clock_gettime,
+                &[real, here],
+                0,
+                [day, half, untouched],
+            ),
+            (libc::SYS_clock_gettime, &[2, here], 0, [1, half, untouched]),
+            (libc::SYS_clock_getres, &[1, here], 0, [0, 1, untouched]),
+            (libc::SYS_clock_getres, &[1, 0], 0, [untouched; 3]),
+            (libc::SYS_clock_settime, &[0, here], -1, [untouched; 3]),
+            (
+                libc::SYS_gettimeofday,
+                &[here, 0],
+                0,
+                [day, 500_000, untouched],
+            ),
+            (
+                libc::SYS_gettimeofday,
+                &[here, behind],
+                0,
+                [day, 500_000, 0],
+            ),
+            (libc::SYS_gettimeofday, &[0, behind], 0, [untouched; 3]),
+            (
+                libc::SYS_time,
+                &[0],
+                i64::from(1_767_225_601),
+                [untouched; 3],
+            ),
+            (
+                libc::SYS_time,
+                &[here],
+                1_767_225_601,
+                [day, untouched, untouched],
+            ),
+        ];
+        for (number, args, answer, words) in cases {
+            room.put(0, &[0xA5; 40]);
+            assert_eq!(
+                bench.calls(number, args),
+                Told::Answer(answer),
+                "{number} {args:?}"
+            );
+            assert_eq!(room.words()[..3], words, "{number} {args:?}");
+        }
+        room.put(0, &[0xA5; 40]);
+        assert_eq!(bench.calls(libc::SYS_times, &[0]), Told::Answer(100_150));
+        assert_eq!(room.words(), [untouched; 5]);
+        assert_eq!(bench.calls(libc::SYS_times, &[here]), Told::Answer(100_150));
+        assert_eq!(room.words(), [0, 0, 0, 0, untouched]);
+        assert_eq!(
+            bench.calls(libc::SYS_clock_gettime, &[1, 8]),
+            error(Errno::EFAULT)
+        );
+    }
+
+    #[test]
+    fn a_sleep_ends_at_its_time() {
+        let mut bench = Bench::new();
+        bench.passes(10);
+        let time = |seconds: u64, nanos: u64| Room::of_words(&[seconds, nanos]);
+        let asked = time(0, 30_000_000);
+        let until = |ms: u64| Told::Waits(On::Others, Some(ms * MS));
+        assert_eq!(
+            bench.calls(libc::SYS_nanosleep, &[asked.at(0), 0]),
+            until(40)
+        );
+        bench.passes(29);
+        assert_eq!(bench.again(), until(40));
+        bench.passes(1);
+        assert_eq!(bench.again(), Told::Answer(0));
+        let sleep = libc::SYS_clock_nanosleep;
+        assert_eq!(bench.calls(sleep, &[1, 0, asked.at(0)]), until(70));
+        assert_eq!(bench.calls(sleep, &[1, 2, asked.at(0)]), until(70));
+        // The clock since the machine's start begins with 1,000 s.
+        let at = time(1_000, 90_000_000);
+        assert_eq!(bench.calls(sleep, &[1, 1, at.at(0)]), until(90));
+        let past = time(1_000, 40_000_000);
+        assert_eq!(bench.calls(sleep, &[1, 1, past.at(0)]), Told::Answer(0));
+        // The second argument of nanosleep is an address, and no flag.
+        assert_eq!(
+            bench.calls(libc::SYS_nanosleep, &[asked.at(0), 1]),
+            until(70)
+        );
+        for wrong in [time(0, 1_000_000_000), time(u64::MAX, 0)] {
+            let told = bench.calls(libc::SYS_nanosleep, &[wrong.at(0), 0]);
+            assert_eq!(told, error(Errno::EINVAL));
+        }
+    }
+
+    #[test]
+    fn chance_is_that_of_the_seed() {
+        let drawn = |len: u64| {
+            let mut bench = Bench::new();
+            let room = Room::new(64);
+            let told = bench.calls(libc::SYS_getrandom, &[room.at(8), len, 0]);
+            assert_eq!(told, Told::Answer(len.cast_signed()));
+            let first = room.bytes();
+            assert_eq!(
+                bench.calls(libc::SYS_getrandom, &[room.at(8), len, 0]),
+                told
+            );
+            assert!(len == 0 || room.bytes() != first);
+            first
+        };
+        for len in [0, 1, 7, 8, 13, 32] {
+            let bytes = drawn(len);
+            assert_eq!(bytes, drawn(len));
+            let (len, rest) = (usize::try_from(len).expect("small"), &bytes[8..]);
+            assert_eq!(
+                (&bytes[..8], &rest[len..]),
+                (&[0; 8][..], &vec![0; 56 - len][..])
+            );
+            assert!(len < 8 || rest[..len].iter().any(|&byte| byte != 0));
+        }
+        let mut bench = Bench::new();
+        let room = Room::new(1 << 20);
+        let much = bench.calls(libc::SYS_getrandom, &[room.at(0), (1 << 20) + 5, 0]);
+        assert_eq!(much, Told::Answer(1 << 20));
+        let (tid, len) = (bench.tid, 21);
+        assert_eq!(bench.supervisor.chance(tid, len).len(), len);
+        assert_eq!(bench.supervisor.chance(-1, 3), [0; 3], "of no process");
+    }
+
+    /// Intel's manual: `rdtsc` is 0F 31, `rdtscp` 0F 01 F9. The clock shows 1,000 s, and each look
+    /// costs a microsecond; 1,000,000,001,000 is 0xE8 D4A5 13E8.
+    #[test]
+    fn a_look_at_the_processors_counter_is_one_at_the_clock() {
+        let mut bench = Bench::new();
+        let stopped = Stopped::new();
+        let tid = stopped.pid.as_raw();
+        for (code, len, low) in [
+            (&[0x0F, 0x31, 0x90][..], 2, 0xD4A5_13E8),
+            (&[0x0F, 0x01, 0xF9], 3, 0xD4A5_17D0),
+        ] {
+            let at = stopped.runs(code);
+            assert!(bench.supervisor.reads_counter(tid));
+            let it = stopped.registers();
+            assert_eq!([it.rip, it.rax, it.rdx], [at + len, low, 0xE8]);
+        }
+        let at = stopped.runs(&[0x0F, 0x0B, 0x90]);
+        assert!(!bench.supervisor.reads_counter(tid));
+        assert_eq!((stopped.registers().rip, bench.now()), (at, 2_000));
     }
 }

@@ -197,3 +197,189 @@ fn is_near(tid: i32, call: &Call) -> bool {
             _ => true,
         }
 }
+
+#[cfg(test)]
+mod tests {
+    use nix::errno::Errno;
+
+    use super::super::{Calls, On, State};
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told, error};
+    use crate::guest::tests::Room;
+
+    /// connect(2): sockets of this machine, loopback, and an address that is not given are near.
+    #[test]
+    fn a_peer_on_this_machine_is_near() {
+        let tid = std::process::id().cast_signed();
+        let near = |address: &[u8]| {
+            let room = Room::of(address);
+            let len = address.len() as u64;
+            is_near(tid, &Call::made(libc::SYS_connect, &[3, room.at(0), len]))
+        };
+        let v4 = |first: u8| {
+            let mut address = [0; 16];
+            address[..2].copy_from_slice(&2_u16.to_ne_bytes());
+            address[4..8].copy_from_slice(&[first, 0, 0, 1]);
+            address
+        };
+        assert!(near(&v4(127)) && near(&v4(0)));
+        assert!(!near(&v4(10)) && !near(&v4(126)) && !near(&v4(128)));
+        let v6 = |at: usize, byte: u8| {
+            let mut address = [0; 28];
+            address[..2].copy_from_slice(&10_u16.to_ne_bytes());
+            address[23] = 1;
+            address[at] = byte;
+            address
+        };
+        assert!(near(&v6(23, 1)) && near(&v6(23, 0)) && near(&v6(4, 9)));
+        for at in [8, 15, 22] {
+            assert!(!near(&v6(at, 1)), "{at}");
+        }
+        assert!(near(&[1, 0, b'/']), "a path");
+        let far = v4(10);
+        let room = Room::of(&far);
+        let call = |at, len| Call::made(libc::SYS_connect, &[3, at, len]);
+        assert!(is_near(tid, &call(8, 16)) && !is_near(tid, &call(room.at(0), 16)));
+        assert!(!is_near(tid, &call(room.at(0), 8)));
+    }
+
+    #[test]
+    fn calls_are_answered_by_the_kernel_or_not_at_all() {
+        let mut bench = Bench::new();
+        let notes = |bench: &mut Bench| core::mem::take(&mut bench.supervisor.notes);
+        assert_eq!(
+            bench.calls(libc::SYS_pause, &[]),
+            Told::Waits(On::Others, None)
+        );
+        assert_eq!(bench.calls(libc::SYS_sched_yield, &[]), Told::Yield(0));
+        assert_eq!(
+            bench.calls(libc::SYS_rt_sigaction, &[0, 0, 0, 8]),
+            Told::Kernel
+        );
+        assert!(!bench.supervisor.has_signal_files);
+        assert_eq!(bench.calls(libc::SYS_signalfd4, &[]), Told::Kernel);
+        assert!(core::mem::take(&mut bench.supervisor.has_signal_files));
+        assert_eq!(bench.calls(libc::SYS_signalfd, &[]), Told::Kernel);
+        assert!(bench.supervisor.has_signal_files);
+        assert!(notes(&mut bench).is_empty());
+        assert_eq!(
+            bench.calls(libc::SYS_io_uring_setup, &[]),
+            error(Errno::ENOSYS)
+        );
+        let note = "io_uring is not there: the program has to do without";
+        assert_eq!(notes(&mut bench), [note]);
+        for (number, name) in [
+            (libc::SYS_futex_waitv, "futex_waitv"),
+            (FUTEX_WAKE, "futex_wake"),
+            (FUTEX_WAIT, "futex_wait"),
+            (FUTEX_REQUEUE, "futex_requeue"),
+        ] {
+            assert_eq!(bench.calls(number, &[]), error(Errno::ENOSYS));
+            let note = format!("{name} is not there: the program has to do without");
+            assert_eq!(notes(&mut bench), [note]);
+        }
+        for (number, name) in [
+            (libc::SYS_io_getevents, "io_getevents"),
+            (9_999, "call 9999"),
+        ] {
+            assert_eq!(bench.calls(number, &[]), Told::Kernel);
+            assert_eq!(notes(&mut bench), [format!("{name} is done by the kernel")]);
+        }
+        let far = Room::of(&[2, 0, 0, 80, 10, 0, 0, 1]);
+        assert_eq!(
+            bench.calls(libc::SYS_connect, &[3, far.at(0), 8]),
+            Told::Kernel
+        );
+        assert_eq!(notes(&mut bench), ["connects to the network"]);
+        let near = Room::of(&[2, 0, 0, 80, 127, 0, 0, 1]);
+        assert_eq!(
+            bench.calls(libc::SYS_connect, &[3, near.at(0), 8]),
+            Told::Kernel
+        );
+        assert!(notes(&mut bench).is_empty());
+        assert_eq!(bench.calls(libc::SYS_exit_group, &[0]), Told::Kernel);
+        assert!(bench.process().is_dying && bench.process().files.is_empty());
+    }
+
+    #[test]
+    fn calls_that_have_nothing_to_do_with_time_are_for_free() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let free = |bench: &mut Bench, number, args: &[u64]| {
+            bench.supervisor.is_for_free(tid, &Call::made(number, args))
+        };
+        for number in [libc::SYS_msgctl, libc::SYS_semctl] {
+            bench.supervisor.has_queues_changed = false;
+            assert!(free(&mut bench, number, &[]));
+            assert!(bench.supervisor.has_queues_changed);
+        }
+        for number in [
+            libc::SYS_getcpu,
+            libc::SYS_rseq,
+            libc::SYS_clone,
+            libc::SYS_readlink,
+            libc::SYS_lstat,
+            libc::SYS_bind,
+            libc::SYS_execve,
+            libc::SYS_execveat,
+            libc::SYS_epoll_ctl,
+            libc::SYS_tee,
+        ] {
+            assert!(free(&mut bench, number, &[]), "{number}");
+        }
+        assert!(bench.supervisor.notes().is_empty());
+        assert!(free(&mut bench, libc::SYS_setsockopt, &[]));
+        let note = "is told the system's time of messages (SO_TIMESTAMP)";
+        assert_eq!(core::mem::take(&mut bench.supervisor.notes), [note]);
+        assert!(free(&mut bench, libc::SYS_io_submit, &[]));
+        assert_eq!(
+            bench.supervisor.notes(),
+            ["io_submit is done by the kernel"]
+        );
+        // F_SETFL is 4, F_SETOWN 8, F_SETSIG 10, F_SETOWN_EX 15; F_GETFL is 3, F_SETLKW 7.
+        for (request, expected) in [
+            (4, true),
+            (8, true),
+            (10, true),
+            (15, true),
+            (3, false),
+            (7, false),
+        ] {
+            assert_eq!(
+                free(&mut bench, libc::SYS_fcntl, &[9_999, request]),
+                expected
+            );
+        }
+        for number in [libc::SYS_read, libc::SYS_nanosleep, libc::SYS_flock] {
+            assert!(!free(&mut bench, number, &[]), "{number}");
+        }
+    }
+
+    #[test]
+    fn what_was_decided_is_recorded() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        bench.passes(3);
+        let call = Call::made(libc::SYS_read, &[]);
+        let mut expected = Calls::new(None).expect("no file");
+        for (outcome, result) in [
+            (Outcome::Answer(7), Some(Some(7))),
+            (Outcome::Yield(8), Some(Some(8))),
+            (Outcome::Kernel, Some(None)),
+            (Outcome::Leave(State::Ended), Some(None)),
+            (Outcome::Block(Wait::for_ever()), None),
+        ] {
+            bench.supervisor.record(tid, &call, &outcome);
+            if let Some(result) = result {
+                expected.add(Record {
+                    at: protocols::Instant::from_millis(3),
+                    thread: 0,
+                    number: libc::SYS_read,
+                    looks: 0,
+                    result,
+                });
+            }
+            assert_eq!(bench.supervisor.calls.part_from(&expected), None);
+        }
+    }
+}

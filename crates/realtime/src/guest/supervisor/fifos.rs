@@ -134,3 +134,159 @@ fn is_other_side(pid: i32, fd: &str, side: FifoSide) -> bool {
         _ => true,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told};
+
+    use std::os::fd::AsRawFd as _;
+    use std::os::unix::fs::OpenOptionsExt as _;
+
+    /// A folder with a named pipe.
+    fn with_fifo(name: &str) -> PathBuf {
+        let folder =
+            std::env::temp_dir().join(format!("hilrig-fifo-{name}-{}", std::process::id()));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("a free name");
+        let mode = rustix::fs::Mode::from_raw_mode(0o600);
+        let kind = rustix::fs::FileType::Fifo;
+        rustix::fs::mknodat(rustix::fs::CWD, folder.join("pipe"), kind, mode, 0).expect("ours");
+        folder
+    }
+
+    /// fifo(7): an opening for reading waits for one for writing, and the other way round; not with
+    /// O_NONBLOCK or O_RDWR.
+    #[test]
+    fn an_opening_waits_for_the_other_side() {
+        let mut bench = Bench::new();
+        let folder = with_fifo("opens");
+        let pipe = folder.join("pipe");
+        let path = pipe.to_str().expect("text");
+        let open = |bench: &mut Bench, flags: i32| {
+            let call = bench.begins(libc::SYS_open, &[8, u64::from(flags.unsigned_abs())]);
+            let tid = bench.tid;
+            Told::from(bench.supervisor.open_fifo(tid, &call, path))
+        };
+        let waits = Told::Waits(On::Files, None);
+        assert_eq!(open(&mut bench, libc::O_RDONLY), waits);
+        let opens = bench.thread().opens.expect("noted");
+        assert!(!opens.writes);
+        assert_eq!(open(&mut bench, libc::O_WRONLY), waits);
+        assert!(
+            bench
+                .thread()
+                .opens
+                .is_some_and(|it| it.writes && it.file == opens.file)
+        );
+        assert_eq!(open(&mut bench, libc::O_RDWR), Told::Kernel);
+        assert_eq!(
+            open(&mut bench, libc::O_RDONLY | libc::O_NONBLOCK),
+            Told::Kernel
+        );
+        // Another thread waits for the other side: both go on.
+        let own = bench.tid;
+        let wait = Wait {
+            on: On::Files,
+            deadline: None,
+        };
+        let partner = bench.add(1_000_001, own, super::super::State::Blocked(wait));
+        partner.opens = Some(FifoSide {
+            writes: true,
+            ..opens
+        });
+        assert_eq!(bench.supervisor.partner(opens), Some(1_000_001));
+        assert_eq!(
+            bench.supervisor.partner(FifoSide {
+                writes: true,
+                ..opens
+            }),
+            None
+        );
+        let elsewhere = FifoSide {
+            file: (0, 0),
+            ..opens
+        };
+        assert_eq!(bench.supervisor.partner(elsewhere), None);
+        assert_eq!(open(&mut bench, libc::O_RDONLY), Told::Kernel);
+        assert_eq!(bench.supervisor.queue, [1_000_001]);
+        assert_eq!(bench.supervisor.meetings.len(), 1);
+        bench.supervisor.end_meeting(own);
+        assert_eq!(
+            bench.supervisor.meetings.len(),
+            1,
+            "the other one is on its way"
+        );
+        bench.supervisor.end_meeting(1_000_001);
+        assert!(bench.supervisor.meetings.is_empty());
+        bench.supervisor.end_meeting(own);
+        // A side that is open already is waited for no more.
+        let both = File::options()
+            .read(true)
+            .write(true)
+            .open(&pipe)
+            .expect("ours");
+        assert_eq!(open(&mut bench, libc::O_RDONLY), Told::Kernel);
+        let reader = File::options()
+            .read(true)
+            .custom_flags(libc::O_NONBLOCK)
+            .open(&pipe);
+        let reader = reader.expect("ours");
+        drop(both);
+        assert_eq!(open(&mut bench, libc::O_WRONLY), Told::Kernel);
+        let fd = reader.as_raw_fd().to_string();
+        let process = std::process::id().cast_signed();
+        let side = |writes| FifoSide { writes, ..opens };
+        assert!(is_other_side(process, &fd, side(true)));
+        assert!(!is_other_side(process, &fd, side(false)));
+        assert!(!is_other_side(process, "9999", side(true)));
+        let plain = folder.join("plain");
+        std::fs::write(&plain, "").expect("ours");
+        let call = bench.begins(libc::SYS_open, &[8, 0]);
+        let told = bench
+            .supervisor
+            .open_fifo(own, &call, plain.to_str().expect("text"));
+        assert_eq!(Told::from(told), Told::Kernel);
+        let gone = bench.supervisor.open_fifo(own, &call, "/nowhere/at/all");
+        assert_eq!(Told::from(gone), Told::Kernel);
+        std::fs::remove_dir_all(&folder).expect("ours");
+    }
+
+    /// open(2), openat(2), openat2(2): where the flags are, and from which folder a path counts.
+    #[test]
+    fn a_path_is_found_from_its_folder() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let cwd = u64::from(libc::AT_FDCWD.cast_unsigned());
+        let process = format!("/proc/{}", std::process::id());
+        for (number, folder, path, expected) in [
+            (libc::SYS_open, 7, "/a/b", "/a/b".to_owned()),
+            (libc::SYS_openat, 7, "/a/b", "/a/b".to_owned()),
+            (libc::SYS_open, 7, "a/b", format!("{process}/cwd/a/b")),
+            (libc::SYS_openat, cwd, "a", format!("{process}/cwd/a")),
+            (libc::SYS_openat, 7, "a", format!("{process}/fd/7/a")),
+            (libc::SYS_openat2, 7, "a", format!("{process}/fd/7/a")),
+            (libc::SYS_openat2, cwd, "a", format!("{process}/cwd/a")),
+        ] {
+            let call = Call::made(number, &[folder]);
+            let place = bench.supervisor.place(tid, &call, path);
+            assert_eq!(place, Path::new(&expected), "{number} {folder} {path}");
+        }
+        let folder = with_fifo("flags");
+        let path = folder.join("pipe");
+        let path = path.to_str().expect("text");
+        let write = libc::O_WRONLY.unsigned_abs().into();
+        let how = crate::guest::tests::Room::of_words(&[write, 0, 0]);
+        for (number, args) in [
+            (libc::SYS_open, [0, write, 0]),
+            (libc::SYS_openat, [0, 0, write]),
+            (libc::SYS_openat2, [0, 0, how.at(0)]),
+        ] {
+            let call = bench.begins(number, &args);
+            let told = bench.supervisor.open_fifo(tid, &call, path);
+            assert_eq!(Told::from(told), Told::Waits(On::Files, None));
+            assert!(bench.thread().opens.is_some_and(|it| it.writes), "{number}");
+        }
+        std::fs::remove_dir_all(&folder).expect("ours");
+    }
+}

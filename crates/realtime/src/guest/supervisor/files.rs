@@ -188,3 +188,193 @@ fn read_by_kernel(call: &Call) -> Option<i32> {
         _ => None,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told, fd};
+    use crate::guest::tests::Room;
+
+    /// What the supervisor makes of a file, and whether it keeps a copy.
+    fn kind_of(bench: &mut Bench, file: &impl AsFd) -> (Kind, Form) {
+        let (tid, fd) = (bench.tid, file.as_fd().as_raw_fd());
+        // Tests close files without a stop.
+        bench.process().files.clear();
+        let file = bench.supervisor.file(tid, fd).expect("it is open");
+        assert_eq!(bench.process().files.contains_key(&fd), fd < 256);
+        (file.kind, file.form)
+    }
+
+    #[test]
+    fn files_are_of_the_kind_that_the_system_tells() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        assert_eq!(kind_of(&mut bench, &port), (Kind::Port(0), Form::Other));
+        let open = |path: &str| std::fs::File::open(path).expect("each system has it");
+        for (path, kind) in [
+            ("/dev/null", Kind::Prompt),
+            ("/dev/zero", Kind::Prompt),
+            ("/dev/random", Kind::Chance),
+            ("/dev/urandom", Kind::Chance),
+            ("/dev/ptmx", Kind::Stream),
+            ("/proc/self/maps", Kind::Prompt),
+            ("/", Kind::Prompt),
+        ] {
+            assert_eq!(
+                kind_of(&mut bench, &open(path)),
+                (kind, Form::Other),
+                "{path}"
+            );
+        }
+        let (ears, mouth) = std::io::pipe().expect("the system has pipes");
+        assert_eq!(kind_of(&mut bench, &ears), (Kind::Stream, Form::Pipe));
+        assert_eq!(kind_of(&mut bench, &mouth), (Kind::Stream, Form::Pipe));
+        let (one, _other) = std::os::unix::net::UnixStream::pair().expect("and sockets");
+        assert_eq!(kind_of(&mut bench, &one), (Kind::Stream, Form::Socket));
+        let counter = rustix::event::eventfd(0, rustix::event::EventfdFlags::empty());
+        let counter = counter.expect("and counters");
+        assert_eq!(kind_of(&mut bench, &counter), (Kind::Stream, Form::Counter));
+        let set = rustix::event::epoll::create(rustix::event::epoll::CreateFlags::empty());
+        assert_eq!(
+            kind_of(&mut bench, &set.expect("and sets")),
+            (Kind::Prompt, Form::Other)
+        );
+        let mask = nix::sys::signal::SigSet::empty();
+        let signals = nix::sys::signalfd::SignalFd::new(&mask).expect("and files of signals");
+        assert_eq!(kind_of(&mut bench, &signals), (Kind::Signals, Form::Events));
+        let words = bench.mouth();
+        assert_eq!(kind_of(&mut bench, &words), (Kind::Mouth, Form::Pipe));
+    }
+
+    #[test]
+    fn a_number_without_a_file_is_none() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        for fd in [-1, -100, i32::MIN, i32::MAX] {
+            assert!(bench.supervisor.file(tid, fd).is_none(), "{fd}");
+        }
+        let null = std::fs::File::open("/dev/null").expect("each system has it");
+        assert!(bench.supervisor.file(-7, null.as_raw_fd()).is_none());
+    }
+
+    /// The copy of a file goes when the program closes it or puts another one in its place:
+    /// close(2), dup(2), close_range(2).
+    #[test]
+    fn the_copy_of_a_file_goes_with_it() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let files = [(); 3].map(|()| std::fs::File::open("/dev/null").expect("it is there"));
+        let own = files.each_ref().map(|file| file.as_raw_fd());
+        let [a, b, c] = files.each_ref().map(fd);
+        let cases: [(i64, &[u64], [bool; 3]); 8] = [
+            (libc::SYS_close, &[a], [false, true, true]),
+            (libc::SYS_close, &[c], [true, true, false]),
+            (libc::SYS_dup2, &[a, b], [true, false, true]),
+            (libc::SYS_dup3, &[b, a], [false, true, true]),
+            (libc::SYS_dup2, &[a, a], [true; 3]),
+            (libc::SYS_dup2, &[9_999, b], [true; 3]),
+            (libc::SYS_dup3, &[9_999, b], [true; 3]),
+            (libc::SYS_close_range, &[a, b, 0], [false; 3]),
+        ];
+        for (number, args, left) in cases {
+            for fd in own {
+                assert!(bench.supervisor.file(tid, fd).is_some());
+            }
+            bench.supervisor.lets_go(tid, &Call::made(number, args));
+            let kept = own.map(|fd| bench.process().files.contains_key(&fd));
+            assert_eq!(kept, left, "{number} {args:?}");
+        }
+        assert!(!bench.supervisor.is_signalled);
+        bench.supervisor.has_terminals = true;
+        bench
+            .supervisor
+            .lets_go(tid, &Call::made(libc::SYS_close, &[a]));
+        assert!(
+            bench.supervisor.is_signalled,
+            "a terminal that hangs up sends a signal"
+        );
+        assert!(bench.supervisor.is_open(tid, own[0]) && !bench.supervisor.is_open(tid, 9_999));
+    }
+
+    /// preadv2(2), splice(2), sendfile(2), epoll_ctl(2): the argument that is read from.
+    #[test]
+    fn the_file_that_the_kernel_reads_is_known() {
+        let of = |number, args: &[u64]| read_by_kernel(&Call::made(number, args));
+        assert_eq!(of(libc::SYS_preadv2, &[3, 4, 5]), Some(3));
+        assert_eq!(of(libc::SYS_splice, &[3, 0, 4]), Some(3));
+        assert_eq!(of(libc::SYS_sendfile, &[3, 4, 5]), Some(4));
+        assert_eq!(of(libc::SYS_epoll_ctl, &[3, 1, 5]), Some(5));
+        assert_eq!(of(libc::SYS_epoll_ctl, &[3, 3, 5]), Some(5));
+        assert_eq!(of(libc::SYS_epoll_ctl, &[3, 2, 5]), None, "it is taken out");
+        assert_eq!(of(libc::SYS_tee, &[3, 4, 5]), None);
+        assert_eq!(of(libc::SYS_pwritev2, &[3, 4, 5]), None);
+    }
+
+    /// From then on the kernel holds the bytes of that port.
+    #[test]
+    fn a_port_that_the_kernel_reads_is_handed_over() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let port = bench.opens("sonar");
+        let holds = |bench: &mut Bench| {
+            bench
+                .supervisor
+                .stage
+                .terminal(0)
+                .is_some_and(|it| it.holds())
+        };
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        bench
+            .supervisor
+            .lets_kernel_read(tid, &Call::made(libc::SYS_splice, &[fd(&null)]));
+        bench
+            .supervisor
+            .lets_kernel_read(tid, &Call::made(libc::SYS_tee, &[fd(&port)]));
+        assert!(holds(&mut bench));
+        bench
+            .supervisor
+            .lets_kernel_read(tid, &Call::made(libc::SYS_splice, &[fd(&port)]));
+        assert!(!holds(&mut bench));
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        assert!(bench.supervisor.file(bench.tid, port.as_raw_fd()).is_some());
+        bench.supervisor.lets_all_go();
+        assert!(!holds(&mut bench) && bench.process().files.is_empty());
+        assert!(bench.supervisor.has_signal_files);
+    }
+
+    #[test]
+    fn an_opened_path_is_looked_at() {
+        let mut bench = Bench::new();
+        let open = |bench: &mut Bench, path: &str| {
+            let path = Room::of(&[path.as_bytes(), &[0]].concat());
+            assert_eq!(bench.calls(libc::SYS_open, &[path.at(0), 0]), Told::Kernel);
+            assert_eq!(
+                bench.calls(libc::SYS_openat, &[9, path.at(0), 0]),
+                Told::Kernel
+            );
+        };
+        open(&mut bench, "/nowhere");
+        assert!(bench.supervisor.notes().is_empty() && !bench.supervisor.has_terminals);
+        open(&mut bench, "/proc/stat");
+        assert_eq!(bench.supervisor.notes(), ["reads /proc/stat"]);
+        open(&mut bench, "/nowhere/ptmx");
+        assert!(bench.supervisor.has_terminals);
+    }
+
+    /// proc(5): /proc/PID/fdinfo has "pos:", "flags:" in octal, and what is special to a file.
+    #[test]
+    fn the_system_tells_of_open_files() {
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        let own = std::process::id().cast_signed();
+        let flags = told_of(own, null.as_raw_fd(), "flags").expect("each has some");
+        let flags = i32::from_str_radix(&flags, 8).expect("octal");
+        assert_eq!(flags & libc::O_ACCMODE, libc::O_RDONLY);
+        assert_ne!(flags & libc::O_CLOEXEC, 0);
+        assert_eq!(told_of(own, null.as_raw_fd(), "pos"), Some("0".to_owned()));
+        assert_eq!(told_of(own, null.as_raw_fd(), "po"), None);
+        assert_eq!(told_of(own, 9_999, "pos"), None);
+        assert!(numbers(own).any(|fd| fd == null.as_raw_fd()));
+        assert!(numbers(own).all(|fd| fd != 9_999) && numbers(-1).next().is_none());
+    }
+}

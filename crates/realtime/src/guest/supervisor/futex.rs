@@ -301,6 +301,8 @@ fn shared_key(pid: i32, address: u64) -> Option<FutexKey> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::guest::supervisor::tests::{Bench, MS, Told, error};
+    use crate::guest::tests::Room;
 
     /// futex(2): FUTEX_OP(op, oparg, cmp, cmparg) is op << 28 | cmp << 24 | oparg << 12 | cmparg.
     #[test]
@@ -322,5 +324,226 @@ mod tests {
         assert_eq!(change([4, 6, 3, 7], 8), Some((14, false)));
         assert_eq!(change([5, 0, 0, 0], 0), None);
         assert_eq!(change([0, 0, 6, 0], 0), None);
+    }
+
+    const PRIVATE: u64 = 128;
+    const CALENDAR: u64 = 256;
+
+    fn futex(bench: &mut Bench, args: [u64; 6]) -> Told {
+        bench.calls(libc::SYS_futex, &args)
+    }
+
+    /// A thread that waits for this word, as the `at`th one.
+    fn waits(bench: &mut Bench, tid: i32, word: u64, bits: u32, at: u64) {
+        let on = On::Futex(FutexKey::Own(bench.tid, word), bits);
+        let wait = Wait { on, deadline: None };
+        let own = bench.tid;
+        bench.add(tid, own, State::Blocked(wait)).blocked_at = at;
+    }
+
+    fn ready(bench: &mut Bench) -> Vec<i32> {
+        let queue = core::mem::take(&mut bench.supervisor.queue);
+        for tid in &queue {
+            let thread = &bench.supervisor.threads[tid];
+            assert!(thread.is_woken && matches!(thread.state, State::Ready(Next::Attempt)));
+        }
+        queue.into()
+    }
+
+    /// futex(2): a wait for a word that has changed fails with EAGAIN; a time is relative for
+    /// FUTEX_WAIT, and one of a clock for FUTEX_WAIT_BITSET.
+    #[test]
+    fn a_thread_waits_while_the_word_is_the_same() {
+        let mut bench = Bench::new();
+        bench.passes(10);
+        let tid = bench.tid;
+        let word = Room::of_words(&[0x7_0000_0005]);
+        let at = word.at(0);
+        let key = FutexKey::Own(tid, at);
+        let for_ever = Told::Waits(On::Futex(key, ALL), None);
+        assert_eq!(futex(&mut bench, [at, PRIVATE, 5, 0, 0, 0]), for_ever);
+        assert_eq!(
+            futex(&mut bench, [at, PRIVATE, 0x9_0000_0005, 0, 0, 0]),
+            for_ever
+        );
+        assert_eq!(
+            futex(&mut bench, [at, 0, 5, 0, 0, 0]),
+            for_ever,
+            "its own memory"
+        );
+        assert_eq!(
+            futex(&mut bench, [at, PRIVATE, 6, 0, 0, 0]),
+            error(Errno::EAGAIN)
+        );
+        assert_eq!(
+            futex(&mut bench, [8, PRIVATE, 6, 0, 0, 0]),
+            error(Errno::EFAULT)
+        );
+        let until = |bits, ms: u64| Told::Waits(On::Futex(key, bits), Some(ms * MS));
+        let time = Room::of_words(&[0, 30_000_000]);
+        let args = [at, PRIVATE, 5, time.at(0), 0, 3];
+        assert_eq!(futex(&mut bench, args), until(ALL, 40));
+        bench.passes(29);
+        assert_eq!(bench.again(), until(ALL, 40));
+        bench.passes(1);
+        assert_eq!(bench.again(), error(Errno::ETIMEDOUT));
+        time.put(0, &[1_000_u64, 70_000_000].map(u64::to_ne_bytes).concat());
+        let args = [at, 9 | PRIVATE, 5, time.at(0), 0, 0x1_0000_0003];
+        assert_eq!(futex(&mut bench, args), until(3, 70));
+        time.put(0, &1_767_225_600_u64.to_ne_bytes());
+        let args = [at, 9 | PRIVATE | CALENDAR, 5, time.at(0), 0, 3];
+        assert_eq!(futex(&mut bench, args), until(3, 70));
+        time.put(8, &40_000_000_u64.to_ne_bytes());
+        assert_eq!(futex(&mut bench, args), error(Errno::ETIMEDOUT));
+        time.put(8, &u64::MAX.to_ne_bytes());
+        assert_eq!(futex(&mut bench, args), error(Errno::EINVAL));
+        // One that was woken goes on, whatever the word is now.
+        assert_eq!(futex(&mut bench, [at, PRIVATE, 5, 0, 0, 0]), for_ever);
+        bench.thread().is_woken = true;
+        word.put(0, &[9]);
+        assert_eq!(bench.again(), Told::Answer(0));
+        // One that tries again does not look at the word.
+        word.put(0, &[5]);
+        assert_eq!(futex(&mut bench, [at, PRIVATE, 5, 0, 0, 0]), for_ever);
+        bench.thread().state = State::Ready(Next::Attempt);
+        word.put(0, &[9]);
+        assert_eq!(bench.again(), for_ever);
+    }
+
+    /// The oldest waits end first, at most so many; of those for bits only the ones that have some
+    /// in common.
+    #[test]
+    fn waits_end_in_their_order() {
+        let mut bench = Bench::new();
+        let words = Room::new(16);
+        let at = words.at(0);
+        let place = |bench: &mut Bench| {
+            waits(bench, 1_000_001, at, ALL, 3);
+            waits(bench, 1_000_002, at, 0b01, 1);
+            waits(bench, 1_000_003, at, 0b10, 2);
+            waits(bench, 1_000_004, at + 8, ALL, 0);
+        };
+        place(&mut bench);
+        assert_eq!(
+            futex(&mut bench, [at, 1 | PRIVATE, 2, 0, 0, 0]),
+            Told::Answer(2)
+        );
+        assert_eq!(ready(&mut bench), [1_000_002, 1_000_003]);
+        assert_eq!(
+            futex(&mut bench, [at, 1 | PRIVATE, 2, 0, 0, 0]),
+            Told::Answer(1)
+        );
+        assert_eq!(ready(&mut bench), [1_000_001]);
+        place(&mut bench);
+        assert_eq!(
+            futex(&mut bench, [at, 10 | PRIVATE, 9, 0, 0, 0b10]),
+            Told::Answer(2)
+        );
+        assert_eq!(ready(&mut bench), [1_000_003, 1_000_001]);
+        place(&mut bench);
+        assert_eq!(
+            futex(&mut bench, [at, 1 | PRIVATE, 0, 0, 0, 0]),
+            Told::Answer(0)
+        );
+        let none = u64::from(u32::MAX);
+        assert_eq!(
+            futex(&mut bench, [at, 1 | PRIVATE, none, 0, 0, 0]),
+            Told::Answer(0)
+        );
+        // The word behind it becomes 1; it was 0, so its threads are woken as well.
+        let change = 1 << 12;
+        let args = [at, 5 | PRIVATE, 1, 9, at + 8, change];
+        assert_eq!(futex(&mut bench, args), Told::Answer(2));
+        assert_eq!(ready(&mut bench), [1_000_002, 1_000_004]);
+        assert_eq!(words.words(), [0, 1]);
+        place(&mut bench);
+        assert_eq!(futex(&mut bench, args), Told::Answer(1));
+        assert_eq!(ready(&mut bench), [1_000_002]);
+        let unknown = [at, 5 | PRIVATE, 1, 9, at + 8, 5 << 28];
+        assert_eq!(futex(&mut bench, unknown), error(Errno::ENOSYS));
+        assert_eq!(futex(&mut bench, [at, 77, 0, 0, 0, 0]), Told::Kernel);
+        assert_eq!(
+            bench.supervisor.notes(),
+            ["futex operation 77 is done by the kernel"]
+        );
+    }
+
+    /// FUTEX_REQUEUE: some are woken, some wait for another word from now on, the rest stays.
+    #[test]
+    fn waits_are_moved_to_another_word() {
+        let mut bench = Bench::new();
+        let words = Room::of_words(&[5, 0]);
+        let [at, other] = [words.at(0), words.at(8)];
+        for (order, tid) in (1_000_001..1_000_006).enumerate() {
+            waits(&mut bench, tid, at, ALL, order as u64);
+        }
+        let args = [at, 4 | PRIVATE, 1, 2, other, 4];
+        assert_eq!(futex(&mut bench, args), error(Errno::EAGAIN));
+        let args = [at, 4 | PRIVATE, 1, 2, other, 5];
+        assert_eq!(futex(&mut bench, args), Told::Answer(3));
+        assert_eq!(ready(&mut bench), [1_000_001]);
+        let key = |at| FutexKey::Own(bench.tid, at);
+        let [old, new] = [key(at), key(other)];
+        assert_eq!(
+            bench.supervisor.futex_waiters(new, ALL),
+            [1_000_002, 1_000_003]
+        );
+        assert_eq!(
+            bench.supervisor.futex_waiters(old, ALL),
+            [1_000_004, 1_000_005]
+        );
+        // FUTEX_REQUEUE does not compare.
+        let args = [at, 3 | PRIVATE, 0, 1, other, 4];
+        assert_eq!(futex(&mut bench, args), Told::Answer(1));
+        assert!(ready(&mut bench).is_empty());
+        assert_eq!(bench.supervisor.futex_waiters(old, ALL), [1_000_005]);
+    }
+
+    /// The kernel clears the word of a thread that ends (CLONE_CHILD_CLEARTID): waits for a word
+    /// that is another one now end, oldest first.
+    #[test]
+    fn after_a_death_waits_for_changed_words_end() {
+        let mut bench = Bench::new();
+        let own = bench.tid;
+        let word = Room::of_words(&[5]);
+        let key = FutexKey::Own(own, word.at(0));
+        let wait = Wait {
+            on: On::Futex(key, ALL),
+            deadline: None,
+        };
+        bench.thread().call = Some(Call::made(libc::SYS_futex, &[word.at(0), PRIVATE, 5]));
+        bench.thread().state = State::Blocked(wait);
+        bench.supervisor.wake_after_death();
+        assert!(ready(&mut bench).is_empty());
+        word.put(0, &[4]);
+        bench.supervisor.wake_after_death();
+        assert_eq!(ready(&mut bench), [own]);
+        // Those that hand a lock on are another matter.
+        bench.thread().call = Some(Call::made(libc::SYS_futex, &[word.at(0), 6 | PRIVATE, 5]));
+        bench.thread().state = State::Blocked(wait);
+        word.put(0, &own.to_ne_bytes());
+        bench.supervisor.wake_after_death();
+        assert!(ready(&mut bench).is_empty());
+    }
+
+    #[test]
+    fn operations_are_told_without_their_flags() {
+        let is_pi = |number, operation| is_pi(&Call::made(number, &[0, operation]));
+        for flags in [0, PRIVATE, CALENDAR, PRIVATE | CALENDAR] {
+            assert!(is_pi(libc::SYS_futex, 6 | flags) && is_pi(libc::SYS_futex, 13 | flags));
+            assert!(!is_pi(libc::SYS_futex, flags) && !is_pi(libc::SYS_futex, 7 | flags));
+            assert!(!is_pi(libc::SYS_read, 6 | flags));
+        }
+        assert_eq!([0, 128, 256, 384, 137].map(command), [0, 0, 0, 0, 9]);
+    }
+
+    /// proc(5): a mapping that is shared has an `s`; its file is known by device, number, offset.
+    #[test]
+    fn shared_memory_is_known_by_its_file() {
+        let own = std::process::id().cast_signed();
+        let room = Room::new(8);
+        assert_eq!(shared_key(own, room.at(0)), None);
+        assert_eq!(shared_key(own, 8), None);
+        assert_eq!(shared_key(-1, room.at(0)), None);
     }
 }

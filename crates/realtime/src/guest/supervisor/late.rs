@@ -45,3 +45,40 @@ impl Supervisor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::Bench;
+
+    /// By hand: delays of 30, 10 and 20 ms; at 20 ms two of them are over, in order of time.
+    #[test]
+    fn threads_run_when_their_delay_is_over() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        assert_eq!(bench.supervisor.next_late(), None);
+        for (thread, millis) in [(1_000_001, 30), (1_000_002, 10), (1_000_003, 20)] {
+            bench.add(thread, tid, State::Running);
+            let by = Duration::from_millis(millis);
+            bench.supervisor.delay(thread, by, Next::Charged);
+            let state = bench.supervisor.threads[&thread].state;
+            assert!(matches!(state, State::Ready(Next::Charged)));
+        }
+        assert_eq!(bench.supervisor.next_late(), Some(Instant::from_millis(10)));
+        bench.passes(9);
+        bench.supervisor.end_delays();
+        assert!(bench.supervisor.queue.is_empty());
+        bench.passes(11);
+        bench.supervisor.end_delays();
+        assert_eq!(bench.supervisor.queue, [1_000_002, 1_000_003]);
+        assert_eq!(bench.supervisor.next_late(), Some(Instant::from_millis(30)));
+        bench.add(1_000_004, tid, State::Running);
+        bench
+            .supervisor
+            .delay(1_000_004, Duration::from_secs(9), Next::Call);
+        bench.supervisor.threads.remove(&1_000_001);
+        bench.supervisor.end_all_delays();
+        assert_eq!(bench.supervisor.queue, [1_000_002, 1_000_003, 1_000_004]);
+        assert_eq!(bench.supervisor.next_late(), None);
+    }
+}

@@ -443,7 +443,12 @@ fn meddles(thread: &Thread, tid: i32) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::os::fd::AsRawFd as _;
+
     use super::*;
+    use crate::guest::lent::LentRead;
+    use crate::guest::supervisor::tests::{Bench, MS};
+    use crate::guest::tests::Room;
 
     /// By hand: looks at 10.0, 10.3, .. 11.2 us see a byte of 10.5 us at 10.6 us.
     #[test]
@@ -454,5 +459,265 @@ mod tests {
         assert_eq!(seen_at(at(10_600), at(11_200), cost), at(10_600));
         assert_eq!(seen_at(at(11_200), at(11_200), cost), at(11_200));
         assert_eq!(seen_at(at(10_500), at(11_200), Duration::ZERO), at(10_500));
+    }
+
+    fn port(len: usize) -> LentPort {
+        LentPort {
+            port: 0,
+            fd: 3,
+            waits: true,
+            takes: true,
+            known_until: Instant::ZERO,
+            bytes: vec![(Instant::ZERO, 7); len],
+        }
+    }
+
+    /// By hand: time ahead begins with 2 ms, doubles when all bytes of a port were read, up to
+    /// 10 ms, and is halved when less than a quarter of it was used, down to 2 ms.
+    #[test]
+    fn a_lease_is_as_long_as_it_was_of_use() {
+        let ms = Duration::from_millis;
+        let mut lease = Lease::default();
+        assert_eq!((lease.ahead, lease.unused), (ms(2), 0));
+        let taken = |now_us: u64, reads: &[(usize, usize)]| Taken {
+            now: now_us * 1_000,
+            reads: reads
+                .iter()
+                .map(|&(index, len)| LentRead {
+                    at: Instant::ZERO,
+                    index,
+                    len,
+                })
+                .collect(),
+            ..Taken::default()
+        };
+        let ports = [port(3), port(2)];
+        let mut learn = |taken: &Taken| {
+            lease.learn(&ports, taken);
+            (lease.ahead, lease.unused)
+        };
+        assert_eq!(
+            learn(&taken(2_000, &[(0, 1), (0, 1)])),
+            (ms(2), 0),
+            "one is left"
+        );
+        assert_eq!(learn(&taken(2_000, &[(0, 1), (0, 2)])), (ms(4), 0));
+        assert_eq!(learn(&taken(0, &[(1, 2)])), (ms(8), 0));
+        assert_eq!(learn(&taken(0, &[(1, 2)])), (ms(10), 0));
+        assert_eq!(learn(&taken(2_500, &[])), (ms(10), 1), "a quarter was used");
+        assert_eq!(learn(&taken(2_499, &[])), (ms(5), 2));
+        assert_eq!(learn(&taken(1_249, &[])), (Duration::from_micros(2_500), 3));
+        assert_eq!(learn(&taken(0, &[])), (ms(2), 4));
+        assert_eq!(learn(&taken(0, &[])), (ms(2), 5));
+        let counts = Taken {
+            counts: 1,
+            ..taken(0, &[])
+        };
+        assert_eq!(learn(&counts).1, 0);
+        assert_eq!(learn(&taken(0, &[])).1, 1);
+        let selects = Taken {
+            selects: 1,
+            ..taken(0, &[])
+        };
+        assert_eq!(learn(&selects).1, 0);
+        // A port without bytes is not emptied.
+        let mut lease = Lease::default();
+        lease.learn(&[port(0)], &taken(0, &[(0, 0)]));
+        assert_eq!(lease.ahead, ms(2));
+        // It counts from where it began.
+        lease.ahead = ms(8);
+        lease.from = Instant::from_millis(100);
+        lease.learn(&[port(1)], &taken(102_000, &[]));
+        assert_eq!(lease.ahead, ms(8));
+        lease.learn(&[port(1)], &taken(101_999, &[]));
+        assert_eq!(lease.ahead, ms(4));
+    }
+
+    #[test]
+    fn threads_that_may_run_or_read_meddle() {
+        let mut bench = Bench::new();
+        let own = bench.tid;
+        let wait = |on| State::Blocked(super::super::Wait { on, deadline: None });
+        let key = crate::guest::task::FutexKey::Own(own, 8);
+        for (state, expected) in [
+            (State::Running, true),
+            (State::Outside, true),
+            (State::Halted, true),
+            (wait(On::Files), true),
+            (wait(On::Line), true),
+            (wait(On::Futex(key, 1)), false),
+            (wait(On::Child), false),
+            (wait(On::Others), false),
+            (wait(On::Queue), false),
+        ] {
+            let thread = bench.add(1_000_001, own, state).clone();
+            assert_eq!(meddles(&thread, own), expected, "{state:?}");
+            assert!(!meddles(&thread, 1_000_001), "itself");
+            let waits_for_lines = Thread {
+                lines_before: Some([0; 4]),
+                ..thread
+            };
+            assert!(meddles(&waits_for_lines, own));
+        }
+    }
+
+    /// A thread with a detour and a port that has read whole bytes: all that else would be in the
+    /// way of lending is one thing after the other.
+    #[test]
+    fn bytes_are_lent_to_the_only_thread_that_may_read_them() {
+        let lends = |change: &dyn Fn(&mut Bench)| {
+            let mut bench = Bench::new();
+            let port = bench.opens("sonar");
+            let (tid, fd) = (bench.tid, port.as_raw_fd());
+            bench.supervisor.stage.begin();
+            bench.raw();
+            bench
+                .supervisor
+                .stage
+                .leap(None, false)
+                .expect("the port stays");
+            bench
+                .supervisor
+                .stage
+                .leap(None, false)
+                .expect("the port stays");
+            bench.process().detours.insert(8, true);
+            bench.supervisor.file(tid, fd).expect("open");
+            change(&mut bench);
+            bench.supervisor.stage.carry().expect("the port stays");
+            let known = bench.supervisor.lend_ports(tid);
+            let expected = known.map(|_| 1_u64 << fd);
+            assert_eq!(known, expected);
+            let lent: Vec<(usize, i32, bool)> = bench
+                .supervisor
+                .lease
+                .ports
+                .iter()
+                .map(|it| (it.port, it.fd, it.waits))
+                .collect();
+            assert_eq!(
+                lent,
+                known.map(|_| (0, fd, true)).into_iter().collect::<Vec<_>>()
+            );
+            known.is_some()
+        };
+        assert!(lends(&|_| {}));
+        assert!(!lends(&|it| it.process().detours.clear()));
+        assert!(!lends(&|it| {
+            it.process().detours.insert(8, false);
+        }));
+        assert!(!lends(&|it| it.supervisor.hears_by_signal = true));
+        assert!(!lends(&|it| it.supervisor.is_signalled = true));
+        assert!(!lends(&|it| it.supervisor.queue.push_back(1)));
+        assert!(!lends(
+            &|it| it.supervisor.schedule = Some(super::super::Schedule::new(1))
+        ));
+        assert!(!lends(&|it| it
+            .supervisor
+            .begin_debugging(super::super::Wanted::Nothing)));
+        assert!(!lends(&|it| {
+            let own = it.tid;
+            it.add(1_000_001, own, State::Running);
+        }));
+        assert!(!lends(&|it| it.process().files.clear()));
+        assert!(lends(&|it| it.supervisor.lease.unused = 7));
+        assert!(!lends(&|it| {
+            it.supervisor.lease.unused = 8;
+            it.supervisor.calls.count = 63;
+        }));
+        assert!(lends(&|it| {
+            it.supervisor.lease.unused = 8;
+            it.supervisor.calls.count = 64;
+        }));
+    }
+
+    /// Pipes of the last calls in which nothing is; the close of a file from 256 on is no stop.
+    #[test]
+    fn quiet_pipes_are_known() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let (ears, mut mouth) = std::io::pipe().expect("pipes");
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        let fd = ears.as_raw_fd();
+        assert_eq!(bench.supervisor.quiet_files(tid), 0);
+        bench.thread().quiet = vec![fd, null.as_raw_fd(), 9_999, -1];
+        let expected = if (0..63).contains(&fd) { 1 << fd } else { 0 };
+        assert_eq!(bench.supervisor.quiet_files(tid), expected);
+        std::io::Write::write_all(&mut mouth, b"x").expect("room");
+        assert_eq!(bench.supervisor.quiet_files(tid), 0);
+        assert_eq!(bench.supervisor.quiet_files(-7), 0);
+    }
+
+    #[test]
+    fn processes_in_one_memory_share_it() {
+        let mut bench = Bench::new();
+        let own = bench.tid;
+        assert!(!bench.supervisor.shares_memory(own) && !bench.supervisor.shares_memory(-7));
+        bench.process().shares_memory = true;
+        assert!(bench.supervisor.shares_memory(own));
+        bench.process().shares_memory = false;
+        bench.add(1_000_001, 1_000_001, State::Running);
+        assert!(!bench.supervisor.shares_memory(1_000_001));
+        let child = bench.supervisor.threads.get_mut(&1_000_001).expect("added");
+        child.vfork_parent = Some(own);
+        assert!(bench.supervisor.shares_memory(own));
+        assert!(bench.supervisor.shares_memory(1_000_001));
+        bench.add(1_000_002, 1_000_002, State::Running);
+        assert!(!bench.supervisor.shares_memory(1_000_002));
+    }
+
+    /// A page in memory of this process: what is lent is there, what it counts is taken.
+    #[test]
+    fn time_is_lent_and_taken() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let room = Room::new(4_096);
+        bench.process().clocks = Some(ClockPage::at(room.at(0)));
+        bench.passes(10);
+        bench.thread().slice = 9;
+        bench.supervisor.lend_time(tid);
+        // Now, limit, cost, looks, left, turn, known files, ports; no events before the rig begins.
+        let most = i64::MAX.unsigned_abs();
+        let words = &room.words()[..11];
+        assert_eq!(words, [10 * MS, most, 1_000, 0, 990, 999, 0, 0, 0, 0, 0]);
+        // Three looks at 1 us each.
+        room.put(0, &(10 * MS + 3_000).to_ne_bytes());
+        room.put(24, &[3_u64, 987].map(u64::to_ne_bytes).concat());
+        bench.thread().computed = Duration::from_secs(1);
+        bench.supervisor.take_time(tid);
+        assert_eq!(bench.now(), 10 * MS + 3_000);
+        assert_eq!((bench.supervisor.looks, bench.supervisor.served), (3, 0));
+        assert_eq!(bench.supervisor.calls.count(), 3);
+        assert_eq!(
+            (bench.thread().slice, bench.thread().computed),
+            (12, Duration::ZERO)
+        );
+        assert!(!bench.supervisor.lease.take_has_waited() && bench.supervisor.trouble.is_none());
+        // A wait has begun a turn.
+        bench.supervisor.lend_time(tid);
+        room.put(0, &(10 * MS + 4_000).to_ne_bytes());
+        room.put(24, &[1_u64, 998].map(u64::to_ne_bytes).concat());
+        bench.supervisor.take_time(tid);
+        assert!(bench.supervisor.lease.take_has_waited());
+        assert!(!bench.supervisor.lease.take_has_waited());
+        // Nothing was counted, so nothing passes.
+        bench.supervisor.lend_time(tid);
+        bench.supervisor.take_time(tid);
+        assert_eq!(bench.supervisor.calls.count(), 4);
+        // A program that has written to its page is told so.
+        bench.supervisor.lend_time(tid);
+        room.put(24, &[1_000_000_u64, 998].map(u64::to_ne_bytes).concat());
+        bench.supervisor.take_time(tid);
+        assert!(matches!(
+            bench.supervisor.trouble,
+            Some(GuestError::Overwritten)
+        ));
+        // Where virtual time does not count nothing is lent: each look is a call.
+        bench.supervisor.keep_time(tid);
+        assert_eq!(room.words()[..11], [0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 7]);
+        // A thread with a full turn has no looks left.
+        bench.thread().slice = 1_000;
+        bench.supervisor.lend_time(tid);
+        assert_eq!(room.words()[4], 0);
     }
 }

@@ -94,3 +94,75 @@ impl Supervisor {
         Ok(holder.is_some_and(|pid| pid.as_raw_nonzero().get() != process))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told, error, fd};
+    use crate::guest::tests::Room;
+
+    /// A new file, opened twice.
+    fn twice(name: &str) -> [std::fs::File; 2] {
+        let path = std::env::temp_dir().join(format!("hilrig-lock-{name}-{}", std::process::id()));
+        let new = std::fs::File::create(&path).expect("a free name");
+        let again = std::fs::File::options().read(true).write(true).open(&path);
+        std::fs::remove_file(&path).expect("ours");
+        [new, again.expect("it is there")]
+    }
+
+    /// flock(2): LOCK_SH is 1, LOCK_EX 2, LOCK_UN 8, LOCK_NB 4.
+    #[test]
+    fn a_lock_of_another_file_is_waited_for() {
+        let mut bench = Bench::new();
+        let [held, other] = twice("flock");
+        let lock = |bench: &mut Bench, file: &std::fs::File, how: u64| {
+            bench.calls(libc::SYS_flock, &[fd(file), how])
+        };
+        let waits = Told::Waits(On::Files, None);
+        assert_eq!(lock(&mut bench, &other, 2), Told::Kernel);
+        flock(&held, FlockOperation::LockShared).expect("it is free");
+        assert_eq!(lock(&mut bench, &other, 1), Told::Kernel);
+        assert_eq!(lock(&mut bench, &other, 2), waits);
+        for how in [6, 8] {
+            assert_eq!(lock(&mut bench, &other, how), Told::Kernel, "{how}");
+        }
+        assert_eq!(
+            lock(&mut bench, &held, 2),
+            Told::Kernel,
+            "its own may change"
+        );
+        flock(&held, FlockOperation::LockExclusive).expect("it is ours");
+        assert_eq!(lock(&mut bench, &other, 1), waits);
+        assert_eq!(lock(&mut bench, &held, 1), Told::Kernel);
+        assert_eq!(bench.calls(libc::SYS_flock, &[9_999, 2]), Told::Kernel);
+        drop(held);
+        assert_eq!(lock(&mut bench, &other, 2), Told::Kernel);
+    }
+
+    /// fcntl(2): locks are those of processes. F_RDLCK is 0, F_WRLCK 1, F_UNLCK 2.
+    #[test]
+    fn a_range_of_ones_own_is_not_waited_for() {
+        let mut bench = Bench::new();
+        let [file, _other] = twice("range");
+        let flock = |kind: u16, from: u64, len: u64| {
+            let room = Room::of_words(&[0, from, len, 0]);
+            room.put(0, &kind.to_ne_bytes());
+            room
+        };
+        let lock = |bench: &mut Bench, wanted: &Room| {
+            bench.calls(libc::SYS_fcntl, &[fd(&file), 7, wanted.at(0)])
+        };
+        let [read, write, none] = [0, 1, 2].map(|kind| flock(kind, 0, 10));
+        for wanted in [&read, &write, &none] {
+            assert_eq!(lock(&mut bench, wanted), Told::Kernel);
+        }
+        assert_eq!(
+            bench.calls(libc::SYS_fcntl, &[fd(&file), 7, 8]),
+            error(Errno::EFAULT)
+        );
+        assert_eq!(
+            bench.calls(libc::SYS_fcntl, &[9_999, 7, read.at(0)]),
+            Told::Kernel
+        );
+    }
+}

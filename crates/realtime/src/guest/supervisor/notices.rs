@@ -190,3 +190,185 @@ fn look_of(pid: i32, fd: i32) -> Option<(PathBuf, u32)> {
     let flags = u32::from_str_radix(&told_of(pid, fd, "flags")?, 8).ok()?;
     Some((name, flags & !libc::O_CLOEXEC.unsigned_abs()))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::os::fd::AsRawFd as _;
+
+    use super::*;
+    use crate::guest::pending::Pending;
+    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::tests::{Room, Stopped};
+
+    /// fcntl(2): F_SETFL with O_ASYNC begins it; F_SETOWN and F_SETOWN_EX say where signals go,
+    /// F_SETSIG which.
+    #[test]
+    fn a_file_tells_of_itself_by_a_signal() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let sets = |bench: &mut Bench, request: i32, argument: u64| {
+            let args = [5, u64::from(request.unsigned_abs()), argument];
+            bench
+                .supervisor
+                .sets_notice(tid, &Call::made(libc::SYS_fcntl, &args));
+            let notice = bench.supervisor.notices.get(&(tid, 5));
+            notice.map(|it| (it.owner, it.signal))
+        };
+        let is_async = u64::from(libc::O_ASYNC.unsigned_abs());
+        assert_eq!(sets(&mut bench, libc::F_SETFL, !is_async), None);
+        assert!(!bench.supervisor.hears_by_signal);
+        assert_eq!(sets(&mut bench, libc::F_SETFL, is_async), Some((tid, 0)));
+        assert!(bench.supervisor.hears_by_signal);
+        assert_eq!(sets(&mut bench, libc::F_SETOWN, 77), Some((77, 0)));
+        assert_eq!(sets(&mut bench, libc::F_SETOWN, u64::MAX), Some((-1, 0)));
+        assert_eq!(sets(&mut bench, F_SETSIG, 40), Some((-1, 40)));
+        assert_eq!(sets(&mut bench, libc::F_SETFL, is_async), Some((-1, 40)));
+        bench.add(1_000_001, tid, super::super::State::Running);
+        // A thread, a process, a group: 0, 1, 2, and the number.
+        for (kind, id, expected) in [
+            (0, 1_000_001, tid),
+            (0, 88, 88),
+            (1, 88, 88),
+            (2, 88, -88),
+            (2, i32::MIN, 0),
+        ] {
+            let owner = Room::of(&[i32::to_ne_bytes(kind), id.to_ne_bytes()].concat());
+            let set = sets(&mut bench, F_SETOWN_EX, owner.at(0));
+            assert_eq!(set, Some((expected, 40)), "{kind} {id}");
+        }
+        assert_eq!(sets(&mut bench, libc::F_GETFL, 0), Some((0, 40)));
+    }
+
+    #[test]
+    fn fioasync_is_the_same_by_ioctl() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let (on, off) = (Room::of_words(&[1]), Room::of_words(&[0]));
+        let mut sets = |request, argument| {
+            let call = Call::made(libc::SYS_ioctl, &[5, request, argument]);
+            bench.supervisor.sets_notice_by_ioctl(tid, &call);
+            bench.supervisor.hears_by_signal
+        };
+        assert!(!sets(0x5452, off.at(0)) && !sets(0x5451, on.at(0)) && !sets(0x5452, 8));
+        assert!(sets(0x5452, on.at(0)));
+    }
+
+    /// A process with a port is told when bytes come, by SIGURG in this test, which does nothing
+    /// without a handler (signal(7)).
+    #[test]
+    fn bytes_of_a_port_are_told_to_its_owner() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let (tid, fd) = (bench.tid, port.as_raw_fd());
+        let stopped = Stopped::new();
+        let other = stopped.pid.as_raw();
+        bench.add(other, other, super::super::State::Running);
+        let notice = Notice {
+            owner: other,
+            signal: libc::SIGURG,
+        };
+        bench.supervisor.notices.insert((tid, fd), notice);
+        let pending = || Pending::of(other, other).common & 1 << 22 != 0;
+        bench.brings(1);
+        bench.supervisor.tell_arrivals();
+        assert!(!bench.supervisor.is_signalled, "no file tells of itself");
+        bench.supervisor.hears_by_signal = true;
+        bench.supervisor.tell_arrivals();
+        assert!(
+            bench.supervisor.is_signalled && !pending(),
+            "without O_ASYNC"
+        );
+        // The kernel keeps the flag where there is an owner.
+        let flags = fcntl_getfl(&port).expect("open");
+        let flags = flags | rustix::fs::OFlags::from_bits_retain(libc::O_ASYNC.unsigned_abs());
+        rustix::fs::fcntl_setfl(&port, flags).expect("open");
+        bench.supervisor.tell_arrivals();
+        assert!(!pending(), "nothing new has come");
+        bench.brings(9);
+        bench.supervisor.tell_arrivals();
+        assert!(pending());
+    }
+
+    #[test]
+    fn a_signal_goes_to_its_owner_or_its_group() {
+        let mut bench = Bench::new();
+        let all = [
+            Stopped::in_group_of_its_own(),
+            Stopped::in_group_of_its_own(),
+        ];
+        let pids = all.each_ref().map(|it| it.pid.as_raw());
+        for pid in pids {
+            bench.add(pid, pid, super::super::State::Running);
+        }
+        let mut sends = |owner: i32, signal: i32| {
+            bench.supervisor.send_notice(Notice { owner, signal }, 5);
+            let bit = 1_u64 << (signal - 1);
+            (
+                pids.map(|pid| Pending::of(pid, pid).common & bit != 0),
+                bench.supervisor.sent_notices.clone(),
+            )
+        };
+        assert_eq!(sends(pids[0], libc::SIGURG), ([true, false], vec![]));
+        assert_eq!(sends(-pids[1], libc::SIGWINCH), ([false, true], vec![]));
+        assert_eq!(sends(-pids[1], 34), ([false, true], vec![(pids[1], 34, 5)]));
+        assert_eq!(
+            sends(1, libc::SIGCHLD).0,
+            [false, false],
+            "to none of others"
+        );
+        assert_eq!(sends(0, libc::SIGCHLD).0, [false, false]);
+        assert!(bench.supervisor.notes().is_empty());
+        bench.supervisor.send_notice(
+            Notice {
+                owner: 1,
+                signal: 99,
+            },
+            5,
+        );
+        assert_eq!(
+            bench.supervisor.notes(),
+            ["signal 99 of a port is not sent"]
+        );
+        // sigaction(2): POLL_IN is 1, at si_code; si_band 0x41 at 16, si_fd at 24.
+        assert_eq!(bench.supervisor.told_by_notice(pids[0], 34), None);
+        assert_eq!(bench.supervisor.told_by_notice(pids[1], 35), None);
+        let told = bench
+            .supervisor
+            .told_by_notice(pids[1], 34)
+            .expect("it was sent");
+        let mut expected = [0; 128];
+        (expected[0], expected[8], expected[16], expected[24]) = (34, 1, 0x41, 5);
+        assert_eq!(told, expected);
+        assert_eq!(bench.supervisor.told_by_notice(pids[1], 34), None);
+    }
+
+    #[test]
+    fn a_copy_of_a_file_goes_on_telling() {
+        let mut bench = Bench::new();
+        let (tid, own) = (bench.tid, std::process::id().cast_signed());
+        let file = std::fs::File::options()
+            .append(true)
+            .open("/dev/null")
+            .expect("it is there");
+        let fd = file.as_raw_fd();
+        let notice = Notice {
+            owner: tid,
+            signal: 0,
+        };
+        bench.supervisor.notices.insert((tid, fd), notice);
+        bench.supervisor.forget_notice(tid, fd);
+        assert!(bench.supervisor.notices.is_empty());
+        bench.supervisor.notices.insert((tid, fd), notice);
+        let copy = file.try_clone().expect("it is open");
+        bench.supervisor.forget_notice(tid, fd);
+        let left: Vec<(i32, i32)> = bench.supervisor.notices.keys().copied().collect();
+        assert_eq!(left, [(tid, copy.as_raw_fd())]);
+        bench.supervisor.forget_notice(-7, fd);
+        let (path, flags) = look_of(own, fd).expect("it is open");
+        assert_eq!(path.to_str(), Some("/dev/null"));
+        let flags = flags.cast_signed();
+        assert_eq!(flags & libc::O_ACCMODE, libc::O_WRONLY);
+        assert!(flags & libc::O_APPEND != 0 && flags & libc::O_CLOEXEC == 0);
+        assert_eq!(look_of(own, 9_999), None);
+    }
+}

@@ -130,3 +130,150 @@ impl Supervisor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, MS, Told, error};
+    use crate::guest::tests::Room;
+
+    const PRIVATE: u64 = 128;
+    const LOCK: u64 = 6 | PRIVATE;
+    const UNLOCK: u64 = 7 | PRIVATE;
+    const TRYLOCK: u64 = 8 | PRIVATE;
+    const LOCK2: u64 = 13 | PRIVATE;
+
+    fn futex(bench: &mut Bench, args: [u64; 4]) -> Told {
+        bench.calls(libc::SYS_futex, &args)
+    }
+
+    fn word(room: &Room) -> u32 {
+        room.numbers()[0].cast_unsigned()
+    }
+
+    /// futex(2), priority inheritance: the word is 0 or its owner's number; the highest bit tells
+    /// of waiters, the next one of an owner that has ended.
+    #[test]
+    fn a_free_lock_is_taken_and_given_back() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let room = Room::new(4);
+        for operation in [LOCK, LOCK2, TRYLOCK] {
+            room.put(0, &[0; 4]);
+            assert_eq!(
+                futex(&mut bench, [room.at(0), operation, 0, 0]),
+                Told::Answer(0)
+            );
+            assert_eq!(word(&room), tid.cast_unsigned());
+            let told = futex(&mut bench, [room.at(0), operation, 0, 0]);
+            assert_eq!(told, error(Errno::EDEADLK));
+            assert_eq!(
+                futex(&mut bench, [room.at(0), UNLOCK, 0, 0]),
+                Told::Answer(0)
+            );
+            assert_eq!(word(&room), 0);
+            let told = futex(&mut bench, [room.at(0), UNLOCK, 0, 0]);
+            assert_eq!(told, error(Errno::EPERM));
+        }
+        room.put(0, &OWNER_DIED.to_ne_bytes());
+        assert_eq!(futex(&mut bench, [room.at(0), LOCK, 0, 0]), Told::Answer(0));
+        assert_eq!(word(&room), tid.cast_unsigned() | OWNER_DIED);
+    }
+
+    #[test]
+    fn a_lock_of_another_thread_is_waited_for() {
+        let mut bench = Bench::new();
+        bench.passes(10);
+        let tid = bench.tid;
+        let room = Room::of(&1_000_001_u32.to_ne_bytes());
+        let at = room.at(0);
+        assert_eq!(futex(&mut bench, [at, LOCK, 0, 0]), error(Errno::ESRCH));
+        bench.add(1_000_001, tid, State::Running);
+        assert_eq!(futex(&mut bench, [at, TRYLOCK, 0, 0]), error(Errno::EAGAIN));
+        let key = FutexKey::Own(tid, at);
+        let waits =
+            |until_ms: Option<u64>| Told::Waits(On::Futex(key, ALL), until_ms.map(|ms| ms * MS));
+        assert_eq!(futex(&mut bench, [at, LOCK, 0, 0]), waits(None));
+        assert_eq!(word(&room), 1_000_001 | WAITERS);
+        let time = Room::of_words(&[1_767_225_600, 40_000_000]);
+        assert_eq!(
+            futex(&mut bench, [at, LOCK, 0, time.at(0)]),
+            waits(Some(40))
+        );
+        assert_eq!(
+            futex(&mut bench, [at, LOCK2 | 256, 0, time.at(0)]),
+            waits(Some(40))
+        );
+        time.put(0, &1_000_u64.to_ne_bytes());
+        assert_eq!(
+            futex(&mut bench, [at, LOCK2, 0, time.at(0)]),
+            waits(Some(40))
+        );
+        time.put(8, &10_000_000_u64.to_ne_bytes());
+        let told = futex(&mut bench, [at, LOCK2, 0, time.at(0)]);
+        assert_eq!(told, error(Errno::ETIMEDOUT));
+        bench.thread().is_woken = true;
+        assert_eq!(bench.again(), Told::Answer(0));
+    }
+
+    /// The kernel hands a lock on to the thread that waits longest.
+    #[test]
+    fn a_lock_is_handed_on() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let room = Room::of(&tid.to_ne_bytes());
+        let at = room.at(0);
+        // This process itself is the one that waits: its memory is written.
+        let key = FutexKey::Own(tid, at);
+        let wait = |on| State::Blocked(Wait { on, deadline: None });
+        bench.begins(libc::SYS_futex, &[at, LOCK, 0, 0]);
+        bench.thread().state = wait(On::Futex(key, ALL));
+        let call = Call::made(libc::SYS_futex, &[at, UNLOCK]);
+        let told = bench.supervisor.pi_unlock(tid, &call, key).map(Told::from);
+        assert_eq!(told, Ok(Told::Answer(0)));
+        assert_eq!(word(&room), tid.cast_unsigned());
+        assert!(bench.thread().is_woken);
+        // With another one behind it.
+        bench.thread().state = wait(On::Futex(key, ALL));
+        bench.thread().blocked_at = 1;
+        bench
+            .add(1_000_001, tid, wait(On::Futex(key, ALL)))
+            .blocked_at = 2;
+        let told = bench.supervisor.pi_unlock(tid, &call, key).map(Told::from);
+        assert_eq!(told, Ok(Told::Answer(0)));
+        assert_eq!(word(&room), tid.cast_unsigned() | WAITERS);
+    }
+
+    #[test]
+    fn the_lock_of_a_dead_thread_goes_to_the_oldest_wait() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let room = Room::of(&(1_000_009_u32 | WAITERS).to_ne_bytes());
+        let key = FutexKey::Own(tid, room.at(0));
+        bench.begins(libc::SYS_futex, &[room.at(0), LOCK, 0, 0]);
+        let wait = State::Blocked(Wait {
+            on: On::Futex(key, ALL),
+            deadline: None,
+        });
+        bench.thread().state = wait;
+        bench.add(1_000_009, tid, State::Running);
+        bench.supervisor.pi_after_death();
+        assert_eq!(word(&room), 1_000_009 | WAITERS, "its owner lives");
+        bench.supervisor.threads.remove(&1_000_009);
+        bench.supervisor.pi_after_death();
+        assert_eq!(word(&room), tid.cast_unsigned() | OWNER_DIED);
+        assert!(bench.thread().is_woken);
+        // A lock that nobody has is given as well.
+        bench.thread().is_woken = false;
+        bench.thread().state = wait;
+        room.put(0, &[0; 4]);
+        bench.supervisor.pi_after_death();
+        assert_eq!(word(&room), tid.cast_unsigned() | OWNER_DIED);
+        // A plain wait is none for a lock.
+        bench.begins(libc::SYS_futex, &[room.at(0), PRIVATE, 0, 0]);
+        bench.thread().state = wait;
+        room.put(0, &[0; 4]);
+        bench.supervisor.pi_after_death();
+        assert_eq!(word(&room), 0);
+    }
+}

@@ -91,3 +91,84 @@ fn put(file: &File, sink: Sink, bytes: &[u8]) -> Result<usize, Errno> {
     };
     done.map_err(|errno| Errno::from_raw(errno.raw_os_error()))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Read as _;
+
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told, fd};
+    use crate::guest::tests::Room;
+
+    /// pipe(7): up to 4,096 bytes are written together once there is room; a longer write takes
+    /// what there is and waits. A pipe has 65,536 bytes.
+    #[test]
+    fn a_long_write_waits_for_its_reader() {
+        let mut bench = Bench::new();
+        let bytes = Room::of(
+            &(0..70_000)
+                .map(|byte: u32| byte.to_le_bytes()[0])
+                .collect::<Vec<u8>>(),
+        );
+        let (mut ears, mouth) = std::io::pipe().expect("pipes");
+        let args = |len| [fd(&mouth), bytes.at(0), len];
+        let write = libc::SYS_write;
+        assert_eq!(bench.calls(write, &args(4_096)), Told::Kernel);
+        let waits = Told::Waits(On::Files, None);
+        assert_eq!(bench.calls(write, &args(70_000)), waits);
+        assert_eq!(bench.thread().progress, 65_536);
+        assert_eq!(bench.again(), waits);
+        let mut got = vec![0; 65_536];
+        ears.read_exact(&mut got).expect("they are there");
+        assert_eq!(got, bytes.bytes()[..65_536]);
+        bench.supervisor.is_changed = false;
+        assert_eq!(bench.again(), Told::Answer(70_000));
+        assert!(bench.supervisor.is_changed);
+        let mut rest = vec![0; 4_464];
+        ears.read_exact(&mut rest).expect("they are there");
+        assert_eq!(rest, bytes.bytes()[65_536..70_000]);
+        assert_eq!(bench.calls(write, &args(4_097)), Told::Answer(4_097));
+        drop(ears);
+        // The kernel tells the program, by SIGPIPE as well; behind a part it is not told.
+        assert_eq!(bench.calls(write, &args(5_000)), Told::Kernel);
+        bench.thread().progress = 7;
+        assert_eq!(bench.again(), Told::Answer(7));
+    }
+
+    #[test]
+    fn other_writes_are_the_kernels_when_there_is_room() {
+        let mut bench = Bench::new();
+        let bytes = Room::new(8_192);
+        let long = |file: u64| [file, bytes.at(0), 8_192, 0, 0];
+        let (one, _other) = std::os::unix::net::UnixStream::pair().expect("sockets");
+        assert_eq!(
+            bench.calls(libc::SYS_write, &long(fd(&one))),
+            Told::Answer(8_192)
+        );
+        assert_eq!(
+            bench.calls(libc::SYS_sendto, &long(fd(&one))),
+            Told::Answer(8_192)
+        );
+        let mut flag = long(fd(&one));
+        flag[3] = 0x40;
+        assert_eq!(bench.calls(libc::SYS_sendto, &flag), Told::Kernel);
+        let mut address = long(fd(&one));
+        address[4] = 8;
+        assert_eq!(bench.calls(libc::SYS_sendto, &address), Told::Kernel);
+        assert_eq!(
+            bench.calls(libc::SYS_sendmsg, &[fd(&one), 8, 0]),
+            Told::Kernel
+        );
+        let (one, _other) = std::os::unix::net::UnixDatagram::pair().expect("sockets");
+        assert_eq!(bench.calls(libc::SYS_write, &long(fd(&one))), Told::Kernel);
+        one.set_nonblocking(true).expect("ours");
+        assert_eq!(bench.calls(libc::SYS_write, &long(fd(&one))), Told::Kernel);
+        let (one, _other) = std::os::unix::net::UnixStream::pair().expect("sockets");
+        one.set_nonblocking(true).expect("ours");
+        assert_eq!(bench.calls(libc::SYS_write, &long(fd(&one))), Told::Kernel);
+        let fault = [fd(&one), 8, 8_192];
+        one.set_nonblocking(false).expect("ours");
+        let told = bench.calls(libc::SYS_write, &fault);
+        assert_eq!(told, crate::guest::supervisor::tests::error(Errno::EFAULT));
+    }
+}

@@ -446,7 +446,11 @@ fn is_selected(kind: PollFlags, found: PollFlags) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::os::fd::AsRawFd as _;
+
     use super::*;
+    use crate::guest::supervisor::tests::{Bench, MS, Told, error, fd};
+    use crate::guest::tests::Room;
 
     /// Sets are whole words of 64 files, of 1024 at most.
     #[test]
@@ -495,5 +499,328 @@ mod tests {
                 "{found:?}"
             );
         }
+    }
+
+    const IN: u16 = 1;
+    const OUT: u16 = 4;
+    const NVAL: u16 = 0x20;
+
+    /// The entries of a `poll`.
+    fn entries_of(files: &[(i32, u16)]) -> Room {
+        let entry = |&(fd, wanted): &(i32, u16)| {
+            let mut entry = [0xA5; 8];
+            entry[..4].copy_from_slice(&fd.to_ne_bytes());
+            entry[4..6].copy_from_slice(&wanted.to_ne_bytes());
+            entry
+        };
+        let entries: Vec<[u8; 8]> = files.iter().map(entry).collect();
+        Room::of(entries.as_flattened())
+    }
+
+    /// The answers in them.
+    fn answers(room: &Room) -> Vec<u16> {
+        let bytes = room.bytes();
+        let entries = bytes.chunks_exact(8);
+        entries
+            .map(|entry| u16::from_ne_bytes([entry[6], entry[7]]))
+            .collect()
+    }
+
+    fn waits(until_ms: Option<u64>) -> Told {
+        Told::Waits(On::Files, until_ms.map(|ms| ms * MS))
+    }
+
+    #[test]
+    fn a_poll_answers_what_is_ready_or_waits() {
+        let mut bench = Bench::new();
+        bench.passes(10);
+        let (ears, mut mouth) = std::io::pipe().expect("the system has pipes");
+        let [reads, writes] = [ears.as_raw_fd(), mouth.as_raw_fd()];
+        let asked = entries_of(&[(reads, IN), (-1, IN)]);
+        let poll = libc::SYS_poll;
+        let args = |millis: i32| [asked.at(0), 2, u64::from(millis.cast_unsigned())];
+        assert_eq!(bench.calls(poll, &args(30)), waits(Some(40)));
+        assert_eq!(bench.calls(poll, &args(-1)), waits(None));
+        assert_eq!(answers(&asked), [0xA5A5; 2], "untouched");
+        assert_eq!(bench.calls(poll, &args(0)), Told::Answer(0));
+        assert_eq!(answers(&asked), [0, 0]);
+        assert_eq!(bench.calls(poll, &args(30)), waits(Some(40)));
+        bench.passes(30);
+        assert_eq!(bench.again(), Told::Answer(0));
+        std::io::Write::write_all(&mut mouth, b"x").expect("there is room");
+        assert_eq!(bench.calls(poll, &args(30)), Told::Answer(1));
+        assert_eq!(answers(&asked), [IN, 0]);
+        let three = entries_of(&[(writes, OUT), (9_999, IN), (reads, OUT)]);
+        assert_eq!(bench.calls(poll, &[three.at(0), 3, 0]), Told::Answer(2));
+        assert_eq!(answers(&three), [OUT, NVAL, 0]);
+        assert_eq!(
+            bench.calls(poll, &[three.at(0), 4_097, 0]),
+            error(Errno::EINVAL)
+        );
+        assert_eq!(bench.calls(poll, &[8, 1, 0]), error(Errno::EFAULT));
+        // The program may change what it asked for while it waits: that does not count.
+        let other = entries_of(&[(-1, IN)]);
+        assert_eq!(bench.calls(poll, &[other.at(0), 1, u64::MAX]), waits(None));
+        other.put(0, &reads.to_ne_bytes());
+        assert_eq!(bench.again(), waits(None));
+    }
+
+    /// poll(2): ppoll has a `timespec`, and the kernel's call writes back what is left of it.
+    #[test]
+    fn a_ppoll_says_how_much_time_was_left() {
+        let mut bench = Bench::new();
+        let (ears, mut mouth) = std::io::pipe().expect("the system has pipes");
+        let asked = entries_of(&[(ears.as_raw_fd(), IN)]);
+        let time = Room::of_words(&[1, 30_000_000]);
+        let args = [asked.at(0), 1, time.at(0), 0, 8];
+        assert_eq!(bench.calls(libc::SYS_ppoll, &args), waits(Some(1_030)));
+        bench.passes(20);
+        std::io::Write::write_all(&mut mouth, b"x").expect("there is room");
+        assert_eq!(bench.again(), Told::Answer(1));
+        assert_eq!(time.words(), [1, 10_000_000]);
+        assert_eq!(
+            bench.calls(libc::SYS_ppoll, &[asked.at(0), 1, 0, 0, 8]),
+            Told::Answer(1)
+        );
+        time.put(8, &1_000_000_000_u64.to_ne_bytes());
+        // A time of too many nanoseconds is taken as a longer one.
+        assert_eq!(bench.calls(libc::SYS_ppoll, &args), Told::Answer(1));
+        assert_eq!(time.words(), [2, 0]);
+        time.put(0, &u64::MAX.to_ne_bytes());
+        assert_eq!(bench.calls(libc::SYS_ppoll, &args), error(Errno::EINVAL));
+    }
+
+    /// What the terminal of a port holds can be read, and output is ready unless it is stopped.
+    #[test]
+    fn a_port_is_ready_as_its_terminal_says() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let asked = entries_of(&[(port.as_raw_fd(), IN | OUT | 2)]);
+        let only_in = entries_of(&[(port.as_raw_fd(), IN)]);
+        let poll = libc::SYS_poll;
+        assert_eq!(
+            bench.calls(poll, &[only_in.at(0), 1, u64::MAX]),
+            waits(None)
+        );
+        assert!(bench.thread().waits_for_ports && bench.thread().asks_port);
+        assert_eq!(
+            bench.calls(poll, &[asked.at(0), 1, u64::MAX]),
+            Told::Answer(1)
+        );
+        assert_eq!(answers(&asked), [OUT]);
+        bench.brings(1);
+        assert_eq!(
+            bench.calls(poll, &[asked.at(0), 1, u64::MAX]),
+            Told::Answer(1)
+        );
+        assert_eq!(answers(&asked), [IN | OUT]);
+        bench
+            .supervisor
+            .stage
+            .terminal(0)
+            .expect("it is there")
+            .suspend(true);
+        assert_eq!(
+            bench.calls(poll, &[asked.at(0), 1, u64::MAX]),
+            Told::Answer(1)
+        );
+        assert_eq!(answers(&asked), [IN]);
+        let (ears, _mouth) = std::io::pipe().expect("the system has pipes");
+        let both = entries_of(&[(port.as_raw_fd(), IN), (ears.as_raw_fd(), IN)]);
+        assert_eq!(bench.calls(poll, &[both.at(0), 2, 0]), Told::Answer(1));
+        assert!(!bench.thread().waits_for_ports && bench.thread().asks_port);
+        assert_eq!(answers(&both), [IN, 0]);
+        assert_eq!(bench.thread().quiet, [ears.as_raw_fd()]);
+    }
+
+    /// What a program says is heard all the time; of signals the supervisor knows; pipes of the
+    /// last calls are remembered, the latest 16.
+    #[test]
+    fn files_of_other_kinds_are_ready_as_they_are() {
+        let mut bench = Bench::new();
+        let mouth = bench.mouth();
+        let mask = nix::sys::signal::SigSet::empty();
+        let signals = nix::sys::signalfd::SignalFd::new(&mask).expect("the system has them");
+        let (ears, mut words) = std::io::pipe().expect("the system has pipes");
+        std::io::Write::write_all(&mut words, b"x").expect("there is room");
+        let asked = entries_of(&[
+            (mouth.as_raw_fd(), IN | OUT),
+            (signals.as_raw_fd(), IN),
+            (ears.as_raw_fd(), IN),
+        ]);
+        assert_eq!(
+            bench.calls(libc::SYS_poll, &[asked.at(0), 3, 0]),
+            Told::Answer(2)
+        );
+        assert_eq!(answers(&asked), [OUT, 0, IN]);
+        let pipes = [(); 17].map(|()| std::io::pipe().expect("the system has pipes"));
+        let own = pipes.each_ref().map(|(ears, _)| ears.as_raw_fd());
+        let asked = entries_of(&own.map(|fd| (fd, IN)));
+        assert_eq!(
+            bench.calls(libc::SYS_poll, &[asked.at(0), 17, 0]),
+            Told::Answer(0)
+        );
+        assert_eq!(bench.thread().quiet, own[1..]);
+        let first = entries_of(&[(own[3], IN)]);
+        assert_eq!(
+            bench.calls(libc::SYS_poll, &[first.at(0), 1, 0]),
+            Told::Answer(0)
+        );
+        assert_eq!(bench.thread().quiet.last(), Some(&own[3]));
+        assert_eq!(bench.thread().quiet.len(), 16);
+    }
+
+    /// select(2): three sets of bits; the answer counts all bits, and the time left is written back
+    /// in microseconds, by pselect6 in nanoseconds.
+    #[test]
+    fn a_select_answers_with_sets() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let (ears, _mouth) = std::io::pipe().expect("the system has pipes");
+        let [port, ears] = [&port.as_raw_fd(), &ears.as_raw_fd()].map(|fd| fd.unsigned_abs());
+        let most = u64::from(port.max(ears)) + 1;
+        let words = usize::try_from(most).expect("small").div_ceil(64);
+        let set = |files: &[u32]| {
+            let mut set = vec![0_u64; words];
+            for &fd in files {
+                set[fd as usize / 64] |= 1 << (fd % 64);
+            }
+            set
+        };
+        let [reads, writes, excepts] =
+            [set(&[port, ears]), set(&[port]), set(&[port])].map(|set| Room::of_words(&set));
+        let time = Room::of_words(&[0, 30_000]);
+        let (select, pselect) = (libc::SYS_select, libc::SYS_pselect6);
+        let args = |sets: [u64; 3], time: u64| [most, sets[0], sets[1], sets[2], time, 0];
+        let only_read = args([reads.at(0), 0, 0], time.at(0));
+        assert_eq!(bench.calls(select, &only_read), waits(Some(30)));
+        assert_eq!(
+            bench.calls(select, &args([reads.at(0), 0, 0], 0)),
+            waits(None)
+        );
+        assert_eq!(reads.words(), set(&[port, ears]), "untouched");
+        let all = args([reads.at(0), writes.at(0), excepts.at(0)], time.at(0));
+        assert_eq!(bench.calls(select, &all), Told::Answer(1));
+        assert_eq!(
+            [reads.words(), writes.words(), excepts.words()],
+            [set(&[]), set(&[port]), set(&[])]
+        );
+        assert_eq!(time.words(), [0, 30_000]);
+        bench.brings(1);
+        let to_bytes = |set: Vec<u64>| {
+            set.iter()
+                .flat_map(|it| it.to_ne_bytes())
+                .collect::<Vec<_>>()
+        };
+        reads.put(0, &to_bytes(set(&[port, ears])));
+        assert_eq!(bench.calls(select, &all), Told::Answer(2));
+        assert_eq!(
+            [reads.words(), writes.words()],
+            [set(&[port]), set(&[port])]
+        );
+        // Nothing comes until its time is up.
+        let quiet = Room::of_words(&set(&[ears]));
+        time.put(0, &[1_u64, 2_500_000].map(u64::to_ne_bytes).concat());
+        let now = bench.now();
+        let args = [most, quiet.at(0), 0, 0, time.at(0), 0];
+        let until = Told::Waits(On::Files, Some(now + 3_500 * MS));
+        assert_eq!(bench.calls(select, &args), until);
+        quiet.put(0, &to_bytes(set(&[])));
+        bench.passes(3_499);
+        assert_eq!(bench.again(), until, "what it named at first counts");
+        bench.passes(1);
+        assert_eq!(bench.again(), Told::Answer(0));
+        assert_eq!((quiet.words(), time.words()), (set(&[]), vec![0, 0]));
+        let now = bench.now();
+        time.put(0, &[0_u64, 7_000_000].map(u64::to_ne_bytes).concat());
+        quiet.put(0, &to_bytes(set(&[ears])));
+        assert_eq!(
+            bench.calls(pselect, &args),
+            Told::Waits(On::Files, Some(now + 7 * MS))
+        );
+        let closed = Room::of_words(&[0, 0, 1 << 63]);
+        let args = [192, closed.at(0), 0, 0, time.at(0), 0];
+        assert_eq!(bench.calls(select, &args), error(Errno::EBADF));
+        // Below the number that is given no file is looked at.
+        let args = [191, closed.at(0), 0, 0, time.at(0), 0];
+        assert_eq!(
+            bench.calls(pselect, &args),
+            Told::Waits(On::Files, Some(now + 7 * MS))
+        );
+        time.put(0, &[u64::MAX, 0].map(u64::to_ne_bytes).concat());
+        assert_eq!(bench.calls(select, &args), error(Errno::EINVAL));
+    }
+
+    /// epoll_wait(2): events of 12 bytes on this processor, at most so many as are asked for.
+    #[test]
+    fn a_set_of_files_answers_with_events() {
+        use rustix::event::epoll::{CreateFlags, EventData, EventFlags, add, create};
+
+        let mut bench = Bench::new();
+        let set = create(CreateFlags::empty()).expect("the system has sets");
+        let pipes = [(); 2].map(|()| std::io::pipe().expect("the system has pipes"));
+        for (index, (ears, _)) in pipes.iter().enumerate() {
+            let data = EventData::new_u64(0x0102_0304_0506_0708 + index as u64);
+            add(&set, ears, data, EventFlags::IN).expect("it is new");
+        }
+        let room = Room::of(&[0xA5; 36]);
+        let wait = libc::SYS_epoll_wait;
+        let args = |most: u64, millis: u64| [fd(&set), room.at(0), most, millis];
+        assert_eq!(bench.calls(wait, &args(3, 30)), waits(Some(30)));
+        assert_eq!(bench.calls(wait, &args(3, u64::MAX)), waits(None));
+        assert_eq!(
+            bench.calls(libc::SYS_epoll_pwait, &args(3, 20)),
+            waits(Some(20))
+        );
+        let time = Room::of_words(&[0, 5_000_000]);
+        assert_eq!(
+            bench.calls(libc::SYS_epoll_pwait2, &args(3, time.at(0))),
+            waits(Some(5))
+        );
+        assert_eq!(
+            bench.calls(libc::SYS_epoll_pwait2, &args(3, 0)),
+            waits(None)
+        );
+        assert_eq!(bench.calls(wait, &args(3, 0)), Told::Answer(0));
+        for (_, mouth) in &pipes {
+            let mut mouth = mouth;
+            std::io::Write::write_all(&mut mouth, b"x").expect("there is room");
+        }
+        assert_eq!(bench.calls(wait, &args(3, u64::MAX)), Told::Answer(2));
+        let event = |index: u64| {
+            let data = (0x0102_0304_0506_0708 + index).to_ne_bytes();
+            [&1_u32.to_ne_bytes()[..], &data].concat()
+        };
+        let expected = [event(0), event(1), vec![0xA5; 12]].concat();
+        assert_eq!(room.bytes(), expected);
+        assert_eq!(bench.calls(wait, &args(1, u64::MAX)), Told::Answer(1));
+        assert_eq!(bench.calls(wait, &args(u64::MAX, 0)), error(Errno::EINVAL));
+        assert_eq!(
+            bench.calls(wait, &[9_999, room.at(0), 1, 0]),
+            error(Errno::EBADF)
+        );
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        assert_eq!(
+            bench.calls(wait, &[fd(&null), room.at(0), 1, 0]),
+            error(Errno::EINVAL)
+        );
+    }
+
+    #[test]
+    fn the_files_of_a_call_are_named_in_memory() {
+        let tid = std::process::id().cast_signed();
+        let asked = entries_of(&[(3, IN), (-1, OUT)]);
+        let of = |number, args: &[u64]| watched(tid, &Call::made(number, args));
+        for number in [libc::SYS_poll, libc::SYS_ppoll] {
+            let expected = [3, 0, 0, 0, 1, 0, 255, 255, 255, 255, 4, 0];
+            assert_eq!(of(number, &[asked.at(0), 2]), expected);
+        }
+        let set = Room::of_words(&[5]);
+        for number in [libc::SYS_select, libc::SYS_pselect6] {
+            let words = [[0; 8], 5_u64.to_ne_bytes(), [0; 8]];
+            assert_eq!(of(number, &[3, 0, set.at(0), 0]), words.concat());
+        }
+        assert!(of(libc::SYS_read, &[3, set.at(0), 8]).is_empty());
+        assert!(of(libc::SYS_poll, &[8, 1]).is_empty());
     }
 }

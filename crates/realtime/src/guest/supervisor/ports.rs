@@ -162,3 +162,171 @@ impl Supervisor {
         Ok(Outcome::Answer(i64::try_from(done).unwrap_or(0)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nix::libc;
+
+    use crate::guest::supervisor::tests::{Bench, MS, Told, error, fd};
+    use crate::guest::tests::Room;
+
+    /// Settings with VMIN and VTIME: the 7th and the 6th of the special characters.
+    fn settings(bench: &mut Bench, least: u8, tenths: u8) {
+        let terminal = bench.supervisor.stage.terminal(0).expect("it is there");
+        let mut bytes = terminal.settings().bytes();
+        (bytes[17 + 6], bytes[17 + 5]) = (least, tenths);
+        let settings = terminal.settings().with(&bytes);
+        terminal.set(settings);
+    }
+
+    fn waits(until: Option<u64>) -> Told {
+        Told::Waits(On::Files, until)
+    }
+
+    fn unread(bench: &mut Bench) -> usize {
+        bench
+            .supervisor
+            .stage
+            .terminal(0)
+            .map_or(0, |it| it.unread())
+    }
+
+    /// termios(3), MIN > 0 and TIME == 0: a read waits for MIN bytes, or for all that it wants.
+    #[test]
+    fn a_read_waits_for_vmin_bytes() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::new(16);
+        let read = libc::SYS_read;
+        let args = |len| [fd(&port), room.at(0), len];
+        assert_eq!(bench.calls(read, &args(0)), Told::Answer(0));
+        settings(&mut bench, 1, 0);
+        assert_eq!(bench.calls(read, &args(16)), waits(None));
+        assert!(bench.thread().waits_for_ports && bench.thread().asks_port);
+        bench.brings(1);
+        assert_eq!(bench.calls(read, &args(16)), Told::Answer(1));
+        assert_eq!((room.bytes()[0], unread(&mut bench)), (b'm', 0));
+        settings(&mut bench, 3, 0);
+        bench.brings(2);
+        assert_eq!(bench.calls(read, &args(16)), waits(None));
+        assert_eq!(bench.calls(read, &args(2)), Told::Answer(2));
+        bench.brings(3);
+        assert_eq!(bench.calls(read, &args(2)), Told::Answer(2));
+        assert_eq!((&room.bytes()[..2], unread(&mut bench)), (&b"70"[..], 1));
+    }
+
+    /// MIN == 0, TIME == 0: at once. MIN == 0, TIME > 0: for one byte, at most so long.
+    #[test]
+    fn a_read_without_vmin_ends_at_its_time() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::new(16);
+        let args = [fd(&port), room.at(0), 16];
+        settings(&mut bench, 0, 0);
+        assert_eq!(bench.calls(libc::SYS_read, &args), Told::Answer(0));
+        settings(&mut bench, 0, 2);
+        let now = bench.now();
+        assert_eq!(
+            bench.calls(libc::SYS_read, &args),
+            waits(Some(now + 200 * MS))
+        );
+        bench.brings(1);
+        assert_eq!(bench.again(), Told::Answer(1));
+        bench.supervisor.stage.is_frozen = true;
+        let now = bench.now();
+        assert_eq!(
+            bench.calls(libc::SYS_read, &args),
+            waits(Some(now + 200 * MS))
+        );
+        bench.passes(199);
+        assert_eq!(bench.again(), waits(Some(now + 200 * MS)));
+        bench.passes(1);
+        assert_eq!(bench.again(), Told::Answer(0));
+    }
+
+    /// MIN > 0, TIME > 0: the time counts from each byte on, and not before the first.
+    #[test]
+    fn a_read_between_bytes_ends_at_its_time() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::new(16);
+        let args = [fd(&port), room.at(0), 16];
+        settings(&mut bench, 200, 3);
+        assert_eq!(bench.calls(libc::SYS_read, &args), waits(None));
+        bench.brings(1);
+        bench.supervisor.stage.is_frozen = true;
+        let heard = bench.supervisor.stage.heard(0).as_nanos();
+        assert_eq!(bench.again(), waits(Some(heard + 300 * MS)));
+        let rest = heard + 300 * MS - bench.now();
+        let most = Duration::from_nanos(rest - 1);
+        bench.supervisor.stage.pass(most).expect("the port stays");
+        assert_eq!(bench.again(), waits(Some(heard + 300 * MS)));
+        bench
+            .supervisor
+            .stage
+            .pass(Duration::from_nanos(1))
+            .expect("the port stays");
+        assert_eq!(bench.again(), Told::Answer(1));
+    }
+
+    /// open(2), O_NONBLOCK: EAGAIN in place of a wait.
+    #[test]
+    fn a_port_that_never_waits_fails_without_bytes() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        rustix::io::ioctl_fionbio(&port, true).expect("ours");
+        let room = Room::new(16);
+        let args = [fd(&port), room.at(0), 16];
+        settings(&mut bench, 5, 0);
+        assert_eq!(bench.calls(libc::SYS_read, &args), error(Errno::EAGAIN));
+        settings(&mut bench, 0, 1);
+        assert_eq!(bench.calls(libc::SYS_read, &args), error(Errno::EAGAIN));
+        settings(&mut bench, 5, 0);
+        bench.brings(1);
+        assert_eq!(bench.calls(libc::SYS_read, &args), Told::Answer(1));
+    }
+
+    /// A write takes as much as the line has room for, 4,096 bytes, and waits for more.
+    #[test]
+    fn a_write_waits_for_room_on_the_line() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        bench.supervisor.stage.begin();
+        let bytes = Room::of(&[b'x'; 6_000]);
+        let args = |len| [fd(&port), bytes.at(0), len];
+        assert_eq!(
+            bench.calls(libc::SYS_write, &args(1_500)),
+            Told::Answer(1_500)
+        );
+        let backlog = bench.supervisor.stage.backlog(0);
+        assert!((1_498..=1_500).contains(&backlog), "{backlog}");
+        let told = bench.calls(libc::SYS_write, &args(4_000));
+        assert_eq!(told, Told::Waits(On::Line, None));
+        let done = bench.thread().progress;
+        assert!((2_596..=2_600).contains(&done), "{done}");
+        bench
+            .supervisor
+            .stage
+            .leap(None, true)
+            .expect("the port stays");
+        assert_eq!(bench.again(), Told::Waits(On::Line, None));
+        assert!(bench.thread().progress > done);
+        rustix::io::ioctl_fionbio(&port, true).expect("ours");
+        bench.passes(20);
+        assert!(matches!(
+            bench.calls(libc::SYS_write, &args(4_000)),
+            Told::Answer(1..=40)
+        ));
+        assert_eq!(
+            bench.calls(libc::SYS_write, &args(4_000)),
+            error(Errno::EAGAIN)
+        );
+        // After the run what the rig does not take is lost.
+        bench.supervisor.stage.is_frozen = true;
+        assert_eq!(
+            bench.calls(libc::SYS_write, &args(4_000)),
+            Told::Answer(4_000)
+        );
+    }
+}

@@ -252,3 +252,218 @@ fn told_by(id: i32, timer: &PosixTimer) -> [u8; SIGINFO] {
     info[24..32].copy_from_slice(&timer.value.to_ne_bytes());
     info
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{On, State};
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told, error};
+    use crate::guest::tests::Room;
+
+    /// A `sigevent`: value, signal, kind of notice, thread.
+    fn event(value: u64, signal: i32, notice: i32, thread: i32) -> Room {
+        let room = Room::new(64);
+        room.put(0, &value.to_ne_bytes());
+        room.put(8, &[signal, notice, thread].map(i32::to_ne_bytes).concat());
+        room
+    }
+
+    fn times(first: [u64; 2], interval: [u64; 2]) -> Room {
+        Room::of_words(&[interval[0], interval[1], first[0], first[1]])
+    }
+
+    /// timer_create(2): the least free number; without an event SIGALRM with that number.
+    #[test]
+    fn a_timer_is_made_as_its_event_says() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let place = Room::of(&[0xFF; 4]);
+        let make = |bench: &mut Bench, event: u64| {
+            let told = bench.calls(libc::SYS_timer_create, &[1, event, place.at(0)]);
+            (told, place.numbers()[0])
+        };
+        assert_eq!(make(&mut bench, 0), (Told::Answer(0), 0));
+        let told = event(0x1234_5678_9, 34, SIGEV_SIGNAL, -1);
+        assert_eq!(make(&mut bench, told.at(0)), (Told::Answer(0), 1));
+        let told = event(7, 64, SIGEV_THREAD, -1);
+        assert_eq!(make(&mut bench, told.at(0)), (Told::Answer(0), 2));
+        let told = event(7, 65, SIGEV_NONE, -1);
+        assert_eq!(make(&mut bench, told.at(0)), (Told::Answer(0), 3));
+        let told = event(7, 1, SIGEV_THREAD_ID, tid);
+        assert_eq!(make(&mut bench, told.at(0)), (Told::Answer(0), 4));
+        let timers: Vec<(i32, u64, Option<i32>, i64)> = bench
+            .process()
+            .posix_timers
+            .values()
+            .map(|it| (it.signal, it.value, it.thread, it.clock))
+            .collect();
+        let expected = [
+            (14, 0, None, 1),
+            (34, 0x1234_5678_9, None, 1),
+            (64, 7, None, 1),
+            (0, 7, None, 1),
+            (1, 7, Some(tid), 1),
+        ];
+        assert_eq!(timers, expected);
+        for (signal, notice, thread) in [
+            (0, SIGEV_SIGNAL, -1),
+            (65, SIGEV_SIGNAL, -1),
+            (65, SIGEV_THREAD, -1),
+            (10, 3, -1),
+            (10, SIGEV_THREAD_ID, 1),
+            (0, SIGEV_THREAD_ID, tid),
+        ] {
+            let wrong = event(7, signal, notice, thread);
+            let told = bench.calls(libc::SYS_timer_create, &[1, wrong.at(0), place.at(0)]);
+            assert_eq!(told, error(Errno::EINVAL), "{signal} {notice} {thread}");
+        }
+        let delete = libc::SYS_timer_delete;
+        assert_eq!(bench.calls(delete, &[1]), Told::Answer(0));
+        assert_eq!(bench.calls(delete, &[1]), error(Errno::EINVAL));
+        assert_eq!(make(&mut bench, 0), (Told::Answer(0), 1));
+        let fault = bench.calls(libc::SYS_timer_create, &[1, 0, 8]);
+        assert_eq!(fault, error(Errno::EFAULT));
+        for _ in 5..TIMERS_MAX {
+            assert_eq!(make(&mut bench, 0).0, Told::Answer(0));
+        }
+        let many = bench.calls(libc::SYS_timer_create, &[1, 0, place.at(0)]);
+        assert_eq!(many, error(Errno::EAGAIN));
+    }
+
+    /// A timer without a signal: nothing is sent to this process.
+    #[test]
+    fn a_timer_is_set_and_told() {
+        let mut bench = Bench::new();
+        bench.passes(100);
+        let (place, none) = (Room::new(4), event(0, 0, SIGEV_NONE, -1));
+        bench.calls(libc::SYS_timer_create, &[1, none.at(0), place.at(0)]);
+        let (set, get) = (libc::SYS_timer_settime, libc::SYS_timer_gettime);
+        let room = Room::of(&[0xFF; 32]);
+        let asked = times([0, 20_000_000], [0, 3_000_000]);
+        assert_eq!(
+            bench.calls(set, &[0, 0, asked.at(0), room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.words(), [0; 4]);
+        bench.passes(5);
+        assert_eq!(bench.calls(get, &[0, room.at(0)]), Told::Answer(0));
+        assert_eq!(room.words(), [0, 3_000_000, 0, 15_000_000]);
+        assert_eq!(bench.calls(set, &[0, 0, asked.at(0), 0]), Told::Answer(0));
+        let at = times([1_000, 300_000_000], [0, 0]);
+        assert_eq!(
+            bench.calls(set, &[0, 1, at.at(0), room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.words(), [0, 3_000_000, 0, 20_000_000]);
+        assert_eq!(bench.calls(get, &[0, room.at(0)]), Told::Answer(0));
+        assert_eq!(room.words(), [0, 0, 0, 195_000_000]);
+        assert_eq!(bench.calls(set, &[0, 2, at.at(0), 0]), Told::Answer(0));
+        assert_eq!(bench.calls(get, &[0, room.at(0)]), Told::Answer(0));
+        assert_eq!(room.words(), [0, 0, 1_000, 300_000_000]);
+        assert_eq!(bench.calls(get, &[7, room.at(0)]), error(Errno::EINVAL));
+        assert_eq!(
+            bench.calls(libc::SYS_timer_getoverrun, &[0]),
+            Told::Answer(0)
+        );
+        bench.passes(2_000_000);
+        bench.supervisor.fire_posix_timers();
+        let timer = bench.process().posix_timers[&0];
+        assert_eq!(
+            (timer.is_due, timer.is_sent, timer.overrun),
+            (false, false, 0)
+        );
+        assert!(!bench.supervisor.is_signalled);
+    }
+
+    /// SIGRTMIN and higher go to the thread that waits for them: rt_sigtimedwait(2), sigaction(2).
+    #[test]
+    fn a_thread_takes_the_signal_of_a_timer() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let (place, told) = (Room::new(4), event(0xABCD, 40, SIGEV_SIGNAL, -1));
+        bench.calls(libc::SYS_timer_create, &[1, told.at(0), place.at(0)]);
+        let asked = times([0, 20_000_000], [0, 3_000_000]);
+        bench.calls(libc::SYS_timer_settime, &[0, 0, asked.at(0), 0]);
+        let set = Room::of_words(&[1 << 39]);
+        let info = Room::of(&[0xFF; 128]);
+        let time = Room::of_words(&[0, 50_000_000]);
+        let args = [set.at(0), info.at(0), time.at(0), 8];
+        let wait = libc::SYS_rt_sigtimedwait;
+        assert_eq!(
+            bench.calls(wait, &args),
+            Told::Waits(On::Others, Some(50_000_000))
+        );
+        bench.passes(30);
+        bench.thread().state = State::Blocked(super::super::Wait::for_ever());
+        bench.supervisor.fire_posix_timers();
+        // At 20, 23, 26 and 29 ms: three more than the one that is told.
+        let timer = bench.process().posix_timers[&0];
+        assert_eq!(
+            (timer.is_due, timer.is_sent, timer.overrun),
+            (true, false, 3)
+        );
+        assert!(matches!(bench.thread().state, State::Ready(Next::Attempt)));
+        bench.passes(3);
+        bench.supervisor.fire_posix_timers();
+        assert_eq!(
+            bench.process().posix_timers[&0].overrun,
+            4,
+            "one more while it is pending"
+        );
+        let other = Room::of_words(&[!(1 << 39)]);
+        let elsewhere = [other.at(0), info.at(0), time.at(0), 8];
+        assert!(matches!(bench.calls(wait, &elsewhere), Told::Waits(..)));
+        assert_eq!(bench.calls(wait, &args), Told::Answer(40));
+        let mut expected = [0; 128];
+        expected[..4].copy_from_slice(&40_i32.to_ne_bytes());
+        expected[8..12].copy_from_slice(&(-2_i32).to_ne_bytes());
+        expected[20..24].copy_from_slice(&4_i32.to_ne_bytes());
+        expected[24..32].copy_from_slice(&0xABCD_u64.to_ne_bytes());
+        assert_eq!(info.bytes(), expected);
+        assert!(matches!(bench.calls(wait, &args), Told::Waits(..)));
+        assert_eq!(
+            bench.calls(libc::SYS_timer_getoverrun, &[0]),
+            Told::Answer(4)
+        );
+        bench.passes(50);
+        assert!(matches!(bench.calls(wait, &args), Told::Waits(..)));
+        bench.passes(50);
+        assert_eq!(bench.again(), error(Errno::EAGAIN));
+        // One for another thread is not taken.
+        bench.supervisor.fire_posix_timers();
+        let timers = &mut bench.process().posix_timers;
+        timers.get_mut(&0).expect("made").thread = Some(tid + 1);
+        assert!(matches!(bench.calls(wait, &args), Told::Waits(..)));
+        let timers = &mut bench.process().posix_timers;
+        timers.get_mut(&0).expect("made").thread = Some(tid);
+        let untold = [set.at(0), 0, time.at(0), 8];
+        assert_eq!(bench.calls(wait, &untold), Told::Answer(40));
+    }
+
+    /// A handler is told of a timer whose signal was sent, once.
+    #[test]
+    fn a_handler_is_told_of_the_timer_that_sent_its_signal() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let place = Room::new(4);
+        bench.calls(libc::SYS_timer_create, &[1, 0, place.at(0)]);
+        assert_eq!(bench.supervisor.told_by_timer(tid, 14), None);
+        let timer = bench.process().posix_timers.get_mut(&0).expect("made");
+        (timer.is_sent, timer.overrun) = (true, i64::MAX);
+        assert_eq!(bench.supervisor.told_by_timer(tid, 15), None);
+        assert_eq!(bench.supervisor.told_by_timer(-7, 14), None);
+        let info = bench
+            .supervisor
+            .told_by_timer(tid, 14)
+            .expect("it was sent");
+        assert_eq!(info[20..24], i32::MAX.to_ne_bytes());
+        assert_eq!(bench.supervisor.told_by_timer(tid, 14), None);
+    }
+
+    #[test]
+    fn a_signal_is_a_bit() {
+        let bits = [1, 2, 32, 64].map(bit_of);
+        assert_eq!(bits, [1, 2, 1 << 31, 1 << 63]);
+        assert_eq!([0, -1, 65].map(bit_of), [0; 3]);
+    }
+}

@@ -93,3 +93,94 @@ fn possible() -> u64 {
     let last: Option<u32> = last.and_then(|last| last.parse().ok());
     last.map_or(u64::MAX, |last| u64::MAX >> (63 - last.min(63)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::tests::Room;
+
+    /// What a thread is answered; the kernel is told of it, which this process does not see.
+    fn set_of(bench: &Bench, args: [u64; 3], number: i64) -> Result<i64, Errno> {
+        let call = Call::made(number, &args);
+        match number {
+            libc::SYS_getcpu => processor_number(bench.tid, &call),
+            _ => bench.supervisor.tell_processors(bench.tid, &call),
+        }
+    }
+
+    /// getcpu(2) and sched_getaffinity(2), whose call of the system has the length of what it has
+    /// written: whole words, and the first processor alone.
+    #[test]
+    fn a_program_sees_the_first_processor() {
+        let bench = Bench::new();
+        let room = Room::of(&[0xFF; 16]);
+        let get = libc::SYS_sched_getaffinity;
+        assert_eq!(set_of(&bench, [0, 8, room.at(0)], get), Ok(8));
+        assert_eq!(room.words(), [1, u64::MAX]);
+        assert_eq!(set_of(&bench, [0, 128, room.at(8)], get), Ok(8));
+        assert_eq!(room.words(), [1, 1]);
+        let own = u64::from(bench.tid.unsigned_abs());
+        assert_eq!(set_of(&bench, [own, 8, room.at(0)], get), Ok(8));
+        assert_eq!(set_of(&bench, [1, 8, room.at(0)], get), Err(Errno::ESRCH));
+        for len in [0, 7, 9, 12, u64::MAX] {
+            assert_eq!(
+                set_of(&bench, [0, len, room.at(0)], get),
+                Err(Errno::EINVAL),
+                "{len}"
+            );
+        }
+        assert_eq!(set_of(&bench, [0, 8, 8], get), Err(Errno::EFAULT));
+        let room = Room::of(&[0xFF; 16]);
+        let number = libc::SYS_getcpu;
+        assert_eq!(set_of(&bench, [room.at(0), room.at(8), 0], number), Ok(0));
+        assert_eq!(room.numbers(), [0, -1, 0, -1]);
+        assert_eq!(set_of(&bench, [0, 0, 0], number), Ok(0));
+        assert_eq!(set_of(&bench, [8, 0, 0], number), Err(Errno::EFAULT));
+    }
+
+    /// sched_setaffinity(2): EINVAL without any processor of the machine.
+    #[test]
+    fn a_program_gets_the_processors_that_it_wants() {
+        let mut bench = Bench::new();
+        let room = Room::of_words(&[u64::MAX, u64::MAX]);
+        let wants = |bench: &mut Bench, args: [u64; 3]| {
+            let call = Call::made(libc::SYS_sched_setaffinity, &args);
+            let done = bench.supervisor.wants_processors(bench.tid, &call);
+            done.map(|_| bench.thread().processors)
+        };
+        assert_eq!(wants(&mut bench, [0, 16, room.at(0)]), Ok(possible()));
+        room.put(0, &[1]);
+        assert_eq!(wants(&mut bench, [0, 1, room.at(0)]), Ok(1));
+        room.put(0, &[0xFF]);
+        assert_eq!(wants(&mut bench, [0, u64::MAX, room.at(0)]), Ok(possible()));
+        room.put(0, &[0; 8]);
+        assert_eq!(wants(&mut bench, [0, 8, room.at(0)]), Err(Errno::EINVAL));
+        assert_eq!(wants(&mut bench, [0, 8, 8]), Err(Errno::EFAULT));
+        assert_eq!(wants(&mut bench, [1, 8, room.at(0)]), Err(Errno::ESRCH));
+        bench.thread().processors = 0b101;
+        let tid = bench.tid;
+        bench.add(1_000_001, tid, super::super::State::Running);
+        let of = |bench: &Bench| bench.supervisor.threads[&1_000_001].processors;
+        assert_eq!(of(&bench), 1);
+        bench.supervisor.inherit_processors(tid, 1_000_001);
+        assert_eq!(of(&bench), 0b101);
+        bench.supervisor.inherit_processors(-7, 1_000_001);
+        assert_eq!(of(&bench), 0b101);
+    }
+
+    /// As many as the system counts.
+    #[test]
+    fn the_processors_of_the_machine_are_bits() {
+        let text = std::fs::read_to_string("/sys/devices/system/cpu/possible");
+        let Ok(text) = text else { return };
+        let last = text
+            .trim()
+            .rsplit('-')
+            .next()
+            .and_then(|it| it.parse::<u32>().ok());
+        let count = last.expect("a list") + 1;
+        assert_eq!(possible().count_ones(), count.min(64));
+        assert_eq!(possible() & 1, 1);
+    }
+}

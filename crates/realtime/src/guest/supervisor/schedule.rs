@@ -169,3 +169,210 @@ impl Supervisor {
         Flow::Stays
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::Bench;
+
+    fn bench(seed: u64) -> Bench {
+        let mut bench = Bench::new();
+        bench.supervisor.schedule = Some(Schedule::new(seed));
+        bench
+    }
+
+    /// Between 10 us and twice 2.56 ms, most of them short; the same for one seed.
+    #[test]
+    fn delays_are_between_their_limits() {
+        let mut schedule = Schedule::new(7);
+        let delays: Vec<Duration> = (0..2_000).map(|_| schedule.delay()).collect();
+        let (least, most) = (delays.iter().min(), delays.iter().max());
+        assert!(least >= Some(&DELAY_MIN) && least < Some(&Duration::from_micros(11)));
+        let limits = Duration::from_micros(4_900)..Duration::from_micros(5_120);
+        assert!(limits.contains(most.expect("some")), "{most:?}");
+        let short = delays
+            .iter()
+            .filter(|&&it| it < Duration::from_micros(320))
+            .count();
+        assert!(
+            (1_000..1_250).contains(&short),
+            "{short}: five of nine doublings"
+        );
+        let mut again = Schedule::new(7);
+        assert!(delays.iter().all(|&it| it == again.delay()));
+        let mut other = Schedule::new(8);
+        assert!(delays.iter().any(|&it| it != other.delay()));
+        assert_eq!((schedule.below(1), schedule.below(0)), (0, 0));
+    }
+
+    #[test]
+    fn chance_decides_which_thread_is_next() {
+        let firsts = |schedule: bool| -> std::collections::BTreeSet<Option<i32>> {
+            (0..64)
+                .map(|seed| {
+                    let mut bench = bench(seed);
+                    if !schedule {
+                        bench.supervisor.schedule = None;
+                    }
+                    bench.supervisor.queue.extend([1, 2, 3]);
+                    let first = bench.supervisor.next_in_queue();
+                    assert_eq!(bench.supervisor.queue.len(), 2);
+                    first
+                })
+                .collect()
+        };
+        assert_eq!(firsts(true), [Some(1), Some(2), Some(3)].into());
+        assert_eq!(firsts(false), [Some(1)].into());
+        let mut bench = bench(1);
+        assert_eq!(bench.supervisor.next_in_queue(), None);
+        bench.supervisor.queue.push_back(9);
+        assert_eq!(bench.supervisor.next_in_queue(), Some(9));
+    }
+
+    /// A thread that begins a call is late once in 24 calls, and lets others go first once in 6.
+    #[test]
+    fn a_call_lets_others_go_first_or_is_late() {
+        let mut counts = [0; 3];
+        let mut bench = bench(3);
+        let tid = bench.tid;
+        for _ in 0..2_400 {
+            bench.supervisor.queue.push_back(1);
+            bench.supervisor.schedule.as_mut().expect("set").fuel = Some((tid, 3));
+            let flow = bench.supervisor.call_by_schedule(tid);
+            let is_late = !core::mem::take(&mut bench.supervisor.late).is_empty();
+            let queue = core::mem::take(&mut bench.supervisor.queue);
+            let index = match (flow, is_late, queue.len()) {
+                (None, false, 1) => 0,
+                (Some(Flow::Stays), false, 2) => 1,
+                (Some(Flow::Stays), true, 1) => 2,
+                _ => panic!("late or behind others"),
+            };
+            counts[index] += 1;
+            assert!(
+                bench
+                    .supervisor
+                    .schedule
+                    .as_ref()
+                    .expect("set")
+                    .fuel
+                    .is_none()
+            );
+        }
+        let [goes, yields, late] = counts;
+        assert!((70..130).contains(&late), "{late} of about 100");
+        assert!((320..450).contains(&yields), "{yields} of about 383");
+        assert_eq!(goes + yields + late, 2_400);
+        // Without others there is nobody to go first.
+        for _ in 0..200 {
+            bench.supervisor.call_by_schedule(tid);
+            assert!(bench.supervisor.queue.is_empty());
+            bench.supervisor.late.clear();
+        }
+        bench.supervisor.schedule = None;
+        assert!(bench.supervisor.call_by_schedule(tid).is_none());
+    }
+
+    /// Once in 12 times a thread goes on by single instructions, up to 1,024 of them.
+    #[test]
+    fn a_thread_loses_the_processor_after_some_instructions() {
+        let mut bench = bench(5);
+        let tid = bench.tid;
+        let mut fuels = Vec::new();
+        for _ in 0..2_400 {
+            let steps = bench.supervisor.steps_by_schedule(tid);
+            let schedule = bench.supervisor.schedule.as_mut().expect("set");
+            assert_eq!(schedule.fuel.is_some(), steps);
+            fuels.extend(schedule.fuel.take());
+        }
+        assert!(
+            (150..260).contains(&fuels.len()),
+            "{} of about 200",
+            fuels.len()
+        );
+        assert!(
+            fuels
+                .iter()
+                .all(|&(of, count)| of == tid && (1..=1_024).contains(&count))
+        );
+        assert!(fuels.iter().any(|&(_, count)| count == 1));
+        assert!(fuels.iter().any(|&(_, count)| count > 512));
+        let schedule = |bench: &mut Bench, fuel, drawn| {
+            let schedule = bench.supervisor.schedule.as_mut().expect("set");
+            (schedule.fuel, schedule.drawn) = (fuel, drawn);
+        };
+        for _ in 0..50 {
+            schedule(&mut bench, Some((tid, 5)), None);
+            assert!(bench.supervisor.steps_by_schedule(tid), "it has some left");
+            schedule(&mut bench, None, Some(tid));
+            assert!(
+                !bench.supervisor.steps_by_schedule(tid),
+                "chance has decided"
+            );
+            // Another thread's instructions are forgotten.
+            schedule(&mut bench, Some((tid + 1, 5)), None);
+            let steps = bench.supervisor.steps_by_schedule(tid);
+            let fuel = bench.supervisor.schedule.as_ref().expect("set").fuel;
+            assert_eq!(fuel.map(|(of, _)| of), steps.then_some(tid));
+        }
+        let mut step = |fuel, keeps| {
+            schedule(&mut bench, fuel, None);
+            bench.supervisor.keeps_loan = keeps;
+            let next = bench.supervisor.step_for_schedule(tid);
+            let schedule = bench.supervisor.schedule.as_ref().expect("set");
+            (matches!(next, Next::Lose), schedule.fuel, schedule.drawn)
+        };
+        assert_eq!(
+            step(Some((tid, 5)), false),
+            (false, Some((tid, 4)), Some(tid))
+        );
+        assert_eq!(
+            step(Some((tid, 2)), false),
+            (false, Some((tid, 1)), Some(tid))
+        );
+        assert_eq!(step(Some((tid, 1)), false), (true, None, None));
+        assert_eq!(
+            step(Some((tid, 1)), true),
+            (false, Some((tid, 1)), Some(tid))
+        );
+        assert_eq!(step(None, false), (false, None, Some(tid)));
+        assert_eq!(
+            step(Some((tid + 1, 1)), false),
+            (false, Some((tid + 1, 1)), Some(tid))
+        );
+        schedule(&mut bench, None, None);
+        bench.supervisor.stop_for_schedule(tid);
+        assert_eq!(
+            bench.supervisor.schedule.as_ref().expect("set").drawn,
+            Some(tid)
+        );
+        bench.supervisor.schedule = None;
+        assert!(!bench.supervisor.steps_by_schedule(tid));
+        assert!(matches!(
+            bench.supervisor.step_for_schedule(tid),
+            Next::Go(None)
+        ));
+    }
+
+    /// Half of the time others go first, if there are some.
+    #[test]
+    fn a_thread_that_loses_the_processor_is_behind_others_or_late() {
+        let mut bench = bench(5);
+        let tid = bench.tid;
+        let mut behind = 0;
+        for _ in 0..200 {
+            bench.supervisor.queue.push_back(1);
+            assert!(matches!(bench.supervisor.lose_processor(tid), Flow::Stays));
+            let is_behind = bench.supervisor.queue == [1, tid];
+            let is_late = !core::mem::take(&mut bench.supervisor.late).is_empty();
+            assert!(is_behind != is_late);
+            behind += u32::from(is_behind);
+            bench.supervisor.queue.clear();
+        }
+        assert!((70..130).contains(&behind), "{behind}");
+        for _ in 0..20 {
+            bench.supervisor.lose_processor(tid);
+            assert!(bench.supervisor.queue.is_empty());
+        }
+        assert_eq!(bench.supervisor.late.len(), 20);
+    }
+}

@@ -312,3 +312,239 @@ fn wanted(tid: i32, call: &Call) -> u64 {
         _ => 0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told};
+    use crate::guest::tests::{Room, Stopped};
+
+    /// signal(7): which calls are made again after a handler with SA_RESTART; a futex without a
+    /// time limit.
+    #[test]
+    fn calls_without_a_time_limit_are_made_again() {
+        let is = |number, args: &[u64]| is_restarted(&Call::made(number, args));
+        for number in [
+            libc::SYS_read,
+            libc::SYS_readv,
+            libc::SYS_write,
+            libc::SYS_writev,
+            libc::SYS_wait4,
+            libc::SYS_waitid,
+            libc::SYS_recvfrom,
+            libc::SYS_recvmsg,
+            libc::SYS_accept,
+            libc::SYS_accept4,
+            libc::SYS_ioctl,
+        ] {
+            assert!(is(number, &[]), "{number}");
+        }
+        for number in [
+            libc::SYS_poll,
+            libc::SYS_nanosleep,
+            libc::SYS_pause,
+            libc::SYS_select,
+        ] {
+            assert!(!is(number, &[]), "{number}");
+        }
+        assert!(is(libc::SYS_futex, &[1, 2, 3, 0]) && !is(libc::SYS_futex, &[1, 2, 3, 4]));
+    }
+
+    /// The arguments that hold masks: sigsuspend(2), poll(2), epoll_wait(2), select(2), where it is
+    /// in memory with its length.
+    #[test]
+    fn a_call_holds_signals_back_by_its_mask() {
+        let tid = std::process::id().cast_signed();
+        let mask = Room::of_words(&[0xABCD]);
+        let at = mask.at(0);
+        let pointer = Room::of_words(&[at, 8]);
+        let of = |number, args: &[u64]| mask_of(tid, &Call::made(number, args));
+        assert_eq!(of(libc::SYS_rt_sigsuspend, &[at]), Some(0xABCD));
+        assert_eq!(of(libc::SYS_ppoll, &[9, 9, 9, at]), Some(0xABCD));
+        assert_eq!(of(libc::SYS_ppoll, &[9, 9, 9, 0]), None);
+        assert_eq!(of(libc::SYS_epoll_pwait, &[9, 9, 9, 9, at]), Some(0xABCD));
+        assert_eq!(of(libc::SYS_epoll_pwait2, &[9, 9, 9, 9, at]), Some(0xABCD));
+        let six = [9, 9, 9, 9, 9, pointer.at(0)];
+        assert_eq!(of(libc::SYS_pselect6, &six), Some(0xABCD));
+        assert_eq!(of(libc::SYS_pselect6, &[9, 9, 9, 9, 9, 0]), None);
+        assert_eq!(of(libc::SYS_pselect6, &[9, 9, 9, 9, 9, 8]), None);
+        assert_eq!(of(libc::SYS_select, &six), None);
+        assert_eq!(of(libc::SYS_ppoll, &[9, 9, 9, 8]), None);
+        let wants = |number| wanted(tid, &Call::made(number, &[at]));
+        assert_eq!(wants(libc::SYS_rt_sigtimedwait), 0xABCD);
+        assert_eq!(wants(libc::SYS_rt_sigsuspend), 0);
+    }
+
+    /// nanosleep(2) writes to its second argument, clock_nanosleep(2) to its fourth, unless its time
+    /// is one of a clock.
+    #[test]
+    fn a_sleep_that_was_cut_short_says_the_rest() {
+        let memory = Memory(crate::guest::tests::own());
+        let room = Room::of_words(&[9, 9]);
+        let left = Duration::new(3, 7);
+        let tells = |number, args: &[u64]| {
+            room.put(0, &[9_u64, 9].map(u64::to_ne_bytes).concat());
+            tell_rest_of_sleep(memory, &Call::made(number, args), left);
+            room.words() == [3, 7]
+        };
+        let at = room.at(0);
+        assert!(tells(libc::SYS_nanosleep, &[0, at]));
+        assert!(!tells(libc::SYS_nanosleep, &[at, 0]));
+        assert!(tells(libc::SYS_clock_nanosleep, &[1, 0, 0, at]));
+        assert!(tells(libc::SYS_clock_nanosleep, &[1, 2, 0, at]));
+        assert!(!tells(libc::SYS_clock_nanosleep, &[1, 1, 0, at]));
+        assert!(!tells(libc::SYS_clock_nanosleep, &[1, 0, 0, 0]));
+        assert!(!tells(libc::SYS_pause, &[at, at, at, at]));
+    }
+
+    /// SA_RESTART is 0x10000000, in the second word of what the kernel gets (sigaction(2)).
+    #[test]
+    fn a_handler_may_want_calls_to_be_made_again() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let action = |flags: u64| Room::of_words(&[0x1000, flags, 0, 0]);
+        let mut sets = |signal: u64, action: u64| {
+            let call = Call::made(libc::SYS_rt_sigaction, &[signal, action, 0, 8]);
+            bench.supervisor.sets_handler(tid, &call);
+            bench.process().restarts
+        };
+        let (with, without) = (action(0x1000_0004), action(0x0400_0004));
+        assert_eq!(sets(10, without.at(0)), 0);
+        assert_eq!(sets(10, with.at(0)), 1 << 9);
+        assert_eq!(sets(64, with.at(0)), 1 << 63 | 1 << 9);
+        assert_eq!(sets(1, with.at(0)), 1 << 63 | 1 << 9 | 1);
+        assert_eq!(sets(10, without.at(0)), 1 << 63 | 1);
+        for signal in [0, 65, u64::MAX] {
+            assert_eq!(sets(signal, with.at(0)), 1 << 63 | 1);
+        }
+        assert_eq!(sets(1, 0), 1 << 63 | 1, "it only asks");
+        assert_eq!(sets(1, 8), 1 << 63 | 1);
+    }
+
+    /// The first thread of a process stays until all others have ended.
+    #[test]
+    fn the_first_thread_ends_last() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        assert_eq!(bench.calls(libc::SYS_exit, &[0]), Told::Kernel);
+        bench.add(1_000_001, tid, State::Running);
+        assert_eq!(bench.calls(libc::SYS_exit, &[0]), Told::Leaves);
+        assert_eq!(Told::from(bench.supervisor.exits(1_000_001)), Told::Kernel);
+        assert_eq!(Told::from(bench.supervisor.exits(-7)), Told::Kernel);
+        let mut bench = Bench::new();
+        bench.add(1_000_001, 1_000_001, State::Running);
+        assert_eq!(
+            bench.calls(libc::SYS_exit, &[0]),
+            Told::Kernel,
+            "of another process"
+        );
+    }
+
+    /// kill(2), tgkill(2), pidfd_send_signal(2): the kernel does all but SIGKILL for others.
+    #[test]
+    fn most_signals_are_sent_by_the_kernel() {
+        let mut bench = Bench::new();
+        let own = u64::from(bench.tid.unsigned_abs());
+        let term = 15;
+        let kill = 9;
+        for (number, args) in [
+            (libc::SYS_kill, [1_000_001, term, 0, 0]),
+            (libc::SYS_kill, [own, kill, 0, 0]),
+            (libc::SYS_kill, [1_000_001, kill, 0, 0]),
+            (libc::SYS_tgkill, [1_000_001, kill, 0, 0]),
+            (libc::SYS_tkill, [1_000_001, kill, 0, 0]),
+            (libc::SYS_pidfd_send_signal, [9_999, kill, 0, 0]),
+            (libc::SYS_pidfd_send_signal, [9_999, kill, 0, 1]),
+        ] {
+            bench.supervisor.is_signalled = false;
+            assert_eq!(
+                bench.calls(number, &args),
+                Told::Kernel,
+                "{number} {args:?}"
+            );
+            assert!(bench.supervisor.is_signalled);
+        }
+    }
+
+    /// A real process of the program, which is killed by its number or by its group.
+    #[test]
+    fn a_killed_process_is_gone_before_its_killer_goes_on() {
+        let minus = |pid: i32| u64::from((-pid).cast_unsigned());
+        for (number, by_group) in [(libc::SYS_kill, false), (libc::SYS_kill, true)] {
+            let mut bench = Bench::new();
+            let stopped = Stopped::in_group_of_its_own();
+            let pid = stopped.pid.as_raw();
+            bench.add(pid, pid, State::Blocked(Wait::for_ever()));
+            let target = if by_group {
+                minus(pid)
+            } else {
+                pid.unsigned_abs().into()
+            };
+            assert_eq!(bench.calls(number, &[target, 9]), Told::Answer(0));
+            assert!(!bench.supervisor.processes.contains_key(&pid));
+            assert!(!bench.supervisor.threads.contains_key(&pid));
+        }
+        let mut bench = Bench::new();
+        let stopped = Stopped::in_group_of_its_own();
+        let pid = stopped.pid.as_raw();
+        bench.add(pid, pid, State::Blocked(Wait::for_ever()));
+        let none = bench.calls(libc::SYS_kill, &[minus(pid + 1), 9]);
+        assert_eq!(none, Told::Kernel, "another group");
+        assert!(bench.supervisor.processes.contains_key(&pid));
+    }
+
+    /// The kernel lists a signal that waits; a thread that waits in a call is interrupted by it,
+    /// and its call is made again where its handler wants that.
+    #[test]
+    fn a_signal_interrupts_a_wait() {
+        let mut bench = Bench::new();
+        let stopped = Stopped::new();
+        let pid = stopped.pid.as_raw();
+        let restarts = |it: &mut Bench, mask| {
+            let process = it.supervisor.processes.get_mut(&pid);
+            process.expect("added").restarts = mask;
+        };
+        let usr1 = 1 << 9;
+        for (number, mask, answer, steps_back) in [
+            (libc::SYS_read, 0, -4, 0),
+            (libc::SYS_read, usr1, libc::SYS_read, 2),
+            (libc::SYS_nanosleep, usr1, -4, 0),
+        ] {
+            bench.supervisor.threads.remove(&pid);
+            bench.add(pid, pid, State::Blocked(Wait::for_ever()));
+            restarts(&mut bench, mask);
+            stopped.change(|registers| {
+                registers.orig_rax = number.cast_unsigned();
+                registers.rip = 0x1000;
+                registers.rsi = 0;
+            });
+            let thread = bench.supervisor.threads.get_mut(&pid).expect("added");
+            thread.call = Call::of(stopped.pid).ok();
+            bench.supervisor.look_for_signals();
+            assert!(bench.supervisor.queue.is_empty(), "there is none yet");
+            bench.supervisor.interrupt(pid, usr1);
+            let it = stopped.registers();
+            assert_eq!(
+                (it.rax.cast_signed(), it.rip),
+                (answer, 0x1000 - steps_back)
+            );
+            assert_eq!(core::mem::take(&mut bench.supervisor.queue), [pid]);
+        }
+        let signal = nix::sys::signal::Signal::SIGUSR1;
+        nix::sys::signal::kill(stopped.pid, signal).expect("it is ours");
+        let thread = bench.supervisor.threads.get_mut(&pid).expect("added");
+        thread.state = State::Blocked(Wait::for_ever());
+        thread.progress = 5;
+        bench.supervisor.look_for_signals();
+        assert_eq!(bench.supervisor.queue, [pid]);
+        assert_eq!(stopped.registers().rax, 5, "a part is written");
+        // Pending for all of the process: sigsuspend without it goes on at once.
+        let none = Room::of_words(&[0]);
+        let call = Call::made(libc::SYS_rt_sigsuspend, &[none.at(0)]);
+        assert!(!bench.supervisor.is_interrupted_at_once(bench.tid, &call));
+        let [of_thread, of_process] = bench.supervisor.deliverable(pid, pid);
+        assert_eq!([of_thread, of_process], [0, usr1]);
+        let held = bench.supervisor.deliverable_beside(Some(usr1), pid, pid);
+        assert_eq!(held, [0, 0]);
+    }
+}

@@ -58,3 +58,48 @@ impl Supervisor {
         text
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::guest::supervisor::tests::Bench;
+
+    fn said(bench: &Bench) -> String {
+        bench.supervisor.spent_on()
+    }
+
+    #[test]
+    fn the_calls_of_a_program_are_told() {
+        let mut bench = Bench::new();
+        assert_eq!(said(&bench), "0 stopped calls");
+        for (number, count) in [
+            (nix::libc::SYS_read, 5),
+            (nix::libc::SYS_write, 9),
+            (nix::libc::SYS_poll, 7),
+            (nix::libc::SYS_futex, 1),
+        ] {
+            bench.supervisor.spent.insert(number, count);
+        }
+        assert_eq!(said(&bench), "22 stopped calls (write 9, poll 7, read 5)");
+        (bench.supervisor.looks, bench.supervisor.served) = (3, 4);
+        bench.supervisor.idled = core::time::Duration::from_millis(1_250);
+        assert_eq!(
+            said(&bench),
+            "22 stopped calls (write 9, poll 7, read 5), 3 looks at clocks without a stop, \
+             4 reads and selects without a stop, 1.250 s passed while it asked for the same over \
+             and over"
+        );
+    }
+
+    /// A hint from more than 3,000 calls a simulated second on.
+    #[test]
+    fn many_calls_are_a_reason_for_a_hint() {
+        let mut bench = Bench::new();
+        bench.passes(2_500);
+        let hint = "; 3001 stops a second: try --call-cost 100us if no byte is lost";
+        for (count, expected) in [(6_001, ""), (6_002, hint)] {
+            bench.supervisor.spent.insert(nix::libc::SYS_read, count);
+            let text = format!("{count} stopped calls (read {count}){expected}");
+            assert_eq!(said(&bench), text);
+        }
+    }
+}

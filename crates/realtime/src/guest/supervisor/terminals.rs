@@ -268,3 +268,370 @@ const fn is_of_ports(request: u64) -> bool {
                 | TIOCGICOUNT
         )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::settings::TCGETS2;
+    use crate::guest::supervisor::tests::{Bench, Told, error, fd};
+    use crate::guest::tests::Room;
+
+    const DTR: u32 = 2;
+    const RTS: u32 = 4;
+    /// CTS, DCD and DSR are on where no device sets them.
+    const USUAL: u32 = 0x20 | 0x40 | 0x100;
+
+    fn ioctl(bench: &mut Bench, port: &std::fs::File, request: u64, argument: u64) -> Told {
+        bench.calls(libc::SYS_ioctl, &[fd(port), request, argument])
+    }
+
+    /// ioctl_tty(2): modem lines are read and set as a whole, or some of them.
+    #[test]
+    fn modem_lines_are_set_and_read() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::new(80);
+        let lines = |bench: &mut Bench| {
+            assert_eq!(
+                ioctl(bench, &port, libc::TIOCMGET, room.at(0)),
+                Told::Answer(0)
+            );
+            room.numbers()[0].cast_unsigned()
+        };
+        assert_eq!(
+            lines(&mut bench),
+            USUAL | DTR | RTS,
+            "an opening raises both"
+        );
+        let word = |lines: u32| Room::of(&lines.to_ne_bytes());
+        for (request, given, expected) in [
+            (libc::TIOCMBIC, DTR, RTS),
+            (libc::TIOCMBIS, DTR, DTR | RTS),
+            (libc::TIOCMBIC, DTR | RTS, 0),
+            (libc::TIOCMBIS, RTS | 0x20, RTS),
+            (libc::TIOCMSET, DTR, DTR),
+            (libc::TIOCMSET, 0x1E0, 0),
+        ] {
+            let word = word(given);
+            assert_eq!(
+                ioctl(&mut bench, &port, request, word.at(0)),
+                Told::Answer(0)
+            );
+            assert_eq!(lines(&mut bench), USUAL | expected, "{request:x} {given:x}");
+        }
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TIOCMSET, 8),
+            error(Errno::EFAULT)
+        );
+        let wait = Told::Waits(On::Files, None);
+        assert_eq!(ioctl(&mut bench, &port, TIOCMIWAIT, 0x1E0), wait);
+        assert_eq!(bench.again(), wait);
+        // The driver's count of changes: CTS, DSR, RI, DCD.
+        bench.thread().lines_before = Some([0, 0, 1, 0]);
+        assert_eq!(bench.again(), Told::Answer(0));
+        assert_eq!(ioctl(&mut bench, &port, TIOCMIWAIT, 0x160), wait);
+        bench.thread().lines_before = Some([0, 0, 1, 0]);
+        assert_eq!(bench.again(), wait, "RI is not wanted");
+    }
+
+    /// serial_icounter_struct: changes of the four lines, then received, sent, framing errors,
+    /// overruns, parity errors, breaks.
+    #[test]
+    fn a_driver_counts_what_passes() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        bench.supervisor.stage.begin();
+        let room = Room::of(&[0xA5; 88]);
+        let text = Room::of(b"abc");
+        assert_eq!(
+            bench.calls(libc::SYS_write, &[fd(&port), text.at(0), 3]),
+            Told::Answer(3)
+        );
+        bench.brings(7);
+        let received = bench.supervisor.stage.traffic(0).to_client;
+        let received = i32::try_from(received).expect("few");
+        assert_eq!(
+            ioctl(&mut bench, &port, TIOCGICOUNT, room.at(0)),
+            Told::Answer(0)
+        );
+        let mut expected = vec![0; 22];
+        [expected[4], expected[5]] = [received, 3];
+        expected[20..].fill(i32::from_ne_bytes([0xA5; 4]));
+        assert_eq!(room.numbers(), expected);
+    }
+
+    #[test]
+    fn the_queues_of_a_port_are_counted() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        bench.supervisor.stage.begin();
+        let room = Room::of(&[0xFF; 4]);
+        let text = Room::of(&[b'x'; 100]);
+        let count = |bench: &mut Bench, request| {
+            assert_eq!(ioctl(bench, &port, request, room.at(0)), Told::Answer(0));
+            room.numbers()[0]
+        };
+        assert_eq!(count(&mut bench, libc::FIONREAD), 0);
+        assert_eq!(count(&mut bench, libc::TIOCOUTQ), 0);
+        bench.brings(7);
+        assert_eq!(count(&mut bench, libc::FIONREAD), 7);
+        assert!(bench.thread().asks_port);
+        assert_eq!(
+            bench.calls(libc::SYS_write, &[fd(&port), text.at(0), 100]),
+            Told::Answer(100)
+        );
+        let queued = count(&mut bench, libc::TIOCOUTQ);
+        assert!((98..=100).contains(&queued), "{queued}");
+        // tcdrain(3) is TCSBRK with an argument: it waits until all has left, 104 ms.
+        let waits = Told::Waits(On::Line, None);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCSBRK, 1), waits);
+        // tcflush(3): 0 is the input, 1 the output, 2 both.
+        assert_eq!(ioctl(&mut bench, &port, libc::TCFLSH, 0), Told::Answer(0));
+        assert_eq!(count(&mut bench, libc::FIONREAD), 0);
+        assert!(count(&mut bench, libc::TIOCOUTQ) > 90);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCFLSH, 1), Told::Answer(0));
+        assert_eq!(count(&mut bench, libc::TIOCOUTQ), 0);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCSBRK, 1), Told::Answer(0));
+        bench.brings(3);
+        assert_eq!(
+            bench.calls(libc::SYS_write, &[fd(&port), text.at(0), 100]),
+            Told::Answer(100)
+        );
+        assert_eq!(ioctl(&mut bench, &port, libc::TCFLSH, 1), Told::Answer(0));
+        assert!(count(&mut bench, libc::FIONREAD) >= 3, "the input stays");
+        assert_eq!(
+            bench.calls(libc::SYS_write, &[fd(&port), text.at(0), 100]),
+            Told::Answer(100)
+        );
+        assert_eq!(ioctl(&mut bench, &port, libc::TCFLSH, 2), Told::Answer(0));
+        assert_eq!(
+            (
+                count(&mut bench, libc::FIONREAD),
+                count(&mut bench, libc::TIOCOUTQ)
+            ),
+            (0, 0)
+        );
+        for wrong in [3, u64::MAX] {
+            assert_eq!(
+                ioctl(&mut bench, &port, libc::TCFLSH, wrong),
+                error(Errno::EINVAL)
+            );
+        }
+    }
+
+    /// tcflow(3): TCOOFF is 0, TCOON 1, TCIOFF 2, TCION 3. VSTOP is the 10th character.
+    #[test]
+    fn output_is_suspended_and_goes_on() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let stopped = |bench: &mut Bench| {
+            let terminal = bench.supervisor.stage.terminal(0);
+            terminal.expect("it is there").is_stopped()
+        };
+        for (what, expected) in [
+            (0, true),
+            (1, false),
+            (0, true),
+            (2, true),
+            (3, true),
+            (1, false),
+        ] {
+            assert_eq!(
+                ioctl(&mut bench, &port, libc::TCXONC, what),
+                Told::Answer(0)
+            );
+            assert_eq!(stopped(&mut bench), expected, "{what}");
+        }
+        let terminal = bench.supervisor.stage.terminal(0).expect("it is there");
+        let mut bytes = terminal.settings().bytes();
+        (bytes[17 + 8], bytes[17 + 9]) = (0x11, 0x13);
+        let settings = terminal.settings().with(&bytes);
+        terminal.set(settings);
+        terminal.take_own();
+        ioctl(&mut bench, &port, libc::TCXONC, 2);
+        ioctl(&mut bench, &port, libc::TCXONC, 3);
+        let terminal = bench.supervisor.stage.terminal(0).expect("it is there");
+        assert_eq!(terminal.take_own(), [0x13, 0x11]);
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCXONC, 4),
+            error(Errno::EINVAL)
+        );
+    }
+
+    #[test]
+    fn settings_are_those_that_were_set() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::new(44);
+        assert_eq!(
+            ioctl(&mut bench, &port, TCGETS2, room.at(0)),
+            Told::Answer(0)
+        );
+        let mut bytes = room.bytes();
+        assert_eq!(bytes[36..44], [9_600_u32; 2].map(u32::to_ne_bytes).concat());
+        // CRTSCTS is 0o20000000000, IXON 0o2000; 19200 bit/s are 14.
+        bytes[17 + 6] = 9;
+        bytes[0..4].copy_from_slice(&0o2000_u32.to_ne_bytes());
+        bytes[8..12].copy_from_slice(&0o276_u32.to_ne_bytes());
+        room.put(0, &bytes);
+        for request in [libc::TCSETS, libc::TCSETSW, libc::TCSETSF] {
+            assert_eq!(
+                ioctl(&mut bench, &port, request, room.at(0)),
+                Told::Answer(0)
+            );
+        }
+        let terminal = bench.supervisor.stage.terminal(0).expect("it is there");
+        let settings = *terminal.settings();
+        assert_eq!((settings.input, settings.control), (0o2000, 0o276));
+        assert_eq!(
+            (
+                settings.speeds,
+                settings.code(crate::transport::Code::Least)
+            ),
+            ([19_200; 2], 9)
+        );
+        room.put(0, &[0; 44]);
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCGETS, room.at(0)),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes()[..36], settings.bytes()[..36]);
+        assert_eq!(room.bytes()[36..], [0; 8]);
+        // The requests that wait do that for bytes that have not left; F discards the input.
+        bench.supervisor.stage.begin();
+        bench.brings(3);
+        let text = Room::of(&[b'x'; 100]);
+        bench.calls(libc::SYS_write, &[fd(&port), text.at(0), 100]);
+        let unread = |bench: &mut Bench| bench.supervisor.stage.terminal(0).map(|it| it.unread());
+        let waits = Told::Waits(On::Line, None);
+        room.put(0, &bytes);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCSETSW, room.at(0)), waits);
+        assert_eq!(ioctl(&mut bench, &port, libc::TCSETSF, room.at(0)), waits);
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCSETS, room.at(0)),
+            Told::Answer(0)
+        );
+        assert!(unread(&mut bench) >= Some(3));
+        ioctl(&mut bench, &port, libc::TCFLSH, 1);
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCSETSW, room.at(0)),
+            Told::Answer(0)
+        );
+        assert!(unread(&mut bench) >= Some(3));
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCSETSF, room.at(0)),
+            Told::Answer(0)
+        );
+        assert_eq!(unread(&mut bench), Some(0));
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCSETS, 8),
+            error(Errno::EFAULT)
+        );
+        assert_eq!(
+            ioctl(&mut bench, &port, libc::TCGETS, 8),
+            error(Errno::EFAULT)
+        );
+    }
+
+    /// TIOCEXCL and TIOCNXCL (ioctl_tty(2)): further openings are refused, except for processes with
+    /// CAP_SYS_ADMIN, 21.
+    #[test]
+    fn a_port_may_be_exclusive() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::of(&[0xFF; 4]);
+        let is_exclusive = |bench: &mut Bench| {
+            assert_eq!(ioctl(bench, &port, TIOCGEXCL, room.at(0)), Told::Answer(0));
+            room.numbers()[0]
+        };
+        assert_eq!(is_exclusive(&mut bench), 0);
+        let tid = bench.tid;
+        let path = bench.path("sonar");
+        let path = path.to_str().expect("text").to_owned();
+        let call = Call::made(libc::SYS_open, &[]);
+        assert!(!bench.supervisor.is_refused(tid, &call, &path));
+        assert_eq!(ioctl(&mut bench, &port, libc::TIOCEXCL, 0), Told::Answer(0));
+        assert_eq!(is_exclusive(&mut bench), 1);
+        let may = may_do_everything(tid);
+        assert_eq!(bench.supervisor.is_refused(tid, &call, &path), !may);
+        assert!(!bench.supervisor.is_refused(tid, &call, "/dev/null"));
+        assert_eq!(ioctl(&mut bench, &port, libc::TIOCNXCL, 0), Told::Answer(0));
+        assert_eq!(is_exclusive(&mut bench), 0);
+        assert!(!may_do_everything(-1));
+    }
+
+    #[test]
+    fn the_flags_of_a_chip_are_kept() {
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let room = Room::of(&[0xFF; 72]);
+        assert_eq!(
+            ioctl(&mut bench, &port, TIOCGSERIAL, room.at(0)),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes(), [0; 72]);
+        room.put(16, &0x2000_u32.to_ne_bytes());
+        assert_eq!(
+            ioctl(&mut bench, &port, TIOCSSERIAL, room.at(0)),
+            Told::Answer(0)
+        );
+        room.put(0, &[0xFF; 72]);
+        assert_eq!(
+            ioctl(&mut bench, &port, TIOCGSERIAL, room.at(0)),
+            Told::Answer(0)
+        );
+        assert_eq!(room.numbers()[4], 0x2000);
+    }
+
+    #[test]
+    fn requests_are_those_of_ports_or_not() {
+        for request in [
+            libc::FIONREAD,
+            libc::TIOCOUTQ,
+            libc::TIOCEXCL,
+            libc::TIOCNXCL,
+            TIOCGEXCL,
+            TIOCGSERIAL,
+            TIOCSSERIAL,
+            libc::TCFLSH,
+            libc::TCXONC,
+            libc::TCSBRK,
+            libc::TCSBRKP,
+            libc::TIOCSBRK,
+            libc::TIOCCBRK,
+            libc::TIOCMGET,
+            libc::TIOCMBIS,
+            libc::TIOCMBIC,
+            libc::TIOCMSET,
+            TIOCMIWAIT,
+            TIOCGICOUNT,
+            libc::TCGETS,
+        ] {
+            assert!(is_of_ports(request), "{request:x}");
+            let asks = [
+                libc::FIONREAD,
+                libc::TIOCOUTQ,
+                libc::TIOCMGET,
+                TIOCMIWAIT,
+                TIOCGICOUNT,
+            ];
+            assert_eq!(only_asks(request), asks.contains(&request), "{request:x}");
+        }
+        assert!(!is_of_ports(libc::TIOCGWINSZ) && !is_of_ports(libc::FIOCLEX));
+        let mut bench = Bench::new();
+        let port = bench.opens("sonar");
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        assert_eq!(ioctl(&mut bench, &port, libc::TIOCGWINSZ, 8), Told::Kernel);
+        assert_eq!(ioctl(&mut bench, &null, libc::TIOCMGET, 8), Told::Kernel);
+        assert!(!bench.supervisor.is_signalled);
+        bench.supervisor.has_terminals = true;
+        assert_eq!(ioctl(&mut bench, &port, libc::TIOCSWINSZ, 8), Told::Kernel);
+        assert!(
+            bench.supervisor.is_signalled,
+            "the size of a terminal is told by a signal"
+        );
+        for request in [libc::TIOCCBRK, libc::TIOCSBRK, libc::TCSBRKP] {
+            assert_eq!(ioctl(&mut bench, &port, request, 0), Told::Answer(0));
+        }
+    }
+}

@@ -311,7 +311,13 @@ fn clock_of(pid: i32, fd: i32) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::fd::{AsRawFd as _, OwnedFd};
+
+    use rustix::time::{TimerfdClockId, TimerfdFlags, timerfd_create};
+
     use super::*;
+    use crate::guest::supervisor::tests::{Bench, MS, Told, error, fd};
+    use crate::guest::tests::Room;
 
     /// A timer for 10 ms, once and each 3 ms: until 16 ms it expires three times, and is due at 19.
     #[test]
@@ -335,5 +341,234 @@ mod tests {
         );
         assert_eq!((after(3, 13), after(3, 16)), ((2, Some(16)), (3, Some(19))));
         assert_eq!(expirations(&mut Timer::default(), at(99)), 0);
+    }
+
+    fn times(first: [u64; 2], interval: [u64; 2]) -> Room {
+        Room::of_words(&[interval[0], interval[1], first[0], first[1]])
+    }
+
+    /// alarm(2): whole seconds, and what was left of the one before, rounded up.
+    #[test]
+    fn an_alarm_is_due_after_whole_seconds() {
+        let mut bench = Bench::new();
+        bench.passes(500);
+        let alarm = libc::SYS_alarm;
+        assert_eq!(bench.calls(alarm, &[2]), Told::Answer(0));
+        let at = |ms| Some(Instant::from_millis(ms));
+        assert_eq!(
+            (bench.process().alarm.at, bench.process().alarm.interval),
+            (at(2_500), 0)
+        );
+        bench.passes(1);
+        assert_eq!(bench.calls(alarm, &[0]), Told::Answer(2));
+        assert_eq!(bench.process().alarm.at, None);
+        assert_eq!(bench.calls(alarm, &[1]), Told::Answer(0));
+        bench.passes(999);
+        assert_eq!(bench.calls(alarm, &[1]), Told::Answer(1));
+    }
+
+    /// setitimer(2): interval and first time in seconds and microseconds.
+    #[test]
+    fn an_interval_timer_is_set_and_told() {
+        let mut bench = Bench::new();
+        bench.passes(500);
+        let room = Room::new(32);
+        let asked = times([1, 250_000], [0, 40_000]);
+        let real = libc::ITIMER_REAL.unsigned_abs().into();
+        let (set, get) = (libc::SYS_setitimer, libc::SYS_getitimer);
+        assert_eq!(
+            bench.calls(set, &[real, asked.at(0), room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.words(), [0; 4]);
+        let alarm = bench.process().alarm;
+        assert_eq!(
+            (alarm.at, alarm.interval),
+            (Some(Instant::from_millis(1_750)), 40 * MS)
+        );
+        bench.passes(300);
+        assert_eq!(bench.calls(get, &[real, room.at(0)]), Told::Answer(0));
+        assert_eq!(room.words(), [0, 40_000, 0, 950_000]);
+        assert_eq!(bench.calls(set, &[real, 0, room.at(0)]), Told::Answer(0));
+        assert!(bench.process().alarm.at.is_some(), "nothing was asked for");
+        let none = times([0, 0], [0, 40_000]);
+        assert_eq!(bench.calls(set, &[real, none.at(0), 0]), Told::Answer(0));
+        assert_eq!(bench.process().alarm.at, None);
+        let wrong = times([0, 1_000_000], [0, 0]);
+        assert_eq!(
+            bench.calls(set, &[real, wrong.at(0), 0]),
+            error(Errno::EINVAL)
+        );
+        assert!(bench.supervisor.notes().is_empty());
+        let virt = libc::ITIMER_VIRTUAL.unsigned_abs().into();
+        assert_eq!(bench.calls(set, &[virt, asked.at(0), 0]), Told::Kernel);
+        assert_eq!(
+            bench.supervisor.notes(),
+            ["a timer of processor time is real"]
+        );
+    }
+
+    fn timer_file(clock: TimerfdClockId) -> OwnedFd {
+        timerfd_create(clock, TimerfdFlags::NONBLOCK).expect("the system has them")
+    }
+
+    /// timerfd_create(2): a read gives the number of expirations, 8 bytes.
+    #[test]
+    fn a_timers_file_is_read_when_its_time_has_come() {
+        let mut bench = Bench::new();
+        bench.passes(100);
+        let file = timer_file(TimerfdClockId::Monotonic);
+        let room = Room::new(32);
+        let asked = times([0, 20_000_000], [0, 5_000_000]);
+        let (set, get) = (libc::SYS_timerfd_settime, libc::SYS_timerfd_gettime);
+        assert_eq!(bench.calls(get, &[fd(&file), room.at(0)]), Told::Answer(0));
+        assert_eq!(room.words(), [0; 4]);
+        let args = [fd(&file), 0, asked.at(0), room.at(0)];
+        assert_eq!(bench.calls(set, &args), Told::Answer(0));
+        let read = libc::SYS_read;
+        let reads = [fd(&file), room.at(0), 8];
+        assert_eq!(bench.calls(read, &reads), error(Errno::EAGAIN));
+        bench.passes(19);
+        let now = bench.supervisor.stage.now();
+        bench.supervisor.fire_timers(now);
+        assert_eq!(bench.calls(read, &reads), error(Errno::EAGAIN));
+        bench.passes(7);
+        let now = bench.supervisor.stage.now();
+        assert!(!core::mem::take(&mut bench.supervisor.is_changed));
+        bench.supervisor.fire_timers(now);
+        assert!(bench.supervisor.is_changed);
+        assert_eq!(bench.calls(get, &[fd(&file), room.at(0)]), Told::Answer(0));
+        assert_eq!(room.words(), [0, 5_000_000, 0, 4_000_000]);
+        assert_eq!(bench.calls(read, &reads), Told::Answer(8));
+        assert_eq!(room.words()[0], 2);
+        assert_eq!(bench.calls(read, &reads), error(Errno::EAGAIN));
+        // By its clock: 1,000.2 s are 200 ms.
+        let at = times([1_000, 200_000_000], [0, 0]);
+        assert_eq!(
+            bench.calls(set, &[fd(&file), 1, at.at(0), 0]),
+            Told::Answer(0)
+        );
+        let own = file.as_raw_fd();
+        let timer = |bench: &mut Bench| bench.process().timers[&own].timer;
+        assert_eq!(timer(&mut bench).at, Some(Instant::from_millis(200)));
+        assert_eq!(
+            bench.calls(set, &[fd(&file), 2, at.at(0), 0]),
+            Told::Answer(0)
+        );
+        assert_eq!(timer(&mut bench).at, Some(Instant::from_millis(1_000_326)));
+        assert_eq!(
+            bench.calls(set, &[9_999, 0, at.at(0), 0]),
+            error(Errno::EBADF)
+        );
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        assert_eq!(
+            bench.calls(set, &[fd(&null), 0, at.at(0), 0]),
+            error(Errno::EINVAL)
+        );
+        assert_eq!(bench.calls(libc::SYS_timerfd_create, &[1, 0]), Told::Kernel);
+    }
+
+    /// It waits, unless it was opened with TFD_NONBLOCK; a setting forgets what expired.
+    #[test]
+    fn a_read_of_a_timers_file_waits() {
+        let mut bench = Bench::new();
+        let file = timerfd_create(TimerfdClockId::Realtime, TimerfdFlags::empty());
+        let file = file.expect("the system has them");
+        let (room, asked) = (Room::new(8), times([0, 20_000_000], [0, 0]));
+        let set = [fd(&file), 0, asked.at(0), 0];
+        assert_eq!(
+            bench.calls(libc::SYS_timerfd_settime, &set),
+            Told::Answer(0)
+        );
+        let reads = [fd(&file), room.at(0), 8];
+        assert_eq!(
+            bench.calls(libc::SYS_read, &reads),
+            Told::Waits(On::Files, None)
+        );
+        bench.passes(20);
+        let now = bench.supervisor.stage.now();
+        bench.supervisor.fire_timers(now);
+        let own = file.as_raw_fd();
+        assert_eq!(bench.process().timers[&own].expired, 1);
+        assert_eq!(
+            bench.calls(libc::SYS_timerfd_settime, &set),
+            Told::Answer(0)
+        );
+        assert_eq!(bench.process().timers[&own].expired, 0);
+        assert_eq!(
+            bench.calls(libc::SYS_read, &reads),
+            Told::Waits(On::Files, None)
+        );
+        // One of the calendar: 2026 began with the run.
+        let at = times([1_767_225_600, 60_000_000], [0, 0]);
+        let set = [fd(&file), 1, at.at(0), 0];
+        assert_eq!(
+            bench.calls(libc::SYS_timerfd_settime, &set),
+            Told::Answer(0)
+        );
+        assert_eq!(
+            bench.process().timers[&own].timer.at,
+            Some(Instant::from_millis(60))
+        );
+        assert_eq!(clock_of(bench.tid, own), Some(0));
+    }
+
+    /// A copy of the file (dup(2)) goes on with the timer; without one it is forgotten.
+    #[test]
+    fn a_timer_goes_on_at_a_copy_of_its_file() {
+        let mut bench = Bench::new();
+        let (tid, own) = (bench.tid, std::process::id().cast_signed());
+        let asked = times([0, 20_000_000], [0, 0]);
+        let file = timer_file(TimerfdClockId::Monotonic);
+        let set = |bench: &mut Bench, file: &OwnedFd| {
+            let told = bench.calls(libc::SYS_timerfd_settime, &[fd(file), 0, asked.at(0), 0]);
+            assert_eq!(told, Told::Answer(0));
+        };
+        set(&mut bench, &file);
+        assert!(!is_marked(own, file.as_raw_fd()));
+        // The supervisor's own copies are files of this process as well.
+        let _copy = file.try_clone().expect("it is open");
+        bench.supervisor.forget_timer(tid, file.as_raw_fd());
+        let known = |bench: &mut Bench| bench.process().timers.keys().copied().collect::<Vec<_>>();
+        let [copy] = known(&mut bench)[..] else {
+            panic!("one copy goes on");
+        };
+        assert!(copy != file.as_raw_fd() && clock_of(own, copy) == Some(1));
+        assert!(!is_marked(own, copy), "the mark is taken away");
+        bench.process().timers.clear();
+        // One that is not set has nothing to go on with.
+        let file = timer_file(TimerfdClockId::Monotonic);
+        let _copy = file.try_clone().expect("it is open");
+        let none = times([0, 0], [0, 0]);
+        bench.calls(libc::SYS_timerfd_settime, &[fd(&file), 0, none.at(0), 0]);
+        bench.supervisor.keep_open_timers(tid);
+        assert_eq!(known(&mut bench), [file.as_raw_fd()]);
+        bench.supervisor.forget_timer(tid, file.as_raw_fd());
+        assert!(known(&mut bench).is_empty());
+        bench.supervisor.forget_timer(-7, 3);
+    }
+
+    #[test]
+    fn a_timer_is_asked_for_and_told() {
+        let memory = Memory(crate::guest::tests::own());
+        let now = Instant::from_millis(100);
+        let asked = |first, clock| {
+            let room = times(first, [0, 3]);
+            let timer = Timer::asked_for(memory, room.at(0), clock, now);
+            timer.map(|timer| (timer.at.map(Instant::as_nanos), timer.interval))
+        };
+        assert_eq!(asked([1, 2], None), Ok((Some(1_100 * MS + 2), 3)));
+        assert_eq!(asked([0, 0], None), Ok((None, 3)));
+        assert_eq!(asked([1_000, 7], Some(1)), Ok((Some(7), 3)));
+        assert_eq!(asked([0, 1_000_000_000], None), Err(Errno::EINVAL));
+        let room = Room::new(32);
+        let timer = Timer {
+            at: Some(Instant::from_millis(1_250)),
+            interval: 2_000_000_003,
+        };
+        assert_eq!(timer.tell(memory, room.at(0), now), Ok(()));
+        assert_eq!(room.words(), [2, 3, 1, 150_000_000]);
+        assert_eq!(Timer::default().tell(memory, room.at(0), now), Ok(()));
+        assert_eq!(room.words(), [0; 4]);
     }
 }

@@ -258,6 +258,8 @@ fn uuid(bytes: &[u8]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::guest::supervisor::tests::{Bench, Told, error, fd};
+    use crate::guest::tests::Room;
 
     #[test]
     fn a_uuid_is_one_of_version_4() {
@@ -283,5 +285,198 @@ mod tests {
         ] {
             assert!(!is_outside(path), "{path}");
         }
+    }
+
+    fn put(bytes: &mut [u8], at: usize, word: &[u8]) {
+        bytes[at..at + word.len()].copy_from_slice(word);
+    }
+
+    /// adjtimex(2): the calendar and a tick of 10 ms; clock_adjtime has the clock before it. In
+    /// `timex` the time is at 72, the tick at 88 (linux/timex.h).
+    #[test]
+    fn the_calendar_is_not_adjusted() {
+        let mut bench = Bench::new();
+        bench.passes(1_500);
+        let room = Room::of(&[0; 216]);
+        let mut expected = vec![0; 216];
+        put(&mut expected, 72, &1_767_225_601_i64.to_ne_bytes());
+        put(&mut expected, 80, &500_000_i64.to_ne_bytes());
+        put(&mut expected, 88, &10_000_i64.to_ne_bytes());
+        assert_eq!(
+            bench.calls(libc::SYS_adjtimex, &[room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes(), expected);
+        room.put(0, &[0; 216]);
+        assert_eq!(
+            bench.calls(libc::SYS_clock_adjtime, &[8, room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes(), expected);
+        room.put(0, &[1]);
+        assert_eq!(
+            bench.calls(libc::SYS_adjtimex, &[room.at(0)]),
+            error(Errno::EPERM)
+        );
+        assert_eq!(
+            bench.calls(libc::SYS_settimeofday, &[room.at(0)]),
+            error(Errno::EPERM)
+        );
+    }
+
+    /// getrusage(2): all of the time is the program's own; that of its children is not told.
+    #[test]
+    fn the_use_of_the_processor_is_virtual() {
+        let mut bench = Bench::new();
+        bench.passes(2_500);
+        let room = Room::of(&[0xA5; 152]);
+        let mut expected = vec![0; 152];
+        expected[144..].fill(0xA5);
+        let children = u64::from(libc::RUSAGE_CHILDREN.cast_unsigned());
+        assert_eq!(
+            bench.calls(libc::SYS_getrusage, &[children, room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes(), expected);
+        put(&mut expected, 0, &2_i64.to_ne_bytes());
+        put(&mut expected, 8, &500_000_i64.to_ne_bytes());
+        assert_eq!(
+            bench.calls(libc::SYS_getrusage, &[0, room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes(), expected);
+    }
+
+    /// sysinfo(2): the machine runs for 1,000 s, has 8 GiB, half of them free, and one process.
+    #[test]
+    fn the_machine_is_told_the_same_each_time() {
+        let mut bench = Bench::new();
+        bench.passes(2_500);
+        let room = Room::of(&[0xA5; 120]);
+        let mut expected = vec![0; 120];
+        expected[112..].fill(0xA5);
+        put(&mut expected, 0, &1_002_i64.to_ne_bytes());
+        put(&mut expected, 32, &8_589_934_592_u64.to_ne_bytes());
+        put(&mut expected, 40, &4_294_967_296_u64.to_ne_bytes());
+        put(&mut expected, 80, &1_u16.to_ne_bytes());
+        put(&mut expected, 104, &1_u32.to_ne_bytes());
+        assert_eq!(
+            bench.calls(libc::SYS_sysinfo, &[room.at(0)]),
+            Told::Answer(0)
+        );
+        assert_eq!(room.bytes(), expected);
+    }
+
+    /// proc(5): seconds since the start, with two digits behind the point, and those of idleness.
+    #[test]
+    fn files_of_the_machine_are_answered() {
+        let mut bench = Bench::new();
+        bench.passes(2_570);
+        let room = Room::new(64);
+        let read = |bench: &mut Bench, path: &str| {
+            bench.supervisor.looks_into(path);
+            let file = std::fs::File::open(path).expect("Linux has it");
+            // Tests close files without a stop.
+            bench.process().files.clear();
+            let args = [fd(&file), room.at(0), 64];
+            let Told::Answer(len) = bench.calls(libc::SYS_read, &args) else {
+                panic!("{path} waits");
+            };
+            assert_eq!(
+                bench.calls(libc::SYS_read, &args),
+                Told::Answer(0),
+                "its end"
+            );
+            let len = usize::try_from(len).expect("no error");
+            String::from_utf8_lossy(&room.bytes()[..len]).into_owned()
+        };
+        assert_eq!(read(&mut bench, "/proc/uptime"), "1002.57 0.00\n");
+        assert_eq!(read(&mut bench, "/proc/loadavg"), "0.00 0.00 0.00 1/1 1\n");
+        let (uuid, boot) = (
+            "/proc/sys/kernel/random/uuid",
+            "/proc/sys/kernel/random/boot_id",
+        );
+        let [one, other] = [(); 2].map(|()| read(&mut bench, uuid));
+        assert!(
+            one != other && one.len() == 37 && one.ends_with('\n'),
+            "{one}{other}"
+        );
+        let [one, other] = [(); 2].map(|()| read(&mut bench, boot));
+        assert!(one == other && one.len() == 37, "{one}{other}");
+        assert_eq!(
+            read(&mut bench, "/proc/sys/kernel/random/entropy_avail"),
+            "256\n"
+        );
+        // A short read gets the first bytes.
+        bench.process().files.clear();
+        let file = std::fs::File::open("/proc/uptime").expect("Linux has it");
+        let told = bench.calls(libc::SYS_read, &[fd(&file), room.at(0), 4]);
+        assert_eq!((told, &room.bytes()[..4]), (Told::Answer(4), &b"1002"[..]));
+        assert!(bench.supervisor.notes().is_empty());
+        // Nothing is answered before the program has opened such a file.
+        let mut bench = Bench::new();
+        assert_eq!(
+            bench.calls(libc::SYS_read, &[fd(&file), room.at(0), 4]),
+            Told::Kernel
+        );
+    }
+
+    /// bind(2): a port of the program's own choice is the same each time.
+    #[test]
+    fn a_port_of_the_systems_choice_is_named() {
+        let udp = std::net::UdpSocket::bind("127.0.0.1:0").expect("loopback");
+        let address = |port: u16| {
+            let mut address = [0; 16];
+            put(&mut address, 2, &port.to_be_bytes());
+            Room::of(&address)
+        };
+        let note = ["is given a free network port by the system, another one each time"];
+        let calls = |number, port, socket: u64| {
+            let mut bench = Bench::new();
+            let (tid, at) = (bench.tid, address(port));
+            bench
+                .supervisor
+                .names_socket(tid, &Call::made(number, &[socket, at.at(0), 16]));
+            (bench.supervisor.has_bound, bench.supervisor.notes() == note)
+        };
+        assert_eq!(calls(libc::SYS_bind, 1, fd(&udp)), (true, false));
+        assert_eq!(calls(libc::SYS_bind, 256, fd(&udp)), (true, false));
+        assert_eq!(calls(libc::SYS_bind, 0, fd(&udp)), (false, true));
+        assert_eq!(calls(libc::SYS_getsockname, 1, fd(&udp)), (false, true));
+        let (one, _other) = std::os::unix::net::UnixStream::pair().expect("sockets");
+        assert_eq!(calls(libc::SYS_bind, 0, fd(&one)), (false, false));
+        assert_eq!(calls(libc::SYS_bind, 0, 9_999), (false, false));
+        let mut bench = Bench::new();
+        let (tid, own, any) = (bench.tid, address(7), address(0));
+        let call = |number, room: &Room| Call::made(number, &[fd(&udp), room.at(0), 16]);
+        bench
+            .supervisor
+            .names_socket(tid, &call(libc::SYS_bind, &own));
+        bench
+            .supervisor
+            .names_socket(tid, &call(libc::SYS_getsockname, &any));
+        assert!(bench.supervisor.notes().is_empty());
+        let v6 = std::net::UdpSocket::bind("[::1]:0");
+        if let Ok(v6) = v6 {
+            assert_eq!(calls(libc::SYS_bind, 0, fd(&v6)), (false, true));
+        }
+    }
+
+    #[test]
+    fn files_that_tell_of_the_world_outside_are_named() {
+        let mut bench = Bench::new();
+        for path in [
+            "/etc/passwd",
+            "/proc/uptime",
+            "/proc/self/maps",
+            "/dev/null",
+        ] {
+            bench.supervisor.looks_into(path);
+        }
+        assert!(bench.supervisor.notes().is_empty() && bench.supervisor.has_told_files);
+        bench.supervisor.looks_into("/dev/rtc0");
+        bench.supervisor.looks_into("/proc/thread-self/schedstat");
+        let expected = ["reads /dev/rtc0", "reads /proc/thread-self/schedstat"];
+        assert_eq!(bench.supervisor.notes(), expected);
     }
 }
