@@ -319,4 +319,98 @@ mod tests {
         assert_eq!(code[29..34], [JUMP, 0xE6, 0x0F, 0, 0]);
         assert_eq!(code[39..44], [JUMP, 0xDA, 0x0F, 0, 0]);
     }
+
+    /// The pieces by hand, with what a disassembler shows of them.
+    #[test]
+    fn a_detour_of_each_form_is_made_of_its_pieces() {
+        let of = |before, len, form, number| {
+            let found = Found { before, len, form };
+            assemble(found, 0x1_0000, 0x1_1000, 0x1_0F00, number).expect("near")
+        };
+        let number = of(5, 5, Form::Number, 0x10E);
+        let expected = [
+            &[0x48, 0x8D, 0x64, 0x24, 0x80][..], // lea -128(%rsp), %rsp
+            &[0xB8, 0x0E, 1, 0, 0],              // mov $270, %eax
+            &[0xE8, 0xF1, 0x0E, 0, 0],           // call serve
+            &[0x48, 0x8D, 0xA4, 0x24, 0x80, 0, 0, 0, 0x72, 0x05], // lea 128(%rsp), %rsp; jc
+            &[0xE9, 0xE9, 0x0F, 0, 0],           // jmp behind the call
+            &[0xB8, 0x0E, 1, 0, 0],              // mov $270, %eax
+            &[0xE9, 0xDD, 0x0F, 0, 0],           // jmp to the call
+        ];
+        assert_eq!(number, expected.concat());
+        let compare = of(11, 7, Form::Compare(0x100), 0);
+        let expected = [
+            &[0x80, 0x3D, 0, 0x11, 0, 0, 0, 0x74, 0x1A][..], // cmpb $0, place(%rip); je
+            &[0x48, 0x8D, 0x64, 0x24, 0x80, 0xB8, 0, 0, 0, 0],
+            &[0xE8, 0xE8, 0x0E, 0, 0],
+            &[0x48, 0x8D, 0xA4, 0x24, 0x80, 0, 0, 0, 0x72, 0x01, 0xC3],
+            &[0x80, 0x3D, 0xDD, 0x10, 0, 0, 0], // cmpb $0, place(%rip)
+            &[0xE9, 0xD8, 0x0F, 0, 0],
+        ];
+        assert_eq!(compare, expected.concat());
+        let thread = of(14, 8, Form::Thread, 0);
+        let read = [0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0]; // mov %fs:24, %eax
+        let expected = [
+            &read[..],
+            &[0x85, 0xC0, 0x75, 0x1A], // test %eax, %eax; jne
+            &[0x48, 0x8D, 0x64, 0x24, 0x80, 0xB8, 0, 0, 0, 0],
+            &[0xE8, 0xE5, 0x0E, 0, 0],
+            &[0x48, 0x8D, 0xA4, 0x24, 0x80, 0, 0, 0, 0x72, 0x01, 0xC3],
+            &read,
+            &[0xE9, 0xD5, 0x0F, 0, 0],
+        ];
+        assert_eq!(thread, expected.concat());
+    }
+
+    /// A jump has 32 bits, signed, and counts from its end.
+    #[test]
+    fn a_distance_has_32_bits() {
+        assert_eq!(distance(0x1000, 0x1005), Some([5, 0, 0, 0]));
+        assert_eq!(distance(0x1005, 0x1000), Some([0xFB, 0xFF, 0xFF, 0xFF]));
+        let far = 1_u64 << 31;
+        assert_eq!(distance(0, far - 1), Some([0xFF, 0xFF, 0xFF, 0x7F]));
+        assert_eq!(distance(0, far), None);
+        assert_eq!(distance(far, 0), Some([0, 0, 0, 0x80]));
+        assert_eq!(distance(far + 1, 0), None);
+        assert_eq!(jump_to(0x1000, 0x1005), Some([0xE9, 0, 0, 0, 0]));
+        let found = Found {
+            before: 5,
+            len: 5,
+            form: Form::Number,
+        };
+        assert_eq!(assemble(found, 0, 1 << 40, 1 << 41, 0), None);
+        for number in [libc::SYS_read, libc::SYS_ioctl, libc::SYS_pselect6] {
+            assert!(is_served(number));
+        }
+        assert!(!is_served(libc::SYS_write) && !is_served(libc::SYS_select));
+    }
+
+    /// Where a function begins: at a multiple of 16, or behind `endbr64`.
+    #[test]
+    fn a_function_begins_at_a_multiple_of_16() {
+        let read = [0x80, 0x3D, 0x31, 0x33, 0x0E, 0, 0, 0x74, 0x17, 0x31, 0xC0];
+        let with_endbr = [&ENDBR[..], &read].concat();
+        for call in CALL + 1..CALL + 16 {
+            assert_eq!(find(&padded(&read), 0, call), None, "{call:x}");
+            assert!(find(&padded(&with_endbr), 0, call).is_some(), "{call:x}");
+        }
+        assert!(find(&padded(&read), 0, CALL + 16).is_some());
+        let old = [
+            0x64, 0x8B, 0x04, 0x25, 0x18, 0, 0, 0, 0x85, 0xC0, 0x75, 0x10,
+        ];
+        let long = [&old[..], &[0x31, 0xC0]].concat();
+        for offset in 0..16 {
+            let place = 0x7FFF_F7EC_8200 + offset;
+            assert_eq!(
+                find(&padded(&long), 0, place).is_some(),
+                offset == 14,
+                "{offset}"
+            );
+            assert_eq!(
+                find(&padded(&old), 0, place).is_some(),
+                offset == 12,
+                "{offset}"
+            );
+        }
+    }
 }

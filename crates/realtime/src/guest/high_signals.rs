@@ -244,3 +244,75 @@ const fn undisturbed(registers: libc::user_regs_struct) -> libc::user_regs_struc
     next.orig_rax = u64::MAX;
     next
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What the kernel keeps of an action: handler, flags, restorer, mask, in this order.
+    #[test]
+    fn an_action_is_four_words() {
+        let room = crate::guest::tests::Room::of_words(&[9, 1, 2, 3, 4]);
+        let memory = Memory(crate::guest::tests::own());
+        let action = Action::read(memory, room.at(8)).expect("own");
+        assert_eq!(
+            [action.handler, action.flags, action.restorer, action.mask],
+            [1, 2, 3, 4]
+        );
+        assert_eq!(action.bytes(), room.bytes()[8..]);
+        assert!(Action::read(memory, 8).is_err());
+        assert_eq!([1, 2, 34, 64].map(bit), [1, 2, 1 << 33, 1 << 63]);
+    }
+
+    /// Below the stack a program keeps 128 bytes to itself; the borrowed 128 bytes begin at a
+    /// multiple of 16.
+    #[test]
+    fn memory_below_a_stack_is_borrowed() {
+        let room =
+            crate::guest::tests::Room::of(&(0..=255).cycle().take(1_024).collect::<Vec<u8>>());
+        let own = crate::guest::tests::own();
+        let base = room.at(512) & !15;
+        for offset in [0, 1, 15] {
+            let scratch = Scratch::borrow(own, base + 256 + offset).expect("own");
+            assert_eq!(scratch.place, base, "{offset}");
+        }
+        let before = room.bytes();
+        let scratch = Scratch::borrow(own, base + 256).expect("own");
+        scratch.memory.write(base, &[0xEE; 128]).expect("own");
+        assert_ne!(room.bytes(), before);
+        scratch.give_back();
+        assert_eq!(room.bytes(), before);
+        assert!(
+            Scratch::borrow(own, 255).is_err(),
+            "there is nothing below it"
+        );
+        assert!(Scratch::borrow(own, 4_096).is_err(), "no memory");
+    }
+
+    /// ERESTARTSYS 512, ERESTARTNOINTR 513 and ERESTARTNOHAND 514 make the same call again,
+    /// ERESTART_RESTARTBLOCK 516 restart_syscall (linux/errno.h).
+    #[test]
+    fn a_call_goes_on_as_if_no_signal_had_come() {
+        let of = |number: i64, result: i64| {
+            let mut registers = crate::guest::tests::no_registers();
+            registers.orig_rax = number.cast_unsigned();
+            registers.rax = result.cast_unsigned();
+            registers.rip = 0x1000;
+            let next = undisturbed(registers);
+            (
+                next.orig_rax.cast_signed(),
+                next.rax.cast_signed(),
+                next.rip,
+            )
+        };
+        for result in [-512, -513, -514] {
+            assert_eq!(of(7, result), (-1, 7, 0xFFE), "{result}");
+        }
+        assert_eq!(of(7, -516), (-1, libc::SYS_restart_syscall, 0xFFE));
+        for result in [-4, -515, 0, 5] {
+            assert_eq!(of(7, result), (7, result, 0x1000), "{result}");
+        }
+        assert_eq!(of(-1, -512), (-1, -512, 0x1000), "no call");
+        assert_eq!(of(0, -512), (-1, 0, 0xFFE), "read is number 0");
+    }
+}

@@ -152,3 +152,73 @@ pub(super) fn kernel_page(tid: Pid) -> Option<(u64, Vec<u8>)> {
     Memory(tid).read(from, &mut page).ok()?;
     Some((from, page))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use nix::sys::ptrace::Options;
+
+    use crate::guest::tests::Stopped;
+
+    fn stopped() -> Stopped {
+        let stopped = Stopped::new();
+        let options = Options::PTRACE_O_TRACESYSGOOD;
+        ptrace::setoptions(stopped.pid, options).expect("it stands");
+        stopped
+    }
+
+    /// A stopped process makes calls: what it is and in what group, and a pipe in its memory.
+    #[test]
+    fn a_stopped_process_makes_calls() {
+        let stopped = stopped();
+        let (pid, before) = (stopped.pid, stopped.registers());
+        let mut hands = Hands::of(pid, before).expect("it has a place for calls");
+        let number = i64::from(pid.as_raw());
+        assert_eq!(hands.call(libc::SYS_getpid, &[]), Ok(number));
+        assert_eq!(
+            hands.call(libc::SYS_gettid, &[1, 2, 3, 4, 5, 6]),
+            Ok(number)
+        );
+        let place = before.rsp - 256;
+        assert_eq!(hands.call(libc::SYS_pipe2, &[place, 0]), Ok(0));
+        let ends = Memory(pid).u64(place).expect("its stack").to_ne_bytes();
+        assert!(ends[0] >= 3 && ends[4] == ends[0] + 1, "{ends:?}");
+        let write = [u64::from(ends[4]), place, 8];
+        assert_eq!(hands.call(libc::SYS_write, &write), Ok(8));
+        assert_eq!(hands.call(libc::SYS_close, &[999]), Ok(-9));
+        // Six arguments: private memory of its own, at an address of the kernel's choice.
+        let map = [0, 4_096, 3, 0x22, u64::MAX, 0];
+        let at = hands.call(libc::SYS_mmap, &map).expect("it stands");
+        assert_eq!(Memory(pid).u64(at.cast_unsigned()), Ok(0));
+        // Signals that come in between are sent again; the one of a watch over time is not.
+        hands.defer(libc::SIGSTOP);
+        hands.defer(libc::SIGWINCH);
+        assert_eq!(hands.deferred, [libc::SIGWINCH]);
+        hands.send_again(pid.as_raw()).expect("it stands");
+        let pending = crate::guest::pending::Pending::of(pid.as_raw(), pid.as_raw());
+        assert!(hands.deferred.is_empty() && pending.own & 1 << 27 != 0);
+        hands.stop_at(Signal::SIGWINCH).expect("it waits");
+        nix::sys::signal::kill(pid, Signal::SIGKILL).expect("ours");
+        assert_eq!(hands.next_stop(), Err(NotMade::Ended(9)));
+    }
+
+    /// The last two bytes before the next instruction, or one in the kernel's own page.
+    #[test]
+    fn a_call_instruction_is_found() {
+        let stopped = stopped();
+        let at = stopped.runs(&[0x0F, 0x05, 0x90]);
+        let mut registers = stopped.registers();
+        registers.rip = at + 2;
+        assert_eq!(call_instruction(stopped.pid, &registers), Some(at));
+        registers.rip = at + 3;
+        let Some((page, code)) = kernel_page(stopped.pid) else {
+            return;
+        };
+        let found = call_instruction(stopped.pid, &registers).expect("in the kernel's page");
+        let inside = usize::try_from(found - page).expect("inside");
+        assert_eq!(code[inside..inside + 2], SYSCALL);
+        assert_eq!(code.len() % 4_096, 0);
+        assert!(kernel_page(Pid::from_raw(-1)).is_none());
+    }
+}

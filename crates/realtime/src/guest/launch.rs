@@ -440,4 +440,76 @@ mod tests {
             assert_eq!(options(set), OsString::from(expected));
         }
     }
+
+    /// Which calls stop a program is told by their numbers; the rest is a matter of arguments.
+    #[test]
+    fn some_calls_stop_a_program_by_their_arguments() {
+        let rules = all_stopped().expect("valid");
+        for number in STOPPED {
+            assert!(
+                rules[number].is_empty() || *number == libc::SYS_clone3,
+                "{number}"
+            );
+        }
+        let count = |number| rules.get(&number).map(Vec::len);
+        // F_SETFL, F_SETOWN, F_SETSIG, F_SETOWN_EX and F_SETLKW.
+        assert_eq!(count(libc::SYS_fcntl), Some(5));
+        assert_eq!(count(libc::SYS_close), Some(1));
+        assert_eq!(count(libc::SYS_setsockopt), Some(6));
+        assert_eq!(count(libc::SYS_clone), Some(1));
+        assert_eq!(count(libc::SYS_clone3), Some(0));
+        assert_eq!(
+            (count(libc::SYS_lstat), count(libc::SYS_newfstatat)),
+            (Some(0), Some(1))
+        );
+        assert_eq!(
+            (count(libc::SYS_getpid), count(libc::SYS_mmap)),
+            (None, None)
+        );
+        let lines = about_lines().expect("valid");
+        let count = |number| lines.get(&number).map(Vec::len);
+        assert_eq!(count(libc::SYS_ioctl), Some(14 + 12));
+        assert_eq!(
+            (count(libc::SYS_readlink), count(libc::SYS_readlinkat)),
+            (Some(0), Some(0))
+        );
+        assert_eq!(
+            (count(libc::SYS_clone), count(libc::SYS_lstat)),
+            (Some(1), Some(0))
+        );
+        assert_eq!(
+            (count(libc::SYS_read), count(libc::SYS_fcntl)),
+            (None, None)
+        );
+    }
+
+    #[test]
+    fn a_program_is_asked_to_end_by_four_signals() {
+        let set = requests_to_end();
+        let all = Signal::iterator().filter(|&signal| set.contains(signal));
+        let expected = [
+            Signal::SIGHUP,
+            Signal::SIGINT,
+            Signal::SIGQUIT,
+            Signal::SIGTERM,
+        ];
+        assert_eq!(all.collect::<Vec<_>>(), expected);
+    }
+
+    /// CLONE_UNTRACED is 0x800000; the flags of clone3(2) are the first word in memory.
+    #[test]
+    fn a_child_that_hides_is_shown() {
+        let stopped = crate::guest::tests::Stopped::new();
+        stopped.change(|registers| registers.rdi = 5);
+        let clone = |flags| show_child(stopped.pid, &Call::made(libc::SYS_clone, &[flags]));
+        clone(0x11);
+        assert_eq!(stopped.registers().rdi, 5);
+        clone(0x80_0011);
+        assert_eq!(stopped.registers().rdi, 0x11);
+        let room = crate::guest::tests::Room::of_words(&[0x80_0100, 0x80_0000]);
+        let own = crate::guest::tests::own();
+        show_child(own, &Call::made(libc::SYS_clone3, &[room.at(0), 88]));
+        assert_eq!(room.words(), [0x100, 0x80_0000]);
+        show_child(own, &Call::made(libc::SYS_clone3, &[8, 88]));
+    }
 }

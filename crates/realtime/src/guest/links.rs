@@ -73,8 +73,6 @@ impl Link {
 mod tests {
     use super::*;
 
-    use std::os::unix::fs::MetadataExt as _;
-
     use crate::guest::tests::{Room, own};
 
     fn path(text: &str) -> Room {

@@ -491,3 +491,6 @@ impl Stage {
             .change_line(port, LineEvent::Break, &mut self.run);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -208,4 +208,102 @@ mod tests {
         assert_eq!(found(20, Some("rules")), Some(3));
         assert_eq!(found(9, None), None);
     }
+
+    fn failed(name: &str) -> Check {
+        Check::new(name, false, format!("detail of {name}"))
+    }
+
+    fn outcome(checks: Vec<Check>) -> Outcome {
+        let (scenario, source) = engine::scenario::Scenario::from_text(
+            "schema = 1\nname = \"x\"\nrobot = \"none\"\nduration = \"1s\"\n\
+             device.x.text = { baud = 9600 }\n",
+        )
+        .expect("valid");
+        let run = engine::run::Run::new(scenario, &source, None).expect("it starts");
+        let mut outcome = run.judge();
+        outcome.ran = core::time::Duration::from_secs(9);
+        outcome.checks = checks;
+        outcome.events = Vec::new();
+        outcome
+    }
+
+    /// A check that fails again after a pass fails since then.
+    #[test]
+    fn a_check_fails_since_it_last_passed() {
+        let at = Instant::from_millis;
+        let mut watch = Watch::default();
+        let passed = |name: &str| Check::new(name, true, String::new());
+        watch.look(at(100), vec![failed("a"), failed("b"), passed("c")]);
+        assert_eq!(watch.next, at(100) + LOOK_EVERY);
+        watch.look(at(200), vec![passed("a"), failed("b"), failed("c")]);
+        watch.look(at(300), vec![failed("a"), failed("b"), failed("c")]);
+        let since: Vec<(&str, Instant)> = watch
+            .failing
+            .iter()
+            .map(|(name, at)| (&**name, *at))
+            .collect();
+        assert_eq!(since, [("a", at(300)), ("b", at(100)), ("c", at(200))]);
+    }
+
+    #[test]
+    fn the_earliest_failure_is_the_one() {
+        let at = Instant::from_millis;
+        let mut watch = Watch::default();
+        watch.look(at(2_000), vec![failed("b")]);
+        watch.look(at(3_000), vec![failed("a"), failed("b")]);
+        let log = Log {
+            last: Moment {
+                calls: 77,
+                leaps: 0,
+            },
+            ..Log::default()
+        };
+        let found = |checks: Vec<Check>, ended| {
+            let failure = watch.failure(&outcome(checks), ended, &log)?;
+            Some((failure.what, failure.spot))
+        };
+        assert!(found(vec![Check::new("a", true, String::new())], None).is_none());
+        let (what, spot) = found(vec![failed("a"), failed("b")], None).expect("two");
+        assert_eq!(what, "b fails at 2.000000 s: detail of b");
+        assert!(matches!(spot, Spot::Time(since) if since == at(2_000)));
+        // One that never failed before the end, and the program's own end.
+        let (what, _) = found(vec![failed("z")], None).expect("one");
+        assert_eq!(what, "z fails at 9.000000 s: detail of z");
+        let checks = || vec![failed("a"), failed("program-alive")];
+        let (what, spot) = found(checks(), Some(at(500))).expect("two");
+        assert_eq!(
+            what,
+            "program-alive fails at 0.500000 s: detail of program-alive"
+        );
+        assert!(matches!(spot, Spot::Call(moment) if moment.calls == 77));
+        let (what, _) = found(checks(), None).expect("two");
+        assert_eq!(what, "a fails at 3.000000 s: detail of a");
+        let mut died = Watch::default();
+        died.died = Some((3, at(500)));
+        let failure = died
+            .failure(&outcome(checks()), Some(at(500)), &log)
+            .expect("two");
+        assert!(matches!(failure.spot, Spot::Signal(3)));
+    }
+
+    /// The write before the failure is the place, if there is one.
+    #[test]
+    fn the_place_of_a_failure_is_the_write_before_it() {
+        let at = Instant::from_millis;
+        let mut watch = Watch::default();
+        watch.look(at(2_000), vec![failed("a")]);
+        let write = |millis, calls| PortWrite {
+            arrives: at(millis),
+            to: None,
+            moment: Moment { calls, leaps: 0 },
+        };
+        let log = Log {
+            writes: vec![write(1_999, 5), write(2_001, 6)],
+            ..Log::default()
+        };
+        let failure = watch
+            .failure(&outcome(vec![failed("a")]), None, &log)
+            .expect("one");
+        assert!(matches!(failure.spot, Spot::Call(moment) if moment.calls == 5));
+    }
 }

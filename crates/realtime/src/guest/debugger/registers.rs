@@ -159,4 +159,118 @@ mod tests {
         assert_eq!(tags_in_full(0b1000_0001), 0b00_11_11_11_11_11_11_00);
         assert_eq!(tags_in_short(tags_in_full(0b1010_0110)), 0b1010_0110);
     }
+
+    /// Registers with a number of their own each, in the order of GDB (gdb/features/i386/64bit-*).
+    #[test]
+    fn registers_are_shown_and_taken_in_the_order_of_gdb() {
+        let mut own = crate::guest::tests::no_registers();
+        let order = |it: &mut user_regs_struct, base: u64| {
+            [it.rax, it.rbx, it.rcx, it.rdx] = [base, base + 1, base + 2, base + 3];
+            [it.rsi, it.rdi, it.rbp, it.rsp] = [base + 4, base + 5, base + 6, base + 7];
+            [it.r8, it.r9, it.r10, it.r11] = [base + 8, base + 9, base + 10, base + 11];
+            [it.r12, it.r13, it.r14, it.r15] = [base + 12, base + 13, base + 14, base + 15];
+        };
+        order(&mut own, 1 << 40);
+        (own.rip, own.eflags, own.orig_rax) = (1 << 41, 0xF_0000_0246, 7);
+        [own.cs, own.ss, own.ds, own.es, own.fs, own.gs] = [1, 2, 3, 4, 5, 6];
+        let regs = shown(&own, None);
+        let expected: Vec<u64> = (0..16).map(|index| (1 << 40) + index).collect();
+        assert_eq!(regs.regs.to_vec(), expected);
+        assert_eq!((regs.rip, regs.eflags), (1 << 41, 0x246));
+        let segments = &regs.segments;
+        let segments = [
+            segments.cs,
+            segments.ss,
+            segments.ds,
+            segments.es,
+            segments.fs,
+            segments.gs,
+        ];
+        assert_eq!(segments, [1, 2, 3, 4, 5, 6]);
+        let mut back = crate::guest::tests::no_registers();
+        back.orig_rax = 7;
+        back.rip = 1 << 41;
+        take(&regs, &mut back);
+        let all = |it: &user_regs_struct| {
+            [
+                it.rax, it.rbx, it.rcx, it.rdx, it.rsi, it.rdi, it.rbp, it.rsp, it.r8, it.r9,
+                it.r10, it.r11, it.r12, it.r13, it.r14, it.r15,
+            ]
+        };
+        assert_eq!(all(&back), all(&own));
+        assert_eq!((back.rip, back.eflags, back.orig_rax), (1 << 41, 0x246, 7));
+        // Elsewhere the kernel has no call to make again.
+        back.rip = 5;
+        take(&regs, &mut back);
+        assert_eq!((back.rip, back.orig_rax), (1 << 41, u64::MAX));
+    }
+
+    /// A register of the x87 has 10 of 16 bytes; one of SSE is four words, the lowest first.
+    #[test]
+    fn floating_point_registers_are_shown_and_taken() {
+        let stopped = crate::guest::tests::Stopped::new();
+        let kind = nix::sys::ptrace::getregset::<nix::sys::ptrace::regset::NT_PRFPREG>;
+        let mut float = kind(stopped.pid).expect("it stands");
+        for (index, word) in float.st_space.iter_mut().enumerate() {
+            *word = 0x0101_0101 * u32::try_from(index + 1).expect("few");
+        }
+        for (index, word) in float.xmm_space.iter_mut().enumerate() {
+            *word = u32::try_from(index + 1).expect("few");
+        }
+        (float.cwd, float.swd, float.ftw, float.fop) = (0x37F, 0x3800, 0b1000_0001, 9);
+        (float.rip, float.rdp, float.mxcsr) = (0x1_0000_0002, 0x3_0000_0004, 0x1F80);
+        let own = crate::guest::tests::no_registers();
+        let regs = shown(&own, Some(&float));
+        assert_eq!(regs.st[0], [1, 1, 1, 1, 2, 2, 2, 2, 3, 3]);
+        assert_eq!(regs.st[1], [5, 5, 5, 5, 6, 6, 6, 6, 7, 7]);
+        assert_eq!(regs.xmm[0], 4 << 96 | 3 << 64 | 2 << 32 | 1);
+        assert_eq!(regs.xmm[15], 64 << 96 | 63 << 64 | 62 << 32 | 61);
+        let fpu = &regs.fpu;
+        assert_eq!(
+            [fpu.fctrl, fpu.fstat, fpu.fop, fpu.ftag],
+            [0x37F, 0x3800, 9, 0b00_11_11_11_11_11_11_00]
+        );
+        assert_eq!([fpu.fiseg, fpu.fioff, fpu.foseg, fpu.fooff], [1, 2, 3, 4]);
+        assert_eq!(regs.mxcsr, 0x1F80);
+        let mut back = kind(stopped.pid).expect("it stands");
+        take_float(&regs, &mut back);
+        let st: Vec<u32> = back.st_space[..8].to_vec();
+        assert_eq!(
+            st,
+            [
+                0x0101_0101,
+                0x0202_0202,
+                0x0303,
+                0,
+                0x0505_0505,
+                0x0606_0606,
+                0x0707,
+                0
+            ]
+        );
+        assert_eq!(back.xmm_space.to_vec(), (1..=64).collect::<Vec<u32>>());
+        assert_eq!(
+            (back.cwd, back.swd, back.ftw, back.mxcsr),
+            (0x37F, 0x3800, 0b1000_0001, 0x1F80)
+        );
+    }
+
+    #[test]
+    fn words_are_cut_to_their_lower_halves() {
+        assert_eq!((low(0x1_2345_6789), low(u64::MAX)), (0x2345_6789, u32::MAX));
+        assert_eq!((lowest(0x12_3456), lowest(u32::MAX)), (0x3456, u16::MAX));
+        assert_eq!(
+            (to_gdb(300), to_gdb(64)),
+            (GdbSignal::SIGTRAP, GdbSignal(64))
+        );
+        assert_eq!((tags_in_full(0), tags_in_full(0xFF)), (0xFFFF, 0));
+        assert_eq!(
+            (
+                tags_in_short(0xFFFF),
+                tags_in_short(0),
+                tags_in_short(0b10_01)
+            ),
+            (0, 0xFF, 0xFF)
+        );
+    }
 }

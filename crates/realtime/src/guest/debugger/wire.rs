@@ -205,3 +205,102 @@ impl Connection for Wire {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A door, a debugger that has connected, and the wire to it.
+    fn connected() -> (Door, TcpStream, Wire) {
+        let door = Door::open(0).expect("a free port");
+        let client = TcpStream::connect(door.address).expect("it listens");
+        let wire = door
+            .accept(&|| true)
+            .expect("it connects")
+            .expect("it goes on");
+        (door, client, wire)
+    }
+
+    fn heard(client: &mut TcpStream, len: usize) -> String {
+        let mut bytes = vec![0; len];
+        client.read_exact(&mut bytes).expect("it was sent");
+        String::from_utf8(bytes).expect("text")
+    }
+
+    fn send(client: &mut TcpStream, bytes: &[u8]) {
+        io::Write::write_all(client, bytes).expect("connected");
+    }
+
+    /// GDB's remote protocol: `$`, the packet, `#`, the sum of its bytes in two digits; `O` is text
+    /// for the console, in hex.
+    #[test]
+    fn text_and_answers_are_packets() {
+        let (_door, mut client, mut wire) = connected();
+        wire.say("hi").expect("connected");
+        // 'O' + "68" + "69" + "0a": 0x4F + 6 digits.
+        let sum: u32 = "O68690a".bytes().map(u32::from).sum();
+        assert_eq!(
+            heard(&mut client, 11),
+            format!("$O68690a#{:02x}", sum % 256)
+        );
+        wire.confirm().expect("connected");
+        assert_eq!(heard(&mut client, 6), "$OK#9a");
+        wire.write(b'a').expect("kept");
+        Connection::write_all(&mut wire, b"bc").expect("kept");
+        Connection::flush(&mut wire).expect("connected");
+        assert_eq!(heard(&mut client, 3), "abc");
+    }
+
+    #[test]
+    fn bytes_come_one_by_one() {
+        let (door, mut client, mut wire) = connected();
+        assert_eq!(wire.try_next().expect("connected"), None);
+        send(&mut client, b"ab");
+        assert_eq!(wire.next(&door, &|| true).expect("connected"), Some(b'a'));
+        assert_eq!(wire.next(&door, &|| false).expect("connected"), Some(b'b'));
+        assert_eq!(wire.next(&door, &|| false).expect("connected"), None);
+        // What was written goes out before anything is waited for.
+        wire.write(b'x').expect("kept");
+        assert_eq!(wire.try_next().expect("connected"), None);
+        assert_eq!(heard(&mut client, 1), "x");
+        drop(client);
+        let gone = wire.next(&door, &|| true).expect_err("it is gone");
+        assert_eq!(gone.kind(), io::ErrorKind::UnexpectedEof);
+    }
+
+    /// Ctrl-C of a debugger is the byte 3.
+    #[test]
+    fn an_interrupt_is_heard_while_nothing_is_read() {
+        let (_door, mut client, mut wire) = connected();
+        let ear = wire.ear().expect("connected");
+        assert!(!ear.hears_interrupt());
+        send(&mut client, b"ab");
+        wait(&[&wire.stream]).expect("connected");
+        assert!(!ear.hears_interrupt());
+        send(&mut client, b"\x03cd");
+        while !ear.hears_interrupt() {
+            wait(&[&wire.stream]).expect("connected");
+        }
+        wire.take_interrupt().expect("connected");
+        assert_eq!(wire.try_next().expect("connected"), Some(b'c'));
+        drop(client);
+        wait(&[&wire.stream]).expect("connected");
+        while !ear.hears_interrupt() {
+            wait(&[&wire.stream]).expect("connected");
+        }
+    }
+
+    #[test]
+    fn a_second_debugger_is_turned_away() {
+        let (door, _client, _wire) = connected();
+        let mut second = TcpStream::connect(door.address).expect("it listens");
+        door.turn_away();
+        let mut byte = [0];
+        assert_eq!(second.read(&mut byte).expect("closed"), 0);
+        assert!(door.accept(&|| false).expect("it listens").is_none());
+        let port = door.address.port();
+        let taken = Door::open(port);
+        assert!(matches!(taken, Err(GuestError::DebugPort { port: of, .. }) if of == port));
+        assert!(door.address.ip().is_loopback());
+    }
+}

@@ -68,3 +68,42 @@ impl Wires {
         lines
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(wires: &mut Wires, link: usize, side: Side, millis: u64, bytes: &[u8]) {
+        let at = Instant::from_millis(millis);
+        wires.record(link, Direction::ToDevice, side, at, bytes);
+    }
+
+    /// A line has the time, the direction, the bytes in hex and as text.
+    #[test]
+    fn the_last_pieces_of_a_link_are_lines() {
+        let mut wires = Wires::default();
+        record(&mut wires, 0, Side::Received, 1, b"a~ \x1F\x7F");
+        record(&mut wires, 1, Side::Received, 2, b"b");
+        record(&mut wires, 0, Side::Sent, 3, b"c");
+        record(&mut wires, 0, Side::Received, 4, b"d");
+        let name = Direction::ToDevice.name();
+        let line = |at: &str, hex: &str, text: &str| format!("{at} {name:>9}  {hex}  {text}");
+        let first = line("0.001000", "61 7e 20 1f 7f", "a~ ..");
+        let last = line("0.004000", "64", "d");
+        assert_eq!(wires.last(0, 9), [first, last.clone()]);
+        assert_eq!(wires.last(0, 1), [last]);
+        assert_eq!(wires.last(1, 9).len(), 1);
+        assert!(wires.last(2, 9).is_empty() && wires.last(0, 0).is_empty());
+    }
+
+    #[test]
+    fn old_pieces_are_forgotten() {
+        let mut wires = Wires::default();
+        for millis in 0..=20_000 {
+            record(&mut wires, 0, Side::Received, millis, b"x");
+        }
+        let all = wires.last(0, usize::MAX);
+        assert_eq!(all.len(), 20_000);
+        assert!(all[0].starts_with("0.001000 "), "{}", all[0]);
+    }
+}

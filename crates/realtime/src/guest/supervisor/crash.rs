@@ -96,4 +96,66 @@ mod tests {
         let data = "55557000-55558000 rw-p 00002000 08:01 7     /srv/a/robot";
         assert!(Mapping::read(data, "/srv/a/robot").is_none());
     }
+
+    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::tests::Stopped;
+
+    /// The instruction of the program itself, or the nearest return address of it on the stack.
+    #[test]
+    fn a_fault_is_named_by_the_programs_own_code() {
+        let stopped = Stopped::new();
+        let pid = stopped.pid;
+        let exe = std::fs::read_link(format!("/proc/{pid}/exe")).expect("it runs");
+        let maps = std::fs::read_to_string(format!("/proc/{pid}/maps")).expect("it runs");
+        let name = exe.to_str().expect("text");
+        let code = maps
+            .lines()
+            .find_map(|line| Mapping::read(line, name))
+            .expect("it has code");
+        let file = exe
+            .file_name()
+            .expect("a file")
+            .to_string_lossy()
+            .into_owned();
+        stopped.change(|registers| registers.rip = code.from + 0x10);
+        let expected = format!("{file}+{:#x}", code.offset + 0x10);
+        assert_eq!(place(pid).as_deref(), Some(&*expected));
+        // Elsewhere, with a return address as the third word of the stack.
+        let stack = stopped.registers().rsp - 512;
+        let words = [1, 2, code.from + 0x20, code.from + 0x30];
+        for (index, word) in words.into_iter().enumerate() {
+            let at = stack + 8 * index as u64;
+            Memory(pid)
+                .write(at, &u64::to_ne_bytes(word))
+                .expect("its stack");
+        }
+        stopped.change(|registers| {
+            registers.rip = 8;
+            registers.rsp = stack;
+        });
+        let expected = format!("{file}+{:#x}", code.offset + 0x20);
+        assert_eq!(place(pid).as_deref(), Some(&*expected));
+        let mut bench = Bench::new();
+        for (signal, is_fault) in [
+            (11, true),
+            (7, true),
+            (8, true),
+            (4, true),
+            (6, true),
+            (5, true),
+            (15, false),
+            (9, false),
+        ] {
+            bench.supervisor.fault = None;
+            bench.supervisor.note_fault(pid.as_raw(), signal);
+            let found = bench.supervisor.fault();
+            assert_eq!(found, is_fault.then_some(&*expected), "{signal}");
+        }
+        assert_eq!(code.offset(code.from - 1), None);
+        assert_eq!(
+            code.offset(code.to - 1),
+            Some(code.to - 1 - code.from + code.offset)
+        );
+        assert_eq!(code.offset(code.to), None);
+    }
 }

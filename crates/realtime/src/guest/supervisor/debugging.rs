@@ -490,3 +490,6 @@ impl Supervisor {
         let _ = write_watches(Pid::from_raw(tid), &debugging.watches);
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -200,6 +200,13 @@ mod tests {
     use crate::guest::supervisor::tests::Bench;
     use crate::guest::tests::{Room, Stopped};
 
+    impl Notice {
+        /// To a process, by SIGIO.
+        pub(in crate::guest::supervisor) const fn default_of(owner: i32) -> Self {
+            Self { owner, signal: 0 }
+        }
+    }
+
     /// fcntl(2): F_SETFL with O_ASYNC begins it; F_SETOWN and F_SETOWN_EX say where signals go,
     /// F_SETSIG which.
     #[test]

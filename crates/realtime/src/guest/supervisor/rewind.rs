@@ -180,3 +180,144 @@ impl Supervisor {
         (is_there && is_idle && is_plain && is_alone).then_some(thread.process)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::guest::supervisor::tests::Bench;
+
+    fn fixed(maps: &str) -> Fixed {
+        Fixed {
+            maps: maps.to_owned(),
+            files: Vec::new(),
+            own: Vec::new(),
+        }
+    }
+
+    /// proc(5): a range, its rights with `p` for private memory, and more.
+    #[test]
+    fn writable_memory_is_read_from_the_list() {
+        let all = "1000-3000 rw-p 0 00:00 0\n4000-5000 r--p 0 00:00 0\n6000-6010 rw-p 0 00:00 0 [heap]\n\
+                   7000-8000 rwxp 0 00:00 0\n9000-a000 r-xs 0 00:00 0\n";
+        assert_eq!(
+            fixed(all).writable(),
+            Some(vec![(0x1000, 0x2000), (0x6000, 0x10)])
+        );
+        let shared = format!("{all}b000-c000 rw-s 0 00:00 0\n");
+        assert_eq!(fixed(&shared).writable(), None);
+        assert_eq!(
+            fixed("1000-801000 rw-p 0\n").writable(),
+            Some(vec![(0x1000, 8 << 20)])
+        );
+        assert_eq!(
+            fixed("1000-801010 rw-p 0\n").writable(),
+            None,
+            "more than 8 MiB"
+        );
+        assert_eq!(fixed("1000 rw-p 0\n").writable(), None);
+        assert_eq!(fixed("3000-1000 rw-p 0\n").writable(), None);
+        assert_eq!(fixed("").writable(), Some(vec![]));
+    }
+
+    #[test]
+    fn the_state_of_a_process_is_its_mappings_files_and_masks() {
+        let stopped = crate::guest::tests::Stopped::new();
+        let pid = stopped.pid.as_raw();
+        let it = Fixed::of(pid).expect("it stands");
+        assert!(it.maps.contains("[stack]") && it.files.iter().any(|(fd, _)| *fd == 0));
+        assert!(it.files.is_sorted());
+        let names: Vec<&str> = it
+            .own
+            .iter()
+            .filter_map(|line| line.split(':').next())
+            .collect();
+        for name in OWN_LINES {
+            assert!(names.contains(&name), "{name} of {names:?}");
+        }
+        assert_eq!(Fixed::of(pid), Some(it));
+        assert_eq!(Fixed::of(-1), None);
+    }
+
+    /// A thread that waits for its ports at the beginning of a call, and each thing that is in the
+    /// way of putting it back.
+    #[test]
+    fn a_program_that_does_nothing_else_can_be_put_back() {
+        let can = |change: &dyn Fn(&mut Bench)| {
+            let mut bench = Bench::new();
+            let wait = Wait {
+                on: On::Files,
+                deadline: None,
+            };
+            bench.thread().state = State::Blocked(wait);
+            change(&mut bench);
+            let found = bench.supervisor.waiting_thread();
+            assert!(found.is_none_or(|tid| tid == bench.tid));
+            found.is_some()
+        };
+        assert!(can(&|_| {}));
+        let changes: [&dyn Fn(&mut Bench); 26] = [
+            &|it| it.thread().state = State::Running,
+            &|it| it.thread().state = State::Blocked(Wait::for_ever()),
+            &|it| it.thread().is_at_end = true,
+            &|it| it.thread().outside = it.thread().call.or(Some(super::super::Call::made(0, &[]))),
+            &|it| it.thread().progress = 1,
+            &|it| it.supervisor.queue.push_back(1),
+            &|it| it.supervisor.late.push((protocols::Instant::ZERO, 1)),
+            &|it| it.supervisor.early.extend([1]),
+            &|it| {
+                it.supervisor
+                    .notices
+                    .insert((1, 1), super::super::Notice::default_of(1));
+            },
+            &|it| it.supervisor.held_over = Some((1, super::super::Next::Attempt)),
+            &|it| it.supervisor.trouble = Some(crate::guest::GuestError::Restart),
+            &|it| it.supervisor.is_signalled = true,
+            &|it| it.supervisor.begin_debugging(super::super::Wanted::Nothing),
+            &|it| it.supervisor.schedule = Some(super::super::Schedule::new(1)),
+            &|it| it.supervisor.has_signal_files = true,
+            &|it| it.supervisor.has_told_files = true,
+            &|it| it.supervisor.has_bound = true,
+            &|it| it.process().alarm.at = Some(protocols::Instant::ZERO),
+            &|it| it.process().shares_memory = true,
+            &|it| it.process().is_dying = true,
+            &|it| {
+                let own = it.tid;
+                it.add(1_000_001, own, State::Running);
+            },
+            &|it| it.supervisor.threads.clear(),
+            &|it| it.supervisor.processes.clear(),
+            &|it| {
+                it.add(1_000_001, 1_000_001, State::Running);
+                it.supervisor.threads.remove(&1_000_001);
+            },
+            &|it| {
+                use crate::guest::task::{PosixTimer, Timer};
+                let timer = PosixTimer {
+                    clock: 1,
+                    signal: 0,
+                    value: 0,
+                    thread: None,
+                    timer: Timer::default(),
+                    is_due: false,
+                    is_sent: false,
+                    overrun: 0,
+                };
+                it.process().posix_timers.insert(0, timer);
+            },
+            &|it| {
+                use crate::guest::task::{Timer, TimerFile};
+                let null = fs::File::open("/dev/null").expect("it is there");
+                let timer = TimerFile {
+                    file: null.into(),
+                    clock: 1,
+                    timer: Timer::default(),
+                    expired: 0,
+                };
+                it.process().timers.insert(3, timer);
+            },
+        ];
+        for (index, change) in changes.into_iter().enumerate() {
+            assert!(!can(change), "change {index}");
+        }
+    }
+}

@@ -262,3 +262,188 @@ fn the_bench_opens_its_port_and_hears_it() {
     assert_eq!(&room.bytes()[..7], b"mm=700\n");
     let _ = port.as_raw_fd();
 }
+
+fn waits_for(on: On, deadline_ms: Option<u64>) -> State {
+    let deadline = deadline_ms.map(Instant::from_millis);
+    State::Blocked(Wait { on, deadline })
+}
+
+/// Those whose time has come may run: by their deadline, then by the beginning of their wait.
+#[test]
+fn threads_whose_time_has_come_may_run_in_order() {
+    let mut bench = Bench::new();
+    let own = bench.tid;
+    assert_eq!(bench.supervisor.next_deadline(), None);
+    for (tid, deadline, at) in [
+        (1_000_001, Some(30), 5),
+        (1_000_002, Some(20), 9),
+        (1_000_003, Some(20), 7),
+        (1_000_004, Some(40), 1),
+        (1_000_005, None, 2),
+    ] {
+        bench
+            .add(tid, own, waits_for(On::Others, deadline))
+            .blocked_at = at;
+    }
+    let at = |ms| Some(Instant::from_millis(ms));
+    assert_eq!(bench.supervisor.next_deadline(), at(20));
+    bench.process().alarm.at = at(15);
+    assert_eq!(bench.supervisor.next_deadline(), at(15));
+    bench.process().alarm.at = None;
+    bench.passes(19);
+    bench.supervisor.expire();
+    assert!(bench.supervisor.queue.is_empty());
+    bench.passes(11);
+    bench.supervisor.expire();
+    assert_eq!(bench.supervisor.queue, [1_000_003, 1_000_002, 1_000_001]);
+    let state = bench.supervisor.threads[&1_000_002].state;
+    assert!(matches!(state, State::Ready(Next::Attempt)));
+    bench
+        .supervisor
+        .delay(1_000_005, Duration::from_millis(3), Next::Call);
+    assert_eq!(bench.supervisor.next_deadline(), at(33));
+}
+
+/// Threads that wait for files try in the order of their waits, and keep it.
+#[test]
+fn threads_try_for_their_files_in_order() {
+    let mut bench = Bench::new();
+    let own = bench.tid;
+    let nap = crate::guest::tests::Room::of_words(&[0, 0]);
+    let tries = |bench: &mut Bench, ran: Option<i32>| {
+        bench.supervisor.retry_files(ran);
+        core::mem::take(&mut bench.supervisor.queue)
+    };
+    // A call that is done at once, and one that waits for ever.
+    let done = Call::made(libc::SYS_clock_getres, &[1, 0]);
+    let never = Call::made(libc::SYS_pause, &[]);
+    for (tid, on, call, at) in [
+        (1_000_001, On::Files, done, 5),
+        (1_000_002, On::Line, done, 3),
+        (1_000_003, On::Others, done, 1),
+        (1_000_004, On::Queue, done, 2),
+        (1_000_005, On::Files, never, 4),
+    ] {
+        let thread = bench.add(tid, own, waits_for(on, None));
+        (thread.blocked_at, thread.call) = (at, Some(call));
+    }
+    assert_eq!(tries(&mut bench, None), [1_000_002, 1_000_001]);
+    let thread = &bench.supervisor.threads[&1_000_005];
+    assert!(
+        thread.is_blocked() && thread.blocked_at == 4,
+        "it keeps its place"
+    );
+    bench.supervisor.has_queues_changed = true;
+    assert_eq!(tries(&mut bench, None), [1_000_004]);
+    assert!(!bench.supervisor.has_queues_changed);
+    bench
+        .supervisor
+        .set_state(1_000_001, waits_for(On::Files, None));
+    let thread = bench.supervisor.threads.get_mut(&1_000_001).expect("added");
+    thread.waits_for_ports = true;
+    assert!(
+        tries(&mut bench, Some(1_000_001)).is_empty(),
+        "only it ran, and waits for ports"
+    );
+    assert_eq!(tries(&mut bench, Some(1_000_002)), [1_000_001]);
+    let _ = nap;
+}
+
+#[test]
+fn programs_and_processes_are_counted() {
+    let mut bench = Bench::new();
+    let own = bench.tid;
+    assert!(bench.supervisor.have_all_ended() && bench.supervisor.is_anybody_there());
+    bench.supervisor.roots.insert(own, None);
+    assert!(!bench.supervisor.have_all_ended());
+    assert_eq!(bench.supervisor.status(own), None);
+    bench.supervisor.roots.insert(own, Some(0x300));
+    assert!(bench.supervisor.have_all_ended());
+    assert_eq!(
+        (bench.supervisor.status(own), bench.supervisor.status(7)),
+        (Some(0x300), None)
+    );
+    bench.add(1_000_001, 1_000_001, State::Running);
+    assert_eq!(bench.supervisor.others().collect::<Vec<_>>(), [1_000_001]);
+    assert!(bench.supervisor.is_launched(own));
+    bench.supervisor.launchers.insert(own);
+    assert!(!bench.supervisor.is_launched(own));
+    bench.supervisor.note("one".to_owned());
+    bench.supervisor.note("two".to_owned());
+    bench.supervisor.note("one".to_owned());
+    assert_eq!(bench.supervisor.notes(), ["one", "two"]);
+    bench.supervisor.processes.clear();
+    assert!(!bench.supervisor.is_anybody_there());
+}
+
+#[test]
+fn the_calls_of_busy_threads_are_named() {
+    let mut bench = Bench::new();
+    let own = bench.tid;
+    assert_eq!(bench.supervisor.last_calls(), "thread 0 at no call yet");
+    bench.begins(libc::SYS_read, &[]);
+    let outside = bench.add(1_000_001, own, State::Outside);
+    outside.call = Some(Call::made(libc::SYS_read, &[]));
+    outside.outside = Some(Call::made(libc::SYS_fcntl, &[]));
+    let expected = "thread 0 at read, thread 1 at fcntl";
+    assert_eq!(bench.supervisor.last_calls(), expected);
+    for tid in [own, 1_000_001] {
+        bench.supervisor.set_state(tid, waits_for(On::Others, None));
+    }
+    assert_eq!(bench.supervisor.last_calls(), "all threads wait");
+}
+
+/// While all threads wait, time moves to the first deadline, and a thread that waits for its line
+/// tries again at each step.
+#[test]
+fn time_passes_while_all_threads_wait() {
+    let mut bench = Bench::new();
+    bench.thread().state = waits_for(On::Others, Some(4));
+    bench.supervisor.let_time_pass().expect("the port stays");
+    assert_eq!(
+        (bench.now(), &bench.supervisor.queue),
+        (4 * MS, &VecDeque::from([bench.tid]))
+    );
+    assert!(!bench.supervisor.is_changed);
+    bench.supervisor.queue.clear();
+    bench.thread().state = waits_for(On::Line, None);
+    bench.supervisor.let_time_pass().expect("the port stays");
+    assert!(bench.supervisor.is_changed && bench.now() == 14 * MS);
+    // In a turn the first of the queue runs, and without one time passes.
+    bench.thread().state = waits_for(On::Others, Some(20));
+    bench.supervisor.turn().expect("the port stays");
+    assert_eq!((bench.now(), bench.supervisor.ran), (20 * MS, None));
+}
+
+/// Signals of a thread come before its turn; what it did is news for others.
+#[test]
+fn a_turn_is_that_of_the_first_in_the_queue() {
+    let mut bench = Bench::new();
+    let own = bench.tid;
+    bench.thread().call = Some(Call::made(libc::SYS_pause, &[]));
+    bench.thread().state = State::Ready(Next::Attempt);
+    bench.supervisor.queue.push_back(own);
+    bench.supervisor.turn().expect("the port stays");
+    assert!(bench.thread().is_blocked() && bench.thread().slice == 0);
+    assert_eq!(
+        (bench.supervisor.ran, bench.supervisor.is_changed),
+        (Some(own), false)
+    );
+    assert!(
+        bench.supervisor.is_signalled,
+        "one may have come since it was ready"
+    );
+    bench.add(1_000_001, own, State::Ready(Next::Attempt));
+    let other = bench.supervisor.threads.get_mut(&1_000_001).expect("added");
+    other.call = Some(Call::made(libc::SYS_pause, &[]));
+    bench.supervisor.queue.push_back(1_000_001);
+    bench.supervisor.turn().expect("the port stays");
+    assert_eq!(
+        (bench.supervisor.ran, bench.supervisor.is_changed),
+        (Some(1_000_001), true)
+    );
+    bench.supervisor.trouble = Some(GuestError::Restart);
+    bench.supervisor.held_over = Some((own, Next::Attempt));
+    assert!(matches!(bench.supervisor.turn(), Err(GuestError::Restart)));
+    assert!(bench.supervisor.trouble.is_none());
+}

@@ -36,3 +36,17 @@ fn of_fixed_length(path: &OsStr) -> String {
     let (folder, number) = path.rsplit_once('/').unwrap_or_default();
     format!("{folder}{number:/>NUMBER_LEN$}")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The system numbers its terminals: /dev/pts/7 and /dev/pts/1234567 are as long.
+    #[test]
+    fn paths_of_terminals_have_one_length() {
+        let of = |path: &str| of_fixed_length(OsStr::new(path));
+        assert_eq!(of("/dev/pts/7"), format!("/dev/pts{}7", "/".repeat(6)));
+        assert_eq!(of("/dev/pts/123456"), "/dev/pts/123456");
+        assert_eq!(of("/dev/pts/1234567"), "/dev/pts1234567");
+    }
+}
