@@ -409,3 +409,6 @@ impl Tracer {
         self.lines.get(port).copied().unwrap_or(0)
     }
 }
+
+#[cfg(test)]
+mod tests;

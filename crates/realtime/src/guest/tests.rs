@@ -2,7 +2,7 @@
 //! that stands.
 
 use std::os::unix::process::CommandExt as _;
-use std::process::{Child, Command};
+use std::process::{Child, Command, Stdio};
 
 use nix::libc::user_regs_struct;
 use nix::sys::ptrace::{self, Options};
@@ -86,6 +86,13 @@ impl Stopped {
 
     pub(super) fn in_group_of_its_own() -> Self {
         Self::of(Command::new("sleep").arg("1000").process_group(0))
+    }
+
+    /// With nothing but `/dev/null`.
+    pub(super) fn without_files() -> Self {
+        let mut sleep = Command::new("sleep");
+        sleep.arg("1000").stdin(Stdio::null());
+        Self::of(sleep.stdout(Stdio::null()).stderr(Stdio::null()))
     }
 
     fn of(command: &mut Command) -> Self {

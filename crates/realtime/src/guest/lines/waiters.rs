@@ -149,3 +149,36 @@ impl Tracer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(lines: u32, wanted: u64) -> Waiter {
+        Waiter::for_line(Call::made(0, &[]), 7, "sonar".to_owned(), lines, wanted)
+    }
+
+    /// TIOCMIWAIT: a change of a line that is waited for; of RI, 0x80, only the end.
+    #[test]
+    fn a_change_of_a_wanted_line_is_seen() {
+        let (cts, dcd, ri) = (0x20, 0x40, 0x80);
+        let mut waiter = line(cts, (cts | ri).into());
+        assert!(!waiter.sees(cts, 9));
+        assert!(waiter.sees(0, 0));
+        assert!(!waiter.sees(0, 0), "it is seen once");
+        assert!(waiter.sees(cts, 0));
+        assert!(!waiter.sees(cts | dcd, 0), "another line");
+        assert!(!waiter.sees(cts | dcd | ri, 0), "the beginning of a ring");
+        assert!(waiter.sees(cts | dcd, 0), "its end");
+        assert!(!line(0, 0).sees(cts, 0), "it waits for none");
+        assert!(line(ri, (cts | ri).into()).sees(cts, 0), "two at once");
+    }
+
+    /// tcdrain(3): until no byte waits.
+    #[test]
+    fn an_empty_queue_is_seen() {
+        let mut waiter = Waiter::for_sent(Call::made(0, &[]), 7, "sonar".to_owned());
+        assert!(!waiter.sees(0x20, 1) && !waiter.sees(0, 1));
+        assert!(waiter.sees(0, 0));
+    }
+}

@@ -435,3 +435,229 @@ fn takes_chance_from_processor(pid: i32) -> bool {
             .windows(RANDOM_DEVICE.len())
             .any(|word| word == RANDOM_DEVICE)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::supervisor::{Wait, futex};
+    use crate::guest::tests::Stopped;
+
+    /// With the first thread of a process all of it is gone.
+    #[test]
+    fn a_process_ends_with_its_first_thread() {
+        let mut bench = Bench::new();
+        let own = bench.tid;
+        for (tid, process) in [
+            (1_000_001, 1_000_001),
+            (1_000_002, 1_000_001),
+            (1_000_003, own),
+        ] {
+            bench.add(tid, process, State::Running);
+        }
+        bench.supervisor.queue.extend([1_000_002, 1_000_003]);
+        bench.supervisor.is_changed = false;
+        bench.supervisor.buried(1_000_003, 0);
+        assert!(core::mem::take(&mut bench.supervisor.is_changed));
+        assert_eq!(bench.supervisor.queue, [1_000_002]);
+        assert!(!bench.supervisor.is_signalled && bench.supervisor.processes.contains_key(&own));
+        bench.supervisor.roots.insert(1_000_001, None);
+        bench.supervisor.buried(1_000_001, 0x300);
+        assert_eq!(
+            bench.supervisor.threads.keys().copied().collect::<Vec<_>>(),
+            [own]
+        );
+        assert!(!bench.supervisor.processes.contains_key(&1_000_001));
+        assert!(bench.supervisor.is_signalled && bench.supervisor.has_queues_changed);
+        assert_eq!(bench.supervisor.status(1_000_001), Some(0x300));
+        assert!(bench.supervisor.last_ends.is_empty());
+        // After the run ends are noted; a signal beyond 31 is told in place of SIGKILL.
+        bench.supervisor.stage.is_frozen = true;
+        bench.add(1_000_004, 1_000_004, State::Running);
+        bench.supervisor.roots.insert(1_000_004, None);
+        let process = bench.supervisor.processes.get_mut(&1_000_004);
+        process.expect("added").fatal = Some(40);
+        bench.supervisor.buried(1_000_004, 9);
+        assert_eq!(bench.supervisor.last_ends, [9]);
+        assert_eq!(bench.supervisor.status(1_000_004), Some(40));
+        assert_eq!(bench.supervisor.fatal.get(&1_000_004), Some(&40));
+        bench.supervisor.buried(-7, 9);
+        assert_eq!(bench.supervisor.last_ends, [9]);
+    }
+
+    /// Threads that wait for their children look again, in the order of their birth.
+    #[test]
+    fn parents_look_for_their_children() {
+        let mut bench = Bench::new();
+        let own = bench.tid;
+        let wait = |on| State::Blocked(Wait { on, deadline: None });
+        bench.add(1_000_009, own, wait(On::Child)).is_at_end = true;
+        bench.add(1_000_001, own, wait(On::Child));
+        bench.add(1_000_002, own, wait(On::Files));
+        bench.supervisor.wake_parents();
+        assert_eq!(bench.supervisor.queue, [1_000_009, 1_000_001]);
+        let first = &bench.supervisor.threads[&1_000_009];
+        assert!(!first.is_at_end && matches!(first.state, State::Ready(Next::Go(None))));
+    }
+
+    /// Each process has chance of its own, of the run's seed and the order of births.
+    #[test]
+    fn threads_and_processes_are_counted_by_birth() {
+        let drawn = || {
+            let mut bench = Bench::new();
+            let own = bench.tid;
+            bench.add(1_000_001, 1_000_001, State::Running);
+            bench.add(1_000_002, own, State::Running);
+            let index = |tid| bench.supervisor.threads[&tid].index;
+            assert_eq!([own, 1_000_001, 1_000_002].map(index), [0, 1, 2]);
+            assert_eq!(
+                (bench.supervisor.born, bench.supervisor.processes.len()),
+                ([3, 2], 2)
+            );
+            [own, 1_000_001].map(|pid| bench.supervisor.chance(pid, 16))
+        };
+        let [one, other] = drawn();
+        assert!(one != other && drawn() == [one, other]);
+        let mut bench = Bench::new();
+        bench.supervisor.queue.push_back(5);
+        bench
+            .supervisor
+            .add_thread(Pid::from_raw(1_000_001), Pid::from_raw(1_000_001), None);
+        let parent = Some(bench.tid);
+        bench
+            .supervisor
+            .add_thread(Pid::from_raw(1_000_002), Pid::from_raw(1_000_002), parent);
+        assert_eq!(
+            bench.supervisor.queue,
+            [1_000_002, 5, 1_000_001],
+            "its parent waits for it"
+        );
+        assert!(bench.supervisor.has_threads(1_000_001) && !bench.supervisor.has_threads(7));
+        let _ = futex::ALL;
+    }
+
+    /// clone(2): CLONE_VM is 0x100; a child that does not share memory has its own.
+    #[test]
+    fn a_child_has_memory_of_its_own_or_that_of_its_parent() {
+        let mut bench = Bench::new();
+        let stopped = Stopped::new();
+        let parent = stopped.pid.as_raw();
+        bench.add(parent, parent, State::Running);
+        bench.add(1_000_001, 1_000_001, State::Running);
+        let flags = |number: i64, flags: u64| {
+            stopped.change(|registers| {
+                registers.orig_rax = number.cast_unsigned();
+                registers.rdi = flags;
+            });
+        };
+        let clone = libc::PTRACE_EVENT_CLONE;
+        let own =
+            |bench: &Bench, event, child| bench.supervisor.has_own_memory(parent, event, child);
+        assert!(own(&bench, libc::PTRACE_EVENT_FORK, 1_000_001));
+        assert!(!own(&bench, libc::PTRACE_EVENT_VFORK, 1_000_001));
+        flags(libc::SYS_clone, 0x11);
+        assert!(own(&bench, clone, 1_000_001) && !own(&bench, clone, parent));
+        flags(libc::SYS_clone, 0x111);
+        assert!(!own(&bench, clone, 1_000_001));
+        let at = stopped.registers().rsp - 256;
+        let memory = Memory(stopped.pid);
+        memory
+            .write(at, &0x100_u64.to_ne_bytes())
+            .expect("its stack");
+        flags(libc::SYS_clone3, at);
+        assert!(!own(&bench, clone, 1_000_001));
+        assert_eq!(clone_flags(parent), Some(Ok(0x100)));
+        memory
+            .write(at, &0x11_u64.to_ne_bytes())
+            .expect("its stack");
+        assert!(own(&bench, clone, 1_000_001));
+        flags(libc::SYS_fork, 0);
+        assert!(!own(&bench, clone, 1_000_001) && clone_flags(parent).is_none());
+        let shares = |bench: &mut Bench| {
+            bench.supervisor.note_shared_memory(parent, 1_000_001);
+            let of = |pid| bench.supervisor.processes[&pid].shares_memory;
+            [of(parent), of(1_000_001)]
+        };
+        assert_eq!(shares(&mut bench), [false; 2]);
+        flags(libc::SYS_clone, 0x11);
+        assert_eq!(shares(&mut bench), [false; 2]);
+        flags(libc::SYS_clone, 0x111);
+        bench.supervisor.note_shared_memory(parent, parent);
+        assert!(
+            !bench.supervisor.processes[&parent].shares_memory,
+            "a thread"
+        );
+        assert_eq!(shares(&mut bench), [true; 2]);
+        assert!(clone_flags(-1).is_none());
+    }
+
+    /// The stack of a new program (elf): a count, arguments and a zero, variables and a zero, and a
+    /// table of pairs: 25 is chance, 33 the kernel's page, 1 an entry to be left out.
+    #[test]
+    fn the_table_of_a_new_program_shows_our_page() {
+        let mut bench = Bench::new();
+        let stopped = Stopped::new();
+        let tid = stopped.pid.as_raw();
+        bench.add(tid, tid, State::Running);
+        let at = stopped.registers().rsp - 2_048;
+        let chance = at + 1_024;
+        let table = [
+            2, 7, 7, 0, 8, 8, 8, 0, 33, 0x5000, 25, chance, 6, 4_096, 0, 0, 33, 0x6000,
+        ];
+        let memory = Memory(stopped.pid);
+        let put = || {
+            let bytes: Vec<[u8; 8]> = table.map(u64::to_ne_bytes).to_vec();
+            memory.write(at, bytes.as_flattened()).expect("its stack");
+            memory.write(chance, &[0; 24]).expect("its stack");
+            stopped.change(|registers| registers.rsp = at);
+        };
+        let words = |from: u64, count: u64| -> Vec<u64> {
+            (0..count)
+                .map(|index| memory.u64(from + 8 * index).expect("its stack"))
+                .collect()
+        };
+        put();
+        bench
+            .supervisor
+            .hide_clock_page(tid, Some(ClockPage::at(0x7_0000)));
+        let mut expected = table.to_vec();
+        expected[9] = ClockPage::at(0x7_0000).place;
+        assert_eq!(words(at, 18), expected);
+        let given = words(chance, 3);
+        assert!(given[0] != 0 && given[1] != 0 && given[2] == 0);
+        put();
+        bench.supervisor.hide_clock_page(tid, None);
+        let mut expected = table.to_vec();
+        expected[8] = 1;
+        assert_eq!(words(at, 18), expected);
+        assert!(
+            words(chance, 2) != given[..2],
+            "the next bytes of its chance"
+        );
+    }
+
+    /// Programs with other rights (setuid, setgid) or of 32 bits are refused.
+    #[test]
+    fn programs_that_cannot_be_supervised_are_refused() {
+        let own = std::process::id().cast_signed();
+        assert!(refuse(own).is_ok() && refuse(-1).is_ok());
+        let stopped = Stopped::new();
+        assert!(refuse(stopped.pid.as_raw()).is_ok());
+        assert!(!takes_chance_from_processor(stopped.pid.as_raw()));
+        assert!(!takes_chance_from_processor(-1));
+    }
+
+    #[test]
+    fn a_dying_process_keeps_no_files() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let null = std::fs::File::open("/dev/null").expect("it is there");
+        let fd = std::os::fd::AsRawFd::as_raw_fd(&null);
+        assert!(bench.supervisor.file(tid, fd).is_some());
+        bench.supervisor.dies(-7);
+        assert!(!bench.process().is_dying);
+        bench.supervisor.dies(tid);
+        assert!(bench.process().is_dying && bench.process().files.is_empty());
+    }
+}

@@ -268,3 +268,162 @@ impl Supervisor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::guest::supervisor::tests::Bench;
+    use crate::guest::tests::Stopped;
+
+    /// A bench and a process that stands at this code.
+    fn at_code(code: &[u8]) -> (Bench, Stopped, i32, u64) {
+        let mut bench = Bench::new();
+        let stopped = Stopped::new();
+        let at = stopped.runs(code);
+        let place = stopped.registers().rsp - 512;
+        stopped.change(|registers| {
+            (registers.rax, registers.rbx) = (5, place);
+        });
+        let tid = stopped.pid.as_raw();
+        bench.add(tid, tid, State::Running);
+        (bench, stopped, tid, at)
+    }
+
+    fn looks(bench: &mut Bench, tid: i32, most: u32) -> Option<(u64, u32)> {
+        match bench.supervisor.look_for_loop(tid, most) {
+            Spin::Waits(state, length) => Some((state, length)),
+            Spin::Computes => None,
+            Spin::Stopped(status) => panic!("stopped: {status:x}"),
+        }
+    }
+
+    /// `jmp .` is EB FE; `cmpb $0, (%rbx); je` back is 80 3B 00 74 FB, as in `while (!flag);`.
+    #[test]
+    fn a_loop_that_changes_nothing_waits() {
+        let (mut bench, stopped, tid, at) = at_code(&[0x90, 0x80, 0x3B, 0, 0x74, 0xFB, 0x90]);
+        let (state, length) = looks(&mut bench, tid, LOOP_MAX).expect("it waits");
+        assert_eq!(
+            (length, stopped.registers().rip),
+            (2, at + 1),
+            "its first instruction"
+        );
+        assert_eq!(
+            looks(&mut bench, tid, LOOP_MAX),
+            Some((state, 2)),
+            "the same each time"
+        );
+        // From its second instruction as well.
+        ptrace::step(stopped.pid, None).expect("it stands");
+        wait(Some(stopped.pid), WaitOptions::empty()).expect("it stops");
+        assert_eq!(looks(&mut bench, tid, LOOP_MAX), Some((state, 2)));
+        assert_eq!(stopped.registers().rip, at + 1);
+        // Another register is another state.
+        stopped.change(|registers| registers.rax = 6);
+        let (other, _) = looks(&mut bench, tid, LOOP_MAX).expect("it waits");
+        assert_ne!(other, state);
+        let memory = Memory(stopped.pid);
+        let far = stopped.registers().rbx - 64;
+        memory.write(far, &[9]).expect("its stack");
+        let (third, _) = looks(&mut bench, tid, LOOP_MAX).expect("it waits");
+        assert_ne!(third, other, "and other memory");
+        assert!(looks(&mut bench, tid, 1).is_none(), "too few instructions");
+        // The flag that ends the loop.
+        let flag = stopped.registers().rbx;
+        memory.write(flag, &[1]).expect("its stack");
+        super::super::poke(stopped.pid, at + 6, &[0xCC]).expect("its code");
+        assert!(matches!(
+            bench.supervisor.look_for_loop(tid, 9),
+            Spin::Stopped(_)
+        ));
+    }
+
+    /// `incq %rax; jmp` is 48 FF C0 EB FB; `incq (%rbx)`, 48 FF 03, changes memory.
+    #[test]
+    fn a_loop_that_changes_something_computes() {
+        let (mut bench, _stopped, tid, _) = at_code(&[0x48, 0xFF, 0xC0, 0xEB, 0xFB]);
+        assert!(looks(&mut bench, tid, 300).is_none());
+        // `movq $0, %rax` behind it: the registers come back, memory does not.
+        let code = [0x48, 0xFF, 0x03, 0x48, 0x31, 0xC0, 0xEB, 0xF8];
+        let (mut bench, _stopped, tid, _) = at_code(&code);
+        assert!(looks(&mut bench, tid, 300).is_none());
+        // A counted loop that comes back to its state: 3, 2, 1, 0, 3, ..
+        let code = [0xB9, 3, 0, 0, 0, 0xFF, 0xC9, 0x75, 0xFC, 0xEB, 0xF5];
+        let (mut bench, stopped, tid, at) = at_code(&code);
+        let (_, length) = looks(&mut bench, tid, LOOP_MAX).expect("it waits");
+        assert_eq!((length, stopped.registers().rip), (8, at));
+    }
+
+    /// A thread that waits beside others lets them run; alone it goes on, as only time can end it.
+    #[test]
+    fn a_thread_in_a_loop_lets_others_run() {
+        let (mut bench, _stopped, tid, _) = at_code(&[0xEB, 0xFE]);
+        assert!(matches!(bench.supervisor.spins(tid), Flow::Stays));
+        assert!(bench.supervisor.queue.is_empty());
+        assert!(matches!(bench.supervisor.held_over, Some((held, Next::Go(None))) if held == tid));
+        let thread = |bench: &Bench| bench.supervisor.threads[&tid].clone();
+        assert_eq!(
+            (thread(&bench).loop_length, thread(&bench).in_loop_at),
+            (None, Some(1))
+        );
+        bench.supervisor.held_over = None;
+        bench.supervisor.queue.push_back(bench.tid);
+        assert!(matches!(bench.supervisor.spins(tid), Flow::Stays));
+        assert_eq!(bench.supervisor.queue, [bench.tid, tid]);
+        assert_eq!(thread(&bench).loop_length, Some(1));
+        assert_eq!(bench.supervisor.progress, 1, "the same loop is no progress");
+        // It is still there: that is seen at once.
+        assert!(matches!(bench.supervisor.go_on_in_loop(tid), Flow::Stays));
+        assert_eq!(bench.supervisor.queue, [bench.tid, tid, tid]);
+        bench
+            .supervisor
+            .threads
+            .get_mut(&tid)
+            .expect("added")
+            .loop_length = None;
+        assert!(matches!(
+            bench.supervisor.go_on_in_loop(tid),
+            Flow::Goes(None)
+        ));
+        // All others wait in loops as well, and so nobody is first.
+        bench.supervisor.queue = [bench.tid].into();
+        bench.thread().in_loop_at = Some(1);
+        assert!(matches!(bench.supervisor.spins(tid), Flow::Stays));
+        assert_eq!(bench.supervisor.queue, [bench.tid]);
+        assert!(bench.supervisor.held_over.is_some());
+        // In the middle of a look at a clock it is left alone.
+        bench.supervisor.keeps_loan = true;
+        bench
+            .supervisor
+            .threads
+            .get_mut(&tid)
+            .expect("added")
+            .loop_length = Some(1);
+        assert!(matches!(
+            bench.supervisor.go_on_in_loop(tid),
+            Flow::Goes(None)
+        ));
+        bench.supervisor.keeps_loan = false;
+    }
+
+    #[test]
+    fn another_state_of_a_loop_is_progress() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let note = |bench: &mut Bench, state| {
+            bench.thread().computed = Duration::from_secs(1);
+            bench.supervisor.note_loop(tid, state, 7);
+            let thread = bench.thread();
+            assert_eq!(thread.loop_length, Some(7));
+            let was_kept = thread.computed > Duration::ZERO;
+            let at = thread.in_loop_at;
+            assert_eq!(at, Some(bench.supervisor.progress));
+            (bench.supervisor.progress, was_kept)
+        };
+        assert_eq!(note(&mut bench, 1), (1, false));
+        assert_eq!(note(&mut bench, 1), (1, true));
+        assert_eq!(note(&mut bench, 2), (2, true));
+        bench.supervisor.progress += 1;
+        assert_eq!(note(&mut bench, 2), (3, false), "others have gone on");
+    }
+}

@@ -320,4 +320,53 @@ mod tests {
             assert!(!can(change), "change {index}");
         }
     }
+
+    /// Registers and memory of a process that waits are written back.
+    #[test]
+    fn a_waiting_program_is_put_back() {
+        let mut bench = Bench::new();
+        let _port = bench.opens("sonar");
+        let stopped = crate::guest::tests::Stopped::without_files();
+        let (own, pid) = (bench.tid, stopped.pid.as_raw());
+        let wait = Wait {
+            on: On::Files,
+            deadline: None,
+        };
+        bench.add(pid, pid, State::Blocked(wait));
+        bench.supervisor.threads.remove(&own);
+        bench.supervisor.processes.remove(&own);
+        bench.supervisor.is_signalled = false;
+        let place = stopped.registers().rsp - 64;
+        Memory(stopped.pid)
+            .write(place, &[1; 8])
+            .expect("its stack");
+        let process = bench.supervisor.processes.get_mut(&pid).expect("added");
+        process.restarts = 5;
+        let Some(moment) = bench.supervisor.moment() else {
+            // More than 8 MiB of memory, or another kind of memory.
+            panic!("nothing else is under way");
+        };
+        let next = bench.supervisor.chance(pid, 8);
+        Memory(stopped.pid)
+            .write(place, &[2; 8])
+            .expect("its stack");
+        stopped.change(|registers| registers.rbx ^= 1);
+        let thread = bench.supervisor.threads.get_mut(&pid).expect("added");
+        thread.slice = 77;
+        let process = bench.supervisor.processes.get_mut(&pid).expect("added");
+        process.restarts = 6;
+        let changed = stopped.registers().rbx;
+        assert!(bench.supervisor.put_back(&moment));
+        assert_eq!(stopped.registers().rbx, changed ^ 1);
+        assert_eq!(Memory(stopped.pid).u64(place), Ok(0x0101_0101_0101_0101));
+        assert_eq!(bench.supervisor.threads[&pid].slice, 0);
+        assert_eq!(bench.supervisor.processes[&pid].restarts, 5);
+        assert_eq!(
+            bench.supervisor.chance(pid, 8),
+            next,
+            "the same chance again"
+        );
+        bench.supervisor.has_bound = true;
+        assert!(!bench.supervisor.put_back(&moment));
+    }
 }

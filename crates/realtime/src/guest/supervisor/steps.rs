@@ -386,3 +386,154 @@ const fn leaves_ports_alone(call: &Call) -> bool {
             | libc::SYS_epoll_pwait2
     ) || matches!(call.number, libc::SYS_ioctl) && matches!(call.args[1], libc::FIONREAD)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    use crate::guest::supervisor::tests::Bench;
+
+    /// SIGSEGV is 11, SIGBUS 7.
+    #[test]
+    fn a_fault_comes_of_memory() {
+        for signal in 1..32 {
+            assert_eq!(is_fault(signal), [7, 11].contains(&signal), "{signal}");
+        }
+    }
+
+    #[test]
+    fn calls_that_only_look_leave_ports_alone() {
+        let leaves = |number, args: &[u64]| leaves_ports_alone(&Call::made(number, args));
+        for number in [
+            libc::SYS_clock_gettime,
+            libc::SYS_nanosleep,
+            libc::SYS_futex,
+            libc::SYS_read,
+            libc::SYS_recvmsg,
+            libc::SYS_poll,
+            libc::SYS_pselect6,
+            libc::SYS_epoll_pwait2,
+        ] {
+            assert!(leaves(number, &[]), "{number}");
+        }
+        for number in [
+            libc::SYS_write,
+            libc::SYS_openat,
+            libc::SYS_close,
+            libc::SYS_ioctl,
+        ] {
+            assert!(!leaves(number, &[]), "{number}");
+        }
+        assert!(leaves(libc::SYS_ioctl, &[3, libc::FIONREAD]));
+        assert!(!leaves(libc::SYS_read, &[]) || !leaves(libc::SYS_ioctl, &[3, libc::TCFLSH]));
+        assert!(!leaves(libc::SYS_write, &[3, libc::FIONREAD]));
+    }
+
+    /// A call that is answered, one that waits, one that lets others go first.
+    #[test]
+    fn a_thread_goes_on_or_stays_by_what_becomes_of_its_call() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        let attempt = |bench: &mut Bench, number, args: &[u64]| {
+            bench.begins(number, args);
+            bench.supervisor.attempt(tid)
+        };
+        assert!(matches!(
+            attempt(&mut bench, libc::SYS_clock_getres, &[1, 0]),
+            Flow::Goes(None)
+        ));
+        assert!(matches!(
+            attempt(&mut bench, libc::SYS_getpid, &[]),
+            Flow::Goes(None)
+        ));
+        assert!(bench.supervisor.queue.is_empty());
+        assert!(matches!(
+            attempt(&mut bench, libc::SYS_sched_yield, &[]),
+            Flow::Stays
+        ));
+        assert_eq!(core::mem::take(&mut bench.supervisor.queue), [tid]);
+        assert!(matches!(bench.thread().state, State::Ready(Next::Go(None))));
+        for count in 1..3 {
+            assert!(matches!(
+                attempt(&mut bench, libc::SYS_pause, &[]),
+                Flow::Stays
+            ));
+            assert!(bench.thread().is_blocked());
+            assert_eq!(
+                (bench.thread().blocked_at, bench.supervisor.blocks),
+                (count, count)
+            );
+        }
+        bench.add(1_000_001, tid, State::Running);
+        assert!(matches!(
+            attempt(&mut bench, libc::SYS_exit, &[0]),
+            Flow::Stays
+        ));
+        assert!(matches!(bench.thread().state, State::Ended));
+        bench.thread().call = None;
+        assert!(matches!(bench.supervisor.attempt(tid), Flow::Goes(None)));
+        assert!(matches!(bench.supervisor.attempt(-7), Flow::Goes(None)));
+        assert!(matches!(bench.supervisor.make_call(-7), Flow::Stays));
+        assert!(matches!(bench.supervisor.make_call(tid), Flow::Goes(None)));
+    }
+
+    /// After 1,000 calls in a row others have their turn.
+    #[test]
+    fn a_thread_that_calls_and_calls_lets_others_run() {
+        let mut bench = Bench::new();
+        let tid = bench.tid;
+        for (slice, expected) in [(999, false), (1_000, true), (1_001, true)] {
+            bench.begins(libc::SYS_clock_getres, &[1, 0]);
+            bench.thread().slice = slice;
+            let stays = matches!(bench.supervisor.make_call(tid), Flow::Stays);
+            assert_eq!(stays, expected, "{slice}");
+            let queue = core::mem::take(&mut bench.supervisor.queue);
+            assert_eq!(queue.contains(&tid), expected);
+        }
+        bench.begins(libc::SYS_pause, &[]);
+        bench.thread().slice = 1_000;
+        assert!(matches!(bench.supervisor.make_call(tid), Flow::Stays));
+        assert!(bench.supervisor.queue.is_empty() && bench.thread().is_blocked());
+        // What is late enters its call then.
+        bench.passes(5);
+        bench.begins(libc::SYS_clock_getres, &[1, 0]);
+        bench.thread().slice = 0;
+        bench.thread().entered = protocols::Instant::ZERO;
+        assert!(matches!(bench.supervisor.begin_late(tid), Flow::Goes(None)));
+        assert_eq!(bench.thread().entered, protocols::Instant::from_millis(5));
+    }
+
+    #[test]
+    fn news_of_other_threads_are_noted() {
+        let mut bench = Bench::new();
+        let own = bench.tid;
+        bench.supervisor.note_other(1_000_001, 0x137F);
+        assert!(bench.supervisor.early.contains(&1_000_001));
+        bench.supervisor.note_other(1_000_002, 9);
+        assert_eq!(bench.supervisor.early.len(), 1, "it is dead");
+        bench.add(1_000_003, own, State::Outside);
+        bench.add(1_000_004, own, State::Running);
+        bench.supervisor.note_other(1_000_003, 0x137F);
+        bench.supervisor.note_other(1_000_004, 0x137F);
+        assert_eq!(bench.supervisor.queue, [1_000_003]);
+        let state = bench.supervisor.threads[&1_000_003].state;
+        assert!(matches!(state, State::Ready(Next::Stopped(0x137F))));
+        bench.supervisor.note_other(1_000_004, 9);
+        assert!(!bench.supervisor.threads.contains_key(&1_000_004));
+        assert!(bench.supervisor.same_process(own, 1_000_003));
+        assert!(!bench.supervisor.same_process(-7, -7) && !bench.supervisor.same_process(own, -7));
+        bench.add(1_000_005, 1_000_005, State::Running);
+        assert!(!bench.supervisor.same_process(own, 1_000_005));
+    }
+
+    #[test]
+    fn a_place_of_calls_is_known_once_it_was_seen() {
+        let mut bench = Bench::new();
+        let (tid, call) = (bench.tid, Call::made(0, &[]));
+        assert!(!bench.supervisor.is_known_site(tid, &call));
+        bench.supervisor.learn_site(tid, &call);
+        assert!(bench.supervisor.is_known_site(tid, &call));
+        assert!(!bench.supervisor.is_known_site(-7, &call));
+        bench.supervisor.learn_site(-7, &call);
+    }
+}

@@ -1,0 +1,347 @@
+//! A rig that answers from a list, and a client in this process.
+
+use rustix::pty::{OpenptFlags, ioctl_tiocgptpeer, openpt, unlockpt};
+use std::os::fd::OwnedFd;
+
+use super::super::settings::{TCGETS2, TCSETS2};
+use super::*;
+use crate::guest::tests::{Room, own};
+use nix::errno::Errno;
+
+/// A tracer whose rig answers with these lines, and what it hears.
+fn tracer(answers: &str) -> (Tracer, BufReader<UnixStream>) {
+    let (near, mut far) = UnixStream::pair().expect("sockets");
+    far.write_all(answers.as_bytes()).expect("room");
+    let tracer = Tracer {
+        rig: Some(Rig(BufReader::new(near))),
+        ports: BTreeMap::from([(7, "sonar".to_owned())]),
+        dir: PathBuf::from("/nowhere"),
+        settings: BTreeMap::new(),
+        serial_flags: BTreeMap::new(),
+        waiting: 0,
+        lines: BTreeMap::new(),
+        known: BTreeSet::new(),
+        waiters: BTreeMap::new(),
+        halted: BTreeSet::new(),
+        fatal: BTreeMap::new(),
+        ended: VecDeque::new(),
+    };
+    (tracer, BufReader::new(far))
+}
+
+fn heard(far: &mut BufReader<UnixStream>) -> Value {
+    let mut line = String::new();
+    far.read_line(&mut line).expect("it was sent");
+    serde_json::from_str(&line).expect("JSON")
+}
+
+const OK: &str = "{\"ok\":true}\n";
+
+/// As a shell has it: the code, or 128 and the signal (wait(2)).
+#[test]
+fn an_end_is_a_code() {
+    for (status, code) in [
+        (0, 0),
+        (0x300, 3),
+        (0xFF00, 255),
+        (9, 137),
+        (0x8B, 139),
+        (15, 143),
+    ] {
+        assert_eq!(code_of(status), code, "{status:x}");
+    }
+    // Clients' sides of pseudo-terminals have the numbers 136 to 143.
+    for (major, expected) in [
+        (135, false),
+        (136, true),
+        (143, true),
+        (144, false),
+        (4, false),
+    ] {
+        assert_eq!(
+            is_pseudo_terminal(rustix::fs::makedev(major, 3)),
+            expected,
+            "{major}"
+        );
+    }
+}
+
+#[test]
+fn the_devices_of_a_folder_are_its_ports() {
+    let folder = std::env::temp_dir().join(format!("hilrig-ports-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a free name");
+    std::os::unix::fs::symlink("/dev/null", folder.join("null")).expect("ours");
+    std::fs::write(folder.join("note"), "").expect("ours");
+    let device = std::fs::metadata("/dev/null").expect("it is there").rdev();
+    let ports = ports_in(&folder).expect("it is there");
+    assert_eq!(ports, BTreeMap::from([(device, "null".to_owned())]));
+    std::fs::remove_dir_all(&folder).expect("ours");
+    assert!(ports_in(&folder).is_err());
+}
+
+/// TIOCMGET: DTR 2, RTS 4, CTS 0x20, DCD 0x40, RI 0x80, DSR 0x100 (ioctl_tty(2)).
+#[test]
+fn lines_are_told_by_the_rig() {
+    let answer = |keys: &str| format!("{{\"ok\":true,{keys}}}\n");
+    let answers = [
+        answer("\"dtr\":true,\"cts\":false,\"waiting\":9"),
+        answer("\"rts\":true,\"ri\":true"),
+        answer("\"cts\":true,\"dcd\":true,\"dsr\":true"),
+    ];
+    let (mut tracer, mut far) = tracer(&answers.concat());
+    assert_eq!(
+        (tracer.ask("sonar", &json!({"a": 1})), tracer.waiting),
+        (2, 9)
+    );
+    assert_eq!(heard(&mut far), json!({"a": 1}));
+    assert_eq!(
+        (tracer.ask("sonar", &json!({})), tracer.waiting),
+        (4 | 0x80, 0)
+    );
+    assert_eq!(tracer.ask("base", &json!({})), 0x20 | 0x40 | 0x100);
+    tracer.waiting = 5;
+    drop(far);
+    // The rig has ended: lines are as they were, and nothing is waited for.
+    assert_eq!(
+        (tracer.ask("sonar", &json!({})), tracer.waiting),
+        (4 | 0x80, 0)
+    );
+    assert!(tracer.rig.is_none());
+    assert_eq!(tracer.ask("base", &json!({})), 0x160);
+    assert_eq!(tracer.ask("other", &json!({})), 0);
+}
+
+/// What the rig is asked for each request, and what the program gets.
+#[test]
+fn requests_about_lines_are_wishes() {
+    let lines = "{\"ok\":true,\"dtr\":true,\"cts\":true}\n";
+    let room = Room::of(&6_u32.to_ne_bytes());
+    let change = |request, argument: u64| {
+        let (mut tracer, mut far) = tracer(lines);
+        let done = tracer.change(Memory(own()), "sonar", request, argument);
+        drop(tracer);
+        let mut line = String::new();
+        if far.read_line(&mut line).is_err() {
+            // It was told once that its answer was not read.
+            far.read_line(&mut line).expect("told once");
+        }
+        (
+            done,
+            serde_json::from_str::<Value>(&line).unwrap_or_default(),
+        )
+    };
+    let wish = |dtr: Option<bool>, rts: Option<bool>| json!({"do": "modem", "port": "sonar", "dtr": dtr, "rts": rts});
+    let at = room.at(0);
+    for (request, word, expected) in [
+        (libc::TIOCMBIS, 6_u32, wish(Some(true), Some(true))),
+        (libc::TIOCMBIS, 2, wish(Some(true), None)),
+        (libc::TIOCMBIC, 4, wish(None, Some(false))),
+        (libc::TIOCMBIC, 0x20, wish(None, None)),
+        (libc::TIOCMSET, 2, wish(Some(true), Some(false))),
+        (libc::TIOCMSET, 0, wish(Some(false), Some(false))),
+    ] {
+        room.put(0, &word.to_ne_bytes());
+        assert_eq!(
+            change(request, at),
+            (Some(Ok(())), expected),
+            "{request:x} {word}"
+        );
+        assert_eq!(room.numbers()[0].cast_unsigned(), word, "untouched");
+        assert_eq!(change(request, 8), (Some(Err(Errno::EFAULT)), Value::Null));
+    }
+    let asks = json!({"do": "modem", "port": "sonar"});
+    assert_eq!(change(libc::TIOCMGET, at), (Some(Ok(())), asks.clone()));
+    assert_eq!(room.numbers(), [0x22]);
+    assert_eq!(change(libc::TIOCMGET, 8), (Some(Err(Errno::EFAULT)), asks));
+    let breaks = json!({"do": "modem", "port": "sonar", "break": true});
+    for request in [libc::TIOCSBRK, libc::TCSBRK, libc::TCSBRKP] {
+        assert_eq!(
+            change(request, 0),
+            (Some(Ok(())), breaks.clone()),
+            "{request:x}"
+        );
+    }
+    assert_eq!(change(libc::TIOCCBRK, 0), (Some(Ok(())), Value::Null));
+    let counts = Room::of(&[0xFF; 88]);
+    assert_eq!(
+        change(launch::TIOCGICOUNT, counts.at(0)),
+        (Some(Ok(())), Value::Null)
+    );
+    assert_eq!(counts.bytes(), [vec![0; 80], vec![0xFF; 8]].concat());
+}
+
+/// A pseudo-terminal: its other end and its client's.
+fn terminal() -> [OwnedFd; 2] {
+    let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY;
+    let rig = openpt(flags).expect("Linux has some");
+    unlockpt(&rig).expect("it is new");
+    let client = ioctl_tiocgptpeer(&rig, flags).expect("it is new");
+    [rig, client]
+}
+
+fn about(tracer: &mut Tracer, file: &OwnedFd, request: u64, argument: u64) -> Done {
+    let call = Call::made(libc::SYS_ioctl, &[3, request, argument]);
+    tracer.about_terminal(own(), &call, (7, "sonar"), file)
+}
+
+/// What the kernel of a pseudo-terminal drops is kept here: parity and seven bits, 0o400 and 0o40.
+#[test]
+fn settings_are_kept_and_told_to_the_rig() {
+    let [_rig, client] = terminal();
+    let (mut tracer, mut far) = tracer(&OK.repeat(9));
+    let room = Room::new(44);
+    let read = |tracer: &mut Tracer| about(tracer, &client, TCGETS2, room.at(0));
+    assert!(
+        matches!(read(&mut tracer), Done::ByKernel),
+        "nothing is special yet"
+    );
+    let mut words = [0_u32; 11];
+    [words[0], words[2]] = [0o20, 0o10_640];
+    [words[9], words[10]] = [250_000; 2];
+    room.put(0, &words.map(u32::to_ne_bytes).concat());
+    assert!(matches!(
+        about(&mut tracer, &client, TCSETS2, room.at(0)),
+        Done::With(0)
+    ));
+    let told = heard(&mut far);
+    assert_eq!(
+        told,
+        json!({"do": "modem", "port": "sonar", "modes": [0o20, 0o10_640]})
+    );
+    room.put(0, &[0; 44]);
+    assert!(matches!(read(&mut tracer), Done::With(0)));
+    let modes = |room: &Room| room.numbers()[2].cast_unsigned() & 0o10_660;
+    assert_eq!(
+        (room.numbers()[0], modes(&room), room.numbers()[9]),
+        (0o20, 0o10_640, 250_000)
+    );
+    assert!(matches!(
+        about(&mut tracer, &client, libc::TCGETS, 8),
+        Done::With(-14)
+    ));
+    assert!(matches!(
+        about(&mut tracer, &client, libc::TCSETS, 8),
+        Done::With(-14)
+    ));
+    // TCSETSW waits until all has left, and does it then.
+    let (mut tracer, _far) = self::tracer("{\"waiting\":3}\n{\"waiting\":0}\n{}\n");
+    assert!(matches!(
+        about(&mut tracer, &client, libc::TCSETSW, room.at(0)),
+        Done::Later
+    ));
+    assert!(tracer.settings.is_empty());
+    assert!(matches!(
+        about(&mut tracer, &client, libc::TCSETSW, room.at(0)),
+        Done::With(0)
+    ));
+    assert_eq!(tracer.settings.len(), 1);
+    let null = OwnedFd::from(std::fs::File::open("/dev/null").expect("it is there"));
+    let told = about(&mut tracer, &null, libc::TCSETS, room.at(0));
+    assert!(matches!(told, Done::With(-25)), "ENOTTY: no terminal");
+}
+
+#[test]
+fn the_queues_of_a_line_are_the_rigs() {
+    let [_rig, client] = terminal();
+    let answers = "{\"waiting\":300}\n{\"waiting\":2}\n{\"waiting\":0}\n{}\n{}\n";
+    let (mut tracer, mut far) = tracer(answers);
+    let room = Room::new(4);
+    let done = about(&mut tracer, &client, libc::TIOCOUTQ, room.at(0));
+    assert!(matches!(done, Done::With(0)) && room.numbers() == [300]);
+    let plain = json!({"do": "modem", "port": "sonar"});
+    assert_eq!(heard(&mut far), plain);
+    assert!(matches!(
+        about(&mut tracer, &client, libc::TCSBRK, 1),
+        Done::Later
+    ));
+    assert!(matches!(
+        about(&mut tracer, &client, libc::TCSBRK, 1),
+        Done::With(0)
+    ));
+    assert_eq!([heard(&mut far), heard(&mut far)], [plain.clone(), plain]);
+    // tcflush(3): 0 is the input, which the kernel has; 1 the output, 2 both.
+    let discards = json!({"do": "modem", "port": "sonar", "discard": true});
+    for which in [1, 2] {
+        assert!(matches!(
+            about(&mut tracer, &client, libc::TCFLSH, which),
+            Done::ByKernel
+        ));
+        assert_eq!(heard(&mut far), discards, "{which}");
+    }
+    for which in [0, 9, u64::MAX] {
+        assert!(matches!(
+            about(&mut tracer, &client, libc::TCFLSH, which),
+            Done::ByKernel
+        ));
+    }
+    drop(tracer);
+    let mut rest = String::new();
+    far.read_line(&mut rest).expect("open");
+    assert!(rest.is_empty(), "{rest}");
+    let (mut tracer, _far) = self::tracer("");
+    let room = Room::of(&[0xFF; 72]);
+    room.put(16, &0x2000_u32.to_ne_bytes());
+    let done = about(&mut tracer, &client, launch::TIOCSSERIAL, room.at(0));
+    assert!(matches!(done, Done::With(0)));
+    assert_eq!(tracer.serial_flags, BTreeMap::from([(7, 0x2000)]));
+    let done = about(&mut tracer, &client, launch::TIOCGSERIAL, room.at(0));
+    assert!(matches!(done, Done::With(0)) && room.numbers()[4] == 0x2000 && room.numbers()[0] == 0);
+}
+
+/// poll(2): POLLHUP at a terminal whose other end is gone.
+#[test]
+fn a_port_hangs_up_with_its_other_end() {
+    let [rig, client] = terminal();
+    assert!(!terminals::is_hung_up(&client));
+    let copy = terminals::copy_of(
+        own(),
+        std::os::fd::AsRawFd::as_raw_fd(&client)
+            .unsigned_abs()
+            .into(),
+    );
+    assert!(copy.is_some_and(|copy| !terminals::is_hung_up(&copy)));
+    drop(rig);
+    assert!(terminals::is_hung_up(&client));
+    assert!(terminals::copy_of(own(), 9_999).is_none());
+    assert!(terminals::copy_of(Pid::from_raw(-1), 0).is_none());
+    for (request, argument, expected) in [
+        (libc::TIOCOUTQ, 0, true),
+        (libc::TCFLSH, 0, true),
+        (launch::TIOCGSERIAL, 0, true),
+        (launch::TIOCSSERIAL, 0, true),
+        (libc::TCGETS, 0, true),
+        (libc::TCSBRK, 1, true),
+        (libc::TCSBRK, 0, false),
+        (libc::TIOCMGET, 1, false),
+    ] {
+        assert_eq!(
+            terminals::is_one(request, argument),
+            expected,
+            "{request:x}"
+        );
+    }
+    assert_eq!(terminals::code(Ok(())), 0);
+    assert_eq!(terminals::code(Err(Errno::EIO)), -5);
+}
+
+/// A file of a process that is a port of the rig, or a terminal whose plug was out.
+#[test]
+fn a_port_is_found_behind_a_file() {
+    let (mut tracer, _far) = tracer("");
+    let [_rig, client] = terminal();
+    let fd = std::os::fd::AsRawFd::as_raw_fd(&client)
+        .unsigned_abs()
+        .into();
+    assert_eq!(tracer.port_at(own(), fd), None);
+    assert!(tracer.ports.is_empty(), "they are looked for anew");
+    let null = std::fs::File::open("/dev/null").expect("it is there");
+    let device = null.metadata().expect("open").rdev();
+    tracer.ports.insert(device, "null".to_owned());
+    let fd = std::os::fd::AsRawFd::as_raw_fd(&null).unsigned_abs().into();
+    assert_eq!(tracer.port_at(own(), fd), Some((device, "null".to_owned())));
+    assert_eq!(tracer.port_at(own(), 9_999), None);
+    let zero = std::fs::File::open("/dev/zero").expect("it is there");
+    let fd = std::os::fd::AsRawFd::as_raw_fd(&zero).unsigned_abs().into();
+    assert_eq!(tracer.port_at(own(), fd), None);
+    assert!(!tracer.ports.is_empty(), "no terminal");
+}
