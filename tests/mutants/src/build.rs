@@ -392,7 +392,14 @@ fn called_in_a_constant(error: &Value) -> Option<String> {
 fn guilty(error: &Value, files: &BTreeMap<&str, Switched>) -> Vec<usize> {
     let mut inside = Vec::new();
     let mut around = Vec::new();
-    for span in error["spans"].as_array().into_iter().flatten() {
+    let spans = error["spans"].as_array().into_iter().flatten();
+    // What a macro of another crate has made stands where the macro was called.
+    let spans = spans.flat_map(|span| {
+        core::iter::successors(Some(span), |span| {
+            Some(&span["expansion"]["span"]).filter(|span| span.is_object())
+        })
+    });
+    for span in spans {
         let (Some(file), Some(from), Some(to)) = (
             span["file_name"].as_str(),
             span["byte_start"]
