@@ -496,3 +496,6 @@ impl Session<'_> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

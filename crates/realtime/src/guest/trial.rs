@@ -497,3 +497,6 @@ impl Trial {
         }
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests;

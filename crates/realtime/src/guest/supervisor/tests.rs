@@ -70,8 +70,8 @@ pub(in crate::guest) const MS: u64 = 1_000_000;
 pub(in crate::guest) struct Bench {
     pub(in crate::guest) supervisor: Supervisor,
     pub(in crate::guest) tid: i32,
-    dir: PortDir,
-    folder: PathBuf,
+    pub(in crate::guest) dir: PortDir,
+    pub(in crate::guest) folder: Folder,
     mouth: (std::io::PipeReader, std::io::PipeWriter),
 }
 
@@ -134,7 +134,7 @@ impl Bench {
             supervisor,
             tid: own().as_raw(),
             dir,
-            folder,
+            folder: Folder(folder),
             mouth,
         };
         bench.thread().state = State::Running;
@@ -240,9 +240,12 @@ impl Bench {
     }
 }
 
-impl Drop for Bench {
+/// A folder that goes with its bench.
+pub(in crate::guest) struct Folder(PathBuf);
+
+impl Drop for Folder {
     fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.folder);
+        let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
@@ -446,4 +449,45 @@ fn a_turn_is_that_of_the_first_in_the_queue() {
     bench.supervisor.held_over = Some((own, Next::Attempt));
     assert!(matches!(bench.supervisor.turn(), Err(GuestError::Restart)));
     assert!(bench.supervisor.trouble.is_none());
+}
+
+impl Bench {
+    /// The thread of this process waits for ever.
+    pub(in crate::guest) fn waits(&mut self) {
+        self.thread().state = waits_for(On::Others, None);
+    }
+}
+
+impl Supervisor {
+    /// This launcher has not become its program yet.
+    pub(in crate::guest) fn launches(&mut self, root: i32) {
+        self.launchers.insert(root);
+    }
+}
+
+/// A program has ended with this status of the system.
+pub(in crate::guest) fn ends_with(supervisor: &mut Supervisor, root: i32, status: i32) {
+    supervisor.roots.insert(root, Some(status));
+}
+
+/// A further thread of the debugged process.
+pub(in crate::guest) const OTHER: i32 = 1_000_002;
+
+/// A debugger is there for the process `pid`, which stands and has one more thread.
+pub(in crate::guest) fn debugs(bench: &mut Bench, pid: i32) {
+    bench.add(pid, pid, State::Running);
+    bench.add(OTHER, pid, State::Running);
+    bench.supervisor.begin_debugging(Wanted::Nothing);
+    let debugging = bench.supervisor.debugging.as_mut();
+    debugging.expect("begun").process = Some(pid);
+}
+
+pub(in crate::guest) fn is_ready(supervisor: &mut Supervisor, tid: i32) {
+    supervisor.set_state(tid, State::Ready(Next::Go(None)));
+}
+
+/// The step that a debugger wants.
+pub(in crate::guest) fn step_of(supervisor: &Supervisor) -> Option<(i32, core::ops::Range<u64>)> {
+    let step = supervisor.debugging.as_ref()?.step.as_ref()?;
+    Some((step.tid, step.within.clone()))
 }

@@ -1,0 +1,239 @@
+//! A trial of programs that were never started: the supervisor's guest is this process.
+
+use super::*;
+use crate::exec::{Companion, Supervision};
+use crate::guest::supervisor::tests::{Bench, Folder};
+
+/// A trial with the port of a bench, and the folder of that.
+pub(in crate::guest) fn trial_of(bench: Bench) -> (Trial, Folder) {
+    let Bench {
+        supervisor,
+        dir,
+        folder,
+        ..
+    } = bench;
+    let companion = Companion {
+        name: "other".to_owned(),
+        command: String::new(),
+        robot: 0,
+        may_end: true,
+    };
+    let foreign = Foreign {
+        command: String::new(),
+        name: "one".to_owned(),
+        robot: 0,
+        others: vec![companion],
+        wait: Duration::from_secs(60),
+        may_end: false,
+        may_idle: false,
+        needs: Vec::new(),
+        prints: true,
+        has_lines: false,
+        supervision: Some(Supervision::default()),
+    };
+    let trial = Trial {
+        supervisor,
+        programs: Vec::new(),
+        dir,
+        foreign,
+        words: Words::new(None),
+        listener: thread::spawn(|| {}),
+        gone_at: None,
+        spins: None,
+        processors: None,
+    };
+    (trial, folder)
+}
+
+fn started(name: &str, root: i32, ended: Option<(Ended, u64)>) -> Started {
+    Started {
+        name: name.to_owned(),
+        root,
+        ended: ended.map(|(ended, millis)| (ended, Instant::from_millis(millis))),
+    }
+}
+
+fn passes(trial: &mut Trial, millis: u64) {
+    let length = Duration::from_millis(millis);
+    trial.supervisor.stage.pass(length).expect("the port stays");
+}
+
+/// After the last program has left its ports two seconds are given to the devices.
+#[test]
+fn a_trial_is_over_after_its_program() {
+    let mut bench = Bench::new();
+    let port = bench.opens("sonar");
+    let (mut trial, _folder) = trial_of(bench);
+    assert!(!trial.is_over() && trial.has_begun());
+    trial.gone_at = Some(Instant::ZERO);
+    passes(&mut trial, 1_999);
+    assert!(!trial.is_over());
+    passes(&mut trial, 1);
+    assert!(trial.is_over());
+    trial.gone_at = None;
+    assert!(!trial.is_over());
+    trial.spins = Some("it computes".to_owned());
+    assert!(trial.is_over() && trial.spins() == Some("it computes"));
+    trial.spins = None;
+    assert_eq!(
+        (trial.waited(), trial.said()),
+        (Duration::from_secs(2), String::new())
+    );
+    drop(port);
+    // Before the rig has begun there is nothing to wait for.
+    let (mut trial, _folder) = trial_of(Bench::new());
+    assert!(!trial.is_over() && !trial.has_begun());
+    trial.gone_at = Some(Instant::ZERO);
+    assert!(trial.is_over());
+    trial.begin();
+    assert!(trial.has_begun() && !trial.is_over());
+    // One that has opened nothing for a minute is given up.
+    let (mut trial, _folder) = trial_of(Bench::new());
+    passes(&mut trial, 60_000);
+    assert!(trial.is_over());
+}
+
+/// A program that may end has to end well; all may be gone once their ports are closed.
+#[test]
+fn programs_are_gone_when_one_has_failed_or_all_have_ended() {
+    let (mut trial, _folder) = trial_of(Bench::new());
+    let code = |code| Some((Ended::Code(code), 5));
+    let mut is_gone = |one, other| {
+        trial.programs = vec![started("one", 1, one), started("other", 2, other)];
+        trial.is_gone()
+    };
+    assert!(!is_gone(None, None));
+    assert!(is_gone(code(0), None), "it has to stay");
+    assert!(!is_gone(None, code(0)), "it may end");
+    assert!(is_gone(None, code(3)), "but not like that");
+    assert!(is_gone(None, Some((Ended::Signal(9), 5))));
+    trial.programs = vec![started("other", 2, code(0))];
+    assert!(trial.is_gone(), "no port is open");
+    let mut bench = Bench::new();
+    let _port = bench.opens("sonar");
+    let (mut trial, _folder) = trial_of(bench);
+    trial.programs = vec![started("other", 2, code(0))];
+    assert!(!trial.is_gone(), "somebody has a port");
+}
+
+#[test]
+fn the_first_end_is_the_earliest() {
+    let (mut trial, _folder) = trial_of(Bench::new());
+    assert_eq!(trial.ended(), None);
+    trial.programs = vec![
+        started("one", 1, None),
+        started("other", 2, Some((Ended::Code(3), 9))),
+        started("third", 3, Some((Ended::Signal(11), 5))),
+    ];
+    assert_eq!(trial.ended(), Some(Ended::Signal(11)));
+    let (_, at) = trial.first_end().expect("two");
+    assert_eq!(at, Instant::from_millis(5));
+    let own = std::process::id();
+    assert_eq!(trial.processes(), [1, 2, 3, own]);
+    let others: Vec<u32> = trial.others().iter().map(|left| left.pid).collect();
+    assert_eq!(others, [own]);
+    assert!(trial.moment().is_none(), "three programs");
+}
+
+/// A turn lets time pass, as nobody can run; it takes note of ends.
+#[test]
+fn a_turn_takes_note_of_ends() {
+    use crate::guest::supervisor::tests::ends_with;
+
+    let mut bench = Bench::new();
+    bench.waits();
+    let (mut trial, _folder) = trial_of(bench);
+    trial.programs = vec![started("one", 1, None), started("other", 2, None)];
+    trial.turn().expect("the port stays");
+    assert_eq!(
+        (trial.waited(), trial.gone_at),
+        (Duration::from_millis(10), None)
+    );
+    ends_with(trial.supervisor(), 2, 0);
+    trial.turn().expect("the port stays");
+    assert_eq!(
+        trial.programs[1].ended.map(|(ended, _)| ended),
+        Some(Ended::Code(0))
+    );
+    assert_eq!(trial.gone_at, None, "it may end");
+    ends_with(trial.supervisor(), 1, 0x300);
+    trial.turn().expect("the port stays");
+    assert_eq!(
+        trial.programs[0].ended.map(|(ended, _)| ended),
+        Some(Ended::Code(3))
+    );
+    let gone_at = trial.gone_at.expect("it has to stay");
+    trial.turn().expect("the port stays");
+    assert_eq!(trial.gone_at, Some(gone_at));
+    // A launcher that could not become its program ends with 126.
+    let mut bench = Bench::new();
+    bench.waits();
+    let (mut trial, _folder) = trial_of(bench);
+    trial.programs = vec![started("one", 1, None)];
+    ends_with(trial.supervisor(), 1, 126 << 8);
+    trial.turn().expect("it was the program's own code");
+    trial.programs[0].ended = None;
+    trial.supervisor().launches(1);
+    assert!(matches!(trial.turn(), Err(GuestError::NotLaunched(_))));
+}
+
+/// The verdicts of a program that still runs; its children are a matter of its end.
+#[test]
+fn checks_are_told_while_a_program_runs() {
+    let (mut trial, _folder) = trial_of(Bench::new());
+    trial.programs = vec![started("one", 1, None)];
+    let names = |trial: &mut Trial| -> Vec<String> {
+        trial
+            .checks_now()
+            .into_iter()
+            .map(|check| check.name)
+            .collect()
+    };
+    let before = names(&mut trial);
+    assert!(
+        before.iter().any(|name| name == "program-alive"),
+        "{before:?}"
+    );
+    assert!(
+        before
+            .iter()
+            .all(|name| name != "no-children-left" && name != "program-yields")
+    );
+    let mut sorted = before.clone();
+    sorted.sort();
+    sorted.dedup();
+    assert_eq!(sorted.len(), before.len(), "each once");
+    trial.spins = Some("it computes".to_owned());
+    let checks = trial.checks_now();
+    let spins = checks
+        .iter()
+        .find(|check| check.name == "program-yields")
+        .expect("told");
+    assert_eq!(
+        (&*spins.detail, spins.status),
+        ("it computes", engine::run::check::Status::Fail)
+    );
+}
+
+/// The program goes on for so long, or until it is enough.
+#[test]
+fn a_program_goes_on_for_a_while() {
+    let mut bench = Bench::new();
+    bench.waits();
+    let (mut trial, _folder) = trial_of(bench);
+    trial.go_on(Duration::from_millis(35), |_| false);
+    assert_eq!(
+        trial.waited(),
+        Duration::from_millis(40),
+        "in steps of 10 ms"
+    );
+    trial.go_on(Duration::from_millis(35), |_| true);
+    assert_eq!(trial.waited(), Duration::from_millis(40));
+    trial.go_on(Duration::from_millis(35), |it| {
+        it.stage.now() >= Instant::from_millis(55)
+    });
+    assert_eq!(trial.waited(), Duration::from_millis(60));
+    trial.make_endless();
+    assert!(trial.supervisor.stage.is_endless);
+    trial.is_silent();
+}
