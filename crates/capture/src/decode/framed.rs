@@ -95,3 +95,84 @@ impl Framed {
         ))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SUM: FrameError = FrameError::Checksum {
+        expected: 1,
+        found: 2,
+    };
+    const OTHER_SUM: FrameError = FrameError::Checksum {
+        expected: 1,
+        found: 3,
+    };
+    const CUT: FrameError = FrameError::Truncated { found: 4 };
+
+    /// The first error of a checksum is kept, or the first one of all.
+    #[test]
+    fn the_first_error_of_a_checksum_counts() {
+        let of = |errors: &[FrameError]| {
+            let mut framed = Framed::default();
+            errors.iter().for_each(|error| framed.add(*error));
+            (framed.candidates, framed.sums, framed.first)
+        };
+        assert_eq!(of(&[]), (0, 0, None));
+        assert_eq!(of(&[CUT]), (1, 0, Some(CUT)));
+        assert_eq!(of(&[CUT, SUM, OTHER_SUM]), (3, 2, Some(SUM)));
+        assert_eq!(of(&[SUM, CUT, OTHER_SUM]), (3, 2, Some(SUM)));
+        let length = FrameError::Length { max: 1, found: 2 };
+        assert_eq!(of(&[CUT, length]), (2, 0, Some(CUT)));
+    }
+
+    /// More than half of the bytes are lost. Of a guessed protocol, only invalid bytes count.
+    #[test]
+    fn a_protocol_of_few_bytes_is_in_doubt() {
+        let framed = |framed, bad| Framed {
+            bytes: 100,
+            framed,
+            bad,
+            ..Framed::default()
+        };
+        let is_doubted = |own: Framed, is_guessed| own.doubt("P", is_guessed).is_some();
+        assert!(!is_doubted(framed(50, 50), false) && is_doubted(framed(49, 0), false));
+        assert!(!is_doubted(framed(0, 50), true) && is_doubted(framed(49, 51), true));
+        assert!(!is_doubted(framed(0, 0), true) && !is_doubted(Framed::default(), false));
+    }
+
+    #[test]
+    fn a_doubt_tells_its_reasons() {
+        let mut framed = Framed {
+            bytes: 100,
+            framed: 49,
+            ..Framed::default()
+        };
+        let hint = "check the description, the direction and the baud rate";
+        let of = |framed: &Framed| framed.doubt("P", false).expect("a doubt");
+        assert_eq!(
+            of(&framed),
+            format!(
+                "only 49 of the 100 bytes are in valid frames of P: nothing else in them begins a \
+                 frame; {hint}"
+            )
+        );
+        framed.framed = 0;
+        framed.add(CUT);
+        assert_eq!(
+            of(&framed),
+            format!(
+                "none of the 100 bytes is in a valid frame of P: 1 candidates are no frames, the \
+                 first: line went quiet after 4 bytes; {hint}"
+            )
+        );
+        framed.add(SUM);
+        assert_eq!(
+            of(&framed),
+            format!(
+                "none of the 100 bytes is in a valid frame of P: 1 candidates have a wrong \
+                 checksum, the first: checksum is 0x0002, expected 0x0001; {hint}"
+            )
+        );
+    }
+}

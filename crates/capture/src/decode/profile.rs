@@ -303,4 +303,136 @@ mod tests {
         let said = Profile::of(&[], 0, &link, Direction::ToMaster).to_string();
         assert!(said.starts_with("  0 pieces\n  0.00 bits"), "{said}");
     }
+
+    fn record(millis: u64, direction: Direction, bytes: &[u8]) -> Record {
+        Record {
+            link: 0,
+            sequence: None,
+            at: Instant::from_millis(millis),
+            direction,
+            kind: Kind::Data,
+            bytes: bytes.to_vec().into(),
+            sent: None,
+            pieces: Vec::new(),
+            comment: String::new(),
+        }
+    }
+
+    const TO: Direction = Direction::ToDevice;
+    const FROM: Direction = Direction::ToMaster;
+
+    /// At 10,000 baud a byte takes a millisecond, and three of them are a silence. At an unknown
+    /// rate bytes take no time, and 2 ms are a silence.
+    #[test]
+    fn messages_end_with_a_silence() {
+        let lens = |baud, times: &[u64]| -> Vec<usize> {
+            let records: Vec<Record> = times.iter().map(|at| record(*at, FROM, b"ab")).collect();
+            let link = Interface::new("x", baud);
+            let found = messages(&records, 0, &link, FROM).into_iter();
+            found.map(|message| message.len()).collect()
+        };
+        assert_eq!(lens(10_000, &[10, 15]), [4]);
+        assert_eq!(lens(10_000, &[10, 16]), [2, 2]);
+        assert_eq!(lens(10_000, &[10, 11]), [4]);
+        assert_eq!(lens(0, &[10, 12]), [4]);
+        assert_eq!(lens(0, &[10, 13]), [2, 2]);
+    }
+
+    /// Another direction ends a message; another link, an empty record and an event of the line do
+    /// not.
+    #[test]
+    fn messages_belong_to_one_direction_of_one_link() {
+        let records = [
+            record(10, FROM, b"a"),
+            record(10, FROM, b""),
+            Record {
+                link: 1,
+                ..record(10, TO, b"x")
+            },
+            Record {
+                kind: Kind::Other(7),
+                ..record(10, TO, b"y")
+            },
+            record(10, FROM, b"b"),
+            record(10, TO, b"c"),
+            record(10, FROM, b"d"),
+        ];
+        let link = Interface::new("x", 0);
+        let of = |direction| messages(&records, 0, &link, direction);
+        assert_eq!(of(FROM), [b"ab".to_vec(), b"d".to_vec()]);
+        assert_eq!(of(TO), [b"c".to_vec()]);
+    }
+
+    /// Messages of 1 to 4 bytes at 0, 100, 300 and 600 ms, at an unknown rate; the second and the
+    /// fourth one follow a request by 3 and 7 ms.
+    #[test]
+    fn the_figures_of_a_line_by_hand() {
+        let records = [
+            record(1_000, FROM, b"ab"),
+            record(1_097, TO, b"?"),
+            record(1_100, FROM, b"abc"),
+            record(1_300, FROM, b"a"),
+            record(1_593, TO, b"?"),
+            record(1_600, FROM, b"ab\x01\x02"),
+        ];
+        let link = Interface::new("x", 0);
+        let own = Profile::of(&records, 0, &link, FROM);
+        assert_eq!((own.pieces, own.usual), (4, None));
+        let lengths = own.lengths.expect("four");
+        assert_eq!((lengths.least, lengths.median, lengths.most), (1, 3, 4));
+        let periods = own.periods.expect("three");
+        let millis = [periods.least, periods.median, periods.most].map(|one| one.as_millis());
+        assert_eq!(millis, [100, 200, 300]);
+        let (count, times) = own.answers.expect("two");
+        let millis = [times.least, times.most].map(|one| one.as_millis());
+        assert_eq!((count, millis), (2, [3, 7]));
+        // Eight of ten bytes are printable.
+        assert_eq!(own.printable, 80);
+        let said = own.to_string();
+        let expected = "  4 pieces of 1 to 4 bytes; one each 200.000 ms (100.000 to 300.000)\n  2 \
+                        follow the other direction, 7.000 ms later (3.000 to 7.000)\n";
+        assert!(said.starts_with(expected), "{said}");
+        // Of four messages, three have two bytes or more and begin with 'a'; all of them are longer.
+        let begins = own.begins.expect("three of four");
+        assert_eq!((&*begins.bytes, begins.count), (&b"a"[..], 3));
+        assert_eq!(own.ends, None);
+    }
+
+    /// A message shares at most four bytes with at least two others, which are half of all. A whole
+    /// message is no beginning of itself.
+    #[test]
+    fn half_of_the_messages_share_a_beginning() {
+        let of = |messages: &[&[u8]]| {
+            let records: Vec<Record> = (1..)
+                .zip(messages)
+                .map(|(n, bytes)| record(n * 100, FROM, bytes))
+                .collect();
+            let own = Profile::of(&records, 0, &Interface::new("x", 0), FROM);
+            let bytes = |shared: Option<Shared>| shared.map(|one| (one.bytes, one.count));
+            (bytes(own.begins), bytes(own.ends))
+        };
+        let five = of(&[b"abcdeX", b"abcdeY", b"abcdeZ"]);
+        assert_eq!(five, (Some((b"abcd".to_vec(), 3)), None));
+        let whole = of(&[b"abcd", b"abcd", b"abcd"]);
+        let expected = (Some((b"abc".to_vec(), 3)), Some((b"bcd".to_vec(), 3)));
+        assert_eq!(whole, expected);
+        assert_eq!(of(&[b"aX", b"aY"]), (None, None));
+        let half = [&b"aX"[..], b"aY", b"aZ", b"bU", b"cV", b"dW"];
+        assert_eq!(of(&half).0, Some((b"a".to_vec(), 3)));
+        let less = [&half[..], &[&b"eT"[..]]].concat();
+        assert_eq!(of(&less).0, None);
+    }
+
+    /// The most frequent length counts if it occurs twice. Four equally frequent values have two
+    /// bits; 1/4 and 3/4 have 0.5 + 0.75 * 0.415 = 0.811.
+    #[test]
+    fn entropy_is_in_bits() {
+        let of = |bytes: &[u8]| (entropy(bytes) * 1e3).round();
+        assert_eq!(
+            [of(&[1, 2, 3, 4]), of(&[1, 2, 2, 2]), of(&[7; 9]), of(&[])],
+            [2_000.0, 811.0, 0.0, 0.0]
+        );
+        assert!(entropy(&[7; 9]).is_sign_positive());
+        assert_eq!(most_common([3, 5, 5].into_iter()), Some((5, 2)));
+    }
 }

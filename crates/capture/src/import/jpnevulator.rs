@@ -77,3 +77,48 @@ fn dumped(line: Line<'_>) -> Result<Vec<u8>, ImportError> {
         .filter(|bytes| bytes.len() <= 16)
         .ok_or_else(|| line.wrong("expected up to 16 bytes of two hex digits with a space between"))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(text: &[u8]) -> Option<Vec<u8>> {
+        let line = lines(text).next().expect("one line");
+        dumped(line).ok()
+    }
+
+    /// A counter of eight characters may precede the bytes, and their text follow them.
+    #[test]
+    fn a_row_has_up_to_sixteen_bytes() {
+        assert_eq!(bytes(b"FA A0"), Some(vec![0xFA, 0xA0]));
+        assert_eq!(bytes(b"00000000\tFA A0\t.."), Some(vec![0xFA, 0xA0]));
+        assert_eq!(bytes(b"FA A0   \t.."), Some(vec![0xFA, 0xA0]));
+        let row = |count: usize| vec!["FA"; count].join(" ");
+        assert_eq!(bytes(row(16).as_bytes()).map(|bytes| bytes.len()), Some(16));
+        assert_eq!(bytes(row(17).as_bytes()), None);
+        for text in [&b"0000000\tFA"[..], b"FA A", b"FA  A0", b"00000000"] {
+            assert_eq!(bytes(text), None, "{text:?}");
+        }
+        // Three bytes have eight characters, too, and blanks.
+        assert_eq!(bytes(b"FA A0 0A\tx"), Some(vec![0xFA, 0xA0, 0x0A]));
+    }
+
+    /// 2026-11-21 07:58:50 is 1,795,247,930 s after 1970, by `date -u`.
+    #[test]
+    fn a_head_has_six_digits_of_a_second() {
+        const AT: u64 = 1_795_247_930_000_000_000;
+        assert_eq!(
+            head(b"2026-11-21 07:58:50.596918: A"),
+            Some((AT + 596_918_000, "A"))
+        );
+        assert_eq!(head(b"2026-11-21 07:58:50.000001:"), Some((AT + 1_000, "")));
+        for text in [
+            "2026-11-21 07:58:50.59691: A",
+            "2026-11-21 07:58:50.5969180: A",
+            "2026-11-21 07:58:50: A",
+            "2026-11-21 07:58:50.596918",
+        ] {
+            assert!(!is_head(text.as_bytes()), "{text}");
+        }
+    }
+}

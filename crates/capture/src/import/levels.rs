@@ -219,4 +219,137 @@ mod tests {
         );
         assert_eq!(sample_nanos(24, 24_000_000), 1_000);
     }
+
+    fn levels(first: bool, changes: &[u64], end: u64) -> Levels {
+        Levels {
+            first,
+            changes: changes.to_vec(),
+            end,
+            is_open: false,
+        }
+    }
+
+    /// The longest low is at most twice as long as the longest high: in characters of a UART the
+    /// idle line is the longest level.
+    #[test]
+    fn a_line_that_is_low_for_long_is_read_upside_down() {
+        for (own, is_inverted) in [
+            (levels(true, &[100, 300], 400), false),
+            (levels(true, &[100, 301], 401), true),
+            (levels(true, &[101, 303], 350), false),
+            (levels(false, &[201], 301), true),
+            (levels(false, &[200], 300), false),
+            (levels(true, &[10, 20, 60], 400), true),
+            (levels(true, &[], 400), false),
+            (levels(false, &[], 400), true),
+        ] {
+            let mut out = Imported::new();
+            let found = upright(own.clone(), "D0", &mut out);
+            let note = "channel \"D0\" is low when idle: it is read upside down, as RS-232 levels \
+                        are";
+            let (expected, notes) = match is_inverted {
+                true => (own.clone().inverted(), vec![note.to_owned()]),
+                false => (own.clone(), Vec::new()),
+            };
+            assert_eq!((found, out.notes), (expected, notes), "{own:?}");
+        }
+    }
+
+    /// Without names, each channel that changes twice or more is chosen.
+    #[test]
+    fn channels_are_chosen_by_name_or_by_their_changes() {
+        let channels = || {
+            let all = [("still", vec![]), ("once", vec![5]), ("busy", vec![5, 9])];
+            let channel = |(name, changes): (&str, Vec<u64>)| Channel {
+                name: name.to_owned(),
+                levels: levels(true, &changes, 20),
+            };
+            all.into_iter().map(channel).collect::<Vec<_>>()
+        };
+        let chosen = |names: &[&str]| {
+            let options = Options {
+                channels: names.iter().map(|name| (*name).to_owned()).collect(),
+                ..Options::default()
+            };
+            let found = chosen(channels(), &options).map_err(|error| error.to_string());
+            found.map(|all| all.into_iter().map(|one| one.name).collect::<Vec<_>>())
+        };
+        assert_eq!(chosen(&[]), Ok(vec!["busy".to_owned()]));
+        assert_eq!(chosen(&["once"]), Ok(vec!["once".to_owned()]));
+        assert_eq!(
+            chosen(&["busy", "D7"]),
+            Err(
+                "--channel D7: there is no such channel, expected one of: still, once, busy"
+                    .to_owned()
+            )
+        );
+        let none = super::chosen(channels()[..2].to_vec(), &Options::default());
+        assert_eq!(
+            none.expect_err("still").to_string(),
+            "no channel changes its level: still, once; expected a serial line on one of them"
+        );
+    }
+
+    /// The rate and the coding are noted if they were derived; eight bits without parity need no
+    /// note.
+    #[test]
+    fn a_derived_line_is_noted() {
+        let notes = |line: LineConfig, baud, coding| {
+            let options = Options {
+                baud,
+                coding,
+                ..Options::default()
+            };
+            let mut out = Imported::new();
+            say(line, "D0", &options, &mut out);
+            out.notes
+        };
+        let plain = LineConfig::new_8n1(9_600);
+        let rate = "channel \"D0\": 9600 baud, by the length of its pulses";
+        assert_eq!(notes(plain, None, None), [rate]);
+        assert!(notes(plain, Some(9_600), None).is_empty());
+        let unusual = "channel \"D0\": 10400 baud, by the length of its pulses, which is no usual \
+                       rate; --baud N sets another";
+        assert_eq!(notes(LineConfig::new_8n1(10_400), None, None), [unusual]);
+        for (data_bits, parity, words) in [
+            (8, Parity::Even, "8E1"),
+            (8, Parity::Odd, "8O1"),
+            (7, Parity::None, "7N1"),
+        ] {
+            let line = LineConfig {
+                data_bits,
+                parity,
+                ..plain
+            };
+            let note = format!("channel \"D0\": {words}, by its characters; --coding sets another");
+            assert_eq!(notes(line, Some(9_600), None), [note]);
+            assert!(notes(line, Some(9_600), Some(line)).is_empty());
+        }
+    }
+
+    /// Three characters of 0x35 at 100,000 baud, upright and upside down; a line without any
+    /// character has the rate that is given.
+    #[test]
+    fn a_line_that_fits_no_rate_may_be_inverted() {
+        let tenths = [0, 10, 20, 30, 40, 50, 70, 90];
+        let changes: Vec<u64> = (1..=3)
+            .flat_map(|start: u64| tenths.map(|tenth| start * 1_000_000 + tenth * 1_000))
+            .collect();
+        let of = |levels: Levels, baud| {
+            let options = Options {
+                baud,
+                ..Options::default()
+            };
+            let mut out = Imported::new();
+            let found = line(levels, "D0", &options, &mut out);
+            found.map(|(line, levels)| (line.baud, levels.first, out.notes.len()))
+        };
+        let own = levels(true, &changes, 5_000_000);
+        assert_eq!(of(own.clone(), None), Ok((100_000, true, 1)));
+        assert_eq!(of(own.clone().inverted(), None), Ok((100_000, true, 2)));
+        assert_eq!(of(own.clone(), Some(100_000)), Ok((100_000, true, 0)));
+        assert_eq!(of(own, Some(300)), Ok((300, true, 0)));
+        let error = of(levels(true, &[5, 9], 20), None).expect_err("no rate");
+        assert!(error.message.contains("fit no rate"), "{error}");
+    }
 }

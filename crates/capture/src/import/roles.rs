@@ -239,4 +239,70 @@ mod tests {
         ];
         assert_eq!(exported, expected);
     }
+
+    /// The notes about the roles of these names.
+    fn notes(names: &[&str]) -> Vec<String> {
+        let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
+        let mut out = Imported::new();
+        super::roles(&names, &Options::default(), &mut out);
+        out.notes
+    }
+
+    /// What was assumed can be turned round; what a name tells needs no such note.
+    #[test]
+    fn assumed_roles_are_noted() {
+        let other = "--from program is the other way round";
+        assert_eq!(
+            notes(&["D0", "D1"]),
+            [
+                "\"D0\" is taken as from the device",
+                "\"D1\" is taken as to the device",
+                other
+            ]
+        );
+        assert_eq!(notes(&["RX", "TX"]).len(), 2);
+        assert_eq!(
+            notes(&["RX"]),
+            ["\"RX\" is taken as from the device", other]
+        );
+        assert!(notes(&["D3"]).is_empty());
+        assert!(notes(&["a.to-master", "b"]).is_empty());
+        assert_eq!(
+            notes(&["RX gps", "RX base"]),
+            [
+                "\"RX gps\" is taken as from the device, link \"gps\"",
+                "\"RX base\" is taken as from the device, link \"base\""
+            ]
+        );
+    }
+
+    /// Words of one channel: the action counts before the end, and "from" and "to" only alone.
+    #[test]
+    fn the_words_of_a_name_have_an_order() {
+        let of = |name: &str| {
+            let told = of_name(name, &Options::default())?;
+            Some((told.direction == Direction::ToDevice, told.about))
+        };
+        for (name, expected) in [
+            ("device tx", Some((false, ""))),
+            ("tx device", Some((true, ""))),
+            ("tx to device", Some((true, ""))),
+            ("device", Some((false, ""))),
+            ("host 2", Some((true, "2"))),
+            ("from gps", Some((false, "gps"))),
+            ("to gps", Some((true, "gps"))),
+            ("uart2_txd1", Some((true, "uart2"))),
+            ("request lift-a", Some((true, "lift-a"))),
+            ("gps", None),
+        ] {
+            let expected = expected.map(|(is_sent, about)| (is_sent, about.to_owned()));
+            assert_eq!(of(name), expected, "{name}");
+        }
+    }
+
+    #[test]
+    fn a_link_has_the_name_behind_the_last_slash() {
+        let found = ["/dev/ttyUSB0", "COM3", "/dev/"].map(link_of_path);
+        assert_eq!(found, ["ttyUSB0", "COM3", ""]);
+    }
 }

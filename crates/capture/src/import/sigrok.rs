@@ -172,3 +172,100 @@ fn time(
     let nanos = u64::try_from(nanos).map_err(|_| line.wrong("the sample number is too large"))?;
     Ok(nanos.saturating_add(options.byte_nanos(1) / 10))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{Format, read as read_format};
+
+    /// Decoder, samples and content of a line.
+    fn of(text: &str) -> Option<(String, Option<(u64, u64)>, &str)> {
+        let one = annotation(text.as_bytes())?;
+        Some((one.decoder, one.samples, one.what))
+    }
+
+    /// sigrok-cli names the decoder with its number; PulseView names it and its row.
+    #[test]
+    fn a_line_names_its_decoder() {
+        for (text, decoder, samples, what) in [
+            ("53-61 uart-1: FA", "uart-1", Some((53, 61)), "FA"),
+            ("uart-12: FA", "uart-12", None, "FA"),
+            ("53-61 UART: RX: FA", "UART RX", Some((53, 61)), "FA"),
+            ("53-61 My uart: TX: x", "My uart TX", Some((53, 61)), "x"),
+        ] {
+            let expected = Some((decoder.to_owned(), samples, what));
+            assert_eq!(of(text), expected, "{text}");
+        }
+        for text in [
+            "UART: RX: FA",
+            "53-61 SPI: MOSI: 01",
+            "53 uart-1: FA",
+            "a-61 uart-1: FA",
+            "53-b uart-1: FA",
+            "uart-x: FA",
+            "uart-: FA",
+            "uart-1 FA",
+        ] {
+            assert_eq!(of(text), None, "{text}");
+        }
+        assert!(is_data(b"uart-1: FA") && !is_data(b"uart-1: Start bit"));
+    }
+
+    /// Rows of PulseView beside its bytes, and the bits around them.
+    #[test]
+    fn parts_of_a_character_are_no_bytes() {
+        let is = |text: &str| is_part(&annotation(text.as_bytes()).expect(text));
+        for text in [
+            "0-1 UART: RX bits: 1",
+            "0-1 UART: TX packets: FA",
+            "0-1 UART: RX breaks: Break condition",
+            "0-1 UART: RX warnings: Frame error",
+            "0-1 UART: RX: Start bit",
+            "0-1 UART: RX: Stop bit",
+            "0-1 UART: RX: Parity bit",
+            "0-1 UART: RX: Idle",
+        ] {
+            assert!(is(text), "{text}");
+        }
+        for text in ["0-1 UART: RX: FA", "0-1 uart-1: Start bit"] {
+            assert!(!is(text), "{text}");
+        }
+    }
+
+    /// A byte may begin where the one before ends, and not earlier. Two decoders are two lines,
+    /// which are sorted by time; one decoder may hold both, which is noted.
+    #[test]
+    fn bytes_of_one_line_do_not_overlap() {
+        let options = Options {
+            sample_rate: Some(1_000_000),
+            ..Options::default()
+        };
+        let read = |text: &str| read_format(text.as_bytes(), Format::Sigrok, &options);
+        let told = |text: &str| -> Vec<(u64, u8)> {
+            let found = read(text).expect("sound");
+            let records = found.records().iter();
+            records
+                .map(|one| (one.at.as_micros(), one.bytes[0]))
+                .collect()
+        };
+        assert_eq!(
+            told("0-10 uart-1: 01\n10-20 uart-1: 02\n"),
+            [(10, 1), (20, 2)]
+        );
+        let error = read("0-10 uart-1: 01\n9-20 uart-1: 02\n").expect_err("both directions");
+        assert!(error.message.contains("overlaps"), "{error}");
+        assert_eq!(error.line, 2);
+        let two = "0-10 uart-1: 01\n20-30 uart-1: 03\n5-15 uart-2: 02\n";
+        assert_eq!(told(two), [(10, 1), (15, 2), (30, 3)]);
+        let is_mixed = |text: &str| {
+            let notes = read(text).expect("sound").notes;
+            notes
+                .iter()
+                .any(|note| note.contains("do not tell RX from TX"))
+        };
+        assert!(is_mixed("0-10 uart-1: 01\n") && !is_mixed(two));
+        assert!(!is_mixed("0-10 UART: RX: 01\n"));
+        let parts = "0-1 UART: RX: Start bit\n1-9 UART: RX: 41\n1-2 UART: RX bits: 1\n";
+        assert_eq!(told(parts), [(9, 0x41)]);
+    }
+}

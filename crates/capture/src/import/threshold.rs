@@ -44,4 +44,38 @@ mod tests {
         assert_eq!(digital(&[(0, 3.3), (1, 3.2)]), None);
         assert_eq!(digital(&[]), None);
     }
+
+    fn samples(volts: &[f64]) -> Vec<(u64, f64)> {
+        (0..).zip(volts.iter().copied()).collect()
+    }
+
+    /// 1 and 11 V: the level falls at 5 V and rises above 7 V. A first sample at 5 V is low.
+    #[test]
+    fn a_voltage_at_a_threshold_is_low() {
+        let levels = digital(&samples(&[5.0, 7.0, 7.5, 5.5, 5.0, 11.0, 1.0])).expect("it swings");
+        assert_eq!(
+            (levels.first, &levels.changes[..]),
+            (false, &[2, 4, 5, 6][..])
+        );
+        let levels = digital(&samples(&[5.5, 7.0, 11.0, 1.0])).expect("it swings");
+        assert_eq!((levels.first, &levels.changes[..]), (true, &[3][..]));
+    }
+
+    /// A swing of half a volt is a signal. Of 200 samples, two beyond each level are overshoots;
+    /// three are a level.
+    #[test]
+    fn a_few_samples_may_overshoot() {
+        assert!(digital(&samples(&[0.0, 0.5])).is_some());
+        assert_eq!(digital(&samples(&[0.0, 0.49])), None);
+        assert_eq!(digital(&samples(&[0.0, f64::INFINITY])), None);
+        let levels = |overshoots: usize| {
+            let (low, high) = (vec![0.0; 100 - overshoots], vec![1.0; 100 - overshoots]);
+            let (below, above) = (vec![-100.0; overshoots], vec![100.0; overshoots]);
+            digital(&samples(&[below, low, high, above].concat())).expect("it swings")
+        };
+        assert_eq!(levels(1).changes, [100]);
+        assert_eq!(levels(2).changes, [100]);
+        // Levels of -100 and 100 V: 0 and 1 V lie between the thresholds of -20 and 20 V.
+        assert_eq!(levels(3).changes, [197]);
+    }
 }

@@ -83,3 +83,21 @@ pub struct Sum {
     /// Bytes in valid frames.
     pub framed: u64,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of many bytes, 32 are shown.
+    #[test]
+    fn data_is_shown_up_to_a_limit() {
+        let shown = |len: usize| Said::Data(vec![0xAB; len]).to_string();
+        let pairs = vec!["AB"; 32].join(" ");
+        assert_eq!(shown(32), format!("DATA 32 bytes {pairs}"));
+        assert_eq!(shown(33), format!("DATA 33 bytes {pairs} .."));
+        let error = FrameError::Truncated { found: 4 };
+        let bad = Said::Bad(b"x".to_vec(), vec![error, error]).to_string();
+        let quiet = "line went quiet after 4 bytes";
+        assert_eq!(bad, format!("BAD 1 bytes \"x\"; {quiet}; {quiet}"));
+    }
+}

@@ -211,4 +211,68 @@ mod tests {
         assert_eq!(of_log("001 003 000 255"), Some(Base::Decimal));
         assert_eq!(of_log("001 003 000 377"), Some(Base::Octal));
     }
+
+    /// Texts on both sides of each condition.
+    #[test]
+    fn each_condition_of_a_base_has_two_sides() {
+        for (text, expected) in [
+            // A sign makes numbers of up to three digits decimal; "-" alone is no number.
+            ("-5 3", Some(Base::Decimal)),
+            ("-128 3", Some(Base::Decimal)),
+            ("-1000 3", Some(Base::Hex)),
+            ("- 10", Some(Base::Hex)),
+            // No decimal number of a byte has a zero before two digits, four digits or 256.
+            ("171 36 5", Some(Base::Decimal)),
+            ("171 36 05", Some(Base::Hex)),
+            ("171 1234", Some(Base::Hex)),
+            ("255 1", Some(Base::Decimal)),
+            ("256 1", Some(Base::Hex)),
+            ("012 1", Some(Base::Hex)),
+            ("253 044 378", Some(Base::Hex)),
+            ("001 377", Some(Base::Octal)),
+            ("001 400", Some(Base::Hex)),
+            // Four words of od, up to 0o177777.
+            ("022253 000012 125731", Some(Base::Hex)),
+            ("177777 000012 125731 020044", None),
+            ("200000 000012 125731 020044", Some(Base::Hex)),
+            ("022258 000012 125731 020044", Some(Base::Hex)),
+            ("00000001", Some(Base::Hex)),
+            ("00000001 1", Some(Base::Hex)),
+            // A letter, and a number of one digit that is not the last one.
+            ("1 2 A 10", Some(Base::Loose)),
+            ("A 10 5", Some(Base::Loose)),
+            ("A", Some(Base::Hex)),
+            ("AB 1 -5", Some(Base::Hex)),
+            ("AB 1 123 4", Some(Base::Hex)),
+            ("AB 1 05", Some(Base::Hex)),
+            ("10 20 30", Some(Base::Hex)),
+            ("10 20 3", Some(Base::Hex)),
+            ("10 3 20", None),
+            ("[10 05]", Some(Base::Hex)),
+            ("[10 123 G1]", Some(Base::Hex)),
+            ("", Some(Base::Hex)),
+            ("[]", Some(Base::Hex)),
+            ("\"1 3 0 10\"", Some(Base::Hex)),
+            ("\\x01", Some(Base::Text)),
+        ] {
+            assert_eq!(base(text), expected, "{text}");
+        }
+    }
+
+    /// Numbers of one to three digits, longer ones, those with a letter, with a leading zero, with a
+    /// sign; and those that can be octal, decimal, a word of od or binary.
+    #[test]
+    fn the_forms_of_numbers_are_counted() {
+        let mut shape = Shape::default();
+        shape.take("1 A 02 10 012 400 256 -12 1234 000017 00000110-7");
+        assert_eq!((shape.all, shape.lens, shape.longer), (12, [3, 2, 3], 3));
+        assert_eq!((shape.letters, shape.padded, shape.zeros), (1, 1, 1));
+        // 012 and 256 are octal, 012 alone is a byte in decimal.
+        assert_eq!((shape.negative, shape.octal, shape.decimal), (1, 2, 1));
+        assert_eq!((shape.words, shape.binary), (1, 1));
+        assert!(shape.is_last_short && !shape.is_marked);
+        shape.take("0x10");
+        assert!(!shape.is_last_short && shape.is_marked);
+        assert_eq!((shape.all, shape.letters, shape.longer), (13, 1, 4));
+    }
 }

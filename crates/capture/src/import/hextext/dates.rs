@@ -97,4 +97,41 @@ mod tests {
             assert_eq!(dates.is_unknown, is_unknown, "{texts:?}");
         }
     }
+
+    /// Two numbers of at most two digits and a year of four, the first ones of a line.
+    #[test]
+    fn a_date_is_two_short_numbers_and_a_year() {
+        let of = |text: &str| {
+            let date = Slashed::of(text)?;
+            Some((date.range, date.first, date.second, date.year))
+        };
+        assert_eq!(of("[1/12/2026] x"), Some((1..10, 1, 12, 2_026)));
+        assert_eq!(of("a/b 12/11/2026"), Some((4..14, 12, 11, 2_026)));
+        for text in [
+            "123/1/2026",
+            "1/123/2026",
+            "1/2/26",
+            "1/2/20266",
+            "1/2/2026/3",
+            "1/2",
+            "/1/2026",
+            "1//2026",
+        ] {
+            assert_eq!(of(text), None, "{text}");
+        }
+    }
+
+    /// 12 may be a month, 13 cannot. One day above 12 in the first place decides for all dates.
+    #[test]
+    fn a_number_above_twelve_is_a_day() {
+        let of = |texts: &[&str]| {
+            let dates = Dates::of(texts.iter().copied());
+            (dates.is_month_first, dates.note().is_some())
+        };
+        assert_eq!(of(&["12/12/2026"]), (false, true));
+        assert_eq!(of(&["12/13/2026"]), (true, false));
+        assert_eq!(of(&["13/12/2026"]), (false, false));
+        assert_eq!(of(&["12/13/2026", "13/12/2026"]), (false, false));
+        assert_eq!(of(&["x"]), (false, false));
+    }
 }

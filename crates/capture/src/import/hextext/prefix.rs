@@ -135,3 +135,106 @@ fn direction(word: &str) -> Option<bool> {
         _ => label(&word),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Time, direction, whether it is an arrow, stated number of bytes, and the rest.
+    fn of(text: &str) -> (Option<u64>, Option<bool>, bool, Option<usize>, &str) {
+        let (prefix, rest) = split(text);
+        let at = prefix.at.map(|(nanos, _)| nanos / 1_000_000);
+        (at, prefix.is_sent, prefix.is_arrow, prefix.told, rest)
+    }
+
+    /// 12:11:23.5 is 43,883,500 ms after midnight.
+    #[test]
+    fn a_prefix_has_a_time_a_direction_and_a_count() {
+        const AT: Option<u64> = Some(43_883_500);
+        for (text, expected) in [
+            ("AB 24", (None, None, false, None, "AB 24")),
+            ("  TX: AB", (None, Some(true), false, None, "AB")),
+            ("rx AB", (None, Some(false), false, None, "AB")),
+            ("12:11:23.5 AB", (AT, None, false, None, "AB")),
+            ("12:11:23.5 TX AB", (AT, Some(true), false, None, "AB")),
+            ("TX 12:11:23.5 AB", (AT, Some(true), false, None, "AB")),
+            // An arrow behind a time may have no meaning; before it, and doubled, it has one.
+            ("12:11:23.5 -> AB", (AT, Some(true), true, None, "AB")),
+            ("12:11:23.5 > AB", (AT, Some(true), true, None, "AB")),
+            ("12:11:23.5 >> AB", (AT, Some(true), false, None, "AB")),
+            ("12:11:23.5 <- AB", (AT, Some(false), false, None, "AB")),
+            ("-> AB", (None, Some(true), false, None, "AB")),
+            // Marks between the parts, but not at the beginning.
+            ("12:11:23.5 - TX | AB", (AT, Some(true), false, None, "AB")),
+            ("| AB", (None, None, false, None, "| AB")),
+            // Each part counts once.
+            ("TX RX AB", (None, Some(true), false, None, "RX AB")),
+            (
+                "12:11:23.5 12:11:24.5 AB",
+                (AT, None, false, None, "12:11:24.5 AB"),
+            ),
+            // A count needs a direction before it, or a name.
+            ("TX (2): AB", (None, Some(true), false, Some(2), "AB")),
+            ("TX [12]: AB", (None, Some(true), false, Some(12), "AB")),
+            ("TX 2: AB", (None, Some(true), false, Some(2), "AB")),
+            ("(2): AB", (None, None, false, None, "(2): AB")),
+            ("len=2 AB", (None, None, false, Some(2), "AB")),
+            ("TX Length: 2, AB", (None, Some(true), false, Some(2), "AB")),
+            ("RX [len 2] AB", (None, Some(false), false, Some(2), "AB")),
+            (
+                "TX (2): (3): AB",
+                (None, Some(true), false, Some(2), "(3): AB"),
+            ),
+            ("", (None, None, false, None, "")),
+        ] {
+            assert_eq!(of(text), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_stated_number_has_brackets_or_a_colon() {
+        assert_eq!(stated("(10): x"), Some((10, "x")));
+        assert_eq!(stated("[10]:x"), Some((10, "x")));
+        assert_eq!(stated("10: x"), Some((10, "x")));
+        for text in ["(10) x", "(10]: x", "[10): x", "10:x", "10 x", "(x): x", ""] {
+            assert_eq!(stated(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn a_named_number_has_one_of_five_names() {
+        for text in [
+            "len=10 x",
+            "length: 10: x",
+            "n 10 x",
+            "(size 10) x",
+            "[Count=10] x",
+        ] {
+            assert_eq!(named(text), Some((10, "x")), "{text}");
+        }
+        assert_eq!(named("len=10"), Some((10, "")));
+        for text in ["lens=10 x", "len=x", "len=10x", "10 x", "len"] {
+            assert_eq!(named(text), None, "{text}");
+        }
+    }
+
+    /// A text may begin with a word of a direction; with a mark or in capitals it is one.
+    #[test]
+    fn a_direction_of_text_needs_a_mark() {
+        let of = |text: &str| split_text(text).0.is_sent;
+        for (text, expected) in [
+            ("read the manual", None),
+            ("read: the manual", Some(false)),
+            ("[read] x", Some(false)),
+            ("(send) x", Some(true)),
+            ("TX x", Some(true)),
+            ("RX x", Some(false)),
+            ("tx x", None),
+            ("-> x", Some(true)),
+            ("<< x", Some(false)),
+            ("words: x", None),
+        ] {
+            assert_eq!(of(text), expected, "{text}");
+        }
+    }
+}

@@ -223,3 +223,190 @@ fn what_is_given_stays() {
     assert_eq!(derived(&levels, None, Some(even)), None);
     assert_eq!(derived(&levels, Some(4_800), None), None);
 }
+
+/// Levels of 100,000 baud: each character begins at its time, and changes at these tenths of its
+/// bits.
+fn drawn(characters: &[(u64, &[u64])]) -> Levels {
+    let mut levels = Levels {
+        first: true,
+        ..Levels::default()
+    };
+    for (start, tenths) in characters {
+        levels.changes.push(*start);
+        let changes = tenths.iter().map(|tenth| start + tenth * 1_000);
+        levels.changes.extend(changes);
+    }
+    levels.end = levels.changes.last().map_or(0, |last| last + 1_000_000);
+    levels
+}
+
+/// `count` times the same characters, a millisecond apart.
+fn repeated(parts: &[(usize, &[u64])]) -> Levels {
+    let all = parts
+        .iter()
+        .flat_map(|(count, tenths)| vec![*tenths; *count]);
+    let all: Vec<(u64, &[u64])> = (1..).map(|at| at * 1_000_000).zip(all).collect();
+    drawn(&all)
+}
+
+const LINE: LineConfig = LineConfig::new_8n1(100_000);
+/// 0x35: 0, 1 0 1 0 1 1 0 0, 1.
+const SEVEN_EDGES: &[u64] = &[10, 20, 30, 40, 50, 70, 90];
+/// 0x05: 0, 1 0 1 0 0 0 0 0, 1.
+const FIVE_EDGES: &[u64] = &[10, 20, 30, 40, 90];
+/// 0x55: all bits alternate.
+const SINGLES: &[u64] = &[10, 20, 30, 40, 50, 60, 70, 80, 90];
+/// 0xF0: 0, 0 0 0 0 1 1 1 1, 1.
+const ONE_LONG: &[u64] = &[50];
+/// 0xFF.
+const ONE_SHORT: &[u64] = &[10];
+/// 0xFE, and no stop bit.
+const NO_STOP: &[u64] = &[20, 90, 110];
+
+/// Three digits remain; half a unit is rounded up.
+#[test]
+fn a_rate_has_three_digits() {
+    for (baud, expected) in [
+        (0, 0),
+        (7, 7),
+        (999, 999),
+        (1_004, 1_000),
+        (1_005, 1_010),
+        (9_996, 10_000),
+        (115_384, 115_000),
+        (115_500, 116_000),
+        (1_234_567, 1_230_000),
+    ] {
+        assert_eq!(rounded(baud), expected, "{baud}");
+    }
+}
+
+/// More sound than bad characters; one bad character, and one more of each twenty.
+#[test]
+fn few_characters_may_lack_their_stop_bit() {
+    for (sound, bad, expected) in [
+        (0, 0, false),
+        (1, 0, true),
+        (1, 1, false),
+        (2, 1, true),
+        (3, 2, false),
+        (17, 2, false),
+        (18, 2, true),
+        (37, 3, true),
+        (36, 3, false),
+    ] {
+        let levels = repeated(&[(sound, FIVE_EDGES), (bad, NO_STOP)]);
+        assert_eq!(is_framed(&levels, LINE), expected, "{sound} and {bad}");
+    }
+}
+
+/// The edges of a character lie between its start and its stop bit. Eight bits with parity and two
+/// stop bits: 0x01 is odd, so its even parity bit is 1; that of 0x03 is 0.
+#[test]
+fn edges_count_from_the_start_of_their_character() {
+    let levels = drawn(&[(10_000, SINGLES), (110_000, FIVE_EDGES)]);
+    let nanos = |edges: &[u64]| -> Vec<f64> { edges.iter().map(|at| *at as f64 * 1e3).collect() };
+    assert_eq!(edges(&levels, LINE), [nanos(SINGLES), nanos(FIVE_EDGES)]);
+    let even = LineConfig {
+        parity: Parity::Even,
+        stop_bits: 2,
+        ..LINE
+    };
+    let levels = drawn(&[(10_000, &[10, 20, 90]), (200_000, &[10, 30, 100])]);
+    assert_eq!(
+        edges(&levels, even),
+        [nanos(&[10, 20, 90]), nanos(&[10, 30, 100])]
+    );
+    assert!(edges(&Levels::default(), LINE).is_empty());
+}
+
+/// Pulses of one length are a clock, whether single bits or longer ones. One pulse of thirty has to
+/// be a single bit.
+#[test]
+fn a_line_has_single_bits_and_longer_pulses() {
+    let fits = |parts: &[(usize, &[u64])]| fit(&repeated(parts), LINE, 1).is_some();
+    assert!(!fits(&[(2, SINGLES)]) && !fits(&[(6, ONE_LONG)]));
+    assert!(fits(&[(1, SEVEN_EDGES)]) && fits(&[(1, FIVE_EDGES)]));
+    assert!(fits(&[(29, ONE_LONG), (1, ONE_SHORT)]));
+    assert!(!fits(&[(30, ONE_LONG), (1, ONE_SHORT)]));
+    // 1.4 bits are a single bit, 1.6 bits none.
+    assert!(fits(&[(29, ONE_LONG), (1, &[14])]));
+    assert!(!fits(&[(29, ONE_LONG), (1, &[16])]));
+}
+
+/// Nineteen of twenty edges lie within 0.3 bits of a whole number of bits.
+#[test]
+fn nearly_all_edges_lie_on_whole_bits() {
+    let of = |least, tenths: [u64; 2]| {
+        let [first, second] = tenths;
+        let parts = [
+            (1, SEVEN_EDGES),
+            (1, &[10, 20, 30, first, 90]),
+            (1, &[10, 20, 30, second, 90]),
+            (1, &[10, 20, 90]),
+        ];
+        fit(&repeated(&parts), LINE, least).map(|fit| fit.spread)
+    };
+    assert_eq!(of(20, [40, 40]), Some(0.0));
+    assert_eq!(of(21, [40, 40]), None);
+    // One edge of twenty is 4 us away: the root of 16 / 20 us^2. Two are 4 and 2 us away.
+    let spread = of(20, [44, 40]).expect("one is away");
+    assert!((spread - 894.427).abs() < 0.001, "{spread}");
+    let spread = of(20, [44, 42]).expect("one is away, one is near");
+    assert!((spread - 1_000.0).abs() < 0.001, "{spread}");
+    let spread = of(20, [36, 42]).expect("one is away, one is near");
+    assert!((spread - 1_000.0).abs() < 0.001, "{spread}");
+    assert_eq!((of(20, [44, 44]), of(20, [44, 36])), (None, None));
+}
+
+/// The edges of characters at exactly 100,000 baud correct an estimate that is a percent off.
+#[test]
+fn a_rate_is_refined_by_all_edges() {
+    let levels = repeated(&[(2, SEVEN_EDGES), (1, FIVE_EDGES)]);
+    for baud in [99_000, 100_000, 101_000, 104_000] {
+        assert_eq!(refined(&levels, LineConfig { baud, ..LINE }), Some(100_000));
+    }
+    // One edge after four bits and one after five, each 0.2 bits late: 41 squares of bits to
+    // 4.2 * 4 + 5.2 * 5 = 42.8, so 95,794 baud.
+    let late = repeated(&[(1, &[42]), (1, &[52])]);
+    assert_eq!(refined(&late, LINE), Some(95_794));
+    assert_eq!(refined(&Levels::default(), LINE), None);
+}
+
+/// At least sixteen characters, nine of ten of them text. The highest bit is the parity, or a stop
+/// bit if it is always set.
+#[test]
+fn seven_bits_have_a_parity_or_a_stop_bit_above_them() {
+    let of = |bytes: &[u8]| {
+        let made = Made::new(9_600);
+        let found = seven_bits(&levels(made, bytes), made.line);
+        found.map(|line| (line.data_bits, line.parity))
+    };
+    // 'A' and 'B' have two ones, 'C' has three.
+    let even = [b'A', b'C' | 0x80];
+    let odd = [b'A' | 0x80, b'C'];
+    assert_eq!(of(&even.repeat(8)), Some((7, Parity::Even)));
+    assert_eq!(of(&odd.repeat(8)), Some((7, Parity::Odd)));
+    assert_eq!(of(&even.repeat(8)[..15]), None);
+    assert_eq!(of(&[b'A' | 0x80; 16]), Some((7, Parity::None)));
+    assert_eq!(of(&[b'A'; 16]), None);
+    assert_eq!(of(&[&even.repeat(8)[..], b"C"].concat()), None);
+    // 0x03 and 0x00 are even and no text: two of twenty are allowed, three of 21 are not.
+    let text = even.repeat(9);
+    assert_eq!(of(&[&text[..], &[3, 0]].concat()), Some((7, Parity::Even)));
+    assert_eq!(of(&[&text[..], &[3, 0, 0]].concat()), None);
+    // The first and the last character of text, and the ends of lines, with even parity.
+    assert_eq!(
+        of(&[0xA0, 0x7E, 0x8D, 0x0A, 0x09].repeat(4)),
+        Some((7, Parity::Even))
+    );
+    let line = LineConfig {
+        parity: Parity::Even,
+        ..LineConfig::new_8n1(9_600)
+    };
+    let made = Made {
+        line,
+        ..Made::new(9_600)
+    };
+    assert_eq!(seven_bits(&levels(made, &[b'A' | 0x80; 16]), line), None);
+}
