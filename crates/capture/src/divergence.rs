@@ -337,4 +337,31 @@ mod tests {
             format!("no known protocol: {}", hex(&bytes, 20))
         );
     }
+
+    /// A message is shown as a frame, as text, or as bytes; text up to 200 characters.
+    #[test]
+    fn a_message_is_shown_in_its_form() {
+        assert_eq!(message_words(None, b"AT\r", 1), "text \"AT\\r\"");
+        let long = "a".repeat(201);
+        let shown = format!("text \"{}\"..", "a".repeat(200));
+        assert_eq!(message_words(None, long.as_bytes(), 0), shown);
+        let all = format!("text \"{}\"", "a".repeat(200));
+        assert_eq!(message_words(None, &long.as_bytes()[1..], 0), all);
+        assert_eq!(message_words(None, b"\x01\x02", 5), "2 bytes: 01 [02]");
+        assert_eq!(message_words(None, b"\x01\x02", 0), "2 bytes: [01] 02");
+        assert_eq!(message_words(None, b"", 0), "text \"\"");
+    }
+
+    /// A damaged frame has its place and its error; behind thousands of bytes as well.
+    #[test]
+    fn a_frame_is_shown_with_its_place() {
+        let codec = Some((&engine::codec::BUS, Direction::ToDevice));
+        let mut bytes = read(36).repeat(2_000);
+        let shown = words(codec, &bytes, 9_007);
+        assert!(shown.ends_with("(bus frame, bytes 9005..=9009)"), "{shown}");
+        bytes[9_009] ^= 1;
+        let shown = words(codec, &bytes, 9_007);
+        assert!(shown.starts_with("no bus frame (bytes 9005..="), "{shown}");
+        assert!(shown.contains("; checksum is "), "{shown}");
+    }
 }

@@ -162,4 +162,52 @@ mod tests {
         let said = &sound.judge(&lines(20), &played(&other))[1].detail;
         assert!(said.contains("byte 7: expected 0x07, got 0x63"), "{said}");
     }
+
+    /// Of 20 expected ones, three may be missing or too much: a tenth of 20, and one more.
+    #[test]
+    fn a_tenth_may_be_missing() {
+        let of = |one, others: [usize; 4]| others.map(|other| is_enough(one, other));
+        assert_eq!(of(20, [17, 16, 23, 24]), [true, false, true, false]);
+        assert_eq!(of(0, [0, 1, 2, 3]), [true, true, false, false]);
+        assert_eq!(of(10, [8, 12, 7, 13]), [true, true, false, false]);
+    }
+
+    /// The line is counted from one; the two numbers of lines are told.
+    #[test]
+    fn a_different_line_is_told() {
+        let sound = Sound::of("good", "a\nb\nc\n", &[], |_| 9600);
+        let detail = |said: &str| sound.judge(said, &[])[0].detail.clone();
+        assert_eq!(
+            detail("a\nX\nc\n"),
+            "line 2: the reference printed \"b\", this one \"X\""
+        );
+        assert_eq!(detail("a\nb\nc\n"), "the same 3 lines");
+        assert_eq!(detail("a\nb\n"), "the same 2 lines");
+        assert_eq!(detail("a\n"), "the reference printed 3 lines, this one 1");
+        let many = Sound::of("good", &"x\n".repeat(20), &[], |_| 9600);
+        assert_eq!(
+            many.judge("x\n", &[])[0].detail,
+            "the reference printed 20 lines, this one 1"
+        );
+    }
+
+    /// A link that the program did not use has no bytes; a line of the case may be wrong.
+    #[test]
+    fn each_link_of_the_reference_is_judged() {
+        let bytes: Vec<u8> = (0..40).collect();
+        let mut sound = Sound::of("good", "", &played(&bytes), |_| 9600);
+        let judge = |sound: &Sound, links: &[Played]| {
+            let check = sound.judge("", links).remove(1);
+            (check.name, check.status, check.detail)
+        };
+        let name = "sends-as-reference-base".to_owned();
+        let (_, status, detail) = judge(&sound, &played(&bytes[..36]));
+        assert_eq!((status, &*detail), (Status::Pass, "the same 36 bytes"));
+        assert_eq!(judge(&sound, &played(&bytes[..34])).1, Status::Fail);
+        assert_eq!(judge(&sound, &[]).1, Status::Fail);
+        sound.link[0].sent = "what".to_owned();
+        let (found, status, detail) = judge(&sound, &played(&bytes));
+        assert_eq!((found, status), (name, Status::Fail));
+        assert!(detail.starts_with("sent "), "{detail}");
+    }
 }

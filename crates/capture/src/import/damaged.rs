@@ -329,4 +329,41 @@ mod tests {
         assert!(!has("0000000 01\nabcd 01\n") && has("0000000 01\nabcd 01\n0000001 02\n"));
         assert!(!has("00000000 01\n00000001 02\n") && !has("000zz00 01\n") && !has(""));
     }
+
+    /// As many lines may be cut as are whole; with more of them the text is of another kind.
+    #[test]
+    fn no_more_lines_are_cut_than_whole() {
+        let cuts = |text: &str| without_cut_bytes(text.as_bytes()).1;
+        assert_eq!(cuts("01 04 2A\n05 06 2\n"), [2]);
+        assert_eq!(cuts("01 04 2A\n05 06 2\n05 06 3\n"), [0; 0]);
+        assert_eq!(cuts("01 04 2A\n"), [0; 0]);
+    }
+
+    /// The note counts the lines: one with a cut inside a byte, and one of four that is left out.
+    #[test]
+    fn a_single_cut_line_is_noted_alone() {
+        let (_, bytes, notes) = told("TX: 01 04 2A\nTX: 01 04 2A\nTX: 05 06 2\n");
+        assert_eq!(bytes.concat(), [1, 4, 0x2A, 1, 4, 0x2A, 5, 6]);
+        let note = "1 line is cut inside a byte, line 3: its other bytes are kept";
+        assert_eq!(notes, [note]);
+        let lines = |good: usize| {
+            let text = "0.1;TX;AB 24\n".repeat(good) + "0.3;RX;0A ZZ\n";
+            let text = format!("Time;Direction;Data\n{text}");
+            read(
+                text.as_bytes(),
+                &Options::default(),
+                super::super::table::read,
+            )
+            .is_ok()
+        };
+        assert_eq!([1, 2].map(lines), [false, true]);
+    }
+
+    /// A line is overwritten by blanks once.
+    #[test]
+    fn a_line_becomes_blank_once() {
+        let mut text = b"ab\ncd\n".to_vec();
+        assert!(blank(&mut text, 2) && !blank(&mut text, 2) && !blank(&mut text, 3));
+        assert_eq!(text, b"ab\n  \n");
+    }
 }

@@ -466,4 +466,144 @@ mod tests {
             assert!(!is_candump(text.as_bytes()), "{text}");
         }
     }
+
+    /// A head of socat's follows sent bytes on the same line, and has a length.
+    #[test]
+    fn text_of_socat_has_a_head_inside_a_line() {
+        assert!(is_socat_text(
+            b"x> 2026/11/27 13:47:27.000193  length=5 from=0 to=4"
+        ));
+        assert!(is_socat_text(
+            b"x< 2026/11/27 13:47:27.000193  length=5 from=0 to=4"
+        ));
+        for text in [
+            &b"> 2026/11/27 13:47:27.000193  length=5 from=0 to=4"[..],
+            b"x> 2026/11/27 13:47:27.000193",
+            b"x  length=5 from=0",
+        ] {
+            assert!(!is_socat_text(text), "{text:?}");
+        }
+    }
+
+    /// Letters of both cases, digits, a whole number of fours, and a first line of sixteen.
+    #[test]
+    fn base64_has_letters_of_both_cases() {
+        for text in [
+            "qyQKANkrJAoA2asq",
+            "qyQKANkrJAoA2asq\nqyQK\n",
+            "qyQKANkrJAoA2a==",
+            "qyQKANkr/+oA2asq",
+        ] {
+            assert!(is_base64(text.as_bytes()), "{text}");
+        }
+        for text in [
+            "qyQKANkrJAoA2as",
+            "qyQKANkrJAoA2asqq",
+            "qyqkan1rjaoa2asq",
+            "QYQKAN1RJAOA2ASQ",
+            "qyQKANkrJAoAaasq",
+            "abADANabaAaA2afa",
+            "qyQKANkr JAoA2as",
+            "qyQK\nqyQKANkrJAoA2asq",
+        ] {
+            assert!(!is_base64(text.as_bytes()), "{text}");
+        }
+    }
+
+    /// Each part of a line of usbmon, of a record of a firmware image, and of an annotation.
+    #[test]
+    fn each_part_of_a_known_line_counts() {
+        let usbmon = "ffff88003a2c3c00 1234567890 S Bo:1:005:2 -115 5 = ab";
+        assert!(is_usbmon(usbmon.as_bytes()));
+        assert!(is_usbmon(b"ffff8800 1 C Ii:1:005:2"));
+        for (part, other) in [
+            ("ffff88003a2c3c00", "ffff880"),
+            ("ffff88003a2c3c00", "gfff88003a2c3c00"),
+            ("1234567890", "12x"),
+            (" S ", " X "),
+            ("Bo:", "Xo:"),
+        ] {
+            let text = usbmon.replace(part, other);
+            assert!(!is_usbmon(text.as_bytes()), "{text}");
+        }
+        // A sum of 0, or of 255; the length counts the bytes.
+        assert!(is_intel_hex(b":0100000000FF") && !is_intel_hex(b"0100000000FF"));
+        assert!(!is_intel_hex(b":0100000001FF") && !is_intel_hex(b":0200000000FE"));
+        assert!(is_s_record(b"S9030000FC") && !is_s_record(b"SA030000FC"));
+        assert!(!is_s_record(b"S9030000FB") && !is_s_record(b"S9040000FB"));
+        assert!(!is_s_record(b"X9030000FC") && !is_s_record(b""));
+        for text in ["12-34 i2c-1: Start", "spi-2: 01", "1-2 onewire_link-1: x"] {
+            assert!(is_other_annotation(text.as_bytes()), "{text}");
+        }
+        for text in [
+            "12-34 uart-1: FA",
+            "12 i2c-1: Start",
+            "a-34 i2c-1: Start",
+            "12-b i2c-1: Start",
+            "i2c-x: Start",
+            "i2c: Start",
+            "i2c-1 Start",
+        ] {
+            assert!(!is_other_annotation(text.as_bytes()), "{text}");
+        }
+    }
+
+    /// Channels above nothing but levels, one for each channel.
+    #[test]
+    fn levels_without_times_have_the_names_of_channels() {
+        for text in [
+            "D0\n0\n1\n",
+            "CH1,CH2\n0,1\n",
+            "\"Probe1\"\n1\n",
+            "channel 2\n0\n",
+        ] {
+            assert!(is_levels(text.as_bytes()), "{text}");
+        }
+        for text in [
+            "D0\n",
+            "D0\n2\n",
+            "D0,D1\n0\n",
+            "Dx\n0\n",
+            "x0\n0\n",
+            "",
+            "D0,x\n0,1\n",
+        ] {
+            assert!(!is_levels(text.as_bytes()), "{text}");
+        }
+    }
+
+    /// Each of the marks at the beginning of a file, and a mark that is not complete.
+    #[test]
+    fn a_mark_is_known_as_a_whole() {
+        let tar = [&[b'x'; 257][..], b"ustar"].concat();
+        for (bytes, step) in [
+            (&b"BZh9\x31\x41\x59\x26\x53\x59"[..], "bzip2 -dk"),
+            (b"7z\xBC\xAF\x27\x1C", "7z x"),
+            (b"Rar!\x1A\x07", "7z x"),
+            (b"MZ\x90", "a program"),
+            (b"\x89PNG\r\n\x1A\n", "a picture"),
+            (b"\xFF\xD8\xFF", "a picture"),
+            (b"%PDF-1.4", "a picture"),
+            (b"  <HTML>", "a web page"),
+            (b"#ROSBAG V2.0", "bag"),
+            (b"SQLite format 3\0", "bag"),
+            (&tar, "tar -xf"),
+        ] {
+            let said = of(bytes, "a");
+            assert!(said.contains(step), "{bytes:02X?}: {said}");
+        }
+        for bytes in [
+            &b"BZh9\x31\x41\x59\x26\x53\x58"[..],
+            b"7z\xBC\xAF\x27",
+            b"xustar",
+        ] {
+            assert_eq!(of(bytes, "a"), "", "{bytes:02X?}");
+        }
+        let layers = "[{\"_source\": {\"layers\": {}}}]";
+        assert!(of(layers.as_bytes(), "a.json").contains("tshark"));
+        for part in ["[", "\"_source\"", "\"layers\""] {
+            let text = layers.replacen(part, "x", 1);
+            assert!(!of(text.as_bytes(), "a.json").contains("tshark"), "{text}");
+        }
+    }
 }

@@ -132,4 +132,57 @@ mod tests {
         let error = read_format(lost.as_bytes(), Format::Spy, &Options::default());
         assert!(error.expect_err("lost").to_string().starts_with("line 2"));
     }
+
+    /// A row has six digits, three digits, an event, an offset of four digits and up to sixteen
+    /// bytes.
+    #[test]
+    fn each_part_of_a_row_counts() {
+        for text in [
+            "000000.000 TX   0000  AB 24",
+            "123456.789 RX   0010  AB",
+            "000000.000 TX   00000  AB",
+        ] {
+            assert!(is_data(text.as_bytes()), "{text}");
+        }
+        for text in [
+            "00000.000 TX   0000  AB",
+            "000000.00 TX   0000  AB",
+            "00000x.000 TX   0000  AB",
+            "000000.000 T   0000  AB",
+            "000000.000 XX   0000  AB",
+            "000000.000 RTS  inactive",
+            "000000.000 RX   <empty>",
+            "000000.000 TX   000  AB",
+            "000000.000 TX   000g  AB",
+            "000000.000 TX   0000  ABC",
+            "000000.000 TX   0000  ",
+        ] {
+            assert!(!is_data(text.as_bytes()), "{text}");
+        }
+        // The text behind sixteen bytes may look like bytes.
+        let text = "000000.000 TX   0000  00 01 02 03 04 05 06 07  08 09 0A 0B 0C 0D 0E 0F  41 42";
+        let row = row(text.as_bytes()).expect("a row");
+        assert_eq!(data(&row), Some((0, (0..16).collect())));
+    }
+
+    /// An offset continues the bytes of the same direction; the first row has offset 0.
+    #[test]
+    fn an_offset_continues_the_row_before() {
+        let error = |text: &str| {
+            let found = read(text.as_bytes(), &Options::default(), &mut Imported::new());
+            found.map_err(|error| error.message)
+        };
+        let first = "000000.000 TX   0000  AB 24\n";
+        let behind =
+            |way: &str, offset: &str| error(&format!("{first}000000.000 {way}   {offset}  0A\n"));
+        assert_eq!(behind("TX", "0002"), Ok(()));
+        let wrong = Err("expected the offset behind the row before".to_owned());
+        assert_eq!(behind("TX", "0003"), wrong);
+        assert_eq!(behind("RX", "0002"), wrong);
+        assert_eq!(behind("RX", "0000"), Ok(()));
+        assert_eq!(
+            error("000000.000 TX   0002  AB\n"),
+            Err("expected offset 0000 first".to_owned())
+        );
+    }
 }

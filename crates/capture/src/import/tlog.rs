@@ -96,4 +96,50 @@ mod tests {
                 .any(|note| note.contains("3 bytes at its end"))
         );
     }
+
+    /// MAVLink 1 has eight bytes around its payload, MAVLink 2 twelve, and 13 more if it is signed.
+    #[test]
+    fn a_packet_has_the_length_of_its_version() {
+        let len = |head: &[u8]| {
+            let time = 1_795_247_928_000_001_u64.to_be_bytes();
+            let bytes = [&time[..], head, &[0; 99]].concat();
+            entry(&bytes).map(|(_, packet)| packet.len())
+        };
+        assert_eq!(len(&[0xFE, 9]), Some(17));
+        assert_eq!(len(&[0xFD, 9, 0]), Some(21));
+        assert_eq!(len(&[0xFD, 9, 1]), Some(34));
+        assert_eq!(len(&[0xFD, 9, 2]), Some(21));
+        assert_eq!(len(&[0xFC, 9, 0]), None);
+        let at = |micros: u64| {
+            entry(&[&micros.to_be_bytes()[..], &[0xFE, 0], &[0; 6]].concat()).is_some()
+        };
+        // Times are from the year 2000 to 2099; a packet needs all of its bytes.
+        assert_eq!(
+            [977_999_999_999_999, 978_000_000_000_000].map(at),
+            [false, true]
+        );
+        assert_eq!(
+            [4_101_999_999_999_999, 4_102_000_000_000_000].map(at),
+            [true, false]
+        );
+        assert!(
+            entry(&[&978_000_000_000_000_u64.to_be_bytes()[..], &[0xFE, 0, 0]].concat()).is_none()
+        );
+    }
+
+    /// Up to 288 bytes at the end are the rest of a cut packet and its time.
+    #[test]
+    fn the_end_of_a_log_may_be_cut() {
+        let time = 1_795_247_928_000_001_u64.to_be_bytes();
+        let packet = [&time[..], &[0xFE, 0], &[0; 6]].concat();
+        let of = |rest: usize| {
+            let bytes = [&packet[..], &vec![7; rest]].concat();
+            let mut out = Imported::new();
+            let found = read(&bytes, &Options::default(), &mut out);
+            found
+                .map(|()| out.notes.len())
+                .map_err(|error| error.offset)
+        };
+        assert_eq!([0, 1, 288, 289].map(of), [Ok(1), Ok(2), Ok(2), Err(16)]);
+    }
 }

@@ -266,4 +266,75 @@ mod tests {
         );
         assert_eq!(after(&[(0, "z"), (5, "0"), (9, "Z")]), (true, vec![5, 9]));
     }
+
+    /// Signals of several bits are counted in a note; a change needs a wire, and a time a number.
+    #[test]
+    fn other_signals_are_noted_and_other_words_are_errors() {
+        let of = |head: &str, changes: &str| {
+            let text = format!("$timescale 1 us $end {head} $enddefinitions $end\n{changes}\n");
+            let mut out = Imported::new();
+            let options = Options {
+                baud: Some(100_000),
+                ..Options::default()
+            };
+            let found = read(text.as_bytes(), &options, &mut out);
+            (found.map_err(|error| error.message), out.notes)
+        };
+        let wire = "$var wire 1 ! RX $end";
+        let frame = "#0 1! #100 0! #110 1! #500";
+        let (found, notes) = of(wire, frame);
+        assert_eq!(found, Ok(()));
+        let is_wide = |note: &String| note.contains("signals of several bits");
+        assert!(!notes.iter().any(is_wide), "{notes:?}");
+        let wide = format!("{wire} $var wire 8 # BUS $end");
+        let (found, notes) = of(&wide, "#0 1! b0101 # #100 0! $comment 0! $end #110 1! #500");
+        assert_eq!(found, Ok(()));
+        assert!(
+            notes.contains(
+                &"1 signals of several bits are skipped: only a single wire can be a UART"
+                    .to_owned()
+            ),
+            "{notes:?}"
+        );
+        for (head, changes, words) in [
+            (
+                "$var wire 8 # BUS $end",
+                "",
+                "found none (1 of several bits)",
+            ),
+            ("$var wire 1 ! $end", "", "expected \"$var"),
+            (wire, "#x", "expected #TIME"),
+            (wire, "#5 #4", "the time goes back"),
+            (wire, "1", "found \"1\", expected a change"),
+            (wire, "word", "found \"word\""),
+        ] {
+            let error = of(head, changes).0.expect_err(words);
+            assert!(error.contains(words), "{error}");
+        }
+    }
+
+    /// Numbers with the units of the format; 10 ps are a hundredth of a nanosecond.
+    #[test]
+    fn a_scale_has_a_number_and_a_unit() {
+        let nanos =
+            |text: &str| Some(scale(&text.split(' ').collect::<Vec<_>>())?.nanos(1_000_000));
+        for (text, expected) in [
+            ("1 s", Some(1_000_000_000_000_000)),
+            ("10ms", Some(10_000_000_000_000)),
+            ("1us", Some(1_000_000_000)),
+            ("100 ns", Some(100_000_000)),
+            ("10 ps", Some(10_000)),
+            ("100 fs", Some(100)),
+            ("0 ns", None),
+            ("1 h", None),
+            ("ns", None),
+            ("1", None),
+        ] {
+            assert_eq!(nanos(text), expected, "{text}");
+        }
+        assert_eq!(
+            scale(&["1", "s"]).expect("a scale").nanos(u64::MAX),
+            u64::MAX
+        );
+    }
 }

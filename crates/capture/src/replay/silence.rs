@@ -195,4 +195,31 @@ mod tests {
         assert_eq!(back.collect::<Vec<_>>(), times);
         assert_eq!(silences.captured_at(at(30)), at(30), "within a silence");
     }
+
+    /// The bytes of both directions, those of the program, and the openings move together. Times of
+    /// a replay lead back from the end of a silence on.
+    #[test]
+    fn everything_on_a_link_moves_with_the_silence() {
+        let arrival = |at: Instant| Arrival { at, bytes: vec![1] };
+        let mut sent = Track::default();
+        sent.push(at(7) + DAY, b"s");
+        let mut whole = recorded(&[at(5), at(6) + DAY]);
+        whole.links[0].heard = vec![arrival(at(6) + DAY)];
+        whole.links[0].sent = sent;
+        whole.links[0].opened = vec![at(5), at(8) + DAY];
+        whole.links[0].baud = 9_600;
+        whole.end = at(9) + DAY;
+        let (played, silences) = whole.shortened();
+        let own = &played.links[0];
+        // The silence from 5 s on has lasted for a day and a second, and is played as 60 s.
+        assert_eq!(own.heard, [arrival(at(65))]);
+        assert_eq!(own.sent.pieces().next(), Some((at(66), &b"s"[..])));
+        assert_eq!(own.opened, [at(5), at(67)]);
+        assert_eq!((own.baud, &*own.link), (9_600, "lidar"));
+        assert_eq!(played.end, at(68));
+        assert_eq!(silences.captured_at(at(64)), at(64));
+        assert_eq!(silences.captured_at(at(65)), at(6) + DAY);
+        assert_eq!(silences.played_at(at(5)), at(5));
+        assert_eq!(silences.played_at(at(70)), at(65), "within the silence");
+    }
 }

@@ -44,3 +44,66 @@ impl Turn {
         at - record.at
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Section;
+
+    const TO: Direction = Direction::ToDevice;
+    const FROM: Direction = Direction::ToMaster;
+
+    /// Delays in microseconds of records of two bytes at these milliseconds; at 10,000 baud they
+    /// take 2 ms.
+    fn delays(about: &str, records: &[(u64, Direction)]) -> Vec<u128> {
+        let capture = Capture {
+            sections: vec![Section {
+                about: about.to_owned(),
+                ..Section::default()
+            }],
+            ..Capture::default()
+        };
+        let mut turn = Turn::of(&capture);
+        let line = LineConfig::new_8n1(10_000);
+        let delay = |&(millis, direction): &(u64, Direction)| {
+            let record = Record {
+                link: 0,
+                sequence: None,
+                at: Instant::from_millis(millis),
+                direction,
+                kind: Kind::Data,
+                bytes: vec![7, 8].into(),
+                sent: None,
+                pieces: Vec::new(),
+                comment: String::new(),
+            };
+            turn.later(&record, line).as_micros()
+        };
+        records.iter().map(delay).collect()
+    }
+
+    /// A request behind an answer comes 5 ms and its own 2 ms later; what follows at the same time
+    /// stays behind it. Later records keep their times.
+    #[test]
+    fn a_request_keeps_behind_the_answer_of_the_same_time() {
+        let own = |records: &[(u64, Direction)]| delays("clock=utc", records);
+        assert_eq!(own(&[(10, FROM), (10, TO)]), [0, 7_000]);
+        assert_eq!(own(&[(10, FROM), (11, TO)]), [0, 0]);
+        assert_eq!(own(&[(10, TO), (10, TO)]), [0, 0]);
+        assert_eq!(own(&[(10, FROM), (10, FROM)]), [0, 0]);
+        assert_eq!(own(&[(10, TO), (10, FROM)]), [0, 0]);
+        assert_eq!(
+            own(&[
+                (10, FROM),
+                (10, TO),
+                (10, FROM),
+                (10, TO),
+                (12, FROM),
+                (30, TO)
+            ]),
+            [0, 7_000, 7_000, 14_000, 12_000, 0]
+        );
+        let exact = delays("clock=virtual", &[(10, FROM), (10, TO)]);
+        assert_eq!(exact, [0, 0]);
+    }
+}

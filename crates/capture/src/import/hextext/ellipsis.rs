@@ -161,4 +161,34 @@ mod tests {
             assert!(!begins(tail), "{tail}");
         }
     }
+
+    /// A count stands behind a blank, a plus sign or a bracket, with digits and the two words.
+    #[test]
+    fn a_count_of_more_bytes_has_digits() {
+        for (text, before) in [
+            ("01 28 more bytes", Some("01")),
+            ("01 +28 more", Some("01")),
+            ("01 (28 more byte", Some("01 (")),
+            ("01 x28 more", None),
+            ("01 more bytes", None),
+            ("01 28 more 2", None),
+            ("28 more", None),
+        ] {
+            assert_eq!(without_count(text), before, "{text}");
+        }
+        assert!(is_counted(" more bytes") && is_counted("  more") && !is_counted("more"));
+        assert!(!is_counted(" bytes"));
+    }
+
+    #[test]
+    fn cut_lines_are_counted() {
+        let mut cuts = Cuts::default();
+        assert_eq!(cuts.note(), None);
+        [7, 9].into_iter().for_each(|line| cuts.add(line));
+        let note = cuts.note().expect("two");
+        assert!(
+            note.contains("of 2 messages") && note.contains("first is line 7"),
+            "{note}"
+        );
+    }
 }
