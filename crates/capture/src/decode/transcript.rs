@@ -695,4 +695,81 @@ mod tests {
             .collect();
         assert_eq!(sums, [(13, 10)]);
     }
+
+    /// Words of all entries of these records of link 0 or 1 at 1 Mbaud, all at 10 ms.
+    fn at_once(records: &[(usize, Direction, Kind, &[u8])]) -> Vec<String> {
+        let mut transcript = Transcript::new(None);
+        let links = ["x", "y"].map(|name| Interface::new(name, 1_000_000));
+        for &(link, direction, kind, bytes) in records {
+            let record = Record {
+                link,
+                direction,
+                kind,
+                ..record(10, bytes, "")
+            };
+            transcript.record(&record, &links[link]);
+        }
+        let all = transcript.finish();
+        all.map(|one| format!("{} {}", one.link, one.said))
+            .collect()
+    }
+
+    /// Bytes of the other direction of the link end a message, even without a silence. Those of
+    /// another link do not, nor do events.
+    #[test]
+    fn a_message_ends_where_the_other_direction_sends() {
+        let (to, from, data) = (Direction::ToDevice, Direction::ToMaster, Kind::Data);
+        let around = |between: (usize, Direction, Kind, &'static [u8])| {
+            let mut all = at_once(&[(0, from, data, &[1, 2]), between, (0, from, data, &[4, 5])]);
+            all.retain(|words| !words.contains("03") && !words.contains("EVENT"));
+            all
+        };
+        let apart = ["0 DATA 2 bytes 01 02", "0 DATA 2 bytes 04 05"];
+        assert_eq!(around((0, to, data, &[3])), apart);
+        let whole = ["0 DATA 4 bytes 01 02 04 05"];
+        assert_eq!(around((1, to, data, &[3])), whole);
+        assert_eq!(around((0, to, Kind::Other(7), &[])), whole);
+        assert_eq!(around((1, from, data, &[3])), whole);
+    }
+
+    /// 44 bytes in frames among 64 prove a protocol at once, 40 do not.
+    #[test]
+    fn many_frames_are_believed_at_once() {
+        use protocols::avr::{ChecksumOrder, Frame};
+        let frame = Frame::read(36, 10, ChecksumOrder::LowFirst);
+        let framed = |frames: usize| {
+            let mut transcript = Transcript::new(None);
+            let mut bytes = frame.as_bytes().repeat(frames);
+            bytes.resize(64, 2);
+            transcript.record(&record(5, &bytes, ""), &Interface::new("x", 1_000_000));
+            transcript.sums().next().map(|sum| sum.framed)
+        };
+        assert_eq!((framed(9), framed(8)), (Some(45), Some(0)));
+    }
+
+    /// An expected protocol without any frame gives way to the one that the bytes show.
+    #[test]
+    fn an_expected_protocol_needs_a_frame() {
+        use protocols::xv11;
+        let known = Known {
+            link: "x".to_owned(),
+            direction: Direction::ToMaster,
+            codec: Some(&codec::BUS),
+            names: None,
+        };
+        let frames = (0..6).flat_map(|index| {
+            let invalid = xv11::Reading::Invalid {
+                code: 0x35,
+                strength: 0,
+            };
+            let readings = [xv11::RawReading::from(invalid); 4];
+            *xv11::Frame::new(index, xv11::SpeedWord(19_200), readings).as_bytes()
+        });
+        let frames: Vec<u8> = frames.collect();
+        let mut transcript = Transcript::new(None).knowing(vec![known]);
+        transcript.record(&record(5, &frames, ""), &Interface::new("x", 1_000_000));
+        drop(transcript.finish().collect::<Vec<_>>());
+        let sum = transcript.sums().next().expect("one lane");
+        assert_eq!((sum.codec, sum.framed), (Some(&codec::XV11), 132));
+    }
 }

@@ -461,4 +461,83 @@ mod tests {
             assert!(look(text.as_bytes()).is_none(), "{text}");
         }
     }
+
+    /// The unit of a column stands behind a line, in brackets, or behind "time".
+    #[test]
+    fn the_name_of_a_column_tells_its_unit() {
+        for (name, expected) in [
+            ("time_us", Some(1_000)),
+            ("Time [ms]", Some(1_000_000)),
+            ("t(ns) x", Some(1)),
+            ("Timeus", Some(1_000)),
+            ("Time \u{b5}s", Some(1_000)),
+            ("time", None),
+            ("status", None),
+            ("times", None),
+        ] {
+            assert_eq!(unit(name), expected, "{name}");
+        }
+        let pauses = ["delta", "deltams", "dt\u{b5}s", "deltax", "time"].map(is_pause);
+        assert_eq!(pauses, [true, true, true, false, false]);
+        assert_eq!(
+            ["12.5", "12:5", "", "1a"].map(is_number),
+            [true, false, true, false]
+        );
+    }
+
+    /// Seconds up to eleven digits, then milliseconds, microseconds and nanoseconds since 1970.
+    #[test]
+    fn the_digits_of_a_time_tell_its_unit() {
+        let line = lines(b"x").next().expect("a line");
+        let of = |text: &str| time(text, "time", line).ok();
+        const AT: u64 = 1_682_942_398_000_000_000;
+        for (text, expected) in [
+            ("0.5", (500_000_000, Clock::Seconds)),
+            ("+0.5", (500_000_000, Clock::Plus)),
+            ("1682942398", (AT, Clock::Utc)),
+            ("1682942398000", (AT, Clock::Utc)),
+            ("1682942398000000", (AT, Clock::Utc)),
+            ("1682942398000000000", (AT, Clock::Utc)),
+            ("00000000012", (12_000_000_000, Clock::Seconds)),
+            ("000000000012", (12_000_000, Clock::Seconds)),
+            ("00000000000012", (12_000_000, Clock::Seconds)),
+            ("000000000000012", (12_000, Clock::Seconds)),
+            ("00000000000000012", (12_000, Clock::Seconds)),
+            ("000000000000000012", (12, Clock::Seconds)),
+        ] {
+            assert_eq!(of(text), Some(expected), "{text}");
+        }
+        assert_eq!((of("x"), of("")), (None, None));
+        assert_eq!(
+            time("12", "time_ms", line).ok(),
+            Some((12_000_000, Clock::Seconds))
+        );
+    }
+
+    /// Rows without bytes are counted; a column of lengths counts if half of it is right.
+    #[test]
+    fn rows_without_bytes_are_counted() {
+        let notes = |text: &str| {
+            let found = read_format(text.as_bytes(), Format::Table, &Options::default());
+            found.expect("sound").notes
+        };
+        let skipped = |text: &str| {
+            let notes = notes(text).into_iter();
+            notes
+                .filter(|note| note.contains("skipped"))
+                .collect::<Vec<_>>()
+        };
+        let head = "Time;Direction;Data\n0.1;TX;AB 24\n";
+        assert!(skipped(head).is_empty());
+        let two = format!("{head}0.2;RX;\n0.3;RX;\n");
+        assert_eq!(skipped(&two), ["2 rows without bytes are skipped"]);
+        let is_pause = |note: &String| note.contains("pause since the row before");
+        assert!(!notes(head).iter().any(is_pause));
+        assert!(notes(&head.replace("Time", "Delta")).iter().any(is_pause));
+        // Of two rows one is right: the other one is cut. Of three, one is no half.
+        let length = |rows: &str| told(&format!("time,dir,length,data\n{rows}")).is_err();
+        assert!(length("0.1,TX,2,AB24\n0.2,RX,8,0A0B\n"));
+        assert!(!length("0.1,TX,2,AB24\n0.2,RX,8,0A0B\n0.3,RX,8,0A0B\n"));
+        assert!(!length("0.1,TX,2,AB24\n0.2,RX,1,0A0B\n"));
+    }
 }

@@ -321,4 +321,15 @@ mod tests {
         assert_eq!(decimal_nanos("99999999999"), None);
         assert_eq!(decimal_nanos("1e9"), None);
     }
+
+    /// Four bytes that are no digits of ASCII, cut within a character.
+    #[test]
+    fn a_zone_has_digits_of_ascii() {
+        assert_eq!((zone("+1\u{e9}2"), zone("-01:30")), (None, Some(-5_400)));
+        assert_eq!((zone("+0060"), zone("+0059")), (None, Some(3_540)));
+        assert_eq!(
+            (zone("+1400"), zone("+1500"), zone("x0200")),
+            (Some(50_400), None, None)
+        );
+    }
 }

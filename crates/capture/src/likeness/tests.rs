@@ -512,3 +512,24 @@ fn quantiles_are_values_of_the_list() {
     );
     assert_eq!(ms(us(1_500), us(4_000)), 2.5);
 }
+
+/// The rate of the device is its own if it sends by itself, without requests, or in streams.
+#[test]
+fn the_rate_of_a_device_that_sends_by_itself_is_judged() {
+    let limit = |real: &Talk| {
+        let rows = figures(real, real, Duration::ZERO);
+        let rate = rows
+            .iter()
+            .find(|row| row.name.starts_with("bytes from the device"));
+        rate.expect("listed").limit
+    };
+    let asked: [Asked<'_>; 1] = [(10_000, b"?", Some((12_000, b"x")))];
+    let bursts: Vec<At<'_>> = (1..=5).map(|n| (n * 100_000, &b"u"[..])).collect();
+    assert_eq!(limit(&talk(&asked, &[])), Limit::Free);
+    assert_eq!(limit(&talk(&asked, &bursts[..4])), Limit::Free);
+    assert_eq!(limit(&talk(&asked, &bursts)), Limit::Share(0.1));
+    assert_eq!(limit(&talk(&[], &bursts[..1])), Limit::Share(0.1));
+    let long = vec![0; 20_000];
+    let stream: [Asked<'_>; 1] = [(10_000, b"?", Some((12_000, &long)))];
+    assert_eq!(limit(&talk(&stream, &[])), Limit::Share(0.1));
+}

@@ -187,4 +187,32 @@ mod tests {
             "{note}"
         );
     }
+
+    /// A row that was left out counts with those that are damaged.
+    #[test]
+    fn rows_left_out_are_added_to_damaged_ones() {
+        let mut losses = counted(8);
+        assert!(losses.take(error("a")).is_ok() && losses.skip(error("b")).is_ok());
+        assert!(losses.skip(error("c")).is_err());
+        let mut many = counted(12);
+        assert!(many.skip(error("a")).is_ok() && many.skip(error("b")).is_ok());
+        assert!(many.skip(error("c")).is_ok() && many.skip(error("d")).is_err());
+    }
+
+    /// Rows of 16 bytes, one of 8, and a gap; of two steps as frequent the shorter one.
+    #[test]
+    fn the_usual_step_is_the_most_frequent() {
+        let stride = |text: &str| {
+            let rows = super::super::lines::rows(text.as_bytes(), &mut Vec::new());
+            let mut groups = super::super::layout::layouts(8);
+            let [layout, ..] = groups.next().expect("pairs");
+            stride(layout, &rows.expect("rows"))
+        };
+        let row = |at: usize| format!("{at:08x} 41 42\n");
+        let text = |offsets: &[usize]| offsets.iter().map(|at| row(*at)).collect::<String>();
+        assert_eq!(stride(&text(&[0, 16, 32, 40, 56])), 16);
+        assert_eq!(stride(&text(&[0, 32, 40])), 8);
+        assert_eq!(stride(&text(&[0, 32, 32, 16])), 32);
+        assert_eq!(stride(&text(&[64])), STRIDE);
+    }
 }

@@ -408,3 +408,68 @@ fn heads_tell_times_and_directions() {
     let lost = "0000  ab 24 0a 00\nwords\n0010  00 d9\n";
     assert!(told(lost).expect_err("lost").contains("rows are missing"));
 }
+
+/// The text column of a lone row has two bytes or more before it, behind offset 0.
+#[test]
+fn a_lone_row_needs_a_text() {
+    for (offset, rest, expected) in [
+        ("0000", " 41 42  A.", true),
+        ("0000", " 41  A.", false),
+        ("0010", " 41 42  A.", false),
+        ("0000", " 41 42", false),
+        ("0000", "", false),
+    ] {
+        assert_eq!(has_text(offset, rest), expected, "{offset} {rest}");
+    }
+}
+
+/// Imports a dump: times in milliseconds from the first record, bytes, and notes.
+fn imported(text: &str) -> (Vec<(u64, Vec<u8>)>, Vec<String>) {
+    let mut out = Imported::new();
+    read(text.as_bytes(), &Options::default(), &mut out).expect(text);
+    let first = out.records().first().map_or(0, |one| one.at.as_millis());
+    let records = out.records().iter();
+    let records = records.map(|one| (one.at.as_millis() - first, one.bytes.to_vec()));
+    (records.collect(), out.notes)
+}
+
+#[test]
+fn a_dump_that_begins_later_is_noted() {
+    let missing = |text: &str| {
+        let notes = imported(text).1;
+        notes.into_iter().find(|note| note.contains("begins at"))
+    };
+    let row = "ab24 0a00  .$..\n";
+    assert_eq!(missing(&format!("00000000: {row}")), None);
+    let note = "the dump begins at offset 16: the bytes before it are missing";
+    assert_eq!(missing(&format!("00000010: {row}")).as_deref(), Some(note));
+}
+
+/// Each row of a log that begins a message has its own time, in milliseconds since the start.
+#[test]
+fn each_message_of_a_log_has_the_time_of_its_row() {
+    let text = "I (100) uart: 0000: 0a 0b 0c 0d\nI (250) uart: 0000: 0e 0f 10 11\n";
+    let expected = [(0, vec![10, 11, 12, 13]), (150, vec![14, 15, 16, 17])];
+    assert_eq!(imported(text).0, expected);
+    assert_eq!(words(&Row::Head("a".to_owned())), Some("a"));
+    let row = |before: &str| Row::At {
+        offset: String::new(),
+        rest: String::new(),
+        before: before.to_owned(),
+        is_indented: false,
+    };
+    assert_eq!((words(&row("")), words(&row("b"))), (None, Some("b")));
+}
+
+/// The row before, repeated as often as it fits between both offsets.
+#[test]
+fn repeated_rows_fill_whole_rows() {
+    let filled = |reached, offset, row: &[u8]| {
+        let mut chunk = vec![9];
+        fill(&mut chunk, reached, offset, row).map(|()| chunk)
+    };
+    assert_eq!(filled(2, 6, &[1, 2]), Ok(vec![9, 1, 2, 1, 2]));
+    assert_eq!(filled(2, 2, &[1, 2]), Ok(vec![9]));
+    assert!(filled(2, 5, &[1, 2]).is_err() && filled(6, 2, &[1, 2]).is_err());
+    assert!(filled(0, 4, &[]).is_err());
+}

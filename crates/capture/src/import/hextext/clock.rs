@@ -575,4 +575,15 @@ mod tests {
         );
         assert_eq!(next_word(""), None);
     }
+
+    /// Twelve may be a month, so the day comes first.
+    #[test]
+    fn a_second_number_of_twelve_is_a_month() {
+        assert_eq!(numeric("5/12"), Some((None, 12, 5)));
+        assert_eq!(numeric("5/12/2026"), Some((Some(2_026), 12, 5)));
+        assert_eq!(numeric("5/13/2026"), Some((Some(2_026), 5, 13)));
+        assert_eq!(numeric("12-13"), Some((None, 12, 13)));
+        assert_eq!(numeric("13-12"), Some((None, 12, 13)));
+        assert_eq!(numeric("1/1/1969"), None);
+    }
 }

@@ -129,4 +129,19 @@ mod tests {
             assert_eq!(without_column(text), text, "{text}");
         }
     }
+
+    /// A lone byte, and bytes before other words, have no column. An offset has four digits and a
+    /// colon, or six.
+    #[test]
+    fn a_column_shows_the_last_bytes_of_a_line() {
+        for text in ["x 41  A", "41 42 x  AB", "41 42  A"] {
+            assert_eq!(without_column(text), text, "{text}");
+        }
+        let found = ["0010: x", "000010 x", "001: x", "00010 x", "00100g x", "x"];
+        let expected = [true, true, false, false, false, false];
+        assert_eq!(found.map(begins_with_offset), expected);
+        assert!(is_shown(" |A B|", b"A B") && is_shown("A", b" A ") && is_shown("[AB", b"AB"));
+        assert!(!is_shown("", b"  ") && !is_shown("AB", b"ABC") && !is_shown("|A|", b"\x01"));
+        assert!(is_shown("A.", b"A\x01") && !is_shown("Ax", b"A\x01"));
+    }
 }

@@ -482,3 +482,59 @@ fn the_bytes_behind_a_direction_are_those_of_the_line() {
         assert_eq!(bytes, expected, "{text}");
     }
 }
+
+/// Decimal lists and binary numbers with directions are certain, other numbers may be text.
+#[test]
+fn numbers_of_other_bases_are_certain_in_lists_or_with_directions() {
+    for (text, expected) in [
+        ("171 36 10 0 217\n", Some(Look::Perhaps)),
+        ("[171, 36, 10, 0, 217]\n", Some(Look::Surely)),
+        ("TX: 171 36 10\nRX: 200 1 2\n", Some(Look::Perhaps)),
+        ("TX: 00000001 00000011\n", Some(Look::Surely)),
+        ("00000001 00000011\n", Some(Look::Perhaps)),
+        // Times before digits that are hardly chance: a byte below 0x10 is among them.
+        ("12:00:00.1 10 20 30 40 50 60 70 80\n", None),
+        ("12:00:00.1 10 20 30 40 50 60 70 08\n", Some(Look::Perhaps)),
+        ("10 20 30 40 50 60 70 08\n", None),
+        ("10 20 30 40 50 60 70\n", Some(Look::Perhaps)),
+        (
+            "12:00:00.1 10 2A 30 40 50 60 70 80 90 11 12 13 14 15 16 17 18\n",
+            Some(Look::Surely),
+        ),
+        ("10 2A 30 40 50 60 70 80 90\n", None),
+        ("10 2A 30 40 50 60 70 80\n", Some(Look::Surely)),
+        ("0x10\n", Some(Look::Perhaps)),
+        ("10\n", None),
+    ] {
+        assert_eq!(look(text.as_bytes()), expected, "{text}");
+    }
+}
+
+/// At 10,000 baud a byte takes a millisecond, and a pause between messages four. Lines of eight
+/// bytes are one stream, as tools wrap it; lines of seven, a longer last one, and lines with a
+/// direction are messages.
+#[test]
+fn lines_of_a_usual_width_are_one_stream() {
+    let ends = |text: &str| -> Vec<u64> {
+        let options = Options {
+            baud: Some(10_000),
+            ..Options::default()
+        };
+        let mut out = Imported::new();
+        read(text.as_bytes(), &options, &mut out).expect(text);
+        let records = out.records().iter();
+        records.map(|one| one.at.as_millis()).collect()
+    };
+    let eight = "AB 01 02 03 04 05 06 07\n";
+    let seven = "AB 01 02 03 04 05 06\n";
+    assert_eq!(ends(&eight.repeat(2)), [8, 16]);
+    assert_eq!(ends(&format!("{eight}{seven}")), [8, 15]);
+    assert_eq!(ends(&seven.repeat(2)), [7, 18]);
+    assert_eq!(ends(&format!("{eight}{seven}{eight}")), [8, 19, 31]);
+    assert_eq!(
+        ends(&format!("{eight}AB 01 02 03 04 05 06 07 08\n")),
+        [8, 21]
+    );
+    assert_eq!(ends(&format!("TX: {eight}TX: {eight}")), [8, 20]);
+    assert_eq!(ends(eight), [8]);
+}

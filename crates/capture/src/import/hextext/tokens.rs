@@ -397,4 +397,26 @@ mod tests {
             assert_eq!(inside_braces(text), inside, "{text}");
         }
     }
+
+    /// A semicolon within a literal begins no comment, nor does one before bytes.
+    #[test]
+    fn a_semicolon_begins_a_comment_of_words() {
+        let of = |text: &str| without_comments(text, &mut false);
+        assert_eq!(of("b'a;b'"), "b'a;b'");
+        assert_eq!(of("b'ab'; words"), "b'ab'");
+        assert_eq!(of("AB ; words"), "AB ");
+        assert_eq!(of("AB ; 24"), "AB ; 24");
+        assert_eq!(of("AB ;"), "AB ;");
+        assert_eq!(of("b'a#b' # c"), "b'a#b' ");
+        assert_eq!(of("AB // c"), "AB ");
+        assert_eq!(of("AB # c // d"), "AB ");
+        let mut is_open = false;
+        assert_eq!(
+            without_comments("AB /* c */ 24 /* d", &mut is_open),
+            "AB  24 "
+        );
+        assert!(is_open && without_comments("e", &mut is_open).is_empty() && is_open);
+        assert_eq!(without_comments("f */ 0A", &mut is_open), " 0A");
+        assert!(!is_open);
+    }
 }

@@ -233,3 +233,71 @@ fn a_foreign_link_type_is_named_with_the_next_step() {
     assert!(refusal(&[9_999]).starts_with("link type 9999 carries"));
     assert_eq!(refusal(&[]), "the file has no packets");
 }
+
+/// Types of events of RTAC serial: bytes from either end, line errors, and control lines, of which
+/// bit 4 is DTR.
+#[test]
+fn events_of_rtac_serial_have_kinds() {
+    for (event, lines, expected, is_sent) in [
+        (0, 0x00, Kind::Line(LineEvent::Closed), None),
+        (0, 0x0F, Kind::Line(LineEvent::Closed), None),
+        (0, 0x10, Kind::Line(LineEvent::Opened), None),
+        (1, 0, Kind::Data, Some(true)),
+        (2, 0, Kind::Data, Some(false)),
+        (3, 0, Kind::Data, Some(true)),
+        (4, 0, Kind::Data, Some(false)),
+        (5, 0, Kind::Other(5), None),
+        (7, 0, Kind::Line(LineEvent::FramingError), None),
+        (8, 0, Kind::Line(LineEvent::ParityError), None),
+        (9, 0, Kind::Line(LineEvent::Break), None),
+        (10, 0, Kind::Line(LineEvent::Overrun), None),
+        (11, 0, Kind::Other(11), None),
+    ] {
+        assert_eq!(
+            (kind(event, lines), sent_by(event)),
+            (expected, is_sent),
+            "{event}"
+        );
+    }
+}
+
+/// Two ports: the first is unnamed, so that its name has its number.
+#[test]
+fn several_interfaces_are_several_links() {
+    let mut file = blocks_file(147, &[], &[(&READ, Some(2))]);
+    let second = blocks_file(147, &option(2, b"base"), &[(b"\x01", Some(1))]);
+    file.extend(&second);
+    let found = read_format(&file, Format::Pcap, &Options::default()).expect("sound");
+    let names: Vec<&str> = found.links().iter().map(|link| &*link.name).collect();
+    assert_eq!(names, ["line-0", "base"]);
+    let links: Vec<usize> = found.records().iter().map(|one| one.link).collect();
+    assert_eq!(links, [0, 1]);
+}
+
+/// A file that ends within a block; invalid blocks, and packets of a network beside serial ones.
+#[test]
+fn what_is_no_packet_is_noted() {
+    let whole = blocks_file(147, &[], &[(&READ, Some(1)), (&READ, Some(1))]);
+    assert!(told(&whole).expect("sound").1.is_empty());
+    let (found, notes) = told(&whole[..whole.len() - 5]).expect("the first is whole");
+    assert_eq!(found.len(), 1);
+    assert!(notes[0].starts_with("the file was cut: "), "{notes:?}");
+    let mut other = whole.clone();
+    pcapng::write_block(&mut other, pcapng::PACKET, |out| {
+        out.extend(
+            [9_u32, 0, 0, 0, 0]
+                .iter()
+                .flat_map(|word| word.to_le_bytes()),
+        );
+    });
+    let (_, notes) = told(&other).expect("sound");
+    assert_eq!(notes, ["1 blocks of the file are invalid and are skipped"]);
+    let mut both = whole;
+    both.extend(blocks_file(1, &[], &[(&[0; 60], None)]));
+    let (found, notes) = told(&both).expect("sound");
+    assert_eq!(found.len(), 2);
+    assert_eq!(
+        notes,
+        ["1 packets of link type 1 (Ethernet) are skipped: they contain no serial bytes"]
+    );
+}

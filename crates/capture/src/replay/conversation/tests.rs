@@ -405,3 +405,57 @@ fn a_stream_that_a_request_has_started_goes_on_until_the_next_one() {
     talk.receive(ms(2_505), b"\x01");
     assert!(said(&mut talk, 5_000).len() <= LEFT_MAX);
 }
+
+/// Only figures that are not zero are told.
+#[test]
+fn a_tally_tells_what_there_is() {
+    let tally = Tally {
+        all: 9,
+        made: 4,
+        out_of_turn: 1,
+        repeated: 2,
+        unknown: 3,
+        later: 5,
+    };
+    assert_eq!(
+        tally.to_string(),
+        "4 of 9 requests were made, 1 out of turn, 2 repeated, 3 not in the capture, 5 after the \
+         last one of the capture"
+    );
+}
+
+/// Four times the longest gap, 1.02 s, after 2 s, or 10 s before the program has sent anything.
+#[test]
+fn a_silent_program_is_waited_for_longer() {
+    let mut talk = talk(&meter());
+    talk.open(ms(0));
+    assert_eq!(talk.patience(), Duration::from_millis(10_000 + 4 * 1_020));
+    talk.receive(ms(5), VOLTS);
+    assert_eq!(talk.patience(), Duration::from_millis(2_000 + 4 * 1_020));
+    let mut unknown = Conversation::new(&meter(), &(Instant::ZERO..ms(100_000)), false);
+    unknown.receive(ms(5), b"\x09");
+    assert_eq!(unknown.patience(), Duration::from_millis(2_000 + 4 * 1_020));
+}
+
+/// An opening that the capture has is progress; a further one is none, and its greeting is no news.
+#[test]
+fn a_further_opening_is_no_progress() {
+    let mut passage = passage(&[], &[(200, b"hello"), (1_200, b"again")]);
+    passage.opened = vec![ms(100), ms(1_100)];
+    let mut talk = Conversation::new(&passage, &(ms(100)..ms(2_000)), false);
+    for (at, moved, greeting) in [
+        (0, 100, b"hello"),
+        (5_000, 5_100, b"again"),
+        (9_000, 5_100, b"again"),
+    ] {
+        talk.open(ms(at));
+        assert_eq!(talk.moved_at(), ms(if at == 9_000 { moved } else { at }));
+        assert_eq!(said(&mut talk, at + 500), words(&[(at + 100, greeting)]));
+        assert_eq!(talk.moved_at(), ms(moved), "{at}");
+        // A second opening without a close is none.
+        talk.open(ms(at + 600));
+        assert_eq!(talk.poll_at(), None);
+        talk.close();
+    }
+    assert_eq!(talk.said(), 15);
+}

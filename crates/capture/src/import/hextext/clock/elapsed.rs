@@ -183,4 +183,23 @@ mod tests {
             assert_eq!(time(text), None, "{text}");
         }
     }
+
+    /// Among other words, a time has a plus sign and a fraction, or counts from 1970.
+    #[test]
+    fn a_time_among_words_has_a_sign_and_a_fraction() {
+        let plus = Some((1_500_000_000, Clock::Plus));
+        assert_eq!((within("+1.5"), within("+1.5,")), (plus, plus));
+        assert_eq!(
+            (within("+5"), within("1.5"), within("5")),
+            (None, None, None)
+        );
+        let date = Some((1_682_942_398_500_000_000, Clock::Utc));
+        assert_eq!(within("1682942398.5:"), date);
+        assert_eq!(since_1970("1682942398.", None), None);
+        assert_eq!(since_1970("1682942398", Some("AB")), None);
+        let seconds = Some(1_682_942_398 * SECOND);
+        assert_eq!(since_1970("1682942398", Some("TX")), seconds);
+        assert_eq!(since_1970("1682942398", Some("12x")), None);
+        assert_eq!(since_1970("1682942398500000000.5", None), None);
+    }
 }

@@ -249,4 +249,15 @@ mod tests {
         let literals = ["b'4142'", "b''", "b'xyz'", "b'4142' b'zz'", "no"].map(is_in);
         assert_eq!(literals, [false, false, true, true, false]);
     }
+
+    /// A list ends behind its bracket.
+    #[test]
+    fn a_list_has_its_place() {
+        let found = list("ab [1, 2] c", 0).expect("a list");
+        assert_eq!((found.start, found.end, found.bytes), (3, 9, vec![1, 2]));
+        let second = list("[1, 2] [3, 4]", 6).expect("another");
+        assert_eq!((second.start, second.end), (7, 13));
+        let one = literal("x b'ab' y", 0).expect("a literal");
+        assert_eq!((one.start, one.end), (2, 7));
+    }
 }

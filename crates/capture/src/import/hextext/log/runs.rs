@@ -188,4 +188,14 @@ mod tests {
         assert_eq!(of("word 01 02 03 word 04 word"), Some(vec![1, 2, 3]));
         assert_eq!(of("no bytes"), None);
     }
+
+    /// A marked run behind a direction counts, however short; so does a marked one at the end.
+    #[test]
+    fn a_marked_run_counts_however_short() {
+        let of = |text: &str| best(text).map(|run| run.bytes);
+        assert_eq!(of("TX 0x01 len 09 08 07 06 05 x"), Some(vec![1]));
+        assert_eq!(of("word 01 02 03 word 0x04"), Some(vec![4]));
+        assert_eq!(of("word 01 02 03 word 04"), Some(vec![1, 2, 3]));
+        assert_eq!(of("data 01 02 03 word: 04"), Some(vec![4]));
+    }
 }

@@ -269,3 +269,64 @@ fn a_clock_of_twelve_hours_may_have_a_date() {
     let afternoon = (13 * 3_600 + 5 * 60 + 2) * 1_000;
     assert_eq!(at("[3/28/2026 1:05:02 PM] TX 10") % day, afternoon);
 }
+
+/// Brackets around pairs of digits; one character between them is the byte as text.
+#[test]
+fn bytes_in_brackets_are_whole() {
+    let of = |text: &str| bracketed(text).map(|piece| (piece.bytes, piece.prefix.is_sent));
+    for (text, expected) in [
+        ("[01][02]", Some((vec![1, 2], Some(true)))),
+        ("<01><02>", Some((vec![1, 2], Some(false)))),
+        ("x: [01]", Some((vec![1], None))),
+        ("x: 0 [30] . [14]", Some((vec![0x30, 0x14], None))),
+        ("[01]", None),
+        ("[01][02][zz]", None),
+        ("[01][02][033]", None),
+        ("[01][02] words", None),
+        ("[01] ab [02]", None),
+        ("words: none", None),
+    ] {
+        assert_eq!(of(text), expected, "{text}");
+    }
+}
+
+/// All digits of a time are masked, also in brackets, if a word follows it and no byte.
+#[test]
+fn a_time_before_words_is_masked_as_a_whole() {
+    let of = |text: &str| masked(text).replace(times::MASK, "*");
+    assert_eq!(of("[12:11:23] word"), "[**:**:**] word");
+    assert_eq!(of("12:11:23 word 12"), "**:**:** word 12");
+    assert_eq!(of("12:11:23 AB"), "12:11:23 AB");
+    assert_eq!(of("12:11:23.5 AB"), "**:**:**.* AB");
+    assert_eq!(of("24 ms AB 12"), "** ms AB 12");
+}
+
+/// A text may follow bytes as an aside in brackets, or as the same number of characters; a byte
+/// that cannot be read may not.
+#[test]
+fn a_tail_is_an_aside_or_the_text_of_the_bytes() {
+    let found = ["", " ]})>'\"|.,;", " (x", " <x", " #x", " x"].map(is_aside);
+    assert_eq!(found, [true, true, true, true, true, false]);
+    for (tail, expected) in [
+        (" 0", true),
+        (" ??", true),
+        (" 1G", true),
+        (" 116", true),
+        (" 1GG", false),
+        (" G1", false),
+        (" 1234", false),
+        ("  0", false),
+        ("0", false),
+        ("", false),
+    ] {
+        assert_eq!(is_damaged(tail), expected, "{tail}");
+    }
+    let run = |len: usize, has_marks| Run {
+        bytes: vec![7; len],
+        has_marks,
+        ..Run::default()
+    };
+    assert!(is_shown(" ab", &run(2, false)) && !is_shown(" abc", &run(2, false)));
+    assert!(is_tail(" words", &run(3, false)) && !is_tail(" words", &run(2, false)));
+    assert!(is_tail(" words", &run(1, true)) && !is_tail(" 0 x", &run(3, false)));
+}
