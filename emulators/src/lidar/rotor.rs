@@ -362,4 +362,125 @@ mod tests {
         dusty.dust_rpm_s = 1e6;
         assert!(!dusty.is_steady());
     }
+
+    /// 100 rpm/s a volt; at 40 rpm the back EMF takes 80 rpm/s, friction 50 + 20, dust 10.
+    fn by_hand(supply: MotorSupply, speed_rpm: f64) -> Rotor {
+        let motor = Motor {
+            push_rpm_s_v: 100.0,
+            back_emf_per_s: 2.0,
+            dry_rpm_s: 50.0,
+            viscous_per_s: 0.5,
+            wander: 0.1,
+            wander_kept: 0.6,
+        };
+        let mut rotor = Rotor::new(motor, supply, 0.0);
+        (rotor.speed_rpm, rotor.dust_rpm_s) = (speed_rpm, 10.0);
+        rotor
+    }
+
+    /// 3 V with half more are 4.5 V: 450 - 80 - 80. Half of 3 V with a fifth less are 1.2 V: 40 -
+    /// 80. A motor that does not push does not brake either. A regulator gives 5 V up to its speed,
+    /// and 600 rpm/s at most: 5 V of this motor are 500 - 80 - 80.
+    #[test]
+    fn a_head_is_pushed_by_volts_and_slowed_by_friction() {
+        let is = |rotor: &Rotor, expected: f64| {
+            let found = rotor.acceleration();
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        };
+        let mut fixed = by_hand(MotorSupply::Fixed { volts: 3.0 }, 40.0);
+        fixed.wander = 0.5;
+        is(&fixed, 290.0);
+        let mut host = by_hand(MotorSupply::Host { volts: 3.0 }, 40.0);
+        is(&host, -80.0);
+        (host.duty, host.wander) = (0.5, -0.2);
+        is(&host, -40.0);
+        let regulated = |speed_rpm| by_hand(MotorSupply::Regulated { rpm: 300.0 }, speed_rpm);
+        is(&regulated(40.0), 340.0);
+        // The push is gone at 250 rpm: 5 V and a back EMF of 600 rpm/s.
+        is(&regulated(300.0), -210.0);
+        is(&regulated(301.0), -210.5);
+        let mut strong = regulated(40.0);
+        strong.motor.push_rpm_s_v = 1_000.0;
+        is(&strong, 600.0);
+        strong.speed_rpm = 300.0;
+        is(&strong, 600.0);
+    }
+
+    /// 290 rpm/s for a millisecond are 0.29 rpm; 40.145 rpm in the mean are 0.24087 degrees.
+    #[test]
+    fn a_step_adds_speed_and_angle() {
+        let mut rotor = by_hand(MotorSupply::Fixed { volts: 4.5 }, 40.0);
+        rotor.at = Instant::from_secs(1);
+        rotor.step(1_000_000);
+        assert!((rotor.speed_rpm - 40.29).abs() < 1e-9);
+        assert!((rotor.angle_deg - 0.240_87).abs() < 1e-9);
+        assert_eq!(rotor.at, Instant::from_millis(1_001));
+        rotor.wrap();
+        assert!((rotor.angle_deg() + 359.759_13).abs() < 1e-9);
+    }
+
+    /// 600 rpm/s are 0.6 rpm a step, friction 210 rpm/s 0.21: both end at the regulator's speed,
+    /// unless there is no power. No friction turns a head backwards.
+    #[test]
+    fn a_regulator_holds_its_speed_from_both_sides() {
+        let after = |speed_rpm: f64, unpowered: bool| {
+            let mut rotor = by_hand(MotorSupply::Regulated { rpm: 300.0 }, speed_rpm);
+            rotor.motor.push_rpm_s_v = 1_000.0;
+            rotor.unpowered = unpowered;
+            rotor.step(1_000_000);
+            rotor.speed_rpm
+        };
+        let near = |found: f64, expected: f64| (found - expected).abs() < 1e-3;
+        assert!(near(after(299.0, false), 299.6) && near(after(301.0, false), 300.789_5));
+        assert_eq!([after(299.5, false), after(300.1, false)], [300.0; 2]);
+        assert!(near(after(300.1, true), 299.889_95) && near(after(299.5, true), 299.290_25));
+        assert_eq!(after(0.01, true), 0.0);
+    }
+
+    /// Without friction and back EMF 3 V are 300 rpm/s: 0.45 rpm and 0.002025 degrees in 1.5 ms,
+    /// in however many calls. A stuck head stays where it is.
+    #[test]
+    fn a_head_advances_by_parts_of_a_step() {
+        let free = || {
+            let mut rotor = by_hand(MotorSupply::Fixed { volts: 3.0 }, 0.0);
+            let motor = &mut rotor.motor;
+            (motor.back_emf_per_s, motor.dry_rpm_s, motor.viscous_per_s) = (0.0, 0.0, 0.0);
+            rotor.dust_rpm_s = 0.0;
+            rotor
+        };
+        let mut rotor = free();
+        rotor.advance(Instant::from_micros(1_500));
+        assert_eq!(rotor.at, Instant::from_micros(1_500));
+        assert!((rotor.speed_rpm() - 0.45).abs() < 1e-9);
+        assert!((rotor.angle_deg() - 0.002_025).abs() < 1e-9);
+        rotor.advance(Instant::from_micros(1_000));
+        assert_eq!(rotor.at, Instant::from_micros(1_500));
+        // 0.45 rpm now, 0.75 rpm a millisecond later: 0.0036 degrees.
+        assert_eq!(rotor.reaches(0.002_025), Some(rotor.at));
+        let reached = rotor.reaches(0.005_625).expect("it gets there");
+        let is_near = (2_499_990..=2_500_010).contains(&reached.as_nanos());
+        assert!(is_near, "{reached:?}");
+        rotor.stuck = true;
+        rotor.advance(Instant::from_micros(9_000));
+        assert_eq!(
+            (rotor.at, rotor.speed_rpm()),
+            (Instant::from_micros(9_000), 0.0)
+        );
+        rotor.advance(Instant::from_micros(8_000));
+        assert_eq!(rotor.at, Instant::from_micros(9_000));
+        assert!((rotor.angle_deg() - 0.002_025).abs() < 1e-9);
+        rotor.stuck = false;
+        assert_eq!(rotor.speed_rpm(), 0.0);
+    }
+
+    /// Six tenths of the wander stay, so eight tenths of a tenth are drawn anew: 0.3 + 0.16.
+    #[test]
+    fn a_supply_wanders_from_tooth_to_tooth() {
+        let mut rotor = by_hand(MotorSupply::default(), 0.0);
+        rotor.wander = 0.5;
+        rotor.wander(2.0);
+        assert!((rotor.wander - 0.46).abs() < 1e-12);
+        let whole = [1.9e-9, 2.0, -1.0, f64::NAN].map(|seconds| nanos(seconds).as_nanos());
+        assert_eq!(whole, [1, 2_000_000_000, 0, 0]);
+    }
 }

@@ -327,3 +327,66 @@ fn a022_one_echo_is_there_whatever_the_gain() {
         assert_eq!(light, [Srf08Config::default().light], "{gain}");
     }
 }
+
+/// Without noise: 2.5 m are 98.4 inches and 14,568.8 us there and back, in steps of 4 us. A slice
+/// of the ANN mode lasts 2,048 us, so this echo is in the eighth.
+#[test]
+fn units_and_slices_are_those_of_the_manual() {
+    let world = world(Some(2.5));
+    let answer = |command: u8| {
+        let config = Srf08Config {
+            noise_m: 0.0,
+            ..Srf08Config::default()
+        };
+        let mut chip = Srf08::new(config, 1, "test");
+        chip.write(Instant::ZERO, COMMAND, &[command], &world);
+        let mut bytes = [0; 34];
+        chip.read(Instant::from_secs(1), RANGE, &mut bytes, &world);
+        let set = (0..32).find(|slice| bytes[2 + slice] != 0);
+        (u16::from_be_bytes([bytes[0], bytes[1]]), set)
+    };
+    let plain = [INCHES, CENTIMETRES, MICROSECONDS].map(answer);
+    assert_eq!(plain, [(98, None), (250, None), (14_568, None)]);
+    let in_slices = [0x53, 0x54, 0x55].map(answer);
+    assert_eq!(
+        in_slices,
+        [(98, Some(7)), (250, Some(7)), (14_568, Some(7))]
+    );
+    let slices = [0.0, 2_047.0, 2_049.0, 4_095.0, 4_097.0, 65_535.0].map(whole_slice);
+    assert_eq!(slices, [0, 0, 1, 1, 2, 31]);
+}
+
+/// A stuck chip shows its last echo; a wrong one adds half a metre unless told otherwise. A chip
+/// that is off is neither busy nor there; an odd address counts as the even one below it.
+#[test]
+fn a_fault_is_one_of_the_chip_alone() {
+    let [near, far] = [world(Some(1.0)), world(Some(2.0))];
+    let config = Srf08Config {
+        noise_m: 0.0,
+        address: 0xE3,
+        ..Srf08Config::default()
+    };
+    let mut chip = Srf08::new(config, 1, "test");
+    let mut second = 0;
+    let mut heard = |chip: &mut Srf08, world: &World| {
+        let now = Instant::from_secs(second);
+        chip.write(now, COMMAND, &[CENTIMETRES], world);
+        second += 1;
+        echo(chip, Instant::from_secs(second), world)
+    };
+    assert_eq!(heard(&mut chip, &near), 100);
+    chip.set_fault(Instant::ZERO, "stuck", None, true);
+    assert_eq!(heard(&mut chip, &far), 100);
+    chip.set_fault(Instant::ZERO, "stuck", None, false);
+    assert_eq!(heard(&mut chip, &near), 100);
+    chip.set_fault(Instant::ZERO, "wrong", None, true);
+    assert_eq!(heard(&mut chip, &near), 150);
+    chip.set_fault(Instant::ZERO, "wrong", None, false);
+    assert_eq!(heard(&mut chip, &near), 100);
+    let at = Instant::from_secs(20);
+    chip.write(at, COMMAND, &[CENTIMETRES], &near);
+    assert!(chip.is_busy(at, 0xE2) && !chip.is_busy(at, 0xE0));
+    assert!(!chip.is_busy(Instant::from_secs(21), 0xE2));
+    chip.set_fault(at, "off", None, true);
+    assert!(!chip.is_busy(at, 0xE2) && !chip.acknowledges(Instant::from_secs(21), 0));
+}

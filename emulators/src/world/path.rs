@@ -161,4 +161,23 @@ mod tests {
         path.waypoints[2].position.x = 4.5;
         assert_eq!(path.top_speed_m_s(), 2.5);
     }
+
+    /// From (0, 1) after 1 s to (2, -3) after 3 s: a quarter of it is (0.5, 0), three quarters are
+    /// (1.5, -2).
+    #[test]
+    fn an_obstacle_walks_in_both_coordinates() {
+        let waypoint = |secs, x, y| Waypoint {
+            at: Instant::from_secs(secs),
+            position: Point::new(x, y),
+        };
+        let path = Path {
+            waypoints: vec![waypoint(1, 0.0, 1.0), waypoint(3, 2.0, -3.0)],
+            repeat: Repeat::Loop,
+        };
+        let at = |millis| path.position(Instant::from_millis(millis));
+        let there = [at(500), at(1_500), at(2_500), at(3_500), at(4_500)];
+        let by_hand = [(0.0, 1.0), (0.5, 0.0), (1.5, -2.0), (0.5, 0.0), (1.5, -2.0)];
+        assert_eq!(there, by_hand.map(|(x, y)| Point::new(x, y)));
+        assert_eq!(path.top_speed_m_s(), 20.0_f64.sqrt() / 2.0);
+    }
 }

@@ -243,4 +243,68 @@ mod tests {
         assert!(is_weak(648.0, 20.0));
         assert!(!is_weak(651.0, 5.0));
     }
+
+    /// Half and twice the distance change 0.42 mm by 2 to the power 9/4, 4.7568. Of the captured
+    /// law the near part counts at 550 mm, and three quarters of the other law at 2750 mm: 5 to the
+    /// power 1.7 is 15.43, 2750 / 575 to the power 9/4 is 33.83.
+    #[test]
+    fn deviations_are_those_of_the_laws_by_hand() {
+        let near = |found: f64, by_hand: f64| {
+            assert!((found / by_hand - 1.0).abs() < 1e-3, "{found} {by_hand}");
+        };
+        near(range_sigma_mm(575.0), 0.42);
+        near(range_sigma_mm(1_150.0), 1.997_9);
+        near(range_sigma_mm(287.5), 0.088_29);
+        near(range_sigma_captured_mm(550.0), 0.345);
+        near(range_sigma_captured_mm(275.0), 0.345 / 2.0_f64.powf(1.7));
+        near(range_sigma_captured_mm(2_750.0), 0.75 * 0.42 * 33.83);
+        near(range_sigma_captured_21_mm(1_000.0), 0.62 * (2.73 + 0.89));
+        near(range_sigma_captured_21_mm(100.0), 0.62 * (0.273 + 0.008_9));
+        near(strength_mean(200.0), 2_500.0);
+        near(strength_sigma(400.0), 9.4);
+        near(strength_sigma_captured(500.0), 110.0_f64.sqrt());
+        near(strength_sigma_captured(100.0), (44.0_f64 / 1.2).sqrt());
+    }
+
+    /// Jitter in thousandths of a degree, flaws in hundred-thousandths, the deviation at 1 m: 0.42
+    /// mm times 3.474 of the even law, three quarters of that or 0.95 mm, and 2.244 mm.
+    #[test]
+    fn firmware_and_detail_choose_the_laws() {
+        for (profile, detail, jitter, wide, dim, range_mm) in [
+            (Profile::Fw24, Detail::Even, 10.0, 70.0, 30.0, 1.459),
+            (Profile::Fw21, Detail::Even, 10.0, 70.0, 30.0, 1.459),
+            (Profile::Fw24, Detail::Captured, 3.0, 10.0, 18.0, 1.094),
+            (Profile::Fw21, Detail::Captured, 3.0, 10.0, 18.0, 2.244),
+        ] {
+            let laws = Laws::of(profile, detail);
+            assert!((laws.jitter_rad.to_degrees() * 1e3 - jitter).abs() < 1e-9);
+            assert!((laws.too_wide * 1e5 - wide).abs() < 1e-9);
+            assert!((laws.too_dim * 1e5 - dim).abs() < 1e-9);
+            let found = (laws.range_mm)(1_000.0);
+            assert!((found / range_mm - 1.0).abs() < 1e-3, "{found} {range_mm}");
+        }
+    }
+
+    /// The thresholds of the table, half way between two of them, and before the first.
+    #[test]
+    fn the_warning_starts_below_a_threshold_that_falls_with_the_distance() {
+        for (mm, threshold) in [
+            (100.0, 300.0),
+            (160.0, 300.0),
+            (180.0, 265.0),
+            (200.0, 230.0),
+            (220.0, 230.0),
+            (270.0, 190.0),
+            (320.0, 150.0),
+            (370.0, 117.5),
+            (430.0, 72.5),
+            (445.0, 66.25),
+            (600.0, 50.0),
+            (649.9, 50.0),
+        ] {
+            let is = [threshold - 0.01, threshold + 0.01].map(|strength| is_weak(mm, strength));
+            assert_eq!(is, [true, false], "{mm}");
+        }
+        assert!(!is_weak(160.0, 300.0) && !is_weak(650.0, 0.0));
+    }
 }

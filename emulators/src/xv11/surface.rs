@@ -142,4 +142,71 @@ mod tests {
             .collect();
         assert!(alike(&rough, 1).abs() < 0.35, "{}", alike(&rough, 1));
     }
+
+    /// The mixer is that of SplitMix64. Of seed 0 its first outputs are known: E220A8397B1DCDAF,
+    /// 6E789E6AA1B965F4 and 06C45D188009454F. The other numbers follow from its rules.
+    #[test]
+    fn a_value_depends_on_its_place_and_layer_alone() {
+        for (x, y, layer, high) in [
+            (0.0, 0.0, 0, 0_u32),
+            (1.0, 0.0, 0, 0xE220_A839),
+            (2.0, 0.0, 0, 0x6E78_9E6A),
+            (3.0, 0.0, 0, 0x06C4_5D18),
+            (-1.0, 0.0, 0, 0x3365_03C6),
+            (0.0, 1.0, 0, 0x6885_0AC7),
+            (0.0, -3.0, 0, 0x0EC6_86D4),
+            (0.0, 0.0, 1, 0xB393_62CB),
+            (5.0, -7.0, 10, 0x463E_F4AA),
+        ] {
+            let expected = (f64::from(high) / 4_294_967_295.0 - 0.5) * 2.0 * 3.0_f64.sqrt();
+            let found = value(x, y, layer);
+            assert!((found - expected).abs() < 1e-9, "{x} {y} {layer}: {found}");
+        }
+    }
+
+    /// In the middle of a square the field is the mean of four values, times 1.35. A quarter of a
+    /// side from the left one, the right one counts by (3 - 2 / 4) / 16 = 0.15625.
+    #[test]
+    fn a_patch_is_smooth_between_the_corners_of_its_square() {
+        assert_eq!(
+            [0.0, 0.25, 0.5, 1.0].map(smoothed),
+            [0.0, 0.15625, 0.5, 1.0]
+        );
+        let size_m = 0.08;
+        let at = |x: f64, y: f64| {
+            let point = Point::new((x - 0.37) * size_m, (y - 0.61) * size_m);
+            patch(point, size_m, 3)
+        };
+        let [a, b, c, d] =
+            [(5.0, -2.0), (6.0, -2.0), (5.0, -1.0), (6.0, -1.0)].map(|(x, y)| value(x, y, 3));
+        for (x, y, mean) in [
+            (5.0, -2.0, a),
+            (5.5, -1.5, (a + b + c + d) / 4.0),
+            (5.25, -2.0, 0.84375 * a + 0.15625 * b),
+            (5.75, -1.0, 0.15625 * c + 0.84375 * d),
+            (5.0, -1.75, 0.84375 * a + 0.15625 * c),
+            (6.0, -1.25, 0.15625 * b + 0.84375 * d),
+        ] {
+            let found = at(x, y);
+            assert!(
+                (found - 1.35 * mean).abs() < 1e-9,
+                "{x} {y}: {found} {mean}"
+            );
+        }
+    }
+
+    /// Patches of 30 cm and 8 cm, flecks of 4 mm, unevenness of 6 mm, speckle of 5 mm.
+    #[test]
+    fn a_place_adds_up_its_layers() {
+        for (x, y) in [(0.0, 0.0), (1.234, -0.567), (-3.21, 2.5), (0.4, 7.77)] {
+            let point = Point::new(x, y);
+            let place = Place::at(point);
+            let patches = 0.15 * patch(point, 0.30, 0) + 0.055 * patch(point, 0.08, 1);
+            let fleck = 0.05 / 3.0 * patch(point, 0.004, 8).powi(3);
+            let speckle = 0.36 * patch(point, 0.005, 10);
+            assert!((libm::log(place.reflects) - patches - fleck).abs() < 1e-12);
+            assert!((place.deeper_mm - 0.33 * patch(point, 0.006, 9)).abs() < 1e-12);
+            assert!((libm::log(place.speckle) - speckle).abs() < 1e-12);
+        }
+    }
 }

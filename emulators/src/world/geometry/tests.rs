@@ -354,3 +354,131 @@ fn a_surface_turns_about_the_origin() {
     });
     assert!(is(at(tilted.turned(eighth), 9.0, 9.0), 0.0, SQRT_2));
 }
+
+/// From (1, 2) to (4, 6), 5 m long; its normal is (-0.8, 0.6).
+fn slanted_wall() -> Primitive {
+    Primitive::Segment(Segment::new(Point::new(1.0, 2.0), Point::new(4.0, 6.0)).unwrap())
+}
+
+/// The wall x = y from (1, 1) on, 2 m long. A ray from (1 + over, 0) in the direction of y meets it
+/// after 1 + over metres, at a cosine of 0.707.
+#[test]
+fn at_45_degrees_limit_and_ends_are_those_of_the_ray_and_the_wall() {
+    let end = Point::new(1.0 + SQRT_2, 1.0 + SQRT_2);
+    let wall = Segment::new(Point::new(1.0, 1.0), end).unwrap();
+    let met = |over: f64, limit: f64| {
+        let ray = Ray::new(Point::new(1.0 + over, 0.0), FRAC_PI_2);
+        let found = Primitive::Segment(wall).cross(ray, limit);
+        found.map(|found| found.distance)
+    };
+    let reaches = [0.7, 1.4, 1.49, 1.51, 2.1].map(|limit| met(0.5, limit).is_some());
+    assert_eq!(reaches, [false, false, false, true, true]);
+    // Along the wall a nanometre is 0.707 nm to the side.
+    let before = [-0.4e-9, -1.0e-9, -1.6e-9].map(|over| met(over, 9.0).is_some());
+    assert_eq!(before, [true, false, false]);
+    let beyond = [0.4e-9, 1.0e-9, 0.5, 5.0].map(|over| met(SQRT_2 + over, 9.0).is_some());
+    assert_eq!(beyond, [true, false, false, false]);
+    // A start that lies a nanometre behind the wall, measured along the ray, still touches it.
+    let behind = |metres: f64| {
+        let ray = Ray::new(Point::new(1.5, 1.5 + metres), FRAC_PI_2);
+        Primitive::Segment(wall).cross(ray, 9.0).is_some()
+    };
+    assert_eq!([0.6e-9, 1.4e-9].map(behind), [true, false]);
+}
+
+/// From 10 m before the wall's end, on its line, to the end; from beyond it, back; from inside.
+#[test]
+fn a_ray_along_a_slanted_wall_meets_its_nearer_end() {
+    let angle = libm::atan2(4.0, 3.0);
+    let along = |metres: f64, angle: f64| {
+        let (x, y) = (1.0 + 0.6 * metres, 2.0 + 0.8 * metres);
+        cast(slanted_wall(), x, y, angle)
+    };
+    assert_close(along(-10.0, angle), 10.0, 0.0);
+    assert_close(along(12.0, angle - PI), 7.0, 0.0);
+    assert_close(along(2.0, angle), 0.0, 0.0);
+    assert_eq!(along(6.0, angle), None);
+    assert_eq!(along(-1.0, angle - PI), None);
+}
+
+/// In the direction (0.6, 0.8) the circle of radius 2 lies 10 m ahead, and 1.2 m to the left or to
+/// the right: half the chord is 1.6 m, 0.8 of the radius.
+#[test]
+fn a_slanted_ray_meets_a_circle_at_either_side_of_its_middle() {
+    let angle = libm::atan2(4.0, 3.0);
+    let circle = |ahead: f64, left: f64| {
+        let (x, y) = (
+            1.0 + 0.6 * ahead - 0.8 * left,
+            5.0 + 0.8 * ahead + 0.6 * left,
+        );
+        Primitive::Circle(Circle {
+            center: Point::new(x, y),
+            radius: 2.0,
+        })
+    };
+    for left in [1.2, -1.2] {
+        assert_close(cast(circle(10.0, left), 1.0, 5.0, angle), 8.4, 0.8);
+        // From inside, the far side.
+        assert_close(cast(circle(0.5, left), 1.0, 5.0, angle), 2.1, 0.8);
+        assert_eq!(cast(circle(-2.0, left), 1.0, 5.0, angle), None);
+    }
+    for left in [2.1, -2.1] {
+        assert_eq!(cast(circle(10.0, left), 1.0, 5.0, angle), None);
+    }
+}
+
+/// The pillar of radius 1 around (3, 0): its near side is 2 m from the origin, its far side 1.5 m
+/// from (2.5, 0).
+#[test]
+fn a_circle_is_met_up_to_the_limit() {
+    let met = |x: f64, limit: f64| {
+        let found = pillar().cross(Ray::new(Point::new(x, 0.0), 0.0), limit);
+        found.map(|found| found.distance)
+    };
+    assert_eq!([met(0.0, 1.99), met(0.0, 2.0)], [None, Some(2.0)]);
+    assert_eq!([met(2.5, 1.49), met(2.5, 1.5)], [None, Some(1.5)]);
+    // A nanometre behind the far side counts as touching it.
+    assert_eq!(
+        [met(4.0 + 0.5e-9, 9.0), met(4.0 + 2e-9, 9.0)],
+        [Some(0.0), None]
+    );
+    // A start within a nanometre behind the near side meets that side, not the far one.
+    assert_eq!(met(2.0 + 0.5e-9, 9.0), Some(0.0));
+    assert!(met(2.0 + 2e-9, 9.0).is_some_and(|distance| distance > 1.9));
+}
+
+/// 2 m along the slanted wall and 3 m to its left; and 3, 4 and 5 from a circle's middle.
+#[test]
+fn the_nearest_point_of_a_slanted_surface_has_both_coordinates() {
+    let is = |found: (Point, f64), x: f64, y: f64, away: f64| {
+        assert!(found.0.distance(Point::new(x, y)) < 1e-12, "{found:?}");
+        assert!((found.1 - away).abs() < 1e-12, "{found:?}");
+    };
+    is(slanted_wall().nearest(Point::new(-0.2, 5.4)), 2.2, 3.6, 3.0);
+    // Beyond either end by 1 m.
+    is(slanted_wall().nearest(Point::new(0.4, 1.2)), 1.0, 2.0, 1.0);
+    is(slanted_wall().nearest(Point::new(4.6, 6.8)), 4.0, 6.0, 1.0);
+    let circle = Primitive::Circle(Circle {
+        center: Point::new(-2.0, 7.0),
+        radius: 2.0,
+    });
+    is(circle.nearest(Point::new(1.0, 11.0)), -0.8, 8.6, 3.0);
+    is(circle.nearest(Point::new(-2.6, 6.2)), -3.2, 5.4, 1.0);
+}
+
+/// The wall of 3, 4 and 5: it passes 0.7 m beside the middle of a square of which a side is 1 m if
+/// it only touches it, as 0.5 (0.6 + 0.8) = 0.7.
+#[test]
+fn a_slanted_wall_enters_a_square_up_to_its_corner() {
+    let beside = |metres: f64| {
+        let middle = Point::new(2.5 - 0.8 * metres, 4.0 + 0.6 * metres);
+        slanted_wall().enters(middle, 0.5)
+    };
+    assert_eq!(
+        [0.69, 0.71, -0.69, -0.71].map(beside),
+        [true, false, true, false]
+    );
+    // Squares whose edge lies on that of the wall's bounds are entered.
+    let enters = |x: f64, y: f64| wall().enters(Point::new(x, y), 0.5);
+    assert!(enters(1.5, 0.0) && enters(0.5, 0.0) && enters(1.0, 1.5) && enters(1.0, -1.5));
+}

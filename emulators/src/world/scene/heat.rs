@@ -127,7 +127,12 @@ mod tests {
         let here = Point::new(0.0, 0.0);
         assert_eq!(HeatPlate::new(here, here, 37.0), Err(HeatPlateError));
         let there = Point::new(0.1, 0.0);
-        assert_eq!(HeatPlate::new(here, there, 151.0), Err(HeatPlateError));
+        for celsius in [151.0, -51.0, f64::NAN] {
+            assert_eq!(HeatPlate::new(here, there, celsius), Err(HeatPlateError));
+        }
+        let nowhere = Point::new(f64::NAN, 0.0);
+        assert_eq!(HeatPlate::new(nowhere, there, 37.0), Err(HeatPlateError));
+        assert_eq!(HeatPlate::new(here, nowhere, 37.0), Err(HeatPlateError));
         assert_eq!(
             HeatPlate::new(here, there, 37.0).map(|plate| plate.middle().x),
             Ok(0.05)

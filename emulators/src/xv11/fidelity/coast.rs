@@ -126,4 +126,46 @@ mod tests {
         // 80 ms and 4 / 240 s more: the middles of the last two lie at 71.667 and 96.667 ms.
         is(&teeth, 200.0, 71.667 + 25.0 / 3.0);
     }
+
+    /// Teeth of 300, 240, 120 and 60 rpm: their middles lie at 6.667, 21.667, 46.667 and 96.667 ms.
+    /// 290 rpm are passed a sixth of the interval behind the first, 185 at 33.125 and 75 at 84.167
+    /// ms.
+    #[test]
+    fn a_coast_has_two_halves() {
+        let coast = |rpm: &[u16]| {
+            let teeth = Teeth {
+                words: rpm.iter().map(|rpm| rpm * 64).collect(),
+                packets: 1,
+            };
+            teeth.coast_s()
+        };
+        let [first, second] = coast(&[300, 240, 120, 60]).expect("it coasts");
+        assert!((first * 1e3 - 23.958).abs() < 1e-3, "{first}");
+        assert!((second * 1e3 - 51.042).abs() < 1e-3, "{second}");
+        // It does not get that slow, or turns fast again.
+        assert_eq!(coast(&[300, 240, 120]), None);
+        assert_eq!(coast(&[300, 240, 120, 60, 300, 240]), None);
+        assert_eq!(coast(&[300, 240, 120, 60, 240, 120]), None);
+    }
+
+    /// Three packets show 100 rpm, then one shows 184.98 and two 185 rpm.
+    #[test]
+    fn packets_of_a_head_that_stopped_are_those_of_its_last_tooth() {
+        use protocols::xv11::{RawReading, SpeedWord};
+        let mut teeth = Teeth::default();
+        let mut shown = vec![teeth.stalled_packets()];
+        for word in [
+            100 * 64,
+            100 * 64,
+            100 * 64,
+            185 * 64 - 1,
+            185 * 64,
+            185 * 64,
+        ] {
+            teeth.frame(&Frame::new(0, SpeedWord(word), [RawReading([0; 4]); 4]));
+            shown.push(teeth.stalled_packets());
+        }
+        assert_eq!(shown, [0, 1, 2, 3, 1, 0, 0]);
+        assert_eq!(teeth.words, [6_400, 11_839, 11_840]);
+    }
 }

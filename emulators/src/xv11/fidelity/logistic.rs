@@ -129,4 +129,40 @@ mod tests {
         let chances = heap(0.0).into_iter().map(|row| alike.chance(&row));
         assert!(chances.clone().all(|chance| (chance - 0.5).abs() < 1e-6));
     }
+
+    /// Both rows lie a deviation from their mean of 3. Where the descent ends, the miss of either
+    /// is a hundredth of the weight w: 1 / (1 + exp(w)) = 0.01 w. So w is 3.36, the chance 0.966.
+    #[test]
+    fn the_penalty_limits_the_weight_of_a_sure_figure() {
+        let found = Logistic::trained(&[vec![5.0]], &[vec![1.0]]);
+        assert_eq!((found.mean[0], found.scale[0]), (3.0, 2.0));
+        assert!((found.weights[0] - 3.36).abs() < 0.01, "{found:?}");
+        assert!(found.bias.abs() < 1e-9);
+        assert!((found.chance(&[5.0]) - 0.966_4).abs() < 1e-3);
+        assert!((found.chance(&[1.0]) - 0.033_6).abs() < 1e-3);
+    }
+
+    /// Where the descent ends, the mean miss of both kinds is the same, and half of the difference
+    /// of the misses times the scaled figure is a hundredth of its weight.
+    #[test]
+    fn the_descent_ends_where_its_slope_is_zero() {
+        let yes = [0.0, 1.0, 2.0, 4.0].map(|value| vec![value]);
+        let no = [0.0, -1.0].map(|value| vec![value]);
+        let found = Logistic::trained(&yes, &no);
+        // Mean 1 of six values whose squares add up to 22: the variance is 22 / 6 - 1.
+        assert!((found.mean[0] - 1.0).abs() < 1e-12);
+        assert!((found.scale[0] - (16.0_f64 / 6.0).sqrt()).abs() < 1e-12);
+        let miss = |rows: &[Vec<f64>], truth: f64, power: i32| {
+            let each = rows.iter().map(|row| {
+                let scaled = (row[0] - found.mean[0]) / found.scale[0];
+                (truth - found.chance(row)) * scaled.powi(power)
+            });
+            each.sum::<f64>() / rows.len() as f64
+        };
+        let lift = miss(&yes, 1.0, 0) + miss(&no, 0.0, 0);
+        assert!(lift.abs() < 1e-3, "{lift}");
+        let slope = (miss(&yes, 1.0, 1) + miss(&no, 0.0, 1)) / 2.0;
+        assert!((slope - 0.01 * found.weights[0]).abs() < 1e-3, "{slope}");
+        assert!(found.weights[0] > 1.0);
+    }
 }
