@@ -373,3 +373,25 @@ fn the_magnets_turn_with_the_configured_encoder() {
     assert_eq!(of(&["front", "drive"]), Some(1));
     assert_eq!(of(&["front"]), None);
 }
+
+/// A restart ends no lack of supply: the board sends nothing until the fault `off` ends. Its last
+/// frame is that of the last round, none after a reset.
+#[test]
+fn a_board_without_supply_does_not_restart() {
+    let mut run = run(BoardConfig::default());
+    assert_eq!(run.board.last_frame(), None);
+    let sent = run.until(secs(1));
+    let last = run.board.last_frame().map(|frame| frame.readings());
+    assert_eq!(last.as_ref(), sent.last());
+    run.board.set_fault(secs(1), "off", None, true);
+    run.board.set_fault(secs(1), "restart", None, true);
+    assert!(run.until(secs(2)).is_empty());
+    run.board.set_fault(secs(2), "off", None, false);
+    assert_eq!(run.board.last_frame(), None);
+    assert!(!run.until(secs(3)).is_empty());
+    run.board.set_fault(secs(3), "restart", None, false);
+    assert!(
+        run.board.last_frame().is_some(),
+        "the end of a restart is none"
+    );
+}

@@ -1072,3 +1072,17 @@ fn a_lane_moves_what_has_room_and_waits_with_what_has_none() {
     assert_eq!(lane_of(&[7; 40], true), (false, true));
     assert_eq!(lane_of(&[7; 10], true), (false, false));
 }
+
+/// No command is longer than 64 bytes: without a connection the 65th of a flow shows at once that
+/// bytes vanish. With one, a flow is data.
+#[test]
+fn a_flow_without_a_connection_is_noted_at_its_65th_byte() {
+    let mut bench = Bench::new(at(BAUD));
+    bench.robot_sends(&[b'A'; 64]);
+    assert_eq!(bench.rules(), [""; 0]);
+    bench.robot_sends(b"A");
+    assert_eq!(bench.rules(), ["data-in-command-mode"]);
+    let mut connected = Bench::connected(at(BAUD));
+    connected.robot_sends(&[b'A'; 70]);
+    assert_eq!(connected.rules(), [""; 0]);
+}

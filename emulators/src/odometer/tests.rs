@@ -361,3 +361,35 @@ fn a_compass_is_led_astray_by_iron_and_by_the_motor() {
     assert_eq!(field(Some(40.0), 0.0), [20.0, 40.0, -44.0]);
     assert_eq!(field(None, 0.6), [27.5, 0.0, -44.0]);
 }
+
+/// A loop that takes too long is noted, and the note is counted.
+#[test]
+fn a_board_tells_which_rules_it_saw() {
+    let mut run = run(OdometerConfig {
+        overrun: Overrun::IsLate,
+        ..OdometerConfig::default()
+    });
+    let seen = |run: &Run| run.board.broken_rules().expect("it has a log").seen();
+    let before = seen(&run);
+    run.board.set_fault(secs(0), "slow", Some(20.0), true);
+    run.until(secs(3));
+    assert!(seen(&run) > before);
+}
+
+/// Without supply, an open port resets nothing; a running board is not reset by a closed port.
+#[test]
+fn only_an_opened_port_resets_a_board_with_supply() {
+    let mut run = run(OdometerConfig::default());
+    run.until(secs(2));
+    run.board
+        .line_event(Odometer::UART, secs(2), LineEvent::Closed);
+    // The end of a fault that is over changes nothing.
+    for fault in ["stuck", "restart"] {
+        run.board.set_fault(secs(2), fault, None, false);
+    }
+    assert!(run.until(secs(3)).len() > 90);
+    run.board.set_fault(secs(3), "off", None, true);
+    run.board
+        .line_event(Odometer::UART, secs(3), LineEvent::Opened);
+    assert!(run.until(secs(9)).is_empty());
+}

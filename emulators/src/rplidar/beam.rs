@@ -368,4 +368,24 @@ mod tests {
             assert!(along[0] == along[1] && across[0] == across[1], "{step}");
         }
     }
+
+    /// The nine spots of 13 x 13 cells, as a second implementation of the two rounds finds them:
+    /// multiplied by 9E3779B97F4A7C15 and C2B2AE3D27D4EB4F, mixed, multiplied by BF58476D1CE4E5B9.
+    #[test]
+    fn a_spot_stays_where_it_is() {
+        let cells = (-6..=6).flat_map(|x| (-6..=6).map(move |y| (x, y)));
+        let spots = cells.filter(|&(x, y)| is_spot_at(f64::from(x), f64::from(y)));
+        let expected = [
+            (-6, -1),
+            (-3, -2),
+            (-2, 3),
+            (-2, 6),
+            (0, -6),
+            (0, 0),
+            (0, 3),
+            (2, -6),
+            (5, -6),
+        ];
+        assert!(spots.eq(expected));
+    }
 }

@@ -390,3 +390,23 @@ fn a_fault_is_one_of_the_chip_alone() {
     chip.set_fault(at, "off", None, true);
     assert!(!chip.is_busy(at, 0xE2) && !chip.acknowledges(Instant::from_secs(21), 0));
 }
+
+/// A read continues behind the bytes of the last one: the low byte of the echo follows its high
+/// byte.
+#[test]
+fn a_second_read_continues_at_the_next_register() {
+    let mut world = world(Some(1.0));
+    let mut device = OnBus::new(chip());
+    let mut ask = |millis: u64, message: &[u8]| {
+        device.receive(Port(0), Instant::from_millis(millis), message);
+        device.poll(Instant::from_millis(millis + 1), &mut world);
+        let mut answer = [0; 8];
+        let len = device.transmit(Port(0), &mut answer);
+        answer[..len].to_vec()
+    };
+    ask(0, &[0xE0, COMMAND, CENTIMETRES]);
+    ask(100, &[0xE0, RANGE]);
+    assert_eq!(ask(102, &[0xE1, 1]), [0]);
+    let low = ask(104, &[0xE1, 1]);
+    assert!((99..=101).contains(&low[0]), "{low:?}");
+}

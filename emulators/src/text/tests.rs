@@ -338,3 +338,11 @@ fn a_board_hears_from_the_moment_that_it_is_up() {
         );
     }
 }
+
+#[test]
+fn values_are_those_of_all_variables() {
+    let mut slave = Text::new(config()).expect("sound");
+    let now = Instant::from_millis(5);
+    slave.set(now, "speed", -7).expect("it is stored");
+    assert_eq!(slave.values(now, &world()), [-7, 1_000]);
+}

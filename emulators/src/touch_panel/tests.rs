@@ -199,3 +199,116 @@ fn damaged_frames_are_counted() {
     panel.receive(TouchPanel::UART, Instant::from_secs(4), &encode_switch(ON));
     assert_eq!(panel.frames()[0], 1);
 }
+
+/// Bytes 5 ms apart belong to different frames; with less between them they are one.
+#[test]
+fn half_a_frame_waits_for_less_than_5_ms() {
+    let frames = |pause_us: u64| {
+        let mut panel = TouchPanel::new(Vec::new());
+        let whole = encode_switch(ON);
+        let begin = Instant::from_millis(20);
+        panel.receive(TouchPanel::UART, begin, &whole[..3]);
+        let later = Instant::from_micros(20_000 + pause_us);
+        panel.receive(TouchPanel::UART, later, &whole[3..]);
+        (panel.frames()[0], panel.is_on())
+    };
+    assert_eq!([0, 4_999].map(frames), [(1, true); 2]);
+    assert_eq!([5_000, 9_000].map(frames), [(0, false); 2]);
+}
+
+/// Row 272 is below the panel; the last row is 271.
+#[test]
+fn a_window_ends_with_the_rows() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let below = drawing(window([0, 271], [0, 272]), &[7, 7]);
+    panel.receive(TouchPanel::UART, Instant::ZERO, &below);
+    let violation = (EventKind::Violation, "window-outside");
+    assert_eq!(rules(&mut panel), [violation]);
+    assert!(panel.pixels().iter().all(|pixel| *pixel == 0));
+}
+
+#[test]
+fn the_display_is_switched_when_its_state_changes() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let mut seen = Vec::new();
+    for (at, op) in (0..).zip([ON, ON, panel::OFF, panel::OFF, ON]) {
+        let now = Instant::from_millis(20 * at);
+        panel.receive(TouchPanel::UART, now, &encode_switch(op));
+        seen.push((panel.is_on(), rules(&mut panel)));
+    }
+    let note = |rule| vec![(EventKind::Note, rule)];
+    let expected = [
+        (true, note("display-on")),
+        (true, vec![]),
+        (false, note("display-off")),
+        (false, vec![]),
+        (true, note("display-on")),
+    ];
+    assert_eq!(seen, expected);
+}
+
+/// In order of time, and in the order of their requests at the same time.
+#[test]
+fn taps_wait_in_order_and_up_to_a_thousand() {
+    let tap = |secs, column| Tap {
+        at: Instant::from_secs(secs),
+        place: [column, 0],
+    };
+    let mut panel = TouchPanel::new(vec![tap(3, 30), tap(1, 10)]);
+    for (secs, column) in [(2, 20), (3, 31), (1, 11), (0, 0)] {
+        panel.tap(Instant::from_secs(secs), [column, 0]);
+    }
+    let columns: Vec<u16> = panel.taps.iter().map(|tap| tap.place[0]).collect();
+    assert_eq!(columns, [0, 10, 11, 20, 30, 31]);
+
+    let mut full = TouchPanel::new(vec![tap(1, 1); TAPS_MAX + 1]);
+    assert_eq!(full.taps.len(), TAPS_MAX);
+    full.tap(Instant::ZERO, [0, 0]);
+    assert_eq!((full.taps.len(), full.taps[0]), (TAPS_MAX, tap(1, 1)));
+    full.taps.pop_back();
+    full.tap(Instant::ZERO, [0, 0]);
+    assert_eq!((full.taps.len(), full.taps[0]), (TAPS_MAX, tap(0, 0)));
+}
+
+/// Of 4096 steps: half a pixel from the edges, 4096 / 960 and 4096 / 544, and 959 and 543 of them.
+#[test]
+fn readings_span_the_panel() {
+    assert_eq!(reading_of([0, 0]), [4, 7]);
+    assert_eq!(reading_of([479, 271]), [4_091, 4_088]);
+    assert_eq!(reading_of([u16::MAX, 272]), [READING_MAX, READING_MAX]);
+}
+
+/// A touch of 100 ms that is looked at late: the next report is due 20 ms after that, at most at
+/// the finger's end, and the next tap 100 ms after the end.
+#[test]
+fn the_next_look_is_at_the_next_report() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let mut world = world();
+    for column in [1, 2] {
+        panel.tap(Instant::from_millis(10), [column, 0]);
+    }
+    assert!(!panel.may_send(TouchPanel::UART));
+    let mut due = vec![panel.poll_at()];
+    for millis in [10, 35, 90, 110] {
+        panel.poll(Instant::from_millis(millis), &mut world);
+        due.push(panel.poll_at());
+        assert!(panel.may_send(TouchPanel::UART));
+        panel.take_events();
+        while panel.transmit(TouchPanel::UART, &mut [0; 16]) > 0 {}
+    }
+    let millis = [10, 30, 55, 110, 210].map(|millis| Some(Instant::from_millis(millis)));
+    assert_eq!(due, millis);
+    panel.poll(Instant::from_millis(209), &mut world);
+    assert!(!panel.may_send(TouchPanel::UART));
+}
+
+#[test]
+fn a_window_beyond_the_panel_is_counted() {
+    let mut panel = TouchPanel::new(Vec::new());
+    for _ in 0..2 {
+        let below = drawing(window([0, 271], [0, 272]), &[7, 7]);
+        panel.receive(TouchPanel::UART, Instant::ZERO, &below);
+    }
+    let broken = panel.broken_rules().expect("it has a log");
+    assert!(broken.iter().eq([("window-outside", 2)]));
+}

@@ -216,4 +216,40 @@ mod tests {
         assert!((effort([7_500, 5_000], true) - 0.25).abs() < 1e-9);
         assert_eq!(effort([10_000, 10_000], false), 0.0);
     }
+
+    /// 12 V at 40 rpm a volt are 480 rpm; a wheel of 37.5 mm then rolls 1.885 m a second. Half a
+    /// volt moves it, less does not. Motors differ by a twentieth at most, and from each other.
+    #[test]
+    fn a_wheel_turns_by_its_volts() {
+        let config = Config::default();
+        let mut drives = Drives::new("board", 7, &config);
+        let rpm_per_v = drives.rpm_per_v();
+        assert!(rpm_per_v.iter().all(|rpm| (rpm / 40.0 - 1.0).abs() <= 0.05));
+        assert!(rpm_per_v[0] != rpm_per_v[1] && rpm_per_v[0] != 40.0);
+        drives.rpm_per_v = [40.0, 20.0];
+        let steady = |wheel, volts| drives.steady_m_s(wheel, volts);
+        for (wheel, volts, expected) in [
+            (Wheel::Left, 12.0, 1.884_956),
+            (Wheel::Left, -12.0, -1.884_956),
+            (Wheel::Right, 12.0, 0.942_478),
+            (Wheel::Left, 0.5, 0.078_540),
+            (Wheel::Left, -0.5, -0.078_540),
+            (Wheel::Left, 0.499, 0.0),
+            (Wheel::Left, -0.499, 0.0),
+        ] {
+            let found = steady(wheel, volts);
+            assert!((found - expected).abs() < 1e-6, "{volts} V: {found}");
+        }
+    }
+
+    /// The motors of a run are spread over all of the range.
+    #[test]
+    fn motors_of_many_boards_differ_by_up_to_a_twentieth() {
+        let config = Config::default();
+        let parts = (0..400).map(|seed| Drives::new("board", seed, &config).rpm_per_v()[0] / 40.0);
+        let [low, high] = parts.fold([9.0, 0.0], |[low, high]: [f64; 2], part| {
+            [low.min(part), high.max(part)]
+        });
+        assert!((0.95..0.952).contains(&low) && (1.048..=1.05).contains(&high));
+    }
 }

@@ -463,3 +463,20 @@ fn a_board_tells_its_configuration() {
     assert_eq!(*bench.board.config(), config);
     assert_ne!(config, Config::default());
 }
+
+/// 11 V without a loss; a loss of 3,600 V an hour leaves 10 V after a second.
+#[test]
+fn the_supply_is_that_of_the_battery() {
+    let config = |drain| Config {
+        supply_v: 11.0,
+        drain_v_per_h: [drain, 0.0],
+        ..motors_alike()
+    };
+    let supply_v = |drain| {
+        let mut bench = bench(config(drain), &[]);
+        bench.run(1_000);
+        bench.board.supply_v()
+    };
+    assert!((supply_v(0.0) - 11.0).abs() < 1e-9);
+    assert!((supply_v(3_600.0) - 10.0).abs() < 1e-3);
+}

@@ -196,4 +196,55 @@ mod tests {
         assert_eq!(taken(&mut uart), 46 * 22);
         assert_eq!(uart.dropped(), 100 - 46);
     }
+
+    /// Four characters take 347.2 us; a packet behind them starts when they are out.
+    #[test]
+    fn text_goes_out_at_once_and_holds_the_line() {
+        let mut uart = Uart::default();
+        assert!(!uart.has_output());
+        uart.print(Instant::from_millis(1), "boot");
+        assert!(uart.has_output());
+        assert_eq!(uart.transmit(&mut [0; 3]), 3);
+        assert!(uart.has_output());
+        assert_eq!(uart.transmit(&mut [0; 3]), 1);
+        assert!(!uart.has_output());
+        uart.push(Instant::from_millis(1), &PACKET);
+        assert_eq!(uart.release_at().map(Instant::as_micros), Some(1_347));
+        uart.release(Instant::from_micros(1_347), None);
+        assert_eq!(taken(&mut uart), 0);
+        uart.release(Instant::from_micros(1_348), None);
+        assert_eq!((taken(&mut uart), uart.release_at()), (22, None));
+    }
+
+    /// Seven bytes of the packet that was accepted last are out 607.6 us behind its start: the
+    /// second packet starts at 1,909.7 us. Without a packet they count from the end of the last.
+    #[test]
+    fn a_part_of_the_last_packet_is_out_later() {
+        let mut uart = Uart::default();
+        uart.push(Instant::ZERO, &PACKET);
+        assert_eq!(uart.part_out_at(7).as_micros(), 607);
+        uart.push(Instant::ZERO, &PACKET);
+        assert_eq!(uart.part_out_at(7).as_micros(), 2_517);
+        uart.release(Instant::from_millis(2), None);
+        assert_eq!(uart.part_out_at(7).as_micros(), 4_427);
+    }
+
+    /// A restart forgets what waits; what was handed to the line stays, unless the supply is cut.
+    #[test]
+    fn a_restart_forgets_packets_and_a_cut_supply_bytes() {
+        let mut uart = Uart::default();
+        for _ in 0..3 {
+            uart.push(Instant::ZERO, &PACKET);
+        }
+        uart.release(Instant::ZERO, None);
+        let now = Instant::from_millis(1);
+        uart.reset(now);
+        assert_eq!((uart.release_at(), uart.free_at), (None, now));
+        assert_eq!(taken(&mut uart), 22);
+        uart.push(now, &PACKET);
+        uart.release(now, None);
+        assert!(uart.has_output());
+        uart.power_off(now);
+        assert!(!uart.has_output());
+    }
 }

@@ -245,3 +245,12 @@ fn a_receiver_waits_until_a_frame_begins() {
         assert!(bench.base.receiver.is_waiting(), "{profile:?}");
     }
 }
+
+/// Nine bytes of ten bits in 810 us: 111,111 baud; the bus has a byte each 10 us.
+#[test]
+fn each_port_has_its_own_rate() {
+    let base = AvrBase::new(AvrBaseConfig::default(), 1);
+    let rate = |port| base.line_config(port).byte_time().as_nanos();
+    assert_eq!(rate(AvrBase::BUS), 10_000);
+    assert!((89_900..=90_100).contains(&rate(AvrBase::DEBUG)));
+}

@@ -332,4 +332,19 @@ mod tests {
         let names = ["left", "right", "middle"].map(|name| find(Select::from(name)));
         assert_eq!(names, [Some(0), Some(1), None]);
     }
+
+    /// Half of full speed is 127.5 of 255, which is rounded to 128; a motor without speed, and a
+    /// servo, brake.
+    #[test]
+    fn a_speed_is_a_part_of_full_drive() {
+        let drive = |speed, full| Command::Speed(speed).as_drive(full);
+        let powers = [0.175, -0.35, 0.7, -9.0, 0.0].map(|speed| drive(speed, 0.35));
+        assert_eq!(powers, [128, -255, 255, -255, 0].map(Drive::Power));
+        assert_eq!(drive(1.0, 2.0), Drive::Power(128));
+        assert_eq!(drive(1.0, 0.0), Drive::Brake);
+        assert_eq!(Command::Angle(1.0).as_drive(1.0), Drive::Brake);
+        for drive in [Drive::Power(-7), Drive::Coast, Drive::Brake] {
+            assert_eq!(Command::from(drive).as_drive(0.35), drive);
+        }
+    }
 }

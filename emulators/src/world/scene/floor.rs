@@ -143,4 +143,14 @@ mod tests {
         assert!(covers(-0.009, 0.0) && !covers(-0.011, 0.0));
         assert!(covers(5.009, 0.0) && !covers(5.011, 0.0));
     }
+
+    #[test]
+    fn what_is_wrong_with_a_line_is_told() {
+        let line = |x, width_m| FloorLine::new(Point::default(), Point::new(x, 0.0), width_m);
+        let told = |line: Result<FloorLine, FloorLineError>| line.unwrap_err().to_string();
+        assert_eq!(told(line(f64::NAN, 0.02)), "a coordinate is not finite");
+        assert_eq!(told(line(1.0, 2.0)), "width is 2 m, expected 0.001 to 1");
+        let from_nowhere = FloorLine::new(Point::new(0.0, f64::NAN), Point::default(), 0.02);
+        assert_eq!(from_nowhere, Err(FloorLineError::NotFinite));
+    }
 }

@@ -102,3 +102,89 @@ fn whole(bytes: &[u8]) -> Vec<Turn> {
     }
     turns
 }
+
+#[cfg(test)]
+mod tests {
+    use protocols::xv11::{RawReading, SpeedWord};
+
+    use super::*;
+
+    /// A packet at this speed whose four distances are its index and 1 m.
+    fn packet(index: u8, rpm: u16) -> Vec<u8> {
+        let reading = RawReading::from(Reading::Range {
+            distance_mm: 1_000 + u16::from(index),
+            strength: 50,
+            weak: false,
+        });
+        let frame = Frame::new(index, SpeedWord(64 * rpm), [reading; 4]);
+        frame.as_bytes().to_vec()
+    }
+
+    fn turn_at(rpm: u16) -> Vec<u8> {
+        (0..90).flat_map(|index| packet(index, rpm)).collect()
+    }
+
+    /// Six packets a tooth: the second of them has its speed first.
+    #[test]
+    fn a_turn_has_fifteen_teeth_and_360_readings() {
+        let mut bytes = Vec::new();
+        for index in 0..90 {
+            bytes.extend(packet(index, if index % 6 == 1 { 290 } else { 300 }));
+        }
+        let turns = whole(&bytes);
+        assert_eq!(turns.len(), 1);
+        assert_eq!(turns[0].speeds_rpm, [290.0; 15]);
+        assert_eq!((turns[0].readings.len(), turns[0].packets.len()), (360, 90));
+        assert_eq!(turns[0].range(4), Some((1_001.0, 50.0)));
+        assert_eq!(turns[0].range(359), Some((1_089.0, 50.0)));
+        assert_eq!(turns[0].rpm(), 290.0);
+    }
+
+    /// Half a turn before the first, a lost packet in the second, half a turn at the end.
+    #[test]
+    fn only_turns_in_order_are_whole() {
+        let half: Vec<u8> = (45..90).flat_map(|index| packet(index, 300)).collect();
+        let torn = (0..90).filter(|index| *index != 50);
+        let torn: Vec<u8> = torn.flat_map(|index| packet(index, 200)).collect();
+        let begun: Vec<u8> = (0..60).flat_map(|index| packet(index, 300)).collect();
+        let bytes = [half, turn_at(310), torn, turn_at(320), turn_at(330), begun].concat();
+        let speeds: Vec<f64> = whole(&bytes).iter().map(Turn::rpm).collect();
+        assert_eq!(speeds, [310.0, 320.0, 330.0]);
+        assert!(whole(&[]).is_empty());
+    }
+
+    /// Of 100, 300, 300, 308, 292, 310 and 300 turns a minute the median is 300, of which 3 % are
+    /// 9: the first is too slow, and the sixth, which is too fast, is the end.
+    #[test]
+    fn turns_are_steady_within_three_per_cent_of_the_median() {
+        let bytes = [100, 300, 300, 308, 292, 310, 300].map(turn_at).concat();
+        let speeds: Vec<f64> = steady(&bytes).iter().map(Turn::rpm).collect();
+        assert_eq!(speeds, [300.0, 300.0, 308.0, 292.0]);
+        assert!(steady(&[1, 2, 3]).is_empty());
+    }
+
+    /// 50,000 units of 10 ns a degree are 0.18 s a turn, 333.3 a minute; none at all is a
+    /// millisecond.
+    #[test]
+    fn a_frame_of_2_1_has_one_speed() {
+        let reading = RawReading::from(Reading::Range {
+            distance_mm: 1_234,
+            strength: 70,
+            weak: true,
+        });
+        let missing = RawReading::from(Reading::Invalid {
+            code: 0x35,
+            strength: 0,
+        });
+        let mut readings = [reading; 360];
+        readings[7] = missing;
+        let frames = [50_000, 0].map(|period| turn::Frame::new(period, &readings));
+        let bytes = frames.map(|frame| frame.as_bytes().to_vec()).concat();
+        let turns = whole(&bytes);
+        assert_eq!(turns.len(), 2);
+        assert!((turns[0].rpm() - 1_000.0 / 3.0).abs() < 1e-9);
+        assert_eq!(turns[1].speeds_rpm, [60_000.0]);
+        assert_eq!(turns[0].range(6), Some((1_234.0, 70.0)));
+        assert_eq!((turns[0].range(7), turns[0].packets.len()), (None, 0));
+    }
+}

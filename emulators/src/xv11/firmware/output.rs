@@ -174,4 +174,44 @@ mod tests {
         let expected = [0xA0 + 87, 0xA0 + 89, 0xA0].map(|at| (0x12FA, [0xFA, at], true));
         assert_eq!(seen, expected);
     }
+
+    /// A wait for a tooth is over at its time, unless measuring is to continue by itself.
+    #[test]
+    fn a_wait_without_a_second_edge_is_given_up_at_its_time() {
+        use crate::xv11::Config;
+        use crate::xv11::firmware::{FreeRun, Resume};
+        let at = Instant::from_millis;
+        let due = |resume: Option<Instant>, now: Instant| {
+            let mut lidar = Xv11::new("lidar", 1, Config::default());
+            let run = FreeRun {
+                code: code::WAITING,
+                from: at(5),
+                base: 0,
+                tick: 1,
+            };
+            let pace = Pace {
+                edge: at(5),
+                first: 3,
+                count: 24,
+                slot_s: 1e-3,
+                angle_deg: 0.0,
+                deg_per_s: 1_000.0,
+            };
+            lidar.firmware.phase = Phase::Slow {
+                run,
+                resume: resume.map(|at| Resume {
+                    at,
+                    pace,
+                    doubled: false,
+                }),
+                give_up_at: at(20),
+            };
+            lidar.give_up_due(now)
+        };
+        let waits = [19, 20, 21].map(|millis| due(None, at(millis)));
+        assert_eq!(waits, [false, true, true]);
+        assert!(!due(Some(at(30)), at(21)));
+        let lidar = Xv11::new("lidar", 1, Config::default());
+        assert!(!lidar.give_up_due(at(9_000)));
+    }
 }

@@ -483,4 +483,67 @@ mod tests {
         assert!(matches!(lidar.firmware.phase, Phase::Locked));
         assert_eq!(lidar.firmware.good_teeth, 0);
     }
+
+    /// While the next tooth is not known, the head turns by six degrees a second for each rpm; else
+    /// by the rest of the way to that tooth. 1 / 75 s are 24 slots of 0.5556 ms.
+    #[test]
+    fn a_pace_has_the_speed_of_the_head() {
+        let (mut lidar, seen) = turning(3, 1.0 / 75.0);
+        lidar.edge_at = None;
+        let pace = lidar.pace(seen, seen.took_s);
+        let deg_per_s = lidar.rotor.speed_rpm() * 6.0;
+        assert!((pace.deg_per_s - deg_per_s).abs() < 1e-9 && deg_per_s > 1_000.0);
+        assert!((pace.slot_s - 1.0 / 75.0 / 24.0).abs() < 1e-12);
+        assert_eq!((pace.first, pace.count, pace.edge), (75, 24, seen.at));
+        let missing = lidar.encoder.edge_deg() + lidar.encoder.ahead_deg();
+        let missing = missing - lidar.rotor.angle_deg();
+        lidar.edge_at = Some(seen.at + Duration::from_millis(10));
+        let ahead = Tooth {
+            ahead_deg: 0.5,
+            edge_deg: 7.0,
+            ..seen
+        };
+        let pace = lidar.pace(ahead, seen.took_s);
+        assert!((pace.deg_per_s - (missing - 0.5) * 100.0).abs() < 1e-6);
+        assert_eq!(pace.angle_deg, 7.5);
+    }
+
+    /// A wait sends code 0x22 from the tooth's packet on: 24 degrees are six packets. It ends after
+    /// one and a half teeth. A loss continues with the packet of the next slot and restarts 603 ms
+    /// behind the last tooth.
+    #[test]
+    fn a_wait_and_a_loss_begin_at_their_packets() {
+        let (mut lidar, seen) = turning(3, 1.0 / 75.0);
+        lidar.slow_down(seen);
+        let Phase::Slow {
+            run, give_up_at, ..
+        } = lidar.firmware.phase
+        else {
+            panic!("it waits");
+        };
+        assert_eq!((run.code, run.from, run.base), (code::WAITING, seen.at, 18));
+        let waits = (give_up_at - seen.at).as_nanos();
+        assert!(waits.abs_diff(20_000_000) <= 1, "{waits}");
+
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let world = World::new(scene, BodyConfig::default(), Pose::default(), 1).expect("free");
+        let (mut lidar, seen) = turning(3, 1.0 / 75.0);
+        let pace = Pace {
+            first: 250,
+            edge: seen.at,
+            ..lidar.pace(seen, seen.took_s)
+        };
+        lidar.firmware.scan.follow(pace, 7);
+        lidar.firmware.last_edge = Some(seen.at);
+        lidar.firmware.good_teeth = 4;
+        lidar.lose(seen.at, &world);
+        let Phase::Lost { run } = lidar.firmware.phase else {
+            panic!("it is lost");
+        };
+        // Slot 257 lies in packet 64.
+        assert_eq!((run.code, run.from, run.base), (code::LOST, seen.at, 64));
+        assert_eq!(lidar.firmware.good_teeth, 0);
+        let restart_at = lidar.firmware.restart_at.expect("it restarts");
+        assert_eq!((restart_at - seen.at).as_micros(), 603_000);
+    }
 }

@@ -142,3 +142,37 @@ fn the_outer_wheel_travels_farther() {
 fn a_car_counts_its_shaft_alone_by_default() {
     assert_eq!(car(prompt()).encoders().len(), 1);
 }
+
+/// Drawn every 20 steps, 0.02 s, with a deviation of 0.5 by the root of 0.02. It counts by the root
+/// of the wheels' speed: 0.3 of it at 0.36 m/s is 0.18 rad/s, forwards and backwards.
+#[test]
+fn the_heading_has_noise_by_the_root_of_the_speed() {
+    let mut noisy = car(AckermannConfig {
+        heading_noise_rad: 0.5,
+        ..prompt()
+    });
+    let mut squares = Vec::new();
+    for number in 0..20_000 {
+        let before = noisy.heading_noise_now;
+        noisy.begin_step(number);
+        let is_drawn = noisy.heading_noise_now != before;
+        assert_eq!(is_drawn, number % 20 == 0, "{number}");
+        if is_drawn {
+            squares.push(noisy.heading_noise_now.powi(2));
+        }
+    }
+    let square = squares.iter().sum::<f64>() / 1_000.0;
+    assert!((square / (0.25 / 0.02) - 1.0).abs() < 0.15, "{square}");
+    for speed in [0.36, -0.36] {
+        let mut car = car(prompt());
+        car.actuate(DRIVE, Command::Speed(speed));
+        car.heading_noise_now = 0.3;
+        let moved = (1..99).map(|number| {
+            car.heading_noise_now = 0.3;
+            (car.begin_step(number), car.actual(DRIVE))
+        });
+        let (velocity, rolled) = moved.last().expect("98 steps");
+        let expected = 0.3 * rolled.abs().sqrt();
+        assert!(rolled.abs() > 0.05 && (velocity.turn_rad_s - expected).abs() < 1e-9);
+    }
+}
