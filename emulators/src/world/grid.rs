@@ -483,4 +483,52 @@ mod tests {
         let (to, across) = Walk::axis(0.25, 0.0, 0.5);
         assert!((1e9..2e9).contains(&to) && (4e9..6e9).contains(&across));
     }
+
+    /// Two walls along the sides of 4 m by 2 m: cells of half a metre, 9 by 5 of them, and a ring
+    /// around them. The ring is half a metre wide, so (1.2, 0.7) lies in column 3 and row 2 of 11.
+    #[test]
+    fn a_place_lies_in_its_cells() {
+        let wall = |x: f64, y: f64| {
+            let wall = Segment::new(Point::default(), Point::new(x, y)).expect("long");
+            Primitive::Segment(wall)
+        };
+        let walls = [wall(4.0, 0.0), wall(0.0, 2.0)];
+        let grid = Grid::new(&walls, bounds(&walls));
+        assert_eq!((grid.columns, grid.rows, grid.cell_m), (11, 7, 0.5));
+        let cells = |x: f64, y: f64, reach: f64| -> Vec<u32> {
+            grid.cells(Bounds::around(Point::new(x, y), reach))
+                .collect()
+        };
+        assert_eq!(cells(1.2, 0.7, 0.1), [25]);
+        assert_eq!(cells(1.2, 0.7, 0.25), [13, 14, 24, 25]);
+        // The corners of the grid, within the ring.
+        assert_eq!(cells(-0.2, -0.2, 0.25), [12]);
+        assert_eq!(cells(4.3, 2.3, 0.1), [5 * 11 + 9]);
+        assert_eq!(cells(2.0, 1.0, 90.0).len(), 45);
+        // Larger scenes have larger cells: 640 m by 128.
+        let far = [wall(640.0, 0.0), wall(0.0, 64.0)];
+        let grid = Grid::new(&far, bounds(&far));
+        assert!((grid.cell_m - 5.0).abs() < 1e-6 && (grid.per_metre - 0.2).abs() < 1e-6);
+        assert!((130..=131).contains(&grid.columns) && (15..=16).contains(&grid.rows));
+    }
+
+    /// From column 0, at half a column a metre, the grid begins after 2 m; from row 14, backwards,
+    /// after 2 m at two rows a metre, and ends after 6.5 m.
+    #[test]
+    fn a_ray_enters_the_grid_at_its_later_side() {
+        assert_eq!(entry([(0.0, 0.5, 9.0), (5.0, 0.0, 10.0)]), Some(2.0));
+        assert_eq!(entry([(5.0, 0.0, 9.0), (14.0, -2.0, 10.0)]), Some(2.0));
+        assert_eq!(entry([(0.0, 0.25, 9.0), (14.0, -2.0, 10.0)]), Some(4.0));
+        assert_eq!(entry([(0.0, 0.125, 9.0), (14.0, -2.0, 10.0)]), None);
+        // Beside the grid, and away from it.
+        assert_eq!(entry([(0.5, 0.0, 9.0), (5.0, 1.0, 10.0)]), None);
+        assert_eq!(entry([(9.5, 0.0, 9.0), (5.0, 1.0, 10.0)]), None);
+        assert_eq!(entry([(0.0, -0.5, 9.0), (5.0, 0.0, 10.0)]), None);
+        // So slow that it stays in its column, and just not.
+        assert_eq!(entry([(0.0, 0.5 * STILL, 9.0), (5.0, 0.0, 9.0)]), None);
+        assert_eq!(entry([(0.0, STILL, 9.0), (5.0, 0.0, 9.0)]), Some(1e10));
+        // The sides of the grid belong to it.
+        assert_eq!(entry([(1.0, 0.0, 9.0), (9.0, -1.0, 8.0)]), Some(1.0));
+        assert_eq!(entry([(9.0, 0.0, 9.0), (9.0, -1.0, 8.0)]), Some(1.0));
+    }
 }

@@ -414,4 +414,222 @@ mod tests {
         assert!(cast(0.1, f64::NAN).is_err() && cast(0.1, 1e5).is_err());
         assert!(cast(-2.1, 0.0).is_err() && cast(f64::NAN, 0.0).is_err());
     }
+
+    fn wall(from: (f64, f64), to: (f64, f64)) -> Primitive {
+        let [from, to] = [from, to].map(|(x, y)| Point::new(x, y));
+        Primitive::Segment(Segment::new(from, to).expect("long"))
+    }
+
+    fn circle(x: f64, y: f64, radius: f64) -> Primitive {
+        let center = Point::new(x, y);
+        Primitive::Circle(Circle { center, radius })
+    }
+
+    /// All of a place lies within 0.176778 m of its middle, and a sector has 1.40625 degrees. A
+    /// wall across at 2 m, a metre to either side, is 1.823222 m away, seen 26.565 + 4.534 degrees
+    /// to either side. The slanted wall of 5 m has its end at (2, 1.5) from the middle, 2.5 m away,
+    /// and its line 0.7 m. A wall whose line crosses the place has no line. The middle of the
+    /// second circle is 2.5 m away, at 143.13 degrees, with a reach of 0.426778 m.
+    #[test]
+    fn a_primitive_is_seen_in_its_sectors_from_its_distance_on() {
+        let near = |found: f64, expected: f64| (found - expected).abs() < 2e-6;
+        let view = |primitive: Primitive, middle: (f64, f64)| {
+            View::of(&primitive, Point::new(middle.0, middle.1))
+        };
+        for (primitive, middle, first, count, distance, line) in [
+            (
+                wall((2.0, -1.0), (2.0, 1.0)),
+                (0.0, 0.0),
+                233,
+                46,
+                1.823_222,
+                1.823_222,
+            ),
+            (
+                wall((-2.0, 1.0), (-2.0, -1.0)),
+                (0.0, 0.0),
+                105,
+                46,
+                1.823_222,
+                1.823_222,
+            ),
+            (
+                wall((1.0, 2.0), (4.0, 6.0)),
+                (-1.0, 0.5),
+                23,
+                12,
+                2.323_222,
+                0.523_222,
+            ),
+            (
+                wall((4.0, 6.0), (1.0, 2.0)),
+                (-1.0, 0.5),
+                23,
+                12,
+                2.323_222,
+                0.523_222,
+            ),
+            (
+                wall((1.0, 1.0), (3.0, 3.0)),
+                (0.0, 0.1),
+                24,
+                12,
+                1.168_585,
+                0.0,
+            ),
+            (circle(3.0, 0.0, 0.5), (0.0, 0.0), 246, 20, 2.323_222, 0.0),
+            (circle(-1.0, 3.5, 0.25), (1.0, 2.0), 94, 15, 2.073_222, 0.0),
+        ] {
+            let view = view(primitive, middle);
+            assert_eq!(
+                (view.first % SECTORS, view.count),
+                (first, count),
+                "{primitive:?}"
+            );
+            assert!(
+                near(view.distance, distance),
+                "{primitive:?} {}",
+                view.distance
+            );
+            let line_m = view.line.map_or(0.0, |(_, line_m)| line_m);
+            assert!(near(line_m, line), "{primitive:?} {line_m}");
+        }
+        // Around a place within a circle, and around one that a wall touches.
+        let within = view(circle(0.1, 0.0, 2.0), (0.0, 0.0));
+        assert_eq!((within.first, within.count), (0, SECTORS));
+        assert!(near(within.distance, 1.723_222) && within.line.is_none());
+        let touched = view(wall((0.17, -1.0), (0.17, 1.0)), (0.0, 0.0));
+        assert_eq!(
+            (touched.first, touched.count, touched.distance),
+            (0, SECTORS, 0.0)
+        );
+    }
+
+    /// The wall at 2 m in the sector straight ahead: its own distance. At 28.1 to 29.5 degrees the
+    /// greater sine is 0.8820, and 1.823222 m by it are 2.0671 m.
+    #[test]
+    fn a_wall_is_farther_away_in_slanted_sectors() {
+        let near = |found: f64, expected: f64| (found - expected).abs() < 1e-6;
+        let square = View::of(&wall((2.0, -1.0), (2.0, 1.0)), Point::default());
+        let bounds = [0, 20, 30, 250].map(|sector| square.bound(sector));
+        let by_hand = [1.823_219, 2.067_093, 2.460_316, 1.836_850];
+        assert!(
+            bounds.iter().zip(by_hand).all(|(a, b)| near(*a, b)),
+            "{bounds:?}"
+        );
+        let slanted = View::of(&wall((1.0, 2.0), (4.0, 6.0)), Point::new(-1.0, 0.5));
+        assert!(near(slanted.bound(20), 2.323_219) && near(slanted.bound(30), 2.754_878));
+        let round = View::of(&circle(3.0, 0.0, 0.5), Point::default());
+        assert!(near(round.bound(0), 2.323_219) && near(round.bound(77), 2.323_219));
+    }
+
+    /// A reach of 2.5 m at 5 m is 30 degrees; from within it is a quarter turn.
+    #[test]
+    fn directions_fall_into_sectors() {
+        let at = Point::new(3.0, 4.0);
+        assert!((half_width(at, 2.5) - TAU / 12.0).abs() < 1e-12);
+        assert!((half_width(at, 9.0) - TAU / 4.0).abs() < 1e-12);
+        let sector = |degrees: f64| sector_of(degrees.to_radians());
+        assert_eq!([0.1, 1.4, 1.5, 90.1, 359.9].map(sector), [0, 0, 1, 64, 255]);
+        assert_eq!([-0.1, -90.1, -359.9, 450.1].map(sector), [255, 191, 0, 64]);
+    }
+
+    /// Six are listed, the nearest first; the rest begins with the seventh.
+    #[test]
+    fn a_sector_lists_its_nearest() {
+        let mut sector = Sector {
+            listed: [(f64::INFINITY, 0); LISTED],
+            rest: f64::INFINITY,
+        };
+        for (index, bound) in (10..).zip([5.0, 3.0, 8.0, 1.0, 7.0, 2.0]) {
+            sector.add(index, bound);
+            assert_eq!(sector.rest, f64::INFINITY);
+        }
+        sector.add(16, 9.0);
+        assert_eq!(sector.rest, 9.0);
+        sector.add(17, 4.0);
+        let expected = [
+            (1.0, 13),
+            (2.0, 15),
+            (3.0, 11),
+            (4.0, 17),
+            (5.0, 10),
+            (7.0, 14),
+        ];
+        assert_eq!((sector.listed, sector.rest), (expected, 8.0));
+    }
+
+    fn bounds_of(width: f64, height: f64) -> Bounds {
+        let min = Point::new(1.0, -2.0);
+        let max = Point::new(1.0 + width, -2.0 + height);
+        Bounds { min, max }
+    }
+
+    /// 4 m by 2 m are 17 by 9 places of a quarter of a metre. 128 by 128 are the most, with 1024
+    /// primitives.
+    #[test]
+    fn a_small_scene_has_places() {
+        let walls = |count: usize| vec![wall((1.0, -2.0), (2.0, -2.0)); count];
+        let places = |count: usize, width: f64, height: f64| {
+            let places = Places::new(&walls(count), bounds_of(width, height));
+            (places.columns, places.places.len())
+        };
+        assert_eq!(places(1, 4.0, 2.0), (17, 17 * 9));
+        assert_eq!(
+            (places(1024, 4.0, 2.0).1, places(1025, 4.0, 2.0).1),
+            (153, 0)
+        );
+        assert_eq!(
+            (places(1, 31.9, 31.9).1, places(1, 32.0, 31.9).1),
+            (16_384, 0)
+        );
+        assert_eq!((places(1, 31.9, 32.0).1, places(0, 4.0, 2.0).1), (0, 0));
+    }
+
+    /// Two rays for each wall are counted at their own place, and the next one prepares it, seen
+    /// from its middle. Beyond the scene there is no place.
+    #[test]
+    fn a_ray_counts_at_its_place() {
+        let walls = [
+            wall((1.0, -2.0), (5.0, -2.0)),
+            wall((5.0, -2.0), (5.0, 0.0)),
+        ];
+        let places = Places::new(&walls, bounds_of(4.0, 2.0));
+        let at = Point::new(1.8, -1.6);
+        for rays in 1..=4 {
+            assert!(places.sectors_at(&walls, at).is_none());
+            // Column 3 from 1.75 m, row 1 from -1.75 m.
+            let counted = places
+                .places
+                .iter()
+                .map(|place| place.rays.load(Ordering::Relaxed));
+            let counted: Vec<u32> = counted.collect();
+            assert_eq!((counted[17 + 3], counted.iter().sum::<u32>()), (rays, rays));
+        }
+        let prepared = places.sectors_at(&walls, at).expect("enough rays");
+        let expected = sectors(&walls, Point::new(1.875, -1.625));
+        for (found, expected) in prepared.iter().zip(&expected) {
+            assert_eq!((found.listed, found.rest), (expected.listed, expected.rest));
+        }
+        assert_eq!(places.prepared.load(Ordering::Relaxed), 1);
+        for (x, y) in [(0.9, -1.0), (5.3, -1.0), (3.0, -2.1), (3.0, 0.3)] {
+            for _ in 0..9 {
+                assert!(places.sectors_at(&walls, Point::new(x, y)).is_none());
+            }
+        }
+    }
+
+    #[test]
+    fn no_more_than_256_places_are_prepared() {
+        let walls = [wall((1.0, -2.0), (2.0, -2.0))];
+        let places = Places::new(&walls, bounds_of(5.0, 5.0));
+        let mut prepared = 0;
+        for place in 0..300_u32 {
+            let at = |cell: u32, corner: f64| corner + 0.25 * f64::from(cell) + 0.1;
+            let at = Point::new(at(place % 20, 1.0), at(place / 20, -2.0));
+            let asked = (0..3).filter(|_| places.sectors_at(&walls, at).is_some());
+            prepared += asked.count();
+        }
+        assert_eq!(prepared, 256);
+    }
 }

@@ -289,4 +289,26 @@ mod tests {
         assert_eq!([2.0, 1.0, 3.0, 0.0].map(seen), [4.0, 3.0, 1.0, 2.0]);
         assert_eq!(seen(-3.0), f64::INFINITY);
     }
+
+    /// Within a circle of 2 m there is something in each column, to whichever side its middle lies;
+    /// straight ahead it is the root of 4 - 1 away if the middle is a metre aside.
+    #[test]
+    fn a_camera_in_a_circle_sees_it_in_each_column() {
+        for (x, y) in [(0.0, 1.0), (0.0, -1.0), (-1.0, 0.5), (1.0, -0.5)] {
+            let circle = Shape::Circle {
+                center: Point::new(x, y),
+                radius_m: 2.0,
+            };
+            let scene = Scene::new([circle], Vec::new()).unwrap();
+            let row = Row {
+                camera: Pose::default(),
+                focal_px: 50.0,
+            };
+            let mut columns = [0.0; 301];
+            scene.draw_row(Instant::ZERO, row, &mut columns);
+            assert!(columns.iter().all(|inverse| *inverse > 0.0), "{x} {y}");
+            let depth = x + (4.0 - y * y).sqrt();
+            assert!((1.0 / columns[150] - depth).abs() < 1e-9, "{x} {y}");
+        }
+    }
 }

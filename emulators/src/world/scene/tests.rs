@@ -367,3 +367,21 @@ fn of_two_surfaces_in_one_place_the_first_is_met() {
     assert_eq!(fixed, Fixture::from(circle(2.0, 0.0, 0.5)).reflectivity);
     assert_ne!(fixed, 0.4);
 }
+
+/// Each coordinate of either end, and the radius of a pillar.
+#[test]
+fn a_wall_with_one_end_nowhere_is_refused() {
+    for nowhere in [f64::NAN, f64::INFINITY] {
+        for shape in [
+            wall(nowhere, 0.0, 1.0, 1.0),
+            wall(0.0, nowhere, 1.0, 1.0),
+            wall(0.0, 0.0, nowhere, 1.0),
+            wall(0.0, 0.0, 1.0, nowhere),
+            circle(nowhere, 0.0, 1.0),
+            circle(0.0, 0.0, nowhere),
+        ] {
+            let (part, cause) = fault(vec![shape], vec![]);
+            assert_eq!((part, cause), (Part::Fixture(0), Cause::NotFinite));
+        }
+    }
+}

@@ -190,4 +190,25 @@ mod tests {
         assert_eq!(range(10.0, 1.9), None);
         assert!((range(0.0, 6.0).unwrap() - 2.0).abs() < 1e-12);
     }
+
+    /// A cut scene keeps lines on the floor, warm plates and slick floors, which have no height.
+    #[test]
+    fn a_slice_keeps_what_has_no_height() {
+        use super::super::{FloorLine, HeatPlate, SlickFloor};
+        use crate::world::geometry::Bounds;
+        let [from, to] = [Point::new(0.0, 0.0), Point::new(1.0, 0.0)];
+        let line = FloorLine::new(from, to, 0.02).unwrap();
+        let plate = HeatPlate::new(from, to, 37.0).unwrap();
+        let slick = SlickFloor::new(Bounds::around(from, 1.0), 0.1).unwrap();
+        let scene = Scene::new([wall(1.0, 0.3), wall(2.0, 1.0)], vec![]).unwrap();
+        let scene = scene.with_floor_lines(vec![line]);
+        let scene = scene.with_heat_plates(vec![plate]);
+        let scene = scene.with_slick_floors(vec![slick]);
+        for seen in [scene.slice(0.35), scene.for_lidar(0.35)] {
+            assert_eq!(range(&seen), Some(2.0));
+            assert_eq!(seen.floor_lines(), [line]);
+            assert_eq!(seen.heat_plates(), [plate]);
+            assert_eq!(seen.grip_at(Point::new(0.5, 0.0)), Some(0.1));
+        }
+    }
 }
