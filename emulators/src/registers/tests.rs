@@ -319,3 +319,30 @@ fn values_are_those_of_the_table_in_its_order() {
     }
     assert_eq!(slave.values(Instant::ZERO, &world()), [0, 1_000, 700]);
 }
+
+/// Address 255 is that of the error frame: a value ends before it. Two values may touch.
+#[test]
+fn a_table_ends_before_the_error_register() {
+    let table = |places: &[(u8, Width)]| {
+        let registers = places
+            .iter()
+            .map(|&(address, width)| register(address, width, Access::Write, ValueSource::Stored));
+        slave_with(registers.collect())
+            .map(|_| ())
+            .map_err(|error| error.message)
+    };
+    for place in [(254, Width::U8), (253, Width::I16), (251, Width::U32)] {
+        assert_eq!(table(&[place]), Ok(()), "{place:?}");
+    }
+    for place in [(255, Width::I8), (254, Width::U16), (252, Width::I32)] {
+        let message = "it ends at 256, expected before 255".to_owned();
+        assert_eq!(table(&[place]), Err(message), "{place:?}");
+    }
+    assert_eq!(
+        table(&[(1, Width::U16), (3, Width::U8), (0, Width::I8)]),
+        Ok(())
+    );
+    let belongs = |address| Err(format!("address {address} belongs to \"at-1\""));
+    assert_eq!(table(&[(1, Width::U16), (2, Width::U8)]), belongs(2));
+    assert_eq!(table(&[(1, Width::U16), (0, Width::U16)]), belongs(0));
+}

@@ -312,3 +312,15 @@ fn a_window_beyond_the_panel_is_counted() {
     let broken = panel.broken_rules().expect("it has a log");
     assert!(broken.iter().eq([("window-outside", 2)]));
 }
+
+/// Three pixels of one colour and two of another are two runs.
+#[test]
+fn runs_of_pixels_are_drawn_one_behind_the_other() {
+    let mut panel = TouchPanel::new(Vec::new());
+    let drawn = drawing(window([10, 1], [14, 1]), &[7, 7, 7, 9, 9]);
+    assert_eq!(drawn[1], panel::RUNS);
+    panel.receive(TouchPanel::UART, Instant::ZERO, &drawn);
+    let row = &panel.pixels()[WIDTH..2 * WIDTH];
+    assert_eq!(row[9..16], [0, 7, 7, 7, 9, 9, 0]);
+    assert_eq!(panel.frames(), [1, 0]);
+}

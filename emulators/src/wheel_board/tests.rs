@@ -480,3 +480,14 @@ fn the_supply_is_that_of_the_battery() {
     assert!((supply_v(0.0) - 11.0).abs() < 1e-9);
     assert!((supply_v(3_600.0) - 10.0).abs() < 1e-3);
 }
+
+/// The multiplexer has eight channels; more bits than that choose the last.
+#[test]
+fn a_channel_beyond_the_multiplexer_is_its_last() {
+    let mut bench = bench(motors_alike(), &[]);
+    let mut chosen = |channel| {
+        bench.board.outputs.channel = channel;
+        bench.board.sample(bench.now).channel
+    };
+    assert_eq!([0, 7, 8, 255].map(&mut chosen), [0, 7, 7, 7]);
+}

@@ -282,4 +282,48 @@ mod tests {
         assert!((contact.speed_m_s - 1.0).abs() < 1e-12, "{contact:?}");
         assert!((contact.own_m_s - 0.5).abs() < 1e-12, "{contact:?}");
     }
+
+    /// Of a rectangle that reaches 0.5 m: speed, a push in both axes and the corners of a turn use
+    /// up 2 + 0.25 + 0.5 + 4 times 0.5 mm in a step of 1 ms. Two micrometres are a margin.
+    #[test]
+    fn all_parts_of_a_motion_use_free_distance_up() {
+        let scene = Scene::new::<Shape>([], vec![]).expect("empty");
+        let body = Footprint::rectangle(0.3, 0.3, 0.8).expect("a rectangle");
+        let mut bumper = Bumper::new(&scene, body);
+        let wanted = Motion {
+            speed: -2.0,
+            turn: -4.0,
+            drift: Point::new(-0.25, 0.5),
+            ..Motion::default()
+        };
+        for left in [1.0 - 2e-6 - 4.75e-3, 1.0 - 2e-6 - 9.5e-3] {
+            assert_eq!(bumper.constrain(&scene, Instant::ZERO, wanted), wanted);
+            assert!((bumper.free - left).abs() < 1e-9, "{} {left}", bumper.free);
+        }
+    }
+
+    /// A wall 0.9 m from a body of 0.1 m; a limit below the margin of 2 cm, and one above.
+    #[test]
+    fn free_distance_is_limited() {
+        let wall = Shape::Wall {
+            from: Point::new(1.0, -5.0),
+            to: Point::new(1.0, 5.0),
+        };
+        let scene = Scene::new([wall], vec![]).expect("a wall");
+        let bumper = Bumper::new(&scene, Footprint::circle(0.1).expect("round"));
+        let free = |x: f64, limit_m: f64| {
+            bumper.clearance(&scene, Instant::ZERO, Pose::new(x, 0.0, 0.0), limit_m)
+        };
+        for (x, limit_m, expected) in [
+            (0.0, 1.0, 0.9),
+            (0.0, 0.5, 0.5),
+            (0.885, 0.01, 0.01),
+            (0.885, 0.5, 0.015),
+            (0.895, 0.01, 0.005),
+            (0.95, 0.01, -0.05),
+        ] {
+            let found = free(x, limit_m);
+            assert!((found - expected).abs() < 1e-9, "{x} {limit_m}: {found}");
+        }
+    }
 }

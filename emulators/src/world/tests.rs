@@ -810,3 +810,89 @@ fn a_teleported_robot_that_turns_is_exactly_there_and_turns_on() {
     let after = world.pose().theta;
     assert!(close(after, FRAC_PI_2 + turned, 1e-9), "{after}");
 }
+
+/// Mid-step a robot that looks along y, and one that turns as well, come exactly to their places.
+#[test]
+fn a_robot_that_moves_in_both_coordinates_is_teleported_exactly() {
+    for (left, right, theta) in [(255, 255, FRAC_PI_2), (255, 255, -2.0), (100, 255, 0.7)] {
+        let mut world = open_floor();
+        drive(&mut world, left, right);
+        world.advance(Instant::from_micros(1_500_700));
+        world.teleport(Pose::new(2.0, 1.0, theta));
+        let pose = world.pose();
+        assert!(
+            close(pose.x, 2.0, 1e-12) && close(pose.y, 1.0, 1e-12),
+            "{pose:?}"
+        );
+        assert!(close(pose.theta, theta, 1e-12), "{pose:?}");
+    }
+}
+
+/// A body of 0.25 m that just touches a wall may start there.
+#[test]
+fn a_start_in_touch_with_a_wall_is_free() {
+    let start = |x: f64| {
+        let scene = Scene::new([wall(x, -1.0, x, 1.0)], vec![]).unwrap();
+        let body = BodyConfig {
+            radius_m: 0.25,
+            ..BodyConfig::default()
+        };
+        World::new(scene, body, Pose::default(), 1).map(|world| world.clearance())
+    };
+    assert_eq!(start(0.25), Ok(0.0));
+    assert!(start(0.249).is_err());
+}
+
+/// The oldest of 256 steps is known for good: 256 ms back, and farther back the same; in the future
+/// the present one.
+#[test]
+fn the_past_ends_with_the_oldest_step() {
+    let mut world = open_floor();
+    drive(&mut world, 255, 255);
+    world.advance(Instant::from_secs(2));
+    let now = world.pose();
+    let back = |millis: u64| now.x - world.pose_at(Instant::from_millis(2_000 - millis)).x;
+    // 0.35 m/s: 35 mm in 0.1 s and 89.6 mm in 0.256 s.
+    assert!(close(back(100), 0.035, 1e-6) && close(back(255), 0.089_25, 1e-6));
+    assert!(close(back(256), 0.0896, 1e-6) && close(back(1_000), 0.0896, 1e-6));
+    assert_eq!(world.pose_at(Instant::from_secs(9)), now);
+}
+
+/// Ahead, on the spot, and pushed.
+#[test]
+fn a_robot_moves_if_it_rolls_turns_or_is_pushed() {
+    let is_moving = |left: i16, right: i16, push: Duration| {
+        let mut world = open_floor();
+        drive(&mut world, left, right);
+        world.push(0.0, 0.1, 0.0, push);
+        world.advance(Instant::from_millis(500));
+        world.is_moving()
+    };
+    let [short, long] = [100, 900].map(Duration::from_millis);
+    assert!(!is_moving(0, 0, short) && is_moving(0, 0, long));
+    assert!(is_moving(255, 255, short) && is_moving(-255, 255, short));
+}
+
+/// A person who walks in any direction shoves the robot up to a wall, and no farther: 0.34 m.
+#[test]
+fn somebody_cannot_shove_the_robot_through_a_wall_from_any_side() {
+    for (x, y) in [
+        (0.0, 1.0),
+        (0.0, -1.0),
+        (-1.0, 0.0),
+        (0.6, 0.8),
+        (-0.8, 0.6),
+    ] {
+        let along = |metres: f64| Point::new(metres * x, metres * y);
+        let person = walker(along(-2.0), along(0.3), 4);
+        let (from, to) = (
+            Point::new(0.5 * x - y, 0.5 * y + x),
+            Point::new(0.5 * x + y, 0.5 * y - x),
+        );
+        let wall = Shape::Wall { from, to };
+        let mut world = ideal(Scene::new([wall], vec![person]).unwrap());
+        world.advance(Instant::from_secs(6));
+        let off = world.pose().point().distance(along(0.34));
+        assert!(off < 1e-6, "{x} {y}: {:?}", world.pose());
+    }
+}

@@ -347,4 +347,51 @@ mod tests {
             assert_eq!(Command::from(drive).as_drive(0.35), drive);
         }
     }
+
+    #[test]
+    fn what_an_actuator_cannot_do_is_told() {
+        let shown = [Select::Index(3), Select::Name("left")].map(|select| select.to_string());
+        assert_eq!(shown, ["number 3", "\"left\""]);
+        let steering = Actuator {
+            name: "steering".to_owned(),
+            kind: ActuatorKind::Steering,
+            range: [-0.5, 0.25],
+        };
+        let motor = Actuator {
+            name: "drive".to_owned(),
+            kind: ActuatorKind::Motor,
+            ..steering.clone()
+        };
+        let told = |actuator: &Actuator, command| {
+            let refused = actuator.admit(command).expect_err("it cannot");
+            refused.to_string()
+        };
+        let cannot = "steering is a steering and cannot follow";
+        for (command, given) in [
+            (Command::Power(7), "a power"),
+            (Command::Speed(0.1), "a speed"),
+            (Command::Brake, "a brake"),
+            (Command::Coast, "a brake"),
+        ] {
+            let expected = format!("{cannot} {given}, expected angle_deg");
+            assert_eq!(told(&steering, command), expected);
+        }
+        assert_eq!(
+            told(&motor, Command::Angle(0.1)),
+            "drive is a motor and cannot follow an angle, expected power or speed_m_s"
+        );
+        let not_finite = "steering was given a value that is not finite";
+        assert_eq!(told(&steering, Command::Angle(f64::NAN)), not_finite);
+        assert_eq!(
+            told(&motor, Command::Speed(f64::INFINITY)),
+            "drive was given a value that is not finite"
+        );
+        let admitted = [-9.0, -0.5, 0.1, 9.0].map(|angle| steering.admit(Command::Angle(angle)));
+        let expected = [-0.5, -0.5, 0.1, 0.25].map(|angle| Ok(Command::Angle(angle)));
+        assert_eq!(admitted, expected);
+        assert_eq!(motor.admit(Command::Speed(1.0)), Ok(Command::Speed(0.25)));
+        assert_eq!(motor.admit(Command::Brake), Ok(Command::Brake));
+        let units = [ActuatorKind::Motor, ActuatorKind::Steering].map(ActuatorKind::unit);
+        assert_eq!(units, ["m/s", "rad"]);
+    }
 }

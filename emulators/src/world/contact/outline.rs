@@ -710,4 +710,87 @@ mod tests {
         let back = before_wall(0.9e-6, turning(-3.0, 0.0));
         assert_eq!((back.turn, back.speed), (1.0, -3.0));
     }
+
+    /// Less than a millionth of a step is none: 2.4 nm of 3 mm are 0.8 millionths, 9 nm are three.
+    #[test]
+    fn a_part_that_is_not_worth_making_is_none() {
+        use crate::world::geometry::Segment;
+        let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let wall = Segment::new(Point::new(0.1, -1.0), Point::new(0.1, 1.0)).expect("long");
+        let part = |free_m: f64| {
+            let start = Pose::new(-TOUCH_M - free_m, 0.0, 0.0);
+            let mut step = Step::new(&footprint, start);
+            step.solids.push(Solid {
+                primitive: Primitive::Segment(wall),
+                places: [Point::default(); 2],
+                stay: Gap {
+                    gap: TOUCH_M + free_m,
+                    ..solid().stay
+                },
+                middle_m: 0.1,
+                ..solid()
+            });
+            let motion = Motion {
+                start,
+                speed: 3.0,
+                ..Motion::default()
+            };
+            let found = step.blocked(motion, Motion::slowed);
+            found.expect("the wall blocks").0
+        };
+        assert_eq!(part(2.4e-9), 0.0);
+        assert!((2e-6..4e-6).contains(&part(9e-9)));
+    }
+
+    /// What stands exactly at the surface has not come nearer by standing beside it.
+    #[test]
+    fn a_body_at_a_surface_may_leave_it() {
+        assert!(!is_blocked(0.5e-6, 0.0, 1.0));
+    }
+
+    /// An obstacle comes in by 1 mm, and a wall on the other side leaves half a millimetre. Of two
+    /// obstacles that are as deep, the first counts.
+    #[test]
+    fn an_obstacle_shoves_up_to_a_wall() {
+        use crate::world::geometry::Segment;
+        let footprint = Footprint::rectangle(0.1, 0.1, 0.2).expect("a square");
+        let coming = |from: [f64; 2], to: [f64; 2]| Solid {
+            primitive: Primitive::Circle(Circle {
+                center: Point::default(),
+                radius: 0.05,
+            }),
+            places: [from, to].map(|[x, y]| Point::new(x, y)),
+            ..solid()
+        };
+        let wall = |from: [f64; 2], to: [f64; 2]| {
+            let [from, to] = [from, to].map(|[x, y]| Point::new(x, y));
+            Solid {
+                primitive: Primitive::Segment(Segment::new(from, to).expect("long")),
+                places: [Point::default(); 2],
+                ..solid()
+            }
+        };
+        let shoved = |solids: Vec<Solid>| {
+            let mut step = Step::new(&footprint, Pose::default());
+            step.solids = solids;
+            let by = step.shove(Pose::default());
+            [by.x * 1e3, by.y * 1e3]
+        };
+        let left = || coming([-0.151, 0.0], [-0.149, 0.0]);
+        let right = || coming([0.151, 0.0], [0.149, 0.0]);
+        let below = || coming([0.0, -0.151], [0.0, -0.149]);
+        let ahead = || wall([0.1005, -1.0], [0.1005, 1.0]);
+        let above = || wall([-1.0, 0.1005], [1.0, 0.1005]);
+        for (solids, expected) in [
+            (vec![left(), ahead()], [0.499, 0.0]),
+            (vec![below(), above()], [0.0, 0.499]),
+            (vec![left(), above()], [1.0, 0.0]),
+            (vec![right(), left()], [-1.0, 0.0]),
+            (vec![left(), right()], [1.0, 0.0]),
+        ] {
+            let found = shoved(solids);
+            let off = (found[0] - expected[0]).abs() + (found[1] - expected[1]).abs();
+            assert!(off < 0.003, "{found:?} {expected:?}");
+        }
+    }
 }

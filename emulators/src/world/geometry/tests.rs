@@ -146,7 +146,10 @@ fn the_nearest_point_of_a_circle_is_found_from_its_middle_too() {
         pillar().nearest(Point::new(0.0, 0.0)),
         (Point::new(2.0, 0.0), 2.0)
     );
-    assert_eq!(pillar().nearest(Point::new(3.0, 0.0)).1, 1.0);
+    assert_eq!(
+        pillar().nearest(Point::new(3.0, 0.0)),
+        (Point::new(4.0, 0.0), 1.0)
+    );
 }
 
 #[test]

@@ -320,4 +320,12 @@ mod tests {
         }
         assert!((200..1_000).contains(&crossings), "{crossings}");
     }
+
+    /// A corner in the very middle of a pillar has no direction to its rim.
+    #[test]
+    fn a_corner_in_the_middle_of_a_pillar_is_as_deep_as_its_radius() {
+        let corner = at(2.0, 1.0);
+        let inside = found(&pillar(corner, 0.5), Point::default());
+        assert_is(inside, -0.5, corner, corner);
+    }
 }
