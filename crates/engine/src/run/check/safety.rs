@@ -262,4 +262,6 @@ pub(crate) fn overruns(most: u64, rig: &Rig, events: &[Logged]) -> Check {
 }
 
 #[cfg(test)]
-mod tests;
+pub(in crate::run) mod puppet;
+#[cfg(test)]
+pub(in crate::run) mod tests;

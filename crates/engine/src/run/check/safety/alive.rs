@@ -146,3 +146,120 @@ impl Checker for AliveAtTheEnd {
         Some(Box::new(self.clone()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use firmware_core::pose::Pose;
+
+    use super::super::puppet::{copied, puppet};
+    use super::super::tests::{linked, look_at};
+    use super::*;
+    use crate::robots::checker::Status;
+
+    fn alive(last: Duration) -> AliveAtTheEnd {
+        AliveAtTheEnd::new(Instant::from_secs(10), last, Vec::new(), true)
+    }
+
+    /// Sends bytes to the master each second from the first one to this one.
+    fn busy(rig: &mut Rig, alive: &mut AliveAtTheEnd, device: usize, until_s: u64, bytes: usize) {
+        look_at(alive, rig, 0, 0.0);
+        for second in 1..=until_s {
+            rig.inject(device, &vec![7; bytes]);
+            look_at(alive, rig, 1_000 * second, 0.0);
+        }
+    }
+
+    /// Ten bytes a second from a device, in four seconds in a row.
+    #[test]
+    fn a_device_that_sends_ten_bytes_a_second_is_busy() {
+        let judged = |bytes: usize, until_s: u64| {
+            let (mut rig, [device, _]) = linked("base");
+            let mut alive = alive(Duration::from_secs(4));
+            busy(&mut rig, &mut alive, device, until_s, bytes);
+            look_at(&mut alive, &mut rig, 11_000, 0.0);
+            let check = alive.verdict();
+            (check.status, check.detail)
+        };
+        let silent = "silent since 10.000000 s: base to-master".to_owned();
+        assert_eq!(judged(10, 4), (Status::Fail, silent));
+        let none = "all of 0 lines that were busy before".to_owned();
+        assert_eq!(judged(10, 3), (Status::NotObserved, none));
+        assert_eq!(judged(9, 10).0, Status::NotObserved);
+        let all = "all of 1 lines that were busy before".to_owned();
+        assert_eq!(judged(10, 11), (Status::Pass, all));
+    }
+
+    /// A second without enough bytes ends the row. The bytes of each second are judged by
+    /// themselves, however often the run is looked at.
+    #[test]
+    fn four_busy_seconds_are_in_a_row() {
+        let judged = |gap_s: u64, until_s: u64| {
+            let (mut rig, [device, _]) = linked("base");
+            let mut alive = alive(Duration::from_secs(4));
+            look_at(&mut alive, &mut rig, 0, 0.0);
+            for tenth in 1..=110 {
+                if tenth % 10 == 5 && tenth < 10 * until_s && tenth / 10 != gap_s {
+                    rig.inject(device, &[7; 10]);
+                }
+                look_at(&mut alive, &mut rig, 100 * tenth, 0.0);
+            }
+            alive.verdict().status
+        };
+        assert_eq!(judged(99, 4), Status::Fail);
+        assert_eq!(
+            [3, 4].map(|gap| judged(gap, 7)),
+            [Status::NotObserved, Status::Fail]
+        );
+    }
+
+    /// A second of the last part is enough, or half of a shorter one.
+    #[test]
+    fn a_part_of_the_end_is_enough() {
+        let judged = |last_ms: u64, until_ms: u64| {
+            let (mut rig, [device, _]) = linked("base");
+            let mut alive = alive(Duration::from_millis(last_ms));
+            busy(&mut rig, &mut alive, device, 9, 10);
+            look_at(&mut alive, &mut rig, until_ms, 0.0);
+            let check = alive.verdict();
+            (check.status, check.detail)
+        };
+        let (status, detail) = judged(4_000, 10_999);
+        assert_eq!(status, Status::NotObserved);
+        let words = "the run ended at 10.999000 s, and its last part begins at 10.000000 s: with \
+                     mission.to_the_end = true it does not end before its duration";
+        assert_eq!(detail, words);
+        assert_eq!(judged(4_000, 11_000).0, Status::Fail);
+        assert_eq!(judged(1_000, 10_499).0, Status::NotObserved);
+        assert_eq!(judged(1_000, 10_500).0, Status::Fail);
+    }
+
+    /// The line stays busy, and the program had estimates until 9 s, or until 10.5 s.
+    #[test]
+    fn a_program_that_had_a_pose_finds_a_new_one() {
+        let judged = |last: Option<u64>, asks: bool| {
+            let (mut rig, [device, _]) = linked("base");
+            let mut alive = alive(Duration::from_secs(4));
+            alive.asks_for_pose = asks;
+            puppet(&mut rig);
+            for half in 0..=24 {
+                let at = Instant::from_millis(500 * half);
+                if half % 2 == 0 {
+                    rig.inject(device, &[7; 10]);
+                }
+                if last.is_some_and(|last| at <= Instant::from_millis(last)) {
+                    puppet(&mut rig).estimate = Some((at, Pose::default()));
+                }
+                look_at(&mut alive, &mut rig, 500 * half, 0.0);
+            }
+            let text = alive.verdict().to_string();
+            assert_eq!(copied(&alive, &rig), text);
+            let check = alive.verdict();
+            (check.status, check.detail)
+        };
+        let lost = "no new pose since 10.000000 s".to_owned();
+        assert_eq!(judged(Some(10_000), true), (Status::Fail, lost));
+        assert_eq!(judged(Some(10_500), true).0, Status::Pass);
+        assert_eq!(judged(Some(9_000), false).0, Status::Pass);
+        assert_eq!(judged(None, true).0, Status::Pass);
+    }
+}

@@ -365,4 +365,141 @@ mod tests {
             assert_eq!((ear.requests, ear.replies), (1, replies));
         }
     }
+
+    use super::super::puppet::{copied, puppet};
+    use super::super::tests::look_at;
+    use crate::rig::bare::linked;
+    use crate::rig::fault::{Damage, Strike};
+    use crate::robots::checker::Status;
+
+    const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+    struct Robot(&'static str);
+
+    impl Instruments for Robot {
+        fn asking(&self) -> Option<Asking> {
+            Some(Asking {
+                link: self.0,
+                is_answer: |request, reply| request == reply,
+                counter: "answers",
+            })
+        }
+
+        fn codec(&self, _: &Rig, _: &str) -> Option<&'static Codec> {
+            Some(&BUS_HIGH_FIRST)
+        }
+    }
+
+    /// Requests and replies of a bus, one of each 10 ms; then the program tells this count.
+    fn judged(replies: u64, counted: u64, looks: &[u64]) -> (Status, String) {
+        let (mut rig, [bus, other]) = linked(["bus", "other"], 1_000_000);
+        let mut checker = AsksAgain::listening(&mut rig, &Robot("bus"));
+        for number in 0..20 {
+            rig.inject(bus[1].node, &FRAME);
+            rig.inject(other[1].node, &FRAME);
+            rig.run_for(Duration::from_millis(5));
+            let node = if number < replies {
+                bus[0].node
+            } else {
+                other[0].node
+            };
+            rig.inject(node, &FRAME);
+            rig.run_for(Duration::from_millis(5));
+        }
+        puppet(&mut rig).counters = vec![("others", 99), ("answers", counted)];
+        for &millis in looks {
+            look_at(&mut checker, &mut rig, millis, 0.0);
+        }
+        let check = checker.verdict();
+        assert_eq!(copied(&checker, &rig), check.to_string());
+        (check.status, check.detail)
+    }
+
+    /// Of 20 requests 15 are answered; the rest is the same request, repeated.
+    #[test]
+    fn requests_and_replies_of_the_bus_are_counted() {
+        let sound = "20 requests, 15 answers; 1 of 1 unanswered requests repeated".to_owned();
+        assert_eq!(judged(15, 19, &[500]), (Status::Pass, sound.clone()));
+        assert_eq!(judged(15, 20, &[499]), (Status::Pass, sound));
+        let more = "at 0.500000 s on bus: the program counts 20 answers, 15 fitting ones arrived";
+        assert_eq!(
+            judged(15, 20, &[500, 1_000]),
+            (Status::Fail, more.to_owned())
+        );
+        assert_eq!(judged(0, 0, &[500]).0, Status::NotObserved);
+        let (mut rig, _) = linked(["bus"], 1_000_000);
+        let none = AsksAgain::listening(&mut rig, &Robot("gone")).verdict();
+        assert_eq!(none.status, Status::NotObserved);
+        assert_eq!(
+            none.detail,
+            "the robot names no bus of requests and replies"
+        );
+    }
+
+    /// Counts are compared each 500 ms.
+    #[test]
+    fn counts_are_compared_twice_a_second() {
+        let (mut rig, _) = linked(["bus"], 1_000_000);
+        let mut checker = AsksAgain::listening(&mut rig, &Robot("bus"));
+        look_at(&mut checker, &mut rig, 700, 0.0);
+        puppet(&mut rig).counters = vec![("answers", 9)];
+        look_at(&mut checker, &mut rig, 1_199, 0.0);
+        assert!(checker.broken.is_none());
+        look_at(&mut checker, &mut rig, 1_200, 0.0);
+        assert_eq!(
+            checker.broken.map(|(at, _)| at),
+            Some(Instant::from_millis(1_200))
+        );
+    }
+
+    /// Replies that a fault damages are counted, and pauses of the requests, of this bus alone.
+    #[test]
+    fn damage_of_replies_and_pauses_of_requests_are_noted() {
+        let noted = |to: Direction, damage: Damage| {
+            let (mut rig, [bus, other]) = linked(["bus", "other"], 1_000_000);
+            for link in [0, 1] {
+                let faults = &mut rig.line_mut(link, to).faults;
+                faults.add_strike(Strike { byte: 2, damage });
+            }
+            let checker = AsksAgain::listening(&mut rig, &Robot("bus"));
+            for end in other {
+                rig.inject(end.node, &FRAME);
+            }
+            rig.run_for(Duration::from_millis(500));
+            for end in bus {
+                rig.inject(end.node, &FRAME);
+            }
+            rig.run_for(Duration::from_millis(10));
+            let ear = checker.ear.as_ref().expect("a bus").lock();
+            (ear.damaged, ear.paused_until.as_millis())
+        };
+        let flip = Damage::Flip { bit: 7 };
+        let idle = Damage::Idle {
+            by: Duration::from_millis(1),
+        };
+        assert_eq!(noted(Direction::ToMaster, flip), (1, 0));
+        assert_eq!(noted(Direction::ToDevice, flip), (0, 0));
+        assert_eq!(noted(Direction::ToMaster, idle), (0, 0));
+        // 30 us of bytes and the pause of 1 ms end at 501.03 ms; 200 ms follow.
+        assert_eq!(noted(Direction::ToDevice, idle), (0, 701));
+    }
+
+    /// A repeated request keeps the part of a reply that has come; another one discards it.
+    #[test]
+    fn another_request_discards_a_partial_reply() {
+        let replies = |second: [u8; 5]| {
+            let mut ear = ear();
+            let at = Instant::from_millis(10);
+            ear.take(Direction::ToDevice, at, &FRAME);
+            ear.take(Direction::ToMaster, at, &FRAME[..2]);
+            ear.take(Direction::ToDevice, at, &second);
+            ear.take(Direction::ToMaster, at, &FRAME[2..]);
+            ear.replies
+        };
+        // A read of eleven registers.
+        assert_eq!(
+            [replies(FRAME), replies([0xAB, 0x24, 0x0B, 0x00, 0xDA])],
+            [1, 0]
+        );
+    }
 }

@@ -158,4 +158,97 @@ mod tests {
             [false, true]
         );
     }
+
+    /// Start and end, in seconds, of the faults of `faults` that act on `links`.
+    fn times(links: &[&str], faults: &str) -> Vec<(u64, Option<u64>)> {
+        let (rig, _) = crate::rig::bare::linked(["lidar", "base"], 1_000_000);
+        let (scenario, _) = super::super::puppet::scenario(faults);
+        let calm = Calm::of(&scenario, &rig, &|link| links.contains(&link));
+        let seconds = |at: Instant| at.as_millis() / 1_000;
+        let faults = calm.faults.iter();
+        faults
+            .map(|(from, until)| (seconds(*from), until.map(seconds)))
+            .collect()
+    }
+
+    /// Effects last for 5 s. A fault of a device acts on its links, one between two links on both.
+    #[test]
+    fn faults_act_on_links_and_on_the_links_of_devices() {
+        let cut = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n";
+        let timed = format!("{cut}from = \"2s\"\nuntil = \"3s\"\n");
+        assert_eq!(times(&["lidar"], &timed), [(2, Some(8))]);
+        assert_eq!(times(&["base", "lidar"], &timed), [(2, Some(8))]);
+        assert_eq!(times(&["base"], &timed), []);
+        assert_eq!(times(&[], &timed), []);
+        assert_eq!(times(&["lidar"], cut), [(0, None)]);
+        let lasting = format!("{cut}from = \"2s\"\nlasting = \"4s\"\n");
+        assert_eq!(times(&["lidar"], &lasting), [(2, Some(11))]);
+        let device = "[[fault]]\nkind = \"off\"\ndevice = \"lidar\"\nfrom = \"4s\"\n";
+        assert_eq!(times(&["lidar"], device), [(4, None)]);
+        assert_eq!(times(&["base"], device), []);
+        let devices = "[[fault]]\nkind = \"power-dip\"\ndevices = [\"base\", \"lidar\"]\n\
+                       from = \"4s\"\nuntil = \"5s\"\n";
+        assert_eq!(times(&["lidar"], devices), [(4, Some(10))]);
+        let both = "[[fault]]\nkind = \"swizzle\"\nlink = \"lidar\"\nwith = \"base\"\n\
+                    direction = \"to-master\"\nfrom = \"1s\"\nuntil = \"2s\"\n";
+        assert_eq!(times(&["base"], both), [(1, Some(7))]);
+    }
+
+    /// A fault that waits does not act yet.
+    #[test]
+    fn a_fault_that_waits_is_calm() {
+        let cut = "[[fault]]\nkind = \"cut\"\nlink = \"lidar\"\ndirection = \"to-master\"\n\
+                   lasting = \"1s\"\n";
+        for key in [
+            "at_byte = 50",
+            "at_frame = 5",
+            "begins_when = { robot = { of = \"x-m\", op = \">\", value = 99 } }",
+        ] {
+            assert_eq!(times(&["lidar"], &format!("{cut}{key}\n")), [], "{key}");
+        }
+    }
+
+    /// What was added to the effects stays when the faults change.
+    #[test]
+    fn other_faults_have_the_same_effects() {
+        use super::super::puppet::{cut, scenario};
+        let (rig, _) = crate::rig::bare::linked(["lidar"], 1_000_000);
+        let calm = Calm::of(&scenario("").0, &rig, &|link| link == "lidar");
+        let mut calm = calm.longer_by(Duration::from_secs(2));
+        calm.renew(&[cut("lidar", 1, 2), cut("base", 20, 21)], &rig);
+        let at = Instant::from_secs;
+        assert_eq!(calm.faults, [(at(1), Some(at(9)))]);
+        calm.renew(&[], &rig);
+        assert_eq!(calm.faults, []);
+    }
+
+    /// Two pushes, and faults at the lidar and at the station's radio.
+    #[test]
+    fn the_first_push_or_fault_of_a_sensor_disturbs() {
+        use super::super::puppet::{cut, scenario};
+        struct Robot;
+        impl Instruments for Robot {
+            fn station_links(&self) -> &'static [&'static str] {
+                &["radio"]
+            }
+        }
+        let (rig, _) = crate::rig::bare::linked(["lidar", "radio"], 1_000_000);
+        let push = |at: u32| {
+            format!("[[world.push]]\nat = \"{at}s\"\nby_m = [0.1, 0]\nover = \"100ms\"\n")
+        };
+        let pushed = scenario(&(push(9) + &push(4))).0;
+        let at = Instant::from_secs;
+        let mut quiet = Undisturbed::of(&pushed, &rig, &Robot);
+        assert_eq!(
+            [3, 4].map(|second| quiet.is_over(at(second))),
+            [false, true]
+        );
+        quiet.renew(&[cut("radio", 1, 2)], &rig);
+        assert!(!quiet.is_over(at(3)));
+        quiet.renew(&[cut("lidar", 2, 3)], &rig);
+        assert_eq!(
+            [1, 2].map(|second| quiet.is_over(at(second))),
+            [false, true]
+        );
+    }
 }

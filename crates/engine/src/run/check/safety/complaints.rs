@@ -115,3 +115,125 @@ impl Checker for ComplaintsTrue {
         Some(Box::new(self.clone()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::puppet::{copied, cut, puppet, scenario};
+    use super::*;
+    use crate::rig::bare::linked;
+    use crate::robots::checker::Status;
+
+    struct Robot;
+
+    impl Instruments for Robot {
+        fn complaints(&self) -> &'static [Alarm] {
+            const ALL: [Alarm; 3] = [
+                Alarm::new("base", "late replies"),
+                Alarm::new("lidar", "lost scans"),
+                Alarm::new("radio", "bad orders"),
+            ];
+            &ALL
+        }
+
+        fn station_links(&self) -> &'static [&'static str] {
+            &["radio", "pc"]
+        }
+    }
+
+    struct Watch {
+        rig: Rig,
+        checker: ComplaintsTrue,
+    }
+
+    fn watch(more: &str) -> Watch {
+        let (mut rig, _) = linked(["base", "lidar", "radio", "pc"], 1_000_000);
+        puppet(&mut rig);
+        let checker = ComplaintsTrue::new(&scenario(more).0, &rig, &Robot);
+        Watch { rig, checker }
+    }
+
+    impl Watch {
+        /// The verdict after a look at this millisecond with this value of a counter.
+        fn at(&mut self, millis: u64, counter: &'static str, value: u64) -> (Status, String) {
+            puppet(&mut self.rig).counters = vec![("other", 900), (counter, value)];
+            self.rig.run_until(Instant::from_millis(millis));
+            self.checker.observe(&Look {
+                rig: &self.rig,
+                axes: &[],
+                contacts: &[],
+            });
+            let check = self.checker.verdict();
+            (check.status, check.detail)
+        }
+    }
+
+    const BASE: &str = "late replies";
+
+    /// Three failures may come by chance; counters are read each 500 ms.
+    #[test]
+    fn the_fourth_failure_without_a_fault_is_told() {
+        let mut watch = watch("");
+        let three = || "3 counters of failures".to_owned();
+        assert_eq!(watch.at(499, BASE, 9), (Status::NotObserved, three()));
+        assert_eq!(watch.at(500, BASE, 3), (Status::Pass, three()));
+        assert_eq!(watch.at(999, BASE, 4).0, Status::Pass);
+        let told = "at 1.000000 s \"late replies\" has grown by 4 without a fault on base";
+        assert_eq!(watch.at(1_000, BASE, 4), (Status::Fail, told.to_owned()));
+        // The time stays that of the fourth one.
+        let told = "at 1.000000 s \"late replies\" has grown by 6 without a fault on base";
+        assert_eq!(watch.at(1_600, BASE, 6), (Status::Fail, told.to_owned()));
+        assert!(copied(&watch.checker, &watch.rig).ends_with(told));
+        let mut slow = self::watch("");
+        slow.at(600, BASE, 3);
+        assert_eq!(slow.at(1_099, BASE, 4).0, Status::Pass);
+        assert_eq!(slow.at(1_100, BASE, 4).0, Status::Fail);
+    }
+
+    /// The cut lasts from 2 to 3 s, its effects to 8 s. Failures of that time are no complaint.
+    #[test]
+    fn failures_during_a_fault_are_founded() {
+        let mut watch = watch("");
+        watch
+            .checker
+            .faults_changed(&[cut("base", 2, 3)], &watch.rig);
+        assert_eq!(watch.at(2_000, BASE, 50).0, Status::NotObserved);
+        assert_eq!(watch.at(7_900, BASE, 60).0, Status::NotObserved);
+        assert_eq!(watch.at(8_400, BASE, 63).0, Status::Pass);
+        assert_eq!(watch.at(8_900, BASE, 64).0, Status::Fail);
+    }
+
+    /// Damage on one link of the station passes through the radio to the other one.
+    #[test]
+    fn a_fault_founds_failures_of_its_own_link_and_of_its_station() {
+        let judged = |link: &str, counter: &'static str| {
+            let mut watch = watch("");
+            watch.checker.faults_changed(&[cut(link, 0, 9)], &watch.rig);
+            watch.at(1_000, counter, 4).0
+        };
+        assert_eq!(judged("pc", "bad orders"), Status::NotObserved);
+        assert_eq!(judged("radio", "bad orders"), Status::NotObserved);
+        assert_eq!(judged("base", "bad orders"), Status::Fail);
+        assert_eq!(judged("pc", BASE), Status::Fail);
+        assert_eq!(judged("lidar", BASE), Status::Fail);
+    }
+
+    /// Bytes that the mission puts on the base's line may be no frames.
+    #[test]
+    fn a_link_with_injected_bytes_is_left_out() {
+        let inject = "[mission]\nstep = [{ at = \"1s\", do = { inject = { link = \"base\", \
+                      direction = \"to-master\", hex = \"55\" } } }]\n";
+        let mut watch = watch(inject);
+        let told = "2 counters of failures".to_owned();
+        assert_eq!(watch.at(500, BASE, 99), (Status::NotObserved, told));
+        assert_eq!(watch.at(1_000, "lost scans", 4).0, Status::Fail);
+    }
+
+    #[test]
+    fn a_robot_without_such_counters_is_not_judged() {
+        let (rig, _) = linked(["base"], 1_000_000);
+        let unknown = crate::robots::instruments::Unknown;
+        let check = ComplaintsTrue::new(&scenario("").0, &rig, &unknown).verdict();
+        assert_eq!(check.status, Status::NotObserved);
+        assert_eq!(check.detail, "the robot names no counters of failures");
+    }
+}

@@ -391,4 +391,116 @@ mod tests {
         ear.disturb();
         assert_eq!(ear.damaged, damaged + 1);
     }
+
+    use super::super::puppet::{copied, cut, puppet, scenario};
+    use super::super::tests::look_at;
+    use crate::rig::bare::linked;
+    use crate::rig::fault::{Damage, Strike};
+    use crate::robots::checker::Status;
+    use crate::robots::instruments::counted;
+
+    const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+    struct Robot;
+
+    impl Instruments for Robot {
+        fn intakes(&self) -> &'static [Intake] {
+            const ALL: [Intake; 2] = [
+                Intake::new("base", |rig| counted(rig, &["taken"], &["refused"])),
+                Intake::new("gone", |_| None),
+            ];
+            &ALL
+        }
+
+        fn codec(&self, _: &Rig, _: &str) -> Option<&'static Codec> {
+            Some(&BUS_HIGH_FIRST)
+        }
+    }
+
+    /// 100 frames from the base until 1 s, of which the program counts so many; on other lines are
+    /// frames as well.
+    fn judged(accepted: u64, until: &[u64]) -> (Status, String) {
+        let (mut rig, [base, other]) = linked(["base", "other"], 1_000_000);
+        let mut checker = CountsTrue::listening(&scenario("").0, &mut rig, &Robot);
+        for _ in 0..100 {
+            rig.inject(base[0].node, &FRAME);
+            rig.inject(base[1].node, &FRAME);
+            rig.inject(other[0].node, &FRAME);
+            rig.run_for(Duration::from_millis(1));
+        }
+        puppet(&mut rig).counters = vec![("taken", accepted), ("refused", 0), ("other", 999)];
+        for &millis in until {
+            look_at(&mut checker, &mut rig, millis, 0.0);
+        }
+        let check = checker.verdict();
+        assert_eq!(copied(&checker, &rig), check.to_string());
+        (check.status, check.detail)
+    }
+
+    /// Counts are compared each 500 ms, from 500 ms on; frames may be counted a second later.
+    #[test]
+    fn counts_are_compared_with_what_arrived() {
+        let sound = "100 frames accepted, 100 valid ones arrived".to_owned();
+        assert_eq!(
+            judged(100, &[500, 1_000, 1_500, 2_000]),
+            (Status::Pass, sound)
+        );
+        let none = "0 frames accepted, 100 valid ones arrived".to_owned();
+        assert_eq!(judged(0, &[499]), (Status::NotObserved, none.clone()));
+        assert_eq!(
+            judged(0, &[500, 999, 1_000, 1_499]),
+            (Status::NotObserved, none)
+        );
+        let deaf = "at 1.500000 s the program accepted 0 frames of base, 100 valid ones arrived at \
+                    least 1 s earlier";
+        assert_eq!(
+            judged(0, &[500, 1_000, 1_500, 2_000]),
+            (Status::Fail, deaf.to_owned())
+        );
+        let more = "at 0.500000 s the program accepted 103 frames of base, 100 valid ones arrived";
+        assert_eq!(judged(103, &[500, 2_000]), (Status::Fail, more.to_owned()));
+    }
+
+    /// The counts of a robot with a fault are compared with more patience; effects last to 8 s and
+    /// two seconds more for a restart.
+    #[test]
+    fn a_fault_disturbs_the_counts() {
+        let (mut rig, _) = linked(["base"], 1_000_000);
+        let mut checker = CountsTrue::listening(&scenario("").0, &mut rig, &Robot);
+        checker.faults_changed(&[cut("base", 2, 3)], &rig);
+        let calm = [1_999, 2_000, 9_999, 10_000]
+            .map(|millis| checker.watched[0].calm.is(Instant::from_millis(millis)));
+        assert_eq!(calm, [true, false, false, true]);
+        look_at(&mut checker, &mut rig, 1_900, 0.0);
+        assert!(!checker.watched[0].was_disturbed);
+        for millis in [2_500, 20_000] {
+            look_at(&mut checker, &mut rig, millis, 0.0);
+            assert!(checker.watched[0].was_disturbed);
+        }
+        assert_eq!(checker.watched.len(), 1, "the other link does not exist");
+        let unknown = crate::robots::instruments::Unknown;
+        let none = CountsTrue::listening(&scenario("").0, &mut rig, &unknown).verdict();
+        assert_eq!(none.detail, "the robot names no counters of frames");
+    }
+
+    /// A pause that a fault makes within bytes counts as damage, of this line alone.
+    #[test]
+    fn a_pause_of_the_line_is_damage() {
+        let damaged = |to: Direction| {
+            let (mut rig, [base]) = linked(["base"], 1_000_000);
+            let damage = Damage::Idle {
+                by: Duration::from_micros(50),
+            };
+            rig.line_mut(0, to)
+                .faults
+                .add_strike(Strike { byte: 2, damage });
+            let checker = CountsTrue::listening(&scenario("").0, &mut rig, &Robot);
+            base.iter().for_each(|end| rig.inject(end.node, &FRAME));
+            rig.run_for(Duration::from_millis(20));
+            let ear = checker.watched[0].ear.lock();
+            (ear.sound, ear.damaged)
+        };
+        assert_eq!(damaged(Direction::ToMaster), (1, 1));
+        assert_eq!(damaged(Direction::ToDevice), (1, 0));
+    }
 }

@@ -396,4 +396,125 @@ mod tests {
             .collect();
         assert_eq!(counts, [(3, 2), (0, 0)]);
     }
+
+    use super::super::puppet::{copied, cut, puppet, scenario};
+    use super::super::tests::look_at;
+    use crate::robots::checker::Status;
+
+    const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+    /// A checker of dated rows, each 100 ms, and of commands that are optional.
+    fn rows(rig: &mut Rig, is_dated: bool) -> SendsInTime {
+        let codec = &BUS_HIGH_FIRST;
+        let ear = Ear {
+            link: 0,
+            name: "base",
+            codec,
+            frames: FrameBytes::towards(codec, Direction::ToDevice),
+            sent_at: Instant::ZERO,
+            kinds: [
+                |frame: &[u8]| frame[1] == 0x24,
+                |frame: &[u8]| frame[1] != 0x24,
+            ]
+            .map(|is| Kind {
+                is,
+                count: 0,
+                last: Vec::new(),
+                repeated: 0,
+            })
+            .to_vec(),
+        };
+        let mut row = watched(true);
+        row.cycle.is_dated = is_dated;
+        let (scenario, _) = scenario("");
+        row.calm = Calm::of(&scenario, rig, &|_| true);
+        let mut command = watched(false);
+        (command.index, command.cycle.name) = (1, "command");
+        SendsInTime {
+            ears: vec![ear.listening(rig)],
+            watched: vec![row, command],
+        }
+    }
+
+    fn told(checker: &SendsInTime) -> (Status, String) {
+        let check = checker.verdict();
+        (check.status, check.detail)
+    }
+
+    /// A row each 100 ms until 6 s, from the program to the device; the way back does not count.
+    #[test]
+    fn rows_are_those_that_the_program_sends() {
+        let (mut rig, [base, other]) = crate::rig::bare::linked(["base", "other"], 1_000_000);
+        let mut checker = rows(&mut rig, false);
+        puppet(&mut rig).mode = "drive";
+        let none = "no cyclic frames that the robot names".to_owned();
+        assert_eq!(told(&checker), (Status::NotObserved, none));
+        let drive = |rig: &mut Rig,
+                     checker: &mut SendsInTime,
+                     tenths: core::ops::Range<u64>,
+                     node: usize| {
+            for tenth in tenths {
+                rig.inject(node, &FRAME);
+                look_at(checker, rig, 100 * tenth, 0.0);
+            }
+        };
+        drive(&mut rig, &mut checker, 1..61, base[1].node);
+        let longest = "longest times between frames: row 100 ms".to_owned();
+        assert_eq!(told(&checker), (Status::Pass, longest));
+        puppet(&mut rig).mode = "rest";
+        drive(&mut rig, &mut checker, 61..71, other[1].node);
+        puppet(&mut rig).mode = "drive";
+        assert_eq!(told(&checker).0, Status::Pass);
+        drive(&mut rig, &mut checker, 71..73, base[0].node);
+        let words = "at 7.200000 s on pc: no row for 200 ms, without a fault on this link";
+        assert_eq!(told(&checker), (Status::Fail, words.to_owned()));
+        assert!(copied(&checker, &rig).ends_with(words));
+    }
+
+    /// Equal rows, and rows of 0 to 9 registers.
+    #[test]
+    fn a_dated_row_is_not_sent_twice() {
+        let after = |is_dated: bool, is_equal: bool| {
+            let (mut rig, [base]) = crate::rig::bare::linked(["base"], 1_000_000);
+            let mut checker = rows(&mut rig, is_dated);
+            for tenth in 1..=60_u64 {
+                let count = if is_equal {
+                    10
+                } else {
+                    u8::try_from(tenth % 9).expect("small")
+                };
+                // The sum of the bytes before, high byte first.
+                let sum = 0xAB + 0x24 + u16::from(count);
+                let [high, low] = sum.to_be_bytes();
+                rig.inject(base[1].node, &[0xAB, 0x24, count, high, low]);
+                look_at(&mut checker, &mut rig, 100 * tenth, 0.0);
+            }
+            checker.verdict().detail
+        };
+        let again = "at 0.200000 s on pc: row was sent again without a change, without a fault on \
+                     this link";
+        assert_eq!(after(true, true), again);
+        let sound = "longest times between frames: row 100 ms";
+        assert_eq!([after(true, false), after(false, true)], [sound, sound]);
+    }
+
+    /// A fault that begins at 5 s: with its effects to 11 s.
+    #[test]
+    fn no_rows_are_expected_during_a_fault() {
+        let (mut rig, _) = crate::rig::bare::linked(["base"], 1_000_000);
+        let mut checker = rows(&mut rig, false);
+        checker.faults_changed(&[cut("base", 5, 6)], &rig);
+        for tenth in 40..=109 {
+            look_at(&mut checker, &mut rig, 100 * tenth, 0.0);
+        }
+        assert_eq!(told(&checker).0, Status::NotObserved);
+        look_at(&mut checker, &mut rig, 11_000, 0.0);
+        assert_eq!(told(&checker).0, Status::Pass);
+        look_at(&mut checker, &mut rig, 11_100, 0.0);
+        assert!(
+            told(&checker)
+                .1
+                .starts_with("at 11.100000 s on pc: no row for 200 ms")
+        );
+    }
 }

@@ -81,3 +81,80 @@ impl Tap for Listener {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rig::bare::linked;
+    use crate::rig::fault::{Damage, Strike};
+    use crate::robots::{Beam, ScanDecoder};
+
+    /// The first byte of a turn is its number of beams and one more; 0 completes no turn.
+    struct Numbers;
+
+    impl ScanDecoder for Numbers {
+        fn push(&mut self, bytes: &[u8]) -> Option<Vec<Beam>> {
+            let beam = Beam {
+                bearing: 0.0,
+                distance_m: 1.0,
+            };
+            let count = bytes.first()?.checked_sub(1)?;
+            Some(vec![beam; usize::from(count)])
+        }
+    }
+
+    struct Robot(&'static str);
+
+    impl Instruments for Robot {
+        fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn ScanDecoder>)> {
+            Some((self.0.to_owned(), Box::new(Numbers)))
+        }
+    }
+
+    /// Only a turn with a beam, from the lidar, counts.
+    #[test]
+    fn turns_with_a_distance_are_counted() {
+        let (mut rig, [lidar, base]) = linked(["lidar", "base"], 1_000_000);
+        let eyes = Eyes::open(&mut rig, &Robot("lidar")).expect("it has a lidar");
+        assert_eq!((eyes.link(), eyes.turns()), ("lidar", 0));
+        for (node, byte, turns) in [
+            (lidar[0].node, 0, 0),
+            (lidar[0].node, 1, 0),
+            (lidar[1].node, 5, 0),
+            (base[0].node, 5, 0),
+            (lidar[0].node, 2, 1),
+            (lidar[0].node, 9, 2),
+        ] {
+            rig.inject(node, &[byte]);
+            rig.run_for(core::time::Duration::from_millis(1));
+            assert_eq!(eyes.turns(), turns, "{byte}");
+        }
+        assert_eq!(eyes.damaged(), 0);
+        let mut copy = rig.fork().expect("plain");
+        let copied = eyes.fork(&mut copy, &Robot("lidar")).expect("the same");
+        copy.inject(lidar[0].node, &[3]);
+        copy.run_for(core::time::Duration::from_millis(1));
+        assert_eq!((eyes.turns(), copied.turns()), (2, 3));
+        assert!(Eyes::open(&mut rig, &Robot("camera")).is_none());
+    }
+
+    /// The second byte is garbled, the third one is lost: nothing of it is left to see by.
+    #[test]
+    fn damaged_deliveries_are_counted_if_something_is_left() {
+        let (mut rig, [lidar]) = linked(["lidar"], 1_000_000);
+        let faults = &mut rig.line_mut(0, Direction::ToMaster).faults;
+        for (byte, damage) in [(1, Damage::Flip { bit: 7 }), (2, Damage::Drop)] {
+            faults.add_strike(Strike { byte, damage });
+        }
+        let eyes = Eyes::open(&mut rig, &Robot("lidar")).expect("it has a lidar");
+        let damaged = [0, 0, 0, 0].map(|byte| {
+            rig.inject(lidar[0].node, &[byte]);
+            rig.run_for(core::time::Duration::from_millis(1));
+            eyes.damaged()
+        });
+        assert_eq!(damaged, [0, 1, 1, 1]);
+        let mut copy = rig.fork().expect("plain");
+        let copied = eyes.fork(&mut copy, &Robot("lidar")).expect("the same");
+        assert_eq!(copied.damaged(), 1);
+    }
+}

@@ -134,3 +134,100 @@ impl Checker for DriveFed {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::puppet::{copied, cut, scenario};
+    use super::super::tests::{linked, look_at};
+    use super::*;
+    use crate::robots::checker::Status;
+    use crate::run::Run;
+
+    const WITHIN: Duration = Duration::from_millis(300);
+
+    fn fed(rig: &Rig) -> DriveFed {
+        let is_meant = |link: &str| link == "base";
+        let calm = Calm::of(&scenario("").0, rig, &is_meant);
+        DriveFed::new(rig, vec!["base".to_owned()], WITHIN, calm)
+    }
+
+    /// The robot's program is at the other end of these links, and is no device.
+    #[test]
+    fn the_devices_of_the_drive_are_those_at_its_links() {
+        let (scenario, source) = scenario("");
+        let run = Run::new(scenario, &source, None).expect("can be wired");
+        let of = |links: &[&str]| {
+            let links = links.iter().map(|&link| link.to_owned()).collect();
+            let fed = DriveFed::new(&run.rig, links, WITHIN, Calm::default());
+            fed.devices.into_iter().collect::<Vec<_>>()
+        };
+        assert_eq!(of(&["base"]), ["base"]);
+        assert_eq!(of(&["base", "lidar"]), ["base", "lidar"]);
+        assert_eq!(of(&[]), [""; 0]);
+    }
+
+    /// A fault from 1 to 2 s, with effects to 7 s: the silence counts from then on. At rest no
+    /// command is needed.
+    #[test]
+    fn a_drive_need_not_be_fed_during_a_fault() {
+        let (mut rig, _) = linked("base");
+        let mut fed = fed(&rig);
+        fed.faults_changed(&[cut("base", 1, 2)], &rig);
+        for millis in [900, 999] {
+            look_at(&mut fed, &mut rig, millis, 0.0);
+        }
+        let check = fed.verdict();
+        assert_eq!(
+            (check.status, &*check.detail),
+            (
+                Status::NotObserved,
+                "commands at most 0 ms apart at set-points"
+            )
+        );
+        for millis in [1_000, 5_000, 6_999, 7_000, 7_299] {
+            look_at(&mut fed, &mut rig, millis, 1.0);
+        }
+        assert_eq!(fed.verdict().status, Status::Pass);
+        look_at(&mut fed, &mut rig, 7_300, 1.0);
+        let told =
+            "at 7.300000 s no command for 301 ms at set-points, without a fault on its links";
+        assert_eq!(fed.verdict().detail, told);
+        assert!(copied(&fed, &rig).ends_with(told));
+    }
+
+    /// A watchdog that fires during a fault does its work.
+    #[test]
+    fn a_watchdog_may_fire_during_a_fault() {
+        let told = |event_ms: u64| {
+            let (mut rig, _) = linked("base");
+            let mut fed = fed(&rig);
+            fed.faults_changed(&[cut("base", 1, 2)], &rig);
+            fed.watch("base");
+            let event = emulators::Event {
+                at: Instant::from_millis(event_ms),
+                kind: emulators::EventKind::Note,
+                rule: "watchdog",
+                detail: String::new(),
+                bytes: Vec::new(),
+            };
+            rig.log("base", event);
+            look_at(&mut fed, &mut rig, 7_500, 0.0);
+            fed.verdict().status
+        };
+        use Status::{Fail, NotObserved};
+        assert_eq!(
+            [999, 1_000, 6_999, 7_000].map(told),
+            [Fail, NotObserved, NotObserved, Fail]
+        );
+    }
+
+    #[test]
+    fn a_robot_without_a_drive_is_not_judged() {
+        let (mut rig, _) = linked("base");
+        let mut fed = DriveFed::new(&rig, Vec::new(), WITHIN, Calm::default());
+        look_at(&mut fed, &mut rig, 9_000, 1.0);
+        let check = fed.verdict();
+        assert_eq!(check.status, Status::NotObserved);
+        assert_eq!(check.detail, "the robot names no link of its drive");
+    }
+}

@@ -408,4 +408,277 @@ mod tests {
         assert_eq!(said(&[short], &two), few);
         assert_eq!(said(&[], &two), "");
     }
+
+    fn flat(xs: &[f64], y: f64) -> Vec<Point> {
+        xs.iter().map(|&x| [x, y]).collect()
+    }
+
+    /// Up to 300 mm are no gap, also between the last point and the first one.
+    #[test]
+    fn points_without_a_gap_are_a_run() {
+        let lens = |points: &[Point]| runs(points).iter().map(Vec::len).collect::<Vec<_>>();
+        assert_eq!(lens(&flat(&[0.0, 300.0, 601.0], 0.0)), [2, 1]);
+        let around = |y: f64| {
+            let far = [[1_000.0, 0.0], [1_000.0, 100.0]];
+            [vec![[0.0, 0.0], [100.0, 0.0]], far.to_vec(), vec![[0.0, y]]].concat()
+        };
+        assert_eq!(lens(&around(301.0)), [2, 2, 1]);
+        let joined = runs(&around(300.0));
+        assert_eq!(joined[1], [[0.0, 300.0], [0.0, 0.0], [100.0, 0.0]]);
+        assert_eq!(joined.len(), 2);
+        assert_eq!(
+            lens(&flat(&[0.0, 100.0], 0.0)),
+            [2],
+            "no run is joined with itself"
+        );
+        assert_eq!(lens(&[]), [0; 0]);
+        let closed = |y: f64| is_closed(&[[0.0, 0.0], [500.0, 0.0], [0.0, y]]);
+        assert_eq!([closed(300.0), closed(301.0)], [true, false]);
+    }
+
+    /// A line from (1, 1) to (4, 5) has the direction (0.6, 0.8). Ten along and five to the left
+    /// or the right of it are (3, 12) and (11, 6).
+    #[test]
+    fn a_place_is_along_a_line_and_beside_it() {
+        let line = [[1.0, 1.0], [4.0, 5.0]];
+        for point in [[3.0, 12.0], [11.0, 6.0]] {
+            let [along, beside] = placed(&line, point).expect("it has a length");
+            assert!(
+                (along - 10.0).abs() < 1e-9 && (beside - 5.0).abs() < 1e-9,
+                "{point:?}"
+            );
+        }
+        assert!(placed(&[[0.0, 0.0], [1.0, 0.0]], [0.0, 0.0]).is_some());
+        assert!(placed(&[[0.0, 0.0], [0.99, 0.0]], [0.0, 0.0]).is_none());
+        // 75 mm and a twentieth of the length beside it.
+        let long = [[0.0, 0.0], [1_000.0, 0.0]];
+        let of = |x, y| is_of(&long, [x, y], 5.0);
+        assert_eq!(
+            [of(500.0, 125.0), of(500.0, -125.0), of(500.0, 125.1)],
+            [true, true, false]
+        );
+        assert_eq!([of(-5.0, 0.0), of(-5.1, 0.0)], [true, false]);
+        assert_eq!([of(1_005.0, 0.0), of(1_005.1, 0.0)], [true, false]);
+        let straight = |y| is_straight(&[[0.0, 0.0], [50.0, y], [100.0, 0.0]]);
+        assert_eq!(
+            [straight(10.0), straight(10.1), straight(-10.1)],
+            [true, false, false]
+        );
+        assert!(!is_straight(&flat(&[0.0, 50.0, 0.0], 0.0)));
+    }
+
+    /// The points of a scan are a circle: the piece may go beyond its end.
+    #[test]
+    fn a_piece_goes_from_one_end_to_the_other() {
+        let line = [[0.0, 0.0], [100.0, 0.0]];
+        let points = [[0.0, 8.0], [50.0, 0.0], [100.0, -8.0], [900.0, 0.0]];
+        assert_eq!(piece(&line, &points, 8.0), Some(points[..3].to_vec()));
+        assert_eq!(piece(&line, &points, 7.9), None);
+        let around = [[100.0, 0.0], [500.0, 500.0], [0.0, 0.0], [50.0, 0.0]];
+        let found = [[0.0, 0.0], [50.0, 0.0], [100.0, 0.0]];
+        assert_eq!(piece(&line, &around, 1.0), Some(found.to_vec()));
+        assert_eq!(piece(&line, &[], 9.0), None);
+        let few =
+            |length: f64, at: f64| has_few(&[[0.0, 0.0], [length, 0.0]], &[[0.0, 0.0], [at, 0.0]]);
+        assert_eq!([few(60.0, 60.0), few(59.9, 60.0)], [true, false]);
+        assert_eq!([few(100.0, 92.0), few(100.0, 91.9)], [true, false]);
+        assert!(!has_few(
+            &[[0.0, 0.0], [60.0, 0.0]],
+            &flat(&[0.0, 30.0, 60.0], 0.0)
+        ));
+    }
+
+    /// Five points more than 75 mm and a twentieth of the length beside the chord: 125 mm of
+    /// 1,000 mm, 81 mm of 120 mm.
+    #[test]
+    fn five_points_beside_a_line_are_a_corner() {
+        let cut = |length: f64, count: usize, y: f64| {
+            let middle = (0..9).map(|at: usize| {
+                let x = length * (at as f64 + 1.0) / 10.0;
+                [x, if at < count { y } else { 0.0 }]
+            });
+            let points: Vec<Point> = [[0.0, 0.0]]
+                .into_iter()
+                .chain(middle)
+                .chain([[length, 0.0]])
+                .collect();
+            cuts(&[[0.0, 0.0], [length, 0.0]], &points)
+        };
+        assert_eq!(
+            [5, 4].map(|count| cut(1_000.0, count, 126.0)),
+            [true, false]
+        );
+        assert_eq!(
+            [cut(1_000.0, 9, 125.0), cut(1_000.0, 9, -126.0)],
+            [false, true]
+        );
+        assert_eq!([cut(120.0, 5, 81.5), cut(120.0, 5, 80.5)], [true, false]);
+        assert!(!cut(119.9, 5, 90.0));
+    }
+
+    /// The mean of 20 points, each less than 20 mm from a line of at least 500 mm, is at most 2.5
+    /// mm from it. Points beyond its ends do not count.
+    #[test]
+    fn a_line_is_the_middle_of_its_points() {
+        let beside = |length: f64, count: usize, y: fn(usize) -> f64| {
+            let at = |index: usize| [500.0 * index as f64 / (count as f64 - 1.0), y(index)];
+            let points: Vec<Point> = (0..count).map(at).collect();
+            is_beside(&[[0.0, 0.0], [length, 0.0]], &points)
+        };
+        assert!(beside(500.0, 21, |_| 2.6) && beside(500.0, 21, |_| -2.6));
+        assert!(!beside(500.0, 21, |_| 2.4) && !beside(500.0, 21, |_| -2.4));
+        assert!(beside(500.0, 20, |_| 2.6) && !beside(500.0, 19, |_| 2.6));
+        assert!(!beside(499.0, 40, |_| 2.6));
+        assert!(beside(500.0, 21, |_| 19.9) && !beside(500.0, 21, |_| 20.0));
+        // Half of them at 5.2 mm, or on both sides.
+        assert!(beside(500.0, 20, |at| if at % 2 == 0 { 5.2 } else { 0.0 }));
+        assert!(!beside(500.0, 20, |at| if at % 2 == 0 {
+            5.2
+        } else {
+            -5.2
+        }));
+        // Of 30 points on 560 mm the nearest to the ends of the line are at 0 and 500 mm.
+        let inner = flat(&[0.0, 500.0], 0.0);
+        let more: Vec<Point> = (1..25).map(|at| [20.0 * f64::from(at), 2.8]).collect();
+        let points = [&inner[..1], &more, &inner[1..], &[[510.0, 2.8]][..]].concat();
+        assert!(is_beside(&[[0.0, 0.0], [500.0, 0.0]], &points));
+        // A line upwards with points to its left.
+        let up: Vec<Point> = (0..=20).map(|at| [-2.6, 25.0 * f64::from(at)]).collect();
+        assert!(is_beside(&[[0.0, 0.0], [0.0, 500.0]], &up));
+        let on: Vec<Point> = (0..=20).map(|at| [0.0, 25.0 * f64::from(at)]).collect();
+        assert!(!is_beside(&[[0.0, 0.0], [0.0, 500.0]], &on));
+    }
+
+    /// 50 mm and 4 degrees (0.07 rad) from one line to the next one.
+    #[test]
+    fn two_lines_are_one_if_they_go_on() {
+        let line = [[0.0, 0.0], [1_000.0, 0.0]];
+        let next = |x: f64, bend: f64| {
+            let end = [x + 1_000.0 * libm::cos(bend), 1_000.0 * libm::sin(bend)];
+            goes_on(&line, &[[x, 0.0], end])
+        };
+        assert_eq!(
+            [next(1_050.0, 0.0), next(1_050.1, 0.0), next(949.9, 0.0)],
+            [true, false, false]
+        );
+        assert_eq!(
+            [0.069, 0.071, -0.069, -0.071].map(|bend| next(1_000.0, bend)),
+            [true, false, true, false]
+        );
+        // The last line may be continued by the first one; a single one is not.
+        let lines = [[[1_000.0, 0.0], [2_000.0, 0.0]], line];
+        assert!(
+            cut(&lines)
+                .expect("one wall")
+                .ends_with("meet at (1.00, 0.00) m")
+        );
+        assert_eq!(cut(&[[[0.0, 0.0], [30.0, 0.0]]]), None);
+    }
+
+    /// Points 100 mm apart. A line that is short of the end by up to 5 mm reaches it; fewer than
+    /// six points have no end.
+    #[test]
+    fn a_wall_is_covered_to_its_ends() {
+        let missing = |count: u32, line: [f64; 2]| {
+            let xs: Vec<f64> = (0..count).map(|at| 100.0 * f64::from(at)).collect();
+            missing(&[line.map(|x| [x, 0.0])], &flat(&xs, 0.0)).unwrap_or_default()
+        };
+        let end = "no reported line reaches the end of the wall at (0.50, 0.00) m";
+        assert_eq!(missing(6, [0.0, 300.0]), end);
+        assert_eq!(
+            [missing(6, [0.0, 495.0]), missing(6, [5.0, 500.0])],
+            ["", ""]
+        );
+        assert_eq!(missing(6, [0.0, 494.9]), end);
+        let begin = "no reported line reaches the end of the wall at (0.00, 0.00) m";
+        assert_eq!(missing(6, [5.1, 500.0]), begin);
+        assert_eq!(missing(5, [0.0, 200.0]), "");
+    }
+
+    /// A robot tells 20 lines at most.
+    #[test]
+    fn a_robot_with_all_its_lines_leaves_out_further_ones() {
+        let points = wall(AHEAD);
+        let far = [[9_000.0, 0.0], [9_000.0, 500.0]];
+        assert!(missing(&[far; 19], &points).is_some());
+        assert_eq!(missing(&[far; 20], &points), None);
+    }
+
+    /// What a robot told of these walls, in the points of this scan.
+    #[derive(Clone, Default)]
+    struct Robot(crate::Shared<(Option<(Instant, Vec<Line>)>, Vec<Point>)>);
+
+    impl Instruments for Robot {
+        fn told_lines(&self, _: &Rig) -> Option<(Instant, Vec<Line>)> {
+            self.0.lock().0.clone()
+        }
+
+        fn searched_points(&self, _: &Rig) -> Vec<Point> {
+            self.0.lock().1.clone()
+        }
+    }
+
+    /// A wall ahead until 2 s, then one to the left: the line of the first one agrees with a scan
+    /// that was in use 1.5 s before.
+    #[test]
+    fn a_report_may_be_of_a_scan_before() {
+        use super::super::puppet::copied;
+        use super::super::tests::{look_at, rig};
+        use crate::run::check::Status;
+        let told = |at_ms: u64| {
+            let (robot, mut rig) = (Robot::default(), rig());
+            let mut checker = LinesTrue::new(Arc::new(robot.clone()), Calm::default());
+            let none = checker.verdict();
+            assert_eq!(none.status, Status::NotObserved);
+            assert_eq!(none.detail, "no lines were reported");
+            let side: Line = [[-1_000.0, 1_000.0], [1_000.0, 1_000.0]];
+            let mut look = |at: u64, wall_is: Line, line: Line| {
+                let told = Some((Instant::from_millis(at), vec![line]));
+                *robot.0.lock() = (told, wall(wall_is));
+                look_at(&mut checker, &mut rig, at, 0.0);
+            };
+            look(1_000, AHEAD, AHEAD);
+            look(2_000, side, side);
+            look(at_ms, side, AHEAD);
+            look(at_ms + 1_000, side, side);
+            let text = checker.verdict().to_string();
+            assert_eq!(copied(&checker, &rig), text);
+            let check = checker.verdict();
+            (check.status, check.detail)
+        };
+        let agree = "4 reports of lines agree with the scan".to_owned();
+        assert_eq!(told(3_500), (Status::Pass, agree));
+        let (status, detail) = told(3_501);
+        assert_eq!(status, Status::Fail);
+        assert!(
+            detail.starts_with("at 3.501000 s the straight wall at "),
+            "{detail}"
+        );
+    }
+
+    /// A report is judged once, and not during a fault of the station or the drive.
+    #[test]
+    fn each_report_is_judged_once_while_it_is_calm() {
+        use super::super::puppet::{cut, scenario};
+        use super::super::tests::look_at;
+        let (mut rig, _) = crate::rig::bare::linked(["radio"], 1_000_000);
+        let calm = Calm::of(&scenario("").0, &rig, &|link| link == "radio");
+        let robot = Robot::default();
+        let mut checker = LinesTrue::new(Arc::new(robot.clone()), calm);
+        checker.faults_changed(&[cut("radio", 1, 2)], &rig);
+        let mut reports = Vec::new();
+        for (at, told) in [
+            (500, 500),
+            (600, 500),
+            (1_000, 1_000),
+            (7_100, 7_000),
+            (7_200, 7_000),
+        ] {
+            let told = Some((Instant::from_millis(told), vec![AHEAD]));
+            *robot.0.lock() = (told, wall(AHEAD));
+            look_at(&mut checker, &mut rig, at, 0.0);
+            reports.push(checker.reports);
+        }
+        assert_eq!(reports, [1, 1, 1, 2, 2]);
+    }
 }

@@ -316,4 +316,232 @@ mod tests {
         assert!(drifts(-0.01).is_some());
         assert_eq!([drifts(0.002), drifts(0.0)], [None, None]);
     }
+
+    fn unmoved() -> MotionTrue {
+        let (scenario, _) = super::super::puppet::scenario("");
+        let unknown: Arc<dyn Instruments> = Arc::new(crate::robots::instruments::Unknown);
+        MotionTrue::new(&scenario, unknown, 5.0, Calm::default())
+    }
+
+    /// The error of a motion of this length, of which a share is measured: path or turns.
+    fn wrong(index: usize, travel: f64, gain: f64) -> Option<String> {
+        let mut motion = unmoved();
+        motion.sums[index] = Sums {
+            products: gain * 2.0,
+            squares: 2.0,
+            travel,
+            ..Sums::default()
+        };
+        motion.wrong()
+    }
+
+    /// 5 % of 1.2 m or 3.5 rad; half of 0.3 m or 0.3 rad; nothing is known of less.
+    #[test]
+    fn the_longer_a_motion_the_smaller_its_error() {
+        let told = |index, travel, gain| wrong(index, travel, gain).is_some();
+        for (index, enough) in [(0, 1.2), (1, 3.5)] {
+            assert_eq!(
+                [0.94, 0.96, 1.04, 1.06].map(|gain| told(index, enough, gain)),
+                [true, false, false, true]
+            );
+            let less = enough - 0.01;
+            assert_eq!(
+                [0.49, 0.51, 1.49, 1.51].map(|gain| told(index, less, gain)),
+                [true, false, false, true]
+            );
+            assert_eq!(
+                [0.51, 1.51].map(|gain| told(index, 0.3, gain)),
+                [false, true]
+            );
+            assert_eq!([0.0, 9.0].map(|gain| told(index, 0.29, gain)), [false; 2]);
+        }
+        let path = "106 % of the path are measured, of 1.2 m";
+        assert_eq!(wrong(0, 1.2, 1.06).as_deref(), Some(path));
+        let turns = "94 % of the turns are measured, of 3.5 rad";
+        assert_eq!(wrong(1, 3.5, 0.94).as_deref(), Some(turns));
+        let mut rough = unmoved();
+        rough.within = 0.6;
+        rough.sums[0] = Sums {
+            products: 1.55,
+            squares: 1.0,
+            travel: 0.5,
+            ..Sums::default()
+        };
+        assert_eq!(rough.wrong(), None);
+    }
+
+    /// At rest 300 mm and 0.8 rad may be measured, and 0.005 rad for each second: 0.25 rad in 100
+    /// sections of half a second.
+    #[test]
+    fn little_is_measured_at_rest() {
+        let told = |index: usize, at_rest: f64, rests: f64| {
+            let mut motion = unmoved();
+            (motion.sums[index].at_rest, motion.sums[index].rests) = (at_rest, rests);
+            motion.wrong()
+        };
+        assert_eq!([told(0, 0.3, 0.0), told(1, 0.8, 0.0)], [None, None]);
+        let path = "0.4 m of path are measured at rest";
+        assert_eq!(told(0, 0.36, 100.0).as_deref(), Some(path));
+        assert_eq!(told(1, 1.04, 100.0), None);
+        let turns = "1.1 rad of turns are measured at rest";
+        assert_eq!(told(1, 1.06, 100.0).as_deref(), Some(turns));
+    }
+
+    /// Below a twentieth of the least motion is rest: 1.5 mm of 30 mm.
+    #[test]
+    fn a_section_is_motion_rest_or_neither() {
+        let taken = |truth: f64| {
+            let mut sums = Sums::default();
+            sums.take(0.5, truth, 0.03);
+            (sums.travel > 0.0, sums.rests, sums.at_rest)
+        };
+        assert_eq!([taken(0.03), taken(-0.03)], [(true, 0.0, 0.0); 2]);
+        assert_eq!([taken(0.029), taken(0.0016)], [(false, 0.0, 0.0); 2]);
+        assert_eq!([taken(0.0014), taken(-0.0014)], [(false, 1.0, 0.5); 2]);
+        let mut sums = Sums::default();
+        sums.take(0.1, 0.2, 0.03);
+        sums.take(-0.3, -0.5, 0.03);
+        assert!((sums.products - 0.17).abs() < 1e-12 && (sums.squares - 0.29).abs() < 1e-12);
+        assert!((sums.travel - 0.7).abs() < 1e-12);
+    }
+
+    /// A section of 30 mm and 0.05 rad is a curve: half of their product lies between it and its
+    /// tangent. Motion to the left is inside of a curve to the left.
+    #[test]
+    fn curves_have_an_inner_side() {
+        let curve = |path: f64, turn: f64| {
+            let mut motion = unmoved();
+            motion.curve([path, turn, 0.0], 0.02, 0.005);
+            (motion.curved, motion.drift)
+        };
+        assert_eq!(curve(0.03, 0.05), (0.03 * 0.05 / 2.0, 0.015));
+        assert_eq!([curve(0.029, 0.05), curve(0.03, 0.049)], [(0.0, 0.0); 2]);
+        assert_eq!(curve(-0.1, 0.2), (0.1 * 0.2 / 2.0, -0.015));
+        assert_eq!(curve(-0.1, -0.2).1, 0.015);
+        let drifts = |drift: f64, curved: f64| {
+            let mut motion = unmoved();
+            (motion.drift, motion.curved) = (drift, curved);
+            motion.drifts()
+        };
+        assert_eq!([drifts(0.1, 0.0), drifts(0.5, 1.0)], [None, None]);
+        let inner = "110 mm of motion to the inner side of curves are measured, not true";
+        assert_eq!(drifts(0.11, 0.0).as_deref(), Some(inner));
+        let outer = "510 mm of motion to the outer side of curves are measured, not true";
+        assert_eq!(drifts(-0.51, 1.0).as_deref(), Some(outer));
+        let mut motion = unmoved();
+        motion.drift = 1.0;
+        assert!(
+            motion
+                .wrong()
+                .is_some_and(|told| told.starts_with("1000 mm"))
+        );
+    }
+
+    /// Wheels may slip in the 3 s after a contact or the start of a push.
+    #[test]
+    fn a_contact_and_a_push_disturb_for_three_seconds() {
+        let at = Instant::from_millis;
+        let disturbed = |motion: &MotionTrue| {
+            [9_999, 10_000, 12_999, 13_000].map(|millis| motion.is_disturbed(at(millis)))
+        };
+        let mut touched = unmoved();
+        touched.touched_at = Some(at(10_000));
+        assert_eq!(disturbed(&touched), [false, true, true, false]);
+        let mut pushed = unmoved();
+        pushed.pushes = vec![at(90_000), at(10_000)];
+        assert_eq!(disturbed(&pushed), [false, true, true, false]);
+        let push = "[[world.push]]\nat = \"10s\"\nby_m = [0.1, 0]\nover = \"100ms\"\n";
+        let (scenario, _) = super::super::puppet::scenario(push);
+        let unknown: Arc<dyn Instruments> = Arc::new(crate::robots::instruments::Unknown);
+        let calm = Calm::default();
+        let planned = MotionTrue::new(&scenario, unknown, 5.0, calm);
+        assert_eq!(disturbed(&planned), [false, true, true, false]);
+        assert_eq!(disturbed(&unmoved()), [false; 4]);
+    }
+
+    /// A robot whose dead reckoning measures this share of its path, and is set this many times.
+    #[derive(Clone)]
+    struct Reckoning(f64, crate::Shared<u64>);
+
+    impl Instruments for Reckoning {
+        fn reckoned(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+            let pose = rig.world.pose();
+            Some((rig.now(), Pose::new(self.0 * pose.x, pose.y, pose.theta)))
+        }
+
+        fn reckoned_anew(&self, _: &Rig) -> u64 {
+            *self.1.lock()
+        }
+    }
+
+    /// 0.2 m/s for 10 s are 2 m; `each` is called before each look, 100 ms apart.
+    fn driven(share: f64, mut each: impl FnMut(&mut MotionTrue, &Reckoning, &Rig)) -> MotionTrue {
+        use emulators::world::Command;
+        let (mut rig, _) = super::super::tests::linked("base");
+        rig.world = super::super::tests::rig().world;
+        let (scenario, _) = super::super::puppet::scenario("");
+        let calm = Calm::of(&scenario, &rig, &|_| true);
+        let robot = Reckoning(share, crate::Shared::new(0));
+        let mut motion = MotionTrue::new(&scenario, Arc::new(robot.clone()), 5.0, calm);
+        for tenth in 1..=101 {
+            for wheel in ["left", "right"] {
+                let speed = Command::Speed(0.2);
+                rig.world.actuate(wheel, speed).expect("a wheel");
+            }
+            each(&mut motion, &robot, &rig);
+            super::super::tests::look_at(&mut motion, &mut rig, 100 * tenth, 0.0);
+        }
+        motion
+    }
+
+    #[test]
+    fn a_path_that_is_measured_too_short_is_told() {
+        use crate::robots::checker::Status;
+        let told = |share| {
+            let check = driven(share, |_, _, _| {}).verdict();
+            (check.status, check.detail)
+        };
+        let (status, detail) = told(1.0);
+        assert_eq!(status, Status::Pass);
+        assert!(detail.starts_with("100.0 % of 2.0 m, "), "{detail}");
+        let words = "90 % of the path are measured, of 2.0 m".to_owned();
+        assert_eq!(told(0.9), (Status::Fail, words));
+        // Sections of half a second: 20 of them in ten seconds, 100 mm each.
+        let motion = driven(1.0, |_, _, _| {});
+        assert!(
+            (motion.sums[0].squares - 20.0 * 0.01).abs() < 0.005,
+            "{:?}",
+            motion.sums
+        );
+    }
+
+    /// A pose that is set again and again, or a fault to the end.
+    #[test]
+    fn motion_is_not_judged_while_it_is_disturbed() {
+        use super::super::puppet::cut;
+        use crate::robots::checker::Status;
+        let little = "too little motion without faults and contacts";
+        let set = driven(0.5, |_, robot, _| *robot.1.lock() += 1);
+        let faulted = driven(0.5, |motion, _, rig| {
+            motion.faults_changed(&[cut("base", 0, 50)], rig)
+        });
+        for motion in [set, faulted] {
+            let check = motion.verdict();
+            assert_eq!(
+                (check.status, &*check.detail),
+                (Status::NotObserved, little)
+            );
+        }
+        // Once, at 5.1 s, costs the section until then, and a part of the last one: 18 remain.
+        let mut calls = 0;
+        let once = driven(1.0, |_, robot, _| {
+            calls += 1;
+            *robot.1.lock() = u64::from(calls > 50);
+        });
+        assert!(
+            (1.75..1.85).contains(&once.sums[0].travel),
+            "{:?}",
+            once.sums[0]
+        );
+    }
 }

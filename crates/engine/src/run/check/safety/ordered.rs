@@ -279,4 +279,222 @@ mod tests {
             [0; 0]
         );
     }
+
+    /// The signs of set-points count, not their sizes.
+    #[test]
+    fn orders_to_rest_have_no_signs() {
+        use crate::scenario::SetPoint;
+        let drive = |axes: [f64; 2]| signs(&Action::Drive(SetPoint::list(axes)));
+        assert_eq!(drive([8.0, -0.5]), Some(vec![1.0, -1.0]));
+        assert_eq!(drive([8.0, 0.0]), Some(vec![1.0, 0.0]));
+        assert_eq!(drive([0.0, 0.0]), Some(Vec::new()));
+        let mode = |name: &str| signs(&Action::Mode(name.to_owned()));
+        assert_eq!([mode("stop"), mode("explore")], [Some(Vec::new()), None]);
+        let list = |places: &[[f64; 2]]| signs(&Action::WaypointsM(places.to_vec()));
+        assert_eq!([list(&[]), list(&[[1.0, 2.0]])], [Some(Vec::new()), None]);
+        assert_eq!(signs(&Action::Connect), None);
+    }
+
+    fn scenario(steps: &str) -> Scenario {
+        let mission = format!("[mission]\nconnect = \"1s\"\nstep = [{steps}]\n");
+        super::super::puppet::scenario(&mission).0
+    }
+
+    fn step(at: &str, action: &str) -> String {
+        format!("{{ at = \"{at}\", do = {action} }},")
+    }
+
+    const STOP: &str = "{ mode = \"stop\" }";
+
+    /// An order lasts until the next one or the end, at 60 s. Before the connection at 1 s, and
+    /// between two connections, none arrives; a value that the rig sets is no order.
+    #[test]
+    fn an_order_lasts_until_the_next_one() {
+        let windows = |steps: &[(&str, &str)]| {
+            let steps: String = steps.iter().map(|(at, what)| step(at, what)).collect();
+            let windows = windows(&scenario(&steps)).into_iter();
+            let millis = windows.map(|one| [one.at.as_millis(), one.until.as_millis()]);
+            millis.collect::<Vec<_>>()
+        };
+        assert_eq!(windows(&[("5s", STOP)]), [[5_000, 60_000]]);
+        let explore = "{ mode = \"explore\" }";
+        assert_eq!(windows(&[("5s", STOP), ("7s", explore)]), [[5_000, 7_000]]);
+        let drive = "{ drive = [8, 8] }";
+        let two = [("5s", drive), ("7s", STOP)];
+        assert_eq!(windows(&two), [[5_000, 7_000], [7_000, 60_000]]);
+        assert_eq!(windows(&[("999ms", STOP)]), [[0; 2]; 0]);
+        assert_eq!(windows(&[("1s", STOP)]), [[1_000, 60_000]]);
+        let gone = [
+            ("2s", "\"disconnect\""),
+            ("5s", STOP),
+            ("6s", "\"connect\""),
+            ("8s", STOP),
+        ];
+        assert_eq!(windows(&gone), [[8_000, 60_000]]);
+    }
+
+    /// Looks at a robot each 10 ms from 4 s to this time. An order arrives at 5.1 s.
+    struct Course {
+        checker: DoesAsOrdered,
+        rig: Rig,
+        station: usize,
+    }
+
+    fn course(steps: &str) -> Course {
+        let (rig, [station, _]) = super::super::tests::linked("radio");
+        let scenario = scenario(steps);
+        let calm = Calm::of(&scenario, &rig, &|_| true);
+        let checker = DoesAsOrdered::of(&scenario, Some("radio"), Duration::from_secs(1), calm);
+        Course {
+            checker,
+            rig,
+            station,
+        }
+    }
+
+    impl Course {
+        /// Drives at this speed with these set-points until `until` milliseconds.
+        fn go(&mut self, until: u64, speed: f64, set_points: impl Fn(u64) -> [f64; 2]) {
+            use emulators::world::Command;
+            let from = self.rig.now().as_millis();
+            for millis in (from + 10..=until).step_by(10) {
+                for wheel in ["left", "right"] {
+                    let speed = Command::Speed(speed);
+                    self.rig.world.actuate(wheel, speed).expect("a wheel");
+                }
+                if millis == 5_100 {
+                    self.rig.inject(self.station, &[1]);
+                }
+                self.rig.run_until(Instant::from_millis(millis));
+                let axes = set_points(millis).map(super::super::tests::drive);
+                self.checker.observe(&Look {
+                    rig: &self.rig,
+                    axes: &axes,
+                    contacts: &[],
+                });
+            }
+        }
+
+        fn told(&self) -> (crate::run::check::Status, String) {
+            let check = self.checker.verdict();
+            (check.status, check.detail)
+        }
+    }
+
+    use crate::run::check::Status::{Fail, NotObserved, Pass};
+
+    /// The order arrives at 5.1 s; the robot has 1 s to obey it and 0.3 s to brake, until 6.4 s. A
+    /// motion of 0.1 s after that is no rest.
+    #[test]
+    fn a_robot_rests_after_an_order_to_rest() {
+        let stops = |millis: u64| {
+            let mut course = course(&step("5s", STOP));
+            course.go(millis, 0.2, |_| [0.0; 2]);
+            course.go(9_000, 0.0, |_| [0.0; 2]);
+            course.told()
+        };
+        let rests = "1 orders to rest or to drive by hand".to_owned();
+        assert_eq!(stops(6_300), (Pass, rests));
+        let moves = "at 6.510000 s the robot moves 1.4 s after the order to rest".to_owned();
+        assert_eq!(stops(6_600), (Fail, moves.clone()));
+        let mut anew = course(&step("5s", STOP));
+        anew.go(6_300, 0.2, |_| [0.0; 2]);
+        for millis in [6_500, 6_700, 6_900] {
+            anew.go(millis, 0.0, |_| [0.0; 2]);
+            anew.go(millis + 20, 0.2, |_| [0.0; 2]);
+        }
+        assert_eq!(anew.told().0, Pass, "{:?}", anew.told());
+        let mut first = course(&step("5s", STOP));
+        first.go(9_000, 0.2, |_| [0.0; 2]);
+        assert_eq!(first.told(), (Fail, moves));
+        let text = first.checker.verdict().to_string();
+        assert_eq!(
+            super::super::puppet::copied(&first.checker, &first.rig),
+            text
+        );
+    }
+
+    /// Nothing is judged without the order's arrival, after the next order, or once it is void: by
+    /// an order of another origin or a fault.
+    #[test]
+    fn an_order_is_judged_while_it_is_the_last_one() {
+        let mut none = course(&step("5s", STOP));
+        none.station = 1;
+        none.go(9_000, 0.2, |_| [0.0; 2]);
+        let nothing = "0 orders to rest or to drive by hand".to_owned();
+        assert_eq!(none.told(), (NotObserved, nothing.clone()));
+        let two = |at: &str| step("5s", STOP) + &step(at, "{ mode = \"explore\" }");
+        let mut early = course(&two("6400ms"));
+        early.go(9_000, 0.2, |_| [0.0; 2]);
+        assert_eq!(early.told(), (NotObserved, nothing));
+        let mut late = course(&two("6520ms"));
+        late.go(9_000, 0.2, |_| [0.0; 2]);
+        assert_eq!(late.told().0, Fail);
+        let void = |at_ms: u64| {
+            let mut course = course(&two("8s"));
+            course.checker.ordered(Instant::from_millis(at_ms));
+            course.go(9_000, 0.2, |_| [0.0; 2]);
+            course.told().0
+        };
+        assert_eq!(
+            [4_999, 5_000, 7_999, 8_000].map(void),
+            [Fail, NotObserved, NotObserved, Fail]
+        );
+        let faulted = |from_s: u64| {
+            let mut course = course(&two("8s"));
+            let fault = super::super::puppet::cut("radio", from_s, from_s + 1);
+            course.checker.faults_changed(&[fault], &course.rig);
+            course.go(9_000, 0.2, |_| [0.0; 2]);
+            course.told().0
+        };
+        assert_eq!([6, 8].map(faulted), [NotObserved, Fail]);
+    }
+
+    /// A byte that was sent before the order and arrives after it is not the order.
+    #[test]
+    fn bytes_on_the_way_are_no_order() {
+        let judged = |also_later: bool| {
+            let mut course = course(&step("5050ms", STOP));
+            course.rig.line_mut(0, Direction::ToMaster).latency = Duration::from_millis(200);
+            course.go(4_990, 0.2, |_| [0.0; 2]);
+            course.rig.inject(course.station, &[7]);
+            let station = course.station;
+            if !also_later {
+                course.station = 1;
+            }
+            course.go(9_000, 0.2, |_| [0.0; 2]);
+            course.station = station;
+            course.told()
+        };
+        assert_eq!(judged(false).0, NotObserved);
+        // The order of 5.1 s arrives at 5.3 s.
+        let moves = "at 6.710000 s the robot moves 1.4 s after the order to rest".to_owned();
+        assert_eq!(judged(true), (Fail, moves));
+    }
+
+    /// From one second after the arrival on, 6.1 s, the signs of the set-points are judged; after
+    /// half a second, 50 looks, seven of ten have to be right.
+    #[test]
+    fn set_points_follow_an_order_to_drive() {
+        let judged = |until: u64, of_ten: u64, wrong: [f64; 2]| {
+            let mut course = course(&step("5s", "{ drive = [8, -8] }"));
+            course.go(6_100, 0.0, |_| [-1.0, 1.0]);
+            let is_right = |millis: u64| (millis / 10 - 1) % 10 < of_ten;
+            course.go(until, 0.0, |millis| {
+                if is_right(millis) { [0.5, -2.0] } else { wrong }
+            });
+            course.told()
+        };
+        let one = "1 orders to rest or to drive by hand".to_owned();
+        assert_eq!(judged(8_000, 7, [0.0, 0.0]), (Pass, one));
+        let told =
+            "at 6.600000 s the set-points follow the order to drive in 60 % of the time only";
+        assert_eq!(judged(8_000, 6, [0.5, 0.0]), (Fail, told.to_owned()));
+        assert_eq!(judged(8_000, 6, [0.5, 2.0]).0, Fail);
+        assert_eq!(judged(8_000, 6, [-0.5, -2.0]).0, Fail);
+        assert_eq!(judged(6_590, 6, [0.0, 0.0]).0, NotObserved);
+        let mut one_axis = course(&step("5s", "{ drive = [8, 0] }"));
+        one_axis.go(7_000, 0.0, |_| [0.5, -2.0]);
+        assert_eq!(one_axis.told().0, Pass);
+    }
 }

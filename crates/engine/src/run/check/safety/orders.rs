@@ -311,4 +311,175 @@ mod tests {
         steering.take(at(1_100), &axes(3.21), 2, false, true);
         assert_eq!(steering.broken.map(|(since, _)| since), Some(at(900)));
     }
+
+    use super::super::puppet::{copied, cut, puppet, scenario};
+    use crate::codec::BUS_HIGH_FIRST;
+    use crate::robots::checker::Status;
+
+    const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+    /// A robot that only the radio drives in the mode "hand".
+    struct Robot;
+
+    impl Instruments for Robot {
+        fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
+            (link != "unknown").then_some(&BUS_HIGH_FIRST)
+        }
+
+        fn needs(&self) -> Vec<Need> {
+            vec![Need::always("lidar"), Need::always("radio").only(&["hand"])]
+        }
+    }
+
+    struct Course {
+        rig: Rig,
+        radio: usize,
+        device: usize,
+        other: usize,
+        checker: MovesOnSoundOrders,
+    }
+
+    fn course() -> Course {
+        let names = ["base", "radio"];
+        let (mut rig, [base, radio]) = crate::rig::bare::linked(names, 1_000_000);
+        puppet(&mut rig).mode = "hand";
+        let calm = Calm::of(&scenario("").0, &rig, &|link| link == "base");
+        Course {
+            checker: MovesOnSoundOrders::listening(&mut rig, &Robot, Some("radio"), calm),
+            radio: radio[0].node,
+            device: radio[1].node,
+            other: base[0].node,
+            rig,
+        }
+    }
+
+    impl Course {
+        /// Drives at this speed and with this set-point until `until`, looked at each 100 ms.
+        fn go(&mut self, until: u64, speed: f64, set_point: f64) {
+            use emulators::world::Command;
+            let from = self.rig.now().as_millis();
+            for millis in (from + 100..=until).step_by(100) {
+                for wheel in ["left", "right"] {
+                    let speed = Command::Speed(speed);
+                    self.rig.world.actuate(wheel, speed).expect("a wheel");
+                }
+                self.rig.run_until(Instant::from_millis(millis));
+                self.checker.observe(&Look {
+                    rig: &self.rig,
+                    axes: &axes(set_point),
+                    contacts: &[],
+                });
+            }
+        }
+
+        fn told(&self) -> (Status, String) {
+            let check = self.checker.verdict();
+            (check.status, check.detail)
+        }
+    }
+
+    use Status::{Fail, NotObserved, Pass};
+
+    /// A robot that moves without a frame, or behind garbage, or frames of other lines.
+    #[test]
+    fn a_robot_moves_after_a_valid_frame() {
+        let sound = "no motion without a valid frame on radio".to_owned();
+        let mut ordered = course();
+        ordered.go(500, 0.0, 0.0);
+        assert_eq!(ordered.told(), (NotObserved, sound.clone()));
+        ordered.rig.inject(ordered.radio, &FRAME);
+        ordered.go(900, 0.0, 0.0);
+        assert_eq!(ordered.told().0, NotObserved);
+        ordered.go(1_500, 0.2, 1.0);
+        assert_eq!(ordered.told(), (Pass, sound.clone()));
+        let mut alone = course();
+        alone.rig.inject(alone.device, &FRAME);
+        alone.rig.inject(alone.other, &FRAME);
+        alone.rig.inject(alone.radio, &[0x55]);
+        alone.go(200, 0.0, 0.0);
+        alone.rig.inject(alone.radio, &[0x55]);
+        alone.go(500, 0.0, 0.0);
+        assert_eq!(alone.told(), (Pass, sound));
+        alone.go(900, 0.2, 1.0);
+        let told =
+            "moved at 0.600000 s, before any valid frame on radio; 1 sections of damaged bytes";
+        assert_eq!(alone.told(), (Fail, told.to_owned()));
+        assert!(copied(&alone.checker, &alone.rig).ends_with(told));
+        let mut started = course();
+        started.checker = started.checker.starting_alone(true);
+        started.go(900, 0.2, 1.0);
+        assert_eq!(started.told().0, NotObserved);
+    }
+
+    /// An order at 0.1 s to drive at 0.5 m/s may be followed until 1.6 s. Behind damaged bytes a
+    /// set-point of 1.5 m/s is none of it: half of it more and a tenth of the limit is 0.95 m/s.
+    fn steered(change: impl FnOnce(&mut Course)) -> (Status, String) {
+        let mut course = course();
+        course.go(100, 0.0, 0.0);
+        course.rig.inject(course.radio, &FRAME);
+        course.go(1_600, 0.2, 0.5);
+        course.rig.inject(course.radio, &FRAME[..2]);
+        change(&mut course);
+        course.go(2_500, 0.2, 1.5);
+        course.told()
+    }
+
+    #[test]
+    fn damaged_frames_do_not_speed_a_robot_up() {
+        let told = "drive = 1.5 at 1.700000 s, which no valid frame on radio ordered";
+        assert_eq!(steered(|_| {}), (Fail, told.to_owned()));
+        assert_eq!(steered(|it| puppet(&mut it.rig).mode = "go").0, Pass);
+        assert_eq!(steered(|it| it.rig.inject(it.radio, &FRAME[2..])).0, Pass);
+        let fault = |link: &str| {
+            let fault = cut(link, 1, 20);
+            steered(|it| it.checker.faults_changed(&[fault], &it.rig)).0
+        };
+        assert_eq!([fault("base"), fault("radio")], [Pass, Fail]);
+        // Without damaged bytes, it is the program's own matter.
+        let mut own = course();
+        own.rig.inject(own.radio, &FRAME);
+        own.go(1_600, 0.2, 0.5);
+        own.go(2_500, 0.2, 1.5);
+        assert_eq!(own.told().0, Pass);
+    }
+
+    /// A part of a frame that nothing ends may be a damaged one, and a frame that a pause parts is.
+    #[test]
+    fn parts_of_frames_are_damaged() {
+        let noted = |chunks: &[(u64, &[u8])]| {
+            let mut course = course();
+            for &(millis, bytes) in chunks {
+                course.rig.run_until(Instant::from_millis(millis));
+                course.rig.inject(course.radio, bytes);
+            }
+            course.rig.run_for(Duration::from_millis(1));
+            let ear = course.checker.ear.as_ref().expect("a link").lock();
+            let millis = |at: Option<Instant>| at.map(Instant::as_millis);
+            (
+                ear.sound,
+                ear.damaged,
+                millis(ear.sound_at),
+                millis(ear.damaged_at),
+            )
+        };
+        assert_eq!(noted(&[(10, &FRAME)]), (1, 0, Some(10), Some(10)));
+        assert_eq!(noted(&[(10, &FRAME[..2])]), (0, 0, None, Some(10)));
+        let idle = u64::try_from(BUS_HIGH_FIRST.idle().as_millis()).expect("short");
+        let parted = noted(&[(10, &FRAME[..2]), (12 + idle, &FRAME)]);
+        assert_eq!((parted.0, parted.1), (1, 1));
+        let whole = noted(&[(10, &FRAME[..2]), (9 + idle, &FRAME[2..])]);
+        assert_eq!((whole.0, whole.1), (1, 0));
+    }
+
+    #[test]
+    fn a_link_without_known_frames_is_not_judged() {
+        let (mut rig, _) = crate::rig::bare::linked(["unknown"], 1_000_000);
+        for link in [None, Some("unknown"), Some("gone")] {
+            let calm = Calm::default();
+            let checker = MovesOnSoundOrders::listening(&mut rig, &Robot, link, calm);
+            let check = checker.verdict();
+            assert_eq!(check.status, NotObserved, "{link:?}");
+            assert!(check.detail.ends_with("set orders_link"));
+        }
+    }
 }

@@ -257,4 +257,316 @@ mod tests {
         let silences = silences.map(|(millis, count)| heard.take(at(millis), count).as_millis());
         assert_eq!(silences, [100, 0, 100, 0, 500]);
     }
+
+    use emulators::world::{BodyConfig, Command, Point, Pose, Scene, Shape, World};
+
+    use super::super::puppet::{copied, cut, puppet, scenario};
+    use super::super::tests::{drive, linked, rig};
+    use crate::robots::checker::Status;
+
+    /// A robot at these speeds of its wheels; they are 0.26 m apart.
+    fn moves(wheels: [f64; 2], set_point: f64) -> [bool; 2] {
+        let mut rig = rig();
+        for (wheel, speed) in ["left", "right"].into_iter().zip(wheels) {
+            let speed = Command::Speed(speed);
+            rig.world.actuate(wheel, speed).expect("a wheel");
+        }
+        rig.run_until(Instant::from_secs(1));
+        let look = Look {
+            rig: &rig,
+            axes: &[drive(set_point)],
+            contacts: &[],
+        };
+        [moves_itself(&look), is_pushed(&look)]
+    }
+
+    /// 0.03 m/s and 0.15 rad/s are noise: 0.039 m/s of difference between the wheels.
+    #[test]
+    fn a_robot_moves_by_its_speed_or_its_turn() {
+        for (wheels, expected) in [
+            ([0.031, 0.031], true),
+            ([0.029, 0.029], false),
+            ([-0.031, -0.031], true),
+            ([-0.02, 0.02], true),
+            ([0.02, -0.02], true),
+            ([-0.019, 0.019], false),
+        ] {
+            assert_eq!(moves(wheels, 0.0), [expected, false], "{wheels:?}");
+        }
+    }
+
+    /// A robot that touches a wall while its set-points are 0 is pushed.
+    #[test]
+    fn a_touched_robot_without_set_points_is_pushed() {
+        let wall = Shape::Wall {
+            from: Point::new(0.3, -1.0),
+            to: Point::new(0.3, 1.0),
+        };
+        let scene = Scene::new([wall], Vec::new()).expect("one wall");
+        let body = BodyConfig::default().ideal();
+        let world = World::new(scene, body, Pose::default(), 1).expect("free");
+        let mut rig = Rig::new(world);
+        let look = |rig: &mut Rig, until: u64, wheels: f64, set_point: f64| {
+            for wheel in ["left", "right"] {
+                let speed = Command::Speed(wheels);
+                rig.world.actuate(wheel, speed).expect("a wheel");
+            }
+            rig.run_until(Instant::from_millis(until));
+            let look = Look {
+                rig,
+                axes: &[drive(set_point)],
+                contacts: &[],
+            };
+            [is_pushed(&look), moves_itself(&look)]
+        };
+        assert_eq!(look(&mut rig, 100, 0.1, 0.0), [false, true]);
+        // The disc of 160 mm has 140 mm to the wall.
+        look(&mut rig, 3_000, 0.1, 0.0);
+        assert_eq!(look(&mut rig, 3_010, 0.1, 0.0)[0], true);
+        assert_eq!(look(&mut rig, 3_020, 0.1, 0.5)[0], false);
+        assert_eq!(look(&mut rig, 3_030, 0.1, 0.0), [true, false]);
+    }
+
+    struct Course {
+        rig: Rig,
+        rests: RestsAfterSilence,
+        lidar: usize,
+        base: usize,
+    }
+
+    /// A robot that needs its lidar, and gets its commands over the base's line.
+    fn course(need: Need) -> Course {
+        let (mut rig, [lidar, base]) = crate::rig::bare::linked(["lidar", "base"], 1_000_000);
+        let calm = Calm::of(&scenario("").0, &rig, &|link| link == "base");
+        let drive = vec!["base".to_owned()];
+        puppet(&mut rig).mode = "go";
+        Course {
+            rests: RestsAfterSilence::new(vec![need], drive, calm, Duration::from_secs(1)),
+            rig,
+            lidar: lidar[0].node,
+            base: base[1].node,
+        }
+    }
+
+    impl Course {
+        /// Drives at this speed until `until`, looked at each 100 ms.
+        fn go(&mut self, until: u64, lidar: bool, commands: bool, speed: f64, set_point: f64) {
+            let from = self.rig.now().as_millis();
+            for millis in (from + 100..=until).step_by(100) {
+                for (node, is_sent) in [(self.lidar, lidar), (self.base, commands)] {
+                    if is_sent {
+                        self.rig.inject(node, &[1]);
+                    }
+                }
+                for wheel in ["left", "right"] {
+                    let speed = Command::Speed(speed);
+                    self.rig.world.actuate(wheel, speed).expect("a wheel");
+                }
+                self.rig.run_until(Instant::from_millis(millis));
+                self.rests.observe(&Look {
+                    rig: &self.rig,
+                    axes: &[drive(set_point)],
+                    contacts: &[],
+                });
+            }
+        }
+
+        fn told(&self) -> (Status, String) {
+            let check = self.rests.verdict();
+            (check.status, check.detail)
+        }
+    }
+
+    use Status::{Fail, NotObserved, Pass};
+
+    /// The lidar falls silent at 2 s. From 3.5 s on the robot must not move; 0.3 s of it fail.
+    #[test]
+    fn a_robot_that_drives_on_is_told() {
+        let mut on = course(Need::always("lidar"));
+        on.go(2_000, true, true, 0.2, 1.0);
+        on.go(3_800, false, true, 0.2, 1.0);
+        assert_eq!(on.told().0, Pass);
+        on.go(9_000, false, true, 0.2, 1.0);
+        let words = "still moving at 3.900000 s, 1.9 s after the last byte of lidar".to_owned();
+        assert_eq!(on.told(), (Fail, words));
+        assert!(copied(&on.rests, &on.rig).starts_with("FAIL"));
+        // A documented time of its own is longer.
+        let mut late = course(Need {
+            stops_after: Duration::from_secs(3),
+            ..Need::always("lidar")
+        });
+        late.go(2_000, true, true, 0.2, 1.0);
+        late.go(5_800, false, true, 0.2, 1.0);
+        assert_eq!(late.told().0, Pass);
+        late.go(5_900, false, true, 0.2, 1.0);
+        assert_eq!(late.told().0, Fail);
+    }
+
+    /// Each silence counts once, and only for a robot that has moved.
+    #[test]
+    fn silences_are_counted() {
+        let mut two = course(Need::always("lidar"));
+        two.go(2_000, true, true, 0.2, 1.0);
+        let none = "no silence of a link that the moving robot needs".to_owned();
+        assert_eq!(two.told(), (NotObserved, none));
+        two.go(3_500, false, true, 0.0, 0.0);
+        assert_eq!(two.told().0, NotObserved);
+        for (until, count) in [(3_600, 1), (6_000, 1)] {
+            two.go(until, false, true, 0.0, 0.0);
+            let words = format!("at rest in each of {count} silences of lidar");
+            assert_eq!(two.told(), (Pass, words));
+        }
+        two.go(7_000, true, true, 0.2, 1.0);
+        two.go(9_000, false, true, 0.0, 0.0);
+        assert_eq!(two.told().1, "at rest in each of 2 silences of lidar");
+        let mut resting = course(Need::always("lidar"));
+        resting.go(2_000, true, true, 0.0, 0.0);
+        resting.go(9_000, false, true, 0.0, 0.0);
+        assert_eq!(resting.told().0, NotObserved);
+    }
+
+    /// Without commands for 0.3 s while a fault acts on the drive, the program cannot stop it.
+    #[test]
+    fn a_drive_that_no_command_reaches_is_not_judged() {
+        let judged = |fault: bool, commands: bool| {
+            let mut course = course(Need::always("lidar"));
+            if fault {
+                let fault = cut("base", 0, 50);
+                course.rests.faults_changed(&[fault], &course.rig);
+            }
+            course.go(2_000, true, commands, 0.2, 1.0);
+            course.go(9_000, false, commands, 0.2, 1.0);
+            course.told().0
+        };
+        assert_eq!(
+            [
+                judged(false, true),
+                judged(false, false),
+                judged(true, true)
+            ],
+            [Fail; 3]
+        );
+        assert_eq!(judged(true, false), NotObserved);
+        // Every 0.3 s is too seldom, every 0.2 s is not.
+        let every = |tenths: u64| {
+            let mut course = course(Need::always("lidar"));
+            let fault = cut("base", 0, 50);
+            course.rests.faults_changed(&[fault], &course.rig);
+            course.go(2_000, true, true, 0.2, 1.0);
+            for tenth in 21..=60 {
+                course.go(100 * tenth, false, tenth % tenths == 0, 0.2, 1.0);
+            }
+            course.told().0
+        };
+        assert_eq!([every(3), every(4)], [Fail, Pass]);
+    }
+
+    /// With set-points of 0 the robot may roll out for 2 s: until 5 s after a drive to 3 s.
+    #[test]
+    fn a_robot_may_roll_out() {
+        let judged = |until: u64| {
+            let mut course = course(Need::always("lidar"));
+            course.go(2_000, true, true, 0.2, 1.0);
+            course.go(3_000, false, true, 0.2, 1.0);
+            course.go(until, false, true, 0.2, 0.0);
+            course.told()
+        };
+        assert_eq!(judged(5_300).0, Pass);
+        let (status, words) = judged(5_400);
+        assert_eq!(status, Fail);
+        assert!(words.starts_with("still moving at 5.400000 s"), "{words}");
+    }
+
+    /// A mode without the need, and one that begins to need the silent link at 5 s: it has 1.5 s to
+    /// stop, too.
+    #[test]
+    fn a_mode_may_need_no_lidar() {
+        let need = || Need::always("lidar").only(&["go"]);
+        let mut other = course(need());
+        puppet(&mut other.rig).mode = "search";
+        other.go(2_000, true, true, 0.2, 1.0);
+        other.go(5_000, false, true, 0.2, 1.0);
+        assert_eq!(other.told().0, NotObserved);
+        puppet(&mut other.rig).mode = "go";
+        other.go(6_800, false, true, 0.2, 1.0);
+        assert_eq!(other.told().0, Pass);
+        other.go(6_900, false, true, 0.2, 1.0);
+        assert!(
+            other
+                .told()
+                .1
+                .starts_with("still moving at 6.900000 s, 4.9 s after")
+        );
+        // A robot that gives up its mode in the silence has stopped by it.
+        let mut gives_up = course(need());
+        gives_up.go(2_000, true, true, 0.2, 1.0);
+        gives_up.go(2_600, false, true, 0.2, 1.0);
+        puppet(&mut gives_up.rig).mode = "stop";
+        gives_up.go(9_000, false, true, 0.0, 0.0);
+        assert_eq!(gives_up.told().0, Pass);
+        // One that gave it up before, or within half a second, needed it no more.
+        let mut before = course(need());
+        before.go(2_000, true, true, 0.2, 1.0);
+        puppet(&mut before.rig).mode = "stop";
+        before.go(9_000, false, true, 0.0, 0.0);
+        assert_eq!(before.told().0, NotObserved);
+    }
+
+    /// Turns with a distance; the first byte of a turn is its number of beams and one more.
+    struct Blind(Option<f64>);
+
+    impl Instruments for Blind {
+        fn scanner(&self, _: &Rig) -> Option<(String, Box<dyn crate::robots::ScanDecoder>)> {
+            struct Numbers;
+            impl crate::robots::ScanDecoder for Numbers {
+                fn push(&mut self, bytes: &[u8]) -> Option<Vec<crate::robots::Beam>> {
+                    let beam = crate::robots::Beam {
+                        bearing: 0.0,
+                        distance_m: 1.0,
+                    };
+                    let count = bytes.first()?.checked_sub(1)?;
+                    Some(vec![beam; usize::from(count)])
+                }
+            }
+            Some(("lidar".to_owned(), Box::new(Numbers)))
+        }
+
+        fn blind_below_m(&self) -> Option<f64> {
+            self.0
+        }
+    }
+
+    /// Bytes count until the first turn with a distance, then turns; near an obstacle bytes count
+    /// again, as a scanner may measure nothing there.
+    #[test]
+    fn a_lidar_is_heard_by_its_turns() {
+        let heard = |blind: Option<f64>, wall_m: f64| {
+            let wall = Shape::Wall {
+                from: Point::new(wall_m, -1.0),
+                to: Point::new(wall_m, 1.0),
+            };
+            let scene = Scene::new([wall], Vec::new()).expect("one wall");
+            let body = BodyConfig::default().ideal();
+            let (mut rig, [lidar, base]) = crate::rig::bare::linked(["lidar", "base"], 1_000_000);
+            rig.world = World::new(scene, body, Pose::default(), 1).expect("free");
+            let robot: Arc<dyn Instruments> = Arc::new(Blind(blind));
+            let mut rests =
+                RestsAfterSilence::new(Vec::new(), Vec::new(), Calm::default(), Duration::ZERO);
+            rests = rests.with_eyes(&mut rig, &robot);
+            rig.inject(base[0].node, &[5, 5]);
+            [0, 1, 2, 1, 1, 3].map(|byte| {
+                rig.inject(lidar[0].node, &[byte]);
+                rig.run_for(Duration::from_millis(1));
+                assert_eq!(rests.heard_on(&rig, "base"), 2);
+                rests.heard_on(&rig, "lidar")
+            })
+        };
+        assert_eq!(heard(None, 0.3), [1, 2, 1, 1, 1, 2]);
+        // The body's 160 mm leave 140 mm to the wall.
+        assert_eq!(heard(Some(0.15), 0.3), [1, 2, 1 + 3, 1 + 4, 1 + 5, 2 + 6]);
+        assert_eq!(heard(Some(0.13), 0.3), [1, 2, 1, 1, 1, 2]);
+        let (rig, _) = linked("base");
+        let rests = course(Need::always("base")).rests;
+        assert_eq!(rests.heard_on(&rig, "other"), 0);
+    }
 }

@@ -232,3 +232,167 @@ impl Checker for NoticesSilence {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::puppet::{copied, cut, puppet, scenario};
+    use super::*;
+    use crate::codec::{BUS_HIGH_FIRST, Codec};
+    use crate::rig::bare::linked;
+    use crate::robots::checker::Status;
+
+    const LOST: &str = "lost replies";
+    /// A read of ten registers from 36.
+    const FRAME: [u8; 5] = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+
+    /// A robot that counts the silences of its base; without a codec, each byte is a sign of work.
+    struct Robot(Option<&'static Codec>);
+
+    impl Instruments for Robot {
+        fn alarms(&self) -> &'static [Alarm] {
+            const ALL: [Alarm; 2] = [Alarm::new("base", LOST), Alarm::new("gone", "other")];
+            &ALL
+        }
+
+        fn codec(&self, _: &Rig, _: &str) -> Option<&'static Codec> {
+            self.0
+        }
+    }
+
+    struct Course {
+        rig: Rig,
+        base: usize,
+        says: NoticesSilence,
+    }
+
+    fn course(codec: Option<&'static Codec>) -> Course {
+        let (mut rig, [base]) = linked(["base"], 1_000_000);
+        puppet(&mut rig);
+        let robot: Arc<dyn Instruments> = Arc::new(Robot(codec));
+        let within = Duration::from_secs(3);
+        let says = NoticesSilence::listening(&scenario("").0, &mut rig, &robot, within);
+        Course {
+            rig,
+            base: base[0].node,
+            says,
+        }
+    }
+
+    impl Course {
+        /// Sends these bytes each 10 ms until `until`, with this value of the counter.
+        fn go(&mut self, until: u64, bytes: &[u8], counted: u64) {
+            puppet(&mut self.rig).counters = vec![("other", 99), (LOST, counted)];
+            let from = self.rig.now().as_millis();
+            for millis in (from + 10..=until).step_by(10) {
+                self.rig.inject(self.base, bytes);
+                self.rig.run_until(Instant::from_millis(millis));
+                self.says.observe(&Look {
+                    rig: &self.rig,
+                    axes: &[],
+                    contacts: &[],
+                });
+            }
+        }
+
+        fn told(&self) -> (Status, String) {
+            let check = self.says.verdict();
+            (check.status, check.detail)
+        }
+    }
+
+    use Status::{Fail, NotObserved, Pass};
+
+    fn counted(silences: u64) -> String {
+        format!("each of {silences} silences was counted within 3 s")
+    }
+
+    /// A frame each 10 ms until 3 s: 300 of them. The silence is judged at 6.01 s.
+    #[test]
+    fn a_device_that_falls_silent_is_counted() {
+        let mut silent = course(Some(&BUS_HIGH_FIRST));
+        silent.go(3_000, &FRAME, 2);
+        silent.go(6_000, &[], 2);
+        assert_eq!(silent.told(), (NotObserved, counted(0)));
+        silent.go(6_010, &[], 2);
+        let words = "base is silent since 3.000000 s, and \"lost replies\" did not grow within 3 s";
+        assert_eq!(silent.told(), (Fail, words.to_owned()));
+        assert!(copied(&silent.says, &silent.rig).ends_with(words));
+        let mut noticed = course(Some(&BUS_HIGH_FIRST));
+        noticed.go(3_000, &FRAME, 2);
+        noticed.go(9_000, &[], 3);
+        assert_eq!(noticed.told(), (Pass, counted(1)));
+        noticed.go(12_000, &FRAME, 3);
+        noticed.go(20_000, &[], 4);
+        assert_eq!(noticed.told(), (Pass, counted(2)));
+    }
+
+    /// 180 valid frames, and two seconds from the first to the last one; without a codec one byte
+    /// is enough.
+    #[test]
+    fn a_device_has_to_have_been_at_work() {
+        let after = |codec, until: u64, bytes: &[u8]| {
+            let mut course = course(codec);
+            course.go(until, bytes, 0);
+            course.go(20_000, &[], 0);
+            course.told().0
+        };
+        let codec = Some(&BUS_HIGH_FIRST);
+        assert_eq!(after(codec, 2_010, &FRAME), Fail);
+        assert_eq!(after(codec, 2_000, &FRAME), NotObserved);
+        assert_eq!(after(codec, 9_000, &[0x55]), NotObserved);
+        let slow = |frames: u64| {
+            let mut course = course(codec);
+            for frame in 1..=frames {
+                course.go(20 * frame - 10, &FRAME, 0);
+                course.go(20 * frame, &[], 0);
+            }
+            course.go(20_000, &[], 0);
+            course.told().0
+        };
+        assert_eq!([slow(179), slow(180)], [NotObserved, Fail]);
+        assert_eq!(
+            [after(None, 10, &[7]), after(None, 9_000, &[])],
+            [Fail, NotObserved]
+        );
+    }
+
+    /// A failure that is counted while frames still arrive, or a fault at the link, begins the work
+    /// anew.
+    #[test]
+    fn work_begins_anew_after_a_failure() {
+        let mut failed = course(Some(&BUS_HIGH_FIRST));
+        failed.go(3_000, &FRAME, 0);
+        failed.go(4_000, &FRAME, 1);
+        failed.go(9_000, &[], 1);
+        assert_eq!(failed.told(), (NotObserved, counted(0)));
+        let faulted = |until_s: u64| {
+            let mut course = course(Some(&BUS_HIGH_FIRST));
+            let fault = cut("base", 1, until_s);
+            course.says.faults_changed(&[fault], &course.rig);
+            course.go(9_000, &FRAME, 0);
+            course.go(20_000, &[], 0);
+            course.told().0
+        };
+        // With the effects of 5 s, to 7 s and to 8 s.
+        assert_eq!([faulted(2), faulted(3)], [Fail, NotObserved]);
+        // Garbage counts no work, but it is not silence.
+        let mut garbage = course(Some(&BUS_HIGH_FIRST));
+        garbage.go(3_000, &FRAME, 0);
+        garbage.go(9_000, &[0x55], 0);
+        assert_eq!(garbage.told().0, NotObserved);
+        garbage.go(20_000, &[], 0);
+        assert_eq!(garbage.told().0, Fail);
+    }
+
+    #[test]
+    fn a_robot_without_such_counters_is_not_judged() {
+        let (mut rig, _) = linked(["base"], 1_000_000);
+        let unknown: Arc<dyn Instruments> = Arc::new(crate::robots::instruments::Unknown);
+        let within = Duration::from_secs(3);
+        let says = NoticesSilence::listening(&scenario("").0, &mut rig, &unknown, within);
+        assert_eq!(
+            says.verdict().detail,
+            "the robot names no counter of silent devices"
+        );
+    }
+}

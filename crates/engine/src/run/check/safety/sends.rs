@@ -187,4 +187,114 @@ mod tests {
         ear.take(at(101), &[0x55; 1]);
         assert_eq!(ear.broken, Some((at(101), 174)));
     }
+
+    struct Robot;
+
+    impl Instruments for Robot {
+        fn codec(&self, _: &Rig, link: &str) -> Option<&'static Codec> {
+            (link != "unknown").then_some(&BUS_HIGH_FIRST)
+        }
+
+        fn station_links(&self) -> &'static [&'static str] {
+            &["pc"]
+        }
+    }
+
+    use super::super::puppet::copied;
+    use crate::rig::bare::linked;
+    use crate::rig::fault::{Damage, Strike};
+    use crate::robots::checker::Status;
+
+    /// Only the bytes to the device of a link whose frames are known count, as they are sent.
+    #[test]
+    fn frames_are_those_that_the_program_sends() {
+        let (mut rig, [base, unknown]) = linked(["base", "unknown"], 1_000_000);
+        let faults = &mut rig.line_mut(0, Direction::ToDevice).faults;
+        faults.add_strike(Strike {
+            byte: 2,
+            damage: Damage::Drop,
+        });
+        let checker = SendsSoundFrames::listening(&mut rig, &Robot);
+        let none = checker.verdict();
+        assert_eq!(
+            (none.status, &*none.detail),
+            (Status::NotObserved, "0 bytes in valid frames")
+        );
+        for (node, bytes) in [
+            (base[1].node, &FRAME.repeat(2)[..]),
+            (base[0].node, &FRAME),
+            (unknown[1].node, &FRAME),
+        ] {
+            rig.inject(node, bytes);
+            rig.run_for(core::time::Duration::from_millis(5));
+        }
+        let sound = checker.verdict();
+        assert_eq!(
+            (sound.status, &*sound.detail),
+            (Status::Pass, "10 bytes in valid frames")
+        );
+        rig.inject(base[1].node, &[0x55; 200]);
+        rig.run_for(core::time::Duration::from_millis(50));
+        let check = checker.verdict();
+        assert_eq!(check.status, Status::Fail);
+        // 160 bytes and the 50th part of 174 bytes are 163.
+        let told = "164 bytes that the program sent on base until ";
+        assert!(check.detail.starts_with(told), "{check}");
+        assert_eq!(copied(&checker, &rig), check.to_string());
+        let unknown = crate::robots::instruments::Unknown;
+        let check = SendsSoundFrames::listening(&mut rig, &unknown).verdict();
+        assert_eq!(
+            check.detail,
+            "no link of the program whose frames are known"
+        );
+    }
+
+    /// A pause of the line ends 200 ms before the bytes are judged again: only one to the device.
+    #[test]
+    fn a_pause_of_the_line_excuses_what_follows() {
+        let excused = |to: Direction, ahead: bool| {
+            let (mut rig, [base]) = linked(["base"], 1_000_000);
+            let damage = Damage::Idle {
+                by: core::time::Duration::from_millis(3),
+            };
+            rig.line_mut(0, to)
+                .faults
+                .add_strike(Strike { byte: 0, damage });
+            let checker = SendsSoundFrames::listening(&mut rig, &Robot);
+            for end in base {
+                rig.inject(end.node, &[0x55]);
+            }
+            let pause = if ahead { 190 } else { 210 };
+            rig.run_for(core::time::Duration::from_millis(pause));
+            rig.inject(base[1].node, &[0x55; 30]);
+            rig.run_for(core::time::Duration::from_millis(5));
+            let excused = checker.ears[0].lock().excused;
+            excused
+        };
+        assert_eq!(excused(Direction::ToDevice, true), 30);
+        assert_eq!(excused(Direction::ToDevice, false), 0);
+        assert_eq!(excused(Direction::ToMaster, true), 0);
+    }
+
+    /// A format whose frames a pause ends: two bytes of a text, and the rest after a pause.
+    #[test]
+    fn a_pause_ends_a_frame_of_some_formats() {
+        let format = crate::codec::all();
+        let mut ended = format
+            .into_iter()
+            .filter(|codec| codec.is_ended_by(core::time::Duration::from_secs(9)));
+        let codec = ended.next().expect("Modbus is one");
+        let mut ear = Ear::new(0, "bus".to_owned(), codec);
+        ear.take(Instant::from_secs(1), &[0x55]);
+        assert_eq!((ear.outside, ear.counter.pending()), (0, 1));
+        ear.take(Instant::from_secs(1) + codec.idle(), &[0x55]);
+        assert_eq!(ear.outside, 0);
+        let before = ear.sent_at;
+        assert_eq!(before, Instant::from_secs(1) + codec.idle());
+        ear.take(
+            before + codec.idle() + core::time::Duration::from_nanos(1),
+            &[0x55],
+        );
+        assert_eq!((ear.outside, ear.counter.pending()), (2, 1));
+    }
 }

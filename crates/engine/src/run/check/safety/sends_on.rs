@@ -227,4 +227,75 @@ mod tests {
         sends(&mut one, 35..55, 10);
         assert!(one.longest > Duration::ZERO);
     }
+
+    use super::super::puppet::{copied, cut, scenario};
+    use super::super::tests::look_at;
+    use crate::rig::bare::linked;
+    use crate::robots::checker::Status;
+
+    struct Robot;
+
+    impl Instruments for Robot {
+        fn sporadic_links(&self) -> &'static [&'static str] {
+            &["markers"]
+        }
+
+        fn station_links(&self) -> &'static [&'static str] {
+            &["pc"]
+        }
+    }
+
+    /// Bytes each 100 ms until 6 s on both lines, then on the other one alone, or on none.
+    fn judged(silent: &str, fault: Option<FaultSpec>) -> (Status, String) {
+        let (mut rig, ends) = linked(["base", "markers"], 1_000_000);
+        let (scenario, _) = scenario("");
+        let mut checker = SendsOn::new(&scenario, &rig, &Robot, WITHIN);
+        checker.faults_changed(&fault.into_iter().collect::<Vec<_>>(), &rig);
+        for tenth in 1..=81_u64 {
+            for (name, ends) in ["base", "markers"].into_iter().zip(ends) {
+                if tenth <= 60 || name != silent {
+                    rig.inject(ends[1].node, &[7; 10]);
+                }
+            }
+            rig.inject(ends[0][0].node, &[7]);
+            look_at(&mut checker, &mut rig, 100 * tenth, 0.0);
+        }
+        let check = checker.verdict();
+        assert_eq!(copied(&checker, &rig), check.to_string());
+        (check.status, check.detail)
+    }
+
+    /// Two seconds of silence are allowed; the markers' line may be silent.
+    #[test]
+    fn a_line_that_falls_silent_is_told() {
+        let steady = "1 lines, silent for at most 100 ms".to_owned();
+        assert_eq!(judged("none", None), (Status::Pass, steady.clone()));
+        assert_eq!(judged("markers", None), (Status::Pass, steady));
+        let silent =
+            "at 8.100000 s nothing was sent on base for 2.1 s, without a fault on this link";
+        assert_eq!(judged("base", None), (Status::Fail, silent.to_owned()));
+        let none = "no line that the program uses steadily".to_owned();
+        assert_eq!(
+            judged("base", Some(cut("base", 1, 20))),
+            (Status::NotObserved, none)
+        );
+        assert_eq!(judged("base", Some(cut("other", 1, 20))).0, Status::Fail);
+    }
+
+    /// During a fault nothing is judged, and the use is not steady any more.
+    #[test]
+    fn a_fault_begins_the_use_anew() {
+        let mut one = watched();
+        sends(&mut one, 1..61, 10);
+        one.calm = {
+            let (rig, _) = linked(["base"], 1_000_000);
+            let (scenario, _) = scenario("");
+            let mut calm = Calm::of(&scenario, &rig, &|_| true);
+            calm.renew(&[cut("base", 7, 8)], &rig);
+            calm
+        };
+        assert_eq!(silent_at(&mut one, 12_900), None);
+        assert_eq!((one.sent_at.as_millis(), one.steady_since), (12_900, None));
+        assert_eq!(silent_at(&mut one, 60_000), None);
+    }
 }

@@ -30,13 +30,13 @@ impl Instruments for Telling {
     }
 }
 
-fn nowhere() -> Scenario {
+pub(in crate::run) fn nowhere() -> Scenario {
     let text = "schema = 1\nname = \"t\"\nrobot = \"rescue\"\nduration = \"60s\"\n\
         [world]\nstart = { x_m = 1, y_m = 1, heading_deg = 0 }\n";
     Scenario::from_text(text).expect("sound").0
 }
 
-fn rig() -> Rig {
+pub(in crate::run) fn rig() -> Rig {
     let scene = Scene::new(Vec::<Shape>::new(), Vec::new()).expect("empty");
     let body = BodyConfig::default().ideal();
     Rig::new(World::new(scene, body, Pose::default(), 1).expect("free"))
@@ -270,12 +270,12 @@ fn an_echo_is_no_line_at_work() {
 }
 
 /// A rig with one link, and the nodes of its device and of its master. A byte takes 10 us.
-fn linked(name: &str) -> (Rig, [usize; 2]) {
+pub(in crate::run) fn linked(name: &str) -> (Rig, [usize; 2]) {
     let (rig, [ends]) = crate::rig::bare::linked([name], 1_000_000);
     (rig, ends.map(|end| end.node))
 }
 
-fn drive(set_point: f64) -> Axis {
+pub(in crate::run) fn drive(set_point: f64) -> Axis {
     Axis {
         name: "drive".into(),
         unit: "m/s",
@@ -286,7 +286,12 @@ fn drive(set_point: f64) -> Axis {
 }
 
 /// Looks at `rig` at a millisecond, with a drive at this set-point.
-fn look_at(checker: &mut dyn Checker, rig: &mut Rig, millis: u64, set_point: f64) {
+pub(in crate::run) fn look_at(
+    checker: &mut dyn Checker,
+    rig: &mut Rig,
+    millis: u64,
+    set_point: f64,
+) {
     rig.run_until(Instant::from_millis(millis));
     checker.observe(&Look {
         rig,
@@ -496,4 +501,123 @@ fn a_robot_rests_after_a_silence() {
         .and_then(|rest| rest.split(' ').next());
     assert_eq!(at, Some("3.900000"), "{detail}");
     assert_eq!(judged(0, 0).0, Status::NotObserved, "it never moved");
+}
+
+/// A contact of a robot that a person steers, and a step that may wait: only failures are excused.
+#[test]
+fn a_scenario_excuses_failures() {
+    let spec = |by_hand, steps_may_wait| SafetySpec {
+        by_hand,
+        steps_may_wait,
+        ..SafetySpec::default()
+    };
+    let excused = |spec: SafetySpec, name: &str, passed: bool| {
+        let mut check = Check::new(name, passed, "so");
+        spec.excuse(&mut check);
+        (check.status, check.detail)
+    };
+    let kept = |status| (status, "so".to_owned());
+    let waits = (Status::NotObserved, "so; it may wait".to_owned());
+    let steers = (Status::NotObserved, "so; a person steers".to_owned());
+    let (collision, step) = ("no-collision-at-speed", "mission-step-2");
+    assert_eq!(excused(spec(true, false), collision, false), steers);
+    assert_eq!(
+        excused(spec(true, false), collision, true),
+        kept(Status::Pass)
+    );
+    assert_eq!(excused(spec(true, false), step, false), kept(Status::Fail));
+    assert_eq!(excused(spec(false, true), step, false), waits);
+    assert_eq!(
+        excused(spec(false, true), collision, false),
+        kept(Status::Fail)
+    );
+    assert_eq!(
+        excused(spec(true, true), "other", false),
+        kept(Status::Fail)
+    );
+}
+
+/// Links of the scenario keep what the robot itself knows about them.
+#[test]
+fn needed_links_are_those_of_the_scenario_if_it_names_some() {
+    struct Needing;
+    impl Instruments for Needing {
+        fn needs(&self) -> Vec<Need> {
+            vec![Need::always("lidar").except(&["stop"]), Need::always("pc")]
+        }
+    }
+    let of = |links: &[&str]| {
+        let spec = SafetySpec {
+            rests_without: links.iter().map(|&link| link.to_owned()).collect(),
+            ..SafetySpec::default()
+        };
+        needs(&spec, &Needing)
+    };
+    assert_eq!(of(&[]), Needing.needs());
+    let lidar = Need::always("lidar").except(&["stop"]);
+    assert_eq!(of(&["camera", "lidar"]), [Need::always("camera"), lidar]);
+}
+
+/// A radio counts its overflows by itself, three of them in one entry of the log; another device
+/// only logs them.
+#[test]
+fn overflows_that_a_device_counts_are_counted_once() {
+    use emulators::{BrokenRules, Device};
+    use protocols::{LineConfig, Port};
+
+    #[derive(Clone, Default)]
+    struct Radio(BrokenRules);
+
+    impl Device for Radio {
+        fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+        fn poll(&mut self, _: Instant, _: &mut World) {}
+        fn transmit(&mut self, _: Port, _: &mut [u8]) -> usize {
+            0
+        }
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+        fn line_config(&self, _: Port) -> LineConfig {
+            LineConfig::new_8n1(9600)
+        }
+        fn take_events(&mut self) -> Vec<Event> {
+            Vec::new()
+        }
+        fn broken_rules(&self) -> Option<&BrokenRules> {
+            Some(&self.0)
+        }
+    }
+
+    let mut radio = Radio::default();
+    for rule in [
+        "fifo-overflow",
+        "fifo-overflow",
+        "fifo-overflow",
+        "too-soon",
+    ] {
+        radio.0.count(Instant::ZERO, rule);
+    }
+    let mut rig = rig();
+    rig.add_device("radio", radio);
+    for source in ["radio", "camera"] {
+        let event = Event {
+            at: Instant::from_millis(5),
+            kind: EventKind::Violation,
+            rule: "fifo-overflow",
+            detail: "64 bytes".to_owned(),
+            bytes: Vec::new(),
+        };
+        rig.log(source, event);
+    }
+    let judged = |most| {
+        let check = overruns(most, &rig, rig.events());
+        (check.status, check.detail)
+    };
+    let words = |most| format!("4 queues overflowed, at most {most}; first: radio fifo-overflow");
+    assert_eq!(judged(4), (Status::Pass, words(4)));
+    assert_eq!(judged(3), (Status::Fail, words(3)));
+    assert_eq!(
+        overruns(0, &self::rig(), &[]).detail,
+        "0 queues overflowed, at most 0"
+    );
 }
