@@ -187,4 +187,60 @@ mod tests {
             assert!(detail.starts_with("no line was busy"), "{detail}");
         }
     }
+
+    use super::super::safety::puppet::{copied, puppet};
+    use crate::robots::checker::Look;
+
+    /// A line with ten bytes each half of a second, but for these halves; estimates of the pose end at `last`.
+    fn observed(silent: core::ops::Range<u64>, last: u64, until: u64) -> (Status, String) {
+        let (mut rig, [base]) = crate::rig::bare::linked(["base"], 1_000_000);
+        let phases = [window(0, 8), window(8, 10), window(10, 12), window(12, 20)];
+        let mut checker = AtWorkAgain::new(phases, &[]);
+        puppet(&mut rig);
+        for half in 1..=2 * until {
+            let at = Instant::from_millis(500 * half);
+            if !silent.contains(&half) {
+                rig.inject(base[0].node, &[7; 10]);
+            }
+            if at <= Instant::from_secs(last) {
+                let pose = firmware_core::pose::Pose::default();
+                puppet(&mut rig).estimate = Some((at, pose));
+            }
+            rig.run_until(at);
+            checker.observe(&Look {
+                rig: &rig,
+                axes: &[],
+                contacts: &[],
+            });
+        }
+        let check = checker.verdict();
+        assert_eq!(copied(&checker, &rig), check.to_string());
+        (check.status, check.detail)
+    }
+
+    /// The warm-up ends at 8 s, the judgement is from 12 to 20 s.
+    #[test]
+    fn a_line_that_was_busy_works_again_in_the_judgement() {
+        let all = || "all of 1 lines that were busy before".to_owned();
+        assert_eq!(observed(0..0, 20, 20), (Status::Pass, all()));
+        assert_eq!(observed(18..36, 20, 20), (Status::Pass, all()));
+        // The bytes of the time before half of the warm-up do not matter.
+        assert_eq!(observed(0..8, 20, 20), (Status::Pass, all()));
+        assert_eq!(observed(11..13, 20, 20).0, Status::NotObserved);
+        let silent = "silent in the judgement: base to-master".to_owned();
+        assert_eq!(observed(24..60, 20, 20), (Status::Fail, silent.clone()));
+        // What comes after the judgement is too late.
+        assert_eq!(observed(24..42, 30, 25), (Status::Fail, silent));
+        let early = "the run ended before the end of the judgement".to_owned();
+        assert_eq!(observed(0..0, 20, 19), (Status::Fail, early));
+    }
+
+    #[test]
+    fn a_program_that_had_a_pose_finds_a_new_one() {
+        let lost = "no new pose in the judgement".to_owned();
+        assert_eq!(observed(0..0, 12, 20), (Status::Fail, lost.clone()));
+        assert_eq!(observed(0..0, 13, 20).0, Status::Pass);
+        assert_eq!(observed(0..0, 0, 20).0, Status::Pass);
+        assert_eq!(observed(0..0, 5, 25), (Status::Fail, lost));
+    }
 }

@@ -265,4 +265,136 @@ mod tests {
         // The last command of 10 is that of 280 ms.
         assert_eq!(lost, (490..=1_290).step_by(10).collect::<Vec<_>>());
     }
+
+    use emulators::world::{Contact, Point};
+
+    use super::super::Status;
+    use crate::rig::bare::linked;
+
+    fn axis(set_point: f64) -> Axis {
+        Axis {
+            name: "drive".into(),
+            unit: "",
+            set_point,
+            limit: None,
+            actual: None,
+        }
+    }
+
+    /// A byte is a command of its value.
+    const BYTE: Dialect = Dialect {
+        link: "base",
+        frame_max: 1,
+        command: |bytes| Some(vec![Some(f64::from(*bytes.first()?))]),
+    };
+
+    /// Looks at a contact at 1 s; the drive has the set-point 5 then and since 0.5 s, and the
+    /// program has sent `sent` each 100 ms.
+    fn judged(dialect: Option<Dialect>, sent: u8, until: Option<Instant>) -> (Status, String) {
+        let (mut rig, [base, other]) = linked(["base", "other"], 1_000_000);
+        let checker = NoCollisionAtSpeed::judging_until(until);
+        let mut checker = checker.commanded_in(&mut rig, dialect);
+        for tenth in 1..=10 {
+            rig.inject(base[1].node, &[sent]);
+            rig.inject(base[0].node, &[7]);
+            rig.inject(other[1].node, &[7]);
+            rig.run_until(Instant::from_millis(100 * tenth));
+            let contact = Contact {
+                at: rig.now(),
+                speed_m_s: 0.9,
+                own_m_s: 0.3,
+                place: Point::default(),
+            };
+            let contacts = if tenth == 10 {
+                vec![contact]
+            } else {
+                Vec::new()
+            };
+            checker.observe(&Look {
+                rig: &rig,
+                axes: &[axis(if tenth >= 5 { 5.0 } else { 0.0 })],
+                contacts: &contacts,
+            });
+        }
+        let mut copy = rig.fork().expect("plain");
+        let copied = checker.fork(&mut copy).map(|copy| copy.verdict());
+        let check = checker.verdict();
+        assert_eq!(copied, Some(check.clone()));
+        (check.status, check.detail)
+    }
+
+    /// A drive that follows the program is to blame, and so is one whose commands are not known.
+    #[test]
+    fn a_contact_is_judged_if_the_drive_follows() {
+        let told = "1 contacts, the first in earnest at 1.000000 s, worst driven into at 0.300 m/s";
+        let fails = (Status::Fail, told.to_owned());
+        assert_eq!(judged(Some(BYTE), 5, None), fails);
+        assert_eq!(judged(None, 7, None), fails);
+        let other = Dialect {
+            link: "gone",
+            ..BYTE
+        };
+        assert_eq!(judged(Some(other), 7, None), fails);
+        let excused = "1 contacts, in earnest only while a sensor deceives the robot or its drive \
+                       does not follow";
+        let passes = (Status::Pass, excused.to_owned());
+        assert_eq!(judged(Some(BYTE), 7, None), passes);
+        let at = Instant::from_millis;
+        assert_eq!(judged(None, 7, Some(at(1_000))), passes);
+        assert_eq!(judged(None, 7, Some(at(1_001))), fails);
+    }
+
+    /// Bytes are kept for 0.7 s; of set-points the one that held 0.35 s ago, too.
+    #[test]
+    fn what_can_matter_is_kept() {
+        let mut sent = Sent {
+            link: 0,
+            dialect: BYTE,
+            chunks: VecDeque::new(),
+            set_points: VecDeque::new(),
+        };
+        let at = Instant::from_millis;
+        for millis in [0, 700, 701] {
+            sent.take(at(millis), &[1]);
+            assert_eq!(
+                sent.chunks.len(),
+                if millis == 700 {
+                    2
+                } else {
+                    1 + usize::from(millis > 700)
+                }
+            );
+        }
+        assert_eq!(sent.chunks[0].0, at(700));
+        for (millis, set_point, kept) in [
+            (0, 1.0, 1),
+            (10, 1.0, 1),
+            (100, 2.0, 2),
+            (450, 3.0, 3),
+            (451, 3.0, 2),
+            (800, 3.0, 2),
+            (801, 3.0, 1),
+        ] {
+            sent.see(at(millis), &[axis(set_point)]);
+            assert_eq!(sent.set_points.len(), kept, "{millis}");
+        }
+    }
+
+    /// A first command that is younger than 100 ms may not be in the drive yet; one of 200 ms ago
+    /// still may be.
+    #[test]
+    fn commands_are_current_for_200_ms() {
+        let leads = |millis: u64, set_point: f64| {
+            let mut sent = Sent {
+                link: 0,
+                dialect: BYTE,
+                chunks: VecDeque::new(),
+                set_points: VecDeque::new(),
+            };
+            sent.take(Instant::from_millis(1_000), &[5]);
+            sent.leads(Instant::from_millis(millis), &[set_point])
+        };
+        assert!(leads(999, 9.0) && leads(1_099, 9.0) && !leads(1_100, 9.0));
+        assert!(leads(1_200, 5.0) && !leads(1_200, 9.0) && leads(1_201, 9.0));
+    }
 }

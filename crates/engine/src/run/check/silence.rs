@@ -147,3 +147,107 @@ pub(crate) fn fired(events: &[Logged]) -> Option<Check> {
     );
     (!told.is_empty()).then(|| Check::new("watchdog", true, detail))
 }
+
+#[cfg(test)]
+mod tests {
+    use emulators::Event;
+
+    use super::*;
+    use crate::rig::bare;
+    use crate::robots::checker::Status;
+
+    fn event(millis: u64, kind: EventKind, rule: &'static str) -> Event {
+        Event {
+            at: Instant::from_millis(millis),
+            kind,
+            rule,
+            detail: String::new(),
+            bytes: Vec::new(),
+        }
+    }
+
+    /// Two stops of the base and one of the arm; other notes, and violations, are no stops.
+    #[test]
+    fn devices_that_stopped_by_themselves_are_told() {
+        let mut rig = bare::rig();
+        assert_eq!(fired(rig.events()), None);
+        use EventKind::{Note, Violation};
+        for (source, millis, kind, rule) in [
+            ("base", 500, Violation, "watchdog"),
+            ("base", 600, Note, "motors-stopped"),
+            ("base", 1_000, Note, "watchdog"),
+            ("arm", 2_000, Note, "made-safe"),
+            ("base", 3_000, Note, "dead-man"),
+        ] {
+            rig.log(source, event(millis, kind, rule));
+        }
+        let check = fired(rig.events()).expect("two of them");
+        assert_eq!(
+            (check.name.as_str(), check.status),
+            ("watchdog", Status::Pass)
+        );
+        let words = "base stopped by itself 2 times, first at 1.000000 s; arm stopped by itself \
+                     once, at 2.000000 s: nothing reached it for longer than it allows";
+        assert_eq!(check.detail, words);
+    }
+
+    /// The base stops its left and right wheel after 500 ms; the arm has no watchdog. Each device
+    /// is judged by its own axes and its own line.
+    #[test]
+    fn each_device_stops_its_own_axes() {
+        let axis = |name: &'static str, set_point: f64| Axis {
+            name: name.into(),
+            unit: "",
+            set_point,
+            limit: None,
+            actual: None,
+        };
+        let stops = |link: &str, millis: Option<u64>, axes: &[&str]| Stops {
+            link: link.to_owned(),
+            silence_max: millis.map(Duration::from_millis),
+            axes: axes.iter().map(|&name| name.to_owned()).collect(),
+        };
+        let judged = |left: f64, grip: f64, devices: Vec<Stops>| {
+            let (mut rig, [base, _]) = bare::linked(["base", "arm"], 1_000_000);
+            let mut checker = MotorsStopAfterSilence::watching(devices);
+            rig.inject(base[1].node, &[1]);
+            for millis in [100, 700] {
+                rig.run_until(Instant::from_millis(millis));
+                checker.observe(&Look {
+                    rig: &rig,
+                    axes: &[axis("left", left), axis("grip", grip)],
+                    contacts: &[],
+                });
+            }
+            let mut copy = rig.fork().expect("plain");
+            let copied = checker.fork(&mut copy).map(|copy| copy.verdict());
+            let check = checker.verdict();
+            assert_eq!(copied, Some(check.clone()));
+            (check.status, check.detail)
+        };
+        let both = || {
+            vec![
+                stops("base", Some(500), &["left", "right"]),
+                stops("arm", None, &["grip"]),
+            ]
+        };
+        let words = "base: set-points still on at 0.700000 s after 600 ms of silence, limit 500 ms; \
+                     arm: longest silence with set-points on 700 ms, no watchdog";
+        assert_eq!(judged(1.0, 1.0, both()), (Status::Fail, words.to_owned()));
+        let words = "base: longest silence with set-points on 0 ms, limit 500 ms; arm: longest \
+                     silence with set-points on 700 ms, no watchdog";
+        assert_eq!(
+            judged(0.0, 1.0, both()),
+            (Status::NotObserved, words.to_owned())
+        );
+        let arm = vec![stops("arm", None, &[])];
+        let words = "longest silence with set-points on 700 ms, no watchdog".to_owned();
+        assert_eq!(judged(1.0, 0.0, arm), (Status::NotObserved, words));
+        let gone = vec![stops("gone", Some(1), &[])];
+        assert_eq!(judged(1.0, 1.0, gone).0, Status::NotObserved);
+        assert_eq!(
+            judged(1.0, 1.0, vec![stops("base", Some(600), &[])]).0,
+            Status::Pass
+        );
+    }
+}

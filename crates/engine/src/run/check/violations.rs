@@ -320,4 +320,158 @@ mod tests {
         let late = step(57, "{ mode = \"stop\" }");
         assert_eq!(judged("", &late, &[unsure]), Fail);
     }
+
+    use super::super::Status;
+    use super::super::safety::puppet::{copied, cut, puppet};
+    use super::super::safety::tests::look_at;
+    use emulators::{Event, EventKind};
+
+    fn broken(rig: &mut Rig, source: &str, rule: &'static str) {
+        let event = Event {
+            at: rig.now(),
+            kind: EventKind::Violation,
+            rule,
+            detail: "so".to_owned(),
+            bytes: Vec::new(),
+        };
+        rig.log(source, event);
+    }
+
+    /// Without a program or a byte to a device nothing was observed, unless a rule was broken.
+    #[test]
+    fn broken_rules_of_the_whole_run_are_counted() {
+        let mut rig = crate::rig::bare::rig();
+        let told = |max, rig: &Rig| {
+            let check = violations(max, rig);
+            (check.status, check.detail)
+        };
+        let none = "no device received a byte".to_owned();
+        assert_eq!(told(0, &rig), (Status::NotObserved, none));
+        puppet(&mut rig);
+        let sound = "0 broken rules, at most 0".to_owned();
+        assert_eq!(told(0, &rig), (Status::Pass, sound));
+        let mut rig = crate::rig::bare::rig();
+        broken(&mut rig, "base", "too-soon");
+        broken(&mut rig, "base", "too-late");
+        let (status, detail) = told(1, &rig);
+        assert_eq!(status, Status::Fail);
+        let begin = "2 broken rules, at most 1; first: ";
+        assert!(
+            detail.starts_with(begin) && detail.contains("too-soon"),
+            "{detail}"
+        );
+        assert_eq!(told(2, &rig).0, Status::NotObserved);
+    }
+
+    fn later(rig: &Rig, max: u64, faults: &[FaultSpec]) -> ViolationsLater {
+        let text = format!("[expect]\nviolations_max = {max}\nviolations_from = \"10s\"\n");
+        let (scenario, _) = super::super::safety::puppet::scenario(&text);
+        let mut later = ViolationsLater::of(&scenario, &["radio", "pc"]).expect("later");
+        later.faults_changed(faults, rig);
+        later
+    }
+
+    /// Violations count from 10 s on, but for a fault from 20 to 21 s and its effects to 26 s.
+    fn judged(max: u64, seconds: &[u64], until: u64) -> (Status, String) {
+        let (mut rig, _) = crate::rig::bare::linked(["base"], 1_000_000);
+        let mut later = later(&rig, max, &[cut("base", 20, 21)]);
+        for second in 1..=until {
+            look_at(&mut later, &mut rig, 1_000 * second, 0.0);
+            if seconds.contains(&second) {
+                broken(&mut rig, "base", "too-soon");
+            }
+            look_at(&mut later, &mut rig, 1_000 * second + 500, 0.0);
+        }
+        let check = later.verdict();
+        assert_eq!(copied(&later, &rig), check.to_string());
+        (check.status, check.detail)
+    }
+
+    #[test]
+    fn violations_count_while_no_fault_acts() {
+        let words = |found, more: &str| {
+            format!("{found} broken rules from 10.000000 s on, at most 1{more}")
+        };
+        assert_eq!(judged(1, &[9, 20, 25], 40), (Status::Pass, words(0, "")));
+        let one = words(1, ": 1 times too-soon of base");
+        assert_eq!(judged(1, &[5, 10, 22], 40), (Status::Pass, one.clone()));
+        assert_eq!(judged(1, &[26], 40), (Status::Pass, one.clone()));
+        assert_eq!(judged(1, &[19], 40), (Status::Pass, one));
+        let three = words(3, ": 3 times too-soon of base");
+        assert_eq!(
+            judged(1, &[11, 19, 21, 30], 40),
+            (Status::Fail, three.clone())
+        );
+        assert_eq!(judged(1, &[30, 31, 32], 32), (Status::Fail, three));
+        let early = "the run ended before 10.000000 s, the time of the judgement".to_owned();
+        assert_eq!(judged(1, &[3], 9), (Status::NotObserved, early));
+    }
+
+    #[test]
+    fn a_fault_to_the_end_leaves_nothing_to_judge() {
+        let (mut rig, _) = crate::rig::bare::linked(["base"], 1_000_000);
+        let mut later = later(&rig, 0, &[cut("base", 9, 21)]);
+        for second in [9, 10, 20] {
+            look_at(&mut later, &mut rig, 1_000 * second, 0.0);
+        }
+        let check = later.verdict();
+        let words = "from 10.000000 s on, faults and their effects lasted to the end";
+        assert_eq!((check.status, &*check.detail), (Status::NotObserved, words));
+    }
+
+    /// Rules are told apart by device and name; exempt ones are not counted.
+    #[test]
+    fn each_rule_of_each_device_is_told() {
+        let (mut rig, _) = crate::rig::bare::linked(["base"], 1_000_000);
+        let mut later = later(&rig, 1, &[]);
+        later.exempt = vec!["lidar".to_owned()];
+        look_at(&mut later, &mut rig, 10_000, 0.0);
+        for (device, rule) in [
+            ("base", "too-soon"),
+            ("arm", "too-soon"),
+            ("base", "too-late"),
+            ("base", "too-soon"),
+            ("lidar", "too-soon"),
+        ] {
+            broken(&mut rig, device, rule);
+        }
+        look_at(&mut later, &mut rig, 11_000, 0.0);
+        let words = "4 broken rules from 10.000000 s on, at most 1: 2 times too-soon of base, 1 \
+                     times too-soon of arm, 1 times too-late of base; not counted: 1 of devices \
+                     behind a fault that lasts, or without connection";
+        assert_eq!(later.verdict().detail, words);
+    }
+
+    /// The expectations have both a number and a time; an order at 56 s is late for 56 s.
+    #[test]
+    fn only_a_scenario_with_a_time_is_judged_from_then_on() {
+        let of = |keys: &str| {
+            let (scenario, _) = super::super::safety::puppet::scenario(keys);
+            ViolationsLater::of(&scenario, &[]).is_some()
+        };
+        assert!(!of(""));
+        assert!(!of("[expect]\nviolations_max = 0\n"));
+        let late = |at: u32| {
+            let step =
+                format!("[mission]\nstep = [{{ at = \"{at}s\", do = {{ mode = \"stop\" }} }}]\n");
+            let (scenario, _) = super::super::safety::puppet::scenario(&step);
+            has_late_order(&scenario, Instant::from_secs(56))
+        };
+        assert_eq!([late(55), late(56)], [false, true]);
+        let waiting = "[mission]\nwaypoints_m = [[1, 2]]\n\
+                       step = [{ when = { visited = 1 }, do = { mode = \"stop\" } }]\n";
+        let (scenario, _) = super::super::safety::puppet::scenario(waiting);
+        assert!(has_late_order(&scenario, Instant::from_secs(56)));
+    }
+
+    /// Only a fault with an end has effects that end, 5 s later.
+    #[test]
+    fn faults_without_an_end_do_not_excuse() {
+        let mut open = cut("base", 3, 4);
+        open.until = None;
+        let mut waits = cut("base", 3, 4);
+        waits.at_byte = Some(9);
+        let at = Instant::from_secs;
+        assert_eq!(times(&[cut("base", 3, 4), open, waits]), [[at(3), at(9)]]);
+    }
 }
