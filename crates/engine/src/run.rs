@@ -492,3 +492,134 @@ impl Paced for Run {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use emulators::world::Command;
+
+    use super::check::safety::puppet::scenario;
+    use super::*;
+
+    fn run(more: &str) -> Run {
+        let (scenario, source) = scenario(more);
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    /// The path is kept each 50 ms from the first look at 10 ms on, and not after the end.
+    #[test]
+    fn the_path_is_kept_until_the_end() {
+        let mut run = run("");
+        run.scenario.duration = crate::scenario::Span::from_millis(260);
+        run.go_on_until(Instant::from_millis(400));
+        let times: Vec<u64> = run.truth.iter().map(|(at, _)| at.as_millis()).collect();
+        assert_eq!(times, [10, 60, 110, 160, 210, 260]);
+        assert_eq!((run.looks, run.next_look), (40, Instant::from_millis(410)));
+    }
+
+    /// The next look, or an earlier push, fault or step of the rig.
+    #[test]
+    fn nothing_disturbs_a_run_until_its_next_action() {
+        let until = |more: &str| run(more).undisturbed_until().as_nanos() / 1_000;
+        assert_eq!(until(""), 10_000);
+        let push =
+            |at: &str| format!("[[world.push]]\nat = \"{at}\"\nby_m = [0.1, 0]\nover = \"1ms\"\n");
+        assert_eq!(until(&(push("11ms") + &push("7ms"))), 7_000);
+        let off = "[[fault]]\nkind = \"off\"\ndevice = \"lidar\"\nfrom = \"4ms\"\n";
+        assert_eq!(until(&(push("7ms") + off)), 4_000);
+        let inject = "[mission]\nstep = [{ at = \"3ms\", do = { inject = { link = \"base\", \
+                      direction = \"to-master\", hex = \"55\" } } }]\n";
+        assert_eq!(until(inject), 3_000);
+    }
+
+    /// A push along x that turns the robot to the left at 15 ms, and one along y at 35 ms, which the
+    /// file names first.
+    #[test]
+    fn pushes_come_at_their_times() {
+        let push = |at: u32, by_m: &str, turn: u32| {
+            format!(
+                "[[world.push]]\nat = \"{at}ms\"\nby_m = {by_m}\nturn_deg = {turn}\n\
+                 over = \"100ms\"\n"
+            )
+        };
+        let pose = |more: &str, millis: u64| {
+            let mut run = run(more);
+            run.go_on_until(Instant::from_millis(millis));
+            run.rig.world.pose()
+        };
+        let first = push(15, "[0.1, 0]", 90);
+        let both = push(35, "[0, 0.2]", 0) + &first;
+        assert_eq!(pose(&both, 14), pose("", 14));
+        let (alone, pushed) = (pose("", 17), pose(&both, 17));
+        assert!(
+            pushed.x > alone.x && pushed.theta > alone.theta,
+            "{pushed:?}"
+        );
+        assert_eq!(pose(&both, 34), pose(&first, 34));
+        assert!(pose(&both, 37).y > pose(&first, 37).y);
+    }
+
+    /// A robot whose estimate is the pose of so many milliseconds ago.
+    struct Late {
+        by_ms: u64,
+        age_ms: u64,
+    }
+
+    impl Instruments for Late {
+        fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+            let ago = Duration::from_millis(self.by_ms);
+            let at = Instant::ZERO + (rig.now() - Instant::ZERO).saturating_sub(ago);
+            Some((rig.now(), rig.world.pose_at(at)))
+        }
+
+        fn estimate_age(&self, _: &Rig) -> Duration {
+            Duration::from_millis(self.age_ms)
+        }
+    }
+
+    /// 0.2 m/s: a pose of 100 ms ago is 20 mm off. If the estimate may be as old as that, it is
+    /// compared with the true pose of its own time, in steps of 10 ms.
+    #[test]
+    fn an_estimate_is_compared_with_the_nearest_pose_of_its_age() {
+        let error = |by_ms: u64, age_ms: u64| {
+            let (scenario, _) = scenario("");
+            let rig = check::safety::tests::rig();
+            let robot = Box::new(Late { by_ms, age_ms });
+            let mut run = Run::with_rig(scenario, rig, robot);
+            for wheel in ["left", "right"] {
+                let speed = Command::Speed(0.2);
+                run.rig.world.actuate(wheel, speed).expect("a wheel");
+            }
+            run.go_on_until(Instant::from_millis(800));
+            assert_eq!(run.pairs.len(), 80);
+            let last = run.pairs.last().expect("many");
+            assert_eq!(last.at, Instant::from_millis(800));
+            last.error_mm().round()
+        };
+        assert_eq!(
+            [error(0, 0), error(100, 0), error(200, 0)],
+            [0.0, 20.0, 40.0]
+        );
+        assert_eq!(
+            [error(100, 100), error(100, 200), error(100, 50)],
+            [0.0, 0.0, 10.0]
+        );
+        assert_eq!(error(200, 100), 20.0);
+    }
+
+    /// The last look is at the end of the run, even if it would be due later.
+    #[test]
+    fn a_run_ends_at_its_duration() {
+        let mut run = run("");
+        run.scenario.duration = crate::scenario::Span::from_millis(25);
+        for (millis, is_over) in [(10, false), (20, false), (25, true)] {
+            run.step();
+            assert_eq!(
+                (run.rig.now().as_millis(), run.is_over()),
+                (millis, is_over)
+            );
+        }
+        run.run_until(Instant::from_secs(9));
+        assert_eq!(run.rig.now().as_millis(), 25);
+        assert_eq!(run.finish().ran, Duration::from_millis(25));
+    }
+}

@@ -294,4 +294,44 @@ mod tests {
         assert_eq!(run.case_so_far().mission.step, []);
         assert!(run.command(Action::Mode("stop".to_owned())).is_ok());
     }
+
+    /// Columns and rows count from 0.
+    #[test]
+    fn a_tap_is_on_the_display() {
+        let tap = "[[device.display.touch-panel.tap]]\nat = \"40s\"\nplace = [410, 50]";
+        let mut run = run(tap);
+        run.go_on_until(Instant::from_secs(2));
+        let display = run.instruments.display(&run.rig).expect("it has one");
+        let [width, height] = [display.width, display.height()];
+        let at = |size: usize| u16::try_from(size).expect("a small display");
+        let refused = |run: &mut Run, place| run.tap(place).expect_err("beside it").to_string();
+        let words = |place: [usize; 2]| {
+            format!(
+                "{}, {} is not on the display of {width} x {height} pixels",
+                place[0], place[1]
+            )
+        };
+        assert_eq!(refused(&mut run, [at(width), 0]), words([width, 0]));
+        assert_eq!(refused(&mut run, [0, at(height)]), words([0, height]));
+        assert_eq!(run.rig.now(), Instant::from_secs(2));
+        run.tap([at(width) - 1, at(height) - 1])
+            .expect("the last pixel");
+        // A tap is at the next whole millisecond.
+        assert_eq!(run.rig.now(), Instant::from_millis(2_001));
+        assert!(run.tap([0, 0]).is_ok());
+        assert_eq!(run.rig.now(), Instant::from_millis(2_002));
+    }
+
+    /// A robot without a PC and without a display.
+    #[test]
+    fn a_bench_takes_no_orders() {
+        let text = "schema = 1\nname = \"t\"\nrobot = \"none\"\nduration = \"9s\"\n\
+                    device.sonar.text.baud = 9600\ndevice.sonar.text.command = []\n";
+        let (scenario, source) = Scenario::from_text(text).expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        let refused = run.command(Action::Connect).expect_err("no PC").to_string();
+        assert_eq!(refused, "the rig has no PC, because the PC's end is a port");
+        let refused = run.tap([0, 0]).expect_err("no display").to_string();
+        assert_eq!(refused, "the robot has no display");
+    }
 }

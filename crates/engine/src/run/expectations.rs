@@ -198,3 +198,164 @@ impl Run {
         checks
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::check::Status;
+
+    #[test]
+    fn only_some_checks_judge_the_end_of_a_run() {
+        for name in ["home", "golden-map", "returned", "mission-step-3"] {
+            assert!(is_of_the_end(name), "{name}");
+        }
+        for name in ["pose-rms", "violations", "rule-home", "mission-steps"] {
+            assert!(!is_of_the_end(name), "{name}");
+        }
+    }
+
+    fn run(expect: &str) -> Run {
+        let text = format!("[mission]\nwaypoints_m = [[1.5, 1.0]]\n[expect]\n{expect}");
+        let (scenario, source) = super::super::check::safety::puppet::scenario(&text);
+        Run::new(scenario, &source, None).expect("can be wired")
+    }
+
+    fn told(
+        run: &Run,
+        error: Option<PoseError>,
+        overlap: Option<WallOverlap>,
+        is_over: bool,
+    ) -> Vec<(String, Status, String)> {
+        let checks = run.expectations(error, overlap, is_over).into_iter();
+        checks
+            .map(|check| (check.name, check.status, check.detail))
+            .collect()
+    }
+
+    fn one(name: &str, status: Status, detail: &str) -> Vec<(String, Status, String)> {
+        vec![(name.to_owned(), status, detail.to_owned())]
+    }
+
+    use Status::{Fail, NotObserved, Pass};
+
+    /// The greatest permitted error is permitted; without a value it may still come in a run that
+    /// goes on.
+    #[test]
+    fn errors_of_the_pose_have_a_limit() {
+        let error = |rms_mm, rms_deg| {
+            Some(PoseError {
+                rms_mm,
+                rms_deg,
+                ..PoseError::default()
+            })
+        };
+        let place = run("pose_rms_mm_max = 50\n");
+        let name = "pose-rms";
+        let judged = |value, over| told(&place, value, None, over);
+        assert_eq!(
+            judged(error(50.0, 9.0), true),
+            one(name, Pass, "50.0 mm, at most 50")
+        );
+        assert_eq!(
+            judged(error(50.1, 0.0), true),
+            one(name, Fail, "50.1 mm, at most 50")
+        );
+        let none = "no value yet, at most 50 mm";
+        assert_eq!(judged(None, false), one(name, NotObserved, none));
+        let none = "no value to the end, expected at most 50 mm";
+        assert_eq!(judged(None, true), one(name, Fail, none));
+        let heading = run("heading_rms_deg_max = 3\n");
+        let judged = |value| told(&heading, value, None, true);
+        let name = "heading-rms";
+        assert_eq!(
+            judged(error(99.0, 3.0)),
+            one(name, Pass, "3.0 deg, at most 3")
+        );
+        assert_eq!(
+            judged(error(0.0, 3.1)),
+            one(name, Fail, "3.1 deg, at most 3")
+        );
+    }
+
+    #[test]
+    fn an_overlap_of_walls_has_a_least_value() {
+        let walls = run("wall_overlap_min = 0.8\nwall_within_mm = 50\n");
+        let judged = |found, right| told(&walls, None, Some(WallOverlap { found, right }), true);
+        let words = "90.0 % of the walls found, 80.0 % of the found ones right, at least 80.0 % within 50 mm";
+        assert_eq!(judged(0.9, 0.8), one("wall-overlap", Pass, words));
+        assert_eq!(judged(0.79, 0.9)[0].1, Fail);
+        assert_eq!(told(&walls, None, None, true)[0].1, Fail);
+    }
+
+    /// The robot stands at (1, 1), the only waypoint is half a metre ahead.
+    #[test]
+    fn the_mission_is_judged_by_the_true_place() {
+        let judged = |expect: &str, looks: u64| {
+            let mut run = run(expect);
+            for look in 1..=looks {
+                run.go_on_until(Instant::from_millis(10 * look));
+            }
+            told(&run, None, None, true)
+        };
+        let visited = one("waypoints-visited", Fail, "0 of 1 waypoints within 100 mm");
+        assert_eq!(judged("visit_within_mm = 100\n", 1), visited);
+        let visited = one("waypoints-visited", Pass, "1 of 1 waypoints within 501 mm");
+        assert_eq!(judged("visit_within_mm = 501\n", 1), visited);
+        let settled = one("settled", Pass, "at rest for 0.20 s, at least 0.2s");
+        let found = judged("settle = \"200ms\"\n", 21);
+        assert_eq!(
+            (&found[0].0, found[0].1),
+            (&settled[0].0, Pass),
+            "{found:?}"
+        );
+        assert_eq!(judged("settle = \"200ms\"\n", 20)[0].1, Fail);
+        let far = judged("return_within_mm = 499\n", 1);
+        assert_eq!((&*far[0].0, far[0].1), ("returned", Fail), "{far:?}");
+        assert_eq!(judged("return_within_mm = 501\n", 1)[0].1, Pass);
+        let none = one(
+            "returned",
+            Fail,
+            "no value to the end, expected at most 9 mm from the last waypoint",
+        );
+        assert_eq!(judged("return_within_mm = 9\n", 0), none);
+        let nowhere = judged("home_within_mm = 9\n", 1);
+        let words = "0.0 mm from the start, at most 9; the robot does not say that it is home";
+        assert_eq!(nowhere, one("home", Fail, words));
+    }
+
+    use protocols::Instant;
+
+    #[test]
+    fn an_expected_map_is_received_or_not() {
+        let missing = "rows are missing";
+        let [yes, no] = [true, false].map(|wanted| {
+            let run = run(&format!("map_received = {wanted}\n"));
+            told(&run, None, None, true)
+        });
+        assert_eq!(yes, one("map-received", Fail, missing));
+        assert_eq!(no, one("map-received", Pass, missing));
+    }
+
+    /// Violations from a time on are judged by their checker.
+    #[test]
+    fn violations_of_the_whole_run_are_judged_at_its_end() {
+        let names = |expect: &str| {
+            let checks = told(&run(expect), None, None, true);
+            checks
+                .into_iter()
+                .map(|(name, ..)| name)
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(names("violations_max = 0\n"), ["violations"]);
+        assert_eq!(
+            names("violations_max = 0\nviolations_from = \"3s\"\n"),
+            [""; 0]
+        );
+        assert_eq!(
+            names("[expect.safety]\noverruns_max = 3\n"),
+            ["queue-overruns"]
+        );
+        assert_eq!(names("explored_min = 0.5\n"), ["explored"]);
+        assert_eq!(names(""), [""; 0]);
+    }
+}

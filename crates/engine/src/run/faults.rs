@@ -642,4 +642,99 @@ mod tests {
         assert_eq!(case.fault.len(), 1);
         assert!(case.fault[0].stream.is_some() && run.scenario.fault[0].stream.is_none());
     }
+
+    const LATE: &str = "kind = \"cut\"\nfrom = \"60s\"";
+
+    /// A number without a fault, and a fault that is over.
+    #[test]
+    fn only_a_fault_that_is_not_over_can_be_withdrawn() {
+        let mut run = run();
+        let refused = |run: &mut Run, id| run.withdraw(FaultId(id)).expect_err("none").to_string();
+        assert_eq!(
+            refused(&mut run, 3),
+            "id: is 3, but there are no faults yet"
+        );
+        run.inject(on_the_bus(LATE)).expect("sound");
+        assert_eq!(refused(&mut run, 3), "id: is 3, expected 0, the only fault");
+        run.inject(on_the_bus(LATE)).expect("sound");
+        assert_eq!(
+            refused(&mut run, 2),
+            "id: is 2, expected one of the faults 0 to 1"
+        );
+        assert_eq!(run.withdraw(FaultId(1)), Ok(()));
+        assert_eq!(refused(&mut run, 1), "id: fault 1 is over already");
+        assert_eq!(states(&run), [FaultState::Planned, FaultState::Over]);
+        // The withdrawn one never began, so a case leaves it out.
+        assert_eq!(run.case().fault.len(), 1);
+    }
+
+    #[test]
+    fn a_run_has_ten_thousand_faults_at_most() {
+        let mut run = run();
+        let late = on_the_bus(LATE);
+        run.scenario.fault = vec![late.clone(); FAULTS_MAX - 1];
+        assert_eq!(run.inject(late.clone()), Ok(FaultId(FAULTS_MAX - 1)));
+        let refused = run.inject(late).expect_err("too many").to_string();
+        assert_eq!(
+            refused,
+            "kind: the run already has 10000 faults, the maximum"
+        );
+    }
+
+    /// Faults that wait for a byte or a frame far in the future.
+    #[test]
+    fn what_a_fault_waited_for_is_named() {
+        let mut run = run();
+        for key in ["at_byte = 100000000", "at_frame = 100000000"] {
+            let cut = format!("kind = \"cut\"\nlasting = \"1s\"\n{key}");
+            run.inject(on_the_bus(&cut)).expect("sound");
+        }
+        run.go_on_until(Instant::from_millis(100));
+        let told: Vec<String> = run.unbegun().collect();
+        let expected = [
+            "fault[0], cut on base: its byte did not come",
+            "fault[1], cut on base: its frame did not come",
+        ];
+        assert_eq!(told, expected);
+        // A longer run may still begin them.
+        assert_eq!(run.case().fault.len(), 2);
+        run.withdraw(FaultId(0)).expect("it waits");
+        assert_eq!(run.case().fault.len(), 1);
+    }
+
+    /// A fault that began with a byte has its times in a case, and no trigger.
+    #[test]
+    fn a_case_has_the_times_of_a_fault_that_began_with_a_byte() {
+        let mut run = run();
+        run.go_on_until(Instant::from_millis(500));
+        let drop = on_the_bus("kind = \"drop\"");
+        let byte = run.line_of(&drop).expect("a bus").traffic().sent + 3;
+        let cut = format!("kind = \"cut\"\nat_byte = {byte}\nlasting = \"50ms\"");
+        run.inject(on_the_bus(&cut)).expect("sound");
+        run.go_on_until(Instant::from_secs(3));
+        let [fault] = &run.case().fault[..] else {
+            panic!("one fault");
+        };
+        assert_eq!((fault.at_byte, fault.lasting), (None, None));
+        let [from, until] = [fault.from, fault.until].map(|at| at.expect("it began").0);
+        assert_eq!(until - from, Duration::from_millis(50));
+        assert!(from > Duration::from_millis(500), "{from:?}");
+    }
+
+    /// The case lasts as long as the scenario asks for, or as the run did.
+    #[test]
+    fn a_case_is_as_long_as_the_run() {
+        let mut run = run();
+        run.go_on_until(Instant::from_secs(1));
+        let asked = run.scenario.duration;
+        assert!(asked > Span::from_millis(1_000));
+        assert_eq!(run.case().duration, asked);
+        run.scenario.duration = Span::from_millis(999);
+        assert_eq!(run.case().duration, Span::from_millis(1_000));
+        assert_eq!(run.case().budget, None);
+        assert_eq!(
+            run.case().origin.map(|one| one.trace_hash),
+            Some(run.rig.trace_hash())
+        );
+    }
 }

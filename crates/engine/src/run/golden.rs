@@ -232,4 +232,103 @@ mod tests {
             assert_eq!(found, shares, "{ours:?} within {within}");
         }
     }
+
+    /// A leg of a metre in steps of at most 0.3 m has four parts; a point is one.
+    #[test]
+    fn a_path_is_sampled_in_equal_parts() {
+        let of = |points: &[[f64; 2]], step: f64| -> Vec<[f64; 2]> {
+            sampled(&path(points), step)
+                .map(|point| [point.x, point.y])
+                .collect()
+        };
+        let parts = [
+            [1.0, 5.0],
+            [1.25, 4.75],
+            [1.5, 4.5],
+            [1.75, 4.25],
+            [2.0, 4.0],
+        ];
+        assert_eq!(of(&[[1.0, 5.0], [2.0, 4.0]], 0.4), parts);
+        assert_eq!(
+            of(&[[0.0, 0.0], [0.0, 1.0]], 0.5),
+            [[0.0, 0.0], [0.0, 0.5], [0.0, 1.0]]
+        );
+        assert_eq!(of(&[[3.0, 3.0], [3.0, 3.0]], 0.5), [[3.0, 3.0]; 2]);
+        assert_eq!(of(&[[3.0, 3.0]], 0.5), [[3.0, 3.0]]);
+        assert_eq!(of(&[], 0.5), [[0.0; 2]; 0]);
+    }
+
+    /// A square holds the places from its lower corner on. The neighbours of a square are searched
+    /// in all directions, up to the tolerance itself.
+    #[test]
+    fn a_place_is_near_within_the_tolerance() {
+        let at = |x, y| Point::new(x, y);
+        assert_eq!(square(at(1.0, -0.25), 0.5), (2, -1));
+        assert_eq!(square(at(0.49, 0.5), 0.5), (0, 1));
+        let near = Near::of(&path(&[[1.25, 1.25]]), 0.5);
+        for (dx, dy) in [
+            (1.0, 0.0),
+            (-1.0, 0.0),
+            (0.0, 1.0),
+            (0.0, -1.0),
+            (0.6, 0.8),
+            (-0.6, -0.8),
+        ] {
+            let has = |far: f64| near.has(at(1.25 + dx * far, 1.25 + dy * far));
+            assert_eq!([has(0.49), has(0.51)], [true, false], "{dx} {dy}");
+        }
+        assert!(near.has(at(1.75, 1.25)));
+    }
+
+    /// A map without walls or of another size, and one that has half of the golden walls.
+    #[test]
+    fn a_map_is_compared_with_the_golden_one() {
+        let walls = |rows: &[&str]| Walls {
+            width: 8,
+            cells: rows.concat().chars().map(|c| c == '#').collect(),
+        };
+        let empty = "........";
+        let golden = walls(&[empty, empty, empty, "########", empty, empty, empty]);
+        let mut cells = vec![127; 8 * 7];
+        cells[3 * 8..3 * 8 + 4].fill(255);
+        let judged = |golden: &Walls, cells: &[u8], least: f64| {
+            let map = (!cells.is_empty()).then(|| MapView::new(8, 10.0, [0.0; 2], cells));
+            let check = map_check(golden, map, 0, least);
+            (check.status, check.detail)
+        };
+        let words = "0.500 of the golden walls found, 1.000 of the found ones golden, within 0 \
+                     cells; at least 0.5";
+        assert_eq!(
+            judged(&golden, &cells, 0.5),
+            (Status::Pass, words.to_owned())
+        );
+        assert_eq!(judged(&golden, &cells, 0.51).0, Status::Fail);
+        let none = "the robot has no map to the end".to_owned();
+        assert_eq!(judged(&golden, &[], 0.0), (Status::Fail, none));
+        let size = "has [8, 6] cells, expected the golden map's [8, 7]".to_owned();
+        assert_eq!(judged(&golden, &cells[..48], 0.0), (Status::Fail, size));
+        let blank = walls(&[empty; 7]);
+        assert!(
+            judged(&blank, &cells, 0.0)
+                .1
+                .starts_with("0.000 of the golden walls found, 0.000")
+        );
+    }
+
+    /// Walls in the corners: nothing beyond the rim is searched, and neighbours are within one
+    /// column and one row.
+    #[test]
+    fn walls_at_the_rim_have_neighbours_on_the_map() {
+        let corners = |cells: [usize; 2]| Walls {
+            width: 3,
+            cells: (0..12).map(|cell| cells.contains(&cell)).collect(),
+        };
+        // Four rows of three cells: 0 and 11 are corners, 4 and 7 their diagonal neighbours.
+        assert_eq!(share(&corners([0, 11]), &corners([4, 7]), 1), 1.0);
+        assert_eq!(share(&corners([0, 11]), &corners([2, 9]), 1), 0.0);
+        assert_eq!(share(&corners([0, 11]), &corners([2, 9]), 2), 1.0);
+        assert_eq!(share(&corners([0, 11]), &corners([6, 6]), 1), 0.0);
+        assert_eq!(share(&corners([0, 11]), &corners([6, 6]), 2), 1.0);
+        assert_eq!(share(&corners([0, 11]), &corners([3, 3]), 1), 0.5);
+    }
 }

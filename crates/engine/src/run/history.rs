@@ -294,4 +294,49 @@ mod tests {
         assert!(lane.errors[2] > 0);
         assert_eq!(history.lanes[1].load, [0.0; 3]);
     }
+
+    /// A robot with an estimate, whose scan is these points.
+    struct Robot;
+
+    impl Instruments for Robot {
+        fn estimate(&self, rig: &Rig) -> Option<(Instant, Pose)> {
+            (rig.now() >= Instant::from_millis(500)).then(|| (rig.now(), Pose::default()))
+        }
+
+        fn scan(&self, _: &Rig) -> Vec<[f64; 2]> {
+            (0..7_u8).map(|at| [f64::from(at), 0.5]).collect()
+        }
+    }
+
+    /// Bins of 100 ms; scans each second from the first estimate on, every third point of them.
+    /// Nothing is sampled after the end.
+    #[test]
+    fn a_run_is_sampled_until_its_end() {
+        let mut rig = crate::rig::bare::rig();
+        let ends = ["left", "right"].map(|name| End {
+            node: rig.add_outside(name, LineConfig::new_8n1(10_000)),
+            port: Port(0),
+        });
+        rig.connect("link", ends[0], ends[1], 1);
+        let mut history = History::new(Duration::from_secs(3));
+        for millis in (10..=3_500).step_by(10) {
+            rig.run_until(Instant::from_millis(millis));
+            history.observe(&rig, &Robot);
+        }
+        assert_eq!(history.lanes.len(), 2);
+        assert_eq!(history.lanes[0].load.len(), 30);
+        let scans = history.scans.samples.iter();
+        let times: Vec<u64> = scans.map(|(at, _)| at.as_millis()).collect();
+        assert_eq!(times, [500, 1_500, 2_500]);
+        let points = &*history.scans.samples[0].1;
+        assert_eq!(points, &[0.0, 0.5, 3.0, 0.5, 6.0, 0.5]);
+        assert!(history.maps.samples.is_empty() && history.overlays.samples.is_empty());
+        let mut short = History::new(Duration::from_millis(250));
+        rig = crate::rig::bare::rig();
+        for millis in [99, 100, 199, 200, 249, 250, 300] {
+            rig.run_until(Instant::from_millis(millis));
+            short.observe(&rig, &Robot);
+        }
+        assert_eq!(short.next_bin, Instant::from_millis(300));
+    }
 }

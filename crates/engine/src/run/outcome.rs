@@ -249,3 +249,152 @@ pub fn unobserved<'a>(expect: &'a Expect, checks: &'a [Check]) -> impl Iterator<
         rules.any(|rule| rule.check_name() == check.name)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::run::judge;
+
+    /// A sonar that sends by itself, and a rule that has to be observed.
+    fn outcome() -> Outcome {
+        let text = "schema = 1\nname = \"sonar\"\nrobot = \"none\"\nduration = \"1s\"\n\
+                    device.sonar.text.baud = 9600\ndevice.sonar.text.command = []\n\
+                    device.sonar.text.periodic = { line = \"mm=700\", period = \"100ms\" }\n\
+                    [[expect.rule]]\nname = \"near\"\n\
+                    eventually = { bytes = { link = \"sonar\", direction = \"to-master\", count = 1 } }\n";
+        judge(text).expect("sound")
+    }
+
+    use Status::{Fail, NotObserved, Pass};
+
+    fn with(robot: &str, was_asked: bool, checks: &[(&str, Status)]) -> Outcome {
+        let mut outcome = outcome();
+        outcome.case.robot = robot.to_owned();
+        outcome.was_asked = was_asked;
+        let checks = checks.iter().map(|&(name, status)| Check {
+            status,
+            ..Check::new(name, true, "so")
+        });
+        outcome.checks = checks.collect();
+        outcome
+    }
+
+    /// A check of the rig's own work counts if a device was asked; a robot without a program counts
+    /// if something failed.
+    #[test]
+    fn a_run_is_judged_by_what_could_fail() {
+        let judged = |robot, was_asked, checks: &[_]| with(robot, was_asked, checks).is_judged();
+        let (bytes, alive) = (BYTES_CONSERVED, "program-alive");
+        assert!(!judged(NO_ROBOT, false, &[(bytes, Pass)]));
+        assert!(judged(NO_ROBOT, true, &[(bytes, Pass)]));
+        assert!(judged(NO_ROBOT, false, &[(bytes, Pass), ("other", Pass)]));
+        assert!(!judged(
+            NO_ROBOT,
+            true,
+            &[(bytes, NotObserved), ("other", NotObserved)]
+        ));
+        assert!(!judged("rescue", false, &[("other", Pass)]));
+        assert!(!judged(
+            "rescue",
+            false,
+            &[("other", Pass), (alive, NotObserved)]
+        ));
+        assert!(judged("rescue", false, &[("other", Pass), (alive, Pass)]));
+        assert!(judged("rescue", false, &[("other", Fail)]));
+        assert!(judged("rescue", true, &[("other", Pass)]));
+        assert!(!judged(NO_ROBOT, true, &[]));
+    }
+
+    /// A failure, a rule that was not observed, of the robot or of another one of its team, or
+    /// nothing judged at all.
+    #[test]
+    fn a_run_passes_if_all_that_had_to_be_observed_held() {
+        let passed = |checks: &[_]| with(NO_ROBOT, true, checks).passed();
+        assert!(passed(&[
+            ("other", Pass),
+            ("rule-near", Pass),
+            ("third", NotObserved)
+        ]));
+        assert!(!passed(&[("other", Pass), ("third", Fail)]));
+        assert!(!passed(&[("other", Pass), ("rule-near", NotObserved)]));
+        assert!(passed(&[("other", Pass), ("rule-far", NotObserved)]));
+        assert!(!passed(&[("other", NotObserved)]));
+        let mut team = with(NO_ROBOT, true, &[("other", Pass)]);
+        let open = with(NO_ROBOT, true, &[("rule-near", NotObserved)]);
+        team.team = vec![("second".to_owned(), open)];
+        assert!(!team.passed());
+        let open = with(
+            NO_ROBOT,
+            true,
+            &[("rule-near", NotObserved), ("other", Pass)],
+        );
+        let names: Vec<_> = open.unobserved_rules().map(|check| &*check.name).collect();
+        assert_eq!(names, ["rule-near"]);
+    }
+
+    fn panics(outcome: &Outcome) -> String {
+        let call = std::panic::AssertUnwindSafe(|| outcome.assert_passed());
+        let words = std::panic::catch_unwind(call).expect_err("it did not pass");
+        words.downcast_ref::<String>().expect("a text").clone()
+    }
+
+    /// The message has what failed; all checks if none was judged.
+    #[test]
+    fn a_run_that_did_not_pass_says_why() {
+        with(NO_ROBOT, true, &[("other", Pass)]).assert_passed();
+        let words = panics(&with(
+            NO_ROBOT,
+            true,
+            &[("other", Pass), ("third", Fail), ("rule-near", NotObserved)],
+        ));
+        assert!(
+            words.starts_with("sonar, seed 1, did not pass:\nFAIL third"),
+            "{words}"
+        );
+        assert!(
+            words.contains("rule-near") && !words.contains("other"),
+            "{words}"
+        );
+        let words = panics(&with(NO_ROBOT, true, &[("other", NotObserved)]));
+        assert!(
+            words.contains(":\nnothing was judged\n") && words.contains("other"),
+            "{words}"
+        );
+    }
+
+    /// The third byte to the master is dropped: its time is that of its end on the line, and other
+    /// bytes, directions and links have none.
+    #[test]
+    fn a_damaged_byte_has_its_time() {
+        let fault =
+            "[[fault]]\nkind = \"drop\"\nlink = \"sonar\"\ndirection = \"to-master\"\nbyte = 2\n";
+        let text = format!(
+            "schema = 1\nname = \"sonar\"\nrobot = \"none\"\nduration = \"1s\"\n\
+             device.sonar.text.baud = 9600\ndevice.sonar.text.command = []\n\
+             device.sonar.text.periodic = {{ line = \"mm=700\", period = \"100ms\" }}\n{fault}"
+        );
+        let outcome = judge(&text).expect("sound");
+        let [(link, direction, strike, at)] = &outcome.strikes[..] else {
+            panic!("one byte: {:?}", outcome.strikes);
+        };
+        assert_eq!((link.as_str(), strike.byte), ("sonar", 2));
+        assert_eq!(*direction, DirectionSpec::ToMaster);
+        // The first line is sent at 100 ms or at once; three bytes of 10 bits take 3.125 ms.
+        let within = at.as_nanos() % 100_000_000;
+        assert!((3_100_000..3_150_000).contains(&within), "{at}");
+        let fault = |link: &str, direction, byte| FaultSpec {
+            byte,
+            ..FaultSpec::on(link, direction, crate::scenario::FaultKind::Drop)
+        };
+        let (up, down) = (DirectionSpec::ToMaster, DirectionSpec::ToDevice);
+        assert_eq!(outcome.struck_at(&fault("sonar", up, Some(2))), Some(*at));
+        for other in [
+            fault("sonar", up, Some(1)),
+            fault("sonar", up, None),
+            fault("sonar", down, Some(2)),
+            fault("other", up, Some(2)),
+        ] {
+            assert_eq!(outcome.struck_at(&other), None, "{other:?}");
+        }
+    }
+}

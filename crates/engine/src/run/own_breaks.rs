@@ -193,4 +193,193 @@ mod tests {
         };
         assert_eq!(damage.frames(), u64::MAX);
     }
+
+    use emulators::{Event, EventKind};
+
+    use crate::rig::bare::linked;
+    use crate::run::check::safety::puppet::cut;
+
+    fn broken(rig: &mut Rig, second: u64, device: &str, rule: &'static str) {
+        let event = Event {
+            at: Instant::from_secs(second),
+            kind: EventKind::Violation,
+            rule,
+            detail: format!("of {second} s"),
+            bytes: Vec::new(),
+        };
+        rig.log(device, event);
+    }
+
+    /// A fault on the way to the base from 10 to 20 s; the arm has none.
+    #[test]
+    fn breaks_in_the_time_of_a_fault_are_explained() {
+        let (mut rig, _) = linked(["base", "arm"], 1_000_000);
+        for (second, device, rule) in [
+            (9, "base", "bad-checksum"),
+            (10, "base", "bad-checksum"),
+            (15, "arm", "bad-checksum"),
+            (21, "base", "too-soon"),
+            (22, "base", "bad-checksum"),
+            (23, "base", "bad-checksum"),
+        ] {
+            broken(&mut rig, second, device, rule);
+        }
+        let to_device = |fault: FaultSpec| FaultSpec {
+            direction: Some(DirectionSpec::ToDevice),
+            ..fault
+        };
+        let found = |faults: &[FaultSpec]| {
+            let all = own_breaks(&rig, faults).into_iter();
+            all.map(|one| {
+                (
+                    one.device,
+                    one.rule,
+                    one.count,
+                    one.explained,
+                    one.first,
+                    one.last,
+                )
+            })
+            .collect::<Vec<_>>()
+        };
+        let at = Instant::from_secs;
+        let first = |second: u64| Some((at(second), format!("of {second} s")));
+        let base = |rule, count, explained, from: Option<u64>, last: Option<u64>| {
+            let from = from.and_then(first);
+            (
+                "base".to_owned(),
+                rule,
+                count,
+                explained,
+                from,
+                last.map(at),
+            )
+        };
+        let arm = (
+            "arm".to_owned(),
+            "bad-checksum",
+            1,
+            0,
+            first(15),
+            Some(at(15)),
+        );
+        let none = [
+            base("bad-checksum", 4, 0, Some(9), Some(23)),
+            arm.clone(),
+            base("too-soon", 1, 0, Some(21), Some(21)),
+        ];
+        assert_eq!(found(&[]), none);
+        // The way back does not matter.
+        assert_eq!(found(&[cut("base", 10, 20)]), none);
+        let explained = [
+            base("bad-checksum", 2, 2, Some(9), Some(23)),
+            arm,
+            base("too-soon", 0, 1, None, None),
+        ];
+        assert_eq!(found(&[to_device(cut("base", 10, 20))]), explained);
+    }
+
+    /// An echo and an unplugged cable act both ways; a fault of a single byte is known by its
+    /// strikes.
+    #[test]
+    fn some_faults_of_the_way_back_reach_the_device() {
+        let (rig, _) = linked(["base"], 1_000_000);
+        let lasting = |kind: FaultKind, direction| {
+            let fault = FaultSpec::on("base", direction, kind);
+            let faults = [fault];
+            Damage::of(&rig, &faults, "base").lasting.len()
+        };
+        let (up, down) = (DirectionSpec::ToMaster, DirectionSpec::ToDevice);
+        for (kind, expected) in [
+            (FaultKind::Cut, [0, 1]),
+            (FaultKind::Echo, [1, 1]),
+            (FaultKind::Unplugged, [1, 1]),
+            (FaultKind::Flip, [0, 0]),
+        ] {
+            let found = [up, down].map(|direction| lasting(kind, direction));
+            assert_eq!(found, expected, "{kind:?}");
+        }
+        let other = [FaultSpec::on("arm", down, FaultKind::Cut)];
+        assert!(Damage::of(&rig, &other, "base").lasting.is_empty());
+        assert_eq!(Damage::of(&rig, &other, "base").frames(), 0);
+    }
+
+    /// A fault that waits may begin at any time.
+    #[test]
+    fn a_fault_that_waits_explains_everything() {
+        let mut fault = cut("base", 10, 20);
+        let mut damage = Damage {
+            strikes: Vec::new(),
+            lasting: vec![&fault],
+        };
+        assert!(!damage.explains(Instant::from_secs(5)));
+        fault.at_byte = Some(9);
+        let mut damage = Damage {
+            strikes: Vec::new(),
+            lasting: vec![&fault],
+        };
+        assert!(damage.explains(Instant::from_secs(5)));
+    }
+
+    /// A device that found no frame among 40 bytes made three mistakes. Two damaged bytes on its
+    /// line explain up to eight, a fault that lasts any number.
+    #[test]
+    fn damage_explains_that_a_device_found_no_frame() {
+        use emulators::Device;
+        use emulators::world::World;
+        use protocols::{LineConfig, Port};
+
+        use crate::rig::fault::{Damage as Strikes, Strike};
+        use crate::rig::line::End;
+
+        #[derive(Clone)]
+        struct Lost(u64);
+
+        impl Device for Lost {
+            fn receive(&mut self, _: Port, _: Instant, _: &[u8]) {}
+            fn poll(&mut self, _: Instant, _: &mut World) {}
+            fn transmit(&mut self, _: Port, _: &mut [u8]) -> usize {
+                0
+            }
+            fn poll_at(&self) -> Option<Instant> {
+                None
+            }
+            fn line_config(&self, _: Port) -> LineConfig {
+                LineConfig::new_8n1(1_000_000)
+            }
+            fn take_events(&mut self) -> Vec<Event> {
+                Vec::new()
+            }
+            fn unframed(&self) -> u64 {
+                self.0
+            }
+        }
+
+        let found = |bytes: u64, strikes: u64, faults: &[FaultSpec]| {
+            let mut rig = crate::rig::bare::rig();
+            let device = rig.add_device("base", Lost(bytes));
+            let master = rig.add_outside("master", LineConfig::new_8n1(1_000_000));
+            let [device, master] = [device, master].map(|node| End {
+                node,
+                port: Port(0),
+            });
+            rig.connect("base", device, master, 1);
+            let line = rig.line_mut(0, Direction::ToDevice);
+            for byte in 0..strikes {
+                let damage = Strikes::Drop;
+                line.faults.add_strike(Strike { byte, damage });
+            }
+            rig.inject(master.node, &[0x55; 9]);
+            rig.run_until(Instant::from_secs(1));
+            let all = own_breaks(&rig, faults);
+            assert_eq!(all.len(), 1);
+            assert_eq!((&*all[0].device, all[0].rule), ("base", NO_FRAME));
+            [all[0].count, all[0].explained]
+        };
+        assert_eq!(found(40, 0, &[]), [3, 0]);
+        assert_eq!(found(40, 2, &[]), [0, 3]);
+        assert_eq!(found(160, 2, &[]), [2, 8]);
+        let down = FaultSpec::on("base", DirectionSpec::ToDevice, FaultKind::Cut);
+        assert_eq!(found(160, 0, &[down]), [0, 10]);
+    }
 }

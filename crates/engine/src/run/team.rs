@@ -328,3 +328,26 @@ fn is_meeting(at: Instant) -> bool {
 fn step_nanos() -> u64 {
     u64::from(MEET_EVERY.subsec_nanos())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The physics has steps of a millisecond. At the start of a step, the next one is later.
+    #[test]
+    fn worlds_meet_at_each_step_of_the_physics() {
+        let nanos = Instant::from_nanos;
+        let after = [0, 999_999, 1_000_000, 1_000_001].map(|now| meeting_after(nanos(now)));
+        let next = [1_000_000, 1_000_000, 2_000_000, 2_000_000].map(nanos);
+        assert_eq!(after, next);
+        let are = [0, 1, 1_000_000, 1_000_001, 7_000_000].map(|now| is_meeting(nanos(now)));
+        assert_eq!(are, [true, false, true, false, true]);
+    }
+
+    #[test]
+    fn checks_have_the_names_of_their_robots() {
+        let check = Check::new("settled", false, "so");
+        let all: Vec<Check> = named("second", vec![check]).collect();
+        assert_eq!(all, [Check::new("second/settled", false, "so")]);
+    }
+}

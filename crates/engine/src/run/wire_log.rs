@@ -442,4 +442,186 @@ mod tests {
         let sizes: Vec<_> = all.iter().skip(3).map(|one| one.bytes.len() / 2).collect();
         assert_eq!(sizes, [256, 256, 88]);
     }
+
+    /// A log of one lane that keeps 16 bytes and two chunks; three chunks of six bytes.
+    fn short() -> WireLog {
+        let mut log = WireLog {
+            bytes_max: 16,
+            ..WireLog::default()
+        };
+        log.begin([lane("base", Direction::ToDevice)].into_iter());
+        for byte in 1..=3 {
+            log.push(0, at(u64::from(byte)), &[byte; 6]);
+        }
+        log
+    }
+
+    /// The first chunk is gone: bytes 6 to 18 are stored.
+    #[test]
+    fn whole_chunks_are_dropped() {
+        let mut log = short();
+        let lane = &log.lanes[0];
+        assert_eq!((lane.first(), lane.end, lane.pieces.len()), (6, 18, 2));
+        assert_eq!(lane.bytes, [[2; 6], [3; 6]].concat());
+        assert_eq!(
+            [0, 1, 2, 3, 9].map(|millis| lane.end_at(at(millis))),
+            [6, 6, 12, 18, 18]
+        );
+        assert_eq!(log.last_bytes(0, 4), [3; 4]);
+        assert_eq!(log.last_bytes(0, 8), [2, 2, 3, 3, 3, 3, 3, 3]);
+        assert_eq!(
+            (log.last_bytes(0, 99).len(), log.last_bytes(7, 9).len()),
+            (12, 0)
+        );
+        // Four bytes more fit, a third chunk does not.
+        log.push(0, at(4), &[4; 4]);
+        assert_eq!((log.lanes[0].first(), log.lanes[0].end), (12, 22));
+        log.push(0, at(5), &[]);
+        log.push(9, at(5), &[5]);
+        assert_eq!((log.lanes[0].pieces.len(), log.lanes[0].end), (2, 22));
+        // Sixteen bytes fit, one more does not.
+        let mut log = WireLog {
+            bytes_max: 16,
+            ..WireLog::default()
+        };
+        log.begin([self::lane("base", Direction::ToDevice)].into_iter());
+        log.push(0, at(1), &[1; 8]);
+        log.push(0, at(2), &[2; 8]);
+        assert_eq!(log.lanes[0].first(), 0);
+        log.push(0, at(3), &[3]);
+        assert_eq!(log.lanes[0].first(), 8);
+    }
+
+    #[test]
+    fn a_section_is_within_what_is_stored() {
+        let log = short();
+        let lane = &log.lanes[0];
+        let told = |tail: Tail| (tail.from, tail.bytes, tail.pieces.len(), tail.is_whole);
+        let all = [[2; 6], [3; 6]].concat();
+        assert_eq!(told(lane.section(0, at(9))), (6, all.clone(), 2, false));
+        assert_eq!(told(lane.section(8, at(2))), (8, vec![2; 4], 1, false));
+        assert_eq!(told(lane.section(12, at(9))), (12, vec![3; 6], 1, false));
+        assert_eq!(told(lane.section(99, at(9))), (18, Vec::new(), 0, false));
+        assert_eq!(told(lane.section(9, at(1))), (6, Vec::new(), 0, false));
+        assert_eq!(told(lane.tail(at(9), 5)), (13, vec![3; 5], 1, false));
+        assert_eq!(told(lane.tail(at(9), 7)).2, 2);
+        let mut fresh = WireLog::default();
+        fresh.begin([self::lane("base", Direction::ToDevice)].into_iter());
+        fresh.push(0, at(1), &[1, 2]);
+        assert!(fresh.lanes[0].section(0, at(9)).is_whole);
+        assert!(!fresh.lanes[0].section(1, at(9)).is_whole);
+    }
+
+    /// A branch at 2 ms keeps the chunk of that time; one before the stored bytes keeps none. The
+    /// next bytes are not hit any more.
+    #[test]
+    fn a_branch_keeps_what_came_until_then() {
+        let mut log = short();
+        log.hit(0);
+        log.cut(at(2));
+        let lane = &log.lanes[0];
+        assert_eq!(
+            (lane.bytes.len(), lane.end, lane.pieces.len(), lane.is_hit),
+            (6, 12, 1, false)
+        );
+        log.cut(at(1));
+        let lane = &log.lanes[0];
+        assert_eq!((lane.bytes.len(), lane.end, lane.pieces.len()), (0, 6, 0));
+        log.hit(0);
+        log.hit(7);
+        log.push(0, at(5), &[1]);
+        log.push(0, at(6), &[1]);
+        let hits: Vec<bool> = log.lanes[0].pieces.iter().map(|one| one.is_hit).collect();
+        assert_eq!(hits, [true, false]);
+    }
+
+    /// 6,000 bytes of each lane are searched, or 40,000 of a single one; 400 frames are told.
+    #[test]
+    fn the_newest_bytes_and_frames_are_told() {
+        let mut log = WireLog::default();
+        let lanes = [Direction::ToMaster, Direction::ToDevice].map(|way| lane("sonar", way));
+        log.begin(lanes.into_iter());
+        for millis in 0..500 {
+            log.push(1, at(1_000 * millis), &[b'a'; 100]);
+        }
+        log.push(0, at(9), b"up");
+        let until = at(1_000_000);
+        let sizes = |lane| -> Vec<usize> {
+            let tails = log.tails(until, lane).into_iter();
+            tails.map(|tail| tail.bytes.len()).collect()
+        };
+        assert_eq!(sizes(None), [2, 6_000]);
+        assert_eq!([sizes(Some(0)), sizes(Some(1))], [vec![2], vec![40_000]]);
+        assert_eq!(sizes(Some(2)), [0; 0]);
+        // 400 chunks of 100 bytes, the first of which is left out: it may be the rest of a line.
+        let found = frames(&log.tails(until, Some(1)));
+        assert_eq!(found.len(), 399);
+        let mut lines = WireLog::default();
+        lines.begin([lane("sonar", Direction::ToMaster)].into_iter());
+        for millis in 0..450 {
+            lines.push(0, at(1_000 * millis), b"a\n");
+        }
+        let found = frames(&lines.tails(until, Some(0)));
+        assert_eq!(found.len(), 400);
+        assert_eq!(found[0].at_ns, 50 * 1_000_000_000);
+    }
+
+    /// A rig without a robot is logged as its bytes arrive, by link and direction.
+    #[test]
+    fn a_rig_without_a_robot_is_logged() {
+        use crate::rig::fault::{Damage, Strike};
+        struct Bench(bool);
+        impl Instruments for Bench {
+            fn has_body(&self) -> bool {
+                self.0
+            }
+        }
+        let (mut rig, [one, two]) = crate::rig::bare::linked(["one", "two"], 1_000_000);
+        assert!(Logging::begin(&mut rig, &Bench(true)).is_none());
+        let faults = &mut rig.line_mut(1, Direction::ToMaster).faults;
+        let damage = Damage::Flip { bit: 0 };
+        faults.add_strike(Strike { byte: 1, damage });
+        let log = Logging::begin(&mut rig, &Bench(false)).expect("no robot");
+        for (node, bytes) in [
+            (one[0].node, &[1_u8][..]),
+            (one[1].node, &[2, 2]),
+            (two[0].node, &[3, 3, 3]),
+            (two[1].node, &[4; 4]),
+        ] {
+            rig.inject(node, bytes);
+        }
+        rig.run_until(at(10));
+        let told = |log: &Shared<WireLog>| -> Vec<(String, Direction, u64)> {
+            let log = log.lock();
+            let lanes = log.lanes.iter();
+            lanes
+                .map(|lane| (lane.link.clone(), lane.way, lane.end))
+                .collect()
+        };
+        let (up, down) = (Direction::ToMaster, Direction::ToDevice);
+        let lane = |link: &str, way, end| (link.to_owned(), way, end);
+        let mut expected = vec![
+            lane("one", up, 1),
+            lane("one", down, 2),
+            lane("two", up, 3),
+            lane("two", down, 4),
+        ];
+        assert_eq!(told(&log), expected);
+        let hits: Vec<bool> = log.lock().lanes[2]
+            .pieces
+            .iter()
+            .map(|one| one.is_hit)
+            .collect();
+        assert_eq!(hits, [false, true, false]);
+        assert!(log.lock().lanes[3].pieces.iter().all(|one| !one.is_hit));
+        assert_eq!(log.lock().bytes_max, 65_536);
+        assert_eq!(log.lock().marks.len(), 2);
+        let mut copy = rig.fork().expect("plain");
+        let other = Logging::go_on(&mut copy, &log);
+        copy.inject(one[0].node, &[9]);
+        copy.run_until(at(20));
+        assert_eq!(told(&log), expected);
+        expected[0].2 = 2;
+        assert_eq!(told(&other), expected);
+    }
 }

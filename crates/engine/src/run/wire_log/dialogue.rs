@@ -449,4 +449,100 @@ mod tests {
         assert_eq!((talk.requests, talk.unanswered, talk.bad), (1, 0, 0));
         assert_eq!((talk.unasked, talk.reply_ms_max), (2_000, Some(2.0)));
     }
+
+    /// A sixteenth of the stored bytes, at most 32 KiB, lie between two marks; a page keeps 32 of
+    /// them, a report four.
+    #[test]
+    fn marks_are_as_far_apart_as_the_log_is_long() {
+        let of = |bytes_max: usize| {
+            let marks = Marks::new(bytes_max);
+            assert_eq!(marks.next, [marks.step; 2]);
+            (marks.step, marks.most)
+        };
+        assert_eq!(of(4_096), (256, 4));
+        assert_eq!(of(1 << 19), (1 << 15, 32));
+        assert_eq!(of((1 << 19) - 16), ((1 << 15) - 1, 4));
+        assert_eq!([of(1 << 22).0, of(9).0], [1 << 15, 1]);
+    }
+
+    fn lanes() -> [LoggedLane; 2] {
+        let log = log(1 << 20, LinkKind::Uart, None);
+        let [up, down] = &log.lanes[..] else {
+            panic!("two lanes")
+        };
+        [up.clone(), down.clone()]
+    }
+
+    fn mark(millis: u64, from: [u64; 2]) -> Mark {
+        Mark {
+            at: at(millis),
+            from,
+            ..Mark::default()
+        }
+    }
+
+    /// Four marks: the fifth drops every second one of the older ones.
+    #[test]
+    fn old_marks_are_thinned() {
+        let mut marks = Marks::new(4_096);
+        let lanes = lanes();
+        let times = |marks: &Marks| {
+            let all = marks.all.iter();
+            all.map(|mark| mark.at.as_millis()).collect::<Vec<_>>()
+        };
+        for millis in [1, 2, 3] {
+            marks.add(mark(millis, [0; 2]), &lanes);
+        }
+        assert_eq!(times(&marks), [0, 1, 2, 3]);
+        marks.add(mark(4, [0; 2]), &lanes);
+        assert_eq!(times(&marks), [0, 2, 4]);
+        for millis in [5, 6] {
+            marks.add(mark(millis, [0; 2]), &lanes);
+        }
+        assert_eq!(times(&marks), [0, 4, 6]);
+    }
+
+    /// Bytes 100 and on are stored of one lane, all of the other one: a mark needs both.
+    #[test]
+    fn marks_without_their_bytes_are_dropped() {
+        let mut lanes = lanes();
+        lanes[0].end = 100;
+        let stored = |from| mark(1, from).is_stored(&lanes);
+        assert!(stored([100, 0]) && stored([101, 7]) && !stored([99, 7]));
+        let mut marks = Marks::new(4_096);
+        for (millis, from) in [(1, [50, 0]), (2, [100, 0])] {
+            marks.add(mark(millis, from), &lanes);
+        }
+        let froms: Vec<[u64; 2]> = marks.all.iter().map(|mark| mark.from).collect();
+        assert_eq!(froms, [[100, 0]]);
+        // Without any stored one the newest stays.
+        marks.add(mark(3, [90, 0]), &lanes);
+        lanes[1].end = 5;
+        marks.add(mark(4, [100, 4]), &lanes);
+        assert_eq!(marks.all.len(), 1);
+        assert_eq!(marks.all[0].at, at(4));
+    }
+
+    /// The newest mark that is at least 20,000 bytes of one direction, and in time, before the end.
+    #[test]
+    fn a_mark_leaves_the_listed_bytes() {
+        let mut log = log(1 << 20, LinkKind::Uart, None);
+        for millis in 1..=50 {
+            log.push(0, at(millis), &[7; 1_000]);
+        }
+        let [up, down] = &log.lanes[..] else {
+            panic!("two lanes")
+        };
+        let lanes = [up.clone(), down.clone()];
+        let mut marks = Marks::new(1 << 20);
+        for (millis, from) in [(10, 10_000), (20, 20_000), (30, 30_000), (31, 30_001)] {
+            marks.all.push(mark(millis, [from, 0]));
+        }
+        let before = |until: u64| marks.before(at(until), &lanes).at.as_millis();
+        assert_eq!(
+            [before(50), before(49), before(40), before(39)],
+            [30, 20, 20, 10]
+        );
+        assert_eq!(before(5), 0);
+    }
 }

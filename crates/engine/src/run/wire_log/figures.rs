@@ -212,4 +212,105 @@ mod tests {
         };
         assert!(plot.at.iter().zip(&plot.values).all(own), "{plot:?}");
     }
+
+    use super::super::Frame;
+
+    fn frame(at_us: u64, is_bad: bool) -> Frame {
+        Frame {
+            at_ns: 1_000 * at_us,
+            link: "a".to_owned(),
+            way: "to-device",
+            words: String::new(),
+            bytes: String::new(),
+            is_bad,
+            is_hit: false,
+        }
+    }
+
+    /// A request at 1 ms with its reply 250 us later, one without, a frame that nobody asked for,
+    /// and invalid bytes of both directions.
+    #[test]
+    fn exchanges_are_counted_by_kind() {
+        let exchange = |request: Option<(u64, bool)>, reply: Option<(u64, bool)>| Exchange {
+            link: "a".to_owned(),
+            request: request.map(|(at_us, is_bad)| frame(at_us, is_bad)),
+            reply: reply.map(|(at_us, is_bad)| frame(at_us, is_bad)),
+            reply_ms: None,
+        };
+        let mut figures = Figures::since(Instant::from_millis(500));
+        assert_eq!(figures.reply_times("a"), None);
+        for one in [
+            exchange(Some((1_000, false)), Some((1_250, false))),
+            exchange(Some((2_000, false)), None),
+            exchange(None, Some((3_000, false))),
+            exchange(None, Some((4_000, true))),
+            exchange(Some((5_000, true)), Some((6_000, true))),
+        ] {
+            figures.add(&one);
+        }
+        let talk = figures.talk("a", [7, 9]);
+        assert_eq!((talk.link.as_str(), talk.since_s), ("a", Some(0.5)));
+        assert_eq!((talk.bytes_to_master, talk.bytes_to_device), (7, 9));
+        assert_eq!(
+            (talk.requests, talk.unanswered, talk.unasked, talk.bad),
+            (2, 1, 1, 3)
+        );
+        assert_eq!((talk.reply_ms, talk.reply_ms_max), (Some(0.25), Some(0.25)));
+        let plot = figures.reply_times("a").expect("two requests");
+        assert_eq!((plot.name.as_str(), plot.unit), ("reply time a", "ms"));
+        assert_eq!(
+            (plot.at, plot.values),
+            (vec![0.001, 0.002], vec![Some(0.25), None])
+        );
+    }
+
+    /// Of 1,001 points each two become one, the last one stays alone; further ones fill it.
+    #[test]
+    fn points_are_united_in_pairs() {
+        let mut figures = Figures::default();
+        let mut plot = |at_us: u64, reply_us: u64| {
+            figures.plot(Point {
+                at_us,
+                reply_us: Some(reply_us),
+                requests: 1,
+            });
+            (figures.points.len(), figures.doublings)
+        };
+        for at_us in 0..999 {
+            plot(at_us, 5);
+        }
+        assert_eq!(plot(999, 5), (1_000, 0));
+        assert_eq!(plot(1_000, 5), (501, 1));
+        assert_eq!(plot(1_001, 9), (501, 1));
+        assert_eq!(plot(1_002, 9), (502, 1));
+        let [.., last, _] = &figures.points[..] else {
+            panic!("many");
+        };
+        assert_eq!(
+            (last.at_us, last.reply_us, last.requests),
+            (1_001, Some(9), 2)
+        );
+        // Of two equal ones the earlier stays.
+        let first = figures.points[0];
+        assert_eq!((first.at_us, first.requests), (0, 2));
+    }
+
+    /// 1 us three times and 4 us once: the median is 1 us. With 4 us three times it is 2.5 us.
+    #[test]
+    fn a_median_regards_how_often_a_time_came() {
+        let mut times = Times::default();
+        for micros in [1, 1, 1, 4] {
+            times.add(micros);
+        }
+        assert_eq!(times.median_ms(), Some(0.001));
+        for micros in [4, 4] {
+            times.add(micros);
+        }
+        assert_eq!((times.median_ms(), times.max), (Some(0.0025), Some(4)));
+        times.doublings = 2;
+        assert_eq!(
+            [3, 4, 7, 8].map(|micros| times.rounded(micros)),
+            [0, 4, 4, 8]
+        );
+    }
 }

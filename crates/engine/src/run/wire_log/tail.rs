@@ -423,4 +423,81 @@ mod tests {
         };
         assert_eq!((silent(10 + patience), silent(11 + patience)), (0, 1));
     }
+
+    /// A frame before the section sets the state of the decoder, and is none of its frames.
+    #[test]
+    fn a_primer_is_no_frame_of_the_section() {
+        let frame = [0xAB, 0x24, 0x0A, 0x00, 0xD9];
+        let mut primed = tail(&[(10, &frame[..3]), (11, &frame[3..]), (12, &frame)]);
+        (primed.codec, primed.primer) = (Some(&BUS_HIGH_FIRST), frame.to_vec());
+        assert_eq!(places(&primed), [[0, 5], [5, 10]]);
+        assert!(
+            primed
+                .placed()
+                .iter()
+                .all(|one| one.is_settled && !one.frame.is_bad)
+        );
+        primed.pieces[1].at = at(500);
+        let bad: Vec<bool> = primed.frames().iter().map(|one| one.is_bad).collect();
+        assert_eq!(bad.last(), Some(&false));
+        assert!(bad[0], "{bad:?}");
+    }
+
+    /// The times of the other direction from the first byte of the section to its last one.
+    #[test]
+    fn pauses_are_those_within_the_section() {
+        let pauses = |others: &[u64]| {
+            let mut tail = tail(&[(10, &[1]), (20, &[2]), (30, &[3])]);
+            let piece = |&millis: &u64| Piece {
+                end: 0,
+                at: at(millis),
+                is_hit: false,
+            };
+            tail.pause_where(&others.iter().map(piece).collect());
+            let pauses = tail.pauses.iter();
+            pauses.map(|at| at.as_millis()).collect::<Vec<_>>()
+        };
+        assert_eq!(pauses(&[9, 10, 15, 30, 31]), [10, 15, 30]);
+        assert_eq!(pauses(&[]), [0; 0]);
+        let mut empty = tail(&[]);
+        empty.pause_where(&VecDeque::from([Piece {
+            end: 0,
+            at: at(1),
+            is_hit: false,
+        }]));
+        assert!(empty.pauses.is_empty());
+    }
+
+    /// Up to a quarter of a line may be strange, and its end is within 256 bytes.
+    #[test]
+    fn a_line_is_mostly_text_and_has_an_end() {
+        let is_line = |bytes: &[u8]| tail(&[(10, bytes)]).is_in_line(0..bytes.len());
+        assert!(is_line(b"abcd\n") && is_line(b"\r") && !is_line(b"abcd"));
+        assert!(is_line(b"\xFFbcd\n") && !is_line(b"\xFFbc\n"));
+        assert!(is_line(b"\xFF\xFFcdefgh\n") && !is_line(b"\xFF\xFFcdefg\n"));
+        // Bytes behind the end do not matter.
+        assert!(is_line(b"abcd\n\xFF\xFF\xFF"));
+        let long = |len: usize| is_line(&[&vec![b'a'; len][..], b"\n"].concat());
+        assert_eq!([long(255), long(256)], [true, false]);
+        let [tab, delete] = [b'\t', 0x7F].map(is_text);
+        assert!(tab && !delete && is_text(b' ') && is_text(b'~') && !is_text(0x1F));
+    }
+
+    /// Bytes of the other direction at 20 ms, exactly with the second byte: the turn is behind it.
+    #[test]
+    fn a_turn_is_between_two_chunks() {
+        let turns = |chunks: &[(u64, &[u8])], pauses: &[u64]| {
+            let mut tail = tail(chunks);
+            tail.pauses = pauses.iter().map(|&millis| at(millis)).collect();
+            (0..tail.bytes.len())
+                .map(|place| tail.is_turn(place))
+                .collect::<Vec<_>>()
+        };
+        let chunks: [(u64, &[u8]); 3] = [(10, &[1, 2]), (20, &[3]), (30, &[4])];
+        assert_eq!(turns(&chunks, &[15]), [false, true, false, false]);
+        assert_eq!(turns(&chunks, &[20]), [false, false, true, false]);
+        assert_eq!(turns(&chunks, &[10, 29]), [false, true, true, false]);
+        assert_eq!(turns(&chunks, &[9, 30, 99]), [false; 4]);
+        assert_eq!(turns(&chunks, &[]), [false; 4]);
+    }
 }
