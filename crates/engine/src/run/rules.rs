@@ -437,3 +437,6 @@ impl Seen {
         self.is_over = !is_for_now;
     }
 }
+
+#[cfg(test)]
+mod tests;
