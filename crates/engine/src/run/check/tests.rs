@@ -243,3 +243,63 @@ fn what_a_program_broke_is_told_with_its_time() {
         (Status::Fail, "ended at 0.040000 s".to_owned())
     );
 }
+
+/// The first of two stray writes, and the end at 4 ms, are told with their times.
+#[test]
+fn a_program_that_breaks_is_told_with_the_first_moment() {
+    use super::safety::puppet::{copied, puppet};
+    let mut rig = rig();
+    puppet(&mut rig);
+    let (mut memory, mut alive) = (MemoryIntact::default(), ProgramAlive::default());
+    for checker in [&mut memory as &mut dyn Checker, &mut alive] {
+        look(checker, &mut rig, 1, &[], &[]);
+        assert_eq!(checker.verdict().status, Status::Pass);
+    }
+    let stray = |count| StrayWrites {
+        count,
+        first: 12,
+        last: 13,
+    };
+    for (millis, count) in [(2, 1), (3, 2)] {
+        puppet(&mut rig).stray = Some(stray(count));
+        look(&mut memory, &mut rig, millis, &[], &[]);
+    }
+    let words = "2 writes beside the reply buffer, the first at 0.002000 s to element 12, the last \
+                 to 13";
+    assert_eq!(verdict(&memory), (Status::Fail, words.to_owned()));
+    puppet(&mut rig).is_dead = true;
+    for millis in [4, 5] {
+        look(&mut alive, &mut rig, millis, &[], &[]);
+    }
+    let words = "ended at 0.004000 s".to_owned();
+    assert_eq!(verdict(&alive), (Status::Fail, words));
+    for checker in [&memory as &dyn Checker, &alive] {
+        assert_eq!(copied(checker, &rig), checker.verdict().to_string());
+    }
+}
+
+/// Set-points and bytes that were observed are those of a copy, too.
+#[test]
+fn copies_of_the_checkers_of_every_run_go_on() {
+    use super::safety::puppet::copied;
+    let mut rig = rig();
+    let (mut points, mut bytes) = (SetPointsInRange::default(), BytesConserved::default());
+    rig.inject(MASTER, &[1, 2, 3]);
+    look(&mut points, &mut rig, 1, &[axis(50.0, Some(10.0))], &[]);
+    look(&mut bytes, &mut rig, 2, &[], &[]);
+    for (checker, words) in [
+        (&points as &dyn Checker, "50 at 0.001000 s, limit +-10"),
+        (&bytes, "3 bytes accounted for"),
+    ] {
+        let copied = copied(checker, &rig);
+        assert!(copied.ends_with(words), "{copied}");
+    }
+    let (status, detail) = {
+        let broken = Some((Instant::from_millis(7), "base: lost".to_owned()));
+        verdict(&BytesConserved { sent: 5, broken })
+    };
+    assert_eq!(
+        (status, &*detail),
+        (Status::Fail, "at 0.007000 s on base: lost")
+    );
+}

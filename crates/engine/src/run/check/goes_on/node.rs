@@ -284,3 +284,343 @@ impl GoesOn {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nodes::NodeSpec;
+    use protocols::{Parity, Port};
+
+    use super::*;
+    use crate::rig::bare::linked;
+    use crate::rig::line::End;
+    use crate::robots::checker::Status::{self, Fail, NotObserved, Pass};
+
+    fn at(millis: u64) -> Instant {
+        Instant::from_millis(millis)
+    }
+
+    fn spec(role: Role) -> NodeSpec {
+        NodeSpec {
+            role,
+            ..NodeSpec::new("prog", "true")
+        }
+    }
+
+    /// A run of 40 s with a program that has not been started: what was observed of it is in
+    /// `goes_on`. It sent its last bytes half a second before the end.
+    struct Bench {
+        rig: Rig,
+        goes_on: GoesOn,
+        checks: Vec<Check>,
+        misunderstood: u64,
+        astray: Option<String>,
+    }
+
+    fn bench_of(spec: NodeSpec) -> Bench {
+        let (mut rig, [[_, master]]) = linked(["meter"], 1_000_000);
+        rig.run_until(at(40_000));
+        rig.add_device("prog", NodeDevice::new(spec));
+        Bench {
+            rig,
+            goes_on: GoesOn {
+                name: "prog".to_owned(),
+                node: master.node,
+                counts: [100, 50, 0],
+                last: [Some(at(39_500)), Some(at(39_500)), None],
+                longest_pause: Duration::ZERO,
+                times: 30,
+            },
+            checks: Vec::new(),
+            misunderstood: 0,
+            astray: None,
+        }
+    }
+
+    fn bench() -> Bench {
+        bench_of(spec(Role::Program))
+    }
+
+    impl Bench {
+        fn told_at(&self, is_over: bool) -> (Status, String) {
+            let rest = Rest {
+                is_over,
+                checks: &self.checks,
+                misunderstood: self.misunderstood,
+                astray: self.astray.clone(),
+            };
+            let check = self.goes_on.verdict(&self.rig, &rest);
+            (check.status, check.detail)
+        }
+
+        fn told(&self) -> (Status, String) {
+            self.told_at(true)
+        }
+
+        #[track_caller]
+        fn is(&self, status: Status, words: &str) {
+            assert_eq!(self.told(), (status, words.to_owned()));
+        }
+
+        #[track_caller]
+        fn begins(&self, status: Status, words: &str) {
+            let (found, told) = self.told();
+            assert!(
+                found == status && told.starts_with(words),
+                "{found:?} {told}"
+            );
+        }
+
+        fn log(&mut self, source: &str, kind: EventKind, rule: &'static str, second: u64) {
+            let event = Event {
+                at: Instant::from_secs(second),
+                kind,
+                rule,
+                detail: "so".to_owned(),
+                bytes: Vec::new(),
+            };
+            self.rig.log(source, event);
+        }
+    }
+
+    const SENT: &str = "sent 100 B, 50 B arrived for it";
+
+    #[test]
+    fn a_program_that_works_to_the_end_passes() {
+        let mut it = bench();
+        it.is(Pass, SENT);
+        let early = "the run was ended before its time".to_owned();
+        assert_eq!(it.told_at(false), (NotObserved, early));
+        it.goes_on.counts[2] = 5;
+        it.is(
+            Pass,
+            "sent 100 B, showed 5 values and notes, 50 B arrived for it",
+        );
+        it.goes_on.counts = [0; 3];
+        it.is(
+            Fail,
+            "no byte passed in either direction: nothing was observed",
+        );
+        it.goes_on.name = "other".to_owned();
+        it.is(NotObserved, "the program failed, see node-programs");
+    }
+
+    /// Bytes that no device received prove nothing, unless a rule of the scenario has passed.
+    #[test]
+    fn a_program_that_nobody_hears_is_not_observed() {
+        let mut it = bench();
+        it.goes_on.counts = [5, 0, 0];
+        it.begins(
+            Fail,
+            "sent 5 B, 0 B arrived for it; no device received a byte",
+        );
+        it.checks = vec![Check::new("rule-answers", true, "")];
+        it.is(Pass, "sent 5 B, 0 B arrived for it");
+    }
+
+    /// Notes of the program's own board count, not those of other devices, and no violations.
+    #[test]
+    fn crashes_and_resets_of_the_program_are_told() {
+        use EventKind::{Note, Violation};
+        let mut it = bench();
+        it.log("other", Note, "crash", 2);
+        it.log("other", Note, WATCHDOG_RESET, 2);
+        it.log("prog", Violation, WATCHDOG_RESET, 2);
+        it.is(Pass, SENT);
+        it.log("prog", Note, WATCHDOG_RESET, 3);
+        it.begins(
+            Fail,
+            "its watchdog reset it once, at 3.000000 s: it was too late",
+        );
+        it.log("prog", Note, WATCHDOG_RESET, 4);
+        it.begins(Fail, "its watchdog reset it 2 times, first at 3.000000 s: ");
+        it.log("prog", Violation, "crash", 5);
+        it.is(Fail, &format!("so at 5.000000 s; {SENT}"));
+        let mut may = bench_of(NodeSpec {
+            may_reset: true,
+            ..spec(Role::Program)
+        });
+        may.log("prog", Note, WATCHDOG_RESET, 3);
+        may.is(Pass, SENT);
+    }
+
+    fn idle() -> Bench {
+        bench_of(NodeSpec {
+            may_idle: true,
+            ..spec(Role::Program)
+        })
+    }
+
+    /// A port without a receiver, and a program that shows no use of its bytes.
+    #[test]
+    fn bytes_that_nobody_uses_are_told() {
+        let use_of = |mut it: Bench, rule: &'static str| {
+            it.log("prog", EventKind::Note, rule, 3);
+            it
+        };
+        use_of(bench(), RECEIVER_OFF).is(Fail, &format!("{SENT}; so: check --wire"));
+        use_of(idle(), RECEIVER_OFF).is(Pass, SENT);
+        let mute = |mut it: Bench| {
+            it.goes_on.counts = [0, 50, 0];
+            (it.goes_on.last, it.goes_on.times) = ([None, Some(at(39_500)), None], 0);
+            it
+        };
+        let words = "sent 0 B, 50 B arrived for it; it sent, showed and printed nothing";
+        mute(bench()).begins(
+            Fail,
+            &format!("{words}: its use of the bytes was not observed"),
+        );
+        use_of(mute(bench()), SLEEPS_ON).is(Fail, &format!("{words}; so"));
+        mute(idle()).is(Pass, "sent 0 B, 50 B arrived for it");
+        // Values that it showed are a use.
+        let mut shows = mute(bench());
+        (shows.goes_on.counts[2], shows.goes_on.last[2]) = (1, Some(at(39_000)));
+        assert_eq!(shows.told().0, Pass);
+    }
+
+    #[test]
+    fn requests_that_devices_did_not_understand_are_told() {
+        let mut it = bench();
+        (it.goes_on.counts[0], it.misunderstood) = (49, 3);
+        assert_eq!(it.told().0, Pass);
+        it.goes_on.counts[0] = 48;
+        let words = "sent 48 B, 50 B arrived for it: 3 times a device did not understand it, or \
+                     refused it";
+        it.is(Fail, words);
+        let mut it = bench();
+        it.astray = Some("4 times it asked address 7".to_owned());
+        it.is(Fail, &format!("{SENT}: 4 times it asked address 7"));
+    }
+
+    /// Two seconds of silence are allowed, or three times the longest pause so far.
+    #[test]
+    fn a_program_that_falls_silent_is_told() {
+        let silent = |mut it: Bench, since: u64, pause: u64| {
+            it.goes_on.last[0] = Some(at(since));
+            it.goes_on.longest_pause = Duration::from_millis(pause);
+            it
+        };
+        silent(bench(), 38_000, 0).is(Pass, SENT);
+        let words =
+            format!("{SENT}; its last sign of life was at 37.900000 s, 2.1 s before the end");
+        silent(bench(), 37_900, 0).is(Fail, &format!("{words}; {ALLOW_IT}"));
+        assert_eq!(silent(bench(), 37_000, 1_000).told().0, Pass);
+        assert_eq!(silent(bench(), 36_999, 1_000).told().0, Fail);
+        silent(idle(), 37_900, 0).is(Pass, &words);
+        let mut sleeps = silent(bench(), 37_900, 0);
+        sleeps.log("prog", EventKind::Note, SLEEPS_ON, 3);
+        sleeps.is(Fail, &format!("{words}; so; {ALLOW_IT}"));
+        let mut done = silent(bench(), 30_000, 0);
+        done.goes_on.last[1] = None;
+        assert_eq!(done.told().0, Fail);
+        done.checks = vec![Check::new("home", true, "")];
+        assert_eq!(done.told().0, Pass);
+        let mut shows = silent(bench(), 30_000, 0);
+        shows.goes_on.last[2] = Some(at(38_000));
+        assert_eq!(shows.told().0, Pass);
+    }
+
+    /// A device that sends for more than a second behind the last request sends by itself. A
+    /// program that has sent 20 times is no listener.
+    #[test]
+    fn a_program_may_only_listen_to_a_stream() {
+        let judged = |heard: u64, times: u64| {
+            let mut it = bench();
+            it.goes_on.last = [Some(at(30_000)), Some(at(heard)), None];
+            it.goes_on.times = times;
+            it.told().0
+        };
+        assert_eq!(
+            [31_000, 31_001].map(|heard| judged(heard, 19)),
+            [Fail, Pass]
+        );
+        assert_eq!(judged(39_000, 20), Fail);
+        let mut it = bench();
+        it.goes_on.last = [None, Some(at(1_000)), None];
+        assert!(!it.goes_on.is_streamed());
+        it.goes_on.last[1] = Some(at(1_001));
+        assert!(it.goes_on.is_streamed());
+        it.goes_on.last[1] = None;
+        assert!(!it.goes_on.is_streamed());
+    }
+
+    /// The program sends at 1, 3 and 4 s; bytes arrive for it at 2 s.
+    #[test]
+    fn pauses_are_those_between_its_own_bytes() {
+        let (mut rig, [[meter, master]]) = linked(["meter"], 1_000_000);
+        let mut goes_on = bench().goes_on;
+        goes_on.node = master.node;
+        (goes_on.counts, goes_on.last, goes_on.times) = ([0; 3], [None; 3], 0);
+        for second in 1..=5 {
+            let node = match second {
+                1 | 3 | 4 => master.node,
+                _ => meter.node,
+            };
+            if second < 5 {
+                rig.inject(node, &[1, 2]);
+            }
+            rig.run_until(at(1_000 * second));
+            goes_on.observe(&rig);
+        }
+        assert_eq!(goes_on.counts, [6, 2, 0]);
+        assert_eq!(goes_on.last, [Some(at(4_000)), Some(at(2_000)), None]);
+        assert_eq!(
+            (goes_on.longest_pause, goes_on.times),
+            (Duration::from_secs(2), 3)
+        );
+    }
+
+    /// A program under test at the other end of the meter's wire; a device is none.
+    #[test]
+    fn the_program_under_test_is_a_node_of_this_role() {
+        let rig = |role| {
+            let mut rig = crate::rig::bare::rig();
+            let own = rig.add_device("prog", NodeDevice::new(spec(role)));
+            let [meter, pin] =
+                ["meter", "pin"].map(|name| rig.add_outside(name, LineConfig::new_8n1(9600)));
+            let end = |node| End {
+                node,
+                port: Port(0),
+            };
+            rig.connect("meter", end(meter), end(own), 1);
+            rig.connect("pin", end(meter), end(pin), 1);
+            rig
+        };
+        assert!(GoesOn::of(&rig(Role::Device)).is_none());
+        let rig = rig(Role::Program);
+        let goes_on = GoesOn::of(&rig).expect("a program");
+        assert_eq!(
+            (goes_on.name.as_str(), rig.node_name(goes_on.node)),
+            ("prog", "prog")
+        );
+        assert!(goes_on.is_at(&rig, "meter") && goes_on.is_at(&rig, "prog"));
+        assert!(!goes_on.is_at(&rig, "pin"));
+    }
+
+    /// The meter reads at half of the rate, or in another format.
+    #[test]
+    fn a_line_of_two_formats_is_garbage() {
+        let garbled = |change: fn(&mut LineConfig), sends: bool| {
+            let (mut rig, [[meter, master]]) = linked(["meter"], 1_000_000);
+            let mut config = LineConfig::new_8n1(1_000_000);
+            change(&mut config);
+            rig.set_line_config(meter.node, config);
+            let node = if sends { master.node } else { meter.node };
+            rig.inject(node, &[0; 40]);
+            rig.run_until(at(1_000));
+            let mut goes_on = bench().goes_on;
+            goes_on.node = master.node;
+            goes_on.garbled(&rig)
+        };
+        assert_eq!(garbled(|_| {}, true), None);
+        let half = "meter: program at 1000000 baud, expected 500000 baud: both sides read garbage";
+        assert_eq!(
+            garbled(|line| line.baud = 500_000, true).as_deref(),
+            Some(half)
+        );
+        assert_eq!(garbled(|line| line.baud = 500_000, false), None);
+        let format = "meter: program at 1000000 baud 8N1, expected 500000 baud 8E1: both sides \
+                      read garbage";
+        let even = |line: &mut LineConfig| (line.baud, line.parity) = (500_000, Parity::Even);
+        assert_eq!(garbled(even, true).as_deref(), Some(format));
+    }
+}

@@ -1,6 +1,7 @@
 //! A program and faults that are what a test wants, for the checkers of safety.
 
 use firmware_core::map_view::MapView;
+use firmware_core::memory::StrayWrites;
 use firmware_core::pose::Pose;
 use firmware_core::{Inspect, Master, Work};
 use protocols::{Instant, LineConfig, Port};
@@ -15,6 +16,8 @@ pub(in crate::run) struct Puppet {
     pub(in crate::run) mode: &'static str,
     pub(in crate::run) counters: Vec<(&'static str, u64)>,
     pub(in crate::run) estimate: Option<(Instant, Pose)>,
+    pub(in crate::run) stray: Option<StrayWrites>,
+    pub(in crate::run) is_dead: bool,
 }
 
 impl Master for Puppet {
@@ -50,6 +53,16 @@ impl Inspect for Puppet {
 
     fn mode(&self) -> &'static str {
         self.mode
+    }
+
+    fn stray_writes(&self, report: &mut dyn FnMut(&'static str, StrayWrites)) {
+        if let Some(stray) = self.stray {
+            report("reply buffer", stray);
+        }
+    }
+
+    fn is_dead(&self) -> bool {
+        self.is_dead
     }
 
     fn counters(&self, report: &mut dyn FnMut(&'static str, u64)) {
