@@ -497,3 +497,6 @@ fn together(truths: &[Truth], decisive: bool) -> Truth {
         .all(|truth| *truth == opposite)
         .then_some(!decisive)
 }
+
+#[cfg(test)]
+mod tests;

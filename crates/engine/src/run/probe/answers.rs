@@ -34,7 +34,7 @@ impl Probe {
 
 /// Whether two conditions that hold at one moment may hold because of the same frame, contact or
 /// entry.
-fn may_be_one(one: &Condition, other: &Condition) -> bool {
+pub(super) fn may_be_one(one: &Condition, other: &Condition) -> bool {
     let line = |condition: &Condition| match condition {
         Condition::Bytes(bytes) => Some((bytes.link.clone(), bytes.direction)),
         Condition::Frame(frame) => Some((frame.link.clone(), frame.direction)),

@@ -61,8 +61,8 @@ mod tests {
         by: Duration::from_millis(5),
     };
 
-    /// Undamaged: four late bytes, and the first two of them in a separate piece. Damaged: a host
-    /// drops one byte, or a strike removes the last one, changes it, or makes a pause before it.
+    /// Undamaged: four late bytes, also with a pause among them, and the first two of them in a
+    /// separate piece. Damaged: a host drops one byte, or a strike removes or changes the last one.
     #[test]
     fn bytes_are_damaged_by_the_host_and_by_strikes() {
         let cases: [(&[u8], _, _); 7] = [
