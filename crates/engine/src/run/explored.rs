@@ -289,4 +289,44 @@ mod tests {
         let map = MapView::new(10, 10.0, [5000.0; 2], &[0; 100]);
         assert_eq!(explored(map, &world(), START), None);
     }
+
+    /// A disc of 160 mm in a room of 1 m: its middle reaches 340 mm around the middle of the room.
+    /// It covers the room but for the corners, of which (4 - pi) x 0.16 x 0.16 m are left.
+    #[test]
+    fn a_disc_covers_a_room_but_for_its_corners() {
+        let cells = vec![0; 300 * 300];
+        let floor = Floor::of(MapView::new(300, 10.0, [0.0; 2], &cells));
+        assert_eq!((floor.width, floor.height), (150, 150));
+        let covered = covered(&floor, world(), START);
+        let at = |x: f64, y: f64| {
+            let cell = floor.cell(Point::new(x, y)).expect("on the map");
+            covered[cell]
+        };
+        for (x, y) in [
+            (0.53, 1.0),
+            (1.47, 1.0),
+            (1.0, 0.53),
+            (1.0, 1.47),
+            (1.0, 1.0),
+            (0.57, 0.57),
+        ] {
+            assert!(at(x, y), "{x} {y}");
+        }
+        for (x, y) in [(0.53, 0.53), (1.47, 0.53), (0.53, 1.47), (1.47, 1.47)] {
+            assert!(!at(x, y), "{x} {y}");
+        }
+        for (x, y) in [
+            (0.47, 1.0),
+            (1.53, 1.0),
+            (1.0, 0.47),
+            (1.0, 1.53),
+            (2.0, 1.0),
+            (0.1, 0.1),
+        ] {
+            assert!(!at(x, y), "{x} {y}");
+        }
+        let all = covered.iter().filter(|covered| **covered).count();
+        // 2,500 cells are in the room; 55 of them are left out.
+        assert!((2_350..2_500).contains(&all), "{all}");
+    }
 }

@@ -457,4 +457,54 @@ mod tests {
         watches.record(1, to_master, Side::Received, Instant::ZERO, &[1]);
         assert!(watches.0.lock().is_empty());
     }
+
+    /// 4,096 moments are kept between two updates; a reading that does not hold counts as well.
+    #[test]
+    fn further_moments_are_only_counted() {
+        let mut found = Found::default();
+        let reading = |holds| Reading {
+            holds: Some(holds),
+            value: None,
+        };
+        for _ in 0..FOUND_MAX {
+            found.add(Instant::ZERO, reading(false));
+        }
+        assert_eq!(
+            (found.moments.len(), found.lost, found.has_held),
+            (4_096, 0, false)
+        );
+        for _ in 0..2 {
+            found.add(Instant::ZERO, reading(true));
+        }
+        assert_eq!(
+            (found.moments.len(), found.lost, found.has_held),
+            (4_096, 2, true)
+        );
+        assert_eq!(found.readings, 4_098);
+        let watch = |is_once| LineWatch::new(0, DirectionSpec::ToDevice, count(1), is_once);
+        let mut watch = watch(false);
+        watch.found = found;
+        assert_eq!(
+            (watch.take_moments().len(), watch.take_moments().len()),
+            (4_096, 0)
+        );
+    }
+
+    /// The bytes are counted in all forms; a watch for good goes on after it has held.
+    #[test]
+    fn a_watch_that_is_not_once_goes_on() {
+        let direction = DirectionSpec::ToMaster;
+        let after = |is_once: bool| {
+            let mut watches = LineWatches::default();
+            assert!(watches.is_empty());
+            let watch = watches.add(LineWatch::new(1, direction, count(2), is_once));
+            assert!(!watches.is_empty());
+            for _ in 0..4 {
+                watches.record(1, Direction::ToMaster, Side::Received, Instant::ZERO, &[1]);
+            }
+            let found = &watch.lock().found;
+            (found.bytes, found.readings)
+        };
+        assert_eq!([after(true), after(false)], [(2, 1), (4, 2)]);
+    }
 }

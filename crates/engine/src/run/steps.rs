@@ -233,4 +233,35 @@ mod tests {
             assert_eq!(told(&steps, is_over), [failed.clone(), later(4), later(5)]);
         }
     }
+
+    /// A step waits from the first look at 10 ms on, for a second; then the mission waits no more.
+    #[test]
+    fn a_step_waits_for_its_time() {
+        let text = "schema = 1\nname = \"steps\"\nrobot = \"rescue\"\nduration = \"5s\"\n\
+                    [mission]\nwaypoints_m = [[2.5, 2.5]]\n\
+                    [[mission.step]]\nwhen = { visited = 1 }\ntimeout = \"1s\"\ndo = { mode = \"stop\" }\n\
+                    [world]\nstart = { x_m = 1.0, y_m = 1.0, heading_deg = 0 }\n";
+        let parsed = Scenario::parse(Path::new("<test>"), text.to_owned());
+        let (scenario, source) = parsed.expect("sound");
+        let mut run = Run::new(scenario, &source, None).expect("can be wired");
+        run.go_on_until(Instant::from_millis(1_000));
+        assert!(run.steps.is_waiting());
+        run.go_on_until(Instant::from_millis(1_010));
+        assert!(!run.steps.is_waiting());
+        let detail = "{\"visited\":1} did not come true within 1s of 0.010000 s".to_owned();
+        let failed = ("mission-step-1".to_owned(), Status::Fail, detail);
+        assert_eq!(told(&run.steps, false), [failed]);
+    }
+
+    /// A step of the rig that cannot be executed is a failure of its own, and the others go on.
+    #[test]
+    fn a_step_of_the_rig_may_fail() {
+        let (mut steps, _) = steps();
+        let flaw = Flaw::new("name", "is unknown");
+        steps.fail_now(7, Instant::from_secs(3), &flaw);
+        assert!(steps.is_waiting());
+        let first = told(&steps, false).remove(0);
+        let detail = "at 3.000000 s: name: is unknown".to_owned();
+        assert_eq!(first, ("mission-step-7".to_owned(), Status::Fail, detail));
+    }
 }

@@ -191,4 +191,42 @@ mod tests {
         };
         assert_eq!((kept(2_000), kept(2_001)), (9, 8));
     }
+
+    /// Frames count that reach the base: not those on the way back or of other links.
+    #[test]
+    fn only_frames_to_the_base_are_commands() {
+        use super::super::Status;
+        use super::super::safety::puppet::copied;
+        use super::super::safety::tests::look_at;
+        let names = ["base", "other"];
+        let (mut rig, [base, other]) = crate::rig::bare::linked(names, 1_000_000);
+        let dialect = heard().dialect;
+        let mut checker = SetPointsAsAccepted::listening(&mut rig, dialect).expect("a link");
+        let told = |checker: &SetPointsAsAccepted| {
+            let check = checker.verdict();
+            (check.status, check.detail)
+        };
+        let none = "as commanded by 0 valid frames".to_owned();
+        assert_eq!(told(&checker), (Status::NotObserved, none));
+        for (node, value) in [(base[1].node, 5), (base[0].node, 6), (other[1].node, 7)] {
+            rig.inject(node, &[0xAA, value]);
+        }
+        look_at(&mut checker, &mut rig, 10, 5.0);
+        look_at(&mut checker, &mut rig, 20, 0.0);
+        assert_eq!(
+            told(&checker),
+            (Status::Pass, "as commanded by 1 valid frames".to_owned())
+        );
+        for (millis, set_point) in [(30, 6.0), (40, 7.0)] {
+            look_at(&mut checker, &mut rig, millis, set_point);
+        }
+        let words = "6 at 0.030000 s, which no valid frame commanded";
+        assert_eq!(told(&checker), (Status::Fail, words.to_owned()));
+        assert!(copied(&checker, &rig).ends_with(words));
+        let gone = Dialect {
+            link: "gone",
+            ..dialect
+        };
+        assert!(SetPointsAsAccepted::listening(&mut rig, gone).is_none());
+    }
 }

@@ -208,4 +208,45 @@ mod tests {
         steady.take(Instant::from_millis(5), &figure(5, 8.0, 10.0, 1), true);
         assert!(steady.broken.is_some());
     }
+
+    /// Two figures of a robot, of which the second one is wrong; each is judged by itself.
+    #[test]
+    fn each_figure_is_judged_by_itself() {
+        use super::super::puppet::{copied, cut, scenario};
+        use super::super::tests::look_at;
+        use crate::robots::checker::Status;
+        struct Robot(f64);
+        impl Instruments for Robot {
+            fn figures(&self, rig: &Rig) -> Vec<Figure> {
+                let at = rig.now().as_millis();
+                let speed = Figure {
+                    name: "the speed, m/s",
+                    ..figure(at, self.0, 10.0, 3)
+                };
+                vec![figure(at, 10.0, 10.0, 3), speed]
+            }
+        }
+        let judged = |told: f64, fault: Option<FaultSpec>| {
+            let (mut rig, _) = crate::rig::bare::linked(["radio"], 1_000_000);
+            let calm = Calm::of(&scenario("").0, &rig, &|_| true);
+            let mut checker = TelemetryTrue::new(Arc::new(Robot(told)), calm);
+            let none = checker.verdict();
+            assert_eq!(none.detail, "the robot reports no figures");
+            checker.faults_changed(&fault.into_iter().collect::<Vec<_>>(), &rig);
+            for tenth in 10..=14 {
+                look_at(&mut checker, &mut rig, 100 * tenth, 0.0);
+            }
+            let check = checker.verdict();
+            assert_eq!(copied(&checker, &rig), check.to_string());
+            (check.status, check.detail)
+        };
+        // The first of five reports of each has no earlier value.
+        assert_eq!(
+            judged(10.5, None),
+            (Status::Pass, "8 reported figures agree".to_owned())
+        );
+        let wrong = "at 1.300000 s the speed, m/s is reported as 8.00, the true value is 10.00";
+        assert_eq!(judged(8.0, None), (Status::Fail, wrong.to_owned()));
+        assert_eq!(judged(8.0, Some(cut("radio", 1, 2))).0, Status::NotObserved);
+    }
 }
