@@ -45,8 +45,8 @@ fn car(config: AckermannConfig, scene: Scene, start: Pose) -> World {
     World::with_chassis(scene, Box::new(car), start).unwrap()
 }
 
-/// 0.258 m / tan(0.3 rad) = 0.83404 m. The circumference is 5.2404 m, or 1563.8 counts of 3.351 mm,
-/// and takes 10.481 s at 0.5 m/s.
+/// The circle's radius is 0.258 m / tan(0.3 rad) = 0.83404 m. Its circumference is 5.2404 m, which
+/// is 1563.8 counts of 3.351 mm and takes 10.481 s at 0.5 m/s.
 #[test]
 fn a_car_drives_a_circle_of_wheelbase_over_tangent() {
     let config = AckermannConfig::default().ideal();

@@ -285,7 +285,8 @@ mod tests {
         }
     }
 
-    /// The report's inverse, sign by sign: each is wrong by many degrees for most arcs.
+    /// The report's inverse has three signs that are wrong, tried one by one: each makes the angle
+    /// wrong by many degrees for most arcs.
     #[test]
     fn ap6_the_signs_of_the_report_are_wrong() {
         let k = CAR.wheelbase_m;
@@ -322,7 +323,8 @@ mod tests {
     fn the_left_rear_wheel_goes_less_in_a_left_turn() {
         let steering = 25_f64.to_radians();
         let rear = CAR.rear_of_left_wheel(steering, 1.0);
-        // k / tan(25) = 0.5361; less half the track 0.4586: 1 / 0.8554.
+        // The rear axle's radius is k / tan(25 degrees) = 0.5361 m. The left wheel's is half the
+        // track less, 0.4586 m: 0.8554 of it, and 1 / 0.8554 is 1.169.
         assert!((rear - 1.169).abs() < 0.001, "{rear}");
         assert!((CAR.rear_of_left_wheel(-steering, 1.0) - 0.874).abs() < 0.001);
         // The cosine of 25 degrees is 0.9063: 9.4 % less.

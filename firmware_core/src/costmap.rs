@@ -241,9 +241,9 @@ mod tests {
         radius_m: 0.40,
     };
 
-    /// One obstacle in the middle of 21 x 21 cells. At 0.20 m: 252 exp(-0.35) = 177.6, and 177 /
-    /// 14 is 12.6; at 0.30 m: exp(-1.35), 65.3 and 4.6; at 0.40 m: exp(-2.35), 24.03 and 1.7; each
-    /// rounded.
+    /// One obstacle in the middle of 21 x 21 cells. The cost falls with the distance and is divided
+    /// by 14, then rounded. At 0.20 m it is 252 exp(-0.35) = 177.6, and 177 / 14 is 12.6. At 0.30 m
+    /// the exponent is -1.35: 65.3 and 4.6. At 0.40 m it is -2.35: 24.03 and 1.7.
     #[test]
     fn the_cost_falls_with_the_distance() {
         let mut obstacles = alloc::vec![false; 21 * 21 + 3];

@@ -99,8 +99,9 @@ mod tests {
         turned.to_degrees()
     }
 
-    /// An offset of one degree a second is 4 hundredths in 40 ms; without the offset, 104
-    /// hundredths are 1 degree, which is 25 degrees a second.
+    /// At rest the sum grows by 4 hundredths of a degree in 40 ms: an offset of one degree a
+    /// second. Each of 25 later steps is 104 hundredths: less the offset 1 degree, which is 25
+    /// degrees a second.
     #[test]
     fn what_drifts_at_rest_is_no_turn() {
         let mut gyro = Gyro::new();
@@ -134,8 +135,8 @@ mod tests {
         assert_eq!(gyro.turned(later + APART_MAX * 2, 0, Wheels::Turned), None);
     }
 
-    /// Six readings of a degree a second at rest and five of two degrees: the offset is 16 / 11;
-    /// 1.04 degrees in 40 ms less that are 0.98182.
+    /// The offset is the mean of the readings at rest: six of 1 degree a second and five of 2 give
+    /// 16 / 11. A turn by 1.04 degrees in 40 ms, less this offset, is 0.98182 degrees.
     #[test]
     fn the_offset_is_the_mean_of_the_rest() {
         let mut gyro = Gyro::new();
@@ -151,8 +152,8 @@ mod tests {
         );
     }
 
-    /// At most ten seconds are averaged: 2.5 degrees a second for 40 ms add a hundredth of a degree
-    /// a second.
+    /// The offset is a mean over at most ten seconds. A reading of 2.5 degrees a second for 40 ms
+    /// therefore adds a hundredth of a degree a second to it.
     #[test]
     fn an_old_offset_changes_slowly() {
         let mut gyro = Gyro::new();

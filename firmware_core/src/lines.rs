@@ -331,8 +331,8 @@ mod tests {
         }
     }
 
-    /// 60 mm apart and 10 degrees, with a tangent of 0.1763. The fielded program merged below 79.95
-    /// degrees, with a tangent of 5.64.
+    /// Lines are merged up to a gap of 60 mm and an angle of 10 degrees, whose tangent is 0.1763.
+    /// The fielded program merged below 79.95 degrees, whose tangent is 5.64.
     #[test]
     fn a_line_goes_on_nearly_straight_behind_a_small_gap() {
         let before = segment((0.0, 0.0), (400.0, 0.0));
@@ -411,8 +411,8 @@ mod tests {
         assert_eq!(found(82), 64);
     }
 
-    /// Eight points along x, indices 0 to 7 of a turn. Two merged pieces end where the second ends;
-    /// from the turn's last piece to its first that is a turn later.
+    /// Eight points along x, indices 0 to 7 of a turn. Two merged pieces end where the second ends.
+    /// If the turn's last piece is merged with its first, that index is one turn higher.
     #[test]
     fn united_segments_end_where_the_second_ends() {
         let points: Vec<Point> = (0..8_u8)

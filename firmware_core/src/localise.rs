@@ -458,8 +458,8 @@ mod tests {
         let matches = Matches::new(&map, &walls()).expect("walls");
         let estimate = matches.estimate(Votes::Best).expect("places");
         assert!(estimate.is_ambiguous(), "{estimate:?}");
-        // The walls' cells are 5 and 35, 5 and 25: the cell 1 m from both is 15, 15, or turned 25,
-        // 15.
+        // The walls are in columns 5 and 35 and in rows 5 and 25. The cell 1 m from two of them is
+        // (15, 15), or, turned by half, (25, 15).
         let turned = [estimate.pose, estimate.second].map(|pose| pose.heading.abs() > 1.5);
         let places = [estimate.pose, estimate.second].map(|pose| (pose.x_mm, pose.y_mm));
         let truth = places[usize::from(turned[0])];
@@ -585,7 +585,8 @@ mod tests {
         assert!((estimate.score - 0.8).abs() < 1e-6 && (estimate.ratio - 0.75).abs() < 1e-6);
         assert_eq!((estimate.second.x_mm, estimate.second_cells), (750.0, 5.0));
         assert!((degrees(estimate.second) + 60.0).abs() < 1e-3 && !estimate.is_ambiguous());
-        // The heading moves by the share 0.0256 / 0.4352 of two degrees.
+        // A weight is the fourth power of the score of 255: 0.4096 at 90 degrees and 0.0256 at 92.
+        // So the heading moves by the share 0.0256 / 0.4352 of two degrees.
         let askew = row(&[(4, 90, 204), (4, 92, 102)]).estimate(Votes::Best);
         let heading = degrees(askew.expect("places").pose);
         assert!(
@@ -594,9 +595,9 @@ mod tests {
         );
     }
 
-    /// 200 at the fifth cell and 150 beside it: 200 and three quarters of 150 are more than 240
-    /// alone. The weighted mean of the headings is 90.36 degrees. Multiplied, the heading is that
-    /// of the best score, at any cell.
+    /// Added, 200 at the fifth cell and three quarters of 150 beside it are more than 240 alone;
+    /// the weighted mean of the two headings is 90.36 degrees. Multiplied, the heading is that of
+    /// the best score at any cell.
     #[test]
     fn d2_votes_are_added_or_multiplied() {
         let matches = row(&[(4, 90, 200), (5, 91, 150), (9, 200, 240)]);
@@ -612,8 +613,8 @@ mod tests {
         let multiplied = matches.estimate(Votes::Multiplied).expect("places");
         assert_eq!(multiplied.pose.x_mm, 250.0);
         assert!((degrees(multiplied.pose) + 160.0).abs() < 1e-3);
-        // A single vote of 0.8235 is more than the sum of 0.4392 and three quarters of 0.4314, and
-        // less than the product: 1.4392 * 1.3235 is 1.905.
+        // Added, the single vote of 210 / 255 = 0.8235 wins over 0.4392 and three quarters of
+        // 0.4314. Multiplied, it loses against 1.4392 * 1.3235 = 1.905.
         let matches = row(&[(4, 90, 112), (5, 91, 110), (9, 200, 210)]);
         for votes in [Votes::Added, Votes::Multiplied] {
             let x_mm = matches.estimate(votes).expect("places").pose.x_mm;
@@ -632,9 +633,9 @@ mod tests {
         assert_eq!(second(&[(0, 59, 20)]), (20, 0, 59));
     }
 
-    /// The robot drove a cell ahead, and none to the side: the earlier score is that of the cell
-    /// behind, the best within two degrees and a cell. Positions with a current score of 100 of 255
-    /// or less are skipped.
+    /// The robot drove a cell ahead, and none to the side. So the earlier score of a cell is that
+    /// of the cell behind it: the best within two degrees and a cell around that one. Positions
+    /// with a current score of 100 of 255 or less are skipped.
     #[test]
     fn what_fits_both_times_is_the_product() {
         let ahead = PoseChange {

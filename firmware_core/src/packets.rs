@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(packets.step(&mut &second[..]), Some(Err(error)));
     }
 
-    /// Field defect XV-03: index bytes FA, FF, 00 and 9F.
+    /// Field defect XV-03: the index bytes FA, FF, 00 and 9F, which are all invalid.
     #[test]
     fn an_unchecked_index_leaves_the_array() {
         for (index, place) in [(0xFA, 360), (0xFF, 380), (0x00, 64_896), (0x9F, 65_532_i32)] {

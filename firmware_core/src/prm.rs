@@ -324,7 +324,8 @@ mod tests {
         (0..100).filter(|seed| way(*seed).is_some()).count()
     }
 
-    /// The specification found 3, 50, 95 and 100 of 100; it does not give the start and goal.
+    /// The specification found a path with 3, 50, 95 and 100 of 100 seeds, for 50, 100, 200 and 300
+    /// vertices. It does not give the start and goal, so other counts near these are accepted.
     #[test]
     fn more_vertices_find_a_way_through_a_serpentine() {
         let [few, course, more, many] = [50, 100, 200, 300].map(successes);

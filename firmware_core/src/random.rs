@@ -76,7 +76,8 @@ mod tests {
         assert!(Pcg32::new(7).next_u32() != Pcg32::new(8).next_u32());
     }
 
-    /// Mean 0, the square's mean 4, a third of them beyond one deviation: within 4 standard errors.
+    /// Normal numbers with a deviation of 2: mean 0, mean square 4, and a third of them beyond one
+    /// deviation. Each figure may be off by 4 standard errors.
     #[cfg(feature = "host")]
     #[test]
     fn normal_numbers_are_normal() {
@@ -110,8 +111,8 @@ mod tests {
         assert_eq!(drawn, expected);
     }
 
-    /// 0xC2F5 and 0x6B07 of 0x1_0000 are 0.7616 and 0.4181: of a thousand 761 and 418. Without a
-    /// limit, half of the drawn number.
+    /// The draws 0xC2F5 and 0x6B07 are 0.7616 and 0.4181 of 0x1_0000, so below 1000 they give 761
+    /// and 418. Without a limit the result is half of the drawn number.
     #[test]
     fn a_number_below_a_limit_is_its_part_of_all() {
         let mut random = Pcg32::new(42);

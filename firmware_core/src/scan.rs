@@ -709,8 +709,9 @@ mod tests {
     }
 
     /// Packets 10 and 60 arrive 50 / 90 of a turn of 210 ms apart: 5 % longer than the reported
-    /// turn, which is accepted. The last packet comes 29 / 90 of a turn later, the beams a delay
-    /// before. 44 packets are too few, and 225 ms is too far off: the reported 200 ms counts.
+    /// turn, which is accepted. The turn's last packet comes 29 / 90 of a turn after packet 60; its
+    /// beams were measured a delay earlier. The reported 200 ms count if the packets are only 44
+    /// apart, or if they give 225 ms.
     #[test]
     fn a_turn_is_timed_by_its_packets_if_they_agree_with_its_speed() {
         let span = |turn_us: u64, first: u8, last: u8| {
@@ -732,7 +733,8 @@ mod tests {
         // Packet 89 comes at 1 s + 89 / 90 of a turn.
         assert_eq!(span(210_000, 10, 60), [995_666, 1_205_666]);
         assert_eq!(span(210_000, 10, 55), [995_666, 1_205_666]);
-        // 1 s + 54 / 90 of 210 ms + 35 / 90 of 200 ms, less 2 ms and 200 ms.
+        // The end is 1 s + 54 / 90 of 210 ms + 35 / 90 of 200 ms, less the delay of 2 ms. The start
+        // is 200 ms earlier.
         assert_eq!(span(210_000, 10, 54), [1_001_777, 1_201_777]);
         assert_eq!(span(225_000, 10, 60), [1_012_444, 1_212_444]);
         assert_eq!(span(181_000, 0, 89), [995_988, 1_176_988]);

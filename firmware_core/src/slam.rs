@@ -695,7 +695,8 @@ mod tests {
         }
     }
 
-    /// 17 of 20 points on the wall are 0.85; after 5 scans the world has changed.
+    /// A scan with 17 of 20 points on the wall, 0.85 of them, fits: the push is over. After 5 scans
+    /// without a fit the push is over as well, because the world has changed.
     #[test]
     fn a_push_is_over_when_a_scan_fits_or_after_five() {
         let mut grid = Grid::<9, 1>::new(10.0);

@@ -383,7 +383,7 @@ mod tests {
         assert_eq!(known.segments, [line(-200.0, 200.0); 2]);
     }
 
-    /// One of a corner's two walls is known, each 1 m long: half.
+    /// Of a corner's two walls, each 1 m long, one is known: half of the sight.
     #[test]
     fn what_is_known_of_a_sight_is_a_share() {
         let far = Segment::new(Point::new(1_000.0, -500.0), Point::new(1_000.0, 500.0));

@@ -133,7 +133,7 @@ mod tests {
 
     /// An ATmega at 16 MHz divides by 16 or 8, and by a whole number: 16 * 104, 16 * 17 and 8 * 17
     /// give 9615, 58823 and 117647 baud. The middle of the stop bit, 9.5 bits after the edge, must
-    /// come before the end of the tenth bit: 20 to 19.
+    /// come before the end of the tenth bit, so the rates may differ by 20 to 19.
     #[test]
     fn rates_of_dividers_are_understood() {
         for (device, usual) in [(9_615, 9_600), (58_823, 57_600), (117_647, 115_200)] {
@@ -172,7 +172,8 @@ mod tests {
         assert_eq!(map, Duration::from_micros(1_953_125));
     }
 
-    /// T1: start, 8 data, parity, 2 stop; start, 5 data, 1 stop.
+    /// T1: a character of start bit, 8 data bits, parity and 2 stop bits; and one of start bit, 5
+    /// data bits and 1 stop bit.
     #[test]
     fn every_bit_of_a_character_is_counted() {
         let line = |data_bits, parity, stop_bits| LineConfig {
@@ -188,7 +189,8 @@ mod tests {
         assert_eq!(byte_time, Duration::from_micros(11));
     }
 
-    /// T1: a tenth of a bit over ten bits is 1 %, which is still read; 960 of 96,000.
+    /// T1: rates that differ by 1 %, a tenth of a bit over ten bits, are still read: 960 of 96,000
+    /// baud.
     #[test]
     fn lines_agree_up_to_one_per_cent() {
         let sender = LineConfig::new_8n1(96_000);

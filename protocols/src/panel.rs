@@ -391,7 +391,7 @@ mod tests {
             .expect("it is complete")
     }
 
-    /// T2: checksums bit by bit with the polynomial 1021.
+    /// T2: the expected checksums were worked out bit by bit with the polynomial 1021.
     #[test]
     fn on_and_off_are_told_apart() {
         let [on, off] = [ON, OFF].map(encode_switch);

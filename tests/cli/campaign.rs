@@ -220,7 +220,8 @@ fn the_templates_for_clusters_run() {
     }
 }
 
-/// At stake: a campaign over a folder in which every report begins with a robot without a program.
+/// In a campaign over a folder, a robot without a program is left out; otherwise every report would
+/// begin with it.
 #[test]
 fn a_robot_without_a_program_is_left_out_beside_others() {
     let session = Session::new("campaign-bare");

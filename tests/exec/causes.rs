@@ -515,8 +515,8 @@ fn in_real_time_the_cause_is_named_as_well() {
     assert_flawless(&side_by_side(&few(6, cases), &judge));
 }
 
-/// At stake: a program polls an address that no device of the wire has, gets no reply for a whole
-/// run, and passes because the other devices reply. A search for devices at the start is sound.
+/// A program that polls an address that no device of the wire has gets no reply for a whole run. It
+/// must not pass only because the other devices reply. A search for devices at the start is sound.
 /// CRCs as in the serial line specification, computed by the program.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 #[test]

@@ -14,7 +14,7 @@ fn every_defect_of_the_car_shows_and_the_sound_one_does_not() {
     assert_eq!(not_live, ["AF-16", "AF-22", "AF-23", "AF-24", "AF-25"]);
 }
 
-/// 0D is 13, 0A is 10.
+/// The byte 0D is 13, a carriage return; the byte 0A is 10, a newline.
 #[test]
 fn a_carriage_return_makes_10_cm_of_13() {
     assert_figure("AF-01", "13 cm ahead are read as, m", "0.10", "0.13");
@@ -22,7 +22,7 @@ fn a_carriage_return_makes_10_cm_of_13() {
     assert_figure("AF-10", "40 cm ahead after ten frames, m", "none", "0.40");
 }
 
-/// The battery's low byte 1C and the first byte of the next frame, 00: 28 mV.
+/// The battery is read from its low byte 1C and the first byte of the next frame, 00: 28 mV.
 #[test]
 fn a_lost_byte_makes_a_battery_of_28_millivolts() {
     assert_figure("AF-09", "battery, mV", "28", "7200");
@@ -43,7 +43,8 @@ fn no_line_of_a_curve_is_believed() {
     );
 }
 
-/// 2 bytes per millisecond for 1000 ms, or 50 times per 20 ms; 2000 of 11520 are 17 per cent.
+/// 2 bytes go out each millisecond, 1000 times a second, or each 20 ms, 50 times a second. 2000 of
+/// 11520 bytes a second are 17 per cent.
 #[test]
 fn commands_each_millisecond_take_a_sixth_of_the_line() {
     assert_figure("AF-04", "bytes in a second", "2000", "100");

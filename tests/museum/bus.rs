@@ -15,7 +15,7 @@ fn a_damaged_count_runs_117_bytes_over_the_buffer() {
     assert_figure("MA-03", "the first to offset", "-128", "nowhere");
 }
 
-/// 09 09 over the low half of 01020304.
+/// The short reply 09 09 overwrites only the low half of 01020304.
 #[test]
 fn a_short_reply_mixes_new_bytes_with_old_ones() {
     assert_figure(

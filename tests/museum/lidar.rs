@@ -17,7 +17,7 @@ fn the_second_packet_fails_by_the_sum_of_the_first() {
     );
 }
 
-/// Bit 5 of the high byte: 1000 mm and 8192.
+/// A flipped bit 5 of the high byte adds 8192 mm to 1000 mm.
 #[test]
 fn a_flipped_bit_is_eight_metres() {
     assert_figure(

@@ -26,7 +26,7 @@ fn room() -> String {
     path.to_str().expect("plain letters").to_owned()
 }
 
-/// At stake: the page shows another map than the saved one, or no map.
+/// Guards against a page that shows another map than the saved one, or no map.
 #[test]
 fn a_log_is_watched_while_it_is_mapped() {
     let (log, out) = (room(), folder("log-out"));

@@ -74,7 +74,7 @@ fn assert_named(browser: &Browser) {
     }
 }
 
-/// At stake: a run of devices without a robot shows an empty map and not one byte. Its page shows
+/// A run of devices without a robot must not show an empty map without any byte. Its page shows
 /// each request with its reply and the time between them. The meter's reply: a silence of 3.5
 /// characters ends the request, then 20 ms and 9 bytes of 10 bits at 9600 baud. The sonar's reply:
 /// 30 ms and 5 bytes. Values of the devices are beside them.
@@ -193,7 +193,7 @@ fn a_report_without_a_robot_shows_requests_and_replies() {
     );
 }
 
-/// At stake: the page of a robot of one's own hides its goal and speaks of values that it does not
+/// The page of a robot of one's own must not hide its goal or name values that the robot does not
 /// have. The goal is drawn on the map and listed as the next one.
 #[test]
 fn the_goals_of_a_custom_robot_are_shown() {
@@ -222,8 +222,8 @@ fn the_goals_of_a_custom_robot_are_shown() {
     assert_named(&browser);
 }
 
-/// At stake: two waypoints at one place look like one, and the pointer does not show which one it
-/// is over.
+/// Two waypoints at one place must not look like one, and the page must mark the waypoint under the
+/// pointer.
 #[test]
 fn waypoints_are_told_apart_and_marked_under_the_pointer() {
     let server = Server::start(&[&endless("empty-room", "marked"), "--paused"]);
@@ -245,8 +245,8 @@ fn waypoints_are_told_apart_and_marked_under_the_pointer() {
     browser.wait("marked === null");
 }
 
-/// At stake: words of two kinds for one thing, and parts of the page that must be found by
-/// scrolling. All rows of the wires are in sight, and the button of a fault is, for each kind.
+/// Each thing has only one name on the page, and no part of the page must be found by scrolling.
+/// All rows of the wires are in sight, and the button of a fault is, for each kind.
 #[test]
 fn a_robots_page_has_one_name_for_each_thing_and_hides_nothing() {
     let server = Server::start(&[&endless("rescue-flat", "fold"), "--paused"]);
@@ -295,7 +295,7 @@ fn a_robots_page_has_one_name_for_each_thing_and_hides_nothing() {
     }
 }
 
-/// At stake: the right half of a report is empty, and one quantity has two notations.
+/// The right half of a report must not be empty, and each quantity has only one notation.
 #[test]
 fn a_report_fills_its_width_and_names_each_quantity_once() {
     let text_of = include_str!("../../scenarios/rescue-flat.toml").replace("\"180s\"", "\"9s\"");
@@ -350,9 +350,9 @@ fn campaign(test: &str, text: &str) -> String {
     format!("file://{}/campaign.html", out.display())
 }
 
-/// At stake: a page that says in green that all passed and in red that a failure came up. The
-/// verdict is the first thing below the title, in one word; a failure comes with its cause as a
-/// sentence and with what was on the wires.
+/// A page must not say in green that all passed and in red that a failure came up. The verdict is
+/// the first thing below the title, in one word; a failure comes with its cause as a sentence and
+/// with what was on the wires.
 #[test]
 fn a_campaign_says_its_verdict_first_and_shows_the_failure() {
     let rule = "\n[[expect.rule]]\nname = \"gain-stays-small\"\n\

@@ -316,7 +316,7 @@ mod tests {
         assert_eq!(of("twos-complement16", &bytes), 0xfffa);
         assert_eq!(of("xor", &bytes), 0);
         assert_eq!(of("xor16", &bytes), 0x0202);
-        // A = 1, 3, 6; B = 1, 4, 10.
+        // The running sums are A = 1, 3, 6 and B = 1, 4, 10.
         assert_eq!(of("ubx", &bytes), 0x0a06);
         let sentence = b"GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,";
         assert_eq!(of("nmea", sentence), 0x47);

@@ -202,10 +202,11 @@ fn devices_share_a_wire() {
     );
 }
 
-/// At stake: a driver asks for an address that no device of the link has, is never answered, and
-/// nothing tells. Modbus, a servo with messages, a module that ignores messages for others; alone
-/// and with others on the wire, of which one is off. A broadcast asks no address. The sums are of
-/// the documents: CRC by `frame_of`, servo ID+LEN+.. inverted, module the sum of all bytes.
+/// A driver that asks for an address that no device of the link has gets no answer; this must be
+/// reported. The devices are a Modbus slave, a servo with messages, and a module that ignores
+/// messages for others. Each is tested alone and with others on the wire, of which one is off. A
+/// broadcast asks no address. The checksums are those of the documents: CRC by `frame_of`, servo
+/// ID+LEN+.. inverted, module the sum of all bytes.
 #[test]
 fn a_request_for_no_address_of_the_link_is_counted_once() {
     let modbus = |address: u8| {

@@ -459,8 +459,8 @@ mod tests {
         Step::Received { ended, byte }
     }
 
-    /// A pass takes 24.625 us, and the test comes 0.8 us after the load. Without observed steps,
-    /// the main loop takes the same time.
+    /// A pass of the main loop takes 24.625 us, and the test comes 0.8 us after the load. Without
+    /// observed steps, the main loop takes the same time.
     #[test]
     fn the_main_loop_loads_and_tests() {
         for main_from in [0, 10_000] {
@@ -482,8 +482,8 @@ mod tests {
         }
     }
 
-    /// From 24.625 us before a load: up to the load, 0.4 us after it, to the test, after the test,
-    /// and two passes.
+    /// The main loop starts 24.625 us before a load. Its state is checked at the load, 0.4 us after
+    /// it, at the test, after the test, and after two passes.
     #[test]
     fn the_main_loop_goes_round_without_steps() {
         let after = |times: &[u64]| {
@@ -577,8 +577,9 @@ mod tests {
         assert!(!slice(30, &[1]) && !slice(31, &[]));
     }
 
-    /// A tick takes 0.1 ms, lets nothing in for 8 us, and counts 89.9 us behind its beginning; a
-    /// byte that comes meanwhile is received then, and the count is late by that.
+    /// A tick takes 0.1 ms. It lets no byte in for its first 8 us, and counts 89.9 us after its
+    /// beginning. A byte that comes in between is received before the count, which is late by the
+    /// time for that byte.
     #[test]
     fn a_tick_lets_bytes_in_and_holds_the_main_loop_up() {
         let mut cpu = cpu(0);
@@ -592,7 +593,7 @@ mod tests {
             (1_093_900 + 6_312, Step::Count),
         ];
         assert_eq!(steps(&mut cpu, 1_300_000, false), expected);
-        // 1300 - 100 - 6.312 us are 48 passes and 11.688 us.
+        // Less the tick and the byte, 1300 - 100 - 6.312 us are 48 passes and 11.688 us.
         assert_eq!((cpu.to_load, cpu.main_left), (true, 24_625 - 11_688));
         let tick = cpu.advance(at(2_100_000), false);
         assert_eq!(tick, Some((at(2_008_000), Step::Tick)));

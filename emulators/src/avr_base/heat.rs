@@ -152,10 +152,11 @@ mod tests {
         is(readings(&world(0.5, 3.0)), [37.0, 22.0]);
         is(readings(&world(1.5, 3.0)), [22.0, 37.0]);
         is(readings(&world(-3.0, 9.0)), [22.0, 22.0]);
-        // 0.4 m from the sensor 0.06 m to either side: 0.149 of 0.305 radians are one ray of four
-        // to either side, 0.076, and not the second one, 0.153: 3 of 9 rays.
+        // A plate 0.4 m from the sensor, 0.06 m to either side, covers 0.149 of 0.305 radians to
+        // either side. There are four rays to either side: the first, at 0.076 radians, meets the
+        // plate, the second, at 0.153, does not. So 3 of 9 rays meet it.
         is(readings(&world(0.5, 0.06)), [27.0, 22.0]);
-        // 0.065 m are 0.161 radians: 5 of 9.
+        // 0.065 m to either side are 0.161 radians: 5 of 9 rays.
         is(
             readings(&world(0.5, 0.065)),
             [22.0 + 15.0 * 5.0 / 9.0, 22.0],

@@ -89,8 +89,8 @@ impl AvrBase {
 mod tests {
     use super::*;
 
-    /// 503 degrees in three seconds, half a per cent of scale and half a
-    /// degree a second of offset, three deviations of each.
+    /// A turn by 503 degrees in three seconds. The sum may differ by three deviations of the scale,
+    /// half a per cent each, and of the offset, half a degree a second each.
     #[test]
     fn a_turn_is_summed_up_with_scale_and_offset() {
         let mut gyro = Gyro::new(1);

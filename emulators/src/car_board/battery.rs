@@ -43,7 +43,8 @@ impl BatteryConfig {
 mod tests {
     use super::*;
 
-    /// 8000 - 0.33 * 600 = 7802, less 0.2 * 300 at level 2; empty is 0 and not less.
+    /// After 600 s, 8000 mV less 0.33 mV/s are 7802 mV. At 0.2 m/s, level 2, they sag by 0.2 * 300
+    /// mV. An empty battery reads 0 and not less.
     #[test]
     fn a_battery_runs_down_and_sags() {
         let battery = BatteryConfig::default();

@@ -29,7 +29,8 @@ pub fn speed_m_s(level: Level) -> f64 {
 mod tests {
     use super::*;
 
-    /// 0.35 + (1.2 - 0.35) * 4 / 7 is 0.835714; -0.35 - 0.85 * 3 / 6 is -0.775.
+    /// Levels beyond the measured ones lie on a straight line: 0.35 + (1.2 - 0.35) * 4 / 7 is
+    /// 0.835714 m/s, and -0.35 - 0.85 * 3 / 6 is -0.775 m/s.
     #[test]
     fn levels_are_the_measured_ones_and_straight_beyond() {
         for (level, speed) in [

@@ -317,8 +317,8 @@ mod tests {
         assert_eq!(rotor.reaches(rotor.angle_deg() + 1.0), None);
     }
 
-    /// 600 degrees a second, 360,000 more each second: 0.6 degrees take 1.2 / (600 + sqrt(792,000))
-    /// s, 0.805399 ms. At an even speed 1 ms.
+    /// At 600 degrees a second, with 360,000 more each second, 0.6 degrees take 1.2 / (600 +
+    /// sqrt(792,000)) s, which is 0.805399 ms. At a constant speed they take 1 ms.
     #[test]
     fn a_place_is_reached_by_an_even_acceleration() {
         let mut rotor = Rotor::new(MOTOR, MotorSupply::Fixed { volts: 0.0 }, 0.0);
@@ -327,7 +327,8 @@ mod tests {
         let after = |speed_end: f64| rotor.crossing(0.6, speed_end) - Instant::from_secs(1);
         assert_eq!(after(160.0).as_nanos() / 100, 8_053);
         assert_eq!(after(100.0).as_micros(), 1_000);
-        // 12 degrees a second each millisecond less: 1.2 / (600 + sqrt(360,000 - 14,400)).
+        // The head loses 12 degrees a second each millisecond: 1.2 / (600 + sqrt(360,000 -
+        // 14,400)).
         assert_eq!(after(98.0).as_nanos() / 100, 10_102);
     }
 

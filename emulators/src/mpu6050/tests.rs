@@ -58,8 +58,9 @@ fn the_chip_sleeps_until_it_is_woken() {
     assert_eq!(read(&mut chip, register::GYRO_CONFIG), 0);
 }
 
-/// 0.6 m/s with tan 0.3 / 0.258 m: 0.7194 rad/s or 41.218 degrees a second; at 2000 degrees a
-/// second 676 counts, at 250 5400. The curve pulls with 0.4316 m/s², 721 counts at 2 g.
+/// A car at 0.6 m/s with its wheels at 0.3 rad and a wheelbase of 0.258 m turns at 0.7194 rad/s,
+/// 41.218 degrees a second: 676 counts in the range of 2000 degrees a second, 5400 in that of 250.
+/// The curve pulls with 0.4316 m/s², 721 counts in the range of 2 g.
 #[test]
 fn a_curve_shows_in_all_ranges() {
     let mut world = world();
@@ -77,7 +78,7 @@ fn a_curve_shows_in_all_ranges() {
     assert_eq!(word(&mut chip, register::GYRO, &world), 0);
 }
 
-/// A bias of 0.5 degrees a second is 8 counts at 2000; one of 3000 saturates the word.
+/// A bias of 0.5 degrees a second is 8 counts in the range of 2000; one of 3000 saturates the word.
 #[test]
 fn a_word_saturates() {
     let world = world();
@@ -92,8 +93,8 @@ fn a_word_saturates() {
     assert_eq!(word(&mut chip, 0x47, &world), i16::MAX);
 }
 
-/// 0.02 degrees a second after 1 s, 0.2 after 100 s, over 200 chips; a turn to the left and one to
-/// the right end the walk.
+/// The bias of 200 chips deviates by 0.02 degrees a second after 1 s and by 0.2 after 100 s; a turn
+/// to the left and one to the right end the walk.
 #[test]
 fn the_bias_walks_and_begins_anew_when_the_turn_changes() {
     let mut squares = 0.0;
@@ -139,7 +140,8 @@ fn faults_show_on_the_bus() {
     assert!(!chip.acknowledges(world.now(), ADDRESS));
 }
 
-/// (28 - 36.53) * 340 = -2900.2. Biases at 131 counts: -144.1, 78.6 and 26.2.
+/// A temperature of 28 degrees is (28 - 36.53) * 340 = -2900.2 counts. With 131 counts for a degree
+/// a second, the biases of the three axes are -144.1, 78.6 and 26.2 counts.
 #[test]
 fn temperature_and_the_bias_of_each_axis_are_shown() {
     let world = world();
@@ -153,8 +155,8 @@ fn temperature_and_the_bias_of_each_axis_are_shown() {
     assert_eq!(words, [-2_900, -144, 79, 26]);
 }
 
-/// 0.05 degrees a second are 6.55 counts, 0.04 m/s² are 66.8. 2000 samples show them within a
-/// tenth.
+/// Noise of 0.05 degrees a second is 6.55 counts, noise of 0.04 m/s² is 66.8. 2000 samples show
+/// them within a tenth.
 #[test]
 fn noise_is_as_large_as_it_is_set() {
     let world = world();

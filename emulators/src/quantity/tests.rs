@@ -205,8 +205,8 @@ fn sinks_that_cannot_be_are_refused() {
     assert!(fault(ValueSource::Stored, "left", 0.0).contains("other than 0"));
 }
 
-/// A wall 2 m ahead of a robot at (1, 0.5): 45 degrees to the left it is 2.828 m away, where the
-/// wall has ended at y = 2; half of that angle, 0.3927, 2.165 m.
+/// A wall 2 m ahead of a robot at (1, 0.5): 45 degrees to the left it would be 2.828 m away, but
+/// the wall ends at y = 2. At half of that angle, 0.3927 rad, it is 2.165 m away.
 #[test]
 fn ranges_and_headings_are_those_of_the_world() {
     let half = core::f64::consts::FRAC_PI_8;

@@ -34,7 +34,8 @@ fn range(world: &World, command: u8) -> u16 {
     echo(&mut chip, Instant::from_secs(1), world)
 }
 
-/// 256 * 43 mm = 11.008 m: 22.016 m / 343.2 m/s = 64.149 ms, and 1 ms. 24 is 1.075 m: 7.265 ms.
+/// The range register 255 is 256 * 43 mm = 11.008 m. There and back, 22.016 m at 343.2 m/s take
+/// 64.149 ms, and 1 ms is added. The value 24 is 1.075 m: 7.265 ms in all.
 #[test]
 fn ap10_the_result_is_there_after_the_ranging_time_and_not_before() {
     let world = world(Some(1.0));

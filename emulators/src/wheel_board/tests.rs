@@ -335,7 +335,8 @@ fn an_encoder_that_is_stuck_counts_nothing() {
     );
 }
 
-/// 4512 + 1.1 * 4800 = 9792; at half speed the distance is 4512 + 4800 / 2 + 2400 * 0.06 = 7056.
+/// Counts after two seconds. With a tenth more in the second one they are 4512 + 1.1 * 4800 = 9792.
+/// At half speed in the second one they are 4512 + 4800 / 2 + 2400 * 0.06 = 7056.
 #[test]
 fn counts_can_be_wrong_and_motors_slow() {
     let [left, _] = with_fault("wrong", None).counters();

@@ -54,8 +54,9 @@ mod tests {
         World::with_chassis(scene.with_slick_floors(vec![slick]), body, Pose::default()).unwrap()
     }
 
-    /// Wheels at 0.5 m/s at once: after a second the car has 0.19613 m/s and has gone 98 mm, its
-    /// encoder half a metre; after 3 s it has all of it, 2.5493 s after the start.
+    /// The wheels turn at 0.5 m/s at once. After a second the car drives at 0.19613 m/s and has
+    /// gone 98 mm, while its encoder has counted half a metre. It has the wheels' speed 2.5493 s
+    /// after the start, so after 3 s as well.
     #[test]
     fn wheels_spin_where_the_floor_does_not_hold() {
         let mut world = car(9.0);
@@ -64,7 +65,7 @@ mod tests {
         assert!((world.speed() - 0.196_13).abs() < 3e-4, "{}", world.speed());
         let pose = world.pose();
         assert!((pose.x - 0.0981).abs() < 2e-4 && pose.y == 0.0, "{pose:?}");
-        // 0.5 m by 3.351 mm.
+        // 0.5 m divided by 3.351 mm a count.
         assert_eq!(world.encoder("drive"), Some(149));
         let felt = world.acceleration(Duration::from_millis(10));
         assert!((felt.x - 0.196_133).abs() < 1e-5, "{felt:?}");
@@ -72,7 +73,7 @@ mod tests {
         assert_eq!(world.speed(), 0.5);
     }
 
-    /// From 0.5 m/s it slides for 2.5493 s, 0.637 m, when its wheels stand.
+    /// When the wheels of a car at 0.5 m/s stop, it slides for 2.5493 s and 0.637 m.
     #[test]
     fn wheels_that_brake_slide() {
         let mut world = car(99.0);
@@ -93,7 +94,7 @@ mod tests {
         world.actuate("drive", Command::Speed(0.5)).unwrap();
         world.advance(Instant::from_millis(500));
         assert!(world.speed() < 0.1);
-        // 5 cm take 0.714 s.
+        // With 0.196 m/s² the first 5 cm take 0.714 s.
         world.advance(Instant::from_millis(800));
         assert_eq!(world.speed(), 0.5);
     }

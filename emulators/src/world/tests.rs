@@ -458,8 +458,8 @@ fn somebody_who_walks_into_the_robot_shoves_it_along() {
     );
 }
 
-/// An obstacle at 0.5 m/s meets a robot that approaches or leaves at 0.35 m/s: each one's own
-/// speed.
+/// An obstacle at 0.5 m/s meets a robot that approaches or leaves at 0.35 m/s: the contact reports
+/// the own speed of each.
 #[test]
 fn a_contact_tells_the_robots_own_way_from_that_of_who_comes() {
     let contact = |power: i16| {

@@ -486,8 +486,9 @@ mod tests {
         Reading::from(smooth(mm, WALL, &quiet(chance), Laws::EVEN))
     }
 
-    /// T4: an edge from 1 m to 3 m: 25 % double, 5 % too wide, 3 % too dim, 12 % nothing. Else the
-    /// near side; a tenth of these readings lies between: half way, a quarter, an eightieth.
+    /// T4: readings of an edge from 1 m to 3 m. 25 % are double, 5 % too wide, 3 % too dim, and 12
+    /// % are nothing. The others are the near side, but a tenth of them lies between both sides:
+    /// half way, a quarter, an eightieth.
     #[test]
     fn the_dot_on_an_edge_is_what_the_draw_says() {
         let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance), Laws::EVEN));
@@ -495,10 +496,12 @@ mod tests {
         assert_eq!([0.25, 0.299].map(of), [code(0x03, 0); 2]);
         assert_eq!([0.30, 0.329].map(of), [code(0x25, 0); 2]);
         assert_eq!([0.33, 0.449].map(of), [code(0x35, 0); 2]);
-        // Covered: (0.725 - 0.45) / 0.55 = 0.5, so half of the strength 100 at 1 m.
+        // The dot's covered share is (0.725 - 0.45) / 0.55 = 0.5, so its strength is half of the
+        // 100 at 1 m.
         assert_eq!(of(0.725), range(1000, 50));
         assert_eq!(of(0.45 + 0.55 * 0.11), range(1000, 11));
-        // Covered 0.05: 1000 + 2000 (0.5 - 0.25) = 1500 mm, strength 44.4 * 0.05 = 2.2: too dim.
+        // With a covered share of 0.05: 1000 + 2000 (0.5 - 0.25) = 1500 mm, strength 44.4 * 0.05 =
+        // 2.2: too dim.
         assert_eq!(of(0.45 + 0.55 * 0.05), code(0x25, 0));
     }
 
@@ -522,7 +525,7 @@ mod tests {
         assert_eq!(of(400.0, f64::INFINITY), Some((400, 31)));
     }
 
-    /// T4: 60 and 145 mm, each on both sides.
+    /// T4: the limits are 60 mm and 145 mm, each tried on both sides.
     #[test]
     fn what_is_too_near_is_too_wide_and_then_nothing() {
         assert_eq!(smooth_at(59.9, 0.0), code(0x35, 0));
@@ -537,7 +540,7 @@ mod tests {
         ));
     }
 
-    /// T4: 3 in 100,000 are both, the next 27 too dim, the next 73 too wide.
+    /// T4: of 100,000 readings of a wall 3 are double, the next 27 too dim, the next 73 too wide.
     #[test]
     fn a_wall_is_spoilt_for_no_reason_as_often_as_captured() {
         assert_eq!(smooth_at(1000.0, 1.0 - 2e-5), code(0x06, 12));
@@ -570,8 +573,9 @@ mod tests {
         assert_eq!(of(2.0, 1.0, 200.0), range(200, 2400));
     }
 
-    /// T4: 5.4e6 / 3001 = 1799.4, and 5.4e6 / 1799 = 3001.67; below 735 mm nothing is stepped. One
-    /// sigma at 575 mm is 0.42 mm, at 2300 mm (4 to the power 9/4 is 22.63) 9.50 mm.
+    /// T4: a far distance is 5.4e6 divided by a whole number: 5.4e6 / 3001 = 1799.4, and 5.4e6 /
+    /// 1799 = 3001.67. Below 735 mm there are no steps. One sigma of noise is 0.42 mm at 575 mm,
+    /// and 9.50 mm at 2300 mm, because 4 to the power of 9/4 is 22.63.
     #[test]
     fn distances_come_in_steps_with_noise() {
         assert!(matches!(
@@ -598,13 +602,14 @@ mod tests {
                 Reading::Invalid { .. } => 0,
             }
         };
-        // 575 + 10 * 0.42; 2300 + 2 * 9.50 = 2319.0, of which 5.4e6 / 2329 = 2318.6.
+        // 575 + 10 * 0.42 mm; 2300 + 2 * 9.50 = 2319.0 mm, whose step is 5.4e6 / 2329 = 2318.6 mm.
         assert_eq!((noisy(575.0, 10.0), noisy(575.0, -10.0)), (579, 571));
         assert_eq!(noisy(2300.0, 2.0), 2319);
     }
 
-    /// L7: a right angle at 1 m falls by 17.5 mm a degree to both sides. `off` degrees ahead of the
-    /// beam it leaves 17.5 (0.45 - off) mm of bend twice: 10.5 mm at 0.15 degrees, 3.5 mm at 0.35.
+    /// L7: the walls of a right angle at 1 m become 17.5 mm nearer for each degree to either side.
+    /// If the corner is `off` degrees beside the beam, the bend is twice 17.5 (0.45 - off) mm: 10.5
+    /// mm at 0.15 degrees, 3.5 mm at 0.35.
     #[test]
     fn l7_where_a_corner_lies_in_the_dot_decides_how_often_it_is_double() {
         let share = |off: f64| {
@@ -624,7 +629,8 @@ mod tests {
         assert_eq!(slanting([991.0, 999.4]), 0.75);
     }
 
-    /// T4: 30 mm and 3 %. At 1 m a side 60 mm away is the same object, one 61 mm away is another.
+    /// T4: a jump is more than 30 mm and 3 %. At 1 m a side 60 mm away is the same object, one 61
+    /// mm away is another.
     #[test]
     fn a_jump_is_more_than_30_mm_and_3_per_cent() {
         assert!(!is_jump(1000.0, 1060.0) && !is_jump(1000.0, 940.0));
@@ -632,7 +638,8 @@ mod tests {
         assert!(is_jump(1000.0, f64::INFINITY));
     }
 
-    /// T4: neighbours that bend by 2 % of 1 m in sum, in either direction, or are unknown.
+    /// T4: a dot is rough if its neighbours bend by more than 2 % of 1 m in sum, in either
+    /// direction, or are unknown.
     #[test]
     fn a_closer_look_is_worth_it_from_two_per_cent_on() {
         assert!(!is_rough(990.0, 1000.0, 990.0) && !is_rough(1010.0, 1000.0, 1010.0));

@@ -440,8 +440,8 @@ mod tests {
     use crate::costmap::Inflation;
     use crate::random::Pcg32;
 
-    /// By hand: 5 cm straight are 125 ms at the nominal speed, across 176.8, each rounded down; a
-    /// detour of 1.25 leaves 100 and 141.4.
+    /// By hand: 5 cm straight ahead take 125 ms at the nominal speed, a diagonal step 176.8 ms,
+    /// both rounded down. With a detour factor of 1.25 the estimates are 100 and 141.4 ms.
     #[test]
     fn on_a_free_floor_an_estimate_is_straight_and_diagonal_steps() {
         let inflation = Inflation {

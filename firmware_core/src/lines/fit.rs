@@ -180,8 +180,9 @@ mod tests {
         assert!(meets(60.1).is_some() && meets(39.9).is_some());
     }
 
-    /// Deviations from the mean (150, 22.5): squares 50,000 - 1,475 and products 8,500: half of the
-    /// angle of (48,525, 17,000) is 0.168, and so on, worked out with a calculator.
+    /// Deviations from the mean (150, 22.5): the sums of squares are 50,000 along x and 1,475 along
+    /// y, which differ by 48,525. Twice the sum of products, 8,500, is 17,000. The line's angle is
+    /// half of that of (48,525, 17,000): 0.168 rad. The ends were worked out with a calculator.
     #[test]
     fn a_line_leans_to_where_its_points_do() {
         let points = [(0.0, 0.0), (100.0, 20.0), (200.0, 10.0), (300.0, 60.0)];

@@ -145,7 +145,7 @@ mod tests {
         };
         assert_eq!(beside((101.0, 2.0), (51.0, 32.0)), 30.0);
         assert_eq!(beside((1.0, 102.0), (-19.0, 52.0)), 20.0);
-        // 40 x 40 less 30 x 30, by 50.
+        // The distance is (40 * 40 - 30 * 30) / 50 = 14.
         assert_eq!(beside((31.0, 42.0), (41.0, 32.0)), 14.0);
         assert_eq!(beside((2.0, 2.0), (4.0, 6.0)), 4.0);
         assert_eq!(beside((1.5, 2.0), (4.0, 6.0)), 5.0);

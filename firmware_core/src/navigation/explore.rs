@@ -215,9 +215,9 @@ mod tests {
         assert_eq!(explorer.turn_away(&SETTINGS, &around), Some([10, -10]));
     }
 
-    /// T5: 360 mm along the beam at 50 degrees are 100 too many: left 10, right 20. Beams within
-    /// three degrees replace a missing one, others do not, and without a wall the robot drives
-    /// straight on.
+    /// T5: a beam of 360 mm at 50 degrees is 100 mm too long, so the left wheel gets 10 ticks and
+    /// the right one 20. Beams within three degrees replace a missing one, others do not, and
+    /// without a wall the robot drives straight on.
     #[test]
     fn the_beam_at_50_degrees_is_followed() {
         let step = |degrees: f32, length: f32| {

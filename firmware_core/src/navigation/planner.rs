@@ -584,8 +584,8 @@ mod tests {
         assert!(sees((10, 12), (19, 12)) && sees((10, 8), (30, 18)));
     }
 
-    /// A straight path of 2 m crosses 4 columns of 30 mm and farther on 10 more: the result is the
-    /// middle of the first ones.
+    /// A straight path of 2 m crosses 4 marked columns of 30 mm, and 10 more farther on: the result
+    /// is the middle of the first stretch.
     #[test]
     fn the_first_stretch_of_a_way_is_told() {
         let (pose, goal) = (Pose::new(500.0, 1500.0, 0.0), Point::new(2500.0, 1500.0));

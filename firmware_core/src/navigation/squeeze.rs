@@ -135,7 +135,8 @@ mod tests {
         Surroundings::of([Point::new(mm, 0.0)].into_iter())
     }
 
-    /// After 22 scans at rest 15 mm and 8 ticks apply, until 40 scans after the last of them.
+    /// After 22 scans at rest the robot drives with a clearance of 15 mm and at 8 ticks, until 40
+    /// scans after the last of them.
     #[test]
     fn a_robot_at_rest_makes_itself_thin_for_a_while() {
         let mut squeeze = Squeeze::NONE;
@@ -154,8 +155,8 @@ mod tests {
         assert_eq!(super::thin(&slim), slim);
     }
 
-    /// After thirty plans, none of them 3 cells shorter than the shortest, 5 mm of clearance apply
-    /// for 199 scans: at 4 ticks near an obstacle, else at 8.
+    /// The robot drives with a clearance of 5 mm for 199 scans after thirty plans, none of which
+    /// was 3 cells shorter than the shortest path. Its speed is 4 ticks near an obstacle, else 8.
     #[test]
     fn a_way_that_becomes_no_shorter_is_driven_wherever_the_body_fits() {
         let mut squeeze = Squeeze::NONE;

@@ -256,9 +256,9 @@ mod tests {
         assert_eq!(Surroundings::of(points(1_000)).count, BEAMS);
     }
 
-    /// 20 ticks are 226.9 mm/s, 204.2 mm in the 0.9 s ahead; 205 mm are kept. With a post 400 mm
-    /// ahead seven tenths of that, 142.9 mm, are clear; with one at 300 mm a quarter, 51.1 mm; with
-    /// one at 230 mm nothing. The robot may turn on the spot.
+    /// At 20 ticks, 226.9 mm/s, the robot drives 204.2 mm in the checked 0.9 s; it keeps 205 mm
+    /// from a post. With a post 400 mm ahead seven tenths of the way, 142.9 mm, are clear; with one
+    /// at 300 mm a quarter, 51.1 mm; with one at 230 mm nothing. The robot may turn on the spot.
     #[test]
     fn a_robot_slows_down_before_what_is_near() {
         let guarded = |x: f32, y: f32, wanted| {

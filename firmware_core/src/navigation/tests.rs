@@ -167,7 +167,7 @@ proptest! {
 }
 
 /// T5, NV-01 and NV-02: left = 20 + err / 3, right = 20 - err / 3, each within +-20; an error of
-/// more than 180 degrees, and of that sign only, is brought back by one turn.
+/// more than 180 degrees is brought back by one turn, but only with one of the two signs.
 #[test]
 fn the_fielded_law_brings_one_side_back() {
     let law = |psi, target| Steering::DOCUMENT.towards_psi(psi, target);
@@ -456,8 +456,8 @@ fn scans_to_leave(walls: &Walls, mut pose: Pose, seed: u64) -> Option<(u16, f32)
     None
 }
 
-/// At stake: a robot in a narrow area does not find its way out again, but drives to and fro before
-/// the door. 15 mm of clearance are required on each side; the door leaves 17 mm, less the lidar's
+/// Guards against a robot that does not leave a narrow area again but drives to and fro before its
+/// door. 15 mm of clearance are required on each side; the door leaves 17 mm, less the lidar's
 /// error.
 #[test]
 fn a_robot_leaves_by_the_narrow_door_that_it_came_in_by() {

@@ -115,8 +115,9 @@ mod tests {
         assert!(is_near, "{found:?}, expected {expected:?}");
     }
 
-    /// By hand: 3 ahead and 4 to the left are 5 in the direction 0.9273; turned by 1.0, so 0.0727
-    /// remain. Turns: sqrt(2 * 0.9273^2 + 25) = 5.169, sqrt(2 * 0.0727^2 + 25) = 5.001; distance:
+    /// By hand: 3 ahead and 4 to the left are a motion of 5 in the direction 0.9273. The whole turn
+    /// is 1.0, so 0.0727 remain for the second turn. Standard deviations: first turn
+    /// sqrt(2 * 0.9273^2 + 25) = 5.169, second turn sqrt(2 * 0.0727^2 + 25) = 5.001, distance
     /// sqrt(0.5 * 25 + 0.5 * (0.8599 + 0.0053)) = 3.596.
     #[test]
     fn a_motion_is_a_turn_a_way_and_a_turn_with_noise() {
@@ -135,7 +136,8 @@ mod tests {
             short(0.011),
             [PI / 2.0, 0.011, 0.3 - PI / 2.0, 0.0, 0.0, 0.0],
         );
-        // A turn on the spot by 0.4: 2 * 0.16 and 0.5 * 0.16.
+        // A turn on the spot by 0.4 rad: variances of 2 * 0.16 for the turn and 0.5 * 0.16 for the
+        // distance.
         let spot = parts(seed, 0.0, 0.0, 0.4);
         assert_near(spot, [0.0, 0.0, 0.4, 0.0, 0.08_f64.sqrt(), 0.32_f64.sqrt()]);
     }

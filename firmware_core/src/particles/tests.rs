@@ -61,7 +61,8 @@ fn distances_are_those_to_the_next_obstacle() {
     assert_eq!(field.distance_m([f64::NAN, 0.0]), 1.0);
 }
 
-/// By hand: two boxes k = 1: 10 (1 - 2/9 + 0.4714 * 2.326)^3 = 10 * 1.8743^3 = 65.8.
+/// Number of guesses, by hand: for two boxes (k = 1) it is 10 (1 - 2/9 + 0.4714 * 2.326)^3 = 10 *
+/// 1.8743^3 = 65.8.
 #[test]
 fn more_boxes_need_more_guesses() {
     let localiser = Localiser::new(
@@ -74,7 +75,7 @@ fn more_boxes_need_more_guesses() {
     );
     assert_eq!(localiser.needed(1), 0);
     assert_eq!(localiser.needed(2), 66);
-    // k = 39: 390 (1 - 0.0057 + 0.07549 * 2.326)^3 = 390 * 1.6011.
+    // Forty boxes (k = 39): 390 (1 - 0.0057 + 0.07549 * 2.326)^3 = 390 * 1.6011.
     assert_eq!(localiser.needed(40), 625);
 }
 

@@ -206,7 +206,8 @@ mod tests {
         assert_eq!(agreement(3, 1, 16), 0.75);
     }
 
-    /// An eighth of 80 points is 10: 20 - 5 = 15 is 10 more than 8 - 3 or 9 - 4.
+    /// A pose is better if its agreeing less its disagreeing points are more by an eighth of all
+    /// points. Of 80 points that is 10: 20 - 5 = 15 is 10 more than 8 - 3 or 9 - 4.
     #[test]
     fn a_place_is_better_by_an_eighth_of_all_points() {
         let here = evidence(20, 5, 80);
@@ -265,9 +266,9 @@ mod tests {
         assert_eq!(gap([((11, 20), 0), ((9, 20), 0)]), UNKNOWN);
     }
 
-    /// 64 points, half of which agree at the first pose: at the second less than a quarter may
-    /// disagree, half of the disagreement. 24 known points tell something, 23 do not; 35 points are
-    /// a handful; 8 more must agree.
+    /// 64 points, half of which agree at the first pose: at the second pose less than half as many,
+    /// a quarter of all, may disagree. 24 known points tell something, 23 do not; 35 points are a
+    /// handful; 8 more must agree.
     #[test]
     fn a_place_outweighs_another_by_half_of_its_disagreement() {
         let here = evidence(32, 32, 64);

@@ -146,9 +146,9 @@ impl Prior {
 mod tests {
     use super::*;
 
-    /// By hand: distances 30 mm and hypot(12, 16) = 20 mm; turns 0.3 and 0.2 rad; unseen motion
-    /// 10 mm and 0.02 rad. Position: 0.5 * 50 + 0.1 * 50 + 20 * 0.5 + 10 = 50 mm. Heading:
-    /// 0.01 + 0.2 * 0.5 + 0.001 * 50 + 0.02 = 0.18 rad.
+    /// By hand: distances of the two motions 30 mm and hypot(12, 16) = 20 mm; turns 0.3 and 0.2
+    /// rad; unseen motion 10 mm and 0.02 rad. Deviation of the position: 0.5 * 50 + 0.1 * 50 + 20 *
+    /// 0.5 + 10 = 50 mm. Deviation of the heading: 0.01 + 0.2 * 0.5 + 0.001 * 50 + 0.02 = 0.18 rad.
     fn prior(cell_mm: f32) -> Prior {
         let noise = MotionNoise {
             rest_cells: 25.0 / cell_mm,

@@ -426,8 +426,8 @@ mod tests {
         assert_eq!(newton_step(|[x, y, z]| x * x + y * y + z * z), None);
     }
 
-    /// x - x^2 - y^2 - z^2 + x y: half of the cross term counts, so that 2 x - y / 2 = 1 and 2 y =
-    /// x / 2, which is 8/15 and 2/15. The same with the other two pairs.
+    /// The summit of x - x^2 - y^2 - z^2 + x y. Half of the cross term counts, so that 2 x - y / 2
+    /// = 1 and 2 y = x / 2: x is 8/15 and y 2/15. The same holds for the other two pairs.
     #[test]
     fn half_of_a_cross_term_counts() {
         for (one, other) in [(0, 1), (0, 2), (1, 2)] {
@@ -441,8 +441,8 @@ mod tests {
         }
     }
 
-    /// A quarter into the cell: 48^2 / 128 = 18, 16^2 / 128 = 2, and the rest of 64. At the border
-    /// both cells have half.
+    /// Weights of 64 for a point a quarter into its cell: 48^2 / 128 = 18 and 16^2 / 128 = 2 for
+    /// the two neighbours, and the rest for the cell. At the border both cells have half.
     #[test]
     fn the_splines_weights_are_squares() {
         let at = |part: i32| spline(part << (CELL_BITS - FRACTION_BITS));

@@ -105,7 +105,7 @@ mod tests {
         }
     }
 
-    /// A wall along `(along, across)` / 5, 5 cells from point to point, at `from`.
+    /// A wall of `count` points from `from` on, 5 cells apart, along `(along, across)` / 5.
     fn wall(count: i16, from: [i16; 2], [along, across]: [i16; 2]) -> Vec<[i16; 2]> {
         let point = |n: i16| [from[0] + n * along, from[1] + n * across];
         (0..count).map(point).collect()
@@ -134,8 +134,8 @@ mod tests {
         }
     }
 
-    /// With 2 parts in 100 across, the middle of the interval from 1 to 3, half of the scan counts:
-    /// 5 of 10 mm along the wall, and all of 4 mm across it.
+    /// If 2 in 100 pairs of points lie across, the middle of the interval from 1 to 3, half of the
+    /// scan's correction counts along the wall: 5 of 10 mm. Across it, all of 4 mm counts.
     #[test]
     fn between_deaf_and_hearing_the_scan_counts_for_its_part() {
         let points = [

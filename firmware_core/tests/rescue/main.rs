@@ -1,4 +1,5 @@
-//! The rescue robot's program in a closed loop: short scenarios, each with its failure at stake.
+//! The rescue robot's program in a closed loop: short scenarios, each of which guards against one
+//! failure.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "the figures of a small world are small"

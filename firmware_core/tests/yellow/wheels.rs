@@ -50,7 +50,8 @@ fn ye4_half_a_metre_per_second_is_reached_in_time_and_held() {
     }
 }
 
-/// YM-03: friction of 0.5 V costs 0.5 / (0.1 + 1/40) = 4 rpm of 127, 3.1 %, where the gain is 0.1.
+/// YM-03: without an integral part and with a gain of 0.1 V a rpm, friction of 0.5 V costs 0.5 /
+/// (0.1 + 1/40) = 4 rpm of 127, which is 3.1 %.
 #[test]
 fn ye4_without_an_integral_part_friction_leaves_an_error() {
     let error = worst_steady_error(ready(Bench::with_defect(square(100.0), "YM-03")), 0.5);

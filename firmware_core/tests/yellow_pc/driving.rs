@@ -98,10 +98,10 @@ fn ye12_goals_are_reached_though_a_third_of_the_commands_is_lost() {
     assert!(resends > 0, "nothing was lost");
 }
 
-/// At stake: a checksum does not detect two swapped bytes of an order, and the robot drives into a
-/// wall. The first order of each drive is wrong by half a radian, 29 degrees. Without supervision,
-/// 22 of 40 touch a wall, and two never arrive. Telemetry each 200 ms is too late for some that
-/// start beside a wall.
+/// A checksum does not detect two swapped bytes of an order, so a robot may drive into a wall. In
+/// this test the first order of each drive is wrong by half a radian, 29 degrees. Without
+/// supervision, 22 of 40 touch a wall, and two never arrive. Telemetry each 200 ms is too late for
+/// some that start beside a wall.
 #[test]
 fn a_robot_that_was_sent_elsewhere_is_told_again() {
     let world = world();

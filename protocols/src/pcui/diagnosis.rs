@@ -285,8 +285,8 @@ mod tests {
     use crate::Decode as _;
     use crate::pcui::{Decoder, Message};
 
-    /// 12000 mV is 2EE0 hex; bits 0 and 4; the sum of the payload is 2E + E0 + 51 + 11 + 2 + 7 +
-    /// 1 + 1 = 17B hex.
+    /// 12000 mV is 2EE0 hex; the conditions are bits 0 and 4; the sum of the payload is 2E + E0 +
+    /// 51 + 11 + 2 + 7 + 1 + 1 = 17B hex.
     #[test]
     fn a_diagnosis_has_its_bytes() {
         let told = Diagnosis {

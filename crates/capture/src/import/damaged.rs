@@ -192,8 +192,8 @@ mod tests {
 
     const FIRST: [u8; 3] = [1, 4, 0x2A];
 
-    /// At stake: a damaged line makes a log look like another format, or loses good bytes. The
-    /// second line is cut inside its third byte, the last one inside its second.
+    /// Guards against a damaged line that makes a log look like another format, or that loses good
+    /// bytes. The second line is cut inside its third byte, the last one inside its second.
     #[test]
     fn a_line_that_is_cut_keeps_its_whole_bytes() {
         let heads = [

@@ -493,8 +493,9 @@ mod tests {
         assert_eq!(lines, [0, 1, 0, 1]);
     }
 
-    /// 3 MHz by the divisor: 26 is 115,384; 312 and a half 9,600. 0 and 1 are 3 and 2 MHz. The
-    /// eighths are coded 0, 4, 2, 1, 3, 5, 6, 7, with the third bit in the index.
+    /// The rate is 3 MHz divided by the divisor: 26 gives 115,384 baud, 312 and a half give 9,600.
+    /// The divisors 0 and 1 mean 3 and 2 MHz. The eighths of a divisor are coded 0, 4, 2, 1, 3, 5,
+    /// 6, 7, with the third bit in the index.
     #[test]
     fn a_divisor_of_ftdi_has_eighths() {
         assert_eq!(

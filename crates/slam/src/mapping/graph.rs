@@ -421,8 +421,8 @@ mod tests {
         assert!(distance(graph.poses[0], Pose::default()) < 1e-12);
     }
 
-    /// The weight is the inverse of the variance: of two edges, 0 and 1 m, the one with four times
-    /// the information counts four times: 0.2 m.
+    /// The weight is the inverse of the variance. Two edges give 0 m and 1 m for the same motion,
+    /// and the first has four times the information of the second: the result is 0.2 m.
     #[test]
     fn edges_count_by_their_information() {
         let mut graph = Graph::default();

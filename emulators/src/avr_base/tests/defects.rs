@@ -223,8 +223,9 @@ fn av_13(profile: Profile) -> bool {
     bench.read(46, 1) == [100] && bench.base.set_points() == [35, 0]
 }
 
-/// First drive after speed 2, wheel at rest: 2 * 0 + 2 * (0 + 1) = 2 against 2 * 1 + 2 = 4 in the
-/// documented base; pulse widths 41 and 43. In 2014 there was no integral either: 0.
+/// First drive after speed 2 is set, with the wheel at rest. The fielded regulator gives
+/// 2 * 0 + 2 * (0 + 1) = 2, the documented one 2 * 1 + 2 = 4; the pulse widths are 41 and 43. In
+/// 2014 there was no integral either: 0.
 fn av_14(profile: Profile) -> bool {
     let mut bench = bench(profile);
     bench.run(2 * MS);

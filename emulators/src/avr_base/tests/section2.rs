@@ -371,9 +371,9 @@ fn assert_held_for(found: u128, work_ns: u128) {
     assert!(near, "{found} ns, expected {expected}");
 }
 
-/// A tick holds the answer up for 97.4 us, once round the main loop for 24.6 us more, and the
-/// divider's count for 2.7 us. The regulator takes 34 us standing and 140 us driving, the analog
-/// task 967, 967 and 538 us with the tick.
+/// A tick delays an answer by 97.4 us, a pass of the main loop by up to 24.6 us more, and the
+/// divider's count by 2.7 us. The regulator takes 34 us at rest and 140 us while driving. The
+/// analog task takes 967, 967 and 538 us, the tick included.
 #[test]
 fn point_05_ticks_hold_an_answer_up_for_their_work() {
     let mut bench = fielded();
@@ -394,7 +394,7 @@ fn point_05_ticks_hold_an_answer_up_for_their_work() {
     }
 }
 
-/// The regulator's run with both wheels driven, 140 us.
+/// A run of the regulator with both wheels driven delays an answer by 140 us.
 #[test]
 fn point_05_the_regulator_holds_an_answer_up_longer_while_it_drives() {
     let mut bench = fielded();
@@ -408,7 +408,8 @@ fn point_05_the_regulator_holds_an_answer_up_longer_while_it_drives() {
     assert_held_for(least, 97_400 + 140_000);
 }
 
-/// 122 us from the start of the burst, and 141 us with a refused read in front of fifteen zeros.
+/// In a burst of reads the answer begins 122 us after the burst's start. If the burst begins with a
+/// refused read and fifteen zeros, it is 141 us.
 #[test]
 fn point_05_the_answer_within_a_burst_begins_after_122_or_141_us() {
     let firsts = |bytes: &[u8]| {
@@ -445,7 +446,8 @@ fn point_05_a_frame_20_to_40_us_behind_is_answered_in_5_percent() {
     assert!((20..=160).contains(&both), "{both} of 2000");
 }
 
-/// A fragment just behind 1000.291 ms, then a frame whose first byte ends `after` the count.
+/// Whether a frame is answered whose first byte ends `after` the analog task's count. A fragment
+/// was sent 10 us after the count at 1000.291 ms.
 fn behind_the_even_count(after: Duration) -> bool {
     let mut bench = observed();
     let start = Instant::from_micros(1_000_291);
@@ -524,7 +526,7 @@ fn point_09_the_motors_time_out_42_us_after_an_odd_count() {
 }
 
 /// Here the analog task and a read in its time hold the main loop until after the next tick. The
-/// chip of `tests/avr_base`, without a read: 1,049 to 1,058 us.
+/// chip of `tests/avr_base` needs 1,049 to 1,058 us without a read.
 #[test]
 fn point_09_the_motors_time_out_1_06_ms_after_an_even_count() {
     let count = Instant::from_micros(1_291 + 76 * 25_100);
@@ -548,8 +550,9 @@ fn vanished(first: u64, every: u64, tries: u64) -> usize {
     lost.count()
 }
 
-/// 21 of 4,000, and 5e-5 of all frames: 0.25 of 25.1 ms are one in 100. Three standard deviations
-/// of 21 are 14. Without a count nothing vanishes.
+/// 21 of 4,000 frames vanish within 0.25 ms around a count. Counts are 25.1 ms apart, so one frame
+/// in 100 ends there: 5e-5 of all frames vanish. Three standard deviations of 21 are 14. Without a
+/// count nothing vanishes.
 #[test]
 fn point_10_21_of_4000_sound_frames_vanish_close_to_a_count() {
     let at_a_count = vanished(50, 25, 4_000);

@@ -10,7 +10,7 @@ fn phases(count: u32) -> impl Iterator<Item = Duration> {
     (0..count).map(move |n| DIVIDER * n / count)
 }
 
-/// Measured: a pitch of 10.0 to 10.2 us.
+/// Measured: 10.0 to 10.2 us from byte to byte.
 #[test]
 fn long_replies_take_10_us_a_byte() {
     let total = |bytes: u64| {
@@ -64,7 +64,7 @@ fn motor_time_out(config: AvrBaseConfig) -> Duration {
     fired.expect("the watchdog fires").0 - end
 }
 
-/// Measured over 24 phases: 980.6 to 1006.2 ms; from 978.9 ms on follows from 40 counts.
+/// Measured over 24 phases: 980.6 to 1006.2 ms. The least time possible with 40 counts is 978.9 ms.
 #[test]
 fn motors_time_out_after_978_9_to_1006_2_ms() {
     let times: Vec<_> = phases(24)
@@ -75,7 +75,7 @@ fn motors_time_out_after_978_9_to_1006_2_ms() {
         least >= Some(&978_900) && most <= Some(&1_006_200),
         "{times:?}"
     );
-    // All of one count of the divider is used.
+    // The times spread over a whole period of the divider.
     assert!(
         most > least.map(|least| least + 22_500).as_ref(),
         "{times:?}"
@@ -145,7 +145,8 @@ fn the_documented_base_stops_a_second_after_the_last_frame() {
     assert_eq!(bench.notes().last().map(|note| note.0), Some(end + SECOND));
 }
 
-/// Good frames of 16 that are accepted `gap` after a fragment of two bytes, one per phase.
+/// Number of good frames, of 16, that are accepted `gap` after a fragment of two bytes. Each frame
+/// has another phase.
 fn accepted_after_fragment(profile: Profile, gap: Duration) -> usize {
     phases(16)
         .filter(|&phase| {
@@ -159,8 +160,9 @@ fn accepted_after_fragment(profile: Profile, gap: Duration) -> usize {
         .count()
 }
 
-/// Measured: 0, 3, 8, 12 and 14 of 16 at 1, 5, 13, 19 and 23 ms, and all of 16 in the end: a count
-/// comes within 25.1 ms, the analog task holds the main loop for 1.06 ms more.
+/// Measured: 0, 3, 8, 12 and 14 of 16 frames are accepted after gaps of 1, 5, 13, 19 and 23 ms. In
+/// the end all 16 are: a count comes within 25.1 ms, and the analog task holds the main loop for
+/// 1.06 ms more.
 #[test]
 fn a_fragment_is_forgotten_in_proportion_to_the_gap() {
     let accepted = [1, 5, 13, 19, 23].map(|ms| accepted_after_fragment(Profile::Rcj2015, ms * MS));

@@ -75,7 +75,7 @@ fn a_stuck_head_gives_no_nodes() {
 }
 
 /// The motor's drive, 1350 - 1.615 * v, equals its friction with the fault, 150 + 1000 + 0.385 * v,
-/// at 100 rpm instead of 330.
+/// at v = 100 rpm instead of 330.
 #[test]
 fn a_slow_head_gives_more_nodes_in_a_turn() {
     let run = |slow: bool| {
@@ -185,7 +185,7 @@ fn a_health_warning_is_told() {
     });
 }
 
-/// Field bugs 3 and 9: one byte of 200 is lost, every second node of 40 is affected at most twice.
+/// Field bugs 3 and 9: one byte of 200 is lost, so one node of 40 is damaged.
 #[test]
 fn a_loose_cable_loses_bytes() {
     assert_shows(Fault::ByteLoss, Some(200.0), &fw129(), |bench| {
@@ -277,14 +277,14 @@ fn a_descriptor_announces_one_byte_too_many() {
     });
 }
 
-/// Field bug 7: works 70 % of starts.
+/// Field bug 7: the sensor starts a scan in 70 % of the attempts.
 #[test]
 fn three_of_ten_scan_requests_are_ignored() {
     let started = |faults: Vec<_>| {
         let mut bench = Bench::new(Config { faults, ..fw129() }, room(1.0));
         (0..100).filter(|_| scan_starts(&mut bench)).count()
     };
-    // A deviation of 4.6.
+    // 70 of 100 starts, with a deviation of 4.6.
     let with = started(vec![(Fault::DeafStart, None)]);
     assert!((50..=90).contains(&with), "{with}");
     assert_eq!(started(Vec::new()), 100);

@@ -285,7 +285,8 @@ mod tests {
         assert!(speeds[4] < 0.0 && speeds[5] < speeds[4], "{speeds:?}");
     }
 
-    /// Noise is drawn for 20 steps: its deviation by the root of their time.
+    /// Noise is drawn for 20 steps at a time; its deviation is that of one second times the root of
+    /// their time.
     #[test]
     fn slip_has_noise_by_the_root_of_the_speed() {
         let mut motor = motor(Reversing::AtOnce);

@@ -419,10 +419,11 @@ mod tests {
         }
     }
 
-    /// At (1, 2) from its reference point a body that goes 3 m/s, turns 0.5 rad/s and is pushed by
-    /// (0.1, 0.2) m/s moves (2.1, 0.7) mm in a step; less the surface's motion, (2.0, 0.9) mm.
-    /// Along (3, 4) / 5 that is 1.92 mm, of which 1.82 mm are the body's own. Turned by a quarter
-    /// it is (-1.0, 3.9) mm and 2.52 mm, its own (-0.9, 3.7) mm and 2.42 mm.
+    /// At (1, 2) from its reference point, a body that goes 3 m/s, turns 0.5 rad/s and is pushed by
+    /// (0.1, 0.2) m/s moves (2.1, 0.7) mm in a step; less the surface's motion that is (2.0, 0.9)
+    /// mm. Along the direction (3, 4) / 5 it is 1.92 mm, of which 1.82 mm are the body's own
+    /// motion. For a body turned by a quarter the motion is (-1.0, 3.9) mm and 2.52 mm, its own
+    /// (-0.9, 3.7) mm and 2.42 mm.
     #[test]
     fn a_surface_is_approached_by_the_difference_of_both_ways() {
         let wanted = Motion {
@@ -448,7 +449,8 @@ mod tests {
         assert!(is(approach(5.0, [-3.0, -4.0], 0.0), 0.0, -1.82));
         assert!(is(approach(-5.0, [-3.0, -4.0], 0.0), 1.92, 1.82));
         assert!(is(approach(-5.0, [3.0, 4.0], 0.0), 0.0, -1.82));
-        // In touch the whole motion counts: the roots of 4 + 0.81 and 4.41 + 0.49.
+        // If the body touches the surface, its whole motion counts: the roots of 4 + 0.81 and 4.41
+        // + 0.49.
         let whole = approach(0.0, [0.0, 0.0], 0.0);
         assert!(is(whole, 4.81_f64.sqrt(), 4.9_f64.sqrt()));
     }

@@ -81,8 +81,8 @@ mod tests {
         steps(&mut push)
     }
 
-    /// A metre and half a radian in half a second. Not faster than 5 m/s and 20 rad/s, and not
-    /// shorter than a step.
+    /// A metre and half a radian in half a second. A push is not faster than 5 m/s and 20 rad/s,
+    /// and not shorter than a step.
     #[test]
     fn a_push_lasts_as_long_as_its_limits_need() {
         assert_eq!(pushed(1.0, 0.5, 500), (2.0, 1.0, 500));

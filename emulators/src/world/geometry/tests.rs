@@ -99,7 +99,7 @@ fn a_ray_at_the_middle_of_a_circle_meets_its_near_side_head_on() {
     assert_eq!(cast(pillar(), 0.0, 0.0, 0.0), crossing(2.0, 1.0));
 }
 
-/// 0.6 beside the middle: half chord 0.8.
+/// The ray passes 0.6 m beside the middle of a circle of 1 m: half of its chord is 0.8 m.
 #[test]
 fn a_ray_beside_the_middle_of_a_circle_meets_it_askew() {
     assert_close(cast(pillar(), 0.0, 0.6, 0.0), 2.2, 0.8);

@@ -107,7 +107,7 @@ mod tests {
         assert!(chances.clone().all(|chance| (chance - 0.5).abs() < 1e-6));
     }
 
-    /// By hand: (7 - 1) / 2 and (-4 - 2) / 3.
+    /// By hand, each figure less its mean, divided by its deviation: (7 - 1) / 2 and (-4 - 2) / 3.
     #[test]
     fn a_figure_is_scaled_by_mean_and_deviation() {
         let known = Logistic {

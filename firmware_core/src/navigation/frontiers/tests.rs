@@ -207,9 +207,9 @@ fn walls_that_were_felt_are_known_once_more() {
     );
 }
 
-/// At stake: a board of 2 cm is as thick as a planner's cell. A robot that has passed one side
-/// counts both sides as felt and never finds a victim on the other side. In the end the search
-/// distinguishes its faces: of the 48 rays, 16 go to a face of 0.6 m from 0.16 m away.
+/// A board of 2 cm is as thick as a planner's cell. A robot that has passed one side may count both
+/// as felt, and then never finds a victim on the other side. In the end the search distinguishes
+/// its faces: of the 48 rays, 16 go to a face of 0.6 m from 0.16 m away.
 #[test]
 fn a_board_has_two_faces_in_the_end() {
     let mut map = room(0);

@@ -125,9 +125,9 @@ mod tests {
         Instant::from_nanos(frame * 66_666_667)
     }
 
-    /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel; across the end of 16 bits, and
-    /// backwards as well. Value 8 is 0.4 degrees to the right, 0.0279 rad a metre: the middle
-    /// travels 0.2 % less.
+    /// 40 pulses of 25.13 mm are 1.0053 m of the left wheel, also across the end of the 16-bit
+    /// counter and backwards. Steering value 8 is 0.4 degrees to the right, 0.0279 rad a metre: the
+    /// middle travels 0.2 % less.
     #[test]
     fn pulses_are_travel() {
         let near = |found: f64, expected: f64| assert!((found - expected).abs() < 3e-3, "{found}");
@@ -137,9 +137,9 @@ mod tests {
         near(driven(0, 8, &[0, 20]).pose().x_m, 0.5027);
     }
 
-    /// -50 is 25 degrees to the left: tan is 0.4663, 1.865 rad a metre; the left wheel travels 1 -
-    /// 1.865 * 0.0775 = 0.8555 of the middle. 10 pulses are 0.2513 m of the wheel and 0.2938 m of
-    /// the middle.
+    /// Steering value -50 is 25 degrees to the left: its tangent is 0.4663, and the car turns by
+    /// 1.865 rad a metre. The left wheel travels 1 - 1.865 * 0.0775 = 0.8555 of the middle's
+    /// distance. 10 pulses are 0.2513 m of the wheel and 0.2938 m of the middle.
     #[test]
     fn a_curve_turns_as_far_as_its_steering_says() {
         let turned = driven(2, -50, &[100, 110]).pose().heading_rad;

@@ -85,8 +85,9 @@ mod tests {
         }
     }
 
-    /// Wheels at atan(0.25) turn a car of 0.25 m by a radian a metre: 0.22 m in 100 lines turn it
-    /// by 0.22 rad. A stuck chip reports 0.5 rad/s, which is 0.50 rad.
+    /// A car with a wheelbase of 0.25 m and wheels at atan(0.25) turns by a radian a metre: 0.22 m
+    /// in 100 lines are 0.22 rad. A stuck chip that reports 0.5 rad/s gives 0.50 rad in the same
+    /// second.
     #[test]
     fn a_stuck_gyroscope_is_not_believed_from_its_first_stuck_line_on() {
         let mut watch = GyroWatch::default();

@@ -114,9 +114,9 @@ mod tests {
         assert!(after.time_s < before.time_s && after.distance_m == 0.0);
     }
 
-    /// Lines of 10.03 ms: a turn in the fiftieth line, after half a second, is learned with 10.03
-    /// of 500 parts; of 1 degree a second above the first line's, 0.97994 remain. A count of the
-    /// encoder restarts the half second.
+    /// Lines come each 10.03 ms. The fiftieth line, after half a second, is the first that changes
+    /// the offset, with a weight of 10.03 of 500. Its rate is 1 degree a second above the first
+    /// line's, and 0.97994 of that remain. A count of the encoder restarts the half second.
     #[test]
     fn an_offset_is_learned_after_half_a_second_at_rest() {
         let mut lines = RawLines::default();

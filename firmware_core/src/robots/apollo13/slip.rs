@@ -217,9 +217,9 @@ mod tests {
         assert!(watch.found() == 0 && !watch.is_slipping());
     }
 
-    /// The encoder stands for half a second: from then on the reading is the offset, then the mean
-    /// of two and of three, and the speed halves with each tenth of a second. After one count the
-    /// encoder no longer stands.
+    /// The encoder stands for half a second: then the first reading is the offset, later the mean
+    /// of two and of three readings, and the speed halves with each tenth of a second. After one
+    /// count the encoder no longer stands.
     #[test]
     fn the_offset_is_the_mean_of_what_is_felt_at_rest() {
         let mut watch = SlipWatch::default();

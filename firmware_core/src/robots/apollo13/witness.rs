@@ -187,8 +187,9 @@ mod tests {
         }
     }
 
-    /// 0.15 m ahead by the board and the same distance back by the odometer are a finding, as are 5
-    /// cm instead of 15. A board that misses pulses causes no finding.
+    /// The board reports 0.15 m ahead. An odometer that reports the same distance back is a
+    /// finding, and so is one that reports 5 cm instead of 15. A board that misses pulses causes no
+    /// finding.
     #[test]
     fn an_encoder_that_counts_backwards_or_too_little_is_found() {
         for (told_m, is_found) in [
@@ -206,8 +207,8 @@ mod tests {
         }
     }
 
-    /// Of each 25 mm the encoder counts 18: 0.07 m are missing after 10 pulses, 0.084 after 12. At
-    /// 23 mm the difference stays within two pulses over any distance.
+    /// A worn encoder counts 18 mm of each pulse's 25 mm: 0.07 m are missing after 10 pulses, 0.084
+    /// m after 12. If it counts 23 mm, the difference stays within two pulses over any distance.
     #[test]
     fn an_encoder_that_is_worn_is_found() {
         for (counted_m, found_at) in [(0.018, Some(12)), (0.023, None)] {
@@ -225,8 +226,9 @@ mod tests {
     }
 
     /// The car changes its direction while the board's frames are lost for two seconds: it drove
-    /// 0.4 m back, and the encoder reports ahead. An encoder that reports back is trusted at any
-    /// distance. Without lost frames both reports are trusted, because the car rolled on.
+    /// 0.4 m back, and an encoder that reports ahead is found. An encoder that reports back is
+    /// trusted at any distance. Without lost frames both reports are trusted, because the car
+    /// rolled on.
     #[test]
     fn an_encoder_that_counts_the_other_way_is_found_behind_a_gap() {
         for (told_m, gap_ms, is_found) in [
@@ -253,7 +255,8 @@ mod tests {
         }
     }
 
-    /// 0.3 rad over 0.31 m are found, 0.2 rad are not; nor is a turn across a change of direction.
+    /// Over 0.31 m the odometer reports a turn that the steering did not make: 0.3 rad are a
+    /// finding, 0.2 rad are not. A turn across a change of direction is no finding either.
     #[test]
     fn a_turn_that_the_steering_did_not_make_is_doubted() {
         for (turned, is_backwards, is_found) in
@@ -360,7 +363,8 @@ mod tests {
         assert!(matches!(finding, Some(Finding::Way(..))));
     }
 
-    /// Both turn by half a radian on 2 m; one of them in the other direction.
+    /// Odometer and board report half a radian over 2 m. Equal signs agree; opposite signs are a
+    /// finding.
     #[test]
     fn turns_are_compared_with_their_signs() {
         let found = |odometer_rad: f64, board_rad: f64| {
@@ -383,8 +387,9 @@ mod tests {
         matches!(witness.compare(told), Some(Finding::Turn(..)))
     }
 
-    /// Each limit is the last value that agrees: a difference of 0.25 rad; 0.10 rad of steering
-    /// with less than 0.01 rad by the gyroscope; 0.30 m are long enough.
+    /// Values at a limit still agree: turns may differ by 0.25 rad; with up to 0.10 rad of steering
+    /// the gyroscope may report no turn, with more it must report at least 0.01 rad. A path of 0.30
+    /// m is long enough for a comparison.
     #[test]
     fn turns_agree_up_to_their_limits() {
         assert_eq!(
@@ -419,9 +424,9 @@ mod tests {
         assert_eq!([29, 30, 150, 151].map(is_found), [false, true, true, false]);
     }
 
-    /// Sliding aside by 0.2 m, the board reports 4 cm ahead and the encoder 4 or 5 cm back: a
-    /// difference of 8 cm is two pulses, 9 cm mean an encoder that counts backwards. The same after
-    /// a gap, where 0.15 m of path are enough and 0.14 m are not.
+    /// While the car slides aside by 0.2 m, the board reports 4 cm ahead and the encoder 4 or 5 cm
+    /// back. A difference of 8 cm, two pulses, is accepted; 9 cm mean an encoder that counts
+    /// backwards. The same holds after a gap if the path is 0.15 m long; 0.14 m are too short.
     #[test]
     fn an_encoder_counts_the_other_way_by_more_than_two_pulses() {
         let aside = |ahead_m: f64, left_m: f64| CarPose {
@@ -457,7 +462,8 @@ mod tests {
         assert!(!behind_a_gap(at(0.0, 0.0), at(-0.40, 0.0)));
     }
 
-    /// 0.60 m end a comparison: an earlier error, here 7 cm, is settled and does not add up.
+    /// A comparison ends after 0.60 m: an error until then, here 7 cm, is not added to the next
+    /// one.
     #[test]
     fn a_comparison_of_ways_ends_after_60_cm() {
         let second = |ends_m: f64| {

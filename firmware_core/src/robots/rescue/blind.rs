@@ -176,7 +176,8 @@ mod tests {
     const AT_REST: [i8; 2] = [0, 0];
     const FRONT: usize = 4;
 
-    /// At stake: a robot with a base that was reset stands in a ring of walls that no sensor sees.
+    /// Guards against a robot that, after its base was reset, stands in a ring of walls that no
+    /// sensor sees.
     #[test]
     fn what_was_not_measured_is_no_wall() {
         let mut blind = Blind::new();

@@ -603,9 +603,9 @@ mod tests {
         assert_eq!(drive.take_infrared(), None);
     }
 
-    /// A base that does not answer is asked again, one with an unchanged count gets the order
-    /// again, and one that has counted gets nothing more. Registers answer with their own number,
-    /// so 53 kits have left.
+    /// A base that does not answer is asked again. One with an unchanged count gets the order
+    /// again, and one that has counted gets nothing more. The test's registers answer with their
+    /// own number, so register 53 reports 53 dropped kits.
     #[test]
     fn a_kit_is_dropped_when_the_base_has_counted_it() {
         let mut drive = Drive::new(&fitted());

@@ -568,10 +568,11 @@ mod tests {
         assert_eq!(wall(&[[20.0, 270.0], [0.0, 271.0]]), Some([0.0, 271.0]));
     }
 
-    /// A wall at 49 degrees to the robot, 228 mm before the sensor. The sensor sees a victim there
-    /// from 32.8 mm before its axis at 190.3 mm to 32.8 mm behind it at 265.7 mm, which is
-    /// (atan(0.1725) + atan(0.1235)) / 0.61 of 150 tenths, 72.2. A farther part of the same wall
-    /// does not count as another wall; at 61 degrees the result is uncertain.
+    /// A wall at 49 degrees to the robot, 228 mm before the sensor on its axis. The sensor sees a
+    /// victim on it from 32.8 mm before the axis, 190.3 mm away, to 32.8 mm behind the axis, 265.7
+    /// mm away. That fills (atan(0.1725) + atan(0.1235)) / 0.61 of its view, and this share of 150
+    /// tenths is 72.2. A farther part of the same wall does not count as another wall; at 61
+    /// degrees the result is uncertain.
     #[test]
     fn a_wall_seen_obliquely_shows_less_of_somebody() {
         let seen = |degrees: f32| {

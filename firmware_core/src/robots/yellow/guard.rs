@@ -148,7 +148,7 @@ impl Guard {
 mod tests {
     use super::*;
 
-    /// By hand: 3 times the room beyond 10 cm, and 4 cm/s.
+    /// By hand: the speed is 3 times the room beyond 10 cm, but not less than 4 cm/s.
     #[test]
     fn speed_follows_the_room_ahead() {
         let mut guard = Guard::NEW;

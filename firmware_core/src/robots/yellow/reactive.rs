@@ -319,8 +319,9 @@ mod tests {
         assert_eq!(law.step(at(1), [0.9; 3]), Velocity::new(0.3, 0.0));
     }
 
-    /// 0.3 and 8 times 4 m/s by the room ahead, 1.2 of 2.4 m, and by the room on both sides, 0.5:
-    /// 8.3; and a little to the left with 40 / 2.4 rad/s a metre.
+    /// By hand: the speed is 0.3 m/s and 8 times 4 m/s, times the share of room ahead, 1.2 of 2.4
+    /// m, and that on both sides, 0.5: 8.3 m/s in all. More room on the left turns the robot by 40
+    /// / 2.4 rad/s a metre.
     #[test]
     fn the_fielded_formula_runs_to_its_ends() {
         let mut law = Reactive::new(Defects {

@@ -287,8 +287,8 @@ mod tests {
             [360 * 64 - 4, 15, 16].map(|q6| scans.bin(q6)),
             [Some(0), Some(0), Some(719)]
         );
-        // The format goes up to 511 degrees. Its 152nd after a turn is 208 in the other direction;
-        // rounded up.
+        // The format's greatest angle is just below 512 degrees, 152 after a whole turn: 208 in the
+        // other direction, rounded up.
         assert_eq!(scans.bin(u16::MAX >> 1), Some(416));
     }
 

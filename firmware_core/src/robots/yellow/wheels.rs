@@ -298,8 +298,10 @@ mod tests {
         (found - expected).abs() < 2e-3 * expected.abs().max(0.01)
     }
 
-    /// Ten counts a sample are 500 rpm: 0.259182 of it in the first pole and the same share of that
-    /// in the second; then 225.594 and 83.353. Across the end of the counter as well.
+    /// Ten counts a sample are 500 rpm. The filter has two poles, and each moves by 0.259182 of the
+    /// difference to its input. So the first sample gives 0.259182 of 500 and the same share of
+    /// that, the second one 225.594 and 83.353 rpm. This holds across the end of the counter as
+    /// well.
     #[test]
     fn counts_become_a_filtered_speed() {
         for start in [500_u16, u16::MAX - 4] {
@@ -339,9 +341,9 @@ mod tests {
         assert_eq!(counts(-1_001, jumps).1, 7.0);
     }
 
-    /// 20 rpm from rest need 0.2 V a rpm ahead, and a volt for 40 rpm: 4.5 of 24 V above a half.
-    /// Each sample adds 0.04 V. Backwards it is 0.1 V a rpm, and the integral restarts. 100 rpm
-    /// need more than the bridge's limit.
+    /// From rest to 20 rpm ahead: 0.2 V for each rpm of error, and a volt for 40 rpm of target, are
+    /// 4.5 of 24 V above a half. Each sample adds 0.04 V. Backwards the gain is 0.1 V a rpm, and
+    /// the integral restarts. 100 rpm need more than the bridge's limit.
     #[test]
     fn a_duty_is_what_speed_and_error_take() {
         let mut wheel = Wheel::NEW;
@@ -370,8 +372,8 @@ mod tests {
         assert_eq!((wheel.integral_volts, duties[59]), (2.0, 7_708));
     }
 
-    /// 11.52 V each sample at the end of the bridge: more than 120 after the eleventh. A count ends
-    /// the silence, and so does an order to halt the motors.
+    /// At the end of the bridge each sample adds 11.52 V: the sum is above 120 after the eleventh.
+    /// A count ends the silence, and so does an order to halt the motors.
     #[test]
     fn a_driven_wheel_that_does_not_count_is_found() {
         let mut wheels = Wheels::new(Pose::default(), Defects::NONE);
@@ -421,8 +423,9 @@ mod tests {
         assert!(is(right.heading, -0.043_633) && is(right.y_mm, -0.085_66));
     }
 
-    /// From rest at 1.5 m/s2 and 15 rad/s2, a sample: 0.0015 m/s are 0.382 rpm; 0.015 rad/s at half
-    /// of 180 mm are 0.00135 m/s, 0.3438 rpm. The right motor turns in the other direction.
+    /// The first sample of a millisecond, from rest. 1.5 m/s2 give 0.0015 m/s, which are 0.382 rpm.
+    /// 15 rad/s2 give 0.015 rad/s, at half of 180 mm 0.00135 m/s, which are 0.3438 rpm. The right
+    /// motor turns in the other direction.
     #[test]
     fn wheels_share_speed_and_turn() {
         let targets = |target| {

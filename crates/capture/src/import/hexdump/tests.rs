@@ -252,8 +252,8 @@ fn a_damaged_row_costs_its_own_bytes() {
     }
 }
 
-/// At stake: half of a file is lost as "one damaged row". Of two dumps in a file the second one
-/// begins at another address, so all of its offsets are lower.
+/// Guards against the loss of half a file as "one damaged row". Of two dumps in a file the second
+/// one begins at another address, so all of its offsets are lower.
 #[test]
 fn many_rows_that_do_not_fit_are_an_error() {
     let rows = |from: usize| (0..20).map(move |n| format!("{:08x}: ab24  .$\n", from + 2 * n));

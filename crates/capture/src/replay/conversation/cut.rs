@@ -507,7 +507,7 @@ mod tests {
         assert_eq!(found, [false, false, true, false, true, false]);
     }
 
-    /// Three characters and a half of 1.0417 ms, or 3 ms.
+    /// The least gap is three and a half characters, here of 1.0417 ms, but at least 3 ms.
     #[test]
     fn the_least_gap_is_three_characters_and_a_half() {
         assert_eq!(least_gap(SLOW).as_micros(), 3_645);

@@ -222,7 +222,7 @@ fn plot(row: &Row, measured: &Measured, bands: &[JudgedBand]) -> Plot {
 mod tests {
     use super::*;
 
-    /// 2 and 4 above a line through 0 and 10: the mean square is 10.
+    /// Points 2 and 4 above a line through 0 and 10: the mean square of their distances is 10.
     #[test]
     fn curves_are_as_far_apart_as_their_points() {
         let theirs = [[1.0, 12.0], [5.0, 54.0], [20.0, 0.0]];

@@ -182,8 +182,8 @@ mod tests {
         assert!(is(reached(Floor::Carpet, 0.03, [0.1, 0.3]), 0.3));
     }
 
-    /// Half of 0.2 and a trim of 0.1, then a walk by the root of the way: 20 steps at 4 m/s are
-    /// 0.08 m. It stays within 0.1 rad.
+    /// The law gives half of the wanted 0.2 rad and a trim of 0.1 rad. Then the angle wanders with
+    /// the root of the distance: 20 steps at 4 m/s are 0.08 m. It stays within 0.1 rad of the law.
     #[test]
     fn the_wheels_stand_as_the_law_says() {
         let law = |wander_rad| SteeringLaw {

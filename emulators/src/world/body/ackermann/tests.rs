@@ -92,9 +92,10 @@ fn the_law_wanders_with_the_root_of_the_way_and_not_at_rest() {
     assert_eq!(wander(0.0), 0.0);
 }
 
-/// From 0.5 m/s to -0.5 m/s. At once: with the lag of 0.3 s, through 0 after 0.3 ln 2 = 208 ms.
-/// Braking first: to 0.03 m/s with 0.08 s, 0.08 ln(0.5/0.03) = 225 ms, later than the lag alone
-/// but with a harder beginning: after 80 ms 1/e of the speed is left, 0.184, instead of 0.266.
+/// The command changes from 0.5 m/s to -0.5 m/s. Without braking, the lag of 0.3 s brings the car
+/// through 0 after 0.3 ln 2 = 208 ms. With braking first, it reaches 0.03 m/s with a lag of 0.08 s
+/// after 0.08 ln(0.5/0.03) = 225 ms. That is later, but the beginning is harder: after 80 ms 1/e of
+/// the speed is left, 0.184 m/s instead of 0.266.
 #[test]
 fn a_reverse_command_brakes_first() {
     let speed = |reversing, millis: u64| {

@@ -199,7 +199,8 @@ mod tests {
         let near = found(&corner, Point::default());
         assert_is(near, 0.5, at(2.0, 1.0), at(2.3, 1.4));
         let slanted = wall(at(3.0, 0.0), at(2.0, 2.0));
-        // (2, 1) is 1 from it along x and 2 along y: 2 / sqrt(5) / 2 away.
+        // (2, 1) is 0.5 m from the wall along x and 1 m along y, so 0.5 / sqrt(1.25) = sqrt(0.2) m
+        // away.
         let near = found(&slanted, Point::default());
         let foot = at(2.4, 1.2);
         assert_is(near, 0.2_f64.sqrt(), at(2.0, 1.0), foot);

@@ -179,7 +179,8 @@ fn few_windows_widen_the_limit() {
     assert!((limit([120, 240]) - 60.0).abs() < 1e-9);
 }
 
-/// By hand: of the pairs (1, 2) and (3, 3), 2 + 9 by (1 + 4) / 2 + 9.
+/// By hand, for the pairs (1, 2) and (3, 3): the sum of products, 2 + 9, divided by the sum of mean
+/// squares, (1 + 4) / 2 + 9.
 #[test]
 fn neighbours_that_change_alike_are_together() {
     let changes = [Some(1.0), Some(2.0), None, Some(3.0), Some(3.0)];
@@ -226,8 +227,9 @@ fn readings_of_the_room_are_those_on_even_walls() {
     }
 }
 
-/// By hand: 1, 2, 3 and 4 less 2.5 are -1.5, -0.5, 0.5 and 1.5; neighbours give 0.75 - 0.25 + 0.75
-/// of 5, those two apart -0.75 twice, and three apart -2.25.
+/// By hand: 1, 2, 3 and 4 less their mean 2.5 are -1.5, -0.5, 0.5 and 1.5, with a sum of squares of
+/// 5 in all. The products of neighbours are 0.75 - 0.25 + 0.75, those of values two apart twice
+/// -0.75, and that of values three apart -2.25.
 #[test]
 fn values_are_alike_to_later_ones() {
     let values = [1.0, 2.0, 3.0, 4.0];

@@ -128,8 +128,9 @@ fn a_path_with_a_turning_point_is_driven_both_ways() {
     );
 }
 
-/// By hand: a point 0.3 m ahead on a parallel 0.1 m to the left lies at 0.3, 0.1: curvature
-/// 2 * 0.1 / 0.1 = 2, times 0.25 m: atan(0.5) = 26.6 degrees, cut to 25; to the right to 18.
+/// By hand: a path parallel to the car, 0.1 m to its left, has the followed point at (0.3, 0.1).
+/// The curvature is 2 * 0.1 / (0.09 + 0.01) = 2. Times the wheelbase of 0.25 m that is atan(0.5) =
+/// 26.6 degrees, limited to 25; to the right the limit is 18.
 #[test]
 fn the_car_steers_along_the_arc_through_its_point() {
     let path = |y_m: f64| {
@@ -222,9 +223,10 @@ fn a_way_that_turns_round_is_driven_to_its_end() {
     assert_eq!(follower.step(poses[30]), Step::Arrived);
 }
 
-/// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is a pose:
-/// 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. Halfway between two poses the earlier one counts, at
-/// 0.375 m ahead: 2 * 0.125 / (0.140625 + 0.015625).
+/// On a path with a pose each 25 cm, 12.5 cm to the left, the point half a metre ahead is itself a
+/// pose: the tangent of the steering angle is 2 * 0.125 / (0.25 + 0.015625) times 0.25 m. If the
+/// car is halfway between two poses, the earlier one counts, 0.375 m ahead: 2 * 0.125 / (0.140625 +
+/// 0.015625) times 0.25 m.
 #[test]
 fn a_pose_as_far_as_the_point_ahead_is_the_point() {
     let steering = |x_m: f64| {

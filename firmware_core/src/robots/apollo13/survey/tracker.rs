@@ -390,7 +390,8 @@ impl Sum {
 mod tests {
     use super::*;
 
-    /// 2 x + y = 4, x + 3 y + z = 10, y + z = 5: x = 1, y = 2, z = 3.
+    /// The equations 2 x + y = 4, x + 3 y + z = 10 and y + z = 5 have the solution x = 1, y = 2, z
+    /// = 3.
     #[test]
     fn normal_equations_are_solved() {
         let sum = Sum {
@@ -426,8 +427,8 @@ mod tests {
         assert!(heap.line.is_none());
     }
 
-    /// With the solution 1, 2, 3 the rows are 4 + 2 + 6, 1 + 10 + 9 and 2 + 6 + 18; two equal rows
-    /// have no solution.
+    /// With the solution 1, 2, 3 the right sides of the three equations are 4 + 2 + 6, 1 + 10 + 9
+    /// and 2 + 6 + 18. Two equal rows have no solution.
     #[test]
     fn normal_equations_with_all_entries_are_solved() {
         let sum = Sum {
@@ -455,8 +456,9 @@ mod tests {
         assert_eq!((sum.matrix[5], sum.right[2]), (5.5, -2.0));
     }
 
-    /// After 5 m ahead and half a radian: 0.252 m along, 0.051 m aside, 0.007 rad. At any heading,
-    /// a pose without other constraints returns to the odometry's pose.
+    /// Standard deviations of the odometry after 5 m and a turn by half a radian: 0.252 m along,
+    /// 0.051 m aside, 0.007 rad. At any heading, a pose without other constraints returns to the
+    /// odometry's pose.
     #[test]
     fn the_odometry_holds_along_aside_and_in_turn() {
         let motion = Motion {
@@ -581,9 +583,10 @@ mod tests {
         );
     }
 
-    /// A point 5 cm behind the wall lies on its line, with that distance; sqrt(1 + 20 / 10) times 4
-    /// mm. In the next row of squares the wall is still near, two rows away it is not. Beyond its
-    /// end the wall continues for a quarter of a metre from the middle of its last piece.
+    /// A point 5 cm behind the wall lies on its line, with that distance. The line's deviation is
+    /// sqrt(1 + 20 / 10) times 4 mm. In the next row of squares the wall is still near, two rows
+    /// away it is not. Beyond its end the wall continues for a quarter of a metre from the middle
+    /// of its last piece.
     #[test]
     fn a_point_lies_on_the_line_beside_it() {
         let tracker = before_a_wall();
@@ -640,10 +643,11 @@ mod tests {
     }
 
     /// The odometry says 3 cm ahead, 1 cm left of the truth and turned: the wall gives the distance
-    /// to it and the heading, the odometry the position along it. 80 points have a weight of 0.15
-    /// by the squares of 4 and of 6.928 mm, 2344 each. Their squared distances along the wall add
-    /// up to 17.06 square metres: 39,990. A turn within 0.012 rad weighs 6,944: of 0.02 rad there
-    /// remain 0.00296.
+    /// to it and the heading, the odometry the position along it. Each of 80 points weighs 0.15
+    /// divided by the sum of the squares of 4 mm and 6.928 mm: 2344. Their squared distances along
+    /// the wall add up to 17.06 square metres, so they hold the heading with a weight of 39,990.
+    /// The odometry's turn, with a deviation of 0.012 rad, weighs 6,944: of its error of 0.02 rad
+    /// there remain 0.00296.
     #[test]
     fn a_scan_is_laid_onto_the_wall() {
         let mut tracker = before_a_wall();
@@ -700,7 +704,8 @@ mod tests {
         let (line, off_m, sigma) = tracker.line_near([0.5, 4.16]).expect("a wall");
         assert!((line.middle[0] - 0.5).abs() < 1e-9 && (line.middle[1] - 4.1).abs() < 1e-9);
         assert!((off_m * line.normal[1] - 0.06).abs() < 1e-9);
-        // Ten points, each of a quarter of the weight: 4 mm by the root of 1 + 20 / 2.5.
+        // Ten points, each of a quarter of the weight: the deviation is 4 mm times the root of 1 +
+        // 20 / 2.5.
         assert!((sigma - 0.012).abs() < 1e-9, "{sigma}");
         assert!(tracker.line_near([1.6, 4.1]).is_none() && tracker.line_near([0.5, 3.6]).is_none());
         // From the middle of its last piece, 0.1, the line continues for a quarter of a metre.
@@ -729,7 +734,8 @@ mod tests {
         assert!(y_m(0.21).is_some_and(|y| (y - 0.3).abs() < 1e-9));
     }
 
-    /// 4 + 2 + 9, 1 + 10 + 6 and 3 + 4 + 18 with 1, 2 and 3.
+    /// With the solution 1, 2, 3 the right sides of the three equations are 4 + 2 + 9, 1 + 10 + 6
+    /// and 3 + 4 + 18.
     #[test]
     fn normal_equations_with_unlike_entries_are_solved() {
         let sum = Sum {

@@ -190,8 +190,8 @@ fn the_map_is_drawn_at_two_pixels_for_three_cells() {
     }
 }
 
-/// 15 mm a pixel: (1500, 750) mm is (106, 181). Legs of 10 pixels, 20 degrees to both sides of
-/// backwards: 9.4 and 3.4.
+/// 15 mm a pixel: (1500, 750) mm is (106, 181). The two legs are 10 pixels long, 20 degrees to
+/// either side of backwards: 9.4 pixels back and 3.4 aside.
 #[test]
 fn the_robot_is_a_tip_with_two_legs() {
     let (map, waypoints) = (Grid::new(10.0), Waypoints::new());
