@@ -650,7 +650,7 @@ mod tests {
         assert_eq!([both((3, 2, 255), 204), both((5, 358, 255), 204)], [204; 2]);
         assert_eq!([both((2, 0, 255), 204), both((6, 0, 255), 204)], [0; 2]);
         assert_eq!([both((4, 3, 255), 204), both((4, 1, 255), 204)], [0; 2]);
-        // Turned by 90 degrees to the left, a cell to the left before is one ahead now.
+        // After a turn by 90 degrees to the left, the cell that was to the left is ahead.
         let turned = PoseChange {
             forward_mm: 0.0,
             left_mm: -100.0,

@@ -695,8 +695,9 @@ mod tests {
         assert_eq!(ends_after(half), (1, 1));
     }
 
-    /// 3,840,000,000,000 nanoseconds divided by 64 times the speed: 300 rpm are 200 ms, 240 rpm 250
-    /// ms, and 120 rpm just half a second. A lower speed, or none, counts as 300.
+    /// A turn takes 3,840,000,000,000 nanoseconds divided by 64 times the speed in rpm: 300 rpm are
+    /// 200 ms, 240 rpm 250 ms, and 120 rpm just half a second. A lower speed, or none, counts as
+    /// 300.
     #[test]
     fn a_turn_lasts_as_long_as_the_reported_speed_says() {
         let ms = |word: u16| reported_period(SpeedWord(word)).as_micros();

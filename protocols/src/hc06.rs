@@ -259,7 +259,7 @@ mod tests {
         assert_eq!([b'0', b':', b'@', b'D', b'a'].map(baud_of), [None; 5]);
     }
 
-    /// T2: names as a scenario spells them.
+    /// Finding T2: names as a scenario spells them.
     #[test]
     fn families_have_names() {
         let names = Family::ALL.map(Family::name);

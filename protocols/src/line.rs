@@ -172,8 +172,8 @@ mod tests {
         assert_eq!(map, Duration::from_micros(1_953_125));
     }
 
-    /// T1: a character of start bit, 8 data bits, parity and 2 stop bits; and one of start bit, 5
-    /// data bits and 1 stop bit.
+    /// Finding T1: a character of start bit, 8 data bits, parity and 2 stop bits; and one of start
+    /// bit, 5 data bits and 1 stop bit.
     #[test]
     fn every_bit_of_a_character_is_counted() {
         let line = |data_bits, parity, stop_bits| LineConfig {
@@ -189,8 +189,8 @@ mod tests {
         assert_eq!(byte_time, Duration::from_micros(11));
     }
 
-    /// T1: rates that differ by 1 %, a tenth of a bit over ten bits, are still read: 960 of 96,000
-    /// baud.
+    /// Finding T1: rates that differ by 1 %, a tenth of a bit over ten bits, are still read: 960 of
+    /// 96,000 baud.
     #[test]
     fn lines_agree_up_to_one_per_cent() {
         let sender = LineConfig::new_8n1(96_000);
@@ -201,7 +201,7 @@ mod tests {
         assert!(!LineConfig::new_8n1(95_040).agrees_with(sender));
     }
 
-    /// T1: each part of the coding separately.
+    /// Finding T1: each part of the coding separately.
     #[test]
     fn lines_of_another_coding_never_agree() {
         let sender = LineConfig::new_8n1(9_600);

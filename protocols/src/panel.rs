@@ -391,7 +391,7 @@ mod tests {
             .expect("it is complete")
     }
 
-    /// T2: the expected checksums were worked out bit by bit with the polynomial 1021.
+    /// Finding T2: the expected checksums were worked out bit by bit with the polynomial 1021.
     #[test]
     fn on_and_off_are_told_apart() {
         let [on, off] = [ON, OFF].map(encode_switch);
@@ -416,7 +416,7 @@ mod tests {
         assert_eq!(text, "panel::Frame(54, [01, 01, 23, 0F, FF])");
     }
 
-    /// T2: runs are three bytes, pixels two; a switch carries nothing.
+    /// Finding T2: runs are three bytes, pixels two; a switch carries nothing.
     #[test]
     fn ragged_payloads_mean_nothing() {
         let means = |op, len| {
@@ -434,8 +434,8 @@ mod tests {
         assert_eq!([ON, OFF].map(|op| means(op, 8)), [false; 2]);
     }
 
-    /// T2: 4 bytes before the payload and 2 behind it. A buffer that is 1 to 3 bytes too short
-    /// stays unchanged.
+    /// Finding T2: 4 bytes before the payload and 2 behind it. A buffer that is 1 to 3 bytes too
+    /// short stays unchanged.
     #[test]
     fn a_frame_needs_all_its_room() {
         let sealed = |room: usize| seal(&mut [0; 1000][..room], ON, 5);
@@ -447,7 +447,7 @@ mod tests {
         );
     }
 
-    /// T2: a row of 480 pixels is the longest that is sent pixel by pixel.
+    /// Finding T2: a row of 480 pixels is the longest that is sent pixel by pixel.
     #[test]
     fn pixels_end_with_their_frame() {
         let row: [u16; 482] = core::array::from_fn(|x| u16::from(x % 2 == 0));
@@ -471,7 +471,8 @@ mod tests {
         assert_eq!(encode_pixels(window(2), &row[..3], &mut counted), None);
     }
 
-    /// T2: 256 equal pixels are runs of 255 and 1. Two runs are as long as three pixels: runs.
+    /// Finding T2: 256 equal pixels are runs of 255 and 1. Two runs are as long as three pixels:
+    /// runs.
     #[test]
     fn runs_hold_255_pixels() {
         let window = |width: u16| Window {
@@ -508,7 +509,7 @@ mod tests {
         assert_eq!((len, frame[1]), (Some(4 + 8 + 150 + 2), RUNS));
     }
 
-    /// T2: a pen report is 11 bytes; one with a byte more is refused by a decoder of 11.
+    /// Finding T2: a pen report is 11 bytes; one with a byte more is refused by a decoder of 11.
     #[test]
     fn a_frame_too_long_for_its_decoder_is_told() {
         let mut frame = [0; 40];

@@ -116,7 +116,7 @@ mod tests {
         );
     }
 
-    /// T1: 2 s, 345 ms, 678 us and 901 ns, in each unit, the rest cut off.
+    /// Finding T1: 2 s, 345 ms, 678 us and 901 ns, in each unit, the rest cut off.
     #[test]
     fn conversions_agree_with_arithmetic_by_hand() {
         let instant = Instant::from_nanos(2_345_678_901);

@@ -51,8 +51,8 @@ fn commands_each_millisecond_take_a_sixth_of_the_line() {
     assert_figure("AF-04", "of the line, per cent", "17", "0");
 }
 
-/// 25 of 2000 are 0.205 of the sensor's 0.061: 0.36 rad/s with a bias of 0.5 degrees a second gives
-/// 0.076. 5 s of 5.1 degrees are 26.
+/// The fielded scale is 25 of 2000, which is 0.205 of the sensor's 0.061. So 0.36 rad/s with a bias
+/// of 0.5 degrees a second gives 0.076 rad/s. 5 s at 5.1 degrees a second are 26 degrees.
 #[test]
 fn rates_and_turns_are_those_of_the_catalogue() {
     assert_figure("AF-12", "0.36 rad/s are told as", "0.08", "0.36");

@@ -119,7 +119,8 @@ fn a_weak_battery_costs_some_per_cent_without_an_integral_part() {
     assert!(sound.abs() < 0.5, "{sound}");
 }
 
-/// B4: 2.1 m/s and 13.4 rad/s for 0.2, 0.15 and 0.25 m at a nominal 0.5 m/s; B3: 0.38 for 0.8 m.
+/// B4: 2.1 m/s and 13.4 rad/s with walls at 0.2, 0.15 and 0.25 m and a nominal 0.5 m/s. B3: a wall
+/// at 0.8 m is read as 0.38 m.
 #[test]
 fn the_fielded_formulas_say_what_was_evaluated() {
     assert_figure("YR-01", "wanted turn, rad/s", "13.4", "1.0");

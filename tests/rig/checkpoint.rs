@@ -178,7 +178,7 @@ fn what_has_come_to_bear_cannot_be_taken_back() {
             .map(|from| Span(from.0 + Duration::from_micros(1)));
         point.resume_as(&other).is_some()
     };
-    // The first fault has no start time before which it cannot act.
+    // The first fault is left out: it has no start time, so it may act at any time.
     let begins_later: Vec<bool> = (1..12).map(later).collect();
     assert_eq!(begins_later, known_by_then[1..]);
     // The stall at 2.5 s exists from that nanosecond on.

@@ -220,8 +220,9 @@ about = "the mode moves"
 set = { mode = "self + factor" }
 "#;
 
-/// At stake: a rule on a register of a Modbus device, which a reply does not name, is accepted and
-/// never observed. The second device has other registers; its CO2 is 640 to 660 ppm.
+/// A reply does not name the registers of a Modbus device. A rule on such a register must not be
+/// accepted and then never observed. The second device has other registers; its CO2 is 640 to 660
+/// ppm.
 #[test]
 fn registers_of_modbus_frames_have_names_in_rules() {
     let bench = |condition: &str| {

@@ -27,7 +27,7 @@ fn mapped(seed: u64, closes_loops: bool) -> (Mapper, Vec<Pose>) {
     (mapper, truth.collect())
 }
 
-/// At stake: a robot that returns after 100 m knows its pose. Two runs are equal to the bit.
+/// A robot that returns to its start after 100 m must know its pose. Two runs are equal to the bit.
 /// Without loop closure, the error is larger than with it.
 #[test]
 fn a_way_around_a_building_ends_where_it_began() {

@@ -142,8 +142,8 @@ const LICENCES: [&str; 13] = [
 /// B`.
 fn is_free(expression: &str) -> bool {
     let expression = expression.replace('/', " OR ").replace(['(', ')'], " ");
-    // With "and" binding tighter than "or", dropping brackets can only turn a choice into more
-    // demands inside one alternative or split a demand, so every licence named is checked.
+    // Brackets are dropped. Because "and" binds tighter than "or", this can only add demands to an
+    // alternative, or split one. So with an "and" every named licence is checked.
     let is_known = |licence: &str| LICENCES.contains(&licence.trim());
     if expression.contains(" AND ") {
         expression

@@ -57,7 +57,7 @@ const GOLDEN: [(&str, Says); 20] = [
     ("AB FF 82 FF FF 04 2A", Says::Write(255, &[0xFF, 0xFF])),
 ];
 
-/// At stake: the meaning of each field. Each golden frame decodes to its known meaning.
+/// Each golden frame decodes to its known meaning, field by field.
 #[test]
 fn golden_frames_decode_to_what_was_said() {
     for (bytes, says) in GOLDEN {

@@ -166,7 +166,7 @@ const GOLDEN: [Golden; 17] = [
     },
 ];
 
-/// At stake: every field of the packet. Each golden packet must decode to its meaning.
+/// Each golden packet must decode to its known meaning, in every field.
 #[test]
 fn golden_packets_decode_to_what_the_sensor_measured() {
     for golden in &GOLDEN {
@@ -353,7 +353,8 @@ fn slow_checksum(packet: &[u8]) -> u64 {
     (sum % 32_768 + sum / 32_768) % 32_768
 }
 
-/// The tempting mistake: the carry of the fold is added in again, as in an internet checksum.
+/// A mistake that is easy to make: the carry of the fold is added in again, as in an internet
+/// checksum.
 fn end_around_checksum(packet: &[u8]) -> u64 {
     let sum = weighted_sum(packet);
     let folded = sum % 32_768 + sum / 32_768;

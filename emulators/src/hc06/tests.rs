@@ -864,8 +864,8 @@ fn a_line_end_becomes_part_of_the_name() {
     assert_eq!(bench.violations(), ["line-end-after-command"]);
 }
 
-/// T3: the fault of this name is the lost radio. No byte passes; the bytes that fit the FIFO of 700
-/// arrive once it ends, and the connection survives the 20 s.
+/// Finding T3: the fault of this name is the lost radio. No byte passes; the bytes that fit the
+/// FIFO of 700 arrive once it ends, and the connection survives the 20 s.
 #[test]
 fn out_of_reach_begins_and_ends_by_its_name() {
     let mut bench = Bench::connected(at(BAUD));
@@ -884,7 +884,7 @@ fn out_of_reach_begins_and_ends_by_its_name() {
     assert_eq!(bench.radio.mode(), Mode::Data);
 }
 
-/// T3: of 1,000 bytes, 700 wait. The others are lost, reported once and then only counted.
+/// Finding T3: of 1,000 bytes, 700 wait. The others are lost, reported once and then only counted.
 #[test]
 fn an_overflow_is_told_with_its_size() {
     let mut bench = Bench::connected(at(BAUD));
@@ -898,7 +898,7 @@ fn an_overflow_is_told_with_its_size() {
     assert_eq!(bench.radio.up().lost, 1);
 }
 
-/// T3: without a carrier the air needs no poll, and with one again it needs one at once.
+/// Finding T3: without a carrier the air needs no poll, and with one again it needs one at once.
 #[test]
 fn a_lost_carrier_needs_no_poll() {
     let mut bench = Bench::connected(at(BAUD));

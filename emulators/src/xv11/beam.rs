@@ -486,9 +486,9 @@ mod tests {
         Reading::from(smooth(mm, WALL, &quiet(chance), Laws::EVEN))
     }
 
-    /// T4: readings of an edge from 1 m to 3 m. 25 % are double, 5 % too wide, 3 % too dim, and 12
-    /// % are nothing. The others are the near side, but a tenth of them lies between both sides:
-    /// half way, a quarter, an eightieth.
+    /// Finding T4: readings of an edge from 1 m to 3 m. 25 % are double, 5 % too wide, 3 % too dim,
+    /// and 12 % are nothing. The others are the near side, but a tenth of them lies between both
+    /// sides: half way, a quarter, an eightieth.
     #[test]
     fn the_dot_on_an_edge_is_what_the_draw_says() {
         let of = |chance| Reading::from(edge(1000.0, 3000.0, WALL, &quiet(chance), Laws::EVEN));
@@ -505,9 +505,9 @@ mod tests {
         assert_eq!(of(0.45 + 0.55 * 0.05), code(0x25, 0));
     }
 
-    /// T4: 400 mm beside 500 mm, near enough that the mixed dot is bright enough. Covered by 0.05,
-    /// it is 400 + 100 * 0.25 = 425 mm; strength 553.6 * 0.05 = 27.7. With nothing behind, it is
-    /// the near side. Which side the beam hit does not matter.
+    /// Finding T4: 400 mm beside 500 mm, near enough that the mixed dot is bright enough. Covered
+    /// by 0.05, it is 400 + 100 * 0.25 = 425 mm; strength 553.6 * 0.05 = 27.7. With nothing behind,
+    /// it is the near side. Which side the beam hit does not matter.
     #[test]
     fn a_dot_that_hardly_touches_is_seen_in_between() {
         let chance = 0.45 + 0.55 * 0.05;
@@ -525,7 +525,7 @@ mod tests {
         assert_eq!(of(400.0, f64::INFINITY), Some((400, 31)));
     }
 
-    /// T4: the limits are 60 mm and 145 mm, each tried on both sides.
+    /// Finding T4: the limits are 60 mm and 145 mm, each tried on both sides.
     #[test]
     fn what_is_too_near_is_too_wide_and_then_nothing() {
         assert_eq!(smooth_at(59.9, 0.0), code(0x35, 0));
@@ -540,7 +540,8 @@ mod tests {
         ));
     }
 
-    /// T4: of 100,000 readings of a wall 3 are double, the next 27 too dim, the next 73 too wide.
+    /// Finding T4: of 100,000 readings of a wall 3 are double, the next 27 too dim, the next 73 too
+    /// wide.
     #[test]
     fn a_wall_is_spoilt_for_no_reason_as_often_as_captured() {
         assert_eq!(smooth_at(1000.0, 1.0 - 2e-5), code(0x06, 12));
@@ -551,8 +552,8 @@ mod tests {
         assert_eq!(smooth_at(1000.0, 1.0 - 1.04e-3), range(1000, 100));
     }
 
-    /// T4: at 1 m a white wall gives 100; 2.5 is the least that gives a distance, 2 the least that
-    /// is noticed. Grazing light counts from 60 degrees on, and 1200 is the most.
+    /// Finding T4: at 1 m a white wall gives 100; 2.5 is the least that gives a distance, 2 the
+    /// least that is noticed. Grazing light counts from 60 degrees on, and 1200 is the most.
     #[test]
     fn strength_decides_whether_there_is_a_distance() {
         let of = |reflectivity, incidence, mm| {
@@ -573,9 +574,9 @@ mod tests {
         assert_eq!(of(2.0, 1.0, 200.0), range(200, 2400));
     }
 
-    /// T4: a far distance is 5.4e6 divided by a whole number: 5.4e6 / 3001 = 1799.4, and 5.4e6 /
-    /// 1799 = 3001.67. Below 735 mm there are no steps. One sigma of noise is 0.42 mm at 575 mm,
-    /// and 9.50 mm at 2300 mm, because 4 to the power of 9/4 is 22.63.
+    /// Finding T4: a far distance is 5.4e6 divided by a whole number: 5.4e6 / 3001 = 1799.4, and
+    /// 5.4e6 / 1799 = 3001.67. Below 735 mm there are no steps. One sigma of noise is 0.42 mm at
+    /// 575 mm, and 9.50 mm at 2300 mm, because 4 to the power of 9/4 is 22.63.
     #[test]
     fn distances_come_in_steps_with_noise() {
         assert!(matches!(
@@ -629,8 +630,8 @@ mod tests {
         assert_eq!(slanting([991.0, 999.4]), 0.75);
     }
 
-    /// T4: a jump is more than 30 mm and 3 %. At 1 m a side 60 mm away is the same object, one 61
-    /// mm away is another.
+    /// Finding T4: a jump is more than 30 mm and 3 %. At 1 m a side 60 mm away is the same object,
+    /// one 61 mm away is another.
     #[test]
     fn a_jump_is_more_than_30_mm_and_3_per_cent() {
         assert!(!is_jump(1000.0, 1060.0) && !is_jump(1000.0, 940.0));
@@ -638,7 +639,7 @@ mod tests {
         assert!(is_jump(1000.0, f64::INFINITY));
     }
 
-    /// T4: a dot is rough if its neighbours bend by more than 2 % of 1 m in sum, in either
+    /// Finding T4: a dot is rough if its neighbours bend by more than 2 % of 1 m in sum, in either
     /// direction, or are unknown.
     #[test]
     fn a_closer_look_is_worth_it_from_two_per_cent_on() {
@@ -682,9 +683,9 @@ mod tests {
         readings.iter().filter(is).count()
     }
 
-    /// T4: a quarter of the dots on an edge is double, whichever side the board ends on. Here the
-    /// edge is 0.2 degrees away (3.5 mm at 1 m), the end of a board before a wall; at 1 degree no
-    /// dot is double.
+    /// Finding T4: a quarter of the dots on an edge is double, whichever side the board ends on.
+    /// Here the edge is 0.2 degrees away (3.5 mm at 1 m), the end of a board before a wall; at 1
+    /// degree no dot is double.
     #[test]
     fn a_dot_on_the_edge_of_a_board_is_double_in_a_quarter_of_the_turns() {
         let far = wall([3.0, -3.0], [3.0, 3.0]);

@@ -832,8 +832,8 @@ fn l7_a_beam_that_meets_a_corner_is_a_double_dot_in_8_of_71_turns() {
     assert_eq!(doubles(false), 0);
 }
 
-/// T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake. The
-/// next one is not even with the assumed half time, and fifteen even ones are a turn: 17 teeth,
+/// Finding T4: at 300 rpm a tooth takes 13.333 ms. The one after a doubled tooth shows the mistake.
+/// The next one is not even with the assumed half time, and fifteen even ones are a turn: 17 teeth,
 /// 226.67 ms.
 #[test]
 fn a_lock_takes_fifteen_even_teeth() {
@@ -863,9 +863,9 @@ fn a_lock_takes_fifteen_even_teeth() {
     );
 }
 
-/// T4: the slots behind a doubled tooth are numbered a tooth too far, and the five up to the second
-/// edge are left out: tooth k begins slot 24 k + 3, so packets continue at 24 (k + 1) + 8, index 2
-/// (mod 6). They show 600 rpm.
+/// Finding T4: the slots behind a doubled tooth are numbered a tooth too far, and the five up to
+/// the second edge are left out: tooth k begins slot 24 k + 3, so packets continue at 24 (k + 1) +
+/// 8, index 2 (mod 6). They show 600 rpm.
 #[test]
 fn after_a_doubled_tooth_slots_are_a_tooth_ahead() {
     let bench = with(Fault::FalseDoubling);
@@ -877,8 +877,8 @@ fn after_a_doubled_tooth_slots_are_a_tooth_ahead() {
     assert_eq!(first.index() % 6, 2);
 }
 
-/// T4: the firmware waits for a missing tooth for one and a half tooth times, 20 ms at 300 rpm. The
-/// last measurement lies at most a tooth before.
+/// Finding T4: the firmware waits for a missing tooth for one and a half tooth times, 20 ms at 300
+/// rpm. The last measurement lies at most a tooth before.
 #[test]
 fn a_head_that_stops_is_given_up_after_20_ms() {
     let mut bench = plain();

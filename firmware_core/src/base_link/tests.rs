@@ -273,9 +273,9 @@ proptest! {
     }
 }
 
-/// T5: a frame released by an idle line is checked like any other. A damaged count hid a valid
-/// frame of another register, which is no answer. The frame is counted, and the request is sent
-/// again.
+/// Finding T5: a frame released by an idle line is checked like any other. A damaged count hid a
+/// valid frame of another register, which is no answer. The frame is counted, and the request is
+/// sent again.
 #[test]
 fn a_frame_that_an_idle_line_frees_must_be_the_answer() {
     let mut link = asked();

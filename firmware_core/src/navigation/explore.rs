@@ -177,7 +177,8 @@ mod tests {
         front_mm(&SETTINGS, &seen(points))
     }
 
-    /// T5: 3-4-5 triangles. Points beside the body's width or behind the robot do not count.
+    /// Finding T5: 3-4-5 triangles. Points beside the body's width or behind the robot do not
+    /// count.
     #[test]
     fn the_nearest_ahead_is_told_for_each_side() {
         const NONE: f32 = f32::INFINITY;
@@ -189,7 +190,7 @@ mod tests {
         assert_eq!(front(&[(0.0, 100.0), (0.0, -90.0)]), (100.0, 90.0));
     }
 
-    /// T5: from 300 mm on the robot turns away from the nearer side, until 360 mm are free;
+    /// Finding T5: from 300 mm on the robot turns away from the nearer side, until 360 mm are free;
     /// meanwhile it keeps its direction.
     #[test]
     fn what_is_near_ahead_is_turned_away_from() {
@@ -215,9 +216,9 @@ mod tests {
         assert_eq!(explorer.turn_away(&SETTINGS, &around), Some([10, -10]));
     }
 
-    /// T5: a beam of 360 mm at 50 degrees is 100 mm too long, so the left wheel gets 10 ticks and
-    /// the right one 20. Beams within three degrees replace a missing one, others do not, and
-    /// without a wall the robot drives straight on.
+    /// Finding T5: a beam of 360 mm at 50 degrees is 100 mm too long, so the left wheel gets 10
+    /// ticks and the right one 20. Beams within three degrees replace a missing one, others do not,
+    /// and without a wall the robot drives straight on.
     #[test]
     fn the_beam_at_50_degrees_is_followed() {
         let step = |degrees: f32, length: f32| {

@@ -169,7 +169,7 @@ mod tests {
         axle_mm: 260.0,
     };
 
-    /// T5: a post is 300 mm ahead and 100 mm beside the path. It stops a body of 205 mm at
+    /// Finding T5: a post is 300 mm ahead and 100 mm beside the path. It stops a body of 205 mm at
     /// sqrt(205^2 - 100^2) = 178.96 mm before it, after 121.04 mm. 205 mm beside the path, the post
     /// no longer blocks.
     #[test]
@@ -182,8 +182,9 @@ mod tests {
         assert_eq!((free(205.0), free(-205.0)), (f32::INFINITY, f32::INFINITY));
     }
 
-    /// T5: with the left wheel at rest the robot turns about it: the right wheel moves 226.9 mm on
-    /// a circle of 260 mm, and the middle half of that: 130 sin 0.8727 and 130 (1 - cos 0.8727).
+    /// Finding T5: with the left wheel at rest the robot turns about it: the right wheel moves
+    /// 226.9 mm on a circle of 260 mm, and the middle half of that: 130 sin 0.8727 and 130 (1 - cos
+    /// 0.8727).
     #[test]
     fn an_arc_ends_on_its_circle() {
         let is_at = |set_point, seconds, [x, y]: [f32; 2]| {

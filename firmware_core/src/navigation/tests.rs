@@ -166,8 +166,8 @@ proptest! {
     }
 }
 
-/// T5, NV-01 and NV-02: left = 20 + err / 3, right = 20 - err / 3, each within +-20; an error of
-/// more than 180 degrees is brought back by one turn, but only with one of the two signs.
+/// Finding T5, NV-01 and NV-02: left = 20 + err / 3, right = 20 - err / 3, each within +-20; an
+/// error of more than 180 degrees is brought back by one turn, but only with one of the two signs.
 #[test]
 fn the_fielded_law_brings_one_side_back() {
     let law = |psi, target| Steering::DOCUMENT.towards_psi(psi, target);
@@ -195,8 +195,9 @@ fn around_a_post(degrees: f32, side: f32) -> f32 {
     libm::roundf(way.to_degrees())
 }
 
-/// T5: at 10 degrees the post is passed at -33.1 or 53.1, in steps of five: -35 or 55. A robot that
-/// passed on the left before stays on the left: the right is only 20 better, and a change needs 40.
+/// Finding T5: at 10 degrees the post is passed at -33.1 or 53.1, in steps of five: -35 or 55. A
+/// robot that passed on the left before stays on the left: the right is only 20 better, and a
+/// change needs 40.
 #[test]
 fn a_side_once_taken_is_kept_unless_the_other_is_much_better() {
     assert_eq!(
@@ -226,8 +227,8 @@ fn the_straight_way_is_taken_if_it_is_long_enough() {
     assert_ne!(navigator.side, 0.0);
 }
 
-/// T5: after 15 scans without 10 mm of progress, a goal within 160 mm counts as reached; a farther
-/// one never does.
+/// Finding T5: after 15 scans without 10 mm of progress, a goal within 160 mm counts as reached; a
+/// farther one never does.
 #[test]
 fn a_goal_that_comes_no_nearer_is_reached_after_three_seconds() {
     let map = std::boxed::Box::new(Grid::new(10.0));

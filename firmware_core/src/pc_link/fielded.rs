@@ -486,7 +486,7 @@ mod tests {
         assert_eq!(*link.counters(), Counters::NONE);
     }
 
-    /// XV-12.
+    /// XV-12: the fielded program can pass on the lidar's raw bytes; the switch decides.
     #[test]
     fn the_lidar_s_bytes_are_passed_on_if_told() {
         let passed = |raw_lidar| {

@@ -265,8 +265,9 @@ mod tests {
         Strokes::of(256, 256, 256)
     }
 
-    /// A beam along x from the middle of cell 2, wall a quarter into cell 10, half a hole of four
-    /// cells: 255 less 63.75 for each cell between a cell's middle and the wall.
+    /// A beam along x from the middle of cell 2 to a wall a quarter into cell 10, with half a hole
+    /// of four cells. The drawn value is 255 less 63.75 for each cell between a cell's middle and
+    /// the wall.
     #[test]
     fn the_summit_lies_where_the_wall_is() {
         let mut cells = [[7; 16]; 3];

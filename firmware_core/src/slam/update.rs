@@ -510,8 +510,8 @@ mod tests {
         );
     }
 
-    /// A half is 2^31, a third of 2^32 is 1431655765.3, and 65535 less one part of 65535 is
-    /// 65537.00002 below 2^32: rounded up. This holds for any division of the machine.
+    /// Of 2^32, a half is 2^31, a third is 1431655765.3, and 65534 parts of 65535 are 65537.00002
+    /// less than all of it; fractions are rounded up. This holds for any division of the machine.
     #[test]
     fn parts_are_rounded_up_to_32_places() {
         let expected = [
@@ -563,7 +563,7 @@ mod tests {
         let is_alike = |one: Grid<40, 40>, other: Grid<40, 40>| one.rows() == other.rows();
         assert!(is_alike(drawn(100.0, 0.0), by_hand((30, 20), (32, 20))));
         assert!(is_alike(drawn(0.0, -100.0), by_hand((20, 10), (20, 8))));
-        // 30 and 40 are 50 mm away, and the hole's 20 behind them 12 and 16.
+        // The point (30, 40) is 50 mm away; the hole's 20 mm behind it are (12, 16).
         assert!(is_alike(drawn(30.0, 40.0), by_hand((23, 24), (24, 26))));
         assert!(is_alike(drawn(0.9, 0.0), Grid::new(10.0)));
         assert!(!is_alike(drawn(1.1, 0.0), Grid::new(10.0)));

@@ -277,7 +277,7 @@ mod tests {
         );
     }
 
-    /// T2: every question and order without an argument, with and without a question mark.
+    /// Finding T2: every question and order without an argument, with and without a question mark.
     #[test]
     fn each_question_has_its_word() {
         let cases: [(&[u8], LineCommand<'_>); 9] = [
@@ -303,7 +303,7 @@ mod tests {
         assert_eq!(LineCommand::parse(b"AT+role"), None);
     }
 
-    /// T2: two stop bits are 1, parity odd is 1 and even 2; others do not exist.
+    /// Finding T2: two stop bits are 1, parity odd is 1 and even 2; others do not exist.
     #[test]
     fn a_line_coding_has_three_figures() {
         let line = |parity, stop_bits| LineConfig {
@@ -331,7 +331,7 @@ mod tests {
         );
     }
 
-    /// T2: each half of each byte.
+    /// Finding T2: each half of each byte.
     #[test]
     fn an_address_is_twelve_digits() {
         let address = LineReply::Address([0x98, 0xD3, 0x31, 0xF0, 0xA1, 0xB2]);

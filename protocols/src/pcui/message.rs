@@ -529,7 +529,7 @@ mod tests {
         assert_eq!(decoded.message(), Err(error));
     }
 
-    /// T2: 2 bytes and 9 a waypoint: none, one, two.
+    /// Finding T2: 2 bytes and 9 a waypoint: none, one, two.
     #[test]
     fn a_list_knows_how_long_it_is() {
         let lens = [0_u8, 1, 2].map(|count| {

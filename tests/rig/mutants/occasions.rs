@@ -19,7 +19,7 @@ fn strike(kind: &str, rest: &str) -> String {
     fault("base", "to-master", &format!("kind = \"{kind}\"\n{rest}"))
 }
 
-/// The first reply's byte 2 is 8A: W and a count of ten.
+/// The first reply's byte 2 is 8A, W and a count of ten; a burst changes it to FE, a count of 126.
 pub(super) fn count_of_126() -> String {
     way() + &strike("burst", "byte = 2\nlen = 1\nvalue = 0x74")
 }
@@ -175,7 +175,7 @@ fn list(count: u32, [x, y]: [f64; 2]) -> String {
     format!("[mission]\nto_the_end = true\nwaypoints_m = [{places}]\n")
 }
 
-/// 56 places at 0AFF make a sum of 81F7.
+/// A list of 56 places at 0AFF: the sum is 81F7.
 pub(super) fn list_of_high_sum() -> String {
     list(56, [2.815, 2.815])
 }
@@ -186,12 +186,12 @@ pub(super) fn negative_length() -> String {
     way() + &fault("radio", "to-master", hit)
 }
 
-/// 19 bytes and 9 each: 208.
+/// A list of 21 waypoints: 19 bytes, and 9 for each waypoint, are 208.
 pub(super) fn list_of_21() -> String {
     list(21, [1.5, 2.2])
 }
 
-/// 199 bytes.
+/// A list of 20 waypoints: 199 bytes.
 pub(super) fn list_of_20() -> String {
     list(20, [1.5, 2.2])
 }

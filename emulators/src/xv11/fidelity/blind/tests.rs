@@ -335,9 +335,10 @@ fn codes_are_counted_by_hand() {
     assert!(few(33).is_empty());
 }
 
-/// Thirty packets with a distance are enough. A turn without two speeds is none to compare. Speeds
-/// 1, 3 and then 2, 6: steps 2, -1 and 4 of mean 5 / 3 and variance 38 / 9; by tooth 1 and 3, of
-/// deviation 1 and opposite.
+/// Thirty packets with a distance are enough. A turn with fewer than two speeds is not compared. By
+/// hand, for the speeds 1, 3 and then 2, 6: the steps 2, -1 and 4 have the mean 5 / 3 and the
+/// variance 38 / 9. A turn later the two teeth are faster by 1 and 3: a deviation of 1, and
+/// neighbours are opposite.
 #[test]
 fn packets_and_speeds_of_a_window_by_hand() {
     let mut turn = Twin::new(Profile::Fw24, square()).turns(1, 1).remove(0);
